@@ -57,7 +57,7 @@ def by_loop(monkeypatch: pytest.MonkeyPatch) -> pytest.MonkeyPatch:
 @pytest.fixture
 def without_sensors(by_loop: pytest.MonkeyPatch) -> None:
     """Have neither batch nor contact sensors from now on."""
-    by_loop.setattr("contactlab.scene.compile_model.has_contact_sensors", lambda: False)
+    by_loop.setattr("contactlab.scene.compile_model.has_batch", lambda: False)
 
 
 def see(name: str, values: Sequence[dict[str, Any]], steps: int = STEPS) -> Seen:

@@ -29,6 +29,7 @@ from contactlab.engines import engine_of
 from contactlab.engines.engine import SampledStates, SolvesReferences, Watch
 from contactlab.scene.compiled_scene import PreparedModel
 from contactlab.scene.initial_states import InitialStates, perturbed_copy
+from contactlab.scene.model_edits import read_flag
 from contactlab.scene.resolution import ResolvedRun
 from contactlab.scene.run_setup import joints_of
 from contactlab.scene.scene import Scene
@@ -279,16 +280,15 @@ def invariants(model: mujoco.MjModel, qpos: Floats, qvel: Floats, *, free: bool)
     data = mujoco.MjData(model)
     rows = np.array([_row(model, data, *each) for each in zip(qpos, qvel, strict=True)])
     mass = float(model.body_subtreemass[0])
-    gravity = float(np.linalg.norm(model.opt.gravity))
-    off = model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_GRAVITY
-    conserved = free and (off or not gravity)
+    weight = mass * float(np.linalg.norm(model.opt.gravity)) * read_flag(model, "gravity")
+    conserved = free and not weight
     return Invariants(
         energy=rows[:, 0] + rows[:, 1],
         kinetic=rows[:, 1],
         momentum=mass * rows[:, 2:5] if conserved else None,
         angular_momentum=rows[:, 5:8] if conserved else None,
         mass=mass,
-        lift=0.0 if off else mass * gravity * _FALL,
+        lift=weight * _FALL,
     )
 
 

@@ -26,6 +26,7 @@ from contactlab.contact.trace_arrays import (
     Floats,
 )
 from contactlab.scene.compile_model import PREFIX
+from contactlab.scene.model_edits import read_flag
 from contactlab.scene.mujoco_versions import has_batch
 
 if TYPE_CHECKING or has_batch():
@@ -45,7 +46,6 @@ _COUNT = 1
 _USER = int(mujoco.mjtSensor.mjSENS_USER)
 _GEOM = int(mujoco.mjtObj.mjOBJ_GEOM)
 _BODY = int(mujoco.mjtObj.mjOBJ_BODY)
-_SLEEP = int(getattr(mujoco.mjtEnableBit, "mjENBL_SLEEP", 0))
 _ASLEEP, _AWAKE = 0, 1
 _LAST_STAGE = int(mujoco.mjtStage.mjSTAGE_ACC)
 # What changes sign when a contact is seen from its other geom: normal, tangent, third components,
@@ -233,7 +233,7 @@ def _fill_pair(
 
 def _sleeps(model: mujoco.MjModel, data: mujoco.MjData, sensor: int) -> bool:
     """Say whether a pair is asleep: its contacts are not computed, and its slots stay."""
-    if not model.opt.enableflags & _SLEEP or model.sensor_objtype[sensor] not in (_GEOM, _BODY):
+    if not read_flag(model, "sleep") or model.sensor_objtype[sensor] not in (_GEOM, _BODY):
         return False
     pair = [int(model.sensor_objid[sensor]), int(model.sensor_refid[sensor])]
     bodies = pair if model.sensor_objtype[sensor] == _BODY else model.geom_bodyid[pair]

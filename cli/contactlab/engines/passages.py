@@ -15,6 +15,7 @@ from contactlab.contact.rotations import rotate, rotate_back
 from contactlab.contact.trace_arrays import Floats, Passage
 from contactlab.scene.contact_pairs import geom_pairs, half_extents, may_touch, reaches
 from contactlab.scene.initial_states import InitialStates, apply_inputs
+from contactlab.scene.model_edits import read_flag
 
 _SLOW = 0.5  # Share of the half thickness of two geoms by which a step must move them to matter
 _MOST_STEPS = 4  # Steps that a fast geom takes to pass through another, at most
@@ -35,9 +36,8 @@ class Passages:
 
     def __init__(self, model: mujoco.MjModel, runs: int) -> None:
         """Look for passages in n runs; their geoms are those of one model."""
-        off = model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
         half = _half_extents(model)
-        self._thinnest = np.inf if off else half.min(initial=np.inf)
+        self._thinnest = half.min(initial=np.inf) if read_flag(model, "contact") else np.inf
         self._lengths, self._reach = _lengths(model), reaches(model)
         half[np.isin(model.geom_type, (_PLANE, _HFIELD))] = 0
         self._least = _SLOW * (half[:, None] + half)

@@ -22,6 +22,7 @@ from contactlab.engines.rollout_trace import make_trace
 from contactlab.scene.compiled_scene import CompiledScene
 from contactlab.scene.contact_pairs import colliding, may_touch
 from contactlab.scene.initial_states import InitialStates, apply_inputs
+from contactlab.scene.model_edits import read_flag
 
 _JACOBIAN_SAMPLES = 16
 _GEOMETRY_SAMPLES = 128
@@ -195,9 +196,9 @@ def _geometry(
     """Return (L,) overlaps without contact [m], and distances beyond those of contacts [m]."""
     data = mujoco.MjData(model)
     overlap, apart = np.zeros(len(steps)), np.zeros(len(steps))
-    if model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_CONTACT):
+    if not read_flag(model, "contact"):
         return overlap, apart
-    speculative = _is_speculative(model)
+    speculative = read_flag(model, "speculative")
     # Effects that are off where nothing needs them take the function that measures distances along.
     model = copy.copy(model)
     model.opt.disableflags &= ~_NATIVE_CCD | base.model.opt.disableflags
@@ -234,11 +235,6 @@ def _squeeze(base: CompiledScene, model: mujoco.MjModel, qpos: Floats) -> Floats
         for pair, address in zip(base.pairs, base.layout.pairs, strict=True)
     )
     return np.array([each[:, FORCE.start].sum() for each in slots])
-
-
-def _is_speculative(model: mujoco.MjModel) -> bool:
-    bit = getattr(mujoco.mjtEnableBit, "mjENBL_SPECULATIVE", None)
-    return bit is not None and bool(model.opt.enableflags & int(bit))
 
 
 def _repeats(trace: Trace, run: int, again: Floats) -> bool:

@@ -23,7 +23,7 @@ from contactlab.expression import Expression, ExpressionError
 from contactlab.scene.contact_pairs import MonitoredPair
 from contactlab.scene.model_files import FileSearch, name_in_copy, parse, plain_name
 from contactlab.scene.model_names import name_by_address
-from contactlab.scene.mujoco_versions import has_contact_sensors, silence_mujoco
+from contactlab.scene.mujoco_versions import has_batch, silence_mujoco
 from contactlab.scene.scene_source import MODEL_SUFFIXES, SceneSource
 from contactlab.scene.timed_inputs import HoldSpec
 from contactlab.scene.written_inertia import written_inertia_faults
@@ -104,7 +104,7 @@ def _add_contacts(
     spec: mujoco.MjSpec, name: str, settings: tuple[int, int, int], width: int
 ) -> MjsSensor:
     """Add a contact sensor; where MuJoCo has none, a user sensor that the engine fills."""
-    if has_contact_sensors():
+    if has_batch():
         sensor = _add(spec, name, _KIND.mjSENS_CONTACT)
         sensor.intprm[:3] = settings
         return sensor

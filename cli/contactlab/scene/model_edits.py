@@ -224,10 +224,10 @@ def read_flags(model: mujoco.MjModel) -> dict[str, bool]:
 
 
 def read_flag(model: mujoco.MjModel, name: str) -> bool:
-    """Return one flag of a model; True means that its effect is on."""
+    """Return one flag of a model; True means that its effect is on, which this version may lack."""
     if name in _DISABLE:
         return not int(model.opt.disableflags) & _DISABLE[name]
-    return bool(int(model.opt.enableflags) & _ENABLE[name])
+    return bool(int(model.opt.enableflags) & _ENABLE.get(name, 0))
 
 
 def non_default(states: Mapping[str, bool]) -> dict[str, bool]:

@@ -14,8 +14,6 @@ import mujoco
 from contactlab.schema.vocabulary import AxisSpec
 
 VERSION: str = mujoco.__version__
-# Contact sensors came with 3.3.5, the velocities among what they measure with this one.
-_CONTACT_SENSORS = "3.16.0"
 _BATCH = "3.17.0"
 
 
@@ -52,13 +50,11 @@ def enum_members(enum: Any, prefix: str) -> dict[str, int]:  # noqa: ANN401 - a 
 
 
 def has_batch() -> bool:
-    """Return whether MuJoCo steps many simulations natively."""
+    """Return whether MuJoCo steps many simulations natively.
+
+    Its contact sensors measure all that a contact slot records since the version before.
+    """
     return _reaches(_BATCH)
-
-
-def has_contact_sensors() -> bool:
-    """Return whether MuJoCo's contact sensors measure all that a contact slot records."""
-    return _reaches(_CONTACT_SENSORS)
 
 
 def library_file() -> Path:

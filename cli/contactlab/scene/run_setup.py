@@ -31,13 +31,13 @@ from contactlab.scene.contact_pairs import (
 )
 from contactlab.scene.expected_contacts import Asked, expected_contacts
 from contactlab.scene.initial_states import quaternions
+from contactlab.scene.model_edits import read_flag
 from contactlab.scene.model_names import is_address
 from contactlab.scene.resolution import ResolvedRun
 from contactlab.schema.drive import FileDrive, drive_word
 from contactlab.schema.scene_manifest import SceneManifest
 
 _GEOM = mujoco.mjtGeom
-_NO_LIMITS = int(mujoco.mjtDisableBit.mjDSBL_LIMIT)
 _STEADY = ("none", "hold")
 _PUSH = re.compile(r"\.[ft][xyz]$")
 
@@ -60,7 +60,7 @@ def make_setup(
         settings={name: [each[name] for each in values] for name in values[0]},
         elliptic=np.array([model.opt.cone == mujoco.mjtCone.mjCONE_ELLIPTIC for model in models]),
         iterations=np.array([model.opt.iterations for model in models], np.int32),
-        gravity=np.array([_gravity(model) for model in models]),
+        gravity=np.array([model.opt.gravity * read_flag(model, "gravity") for model in models]),
         moving_mass=np.array([model.body_mass[model.body_weldid != 0].sum() for model in models]),
         steered=any(drive_word(run.drive) not in _STEADY for run in runs),
         passive=passive,
@@ -74,7 +74,7 @@ def make_setup(
         weights=np.array([_weight(base.model, pair) for pair in base.pairs]),
         slots=np.array([pair.slots for pair in base.pairs], np.int32),
         duration=np.array([run.duration for run in runs]),
-        limits_act=np.array([not model.opt.disableflags & _NO_LIMITS for model in models]),
+        limits_act=np.array([read_flag(model, "limit") for model in models]),
         speculative=np.array([run.flags.get("speculative", False) for run in runs]),
         expected=expected_contacts(base, manifest, runs, asked),
         oracle=oracle.name if oracle else None,
@@ -84,11 +84,6 @@ def make_setup(
         mechanism=find_mechanism(base.model),
         springs=any(each.jnt_stiffness.any() or each.tendon_stiffness.any() for each in models),
     )
-
-
-def _gravity(model: mujoco.MjModel) -> Floats:
-    off = model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_GRAVITY
-    return np.zeros(3) if off else np.array(model.opt.gravity)
 
 
 def is_passive(model: mujoco.MjModel) -> bool:

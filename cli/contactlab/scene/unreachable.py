@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import Floats
 from contactlab.scene.contact_pairs import geom_pairs, may_touch
+from contactlab.scene.model_edits import read_flag
 
 GeomPair = tuple[int, int]
 _JOINT, _GEOM, _OFF = mujoco.mjtJoint, mujoco.mjtGeom, mujoco.mjtDisableBit
 _UNMEASURED = {int(_GEOM.mjGEOM_HFIELD), int(_GEOM.mjGEOM_SDF)}
 """Shapes of which MuJoCo computes no distances."""
-_SPECULATIVE = int(getattr(mujoco.mjtEnableBit, "mjENBL_SPECULATIVE", 0))
 _BEYOND = 0.1
 """How far a joint may get beyond either limit, since limits are soft; as a share of its range."""
 _TOUCH = 1e-6  # distance [m] up to which geoms count as touching, beyond their margins
@@ -51,7 +51,7 @@ class Clearance:
 
     def margins(self, pairs: NDArray[np.intp]) -> Floats:
         """Return the distances (n,) at which pairs (n, 2) count as touching [m]."""
-        if self.model.opt.enableflags & mujoco.mjtEnableBit.mjENBL_OVERRIDE:
+        if read_flag(self.model, "override"):
             return np.full(len(pairs), self.model.opt.o_margin + _TOUCH)
         return self.model.geom_margin[pairs].sum(axis=1) + _TOUCH
 
@@ -94,7 +94,7 @@ class Clearance:
         between = found > 0
         bounded = np.isfinite(found).all() and np.isfinite(self.ranges[between]).all()
         measured = not _UNMEASURED & set(model.geom_type[[*pair]].tolist())
-        if not bounded or not measured or model.opt.enableflags & _SPECULATIVE:
+        if not bounded or not measured or read_flag(model, "speculative"):
             return None
         return np.where(between & (model.jnt_type == _JOINT.mjJNT_SLIDE), 1.0, found)
 
@@ -124,7 +124,7 @@ def joint_ranges(model: mujoco.MjModel, runs: Sequence[Floats]) -> Floats:
     ends = np.full((model.njnt, 2), np.nan)
     hinges, slides = (model.jnt_type == kind for kind in (_JOINT.mjJNT_HINGE, _JOINT.mjJNT_SLIDE))
     ends[hinges], ends[slides] = (-np.pi, np.pi), (-np.inf, np.inf)
-    if not model.opt.disableflags & (_OFF.mjDSBL_LIMIT | _OFF.mjDSBL_CONSTRAINT):
+    if read_flag(model, "limit") and read_flag(model, "constraint"):
         limited = np.asarray(model.jnt_limited, bool) & (hinges | slides)
         spread = _BEYOND * np.ptp(model.jnt_range, axis=1, keepdims=True)
         allowed = model.jnt_range + spread * [-1, 1]

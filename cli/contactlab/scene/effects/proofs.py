@@ -13,6 +13,7 @@ import numpy as np
 
 from contactlab.scene.compile_model import PREFIX
 from contactlab.scene.contact_pairs import masks_meet
+from contactlab.scene.model_edits import read_flag
 
 _GEOM = mujoco.mjtGeom
 _JOINT = mujoco.mjtJoint
@@ -20,9 +21,6 @@ _JOINT = mujoco.mjtJoint
 _MAX_GEOMS = 2000
 _ROUND = {int(_GEOM.mjGEOM_SPHERE), int(_GEOM.mjGEOM_CAPSULE)}
 _BOX, _CYLINDER = int(_GEOM.mjGEOM_BOX), int(_GEOM.mjGEOM_CYLINDER)
-# Flags that not every version of MuJoCo has.
-_SPECULATIVE = int(getattr(mujoco.mjtEnableBit, "mjENBL_SPECULATIVE", 0))
-_SLEEP = int(getattr(mujoco.mjtEnableBit, "mjENBL_SLEEP", 0))
 # Fields of the model, of which not every version has all.
 DAMPING = "dof_damping", "dof_dampingpoly", "actuator_damping", "actuator_dampingpoly"
 FRICTION_LOSS = "dof_frictionloss", "tendon_frictionloss"
@@ -65,9 +63,8 @@ class ModelFacts:
         filtered.
         """
         model = self._model
-        if model.nflex or model.nplugin or model.ngeom > _MAX_GEOMS:
-            return None
-        if model.opt.enableflags & mujoco.mjtEnableBit.mjENBL_OVERRIDE:
+        many = model.ngeom > _MAX_GEOMS
+        if many or model.nflex or model.nplugin or read_flag(model, "override"):
             return None
         weld = np.asarray(model.body_weldid)[model.geom_bodyid]
         possible = masks_meet(model) & (weld[:, None] != weld)
@@ -258,7 +255,7 @@ no_general_collision = either(
     where(
         "all shapes that can touch have a collision function of their own",
         lambda run: (
-            not run.model.opt.enableflags & _SPECULATIVE
+            not read_flag(run.model, "speculative")
             and run.facts.kinds is not None
             and run.facts.kinds <= _DIRECT
         ),
@@ -270,9 +267,7 @@ no_crowd = either(
 # Sleeping needs islands.
 one_tree = where(
     "a single tree of bodies is one island",
-    lambda run: (
-        run.model.ntree <= 1 and not run.model.nflex and not run.model.opt.enableflags & _SLEEP
-    ),
+    lambda run: run.model.ntree <= 1 and not run.model.nflex and not read_flag(run.model, "sleep"),
 )
 no_constraint = where(
     "there is nothing to solve",
