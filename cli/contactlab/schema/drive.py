@@ -195,11 +195,6 @@ def with_springs(drive: Drive, springs: Springs) -> Drive:
             return drive.model_copy(update={"springs": springs})
 
 
-def drive_file(drive: Drive) -> str | None:
-    """Return the file that a drive names; None for others."""
-    return next(iter(drive_files(drive)), None)
-
-
 def drive_files(drive: Drive) -> tuple[str, ...]:
     """Return all files that a drive names, the one that drives first."""
     match drive:

@@ -29,7 +29,7 @@ from contactlab.schema.strict_model import (
     Words,
     about,
 )
-from contactlab.schema.vocabulary import Axis, Role, axis_roles
+from contactlab.schema.vocabulary import Axis, Ranged, Role
 
 EffectsBase = Literal["auto", "all"]
 _BASE = "base"
@@ -249,8 +249,9 @@ class Sweep(Model):
 
     @property
     def roles(self) -> dict[str, Role]:
-        """The role of each axis."""
-        return axis_roles(self.axes, *self.zip)
+        """The role of each axis: a knob unless it says otherwise."""
+        axes = [pair for block in (self.axes, *self.zip) for pair in block.items()]
+        return {name: axis.role if isinstance(axis, Ranged) else "knob" for name, axis in axes}
 
     @property
     def scenario(self) -> list[str]:

@@ -169,12 +169,6 @@ Axis = Annotated[
 ]
 
 
-def axis_roles(*blocks: Mapping[str, Axis]) -> dict[str, Role]:
-    """Return the role of each axis of some blocks: a knob unless it says otherwise."""
-    axes = [pair for block in blocks for pair in block.items()]
-    return {name: axis.role if isinstance(axis, Ranged) else "knob" for name, axis in axes}
-
-
 def is_sampled(axis: Axis) -> TypeGuard[Uniform | Loguniform]:
     """Return whether the values of an axis are sampled, not listed."""
     return isinstance(axis, Uniform | Loguniform)
