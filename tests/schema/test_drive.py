@@ -11,7 +11,6 @@ from contactlab.schema.drive import (
     NoiseDrive,
     Springs,
     drive_data,
-    drive_file,
     drive_identity,
     drive_text,
     read_drive,
@@ -74,5 +73,3 @@ def test_identity_knows_a_file_by_its_hash_not_its_place() -> None:
     here, there = (FileDrive(file=f"{folder}/x.csv", sha256="0" * 64) for folder in ("a", "b"))
     assert drive_identity(here) == drive_identity(there) != drive_identity(read_drive("x.csv"))
     assert drive_identity(read_drive("none")) is None
-    assert drive_file(here) == "a/x.csv"
-    assert drive_file(read_drive("p/q.py:P")) == "p/q.py"
