@@ -1,7 +1,7 @@
 """The chart shows what the report says, and never loses a point to a logarithmic axis."""
 
+import sys
 from collections.abc import Callable
-from importlib import util
 from pathlib import Path
 from typing import Any
 
@@ -116,8 +116,8 @@ def test_another_suffix_is_refused(report: TradeoffReport, tmp_path: Path) -> No
 def test_a_missing_extra_is_named(
     report: TradeoffReport, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(util, "find_spec", lambda _: None)
-    monkeypatch.setattr("contactlab.pareto.drawing.find_spec", lambda _: None)
+    monkeypatch.delitem(sys.modules, "contactlab.charts")
+    monkeypatch.setitem(sys.modules, "vl_convert", None)
     with pytest.raises(OutputError, match=r"pip install 'contactlab\[figures\]'"):
         draw(report, tmp_path / "chart.png")
 

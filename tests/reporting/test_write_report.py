@@ -107,8 +107,8 @@ def test_a_tolerance_of_an_unknown_metric_is_refused(swept: Swept, tmp_path: Pat
 def test_a_missing_library_is_named(
     swept: Swept, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for module in ("html_page", "heatmap", "vega_rendering"):
-        monkeypatch.delitem(sys.modules, f"contactlab.reporting.{module}", raising=False)
+    for module in ("reporting.html_page", "reporting.heatmap", "charts"):
+        monkeypatch.delitem(sys.modules, f"contactlab.{module}", raising=False)
     monkeypatch.setitem(sys.modules, "vl_convert", None)
     with pytest.raises(OutputError, match=r"needs vl_convert, .* 'contactlab\[figures\]'"):
         write_page(swept("bounce"), tmp_path / "page.html")

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple, TypeVar
 
 import altair as alt
 
+from contactlab.charts import haloed, layer_of
 from contactlab.palette import COLOURS, INK, LETTERS, OTHERS_COLOUR, SHAPES
 from contactlab.pareto.convergence import TIMESTEP, MethodKey, method_key, method_name, varying
 from contactlab.pareto.recommendation import front_of
@@ -210,10 +211,8 @@ def specification(
     return (
         alt.layer(*_layers(report, chart_data(report, places)))
         .properties(width=_SIZE[0], height=_SIZE[1], title=_title(report))
-        .configure(background="white", font="sans-serif")
-        .configure_view(stroke="#999999")
-        .configure_axis(gridColor="#eeeeee", labelFontSize=11, titleFontSize=12, tickCount=6)
-        .configure_legend(labelLimit=360, symbolSize=90, titleFontSize=12, labelFontSize=11)
+        .configure_axis(tickCount=6)
+        .configure_legend(symbolSize=90, titleFontSize=12, labelFontSize=11)
     )
 
 
@@ -226,24 +225,24 @@ def _layers(report: TradeoffReport, shown: ChartData) -> Iterator[alt.Chart]:
     if limit := report.tolerances.get(report.error.name):
         yield from _tolerance(shown.frame, limit)
     drawn = [each for each in measured if each["drawn"]]
-    lines = _chart("lines", drawn).mark_line(strokeWidth=1.2, opacity=0.8)
+    lines = layer_of("lines", drawn).mark_line(strokeWidth=1.2, opacity=0.8)
     yield lines.encode(x, y, colour, detail="line:N", order="time:Q")
     if shown.floors:
-        rules = _chart("floors", shown.floors).mark_rule(strokeDash=[2, 3], strokeWidth=1.5)
+        rules = layer_of("floors", shown.floors).mark_rule(strokeDash=[2, 3], strokeWidth=1.5)
         yield rules.encode(y, colour)
     # A staircase: between two points of the front, only the cheaper one is attainable.
-    stairs = _chart("front", shown.front).mark_line(
+    stairs = layer_of("front", shown.front).mark_line(
         strokeWidth=4, color=INK, opacity=0.35, interpolate="step-after"
     )
     yield stairs.encode(x, y, order="time:Q")
     yield from _labels(shown, named, x, y)
-    bars = _chart("spreads", [each for each in drawn if each["least"]])
+    bars = layer_of("spreads", [each for each in drawn if each["least"]])
     yield bars.mark_rule(opacity=0.5).encode(x, y, alt.Y2("least:Q"), colour)
     yield from _markers(shown, named, x, y, colour)
-    crosses = _chart("failures", failed).mark_text(text="\u2715", size=13, dy=8)
+    crosses = layer_of("failures", failed).mark_text(text="\u2715", size=13, dy=8)
     yield crosses.encode(x, y, colour)
     # Upper bounds: errors below the uncertainty of their reference.
-    arrows = _chart("bounds", [each for each in measured if each["bound"]]).mark_point(
+    arrows = layer_of("bounds", [each for each in measured if each["bound"]]).mark_point(
         shape="arrow", angle=180, size=260, yOffset=14, color=INK
     )
     yield arrows.encode(x, y)
@@ -259,7 +258,7 @@ def _markers(
     fill = alt.Fill("method:N").scale(domain=shown.methods, range=COLOURS[:count]).legend(None)
     opacity = alt.FillOpacity("state:O").scale(domain=_STATES[:2], range=[1, 0]).legend(None)
     for name, size, strength in (("beside", 24, 0.5), ("points", 70, 1.0)):
-        points = _chart(name, [each for each in named if each["drawn"] == (name == "points")])
+        points = layer_of(name, [each for each in named if each["drawn"] == (name == "points")])
         marked = points.mark_point(size=size, strokeWidth=1.5, opacity=strength)
         yield marked.encode(x, y, colour, shape, fill, opacity)
 
@@ -286,9 +285,9 @@ def _coloured(shown: ChartData, channel: type[_Channel], values: list[str]) -> _
 def _tolerance(frame: ChartFrame, limit: float) -> Iterator[alt.Chart]:
     low = alt.Y("low:Q").scale(type="log", domain=frame.error, nice=False)
     x = alt.X("time:Q").scale(type="log", domain=frame.time, nice=False)
-    band = _chart("band", [{"low": limit, "high": frame.error[1]}])
+    band = layer_of("band", [{"low": limit, "high": frame.error[1]}])
     yield band.mark_rect(color="#f2f2f2").encode(low, alt.Y2("high:Q"))
-    words = _chart("tolerance", [{"low": limit, "text": "tolerance", "time": frame.time[1]}])
+    words = layer_of("tolerance", [{"low": limit, "text": "tolerance", "time": frame.time[1]}])
     written = words.mark_text(align="right", dx=-4, dy=-7, color="#777777", fontSize=11)
     yield written.encode(x, low, alt.Text("text:N"))
 
@@ -296,12 +295,13 @@ def _tolerance(frame: ChartFrame, limit: float) -> Iterator[alt.Chart]:
 def _rings(shown: ChartData, x: alt.X, y: alt.Y) -> Iterator[alt.Chart]:
     """Yield a ring around each recommended configuration, with its name."""
     rows = [each | _beside(each, shown) for each in shown.points if each["chosen"]]
-    ring = _chart("chosen", rows)
+    ring = layer_of("chosen", rows)
     marked = ring.mark_point(shape="circle", size=420, strokeWidth=2.2, color=INK, opacity=1)
     yield marked.encode(x, y)
     placed = {name: alt.ExprRef(f"datum.{name}") for name in ("align", "dx", "dy")}
     bold = {"fontSize": 12, "fontWeight": "bold"}
-    yield from _written("chosen", rows, "chosen", x, y, {**placed, **bold})
+    for each in haloed(ring, **placed, **bold):
+        yield each.encode(x, y, text="chosen:N")
 
 
 def _beside(row: Row, shown: ChartData) -> Row:
@@ -323,17 +323,9 @@ def _labels(shown: ChartData, named: list[Row], x: alt.X, y: alt.Y) -> Iterator[
     right = [each for each in rows if shown.methods.index(each["method"]) % 2]
     left = [each for each in rows if each not in right]
     for side, part, align, dx in (("right", right, "left", 8), ("left", left, "right", -8)):
-        style = {"align": align, "dx": dx, "dy": -dx, "fontSize": 10}
-        yield from _written(f"labels {side}", part, "label", x, y, style)
-
-
-def _written(
-    name: str, rows: list[Row], field: str, x: alt.X, y: alt.Y, style: Row
-) -> Iterator[alt.Chart]:
-    """Yield text in front of a halo, so that lines do not strike it through."""
-    for halo in ({"stroke": "white", "strokeWidth": 4, "strokeJoin": "round"}, {}):
-        marked: Row = {"color": INK, **style, **halo}
-        yield _chart(name, rows).mark_text(**marked).encode(x, y, text=f"{field}:N")
+        layer = layer_of(f"labels {side}", part)
+        for each in haloed(layer, align=align, dx=dx, dy=-dx, fontSize=10):
+            yield each.encode(x, y, text="label:N")
 
 
 def _title(report: TradeoffReport) -> alt.TitleParams:
@@ -346,11 +338,5 @@ def _title(report: TradeoffReport) -> alt.TitleParams:
             "filled: within every tolerance; hollow: beyond one; cross: failed, or off the chart;",
             "arrow: upper bound; dotted: modelling error; bar: down to the least of its runs",
         ],
-        anchor="start",
         fontSize=15,
-        subtitleColor="#555555",
     )
-
-
-def _chart(name: str, rows: list[Row]) -> alt.Chart:
-    return alt.Chart(alt.InlineData(values=rows, name=name))

@@ -10,6 +10,14 @@ import altair as alt
 import numpy as np
 from numpy.typing import NDArray
 
+from contactlab.charts import (
+    Rows,
+    Spec,
+    haloed,
+    layer_of,
+    themed,
+    word_colours,
+)
 from contactlab.comparison.compare_stores import DEFAULT_POLICY, compare, pair_runs
 from contactlab.comparison.pairing import Pairing
 from contactlab.contact.trace_arrays import Floats
@@ -29,14 +37,6 @@ from contactlab.reporting.report_columns import (
     read_quantities,
     read_run_labels,
     summary_metrics,
-)
-from contactlab.reporting.vega_rendering import (
-    HALO_AND_TEXT,
-    Rows,
-    Spec,
-    layer_of,
-    themed,
-    word_colours,
 )
 from contactlab.schema.comparison import Check, CheckOutcome, ComparisonReport
 from contactlab.store.finished_store import Store
@@ -204,12 +204,8 @@ def _layered(
     y_title = "" if axes is None else axes.y.title if axes.y else None
     y = y.axis(title=y_title, **_ticks(lines))
     cells = layer_of("cells", pieces).mark_rect().encode(x, y, colour, x2="x2:Q", y2="y2:Q")
-    words = [
-        layer_of("texts", texts)
-        .mark_text(fontWeight="bold", fontSize=font_size, **style)
-        .encode(x, y, text="text:N")
-        for style in HALO_AND_TEXT
-    ]
+    bold = haloed(layer_of("texts", texts), fontWeight="bold", fontSize=font_size)
+    words = [each.encode(x, y, text="text:N") for each in bold]
     edge = layer_of("boundary", boundary or [])
     edge = edge.mark_line(color=INK, strokeWidth=2.5, strokeDash=[6, 3])
     edge = edge.encode(x, y, order="order:Q", detail="part:N")

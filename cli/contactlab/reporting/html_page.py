@@ -6,6 +6,7 @@ from itertools import islice
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
+from contactlab.charts import static_svg, vega_bundle
 from contactlab.pareto.criteria import RECORDED
 from contactlab.pareto.recommendation import (
     blocker_texts,
@@ -21,7 +22,6 @@ from contactlab.reporting.page_charts import KnobChange, knob_changes, label_bar
 from contactlab.reporting.page_content import page_content
 from contactlab.reporting.report import PageRequest, ReportData, read_report_data
 from contactlab.reporting.report_columns import number_with_unit, summary_metrics, with_unit
-from contactlab.reporting.vega_rendering import static_svg, vega_bundle
 from contactlab.schema.evidence import StoreManifest
 from contactlab.schema.pair_expectation import PairExpectation
 from contactlab.schema.sweep_schema import Sweep

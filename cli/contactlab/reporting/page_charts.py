@@ -6,6 +6,15 @@ from dataclasses import dataclass
 import altair as alt
 import numpy as np
 
+from contactlab.charts import (
+    Rows,
+    Spec,
+    haloed,
+    layer_of,
+    themed,
+    with_page_colours,
+    word_colours,
+)
 from contactlab.contact.trace_arrays import NO_CONTACT, SLIDE, STICK, Floats
 from contactlab.palette import COLOURS, INK, mode_colour
 from contactlab.pareto.convergence import MethodKey, method_key
@@ -18,15 +27,6 @@ from contactlab.reporting.report_columns import (
     Quantity,
     RunLabels,
     combination_codes,
-)
-from contactlab.reporting.vega_rendering import (
-    HALO_AND_TEXT,
-    Rows,
-    Spec,
-    layer_of,
-    themed,
-    with_page_colours,
-    word_colours,
 )
 from contactlab.schema.tradeoff_report import TradeoffReport
 
@@ -66,10 +66,8 @@ def label_bar(labels: RunLabels) -> Spec:
     base = layer_of("bar", rows)
     bar = base.mark_rect(stroke="white", strokeWidth=1).encode(x, colour, x2="x2:Q")
     middle = alt.X("middle:Q").scale(domain=[0, 1]).axis(None)
-    texts = [
-        base.mark_text(fontWeight="bold", fontSize=13, **style).encode(middle, text="text:N")
-        for style in HALO_AND_TEXT
-    ]
+    bold = haloed(base, fontWeight="bold", fontSize=13)
+    texts = [each.encode(middle, text="text:N") for each in bold]
     chart = alt.layer(bar, *texts).properties(width=_BAR[0], height=_BAR[1])
     return themed(chart.configure_view(stroke=None).to_dict())
 

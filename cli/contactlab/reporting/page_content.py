@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from contactlab.charts import Spec
 from contactlab.errors import StoreError
 from contactlab.pareto.analysis import ToleranceTable
 from contactlab.pareto.recommendation import EQUALLY_FAST, MORE_ACCURATE, SAFE_MARGIN
@@ -23,7 +24,6 @@ from contactlab.reporting.page_charts import MODE_NAMES, chart_templates
 from contactlab.reporting.report import PageRequest, ReportData
 from contactlab.reporting.report_columns import Codes, GridAxis
 from contactlab.reporting.run_series import coverage_rows, run_series
-from contactlab.reporting.vega_rendering import Spec
 from contactlab.schema.evidence import EvidenceRecord
 from contactlab.schema.tradeoff_report import TradeoffReport
 from contactlab.store.finished_store import Store

@@ -7,6 +7,7 @@ from itertools import islice
 import altair as alt
 import numpy as np
 
+from contactlab.charts import Rows, Spec, layer_of, themed, word_colours
 from contactlab.contact.contact_laws import damping_ratio, restitution_of, sticking_speed
 from contactlab.contact.trace_arrays import LINEAR_VELOCITY, STICK, Floats
 from contactlab.palette import COLOURS, INK, SHAPES
@@ -16,7 +17,6 @@ from contactlab.reporting.page_charts import change_panels, knob_changes, tradeo
 from contactlab.reporting.report import ReportData
 from contactlab.reporting.report_columns import GridAxis
 from contactlab.reporting.run_series import decimated, qpos_entries
-from contactlab.reporting.vega_rendering import Rows, Spec, layer_of, themed, word_colours
 from contactlab.schema.evidence import EvidenceRecord
 from contactlab.store.finished_store import Store
 from contactlab.store.mcap.trace_reader import StoredPair, StoredTrace

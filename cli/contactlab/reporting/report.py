@@ -114,8 +114,8 @@ def write_figures(
         if form not in FORMATS:
             raise OutputError(f"unknown format '{form}'; choose from {', '.join(FORMATS)}")
     with optional("figures", "a report"):
+        from contactlab.charts import render_chart  # noqa: PLC0415 - an extra
         from contactlab.reporting.paper_figures import figure_specs  # noqa: PLC0415 - an extra
-        from contactlab.reporting.vega_rendering import render_chart  # noqa: PLC0415 - an extra
     data = read_report_data(store, criteria)
     try:
         folder.mkdir(parents=True, exist_ok=True)

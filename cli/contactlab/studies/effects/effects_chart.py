@@ -8,6 +8,7 @@ from typing import Any
 
 import altair as alt
 
+from contactlab.charts import Rows, layer_of
 from contactlab.pareto.drawing import save_figure
 from contactlab.schema.effects_report import EffectFinding, EffectsReport
 
@@ -42,8 +43,7 @@ def specification(report: EffectsReport) -> alt.TopLevelMixin:
             _costs(rows, y.axis(labels=False, title=None), colour.legend(None)),
         )
         .properties(title=_title(report))
-        .configure(background="white", font="sans-serif")
-        .configure_axis(gridColor="#eeeeee", labelFontSize=11, titleFontSize=12, labelLimit=240)
+        .configure_axis(labelLimit=240)
     )
 
 
@@ -64,26 +64,22 @@ def _row(finding: EffectFinding) -> dict[str, Any]:
     }
 
 
-def _changes(rows: list[dict[str, Any]], y: alt.Y, colour: alt.Color) -> _Layers:
+def _changes(rows: Rows, y: alt.Y, colour: alt.Color) -> _Layers:
     x = alt.X("left:Q").scale(type="log", domain=[_LEAST, _MOST])
     x = x.axis(title="largest change when switched, in tolerances", format="~g")
-    bars = _chart(rows).mark_bar().encode(x, alt.X2("times:Q"), y, colour)
-    words = _chart(rows).mark_text(align="left", dx=4, fontSize=11)
+    bars = layer_of("effects", rows).mark_bar().encode(x, alt.X2("times:Q"), y, colour)
+    words = layer_of("effects", rows).mark_text(align="left", dx=4, fontSize=11)
     named = words.encode(alt.X("times:Q"), y, alt.Text("need:N"))
-    rule = _chart([{"limit": 1}]).mark_rule(strokeDash=[4, 3]).encode(alt.X("limit:Q"))
+    rule = layer_of("limit", [{"limit": 1}]).mark_rule(strokeDash=[4, 3]).encode(alt.X("limit:Q"))
     return alt.layer(bars, named, rule).properties(width=320)
 
 
-def _costs(rows: list[dict[str, Any]], y: alt.Y, colour: alt.Color) -> _Layers:
+def _costs(rows: Rows, y: alt.Y, colour: alt.Color) -> _Layers:
     timed = [row for row in rows if row["ratio"]]
     x = alt.X("one:Q").scale(zero=False).axis(title="CPU time switched over base", format="~g")
-    bars = _chart(timed).mark_bar().encode(x, alt.X2("ratio:Q"), y, colour)
-    spans = _chart(timed).mark_rule().encode(alt.X("low:Q"), alt.X2("high:Q"), y)
+    bars = layer_of("timed", timed).mark_bar().encode(x, alt.X2("ratio:Q"), y, colour)
+    spans = layer_of("timed", timed).mark_rule().encode(alt.X("low:Q"), alt.X2("high:Q"), y)
     return alt.layer(bars, spans).properties(width=320)
-
-
-def _chart(rows: list[dict[str, Any]]) -> alt.Chart:
-    return alt.Chart(alt.Data(values=rows))
 
 
 def _title(report: EffectsReport) -> alt.TitleParams:

@@ -1,4 +1,7 @@
-"""Vega-Lite specifications: one theme for paper and page, and how they become pictures."""
+"""Charts: their layers, one theme for paper and page, and how they become pictures.
+
+Loads Altair, of the extra `figures`.
+"""
 
 import io
 import re
@@ -16,11 +19,7 @@ from contactlab.printable import visible
 Rows = list[dict[str, Any]]
 Spec = dict[str, Any]
 
-# Text is drawn twice: a halo, which makes it readable on any colour, and the text itself.
-HALO_AND_TEXT: tuple[dict[str, Any], ...] = (
-    {"stroke": "white", "strokeWidth": 3, "strokeJoin": "round", "color": INK},
-    {"color": INK},
-)
+_HALO: Spec = {"stroke": "white", "strokeWidth": 3, "strokeJoin": "round"}
 # A picture loads nothing, from nowhere.
 _ALLOWED_URLS: list[str] = []
 _SCALE = 3.0
@@ -65,6 +64,12 @@ _PAGE_COLOURS = {
 def layer_of(name: str, rows: Rows) -> alt.Chart:
     """Return an unmarked layer over named rows."""
     return alt.Chart(alt.InlineData(values=rows, name=name))
+
+
+def haloed(layer: alt.Chart, **style: Any) -> list[alt.Chart]:  # noqa: ANN401 - as Altair takes it
+    """Return text drawn twice: first a halo, which makes it readable on any colour."""
+    plain: Spec = {"color": INK, **style}
+    return [layer.mark_text(**plain, **_HALO), layer.mark_text(**plain)]
 
 
 def word_colours(field: str, words: Sequence[str], colours: Sequence[str]) -> alt.Color:
