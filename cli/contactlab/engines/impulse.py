@@ -88,10 +88,9 @@ class ImpulseEngine(SimulationEngine):
 
     def refusal(self, scene: Scene, run: ResolvedRun) -> str | None:
         """Return why it cannot simulate a run: other geoms or joints, or external forces."""
-        base, starts = scene.base_of(run), scene.starts([run])
-        if starts.applied.any() or starts.driven.size:
-            return "the impulse engine knows no forces but gravity; use engine: mujoco"
+        base = scene.base_of(run)
         try:
+            _require_gravity_alone(scene.starts([run]))
             _point_mass(base, base.prepare(run.edits()))
         except SceneError as error:
             return str(error)
@@ -105,6 +104,7 @@ class ImpulseEngine(SimulationEngine):
         proceed: Proceed = proceed_always,
     ) -> Rollout:
         """Simulate point masses above a plane."""
+        _require_gravity_alone(runs.starts)
         count = len(runs.prepared)
         arrays = buffers.arrays(runs.base.model, count, runs.steps)
         arrays.state[:], arrays.sensors[:], arrays.iterations[:] = 0.0, 0.0, 0
@@ -118,6 +118,11 @@ class ImpulseEngine(SimulationEngine):
             _simulate(runs.base, ball, runs.starts.pick(run), arrays, run)
             cost.append(time.thread_time() - begin)
         return Rollout.completed(arrays, np.array(cost))
+
+
+def _require_gravity_alone(starts: InitialStates) -> None:
+    if starts.applied.any() or starts.driven.size:
+        raise SceneError("the impulse engine knows no forces but gravity; use engine: mujoco")
 
 
 def _simulate(

@@ -13,7 +13,7 @@ from contactlab.contact.trace_arrays import Floats, RecordedControls
 from contactlab.contact.trace_setup import Joints
 from contactlab.errors import SceneError
 from contactlab.expression import Expression
-from contactlab.scene.model_names import match_coordinates
+from contactlab.scene.model_names import PARTS, match_coordinates, part_starts
 from contactlab.scene.timed_inputs import (
     ControlProfile,
     Signals,
@@ -67,7 +67,7 @@ def place_mocap(model: mujoco.MjModel, keyframe: str) -> None:
 
 
 class InitialStates(NamedTuple):
-    """Initial states and inputs of n runs.
+    """Initial states and inputs of n runs, its arrays in the order of `PARTS`.
 
     The inputs are the controls, then `applied`, then `mocap`. Signals drive some of them over time;
     the others are constant.
@@ -75,10 +75,10 @@ class InitialStates(NamedTuple):
 
     qpos: Floats  # (n, nq) configuration
     qvel: Floats  # (n, nv) velocity
+    act: Floats  # (n, na) actuator activations at the start
     ctrl: Floats  # (n, nu) control at the start
     # (n, 6 nbody) force [N] and torque [N m] on each body at the start, world frame.
     applied: Floats
-    act: Floats  # (n, na) actuator activations at the start
     mocap: Floats  # (n, 7 nmocap) positions [m], then quaternions, of mocap bodies at the start
     signals: tuple[Signals, ...]  # (n) what drives each run
 
@@ -94,7 +94,7 @@ class InitialStates(NamedTuple):
 
     def rows(self, runs: Sequence[int]) -> "InitialStates":
         """Return the initial states of some runs."""
-        picked = {name: getattr(self, name)[list(runs)] for name in _ARRAYS}
+        picked = {name: getattr(self, name)[list(runs)] for name in PARTS}
         return self._replace(**picked, signals=tuple(self.signals[run] for run in runs))
 
     def acted_on(self, controls: Sequence[RecordedControls]) -> "InitialStates":
@@ -111,7 +111,7 @@ class InitialStates(NamedTuple):
     @classmethod
     def joined(cls, starts: Sequence["InitialStates"]) -> "InitialStates":
         """Return several initial states, one after the other."""
-        arrays = {name: np.concatenate([getattr(one, name) for one in starts]) for name in _ARRAYS}
+        arrays = {name: np.concatenate([getattr(one, name) for one in starts]) for name in PARTS}
         return starts[0]._replace(
             **arrays, signals=tuple(itertools.chain(*[each.signals for each in starts]))
         )
@@ -156,7 +156,6 @@ def apply_inputs(model: mujoco.MjModel, data: mujoco.MjData, inputs: Floats) -> 
         data.mocap_pos.flat[:], data.mocap_quat.flat[:] = inputs[poses:turns], inputs[turns:]
 
 
-_ARRAYS = ("qpos", "qvel", "ctrl", "applied", "act", "mocap")
 _SEED_SCALE = 1e-4
 _FREE_DOFS = 6
 _NUDGE = 1e-6
@@ -174,7 +173,7 @@ class InitialStateRule:
     """How the initial states of one structure are made."""
 
     state: Floats  # one state of `InitialStates` in a row, of a keyframe or of `QPOS0`
-    ends: tuple[int, ...]  # where each of its parts ends
+    starts: Mapping[str, int]  # where each of its parts starts
     # Expressions over the initial values, with the indices that each sets.
     formulas: tuple[tuple[Expression, tuple[int, ...]], ...]
     profiles: tuple[ControlProfile, ...]  # what inputs do over time
@@ -192,17 +191,14 @@ class InitialStateRule:
         """
         data = start_data(model, keyframe)
         poses = np.concatenate([data.mocap_pos.ravel(), data.mocap_quat.ravel()])
-        fields = (data.qpos, data.qvel, data.ctrl, data.xfrc_applied.ravel(), data.act, poses)
-        ends: list[int] = np.cumsum([len(field) for field in fields]).tolist()
-        offset: dict[str, int] = dict(zip(_ARRAYS, [0, *ends], strict=False))
-        offset["xfrc_applied"] = offset["applied"]
-        coordinates, scale = _perturbed_coordinates(model, manifest)
+        fields = (data.qpos, data.qvel, data.act, data.ctrl, data.xfrc_applied.ravel(), poses)
+        perturbed, scale = _perturbed_coordinates(model, manifest)
         return cls(
             state=np.concatenate(fields),
-            ends=tuple(ends),
-            formulas=tuple(_formulas(model, manifest, offset)) if manifest else (),
+            starts=part_starts(model),
+            formulas=tuple(_formulas(model, manifest)) if manifest else (),
             profiles=read_control(model, manifest),
-            perturbed=tuple(offset[field] + index for field, index in coordinates),
+            perturbed=tuple(perturbed),
             scale=scale,
             quaternions=quaternions(model),
         )
@@ -210,21 +206,21 @@ class InitialStateRule:
     @property
     def qpos(self) -> Floats:
         """(nq,) the configuration, before initial values set it."""
-        return self.state[: self.ends[0]]
+        return self.state[: self.starts["qvel"]]
 
     @property
     def held_ctrl(self) -> Floats:
         """(nu,) the keyframe's controls; NaN if it has none."""
-        ctrl = self.state[self.ends[1] : self.ends[2]]
+        ctrl = self.state[self.starts["ctrl"] : self.starts["applied"]]
         return ctrl if ctrl.any() else np.full(len(ctrl), np.nan)
 
     @property
     def driven_inputs(self) -> set[int]:
         """Indices of the controls that the scene sets itself, at the start or over time."""
-        first, last = self.ends[1:3]
+        first = self.starts["ctrl"]
         places = {place for each in self.profiles for place in each.inputs}
         places |= {place - first for _, indices in self.formulas for place in indices}
-        return {place for place in places if 0 <= place < last - first}
+        return places & set(range(self.starts["applied"] - first))
 
     def nominal(self, initial: Mapping[str, float]) -> Floats:
         """Return (nq,) the configuration of some initial values, which no seed perturbs."""
@@ -248,7 +244,8 @@ def initial_states(
         norm = np.linalg.norm(part, axis=1, keepdims=True)
         np.divide(part, norm, out=part, where=np.abs(norm - 1) > 1e-12)
     signals = tuple(control_signals(rule.profiles, initial) for initial, _, _ in runs)
-    return at_begin(InitialStates(*np.split(states, rule.ends[:-1], axis=1), signals=signals))
+    parts = np.split(states, list(rule.starts.values())[1:], axis=1)
+    return at_begin(InitialStates(*parts, signals=signals))
 
 
 def at_begin(starts: InitialStates) -> InitialStates:
@@ -296,7 +293,7 @@ def quaternions(model: mujoco.MjModel) -> tuple[int, ...]:
 
 
 def _formulas(
-    model: mujoco.MjModel, manifest: SceneManifest, offset: Mapping[str, int]
+    model: mujoco.MjModel, manifest: SceneManifest
 ) -> list[tuple[Expression, tuple[int, ...]]]:
     formulas: list[tuple[Expression, tuple[int, ...]]] = []
     for name, entry in manifest.initial.items():
@@ -304,14 +301,13 @@ def _formulas(
             expression = read_formula(
                 text, f"initial value '{name}' sets {pattern}", manifest.initial
             )
-            places = [offset[at.field] + at.index for at in match_coordinates(model, pattern)]
-            formulas.append((expression, tuple(places)))
+            formulas.append((expression, tuple(match_coordinates(model, pattern))))
     return formulas
 
 
 def _perturbed_coordinates(
     model: mujoco.MjModel, manifest: SceneManifest | None
-) -> tuple[list[tuple[str, int]], float]:
+) -> tuple[list[int], float]:
     """Return which numbers of the state a seed perturbs, and by how much at most.
 
     Without a manifest: the horizontal position of free bodies, and every slide and hinge.
@@ -320,10 +316,10 @@ def _perturbed_coordinates(
         perturb = manifest.perturb
         patterns = perturb.coordinates if perturb else ()
         found = [each for pattern in patterns for each in match_coordinates(model, pattern)]
-        return [(each.field, each.index) for each in found], perturb.scale if perturb else 0.0
+        return found, perturb.scale if perturb else 0.0
     joints = zip(model.jnt_type.tolist(), model.jnt_qposadr.tolist(), strict=True)
     places = [start + place for kind, start in joints for place in range(_LOOSE.get(kind, 1))]
-    return [("qpos", place) for place in places], _SEED_SCALE
+    return places, _SEED_SCALE
 
 
 def joint_directions(model: mujoco.MjModel, seed: int) -> Floats:

@@ -7,8 +7,7 @@ thing. Names of coordinates are such as `ball.z`, `box.vx`, `hinge`, `hinge.v`, 
 
 import fnmatch
 import re
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, Literal
 
 import mujoco
@@ -102,6 +101,9 @@ def matching(names: Iterable[str], pattern: str) -> list[str]:
     ]
 
 
+PARTS = ("qpos", "qvel", "act", "ctrl", "applied", "mocap")
+"""The parts of a state, and then those of its inputs, as `InitialStates` has them."""
+
 _POSE = (".x", ".y", ".z", ".qw", ".qx", ".qy", ".qz")
 _VELOCITY = (".vx", ".vy", ".vz", ".wx", ".wy", ".wz")
 _FORCE = (".fx", ".fy", ".fz", ".tx", ".ty", ".tz")
@@ -111,16 +113,14 @@ _COMPONENTS = {
 }
 
 
-@dataclass(frozen=True)
-class StateCoordinate:
-    """One number of the state: a field and an index in it."""
-
-    field: Literal["qpos", "qvel", "ctrl", "xfrc_applied", "mocap"]
-    index: int
+def part_starts(model: mujoco.MjModel) -> dict[str, int]:
+    """Return where each part starts in a row of all that `InitialStates` has of one run."""
+    sizes = (model.nq, model.nv, model.na, model.nu, 6 * model.nbody)
+    return dict(zip(PARTS, np.cumsum([0, *sizes]).tolist(), strict=True))
 
 
-def coordinates(model: mujoco.MjModel) -> dict[str, StateCoordinate]:
-    """Return every coordinate of a model by name.
+def coordinates(model: mujoco.MjModel) -> dict[str, int]:
+    """Return the place of every coordinate of a model in such a row, by name.
 
     Slides and hinges are JOINT [m or rad] and JOINT.v; free and ball joints have a name for each
     component: positions and linear velocities in the world frame, angular velocities in the body
@@ -128,24 +128,22 @@ def coordinates(model: mujoco.MjModel) -> dict[str, StateCoordinate]:
     force [N] and torque [N m] at the body's centre of mass, world frame; ACTUATOR.ctrl is a
     constant control.
     """
-    return dict([*_inputs(model), *_named(model)])
+    starts = part_starts(model)
+    return dict([*_inputs(model, starts), *_named(model, starts)])
 
 
-def mocap_coordinates(model: mujoco.MjModel) -> dict[str, StateCoordinate]:
+def mocap_coordinates(model: mujoco.MjModel) -> dict[str, int]:
     """Return BODY.x to .z [m] and .qw to .qz of every mocap body, as MuJoCo orders poses of all."""
-    found: dict[str, StateCoordinate] = {}
+    found, first = dict[str, int](), part_starts(model)["mocap"]
     for body in np.flatnonzero(np.asarray(model.body_mocapid) >= 0).tolist():
         name, place = model.body(body).name, int(model.body_mocapid[body])
         starts = (*range(3 * place, 3 * place + 3), *range(4 * place, 4 * place + 4))
         for offset, (part, start) in enumerate(zip(_POSE, starts, strict=True)):
-            index = start if offset < 3 else 3 * model.nmocap + start
-            found[name + part] = StateCoordinate("mocap", index)
+            found[name + part] = first + start + (3 * model.nmocap if offset >= 3 else 0)
     return found
 
 
-def match_coordinates(
-    model: mujoco.MjModel, pattern: str, *, mocap: bool = False
-) -> list[StateCoordinate]:
+def match_coordinates(model: mujoco.MjModel, pattern: str, *, mocap: bool = False) -> list[int]:
     """Return the coordinates, or also poses of mocap bodies, that match a pattern as `box*.x`.
 
     A SceneError says that nothing matches.
@@ -157,21 +155,21 @@ def match_coordinates(
     return list(found)
 
 
-def _inputs(model: mujoco.MjModel) -> Iterator[tuple[str, StateCoordinate]]:
+def _inputs(model: mujoco.MjModel, starts: Mapping[str, int]) -> Iterator[tuple[str, int]]:
     for body in range(1, model.nbody):
         for offset, part in enumerate(_FORCE):
-            yield model.body(body).name + part, StateCoordinate("xfrc_applied", 6 * body + offset)
+            yield model.body(body).name + part, starts["applied"] + 6 * body + offset
     for actuator in range(model.nu):
-        yield f"{model.actuator(actuator).name}.ctrl", StateCoordinate("ctrl", actuator)
+        yield f"{model.actuator(actuator).name}.ctrl", starts["ctrl"] + actuator
 
 
-def _named(model: mujoco.MjModel) -> Iterator[tuple[str, StateCoordinate]]:
+def _named(model: mujoco.MjModel, starts: Mapping[str, int]) -> Iterator[tuple[str, int]]:
     for index in range(model.njnt):
         joint = model.joint(index)
         positions, velocities = _COMPONENTS.get(int(joint.type[0]), (("",), (".v",)))
         bodies = [model.body(model.jnt_bodyid[index]).name] if is_address(joint.name) else []
         for name in (*bodies, joint.name):
             for offset, part in enumerate(positions):
-                yield name + part, StateCoordinate("qpos", int(joint.qposadr[0]) + offset)
+                yield name + part, int(joint.qposadr[0]) + offset
             for offset, part in enumerate(velocities):
-                yield name + part, StateCoordinate("qvel", int(joint.dofadr[0]) + offset)
+                yield name + part, starts["qvel"] + int(joint.dofadr[0]) + offset

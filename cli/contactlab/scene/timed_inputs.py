@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from contactlab.contact.trace_arrays import Floats
 from contactlab.errors import SceneError
 from contactlab.expression import Expression, ExpressionError
-from contactlab.scene.model_names import StateCoordinate, match_coordinates
+from contactlab.scene.model_names import match_coordinates, part_starts
 from contactlab.schema.pair_expectation import Term
 from contactlab.schema.scene_manifest import SceneManifest
 
@@ -153,28 +153,21 @@ def control_signals(profiles: Sequence[ControlProfile], initial: Mapping[str, fl
 
 
 def _inputs(model: mujoco.MjModel, pattern: str) -> tuple[int, ...]:
-    inputs = [input_index(model, each) for each in match_coordinates(model, pattern, mocap=True)]
-    if None in inputs:
+    places, first = match_coordinates(model, pattern, mocap=True), part_starts(model)["ctrl"]
+    if min(places) < first:
         raise SceneError(f"control '{pattern}' is part of the state, not an input; write {_INPUTS}")
-    return tuple(index for index in inputs if index is not None)
+    return tuple(place - first for place in places)
 
 
 def _set_at_start(model: mujoco.MjModel, manifest: SceneManifest) -> dict[int, str]:
-    """Return the inputs that initial values set already, with what sets them."""
+    """Return the inputs that initial values set already, with what sets them; state is below 0."""
+    first = part_starts(model)["ctrl"]
     return {
-        index: f"initial value '{name}'"
+        place - first: f"initial value '{name}'"
         for name, entry in manifest.initial.items()
         for pattern in entry.sets
-        for each in match_coordinates(model, pattern)
-        if (index := input_index(model, each)) is not None
+        for place in match_coordinates(model, pattern)
     }
-
-
-def input_index(model: mujoco.MjModel, coordinate: StateCoordinate) -> int | None:
-    """Return a coordinate's index among the inputs; None for the state."""
-    applied, mocap = model.nu, model.nu + 6 * model.nbody
-    offset = {"ctrl": 0, "xfrc_applied": applied, "mocap": mocap}.get(coordinate.field)
-    return None if offset is None else offset + coordinate.index
 
 
 def _knots(

@@ -116,8 +116,8 @@ class Driving:
             fields["act"][np.ix_(places, addresses)] = posture.act[addresses]
             for place, driven in zip(places, self._signals(posture, room, alike), strict=True):
                 signals[place] = signals[place].joined(driven)
-        for coordinate, value in self._recorded.start if self._recorded else ():
-            fields[coordinate.field][:, coordinate.index] = value
+        for part, index, value in self._recorded.start if self._recorded else ():
+            fields[part][:, index] = value
         if self._word == "exercise" and not self._model.nu and not starts.qvel.any():
             fields["qvel"][:] = _free_motion(self._model)
         return at_begin(starts._replace(signals=tuple(signals)))

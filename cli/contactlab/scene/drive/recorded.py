@@ -11,8 +11,8 @@ import numpy as np
 
 from contactlab.contact.trace_arrays import Floats
 from contactlab.errors import SceneError, did_you_mean
-from contactlab.scene.model_names import StateCoordinate, coordinates, mocap_coordinates
-from contactlab.scene.timed_inputs import Signals, input_index
+from contactlab.scene.model_names import coordinates, mocap_coordinates, part_starts
+from contactlab.scene.timed_inputs import Signals
 
 TIME = "time"
 _ELEMENT = re.compile(r"(ctrl|qpos|qvel)\[(\d+)\]")
@@ -42,7 +42,7 @@ class RecordedInputs:
 
     name: str
     signals: Signals
-    start: tuple[tuple[StateCoordinate, float], ...]
+    start: tuple[tuple[str, int, float], ...]  # qpos or qvel, an index in it, and the value there
 
     def during(self, duration: float, timestep: float) -> Signals:
         """Return the signals for runs of a duration [s]; a SceneError if the last row is earlier.
@@ -80,13 +80,15 @@ def read_recorded(model: mujoco.MjModel, table: DriveTable, *, held: bool) -> Re
     if (back := np.flatnonzero(np.diff(times) < 0)).size:
         raise SceneError(f"{name}: `{TIME}` decreases in row {back[0] + 2}; sort the rows by time")
     driven: dict[int, Floats] = {}
-    start: list[tuple[StateCoordinate, float]] = []
+    start: list[tuple[str, int, float]] = []
+    first = part_starts(model)["ctrl"]
     for column in [each for each in columns if each != TIME]:
-        at = _coordinate(model, column, name, columns)
-        if (place := input_index(model, at)) is None:
-            start.append((at, float(columns[column][0])))
+        place = _coordinate(model, column, name, columns)
+        if place >= first:
+            driven[place - first] = columns[column]
         else:
-            driven[place] = columns[column]
+            part, index = ("qpos", place) if place < model.nq else ("qvel", place - model.nq)
+            start.append((part, index, float(columns[column][0])))
     if not driven:
         raise SceneError(
             f"{name}: no column is an actuator, BODY.fx to .tz, or MOCAP_BODY.x to .qz; "
@@ -98,12 +100,12 @@ def read_recorded(model: mujoco.MjModel, table: DriveTable, *, held: bool) -> Re
 
 def _coordinate(
     model: mujoco.MjModel, column: str, name: str, columns: Mapping[str, Floats]
-) -> StateCoordinate:
-    """Return the input, or coordinate of the start, that a column holds."""
+) -> int:
+    """Return the place of the input, or coordinate of the start, that a column holds."""
     element = _ELEMENT.fullmatch(column)
     sizes = {"ctrl": model.nu, "qpos": model.nq, "qvel": model.nv}
     if element and int(element[2]) < sizes[element[1]]:
-        return StateCoordinate(element[1], int(element[2]))  # pyright: ignore[reportArgumentType]
+        return part_starts(model)[element[1]] + int(element[2])
     known = coordinates(model) | mocap_coordinates(model)
     joints = _actuators_of_joints(model)
     if f"{column}.ctrl" in known:
