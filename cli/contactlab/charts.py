@@ -7,12 +7,14 @@ import io
 import re
 from collections.abc import Callable, Container, Sequence
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import altair as alt
 import pikepdf
 import vl_convert
 
+from contactlab.errors import OutputError
 from contactlab.palette import COLOURS, INK, OTHERS_COLOUR, STABLE_COLOUR
 from contactlab.printable import visible
 
@@ -23,6 +25,7 @@ _HALO: Spec = {"stroke": "white", "strokeWidth": 3, "strokeJoin": "round"}
 # A picture loads nothing, from nowhere.
 _ALLOWED_URLS: list[str] = []
 _SCALE = 3.0
+SUFFIXES = (".png", ".svg")
 _ID = re.compile(r'\bid="([^"]+)"')
 _PAPER, _FAINT, _GRID, _EDGE = "white", "#555555", "#eeeeee", "#999999"
 _TEXT = {"labelColor": INK, "titleColor": INK}
@@ -125,6 +128,22 @@ def static_svg(spec: Spec | None, name: str) -> str:
     escaped = name.replace("&", "&amp;").replace("<", "&lt;").replace('"', "&quot;")
     svg = as_svg(with_page_colours(spec), f"{prefix}-")
     return re.sub(r"<svg ", f'<svg role="img" aria-label="{escaped}" ', svg, count=1)
+
+
+def check_figure(path: Path) -> None:
+    """Check that a figure can be written, before anything is run; an OutputError says why not."""
+    if path.suffix not in SUFFIXES:
+        raise OutputError(f"{path}: write a name that ends in {' or '.join(SUFFIXES)}")
+    if not path.parent.is_dir():
+        raise OutputError(f"cannot write {path}: no folder {path.parent}")
+
+
+def save_figure(chart: alt.TopLevelMixin, path: Path) -> None:
+    """Write a chart as a .png or .svg file; an OutputError if it cannot be written."""
+    try:
+        path.write_bytes(render_chart(themed(chart.to_dict()), path.suffix[1:]))
+    except OSError as error:
+        raise OutputError(f"cannot write {path}: {error.strerror}") from error
 
 
 def render_chart(spec: Spec, form: str) -> bytes:

@@ -18,8 +18,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from contactlab.store.mcap.file_parts import encode_file
-from contactlab.store.mcap.mcap_check import message_stream, start_of
-from contactlab.store.mcap.stored_messages import stored_file
+from contactlab.store.mcap.stored_messages import message_stream, start_of, stored_file
 from contactlab.store.mcap.trace_messages import HEADER_SIZE
 from contactlab.store.row_journal import is_sealed, row_size, sealed
 from contactlab.store.runs_table import count_outcomes, rows_digest

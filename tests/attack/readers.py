@@ -23,7 +23,7 @@ from contactlab.scene.scene_source import find_scene, read_manifest
 from contactlab.schema.comparison import ComparePolicy
 from contactlab.store.controls_file import encode_controls, read_control_table
 from contactlab.store.finished_store import Store
-from contactlab.store.mcap.mcap_check import check_trace
+from contactlab.store.mcap.stored_messages import check_trace
 from contactlab.store.mcap.trace_reader import read_trace
 from contactlab.store.row_journal import write_journal
 from contactlab.store.runs_table import iterate_rows

@@ -7,13 +7,20 @@ from typing import Any
 
 import pytest
 
+from contactlab.charts import save_figure
+from contactlab.commands.options import check_figure
 from contactlab.errors import OutputError
-from contactlab.pareto.drawing import draw
 from contactlab.pareto.tradeoff_chart import chart_data, specification
 from contactlab.schema.tradeoff_report import TradeoffReport
 
 Written = Callable[..., Any]
 Vary = Callable[..., TradeoffReport]
+
+
+def draw(report: TradeoffReport, path: Path) -> None:
+    """Draw a report as the command does."""
+    check_figure(path)
+    save_figure(specification(report), path)
 
 
 def points(report: TradeoffReport) -> list[dict[str, Any]]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import typer
 
 from contactlab.commands.terminal import say
-from contactlab.errors import OutputError, SweepFileError
+from contactlab.errors import OutputError, SweepFileError, optional
 
 if TYPE_CHECKING:
     from contactlab.pareto.criteria import Criteria
@@ -106,6 +106,14 @@ def load_plugins(files: Sequence[Path] | None) -> None:
     from contactlab import plugins
 
     plugins.load_plugins(files or ())
+
+
+def check_figure(path: Path | None) -> None:
+    """Check that the figure of `--figure` can be drawn; an OutputError says why not."""
+    if path is not None:
+        with optional("figures", "a figure"):
+            from contactlab.charts import check_figure as check
+        check(path)
 
 
 def mention_damage(store: "Store") -> None:

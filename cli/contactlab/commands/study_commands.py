@@ -141,22 +141,21 @@ def effects(
     output: opt.Format = opt.FORMAT,
 ) -> None:
     """Change one effect at a time, and find the smallest set that keeps every result."""
-    from contactlab.pareto.drawing import check_figure
     from contactlab.plan.overrides import drive_option
     from contactlab.studies.effects.ablation import run
     from contactlab.studies.effects.effects_request import EffectsRequest
 
     opt.load_plugins(plugin)
-    if figure is not None:
-        check_figure(figure)
+    opt.check_figure(figure)
     request = EffectsRequest(source, assign or (), seeds, drive=drive_option(drive))
     target = folder or RESULTS / "effects" / request.setup.scene.name
     with study_session(target, workers, allow_code=allow_code) as session:
         report = run(request, session)
     if figure is not None:
-        from contactlab.studies.effects.effects_chart import draw
+        from contactlab.charts import save_figure
+        from contactlab.studies.effects.effects_chart import specification
 
-        draw(report, figure)
+        save_figure(specification(report), figure)
         say(f"drew {figure}")
     if output == "json":
         echo(report.model_dump_json(indent=2))

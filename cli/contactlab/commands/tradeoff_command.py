@@ -43,8 +43,6 @@ def tradeoff(
     output: opt.Format = opt.FORMAT,
 ) -> None:
     """Weigh accuracy against time, and recommend the fastest settings that are accurate enough."""
-    from contactlab.pareto.drawing import draw
-
     opt.load_plugins(plugin)
     criteria = opt.accuracy_criteria(error, tolerance)
     _check_outputs(figure, write, model)
@@ -54,7 +52,10 @@ def tradeoff(
     else:
         _print(report)
     if figure is not None:
-        draw(report, figure)
+        from contactlab.charts import save_figure
+        from contactlab.pareto.tradeoff_chart import specification
+
+        save_figure(specification(report), figure)
         say(f"drew {figure}")
     _fail_on(report)
     if write is not None:
@@ -63,10 +64,7 @@ def tradeoff(
 
 def _check_outputs(figure: Path | None, write: Path | None, model: Path | None) -> None:
     """Refuse files that cannot be written, before anything is run."""
-    from contactlab.pareto.drawing import check_figure
-
-    if figure is not None:
-        check_figure(figure)
+    opt.check_figure(figure)
     if write is not None and not write.parent.is_dir():
         raise OutputError(f"cannot write {write}: no folder {write.parent}; create it first")
     if write is not None and write.exists():

@@ -23,7 +23,7 @@ from contactlab.schema.evidence import RECORD_VERSION, EvidenceRecord, Status, S
 from contactlab.store.atomic_files import atomic_write
 from contactlab.store.controls_file import has_controls
 from contactlab.store.folder_backend import Backend
-from contactlab.store.mcap.mcap_check import trace_problems
+from contactlab.store.mcap.trace_reader import trace_problems
 from contactlab.store.store_files import JOURNAL, NOTES
 from contactlab.store.table_layout import row_to_record
 

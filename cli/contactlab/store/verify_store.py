@@ -12,7 +12,7 @@ from contactlab.schema.evidence import RECORD_VERSION, Cost, EvidenceRecord, Swe
 from contactlab.store.atomic_files import sha256_of
 from contactlab.store.controls_file import read_controls
 from contactlab.store.finished_store import Store
-from contactlab.store.mcap.mcap_check import trace_problems
+from contactlab.store.mcap.trace_reader import trace_problems
 from contactlab.store.runs_table import iterate_rows, rows_digest
 from contactlab.store.store_files import (
     IDENTITY,

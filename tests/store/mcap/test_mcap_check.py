@@ -16,7 +16,7 @@ from tests.written_traces import assert_viewable, write_trace
 
 from contactlab.contact.trace_arrays import PairSeries, Trace
 from contactlab.store.mcap import file_parts, trace_writer
-from contactlab.store.mcap.mcap_check import check_trace
+from contactlab.store.mcap.stored_messages import check_trace
 from contactlab.store.mcap.trace_writer import TraceExtras
 
 MakeTrace = Callable[..., tuple[Trace, list[PairSeries]]]

@@ -1,10 +1,16 @@
-"""What a trace file holds as it lies there: checksums, messages, and what describes them."""
+"""What a trace file holds as it lies there, and whether that is sound.
+
+Viewers rely on more than readable messages: they seek by the summary, the message indexes and the
+statistics, and expect messages in order of time. So a file must be, byte for byte, what is written
+of its messages.
+"""
 
 import struct
 import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from io import BytesIO
+from pathlib import Path
 
 import numpy as np
 import zstandard
@@ -16,7 +22,17 @@ from mcap.summary import Summary
 from mcap.writer import MCAP0_MAGIC
 from numpy.typing import NDArray
 
-from contactlab.store.mcap.file_parts import CHUNK_HEAD, INDEX_HEAD, overlapping
+from contactlab.store.mcap.file_parts import (
+    CHUNK_HEAD,
+    INDEX_HEAD,
+    FileStart,
+    MessageStream,
+    encode_file,
+    file_start,
+    overlapping,
+    with_metadata,
+)
+from contactlab.store.mcap.message_encoder import STATE_CHANNEL
 from contactlab.store.mcap.trace_messages import (
     CONTACTS,
     HEAD,
@@ -154,3 +170,49 @@ def unpacked(compressed: bytes, size: int) -> bytes:
     if size > _MOST_CHUNK or zstandard.frame_content_size(compressed) != size:
         raise ValueError(f"a chunk claims to hold {size:,} bytes")
     return zstandard.decompress(compressed)
+
+
+def check_trace(path: Path) -> list[str]:
+    """Return the defects of a trace file; none if it is sound."""
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        return [f"cannot be read: {error.strerror}"]
+    if damage := find_damage(data):
+        return [damage]
+    try:
+        again = written_again(stored_file(data))
+    except UNREADABLE as error:
+        return [f"a record cannot be decoded: {error}"]
+    return [] if again == data else ["its chunks, indexes or summary are not those of its messages"]
+
+
+def written_again(file: StoredFile) -> bytes:
+    """Return the file that stored messages give, whose chunks are compressed as they were."""
+    stream = message_stream(file)
+    begins = [chunk.message_start_time for chunk in file.summary.chunk_indexes]
+    rows = np.searchsorted(stream.times, np.array(begins, np.uint64)).tolist()
+    return encode_file(start_of(file), stream, dict(zip(rows, file.chunks, strict=True)))[0]
+
+
+def start_of(file: StoredFile) -> FileStart:
+    """Return how a file begins that has these schemas, channels, model and metadata."""
+    schemas, channels = file.summary.schemas.values(), file.summary.channels.values()
+    start = file_start([*schemas], [*channels], file.model)
+    return with_metadata(start, file.metadata.name, file.metadata.metadata)
+
+
+def message_stream(file: StoredFile) -> MessageStream:
+    """Return stored messages as they are to lie in the chunks, one after the other."""
+    state = file.messages[STATE_CHANNEL]
+    times = state.heads["log_time"]
+    if np.any(times[1:] <= times[:-1]):
+        raise ValueError("its states are not in order of time")
+    sizes = np.zeros((len(times), len(file.messages)), np.int64)
+    for channel, each in file.messages.items():
+        heads = each.heads
+        if np.any((heads["opcode"] != Opcode.MESSAGE) | (heads["channel"] != channel)):
+            raise ValueError("a message index points at something else")
+        sizes[np.searchsorted(times, heads["log_time"]), channel - 1] = each.sizes
+    ends = np.cumsum(sizes)
+    return MessageStream(state.data[: ends[-1]], ends.reshape(sizes.shape) - sizes, sizes, times)

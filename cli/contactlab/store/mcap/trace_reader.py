@@ -1,6 +1,8 @@
-"""The arrays of a stored trace."""
+"""The arrays of a stored trace, and how it and its record contradict each other."""
 
-from collections.abc import Mapping
+import json
+from collections import Counter
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, TypeVar
@@ -8,12 +10,22 @@ from typing import Any, ClassVar, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from contactlab.contact.trace_arrays import FOUND, POINT_FIELDS, SLOT_WIDTH, Floats, Integers
+from contactlab.contact.trace_arrays import (
+    FOUND,
+    POINT_FIELDS,
+    SLOT_WIDTH,
+    Floats,
+    Integers,
+    hash_of_states,
+)
 from contactlab.errors import StoreError, did_you_mean
+from contactlab.schema.evidence import EvidenceRecord, TraceFile
+from contactlab.store.atomic_files import sha256_of
 from contactlab.store.mcap.message_encoder import MOMENTUM_ARRAYS, PAIR_ARRAYS, STEP_ARRAYS
 from contactlab.store.mcap.stored_messages import (
     UNREADABLE,
     ChannelMessages,
+    check_trace,
     find_damage,
     stored_file,
 )
@@ -21,6 +33,7 @@ from contactlab.store.mcap.trace_messages import (
     EVIDENCE_TOPIC,
     STATE_TOPIC,
     contacts_record,
+    contacts_topic,
     last_state_record,
     pair_of_topic,
     state_record,
@@ -228,3 +241,61 @@ def _slots(items: NDArray[np.void]) -> Floats:
     for name, columns in POINT_FIELDS.items():
         slots[..., columns] = points[name]
     return slots
+
+
+# What a record has only once its trace is written; so that equal runs have equal traces.
+_LATER = ("trace", "cost", "started", "finished", "accuracy", "timing")
+
+
+def trace_problems(
+    path: Path, record: EvidenceRecord, model: bytes | None = None, but: Collection[str] = ()
+) -> Iterator[str]:
+    """Yield how a trace's file and its record contradict each other, but for some fields.
+
+    The scene's model file, where given, is compared with the model that the trace holds.
+    """
+    assert record.trace is not None
+    if (path.stat().st_size, sha256_of(path)) != (record.trace.bytes, record.trace.sha256):
+        yield "changed since it was written"
+        return
+    if problems := check_trace(path):
+        yield from problems
+        return
+    try:
+        trace = read_trace(path, path.name)
+        yield from _contradictions(trace, record, but)
+        yield from _wrong_counts(trace, record, record.trace)
+    except (StoreError, ValueError) as error:
+        yield str(error)
+        return
+    if model is not None and trace.model_xml != model:
+        yield "its model is not the scene's"
+
+
+def _contradictions(
+    trace: StoredTrace, record: EvidenceRecord, but: Collection[str]
+) -> Iterator[str]:
+    inside = _plain(EvidenceRecord.model_validate_json(trace.record_json))
+    for name, value in _plain(record).items():
+        # Errors have a tolerance too, which is judged after the trace is written.
+        is_later = name == "tolerances_met" and record.accuracy is not None
+        if inside[name] != value and name not in but and not is_later:
+            yield f"its record has another {name} than the table"
+    states = np.column_stack((trace.time, trace.qpos, trace.qvel))
+    # The hash is of the activations too, which the trace has not.
+    if trace.metadata.get(ACTIVATIONS) == "0" and hash_of_states(states) != record.trajectory_hash:
+        yield "its states do not give the trajectory's hash"
+
+
+def _plain(record: EvidenceRecord) -> dict[str, Any]:
+    content = json.loads(record.model_dump_json(exclude=set(_LATER)))
+    # The table has one column of settings for all runs, with nulls for those of other runs.
+    content["settings"] = {name: v for name, v in content["settings"].items() if v is not None}
+    return content
+
+
+def _wrong_counts(trace: StoredTrace, record: EvidenceRecord, file: TraceFile) -> Iterator[str]:
+    counts = {contacts_topic(pair.name): len(pair.steps) for pair in trace.pairs}
+    counts |= {STATE_TOPIC: len(trace.time), EVIDENCE_TOPIC: 1}
+    if counts[STATE_TOPIC] != record.steps + 1 or Counter(counts) != Counter(file.messages):
+        yield f"its messages by topic are not those of the table, or of {record.steps} steps"

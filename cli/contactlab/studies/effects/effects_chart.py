@@ -1,15 +1,10 @@
-"""The figure of an effects report: what each effect changes, and what it costs.
+"""The figure of an effects report: what each effect changes, and what it costs."""
 
-Loads Altair, an extra; see `contactlab.pareto.check_figure`.
-"""
-
-from pathlib import Path
 from typing import Any
 
 import altair as alt
 
 from contactlab.charts import Rows, layer_of
-from contactlab.pareto.drawing import save_figure
 from contactlab.schema.effects_report import EffectFinding, EffectsReport
 
 # Bars end here; a changed label, or a metric that appears, is beyond any tolerance.
@@ -27,13 +22,8 @@ _COLOURS = {
 }
 
 
-def draw(report: EffectsReport, path: Path) -> None:
-    """Draw a report as two columns of bars, a row an effect, as `save_figure` writes it."""
-    save_figure(specification(report), path)
-
-
 def specification(report: EffectsReport) -> alt.TopLevelMixin:
-    """Return the chart of a report, as a Vega-Lite specification."""
+    """Return the chart of a report: two columns of bars, a row an effect."""
     rows = [_row(each) for each in report.effects if each.need != "unused"]
     y = alt.Y("effect:N").sort([row["effect"] for row in rows])
     colour = alt.Color("need:N").scale(domain=list(_COLOURS), range=list(_COLOURS.values()))
