@@ -7,7 +7,7 @@ from typing import Any
 from typer.testing import CliRunner
 
 from contactlab.commands.main import app
-from contactlab.schema.effects_report import EffectsReport
+from contactlab.schema.study_reports import EffectsReport
 from contactlab.store.finished_store import Store
 from contactlab.store.verify_store import verify
 

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from tests.commands.conftest import Run
 
-from contactlab.schema.tune_report import TuneReport
+from contactlab.schema.study_reports import TuneReport
 from contactlab.store.verify_store import verify
 
 PENDULUM = """

@@ -15,7 +15,7 @@ from contactlab.contact.rotations import rotate
 from contactlab.contact.trace_arrays import FOUND, NORMAL, PairTrace, Trace
 from contactlab.contact.trace_setup import FreeBody, Setup
 from contactlab.measure import ORACLES, Context, context_of
-from contactlab.measure.free_motion_oracles import carlson_rf, middle_axis_flip
+from contactlab.measure.oracle_error import carlson_rf, middle_axis_flip
 
 GRAVITY = 9.81
 Vector = Callable[[np.ndarray], np.ndarray]

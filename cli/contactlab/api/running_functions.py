@@ -14,7 +14,7 @@ from contactlab.run.sweep_request import read_request
 from contactlab.run.worker_pool import worker_count
 from contactlab.schema.check_report import CheckReport, StabilityReport, TaskKind
 from contactlab.schema.comparison import AcceptedCheck
-from contactlab.schema.effects_report import EffectsReport
+from contactlab.schema.study_reports import EffectsReport
 from contactlab.schema.tradeoff_report import TradeoffReport
 from contactlab.store.finished_store import Store
 from contactlab.store.store_files import Address, parse_address

@@ -21,7 +21,7 @@ from contactlab.resources import RESULTS
 
 if TYPE_CHECKING:
     from contactlab.schema.check_report import CheckReport, StabilityResult
-    from contactlab.schema.effects_report import EffectFinding, EffectsReport, Ratio
+    from contactlab.schema.study_reports import EffectFinding, EffectsReport, Ratio
 
 CheckFormat = Literal["text", "json", "junit", "github"]
 _MOST_NOTES = 4

@@ -14,7 +14,7 @@ from contactlab.errors import ExpectationError, SweepFileError
 from contactlab.resources import RESULTS
 
 if TYPE_CHECKING:
-    from contactlab.schema.tune_report import Candidate, TuneReport
+    from contactlab.schema.study_reports import Candidate, TuneReport
 
 _SECONDS = {"s": 1.0, "min": 60.0, "h": 3600.0}
 _MOST_KEPT, _MOST_LINES = 6, 12
@@ -43,7 +43,7 @@ def tune(
 ) -> None:
     """Find the settings to use, write the model that has them, and prove that it is as good."""
     from contactlab.plan.overrides import drive_option
-    from contactlab.schema.tune_report import PATCH
+    from contactlab.schema.study_reports import PATCH
     from contactlab.studies.session import model_name
     from contactlab.studies.tune.tune_request import TuneRequest
     from contactlab.studies.tune.tuning import run
@@ -134,7 +134,7 @@ def _number(value: float | None) -> str:
 
 
 def _details(report: "TuneReport", folder: Path) -> Iterator[str]:
-    from contactlab.schema.tune_report import PATCH, PROOF, REPORT
+    from contactlab.schema.study_reports import PATCH, PROOF, REPORT
 
     shares = {name: 1 - each.ratio for name, each in report.profile.items() if each.high < 1}
     yield "time: " + (", ".join(f"{name} {share:.0%}" for name, share in shares.items()) or "-")

@@ -1,6 +1,7 @@
 """Compile a scene's model with its structure values written and recording sensors added.
 
-The sensors' addresses in `sensordata` are known from here; so is why MuJoCo refuses a model.
+The sensors' addresses in `sensordata` are known from here; so is why MuJoCo refuses a model, and
+which inertias its file writes that no body has.
 """
 
 import re
@@ -13,11 +14,13 @@ from functools import partial
 from itertools import islice
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Literal
 
 import mujoco
-from mujoco._specs import MjsSensor
+import numpy as np
+from mujoco._specs import MjsBody, MjsSensor
 
-from contactlab.contact.trace_arrays import SLOT_WIDTH
+from contactlab.contact.trace_arrays import SLOT_WIDTH, Floats
 from contactlab.errors import ModelWarning, SceneError
 from contactlab.expression import Expression, ExpressionError
 from contactlab.scene.contact_pairs import MonitoredPair
@@ -26,7 +29,6 @@ from contactlab.scene.model_names import name_by_address
 from contactlab.scene.mujoco_versions import has_batch, silence_mujoco
 from contactlab.scene.scene_source import MODEL_SUFFIXES, SceneSource
 from contactlab.scene.timed_inputs import HoldSpec
-from contactlab.scene.written_inertia import written_inertia_faults
 from contactlab.schema.scene_manifest import SceneManifest
 
 PREFIX = "contactlab/"
@@ -253,3 +255,88 @@ def _missing_file(message: str, model: Path) -> Iterator[str]:
             yield f"it was expected at {path}; put it there, or say where it is:"
             yield _FOLDER_HINT[model.suffix == ".urdf"]
             return
+
+
+Kind = Literal[
+    "not_positive", "triangle", "balanced", "density", "outside", "too_large", "too_small"
+]
+
+
+@dataclass(frozen=True)
+class InertiaFault:
+    """A body whose mass or inertia no real body has.
+
+    The value violates the limit, both in the unit; the reason is the whole fault in words.
+    """
+
+    body: str
+    kind: Kind
+    value: float
+    limit: float
+    unit: str
+    reason: str
+
+
+def written_inertia_faults(spec: mujoco.MjSpec) -> Iterator[InertiaFault]:
+    """Yield the faults of the inertias that a model file writes out, before it is compiled."""
+    compiler = spec.compiler
+    if compiler.inertiafromgeom == mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE:
+        return
+    for body in spec.bodies[1:]:
+        # With joints, and no body fixed to it that could bring the inertia.
+        alone = bool(body.joints) and all(child.joints for child in body.bodies)
+        if not body.explicitinertial and (body.geoms or not alone):
+            continue
+        name = body.name or f"body {body.id}"
+        mass = max(float(body.mass), compiler.boundmass or -np.inf)
+        moments = np.maximum(_moments(body), compiler.boundinertia or -np.inf)
+        # A body fixed to another may have no inertia of its own, but not a negative one.
+        lower = mujoco.mjMINVAL if alone else -np.finfo(float).tiny
+        if not np.min([mass, *moments]) > lower:
+            yield not_positive(name, mass, moments)
+        elif not closes(moments):
+            yield open_triangle(name, moments, balanced=bool(compiler.balanceinertia))
+
+
+def _moments(body: MjsBody) -> Floats:
+    xx, yy, zz, xy, xz, yz = (float(each) for each in body.fullinertia)
+    # The first number is NaN where diaginertia gives the moments.
+    if np.isnan(xx):
+        return np.array(body.inertia, np.float64)
+    tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    return np.linalg.eigvalsh(tensor) if np.isfinite(tensor).all() else np.full(3, np.nan)
+
+
+def not_positive(name: str, mass: float, moments: Floats) -> InertiaFault:
+    """Return the fault of a body whose mass or inertia is zero or negative."""
+    reason = (
+        f"its mass is {mass:g} kg and its principal moments are {_listed(moments)} kg m^2; "
+        "write all of them above 0"
+    )
+    least = float(np.min([mass, *moments]))
+    return InertiaFault(name, "not_positive", least, 0.0, "kg or kg m^2", reason)
+
+
+def closes(moments: Floats) -> bool:
+    """Return whether no principal moment exceeds the sum of the other two."""
+    low, middle, high = np.sort(moments)
+    return bool(low + middle >= high)
+
+
+def open_triangle(name: str, moments: Floats, *, balanced: bool) -> InertiaFault:
+    """Return the fault of principal moments [kg m^2] that violate the triangle inequality.
+
+    Balanced ones were replaced by their mean, by the compiler.
+    """
+    low, middle, high = np.sort(moments).tolist()
+    end = f"; balanceinertia replaced all three by their mean, {np.mean(moments):g}"
+    reason = (
+        f"its principal moments are {_listed(moments)} kg m^2, and no mass distribution has "
+        f"{low:g} + {middle:g} < {high:g}" + (end if balanced else "")
+    )
+    kind = "balanced" if balanced else "triangle"
+    return InertiaFault(name, kind, high, low + middle, "kg m^2", reason)
+
+
+def _listed(moments: Floats) -> str:
+    return ", ".join(f"{each:g}" for each in moments)

@@ -9,12 +9,11 @@ from pydantic import BaseModel
 
 from contactlab.schema.check_report import CheckReport, Reference
 from contactlab.schema.comparison import ComparePolicy, ComparisonReport
-from contactlab.schema.effects_report import EffectsReport
 from contactlab.schema.evidence import EvidenceRecord, StoreManifest
 from contactlab.schema.scene_manifest import SceneManifest
+from contactlab.schema.study_reports import EffectsReport, TuneReport
 from contactlab.schema.sweep_schema import Sweep
 from contactlab.schema.tradeoff_report import TradeoffReport
-from contactlab.schema.tune_report import TuneReport
 
 # Files that people write, for editors; a key without a value is left out of these.
 WRITTEN: Mapping[str, type[BaseModel]] = {

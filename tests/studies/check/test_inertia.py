@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 
 from contactlab import resources
 from contactlab.errors import SceneError
+from contactlab.scene.compile_model import InertiaFault, written_inertia_faults
 from contactlab.scene.scene import Scene
 from contactlab.scene.scene_source import find_scene
-from contactlab.scene.written_inertia import InertiaFault, written_inertia_faults
 from contactlab.studies.check.inertia import inertia_faults, scene_inertia_faults
 
 Write = Callable[[Path, Mapping[str, str]], None]

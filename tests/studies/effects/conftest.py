@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import pytest
 
-from contactlab.schema.effects_report import EffectsReport
+from contactlab.schema.study_reports import EffectsReport
 from contactlab.studies.effects import ablation
 from contactlab.studies.effects.effects_request import EffectsRequest
 from contactlab.studies.session import Session

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from contactlab.scene.model_draft import ModelEdits
 from contactlab.scene.model_writer import write_model
-from contactlab.schema.effects_report import EffectsReport
+from contactlab.schema.study_reports import EffectsReport
 from contactlab.studies.configuration_runs import ConfigurationRows
 from contactlab.studies.effects import ablation
 from contactlab.studies.effects.effect_toggles import MOTION, difference, judged_metrics

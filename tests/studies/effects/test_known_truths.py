@@ -5,7 +5,7 @@ from collections.abc import Callable
 import pytest
 
 from contactlab.scene.model_edits import FLAGS
-from contactlab.schema.effects_report import EffectFinding, EffectsReport
+from contactlab.schema.study_reports import EffectFinding, EffectsReport
 
 Ablate = Callable[..., EffectsReport]
 # What holds everywhere: these change how results are found, or what is recorded of them.

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import pytest
 
 from contactlab.scene.scene import Scene
-from contactlab.schema.effects_report import EffectsReport
+from contactlab.schema.study_reports import EffectsReport
 
 Ablate = Callable[..., EffectsReport]
 FEATURES = {

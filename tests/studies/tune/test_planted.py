@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from contactlab.schema.tune_report import TuneReport
+from contactlab.schema.study_reports import TuneReport
 from contactlab.studies.session import Session
 from contactlab.studies.tune.tune_request import TuneRequest
 from contactlab.studies.tune.tuning import run

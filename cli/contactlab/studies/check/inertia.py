@@ -19,15 +19,15 @@ from scipy.spatial import ConvexHull, QhullError
 
 from contactlab.contact.rotations import rotation_matrices
 from contactlab.contact.trace_arrays import Floats
-from contactlab.scene.compile_model import compile_model
-from contactlab.scene.scene_source import SceneSource
-from contactlab.scene.written_inertia import (
+from contactlab.scene.compile_model import (
     InertiaFault,
     closes,
+    compile_model,
     not_positive,
     open_triangle,
     written_inertia_faults,
 )
+from contactlab.scene.scene_source import SceneSource
 from contactlab.schema.check_report import Measure
 from contactlab.studies.check.checked_model import CheckedModel
 

@@ -11,7 +11,8 @@ from contactlab.scene.effects.effect_table import EFFECTS
 from contactlab.scene.model_draft import ModelEdits
 from contactlab.scene.model_writer import WrittenModel, write_model
 from contactlab.schema.coverage import Exercised
-from contactlab.schema.effects_report import (
+from contactlab.schema.evidence import Setting
+from contactlab.schema.study_reports import (
     EffectFinding,
     EffectsReport,
     Interaction,
@@ -20,7 +21,6 @@ from contactlab.schema.effects_report import (
     SmallestSet,
     Verification,
 )
-from contactlab.schema.evidence import Setting
 from contactlab.studies.configuration_runs import ConfigurationRows
 from contactlab.studies.effects.effect_toggles import (
     BASE,

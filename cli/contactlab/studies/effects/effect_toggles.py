@@ -17,7 +17,7 @@ from contactlab.run.evidence_record import as_written
 from contactlab.scene.effects.effect import Effect, EffectState
 from contactlab.scene.effects.effect_table import EFFECTS
 from contactlab.schema.drive import NoiseDrive, parse_drive
-from contactlab.schema.effects_report import MetricChange, Ratio
+from contactlab.schema.study_reports import MetricChange, Ratio
 from contactlab.store.finished_store import Store
 from contactlab.studies.configuration_runs import ConfigurationRows, Row, run_configurations
 from contactlab.studies.effects.effects_request import AblationSetup

@@ -5,7 +5,7 @@ from typing import Any
 import altair as alt
 
 from contactlab.charts import Rows, layer_of
-from contactlab.schema.effects_report import EffectFinding, EffectsReport
+from contactlab.schema.study_reports import EffectFinding, EffectsReport
 
 # Bars end here; a changed label, or a metric that appears, is beyond any tolerance.
 _MOST = 1e3

@@ -9,7 +9,7 @@ from contactlab.scene.effects.effect_table import EFFECTS
 from contactlab.scene.parameters import WORDS
 from contactlab.scene.setting_values import as_number
 from contactlab.schema.coverage import Exercised, Feature, feature_of
-from contactlab.schema.tune_report import Kept
+from contactlab.schema.study_reports import Kept
 from contactlab.studies.effects.effect_toggles import find_toggles
 from contactlab.studies.effects.effects_request import AblationSetup
 from contactlab.studies.session import Values

@@ -11,7 +11,7 @@ from dataclasses import replace
 import mujoco
 
 from contactlab.engines.engine import Segments
-from contactlab.schema.effects_report import Ratio
+from contactlab.schema.study_reports import Ratio
 
 Clock = Callable[[Segments, int, int], tuple[float, int]]
 _OFF, _INTEGRATOR = mujoco.mjtDisableBit, mujoco.mjtIntegrator

@@ -14,7 +14,7 @@ from contactlab.run.evidence_record import as_written
 from contactlab.scene.compile_model import PREFIX
 from contactlab.scene.model_writer import ModelEdits, WrittenModel, write_model
 from contactlab.scene.scene import Scene
-from contactlab.schema.tune_report import MODEL, Kept, Proof
+from contactlab.schema.study_reports import MODEL, Kept, Proof
 from contactlab.store.finished_store import Store
 from contactlab.studies.configuration_runs import ConfigurationRows, Row
 from contactlab.studies.session import Session, Values

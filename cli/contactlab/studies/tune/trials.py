@@ -14,8 +14,7 @@ from contactlab.errors import StoppedError
 from contactlab.run.evidence_record import as_written
 from contactlab.scene.model_writer import WrittenModel
 from contactlab.scene.scene import Scene
-from contactlab.schema.effects_report import Ratio
-from contactlab.schema.tune_report import Candidate, Standing
+from contactlab.schema.study_reports import Candidate, Ratio, Standing
 from contactlab.studies.configuration_runs import ConfigurationRows, Measure, run_configurations
 from contactlab.studies.effects.effects_request import AblationSetup
 from contactlab.studies.session import Session, Values

@@ -10,8 +10,7 @@ from contactlab.errors import ExpectationError, SceneError, SweepFileError
 from contactlab.measure import METRICS
 from contactlab.run.sweep_request import SceneLoader
 from contactlab.schema.drive import Drive
-from contactlab.schema.effects_report import MetricChange
-from contactlab.schema.tune_report import Goal
+from contactlab.schema.study_reports import Goal, MetricChange
 from contactlab.studies.configuration_runs import ConfigurationRows
 from contactlab.studies.effects.effect_toggles import difference
 from contactlab.studies.effects.effects_request import AblationSetup

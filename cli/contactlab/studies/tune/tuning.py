@@ -10,7 +10,7 @@ from contactlab.run.evidence_record import as_written, engine, provenance
 from contactlab.scene.model_writer import ModelEdits, WrittenModel
 from contactlab.schema.coverage import Exercised
 from contactlab.schema.drive import drive_data, drive_text
-from contactlab.schema.tune_report import (
+from contactlab.schema.study_reports import (
     PATCH,
     PROOF,
     REPORT,
