@@ -3,8 +3,10 @@
 Always real paths, since MuJoCo opens meshes relative to the model file.
 """
 
+import hashlib
 import json
 import os
+from collections.abc import Sequence
 from pathlib import Path
 
 from contactlab.errors import SceneError, SweepFileError, did_you_mean
@@ -18,6 +20,12 @@ _ROOT = _INSTALLED if _INSTALLED.is_dir() else _CHECKOUT
 
 MODELS, SWEEPS, SCHEMAS = _ROOT / "models", _ROOT / "sweeps", _ROOT / "schemas"
 """The folders of shipped scenes, one folder each, of sweep files and of published schemas."""
+ADAPTERS = _ROOT / "adapters"  # of engines that run in environments of their own
+
+
+def short_hash(parts: Sequence[str]) -> str:
+    """Return 12 hexadecimal digits that tell lists of words apart."""
+    return hashlib.sha256("\n".join(parts).encode()).hexdigest()[:12]
 
 
 def user_cache() -> Path:

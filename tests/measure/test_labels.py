@@ -12,7 +12,8 @@ from contactlab.errors import SceneError
 from contactlab.measure import LABELS, THRESHOLDS, AppliedLabel, assess, limits
 
 ORDER = (
-    "crashed timeout invalid diverged solver_inconsistent solver_nonconvergence broken tunneling "
+    "crashed timeout invalid buffer_overflow diverged solver_inconsistent solver_nonconvergence "
+    "broken tunneling "
     "missed_contact constraint_violated phantom_contact asleep_unsupported contact_at_distance "
     "energy_injection energy_loss penetration_growth exploited squeezed deep_penetration drift "
     "chatter constraint_gain step_dependent slipping unsettled creep pair_expectation "

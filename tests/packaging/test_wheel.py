@@ -15,7 +15,7 @@ pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).parents[2]
 IGNORED = {"__pycache__", "node_modules", "package-lock.json", ".venv", ".stubs", "results"}
-DATA = ("models", "sweeps", "schemas")
+DATA = ("adapters", "models", "sweeps", "schemas")
 
 
 def build(target: str, folder: Path) -> Path:

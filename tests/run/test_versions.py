@@ -99,7 +99,9 @@ def test_it_is_made_once(notes: Path, cache: Path) -> None:
 def test_venv_and_pip_do_without_uv(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(shutil, "which", lambda _: None)
     monkeypatch.setattr(importlib.util, "find_spec", lambda _: None)
-    made, installed = mujoco_environment.install_commands(tmp_path, "3.9.0", ["numpy==2.2.0"])
+    made, installed = mujoco_environment.install_commands(
+        tmp_path, ["mujoco==3.9.0", "numpy==2.2.0"]
+    )
     assert made == [sys.executable, "-P", "-m", "venv", str(tmp_path)]
     assert installed[:5] == [str(tmp_path / "bin" / "python"), "-P", "-m", "pip", "install"]
     assert installed[-2:] == ["mujoco==3.9.0", "numpy==2.2.0"]
@@ -108,7 +110,7 @@ def test_venv_and_pip_do_without_uv(tmp_path: Path, monkeypatch: pytest.MonkeyPa
 def test_uv_as_a_module(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(shutil, "which", lambda _: None)
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: name)
-    made, _ = mujoco_environment.install_commands(tmp_path, "3.9.0", [])
+    made, _ = mujoco_environment.install_commands(tmp_path, [])
     assert made[:5] == [sys.executable, "-P", "-m", "uv", "venv"]
 
 

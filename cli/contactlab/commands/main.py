@@ -9,6 +9,7 @@ import typer
 
 from contactlab.commands.compare_command import baselines, compare
 from contactlab.commands.drawing_commands import render, report
+from contactlab.commands.engines_command import engines
 from contactlab.commands.list_commands import (
     init,
     labels,
@@ -41,6 +42,7 @@ _LIST = (scenes, sweeps, metrics, labels, thresholds, init, schema)
 for command in (*_RUN, *_READ, *_LIST):
     app.command()(command)
 app.add_typer(baselines, name="baseline")
+app.add_typer(engines, name="engines")
 
 
 def _print_version(wanted: bool) -> None:

@@ -4,6 +4,7 @@
 nothing compares names.
 """
 
+from contactlab.engines.adapted_engine import adapted_engines
 from contactlab.engines.engine import (
     Buffers,
     PreparedRuns,
@@ -38,6 +39,8 @@ __all__ = [
 ENGINES: Registry[SimulationEngine] = Registry("engine")
 ENGINES.add(MujocoEngine() if has_batch() else OlderMujocoEngine())
 ENGINES.add(ImpulseEngine())
+for _engine in adapted_engines():
+    ENGINES.add(_engine)
 
 
 def find_engine(name: str) -> SimulationEngine:

@@ -12,6 +12,7 @@ STABLE = LABELS.add(Label("stable", "No other label applies.", 0))
 
 _CLOCK = Threshold("clock_error", 1e-9, "1", "Share of a timestep; rounding is 1000 times less.")
 _QUATERNION = Threshold("quaternion_error", 1e-3, "1", "Off unit norm; the engine keeps 1e-16.")
+_FULL = {"contactfull", "cnstrfull"}  # warnings of memory for contacts and constraints
 
 
 @label(92, voids=True)
@@ -24,6 +25,15 @@ def invalid(runs: MeasuredRuns) -> Found:
                 yield run, Finding(f"{name} {value:g} s is not positive", 0)
         if trace.steps == 0:
             yield run, Finding("no step was recorded", 0)
+
+
+@label(90, voids=True)
+def buffer_overflow(runs: MeasuredRuns) -> Found:
+    """The engine dropped contacts or constraints, since a buffer was too small for them."""
+    for run, counts in enumerate(runs.context.trace.warnings):
+        if full := _FULL & counts.keys():
+            reason = f"too small: {', '.join(sorted(full))}; give the engine more memory"
+            yield run, Finding(reason, _last(runs.context))
 
 
 @label(88, (_CLOCK, _QUATERNION), voids=True)
@@ -39,7 +49,8 @@ def diverged(runs: MeasuredRuns) -> Found:
 
 
 def _warnings(runs: MeasuredRuns) -> Found:
-    for run, counts in enumerate(runs.context.trace.warnings):
+    for run, found in enumerate(runs.context.trace.warnings):
+        counts = {name: count for name, count in found.items() if name not in _FULL}
         raised = [f"{name} x{count}" for name, count in counts.items() if count > 0]
         if raised:
             yield run, Finding(f"engine warnings: {', '.join(raised)}", _last(runs.context))

@@ -1,6 +1,5 @@
-"""Run this contactlab on another version of MuJoCo, in a virtual environment of its own."""
+"""Virtual environments: of another MuJoCo under this contactlab, and of other engines."""
 
-import hashlib
 import importlib.util
 import os
 import platform
@@ -49,11 +48,18 @@ def find_interpreter(request: str, notify: Callable[[str], None]) -> Interpreter
     if not _OLDEST <= numbers < _TOO_NEW:
         raise EngineError(f"contactlab runs on MuJoCo 3.3.0 and newer, below 5; not on {request}")
     others = _requirements()
-    name = f"mujoco-{request}-py{platform.python_version()}-{_short_hash(others)}"
+    name = f"mujoco-{request}-py{platform.python_version()}-{resources.short_hash(others)}"
     folder = resources.user_cache() / name
     if not folder.is_dir():
         notify(f"setting up MuJoCo {request} in {folder}, once")
-        _make(folder, request, others)
+        # Building an old engine from its sources needs more than most machines have.
+        wanted = ["--only-binary", "mujoco", f"mujoco=={request}", *others]
+        name = f"MuJoCo {request}"
+        advice = (
+            "take another version (`pip index versions mujoco` lists them), or give --mujoco the "
+            "path of a Python that has it"
+        )
+        make_environment(folder, wanted, name, advice, lambda python: _probe(python, name))
     return Interpreter(folder / "bin" / "python", request)
 
 
@@ -75,14 +81,12 @@ def without_option(arguments: Sequence[str], option: str) -> list[str]:
     return left
 
 
-def install_commands(folder: Path, mujoco: str, others: Sequence[str]) -> list[list[str]]:
+def install_commands(folder: Path, wanted: Sequence[str]) -> list[list[str]]:
     """Return the commands that make an environment: by uv if there is one, else by venv and pip.
 
-    It gets a version of MuJoCo and other requirements.
+    It gets what is wanted, as pip takes it.
     """
     python = str(folder / "bin" / "python")
-    # Building an old engine from its sources needs more than most machines have.
-    wanted = ["--only-binary", "mujoco", f"mujoco=={mujoco}", *others]
     if uv := _uv():
         return [
             [*uv, "venv", "--quiet", "--python", sys.executable, str(folder)],
@@ -104,28 +108,29 @@ def _existing(request: str) -> Interpreter:
     return Interpreter(python, _probe(python, request))
 
 
-def _make(folder: Path, mujoco: str, others: Sequence[str]) -> None:
-    """Make an environment beside its folder, and move it there when it is complete."""
+def make_environment(
+    folder: Path, wanted: Sequence[str], name: str, advice: str, check: Callable[[Path], object]
+) -> None:
+    """Make an environment beside its folder, and move it there when it is complete.
+
+    Raises an EngineError, with this advice, if what is wanted cannot be installed, and what the
+    check of its Python raises.
+    """
     folder.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=folder.parent, prefix="new-") as beside:
         made = Path(beside) / "environment"
-        for command in install_commands(made, mujoco, others):
+        for command in install_commands(made, wanted):
             done = subprocess.run(command, capture_output=True, text=True, check=False)  # noqa: S603
             if done.returncode:
-                raise EngineError(_failure(mujoco, done.stderr or done.stdout))
-        _probe(made / "bin" / "python", f"MuJoCo {mujoco}")
+                output = (done.stderr or done.stdout).strip().splitlines()
+                lines = [line.rstrip() for line in output if line.strip()][-_MAX_LINES:]
+                raise EngineError(
+                    f"{name} cannot be installed for Python {platform.python_version()}; {advice}. "
+                    "The installer says:\n" + "\n".join(f"  {line}" for line in lines)
+                )
+        check(made / "bin" / "python")
         if not folder.exists():
             made.rename(folder)
-
-
-def _failure(mujoco: str, output: str) -> str:
-    lines = [line for line in output.strip().splitlines() if line.strip()]
-    last = "\n".join(f"  {line.rstrip()}" for line in lines[-_MAX_LINES:])
-    return (
-        f"MuJoCo {mujoco} cannot be installed for Python {platform.python_version()}; take another "
-        "version (`pip index versions mujoco` lists them), or give --mujoco the path of a Python "
-        f"that has it. The installer says:\n{last}"
-    )
 
 
 def _probe(python: Path, name: str) -> str:
@@ -176,7 +181,7 @@ def _isolated_contactlab() -> Path:
     package = Path(resources.__file__).resolve().parent
     own = distribution("contactlab")
     metadata = Path(str(own.locate_file(f"contactlab-{own.version}.dist-info"))).resolve()
-    name = f"contactlab-{own.version}-{_short_hash([str(package), str(metadata)])}"
+    name = f"contactlab-{own.version}-{resources.short_hash([str(package), str(metadata)])}"
     folder = resources.user_cache() / name
     folder.mkdir(parents=True, exist_ok=True)
     for target, name in ((package, "contactlab"), (metadata, metadata.name)):
@@ -184,7 +189,3 @@ def _isolated_contactlab() -> Path:
         with suppress(FileExistsError):
             (folder / name).symlink_to(target, target_is_directory=True)
     return folder
-
-
-def _short_hash(parts: Sequence[str]) -> str:
-    return hashlib.sha256("\n".join(parts).encode()).hexdigest()[:12]

@@ -1,0 +1,227 @@
+"""MuJoCo Warp in single precision, many worlds at once."""
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import mujoco
+import numpy as np
+
+PACKAGE = "mujoco-warp"
+REQUIREMENTS = ("mujoco-warp=={mujoco}", "mujoco=={mujoco}", "numpy")
+# What warp has no switch for: it stops at nothing, and looks at every pair.
+_SWITCHES = ("AUTORESET", "MIDPHASE")
+# What worlds may differ in: of a model's options, and of its arrays.
+_OPTIONS = ("timestep", "tolerance", "ls_tolerance", "noslip_tolerance", "ccd_tolerance", "gravity",
+            "wind", "density", "viscosity")  # fmt: skip
+# What overflows of warp are called in MuJoCo's warnings; the others are of iterations.
+_CONSTRAINTS = ("NEFC", "NJMAX_NNZ", "NVMAX")
+_CONTACTS = ("BROADPHASE", "NARROWPHASE", "CCD", "HFIELD", "CONTACT_MATCH", "EPA_HORIZON")
+_HEADROOM = 2  # buffers over MuJoCo's own peak, as its documentation advises
+
+
+def refusal(model: mujoco.MjModel) -> str | None:
+    """Return why it cannot simulate a model; None if it can."""
+    enabled, solver = int(model.opt.enableflags), int(model.opt.solver)
+    for name in ("OVERRIDE", "FWDINV", "DIAGEXACT", "SPECULATIVE"):
+        if enabled & getattr(mujoco.mjtEnableBit, f"mjENBL_{name}", 0):
+            return f"it has no {name.lower()}; turn that off"
+    if solver == mujoco.mjtSolver.mjSOL_PGS:
+        return "it has no PGS; set solver to Newton or CG"
+    discrete = getattr(mujoco.mjtIntegrator, "mjINT_DISCRETE", None)
+    if model.opt.noslip_iterations and model.opt.integrator == discrete:
+        return "it has no noslip with the discrete integrator; set noslip_iterations to 0"
+    if model.nplugin:
+        return "it runs no plug-ins of MuJoCo"
+    return None
+
+
+def ignored(model: mujoco.MjModel) -> dict[str, str]:
+    """Return what of a model it leaves out or puts something else in place of, and why."""
+    boxes = int((np.asarray(model.geom_type) == mujoco.mjtGeom.mjGEOM_BOX).sum())
+    if boxes > 1 and not model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_NATIVECCD:
+        return {"boxbox": "boxes collide by GJK, with up to 4 contacts instead of 8"}
+    return {}
+
+
+def simulate(request: dict[str, Any], tick: Callable[[], None]) -> dict[str, Any]:
+    """Simulate runs: as worlds of one launch where warp can tell them apart, else one by one."""
+    import warp
+
+    warp.config.quiet = True
+    models = [_loaded(each) for each in request["models"]]
+    launches: dict[bytes, list[int]] = {}
+    for run, model in enumerate(models):
+        launches.setdefault(_shared(model), []).append(run)
+    found: dict[int, dict[str, Any]] = {}
+    for runs in launches.values():
+        told = _launch(request, [models[run] for run in runs], runs, tick)
+        found |= {run: {key: told[key][row] for key in told} for row, run in enumerate(runs)}
+    return {key: np.stack([found[run][key] for run in range(len(models))]) for key in found[0]}
+
+
+def _loaded(binary: bytes) -> mujoco.MjModel:
+    model = mujoco.MjModel.from_binary_path("model.mjb", {"model.mjb": binary})
+    for name in _SWITCHES:
+        model.opt.disableflags &= ~int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{name}", 0))
+    return model
+
+
+def _arrays(model: mujoco.MjModel) -> dict[str, np.ndarray]:
+    found = {name: getattr(model, name) for name in dir(model) if not name.startswith("_")}
+    return {name: each for name, each in found.items() if isinstance(each, np.ndarray)}
+
+
+def _options(model: mujoco.MjModel) -> dict[str, np.ndarray]:
+    opt = model.opt
+    return {
+        name: np.asarray(getattr(opt, name))
+        for name in dir(opt)
+        if not name.startswith("_") and isinstance(getattr(opt, name), (int, float, np.ndarray))
+    }
+
+
+def _batched() -> frozenset[str]:
+    """Return the arrays of a model that each world may have for itself."""
+    from mujoco_warp import Model
+
+    notes = Model.__annotations__
+    return frozenset(
+        name for name, note in notes.items() if getattr(note, "shape", ())[:1] == ("*",)
+    )
+
+
+def _shared(model: mujoco.MjModel) -> bytes:
+    """Return what all worlds of a launch must have in common, as bytes to compare."""
+    own, options = _batched(), {*_OPTIONS, "impratio"}
+    parts = {name: each for name, each in _arrays(model).items() if name not in own}
+    parts |= {name: each for name, each in _options(model).items() if name not in options}
+    return b"".join(
+        name.encode() + np.ascontiguousarray(parts[name]).tobytes() for name in sorted(parts)
+    )
+
+
+def _launch(
+    request: dict[str, Any], models: list[mujoco.MjModel], runs: list[int], tick: Callable[[], None]
+) -> dict[str, np.ndarray]:
+    """Simulate runs as the worlds of one launch."""
+    import mujoco_warp
+    import warp
+
+    first, count, steps = models[0], len(models), request["steps"]
+    contacts, rows = _peaks(request, models, runs)
+    on_device = _put(mujoco_warp, warp, models)
+    data = mujoco_warp.make_data(
+        first, nworld=count, nconmax=_HEADROOM * contacts, njmax=_HEADROOM * rows
+    )
+    for name in ("qpos", "qvel", "ctrl", "act"):
+        if request[name].shape[1]:
+            getattr(data, name).assign(request[name][runs].astype(np.float32))
+    inputs = _Inputs(first, request, runs)
+    width = first.nq + first.nv + first.na
+    state = np.empty((count, steps + 1, width))
+    sensors = np.empty((count, steps, first.nsensordata))
+    iterations, overflow = np.empty((count, steps), np.int32), np.zeros(count, np.int32)
+    state[:, 0] = np.concatenate([request[name][runs] for name in ("qpos", "qvel", "act")], axis=1)
+    begin, done = time.process_time(), 0
+    for step in range(steps):
+        inputs.set(data, step)
+        mujoco_warp.step(on_device, data)
+        parts = [each.numpy() for each in (data.qpos, data.qvel, data.act) if each.shape[1]]
+        state[:, step + 1] = np.concatenate(parts, axis=1)
+        sensors[:, step] = data.sensordata.numpy()
+        iterations[:, step] = data.solver_niter.numpy()
+        overflow |= data.overflow.numpy()
+        if step == 0:
+            # All before was compiling.
+            begin = time.process_time()
+            tick()
+        elif (step + 1) * count // steps > done:
+            done = (step + 1) * count // steps
+            tick()
+    cost = np.full(count, (time.process_time() - begin) / count)
+    return {
+        "state": state,
+        "sensors": sensors,
+        "iterations": iterations,
+        "cost": cost,
+        "contactfull": _any(overflow, _CONTACTS),
+        "cnstrfull": _any(overflow, _CONSTRAINTS),
+    }
+
+
+def _any(overflow: np.ndarray, names: tuple[str, ...]) -> np.ndarray:
+    """Return (n,) whether any of these overflowed in each world."""
+    from mujoco_warp._src.types import OverflowType
+
+    return (overflow & sum(OverflowType[name].value for name in names)) != 0
+
+
+def _put(mujoco_warp: Any, warp: Any, models: list[mujoco.MjModel]) -> Any:
+    """Return models on the device as one, with what they differ in for each world."""
+    count, arrays = len(models), [_arrays(each) for each in models]
+    differing = {
+        name: np.stack([each[name] for each in arrays])
+        for name in _batched() & arrays[0].keys()
+        if any((each[name] != arrays[0][name]).any() for each in arrays)
+    }
+    made = mujoco_warp.put_model(models[0], batch_sizes=dict.fromkeys(differing, count))
+    for name, values in differing.items():
+        getattr(made, name).assign(values.astype(np.float32))
+    for name in _OPTIONS:
+        values = np.array([getattr(each.opt, name) for each in models], np.float32)
+        if (values != values[0]).any():
+            kind = warp.vec3 if values.ndim == 2 else float
+            setattr(made.opt, name, warp.array(values, dtype=kind))
+    ratios = np.array([each.opt.impratio for each in models])
+    if (ratios != ratios[0]).any():
+        made.opt.impratio_invsqrt = warp.array(
+            (1 / np.sqrt(ratios)).astype(np.float32), dtype=float
+        )
+    return made
+
+
+class _Inputs:
+    """What drives the worlds: controls, forces on bodies and places of mocap bodies."""
+
+    def __init__(self, model: mujoco.MjModel, request: dict[str, Any], runs: list[int]) -> None:
+        names = ("ctrl", "applied", "mocap")
+        self._values = np.concatenate([request[name][runs] for name in names], axis=1)
+        self._places, self._levels = request["places"], request["levels"]
+        self._runs, self._nu, self._bodies, self._mocap = runs, model.nu, model.nbody, model.nmocap
+
+    def set(self, data: Any, step: int) -> None:
+        """Set the inputs of a step; those that do not change are set at the first one."""
+        if step and not len(self._places):
+            return
+        if len(self._places):
+            self._values[:, self._places] = self._levels[self._runs, step]
+        values, count = self._values.astype(np.float32), len(self._values)
+        places = self._nu + 6 * self._bodies
+        if self._nu:
+            data.ctrl.assign(np.ascontiguousarray(values[:, : self._nu]))
+        forces = values[:, self._nu : places]
+        if forces.any() or step:
+            data.xfrc_applied.assign(np.ascontiguousarray(forces.reshape(count, self._bodies, 6)))
+        if self._mocap:
+            split = places + 3 * self._mocap
+            positions, turns = values[:, places:split], values[:, split:]
+            data.mocap_pos.assign(np.ascontiguousarray(positions.reshape(count, -1, 3)))
+            data.mocap_quat.assign(np.ascontiguousarray(turns.reshape(count, -1, 4)))
+
+
+def _peaks(
+    request: dict[str, Any], models: list[mujoco.MjModel], runs: list[int]
+) -> tuple[int, int]:
+    """Return the most contacts and constraint rows that MuJoCo itself has in these runs."""
+    contacts, rows = 8, 32
+    for model, run in zip(models, runs, strict=True):
+        data = mujoco.MjData(model)
+        for name in ("qpos", "qvel", "ctrl", "act"):
+            getattr(data, name)[:] = request[name][run]
+        driven = np.flatnonzero(request["places"] < model.nu)
+        for step in range(request["steps"]):
+            data.ctrl[request["places"][driven]] = request["levels"][run, step, driven]
+            mujoco.mj_step(model, data)
+            contacts, rows = max(contacts, data.ncon), max(rows, data.nefc)
+    return contacts, rows

@@ -1,0 +1,203 @@
+"""Engines in environments of their own: adapters, the processes that run them, arrays between.
+
+An adapter is a file of the folder `adapters` that knows nothing of contactlab. Its docstring says
+what computes; PACKAGE is what has the version, REQUIREMENTS what pip installs, with `{mujoco}` for
+this MuJoCo's version. `refusal(model)` and `ignored(model)` are asked here, without the engine;
+`simulate(request, tick)` runs where it is: of n runs of N steps it returns the arrays `state`
+(n, N + 1, nq + nv + na), `sensors` (n, N, nsensordata), `iterations` (n, N), `cost` (n,) [s], and,
+if it has buffers, `contactfull` and `cnstrfull` (n,), whether one was too small.
+"""
+
+import os
+import pickle
+import select
+import subprocess
+import weakref
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import replace
+from functools import cached_property
+from importlib.metadata import distributions
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from contactlab.engines.engine import (
+    Buffers,
+    PreparedRuns,
+    Proceed,
+    Rollout,
+    SimulationEngine,
+    Watch,
+    no_limit,
+    proceed_always,
+)
+from contactlab.engines.mujoco_batch import record_starts
+from contactlab.errors import EngineError
+from contactlab.resources import ADAPTERS, short_hash, user_cache
+from contactlab.scene.resolution import ResolvedRun
+from contactlab.scene.scene import Scene
+
+_SERVER = "serve.py"
+_SETUP_LIMIT = 900.0  # until a first step is compiled and made [s]
+
+
+class AdaptedEngine(SimulationEngine):
+    """An engine that an adapter drives in another process."""
+
+    def __init__(self, file: Path) -> None:
+        spec = spec_from_file_location(f"contactlab_adapter_{file.stem}", file)
+        assert spec is not None
+        assert spec.loader is not None
+        self._adapter: Any = module_from_spec(spec)
+        spec.loader.exec_module(self._adapter)
+        self._file = file
+        self.name, self.summary = file.stem, self._adapter.__doc__.rstrip(".")
+
+    @property
+    def requirements(self) -> list[str]:
+        """What its environment has, as pip takes it."""
+        return [each.format(mujoco=mujoco.__version__) for each in self._adapter.REQUIREMENTS]
+
+    @property
+    def environment(self) -> Path:
+        """The folder of its environment, which may not be there."""
+        return user_cache() / f"{self.name}-{short_hash(self.requirements)}"
+
+    @property
+    def version(self) -> str:
+        """The version that is installed; empty if none is."""
+        folders = [str(each) for each in self.environment.glob("lib/python*/site-packages")]
+        found = distributions(name=self._adapter.PACKAGE, path=folders)
+        return next((each.version for each in found), "")
+
+    def refusal(self, scene: Scene, run: ResolvedRun) -> str | None:
+        """Return why it cannot simulate a run: it is not installed, or what the adapter says."""
+        if not self.version:
+            return (
+                f"the {self.name} engine is not installed; do so once with "
+                f"`contactlab engines add {self.name}`"
+            )
+        if why := self._adapter.refusal(scene.base_of(run).prepare(run.edits()).model):
+            return f"the {self.name} engine cannot simulate this: {why}"
+        return super().refusal(scene, run)
+
+    def roll_out(
+        self,
+        runs: PreparedRuns,
+        buffers: Buffers,
+        watch: Watch = no_limit,
+        proceed: Proceed = proceed_always,  # noqa: ARG002 - all runs go through together
+    ) -> Rollout:
+        """Simulate runs in the adapter's process."""
+        count = len(runs.prepared)
+        arrays = buffers.arrays(runs.base.model, count, runs.steps)
+        arrays.iterations[:] = 0
+        record_starts(runs.starts, arrays)
+        answer = self._process.ask(_request(runs), watch)
+        if isinstance(answer, str):
+            arrays.state[:, 1:], arrays.sensors[:] = arrays.state[:, :1], 0.0
+            failed = Rollout.completed(arrays, np.full(count, np.nan))
+            return replace(failed, errors=(answer,) * count, steps=(0,) * count)
+        arrays.state[:, 1:, 1:] = answer["state"][:, 1:]
+        timesteps = np.array([model.opt.timestep for model in runs.models])
+        # The clock of single precision would drift.
+        arrays.state[:, :, 0] = timesteps[:, None] * np.arange(runs.steps + 1)
+        arrays.sensors[:], arrays.iterations[:, :, 0] = answer["sensors"], answer["iterations"]
+        told = Rollout.completed(arrays, answer["cost"])
+        full = {name: answer[name] for name in ("contactfull", "cnstrfull") if name in answer}
+        warnings = [{name: 1 for name in full if full[name][run]} for run in range(count)]
+        return replace(told, warnings=tuple(warnings))
+
+    @cached_property
+    def _process(self) -> "_EngineProcess":
+        python = self.environment / "bin" / "python"
+        if not python.exists():
+            raise EngineError(f"the {self.name} engine is not installed in {self.environment}")
+        command = [str(python), "-P", str(ADAPTERS / _SERVER), str(self._file)]
+        return _EngineProcess(self.name, command)
+
+
+class _EngineProcess:
+    """A process that simulates what it is asked; it ends with this one, or when it fails."""
+
+    def __init__(self, name: str, command: Sequence[str]) -> None:
+        self._name, self._command = name, command
+        self._process: subprocess.Popen[bytes] | None = None
+
+    def ask(self, request: Mapping[str, object], tick: Callable[[], None]) -> dict[str, Any] | str:
+        """Return the answer to a request, or what went wrong; calls back as work gets done."""
+        process = self._process or self._start()
+        assert process.stdin is not None
+        assert process.stdout is not None
+        try:
+            pickle.dump(request, process.stdin, protocol=5)
+            process.stdin.flush()
+            if not select.select([process.stdout], [], [], _SETUP_LIMIT)[0]:
+                raise TimeoutError(f"no step was made within {_SETUP_LIMIT:g} s")
+            while (answer := pickle.load(process.stdout)) is None:  # noqa: S301 - from our process
+                tick()
+        except (EOFError, OSError, pickle.UnpicklingError) as error:
+            self._process = None
+            code = _end(process)
+            told = str(error) if isinstance(error, TimeoutError) else f"exit code {code}"
+            return f"the {self._name} process failed: {told}"
+        return answer
+
+    def _start(self) -> subprocess.Popen[bytes]:
+        # Its output would be taken for this command's; what it says of kernels is of no use.
+        self._process = subprocess.Popen(  # noqa: S603
+            self._command,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            env={name: text for name, text in os.environ.items() if name != "PYTHONPATH"},
+        )
+        weakref.finalize(self, _end, self._process)
+        return self._process
+
+
+def _end(process: subprocess.Popen[bytes]) -> int:
+    """End a process, and return its exit code; of one that has ended already, that of its own."""
+    for pipe in (process.stdin, process.stdout):
+        with suppress(OSError):
+            pipe and pipe.close()
+    with suppress(subprocess.TimeoutExpired):
+        return process.wait(1)
+    process.kill()
+    return process.wait()
+
+
+def _request(runs: PreparedRuns) -> dict[str, object]:
+    """Return n runs of N steps as arrays: models as MuJoCo's binaries, starts, and what drives."""
+    starts, places = runs.starts, runs.starts.driven
+    steps, width = (
+        np.arange(runs.steps),
+        sum(each.shape[1] for each in (starts.ctrl, starts.applied, starts.mocap)),
+    )
+    levels = [
+        starts.inputs(run, model.opt.timestep, steps, width)[:, places]
+        for run, model in enumerate(runs.models)
+    ]
+    arrays = ("qpos", "qvel", "ctrl", "applied", "act", "mocap")
+    return {
+        "models": [_binary(model) for model in runs.models],
+        "steps": runs.steps,
+        "places": places,
+        "levels": np.array(levels),
+    } | {name: getattr(starts, name) for name in arrays}
+
+
+def _binary(model: mujoco.MjModel) -> bytes:
+    buffer = np.empty(mujoco.mj_sizeModel(model), np.uint8)
+    mujoco.mj_saveModel(model, None, buffer)
+    return buffer.tobytes()
+
+
+def adapted_engines() -> list[AdaptedEngine]:
+    """Return an engine for each adapter, whether or not it is installed."""
+    files = sorted(ADAPTERS.glob("*.py"))
+    return [AdaptedEngine(file) for file in files if file.name != _SERVER]

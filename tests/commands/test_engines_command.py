@@ -1,0 +1,71 @@
+"""The commands `engines`: the list says what is installed, and `add` makes an environment whole."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+# Makes what the real one makes of `venv FOLDER` and of `pip install --python PYTHON WANTED`.
+UV = """#!/bin/sh
+if [ "$1" = venv ]; then
+  mkdir -p "$5/bin" "$5/lib/python3/site-packages"; touch "$5/bin/python"; exit 0
+fi
+{then}
+site="$(dirname "$(dirname "$5")")/lib/python3/site-packages/mujoco_warp-9.8.dist-info"
+mkdir -p "$site"
+printf 'Metadata-Version: 2.1\\nName: mujoco-warp\\nVersion: 9.8\\n' > "$site/METADATA"
+"""
+
+
+@pytest.fixture
+def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    folder = tmp_path / "cache"
+    monkeypatch.setenv("XDG_CACHE_HOME", str(folder))
+    monkeypatch.setenv("PATH", str(tmp_path / "bin"), prepend=":")
+    return folder / "contactlab"
+
+
+def installer(folder: Path, then: str = "") -> None:
+    """Put an installer of our own before any other."""
+    uv = folder / "bin/uv"
+    uv.parent.mkdir()
+    uv.write_text(UV.replace("{then}", then))
+    uv.chmod(0o755)
+
+
+def versions(contactlab: Any) -> dict[str, str]:
+    listed = json.loads(contactlab("engines", "--format", "json").out)
+    return {each["engine"]: each["version"] for each in listed}
+
+
+def test_an_engine_is_added_once(contactlab: Any, cache: Path, tmp_path: Path) -> None:
+    installer(tmp_path)
+    assert versions(contactlab)["warp"] == "not installed"
+    assert "contactlab engines add NAME" in contactlab("engines").err
+    added = contactlab("engines", "add", "warp")
+    assert (added.code, added.out) == (0, "warp 9.8\n")
+    assert added.err.startswith(f"setting up warp in {cache}/warp-")
+    assert versions(contactlab)["warp"] == "9.8"
+    again = contactlab("engines", "add", "warp")
+    assert (again.code, again.out, again.err) == (0, "warp 9.8 is here\n", "")
+
+
+def test_what_cannot_be_installed_leaves_nothing(
+    contactlab: Any, cache: Path, tmp_path: Path
+) -> None:
+    installer(tmp_path, "echo no such wheel >&2; exit 1")
+    failed = contactlab("engines", "add", "warp")
+    assert failed.code == 2
+    assert "warp cannot be installed" in failed.err
+    assert "no such wheel" in failed.err
+    assert list(cache.iterdir()) == []
+
+
+def test_what_is_no_engine_is_named(contactlab: Any, cache: Path) -> None:
+    wrong = contactlab("engines", "add", "wrap")
+    assert wrong.code == 2
+    assert "did you mean 'warp'?" in wrong.err
+    here = contactlab("engines", "add", "mujoco")
+    assert (here.code, "is here" in here.out) == (0, True)
+    assert not cache.exists()
