@@ -90,7 +90,7 @@ def check_patch(scene: Scene, written: WrittenModel, folder: Path) -> None:
     content = scene.source.content
     content.copy_to(folder)
     start = folder / written.folder.relative_to(content.root)
-    patch = ["patch", "-p0", "--binary"]
+    patch = ["patch", "-p1", "--binary"]
     done = subprocess.run(patch, input=written.patch, cwd=start, capture_output=True, check=False)
     assert (done.returncode, done.stderr) == (0, b"")
     for file in content.files:

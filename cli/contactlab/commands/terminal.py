@@ -7,6 +7,7 @@ that its cost does not grow with the number of runs.
 import json
 import os
 import signal
+import sys
 import threading
 import time
 from collections import Counter, deque
@@ -47,6 +48,15 @@ def echo(text: object, *, err: bool = False) -> None:
 def echo_commands(text: str, *, err: bool = False) -> None:
     """Print lines that a CI job may take for commands, as annotations are."""
     typer.echo(text, err=err)  # noqa: TID251 - where others get it from
+
+
+def echo_file(path: Path) -> None:
+    """Print a file, to the byte unless a terminal shows it; of one that is not there, nothing."""
+    data = path.read_bytes() if path.is_file() else b""
+    if sys.stdout.isatty():
+        echo(data.decode(errors="replace"))
+    else:
+        typer.echo(data, nl=False)  # noqa: TID251 - a patch has the line ends of its files
 
 
 def print_json(data: object) -> None:

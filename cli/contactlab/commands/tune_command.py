@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal
 import typer
 
 from contactlab.commands import options as opt
-from contactlab.commands.terminal import echo, print_table, study_session
+from contactlab.commands.terminal import echo, echo_file, print_table, study_session
 from contactlab.errors import ExpectationError, SweepFileError
 from contactlab.resources import RESULTS
 
@@ -70,7 +70,7 @@ def tune(
         print_table(header, [_row(each) for each in report.candidates])
         echo("\n".join(_details(report, target)))
     elif report.file:
-        echo((target / PATCH).read_text(encoding="utf-8").rstrip("\n"))
+        echo_file(target / PATCH)
     if report.proof is None or not report.proof.holds:
         reasons = [f"{each.name}: {each.reason}" for each in report.kept[-1:]]
         raise ExpectationError("; ".join([f"nothing is better than {model} as written", *reasons]))
@@ -152,7 +152,7 @@ def _details(report: "TuneReport", folder: Path) -> Iterator[str]:
     if len(report.kept) > _MOST_KEPT:
         yield f"kept: and {len(report.kept) - _MOST_KEPT} more, see tune.json"
     if report.file:
-        yield f"wrote {folder / report.file}, and {PATCH}, {PROOF} and {REPORT} beside its folder"
+        yield f"wrote {folder / report.file}, {PATCH}, {PROOF} and {REPORT}"
         yield f"next: contactlab sweep {folder / PROOF}"
     else:
         yield f"evidence and {REPORT} in {folder}"

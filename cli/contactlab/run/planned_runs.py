@@ -52,11 +52,11 @@ _MOST_STEPS = 1e12
 
 def reference_models(scene: Scene, sweep: Sweep, planned: Planned) -> dict[str, ResolvedRun]:
     """Return what runs are compared with, by run id: themselves, or the scene as written."""
-    own = sweep.accuracy is None or sweep.accuracy.against == "own"
-    return {
-        run.run_id: each if own else scene.as_written(each, run.values, sweep.scenario)
-        for run, each in planned
-    }
+    asked = sweep.accuracy
+    if asked is None or asked.against == "own":
+        return {run.run_id: each for run, each in planned}
+    scenario = [*sweep.scenario, *asked.scenario]
+    return {run.run_id: scene.as_written(each, run.values, scenario) for run, each in planned}
 
 
 class RunIndex:

@@ -36,7 +36,7 @@ class WrittenModel:
 
     source: SceneSource  # the scene that has the written model
     folder: Path  # of the files as they were, where the paths of the patch and of the changes start
-    patch: bytes  # turns them into the written ones, by `patch -p0`; empty for a URDF
+    patch: bytes  # turns them into the written ones, by `patch -p1`; empty for a URDF
     changes: tuple[Change, ...]  # by files and lines
 
     @property
@@ -120,7 +120,7 @@ def _patch(path: Path, before: bytes, after: bytes) -> bytes:
     # What follows a tab is not part of a name, which may have spaces.
     name = path.as_posix().encode() + b"\t"
     old, new = (re.findall(rb"[^\n]*\n|[^\n]+", text) for text in (before, after))
-    found = difflib.diff_bytes(difflib.unified_diff, old, new, name, name)
+    found = difflib.diff_bytes(difflib.unified_diff, old, new, b"a/" + name, b"b/" + name)
     return b"".join(
         line if line.endswith(b"\n") else line + b"\n\\ No newline at end of file\n"
         for line in found

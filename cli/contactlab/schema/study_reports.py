@@ -126,8 +126,8 @@ class EffectsReport(Model):
 
 
 TUNE_VERSION = 1
-REPORT, MODEL, PATCH, PROOF = "tune.json", "tuned.xml", "tuned.patch", "proof.yaml"
-"""Files of the study's folder; the model lies in a folder of its own, with what it refers to."""
+REPORT, MODEL, PATCH, PROOF = "tune.json", "tuned.xml", "tuned/tuned.patch", "proof.yaml"
+"""Files of the study's folder; the model lies in `tuned`, with what it refers to."""
 
 Goal = Literal["fastest", "most-accurate"]
 Standing = Literal["now", "recommended", "safer", "more accurate"]

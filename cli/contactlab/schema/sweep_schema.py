@@ -176,6 +176,11 @@ class AccuracyRequest(Model):
         "one takes half of that",
         default=16,
     )
+    scenario: tuple[Word, ...] = about(
+        "axes that the scene as written has too, besides those of role scenario",
+        default=(),
+        exclude_if=lambda names: not names,
+    )
 
 
 class TimingRequest(Model):

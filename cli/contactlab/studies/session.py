@@ -4,6 +4,7 @@ import json
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TypeVar
 
 from pydantic import TypeAdapter, ValidationError
 
@@ -20,6 +21,7 @@ from contactlab.store.store_files import read_stored
 
 CLAIMS = "sources.json"  # whose results a folder of studies has
 Values = Mapping[str, object]  # canonical values by axis
+_Kind = TypeVar("_Kind")
 
 
 def _ignore(*_: object) -> None:
@@ -44,16 +46,19 @@ class Session:
         """Take the folder's one place for such results; an OutputError if it has another's."""
         path = Path(reference).expanduser()
         source = str(path.resolve()) if path.exists() else reference
-        data = read_stored(self.folder, CLAIMS)
-        try:
-            claimed = TypeAdapter(dict[str, str]).validate_json(data or b"{}")
-        except ValidationError as error:
-            raise OutputError(f"{self.folder / CLAIMS} is damaged; remove it") from error
+        claimed = self.read(CLAIMS, dict[str, str])
         if claimed.setdefault(results, source) != source:
             raise OutputError(
                 f"{self.folder} has the results of {claimed[results]}; write elsewhere with -o"
             )
         self.write({CLAIMS: json.dumps(claimed, indent=2) + "\n"})
+
+    def read(self, name: str, kind: type[_Kind]) -> _Kind:
+        """Return what a file of the session has, or nothing; an OutputError if it is damaged."""
+        try:
+            return TypeAdapter(kind).validate_json(read_stored(self.folder, name) or b"{}")
+        except ValidationError as error:
+            raise OutputError(f"{self.folder / name} is damaged; remove it") from error
 
     def run(self, sweep: SweepRequest) -> Store:
         """Run a sweep and open its store.

@@ -32,7 +32,7 @@ SLOPE = """
 """
 WASTE = """
 <mujoco>
-  <option timestep="0.0005" integrator="RK4"/>
+  <option timestep="0.001" integrator="RK4"/>
   <worldbody>
     <body pos="0 0 1">
       <joint name="a" axis="0 1 0" damping=".2" range="-60 60" limited="true"/>
@@ -48,11 +48,12 @@ WASTE = """
 """
 
 
-def tuned(folder: Path, text: str, error: float | None = None) -> TuneReport:
-    path = folder / "model.xml"
-    path.write_text(text)
-    request = TuneRequest(str(path), error=error, budget=1e9, drive="none")
-    return run(request, Session(folder / "out"))
+def tuned(folder: Path, text: str, seconds: float, error: float | None = None) -> TuneReport:
+    """Tune a model for short runs, as a sweep asks."""
+    (folder / "model.xml").write_text(text)
+    sweep = folder / "short.yaml"
+    sweep.write_text(f"{{version: 1, scene: model.xml, drive: none, duration: {seconds}}}")
+    return run(TuneRequest(str(sweep), error=error, budget=1e9), Session(folder / "out"))
 
 
 def kept(report: TuneReport, *names: str) -> bool:
@@ -61,19 +62,19 @@ def kept(report: TuneReport, *names: str) -> bool:
 
 @pytest.mark.slow
 def test_torsional_friction_that_stops_a_top_stays(tmp_path: Path) -> None:
-    report = tuned(tmp_path, TOP)
+    report = tuned(tmp_path, TOP, 0.2)
     assert kept(report, "torsional_friction")
     assert all(not each.name.startswith("torsional") for each in report.kept), "it was exercised"
 
 
 @pytest.mark.slow
 def test_noslip_that_holds_a_box_on_a_slope_stays(tmp_path: Path) -> None:
-    assert kept(tuned(tmp_path, SLOPE), "noslip")
+    assert kept(tuned(tmp_path, SLOPE, 0.3), "noslip")
 
 
 @pytest.mark.slow
 def test_what_never_touches_and_short_steps_go(tmp_path: Path) -> None:
-    report = tuned(tmp_path, WASTE, 1e-4)
+    report = tuned(tmp_path, WASTE, 0.4, 1e-4)
     assert report.proof is not None
     assert report.proof.holds
     assert {"dress", "a", "b"} == set(report.masked)

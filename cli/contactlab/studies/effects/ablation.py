@@ -267,9 +267,7 @@ def _verified(
     timed = trials.timed("fresh-timing", [BASE, free], seeds)
     pasted = None
     if isinstance(written, WrittenModel):
-        about = {*settings, *(each for name in free for each in EFFECTS[name].switch.settings)}
-        kept = {name: value for name, value in setup.base.items() if name not in about}
-        as_text = fresh.written(written.reference, kept)
+        as_text = fresh.written(written.reference, {**settings, **dict.fromkeys(free)})
         text = "The model with the smallest set in its files"
         rows = trials.run("written", text, [BASE], as_text)
         pasted = difference(setup.tolerances, outcomes[BASE], rows[BASE], free)

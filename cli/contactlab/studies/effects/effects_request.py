@@ -7,9 +7,11 @@ from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
 
+from contactlab.mjcf import OPTIONS
 from contactlab.plan.grid import Plan
 from contactlab.plan.sweep_file import read_sweep
 from contactlab.run.sweep_request import SceneLoader
+from contactlab.scene.effects.effect_table import EFFECTS
 from contactlab.scene.scene import Scene
 from contactlab.schema.drive import Drive
 from contactlab.studies.session import Values, read_settings
@@ -43,6 +45,9 @@ class EffectsRequest:
         folder = path.parent if is_sweep else Path()
         scenes = SceneLoader(folder, self.drive, bare="exercise")
         sweep_of_scene = {"version": 1, "scene": self.source}
+        if not is_sweep:
+            # What is wrong with a model is no mistake of a sweep.
+            scenes.open(self.source)
         read = read_sweep(path if is_sweep else sweep_of_scene, scenes.vocabulary)
         reference, sweep = read.sweep.scene, read.sweep
         if self.drive is None and sweep.drive is not None:
@@ -89,12 +94,21 @@ class AblationSetup:
         """The scene, with every effect that its model has."""
         return self.scenes.open(self.reference).with_effects("all")
 
-    def written(self, reference: str, base: Values) -> "AblationSetup":
-        """Return the setup of a model that was written from this one, driven as this one is."""
+    @property
+    def scenario(self) -> list[str]:
+        """What the scene as written has in common with every configuration, but for numerics."""
+        fixed = [name for name in self.base if name not in OPTIONS and name not in EFFECTS]
+        return [*fixed, *self.scenarios[0]]
+
+    def written(self, reference: str, settings: Values) -> "AblationSetup":
+        """Return the setup of a model that was written with settings, driven as this one is."""
         scene, given = self.scene, self.scenes.drive
         drive = scene.handed_on(given or scene.drive.drive)
         folder = self.scenes.drive_folder if given else scene.source.path.parent
         scenes = SceneLoader(self.scenes.folder, drive, folder, self.scenes.bare)
+        effects = [EFFECTS[name] for name in settings if name in EFFECTS]
+        about = {*settings, *(each for effect in effects for each in effect.switch.settings)}
+        base = {name: value for name, value in self.base.items() if name not in about}
         return replace(self, scenes=scenes, reference=reference, base=base)
 
 

@@ -36,7 +36,7 @@ def space_of(
 ) -> tuple[Space, list[Kept]]:
     """Return what is searched for a model, and what is not, for want of a run that exercises it."""
     base = setup.scene.base({})
-    written: dict[str, object] = {**base.settings, **base.flags}
+    written: dict[str, object] = {**base.settings, **base.flags, **setup.base}
     kept: list[Kept] = []
     knobs: list[Knob] = []
     for knob, features in _proposed(setup, base, written, free):

@@ -17,10 +17,18 @@ from contactlab.scene.scene import Scene
 from contactlab.schema.study_reports import MODEL, Kept, Proof
 from contactlab.store.finished_store import Store
 from contactlab.studies.configuration_runs import ConfigurationRows, Row
+from contactlab.studies.effects.effects_request import AblationSetup
 from contactlab.studies.session import Session, Values
 from contactlab.studies.tune.savers import untouched_geoms
 from contactlab.studies.tune.search import GAIN, Search, Space
-from contactlab.studies.tune.trials import ACCURACY, PRUNING, Contender, OutOfTimeError, Trials
+from contactlab.studies.tune.trials import (
+    PROVING,
+    PRUNING,
+    SHORT_TURN,
+    Contender,
+    OutOfTimeError,
+    Trials,
+)
 from contactlab.studies.tune.tune_request import BASELINE, CONTENDERS, FRESH, TuneRequest, limits_of
 
 _NEVER = "without collisions that never happen, and sensors if asked"
@@ -38,7 +46,7 @@ class Study:
     seed_seconds: float  # wall time that one seed of the model as written took
     now: Contender  # the model as written, from the seeds of the contenders once there are any
     savers: ModelEdits  # what may go without changing a run
-    lighter: Scene  # the scene without that
+    lighter: AblationSetup  # the model without that
     ended: str = ""
     tried: int = 0
     # Those that are feasible and cheaper, the one to recommend first.
@@ -53,14 +61,15 @@ class Study:
             return
         try:
             written = write_model(scene, edits, self.session.folder / name, MODEL)
-            rows = self.trials.run_file(f"{name}-runs", written, BASELINE)
+            lighter = self.trials.setup.written(written.reference, {})
+            (rows,) = self.trials.run(f"{name}-runs", [{}], BASELINE, setup=lighter)
         except SceneError as error:
             self.kept.append(Kept(name=_NEVER, reason=str(error)))
             return
         if _same_runs(self.now.rows, rows) < len(BASELINE):
             self.kept.append(Kept(name=_NEVER, reason="runs differ"))
             return
-        self.savers, self.lighter = edits, self.trials.scene_of(written)
+        self.savers, self.lighter = edits, lighter
 
     def search(self) -> Search:
         """Search for as long as the budget lasts, less what contenders and proof will take."""
@@ -87,7 +96,7 @@ class Study:
     def _clock(self, configurations: Sequence[Values]) -> list[float]:
         self._say(f"timing {len(configurations)} configurations")
         timed = [(self.lighter, self._changed(each)) for each in configurations]
-        return [cost.ratio for cost in self.trials.costs(timed, BASELINE[:1])]
+        return [cost.ratio for cost in self.trials.costs(timed, BASELINE[:1], SHORT_TURN)]
 
     def _say(self, doing: str) -> None:
         left = self.trials.deadline - time.monotonic()
@@ -111,7 +120,7 @@ class Study:
         left = self.trials.deadline - time.monotonic() - len(FRESH) * self.seed_seconds
         seeds = CONTENDERS[: max(len(BASELINE), int(left / self.seed_seconds))]
         self._say(f"comparing {len(distinct)} configurations from {len(seeds)} seeds")
-        now, *rows = self.trials.run("contenders", [{}, *distinct], seeds, accuracy=PRUNING)
+        now, *rows = self.trials.run("contenders", [{}, *distinct], seeds, refine=PRUNING)
         self.now, self.trials.limits = Contender({}, now), limits_of(self.request, now)
         costs = self.trials.costs([(self.lighter, each) for each in distinct])
         compared = map(Contender, distinct, rows, costs)
@@ -158,9 +167,10 @@ class Study:
         """Run the settings, and the file that has them, from fresh seeds beside the model."""
         self._say(f"proving it from {len(FRESH)} fresh seeds")
         both = [{}, contender.changed]
-        now, rows = self.trials.run("proof", both, FRESH, accuracy=dict(ACCURACY))
-        file = self.trials.run_file("tuned-runs", written, FRESH)
-        (cost,) = self.trials.costs([(self.trials.scene_of(written), {})])
+        now, rows = self.trials.run("proof", both, FRESH, refine=PROVING)
+        setup = self.trials.setup.written(written.reference, contender.changed)
+        (file,) = self.trials.run("tuned-runs", [{}], FRESH, setup=setup)
+        (cost,) = self.trials.costs([(setup, {})], FRESH)
         limits = self.trials.limits = limits_of(self.request, now)
         why = limits.broken(rows, now) if contender.changed else ""
         same = _same_runs(rows, file)

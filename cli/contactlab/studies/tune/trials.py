@@ -1,19 +1,20 @@
 """Runs of configurations, what they cost, and whether they are as good as the model as written."""
 
+import json
 import math
 import time
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from statistics import median
 
+import mujoco
+
 from contactlab.engines import engine_of
-from contactlab.engines.engine import Segments, TimesSteps
+from contactlab.engines.engine import SEGMENTS, Segments, TimesSteps
 from contactlab.engines.single_run import time_segments
 from contactlab.errors import StoppedError
 from contactlab.run.evidence_record import as_written
-from contactlab.scene.model_writer import WrittenModel
-from contactlab.scene.scene import Scene
 from contactlab.schema.study_reports import Candidate, Ratio, Standing
 from contactlab.studies.configuration_runs import ConfigurationRows, Measure, run_configurations
 from contactlab.studies.effects.effects_request import AblationSetup
@@ -21,13 +22,15 @@ from contactlab.studies.session import Session, Values
 from contactlab.studies.tune.profile import costs_without
 from contactlab.studies.tune.tune_request import BASELINE, Limits
 
-ACCURACY: Mapping[str, object] = {"error": "trajectory", "against": "written", "refine": 4}
-"""By RK4 at an eighth and a quarter of the model's timestep: as much work as 64 of its steps."""
-PRUNING = {**ACCURACY, "refine": 2}
-_STEPS, _ROUNDS = 32, 9
-"""Steps that are timed at each of eight places of a run, and how often all take turns."""
-_LEAST_SECONDS, _MOST_REPEATS = 5e-3, 50
-"""CPU time of a turn at least [s], for which its steps are repeated."""
+ACCURACY: Mapping[str, object] = {"error": "trajectory", "against": "written"}
+PRUNING, PROVING = 2, 4
+"""By how much references refine the timestep: by RK4 twice, as much work as 16 times as many steps.
+"""
+_TIMES = "times.json"
+_ROUNDS, _TURN = 9, 0.4
+"""How often all that is timed takes turns, and the CPU time of the model as written in one [s]."""
+SHORT_TURN = 0.02  # where it is only to be found out what helps
+_PROBE = 0.02  # simulated time of each part that is gone through first, to see how long it takes
 _ERRORS = ("error_final", "error_mean", "error_peak", "error_velocity", "error_energy")
 _NOTHING: Measure = lambda _store, _run, _model: {}  # noqa: E731
 
@@ -55,26 +58,22 @@ class Trials:
         configurations: Sequence[Values],
         seeds: Sequence[int],
         *,
+        setup: AblationSetup | None = None,
+        refine: int = 0,
         measure: Measure = _NOTHING,
         **asked: object,
     ) -> list[ConfigurationRows]:
-        """Run configurations from some seeds into a store."""
-        setup, asked = replace(self.setup, seeds=tuple(seeds)), {"trace": "none", **asked}
+        """Run configurations, of a written model if its setup is given, into a store.
+
+        Where references refine the timestep, errors against the model as written are measured.
+        """
+        setup, asked = replace(setup or self.setup, seeds=tuple(seeds)), {"trace": "none", **asked}
+        if refine:
+            asked["accuracy"] = {**ACCURACY, "refine": refine, "scenario": self.setup.scenario}
         found = run_configurations(self.session, setup, name, configurations, asked, measure)
         self.stores.append(name)
         self.runs += sum(len(each.flat) for each in found)
         return found
-
-    def run_file(self, name: str, model: WrittenModel, seeds: Sequence[int]) -> ConfigurationRows:
-        """Run a written model as it is into a store, and return its rows."""
-        written = replace(self, setup=self.setup.written(model.reference, self.setup.base))
-        (found,) = written.run(name, [{}], seeds)
-        self.runs = written.runs
-        return found
-
-    def scene_of(self, model: WrittenModel) -> Scene:
-        """Return the scene of a written model, driven as the others."""
-        return self.setup.written(model.reference, self.setup.base).scene
 
     def judge(self, configurations: Sequence[Values]) -> list[float]:
         """Return the excess of configurations, from one seed; an OutOfTimeError without time."""
@@ -82,52 +81,91 @@ class Trials:
         if begin + self._longest > self.deadline:
             raise OutOfTimeError("the budget is spent")
         name = f"search-{len(self.stores):02}"
-        rows = self.run(name, configurations, BASELINE[:1], accuracy=PRUNING)
+        rows = self.run(name, configurations, BASELINE[:1], refine=PRUNING)
         self._longest = max(self._longest, time.monotonic() - begin)
         return [self.limits.excess(each) for each in rows]
 
     def costs(
-        self, configurations: Sequence[tuple[Scene, Values]], seeds: Sequence[int] = BASELINE
+        self,
+        configurations: Sequence[tuple[AblationSetup, Values]],
+        seeds: Sequence[int] = BASELINE,
+        turn: float = _TURN,
     ) -> list[Ratio]:
         """Return the time of configurations over that of the model as written, taken in turns.
 
-        Each of a scene, from states along its own runs; of those that fail, it is infinite.
+        Each of a setup, through its own runs or, where these do not fit into a turn [s], parts of
+        them that begin at eight times of each; of those that fail, it is infinite.
         """
-        every: list[tuple[Scene, Values]] = [(self.setup.scene, {}), *configurations]
-        runs = [_segments(scene, changed, seeds) for scene, changed in every]
-        steps = sum(sum(each.lengths(_STEPS)) for each in runs[0])
-        once = max(_seconds(runs[0], 1) * steps * runs[0][0].model.opt.timestep, 1e-7)
-        repeats = min(_MOST_REPEATS, math.ceil(_LEAST_SECONDS / once))
-        taken = [[_seconds(each, repeats) for each in runs] for _ in range(_ROUNDS)]
+        every: list[tuple[AblationSetup, Values]] = [(self.setup, {}), *configurations]
+        what = [[setup.reference, changed] for setup, changed in every], list(seeds), turn
+        taken = self.once(what, lambda: self._turns(every, seeds, turn))
         self.pace = median(each[0] for each in taken)
         ratios = zip(*([each / first for each in rest] for first, *rest in taken), strict=True)
         return [Ratio.of(each) for each in ratios]
 
+    def once(self, what: object, measure: Callable[[], list[list[float]]]) -> list[list[float]]:
+        """Return times that are measured once, so that a study which is resumed goes the same way.
+
+        They are in a file of the session, by what is timed, of which model, run how.
+        """
+        setup = self.setup
+        run = setup.scene.hash, setup.scenes.drive, setup.duration, setup.base, setup.scenarios
+        key = json.dumps([mujoco.__version__, *run, what], default=str)
+        known = self.session.read(_TIMES, dict[str, list[list[float]]])
+        if key not in known:
+            known[key] = measure()
+            self.session.write({_TIMES: json.dumps(known, indent=1) + "\n"})
+        return known[key]
+
+    def _turns(
+        self, every: Sequence[tuple[AblationSetup, Values]], seeds: Sequence[int], turn: float
+    ) -> list[list[float]]:
+        """Return the CPU time by simulated time of each configuration, in each round."""
+        runs = [_segments(setup, changed, seeds) for setup, changed in every]
+        fits = turn / max(_pace(runs[0], _PROBE), 1e-9) / len(runs[0])
+        # Where a part begins takes a few microseconds of its own.
+        if whole := fits >= max(each.work.steps * each.model.opt.timestep for each in runs[0]):
+            runs = [list(map(_from_start, each)) for each in runs]
+        span = fits if whole else fits / SEGMENTS
+        return [[_pace(each, span) for each in runs] for _ in range(_ROUNDS)]
+
     def profile(self) -> dict[str, Ratio]:
         """Return the time of a step of the model as written without one part each."""
-        return costs_without(_segments(self.setup.scene, {}, BASELINE), time_segments, {})
+        return costs_without(_segments(self.setup, {}, BASELINE), time_segments, {})
 
 
-def _segments(scene: Scene, changed: Values, seeds: Sequence[int]) -> list[Segments]:
+def _segments(setup: AblationSetup, changed: Values, seeds: Sequence[int]) -> list[Segments]:
     """Return parts of a configuration's runs to time; none if one fails."""
     found: list[Segments] = []
-    compiled = scene.compile_without_sensors(scene.resolve(changed, 0, None))
-    for seed in seeds:
-        run = scene.resolve(changed, seed, None)
-        start, engine = scene.starts([run]), engine_of(run)
-        assert isinstance(engine, TimesSteps)
-        model = scene.prepare(run, start, compiled).model
-        if (work := engine.count_work(model, start, run.steps)) is None:
-            return []
-        found.append(Segments(model, start, work))
+    scene = setup.scene
+    for scenario in setup.scenarios:
+        values = {**setup.base, **scenario, **changed}
+        runs = [scene.resolve(values, seed, setup.duration) for seed in seeds]
+        compiled = scene.compile_without_sensors(runs[0])
+        for run in runs:
+            start, engine = scene.starts([run]), engine_of(run)
+            assert isinstance(engine, TimesSteps)
+            model = scene.prepare(run, start, compiled).model
+            if (work := engine.count_work(model, start, run.steps)) is None:
+                return []
+            found.append(Segments(model, start, work))
     return found
 
 
-def _seconds(runs: Sequence[Segments], repeats: int) -> float:
-    """Return the CPU time of some steps of each part over the time that they simulate."""
-    times = [(*time_segments(each, _STEPS, repeats), each.model.opt.timestep) for each in runs]
-    simulated = sum(steps * step for _, steps, step in times)
-    return sum(seconds for seconds, _, _ in times) / simulated if times else math.inf
+def _from_start(run: Segments) -> Segments:
+    """Return a run in one part."""
+    work = run.work
+    return replace(run, work=work._replace(places=work.places[:1], states=work.states[:1]))
+
+
+def _pace(runs: Sequence[Segments], span: float) -> float:
+    """Return the CPU time of what follows each part's begin for a span [s], by simulated time."""
+    seconds = simulated = 0.0
+    for each in runs:
+        step = each.model.opt.timestep
+        taken, steps = time_segments(each, max(1, round(span / step)), 1)
+        seconds, simulated = seconds + taken, simulated + steps * step
+    return seconds / simulated if runs else math.inf
 
 
 @dataclass(frozen=True)

@@ -4,16 +4,14 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from pathlib import Path
 
 from contactlab.errors import ExpectationError, SceneError, SweepFileError
 from contactlab.measure import METRICS
-from contactlab.run.sweep_request import SceneLoader
 from contactlab.schema.drive import Drive
 from contactlab.schema.study_reports import Goal, MetricChange
 from contactlab.studies.configuration_runs import ConfigurationRows
 from contactlab.studies.effects.effect_toggles import difference
-from contactlab.studies.effects.effects_request import AblationSetup
+from contactlab.studies.effects.effects_request import AblationSetup, EffectsRequest
 
 BASELINE, CONTENDERS, FRESH = range(3), range(10), range(10, 20)
 """Seeds: of the model as written, of what the search finds, and of the proof."""
@@ -23,7 +21,9 @@ BASELINE, CONTENDERS, FRESH = range(3), range(10), range(10, 20)
 class TuneRequest:
     """Which model to tune, and what of it to keep."""
 
-    model: str  # a model file, a scene, or whatever a sweep may name as its scene
+    # A model file, a scene, or whatever a sweep may name as its scene; or a sweep file, whose
+    # knobs of one value count as written.
+    model: str
     # The fastest model within the limits, or the most accurate at no more than its price.
     goal: Goal = "fastest"
     # Largest distance from the model as written at a much finer timestep, at any time [m]; None for
@@ -39,17 +39,17 @@ class TuneRequest:
 
     @cached_property
     def setup(self) -> AblationSetup:
-        """The scene, and the seeds of its baseline.
+        """The scene, or that of a sweep with its scenarios, and the seeds of the baseline.
 
         Raises a SceneError if there is no such scene, or nothing in it moves; a SweepFileError if a
-        tolerance is of no metric.
+        tolerance is of no metric, or the sweep has mistakes.
         """
-        scenes = SceneLoader(Path(), self.drive, bare="exercise")
-        if not scenes.open(self.model).base({}).model.nv:
+        setup = EffectsRequest(self.model, drive=self.drive).setup
+        if not setup.scene.base({}).model.nv:
             raise SceneError(f"{self.model} has no joints: nothing moves, so nothing can be tuned")
         for name in self.tolerances:
             SweepFileError.unless_known(name, METRICS, f"no metric '{name}'")
-        return AblationSetup(scenes, self.model, tuple(BASELINE))
+        return replace(setup, seeds=tuple(BASELINE))
 
 
 _LEAST_ERROR = 1e-6  # errors up to this count as none [m]

@@ -2,6 +2,7 @@
 
 import json
 import time
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,7 +12,6 @@ from contactlab.scene.model_writer import ModelEdits, WrittenModel
 from contactlab.schema.coverage import Exercised
 from contactlab.schema.drive import drive_data, drive_text
 from contactlab.schema.study_reports import (
-    PATCH,
     PROOF,
     REPORT,
     Candidate,
@@ -20,10 +20,11 @@ from contactlab.schema.study_reports import (
     Standing,
     TuneReport,
 )
+from contactlab.schema.vocabulary import Role
 from contactlab.studies.session import Session, Values
 from contactlab.studies.tune.knobs import space_of
 from contactlab.studies.tune.study import Study, motion_of
-from contactlab.studies.tune.trials import ACCURACY, PRUNING, Contender, Trials
+from contactlab.studies.tune.trials import ACCURACY, PROVING, PRUNING, Contender, Trials
 from contactlab.studies.tune.tune_request import BASELINE, FRESH, TuneRequest, limits_of
 
 _SAFE = 0.8  # largest share of its limits that the safer choice takes
@@ -56,11 +57,9 @@ def _begun(request: TuneRequest, session: Session) -> Study:
     begin, setup = time.monotonic(), request.setup
     trials = Trials(setup, session, begin + request.budget)
     session.notify(f"running {request.model} as written")
-    (now,) = trials.run(
-        "baseline", [{}], BASELINE, measure=motion_of, accuracy=PRUNING, trace="all"
-    )
+    (now,) = trials.run("baseline", [{}], BASELINE, measure=motion_of, refine=PRUNING, trace="all")
     trials.limits = limits_of(request, now)
-    spent = time.monotonic() - begin
+    ((spent,),) = trials.once("baseline", lambda: [[time.monotonic() - begin]])
     proof_seconds = spent / len(BASELINE) * len(FRESH)
     if spent + proof_seconds > request.budget:
         minutes = max(1, round(4 * (spent + proof_seconds) / 60))
@@ -70,9 +69,8 @@ def _begun(request: TuneRequest, session: Session) -> Study:
             f"{minutes}min"
         )
     space, kept = space_of(setup, Exercised.of(now.flat), request.free)
-    per_seed, scene = spent / len(BASELINE), setup.scene
-    baseline = Contender({}, now)
-    return Study(request, session, trials, space, kept, per_seed, baseline, ModelEdits(), scene)
+    per_seed, baseline = spent / len(BASELINE), Contender({}, now)
+    return Study(request, session, trials, space, kept, per_seed, baseline, ModelEdits(), setup)
 
 
 def reported(study: Study, found: tuple[Contender, WrittenModel] | None) -> TuneReport:
@@ -81,7 +79,7 @@ def reported(study: Study, found: tuple[Contender, WrittenModel] | None) -> Tune
     chosen, written = found or (None, None)
     changed = chosen.changed if chosen else {}
     if written:
-        study.session.write({PATCH: written.patch.decode(), PROOF: _proof_sweep(study, changed)})
+        study.session.write({PROOF: _proof_sweep(study, changed)})
     return TuneReport(
         model=study.request.model,
         scene_hash=scene.hash,
@@ -132,8 +130,15 @@ def _candidates(study: Study, chosen: Contender | None) -> tuple[Candidate, ...]
 def _proof_sweep(study: Study, changed: Values) -> str:
     """Return a sweep that runs the settings beside the model as written, from fresh seeds."""
     setup, limits = study.trials.setup, study.trials.limits
-    path = Path(setup.reference)
-    scene = setup.scene
+    path, scene = Path(setup.reference), setup.scene
+    block = {
+        name: _axis([each[name] for each in setup.scenarios], "scenario")
+        for name in setup.scenarios[0]
+    }
+    axes = {
+        name: _axis([value], "scenario" if name in setup.scenario else "knob")
+        for name, value in {**setup.base, **changed}.items()
+    }
     content = {
         "version": 1,
         "scene": str(path.resolve()) if path.exists() else setup.reference,
@@ -141,10 +146,11 @@ def _proof_sweep(study: Study, changed: Values) -> str:
         "duration": setup.duration or scene.duration,
         "drive": drive_data(scene.drive.drive),
         "seeds": [each + len(FRESH) for each in FRESH],
-        "axes": {name: [as_written(value)] for name, value in changed.items()},
+        "axes": axes,
+        "zip": [block] if block else [],
         "effects": "all",
         "baseline": True,
-        "accuracy": dict(ACCURACY),
+        "accuracy": {**ACCURACY, "refine": PROVING},
         "timing": {"rounds": 3},
         "tolerances": dict(limits.sizes),
         "expect": [{"label": sorted(limits.labels)}],
@@ -152,3 +158,8 @@ def _proof_sweep(study: Study, changed: Values) -> str:
     }
     # JSON is YAML, too.
     return json.dumps(content, indent=2) + "\n"
+
+
+def _axis(values: Sequence[object], role: Role) -> dict[str, object]:
+    """Return an axis as a sweep has it."""
+    return {"values": list(map(as_written, values)), "role": role}
