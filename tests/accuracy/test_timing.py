@@ -82,6 +82,54 @@ def test_runs_are_interleaved_within_each_round(
     assert sorted({round(row["time_min"], 9) for row in sweeper.rows()}) == [0.05, 0.1]
 
 
+CONTENDERS = TIMED.replace("rounds: 4", "rounds: 4, contenders: true")
+
+
+@pytest.mark.parametrize("limit", [0.0, 0.5, 1e3])
+def test_only_what_may_be_recommended_is_timed_again(
+    sweeper: Any, monkeypatch: pytest.MonkeyPatch, limit: float
+) -> None:
+    """RK4 costs four times as much here; which errors are smaller, the rows say.
+
+    A configuration goes on for all four rounds if it is feasible, or none is, and none of these
+    that is clearly faster has a smaller error, which is here the only share of a tolerance.
+    """
+    seen: list[tuple[str, float]] = []
+
+    def cost(integrator: str, timestep: float) -> float:
+        return (4e-4 if integrator == "RK4" else 1e-4) / timestep
+
+    def watched(_: MujocoEngine, segments: Segments, most: int, repeats: int) -> tuple[float, int]:
+        option = segments.model.opt
+        seen.append(("RK4" if option.integrator == 1 else "Euler", option.timestep))
+        steps = repeats * sum(segments.lengths(most))
+        return cost(*seen[-1]) * option.timestep * steps, steps
+
+    monkeypatch.setattr(MujocoEngine, "time_segments", watched)
+    sweeper.run(f"{CONTENDERS}tolerances: {{oracle_error: {limit}}}")
+    errors: dict[tuple[str, float], float] = {}
+    for row in sweeper.rows():
+        key = row["integrator"], row["timestep"]
+        errors[key] = max(errors.get(key, 0.0), abs(row["oracle_error"]))
+    feasible = {key for key, error in errors.items() if error <= limit} or set(errors)
+    for key, own in errors.items():
+        beaten = any(
+            cost(*other) * 1.25 < cost(*key) and errors[other] <= own for other in feasible
+        )
+        # Once for its pace; its two seeds share what a step costs.
+        assert seen.count(key) == 1 + (4 if key in feasible and not beaten else 1), key
+
+
+def test_seeds_share_their_times(sweeper: Any) -> None:
+    sweeper.run(CONTENDERS)
+    first, second = ([row for row in sweeper.rows() if row["seed"] == seed] for seed in (0, 1))
+    for one, two in zip(first, second, strict=True):
+        assert one["step_p99"] == two["step_p99"] > 0
+        assert one["time_median"] == two["time_median"] > 0
+        assert one["work_steps"] > 0
+        assert two["work_steps"] is None
+
+
 @pytest.mark.parametrize(("cost", "steps"), [(1e-6, 200 * 50), (1e-4, 200), (1e-3, 8 * 13)])
 def test_neither_short_nor_long_runs_take_too_long(
     sweeper: Any, monkeypatch: pytest.MonkeyPatch, cost: float, steps: int

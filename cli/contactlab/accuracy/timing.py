@@ -6,9 +6,10 @@ import hashlib
 import json
 import math
 import time
-from collections.abc import Generator, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from itertools import chain
 from statistics import median
 from typing import NamedTuple
 
@@ -32,6 +33,9 @@ _MAX_REPEATS = 50
 _MAX_SINGLE_STEPS = 1000
 _WARM_STEPS = 10
 _CLOCKED = ("time_min", "time_median", "step_p50", "step_p99", "compile_time")
+Groups = Sequence[Sequence[str]]
+Select = Callable[[Mapping[str, float]], Groups]
+"""Returns which groups of runs, by id, go on, given the CPU time per simulated time of each run."""
 _COUNTED = ("steps", "iterations", "contacts", "rows")
 
 
@@ -82,7 +86,7 @@ class InterleavedTimer:
     """Times runs of one scene in this process."""
 
     scene: Scene
-    rounds: int  # how often each is timed; within a round all take turns
+    rounds: int  # how often each is timed at most; within a round all take turns
     # What policies did in runs, by id.
     controls: Mapping[str, RecordedControls] = field(default_factory=dict[str, RecordedControls])
     _compiled: dict[str, tuple[mujoco.MjModel, float]] = field(
@@ -90,38 +94,44 @@ class InterleavedTimer:
     )
 
     def times(
-        self, runs: Mapping[str, ResolvedRun], work: Mapping[str, Note]
+        self,
+        runs: Mapping[str, ResolvedRun],
+        work: Mapping[str, Note],
+        groups: Groups,
+        select: Select,
+        advance: Callable[[int], None],
     ) -> Iterator[tuple[str, Note]]:
-        """Yield each run's id and times, after all rounds."""
-        silence_mujoco()
-        counted = [(run_id, each, _work_of(work[run_id])) for run_id, each in runs.items()]
-        with _no_garbage_collection():
-            portions = [
-                _portion(_timing_engine(resolved), self._segments(run_id, resolved, done))
-                for run_id, resolved, done in counted
-            ]
-            rounds = [
-                [
-                    self._time(self._segments(run_id, resolved, done), resolved, portion)
-                    for (run_id, resolved, done), portion in zip(counted, portions, strict=True)
-                ]
-                for _ in range(self.rounds)
-            ]
-        for (run_id, resolved), taken in zip(runs.items(), zip(*rounds, strict=True), strict=True):
-            times, p50, p99 = zip(*taken, strict=True)
-            medians = (median(each) for each in (times, p50, p99))
-            clocked = (min(times), *medians, self._model(resolved)[1])
-            yield run_id, dict(zip(_CLOCKED, clocked, strict=True))
+        """Yield each run's id and times, after all rounds.
 
-    def _time(
-        self, segments: Segments, resolved: ResolvedRun, portion: _Portion
-    ) -> tuple[float, float, float]:
-        """Return the CPU time per simulated time, and of a step [s]: median, 99th percentile."""
-        engine = _timing_engine(resolved)
-        seconds, steps = engine.time_segments(segments, portion.most, portion.repeats)
-        single = engine.time_steps(segments, portion.single)
-        p50, p99 = np.quantile(single, (0.5, 0.99)).tolist()
-        return seconds / (steps * resolved.timestep), p50, p99
+        The runs of a group share the time that is taken for one. After each round, from the median
+        time of each run so far, groups are selected for the next one. `advance` is called with the
+        number of turns that were taken, or that are left out.
+        """
+        silence_mujoco()
+        counted = {run_id: _work_of(work[run_id]) for run_id in runs}
+        shares = {run_id: len(group) for group in groups for run_id in group}
+        taken: dict[str, list[tuple[float, float, float]]] = {run_id: [] for run_id in shares}
+
+        def timed(run_id: str) -> tuple[TimesSteps, Segments]:
+            resolved = runs[run_id]
+            return _timing_engine(resolved), self._segments(run_id, resolved, counted[run_id])
+
+        with _no_garbage_collection():
+            portions = {run_id: _portion(*timed(run_id), share) for run_id, share in shares.items()}
+            for later in reversed(range(self.rounds)):
+                for run_id in chain(*groups):
+                    taken[run_id].append(_clock(*timed(run_id), portions[run_id]))
+                    advance(1)
+                before = sum(map(len, groups))
+                groups = select(
+                    {each: median(time for time, *_ in found) for each, found in taken.items()}
+                )
+                advance(later * (before - sum(map(len, groups))))
+        for run_id, rounds in taken.items():
+            times, p50, p99 = zip(*rounds, strict=True)
+            medians = (median(each) for each in (times, p50, p99))
+            clocked = (min(times), *medians, self._model(runs[run_id])[1])
+            yield run_id, dict(zip(_CLOCKED, clocked, strict=True))
 
     def _segments(self, run_id: str, resolved: ResolvedRun, work: Work) -> Segments:
         """Return what is timed of a run; made anew each time, so that memory does not grow."""
@@ -147,12 +157,21 @@ def _clocked_compile(scene: Scene, resolved: ResolvedRun) -> tuple[mujoco.MjMode
     return compiled, time.process_time() - begin
 
 
-def _portion(engine: TimesSteps, segments: Segments) -> _Portion:
+def _clock(engine: TimesSteps, segments: Segments, portion: _Portion) -> tuple[float, float, float]:
+    """Return the CPU time per simulated time, and of a step [s]: median, 99th percentile."""
+    seconds, steps = engine.time_segments(segments, portion.most, portion.repeats)
+    single = engine.time_steps(segments, portion.single)
+    p50, p99 = np.quantile(single, (0.5, 0.99)).tolist()
+    return seconds / (steps * segments.model.opt.timestep), p50, p99
+
+
+def _portion(engine: TimesSteps, segments: Segments, runs: int) -> _Portion:
+    """Return what is timed of a run in a round, when so many share the time for one."""
     seconds, steps = engine.time_segments(segments, _WARM_STEPS, 1)
-    cost = max(seconds / steps, 1e-7)
+    cost = runs * max(seconds / steps, 1e-7)
     most = max(1, math.ceil(MAX_SECONDS / (cost * len(segments.work.places))))
     repeats = math.ceil(MIN_SECONDS / (cost * sum(segments.lengths(most))))
-    single = min(_MAX_SINGLE_STEPS, STEP_SECONDS / cost) / len(segments.work.places)
+    single = min(_MAX_SINGLE_STEPS / runs, STEP_SECONDS / cost) / len(segments.work.places)
     return _Portion(most, min(_MAX_REPEATS, max(1, repeats)), max(1, math.ceil(single)))
 
 
@@ -168,7 +187,7 @@ def _no_garbage_collection() -> Generator[None]:
 
 def timings(
     runs: Mapping[str, ResolvedRun],
-    rounds: int,
+    request: TimingRequest,
     work: Mapping[str, Note],
     times: Mapping[str, Note],
 ) -> dict[str, Timing]:
@@ -177,9 +196,10 @@ def timings(
         "version": 1,
         "clock": "CPU time of one thread",
         "model": "as written, without sensors that record",
-        "rounds": rounds,
+        "rounds": request.rounds,
         "seconds": [MIN_SECONDS, MAX_SECONDS, STEP_SECONDS],
         "places": SEGMENTS,
+        **({"contenders": True} if request.contenders else {}),
     }
     settings_hash = hashlib.sha256(json.dumps(settings).encode()).hexdigest()[:16]
     found: dict[str, Timing] = {}

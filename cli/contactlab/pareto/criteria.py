@@ -88,7 +88,8 @@ def time_measure(store: Store) -> TimeMeasure:
     if not _is_measured(store, TIMED):
         return TimeMeasure(name=RECORDED, source="recording", spread=None)
     middle, least = (store.columns.numbers(name).values for name in (TIMED, "time_min"))
-    timed = np.isfinite(middle) & (least > 0)
+    # What was timed in one round says nothing of their spread.
+    timed = np.isfinite(middle) & (least > 0) & (middle > least)
     spread = float(np.median(middle[timed] / least[timed] - 1)) if timed.any() else None
     return TimeMeasure(name=TIMED, source="timing", spread=spread)
 

@@ -1,23 +1,28 @@
 """The passes over a sweep's runs once all are recorded: errors, work and times."""
 
-from collections.abc import Callable, Mapping, Sequence
+import math
+import sys
+from collections import defaultdict
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from statistics import fmean
 from typing import Any
 
 from contactlab.accuracy.discretization import Note, accuracies, families
-from contactlab.accuracy.timing import InterleavedTimer, timings
+from contactlab.accuracy.timing import Groups, InterleavedTimer, timings
 from contactlab.engines import engine_of
 from contactlab.engines.engine import SimulationEngine, SolvesReferences, TimesSteps
 from contactlab.errors import OutputError
+from contactlab.pareto.criteria import MODELLING, chosen_error
 from contactlab.run.planned_runs import Planned, RunIndex, pack_jobs, reference_models
 from contactlab.run.run_verdicts import within_tolerances
 from contactlab.run.tasks import (
     BeginCallback,
     Crashed,
     Executor,
-    Finished,
     Job,
+    PlannedRun,
     ProgressCallback,
     Purpose,
     Stop,
@@ -29,11 +34,14 @@ from contactlab.run.tasks import (
 from contactlab.scene.resolution import ResolvedRun
 from contactlab.scene.scene import Scene
 from contactlab.schema.evidence import ERRORS, Accuracy, Timing
-from contactlab.schema.sweep_schema import AccuracyRequest
+from contactlab.schema.sweep_schema import AccuracyRequest, TimingRequest
 from contactlab.store.controls_file import read_controls
 from contactlab.store.folder_backend import backend_at
 from contactlab.store.store_writer import StoreWriter
 from contactlab.store.table_layout import Column, as_ratios
+
+Row = Mapping[str, Any]
+_CLEAR = 1.25  # ratio of times beyond which no further round changes which is the shorter
 
 
 @dataclass(frozen=True)
@@ -50,10 +58,10 @@ class SweepSession:
     progress: ProgressCallback
 
     @cached_property
-    def outcomes(self) -> dict[str, Mapping[str, Any]]:
+    def outcomes(self) -> dict[str, Row]:
         """What later passes need of each row, by run id: no errors are in it yet."""
         tolerances = self.task.sweep.tolerances.keys() - set(ERRORS)
-        names = ("status", "controls", *tolerances)
+        names = ("status", "label", "controls", MODELLING, *tolerances)
         return {row["run_id"]: {name: row.get(name) for name in names} for row in self.store.rows()}
 
     @cached_property
@@ -85,7 +93,7 @@ def run_passes(session: SweepSession) -> tuple[dict[str, dict[str, Any]], Sequen
         if any(each.error_kind == "invariants" for each in errors.values()):
             columns = as_ratios(name for name in Accuracy.model_fields if name.startswith("error_"))
     if sweep.timing is not None:
-        for run_id, timing in _timings(session, sweep.timing.rounds).items():
+        for run_id, timing in _timings(session, sweep.timing, values).items():
             values[run_id] = values.get(run_id, {}) | timing.model_dump()
     return values, columns
 
@@ -111,12 +119,25 @@ def _row(session: SweepSession, run_id: str, accuracy: Accuracy) -> dict[str, An
     return {**row, "tolerances_met": within_tolerances(session.task.sweep.tolerances, metrics)}
 
 
-def _timings(session: SweepSession, rounds: int) -> dict[str, Timing]:
-    runs = session.repeatable(lambda engine: isinstance(engine, TimesSteps))
+def _timings(
+    session: SweepSession, request: TimingRequest, errors: Mapping[str, Row]
+) -> dict[str, Timing]:
+    able = session.repeatable(lambda engine: isinstance(engine, TimesSteps))
+    # Seeds share what a step costs, within what two rounds differ by; scenarios do not.
+    keys = {run.run_id: _key(run) if request.contenders else run.run_id for run, _ in able}
+    firsts = {keys[run.run_id]: run.run_id for run, _ in reversed(able)}
+    timed = set(firsts.values())
+    runs = [each for each in able if each[0].run_id in timed]
     jobs = list(pack_jobs(runs, len(runs), session.scene, session.executor.workers))
     work = _pooled(session, "work", jobs)
-    times = _timed(session, rounds, runs, work)
-    return timings(_resolved(session.planned), rounds, work, times)
+    taken = _timed(session, request, runs, work, errors)
+    times = {run_id: taken[firsts[key]] for run_id, key in keys.items() if firsts[key] in taken}
+    return timings(_resolved(session.planned), request, work, times)
+
+
+def _key(run: PlannedRun, but: Collection[str] = ()) -> object:
+    """Return what runs share whose values are the same, but for those of some axes."""
+    return tuple(each for each in run.values.items() if each[0] not in but)
 
 
 def _pooled(session: SweepSession, purpose: Purpose, jobs: Sequence[Job]) -> dict[str, Note]:
@@ -135,7 +156,11 @@ def _pooled(session: SweepSession, purpose: Purpose, jobs: Sequence[Job]) -> dic
 
 
 def _timed(
-    session: SweepSession, rounds: int, planned: Planned, work: Mapping[str, Note]
+    session: SweepSession,
+    request: TimingRequest,
+    planned: Planned,
+    work: Mapping[str, Note],
+    errors: Mapping[str, Row],
 ) -> dict[str, Note]:
     """Return the times of all runs, which are taken together or not at all."""
     times = noted(session.store.notes(), "times")
@@ -144,13 +169,61 @@ def _timed(
     controls = {
         run.run_id: read_controls(backend, run.controls) for run, _ in planned if run.controls
     }
-    left = sum(run_id not in times for run_id in runs)
-    session.begin(len(runs), len(runs) - left)
-    if not left:
+    turns = request.rounds * len(runs)
+    if runs.keys() <= times.keys():
+        session.begin(turns, turns)
         return times
-    timed: list[Finished] = []
-    for run_id, each in InterleavedTimer(session.scene, rounds, controls).times(runs, work):
-        timed.append(note("times", run_id, each))
-        session.progress(timed[-1:])
-    session.store.note([each.row for each in timed])
+    session.begin(turns, 0)
+    groups, select = [(run_id,) for run_id in runs], lambda _: groups
+    if request.contenders:
+        select = _Contenders(session, planned, errors)
+        groups = select.groups
+    turn = note("times", "", {})
+    timer = InterleavedTimer(session.scene, request.rounds, controls)
+    found = timer.times(runs, work, groups, select, lambda count: session.progress([turn] * count))
+    session.store.note([note("times", run_id, each).row for run_id, each in found])
     return noted(session.store.notes(), "times")
+
+
+class _Contenders:
+    """Which configurations may be recommended, as `contactlab.pareto` does, by the times so far.
+
+    Those without a failed run and a missed tolerance; all, if there are none. One goes on unless
+    another is no less accurate, has no smaller a margin and is clearly faster.
+    """
+
+    def __init__(self, session: SweepSession, timed: Planned, errors: Mapping[str, Row]) -> None:
+        sweep = session.task.sweep
+        limits = sweep.tolerances
+        name = chosen_error(limits) or (ERRORS[0] if sweep.accuracy else MODELLING)
+        every, own = defaultdict[object, list[str]](list), defaultdict[object, list[str]](list)
+        for planned, found in ((session.planned, every), (timed, own)):
+            for run, _ in planned:
+                found[_key(run, sweep.scenario)].append(run.run_id)
+        # Each with its error, and with the largest share of a tolerance that it uses.
+        known: list[tuple[Sequence[str], float, float]] = []
+        for key, group in own.items():
+            rows = [{**session.outcomes[run_id], **errors.get(run_id, {})} for run_id in every[key]]
+            failed = math.inf if any(row["label"] != "stable" for row in rows) else 0.0
+            used = [_share(row.get(each), limit) for each, limit in limits.items() for row in rows]
+            error = max(_share(row.get(name), 1.0) for row in rows)
+            known.append((group, error, max([failed, *used])))
+        self.groups: Groups = [group for group, *_ in known]
+        self._known = [each for each in known if each[2] <= 1] or known
+
+    def __call__(self, times: Mapping[str, float]) -> Groups:
+        costs = [fmean(times[run_id] for run_id in group) for group, *_ in self._known]
+        ranked = list(zip(self._known, costs, strict=True))
+        return [
+            group
+            for (group, error, used), cost in ranked
+            if not any(
+                _CLEAR * least < cost and other <= error and part <= used
+                for (_, other, part), least in ranked
+            )
+        ]
+
+
+def _share(value: float | None, limit: float) -> float:
+    """Return the part of a limit that a value takes, infinite if it could not be measured."""
+    return math.inf if value is None else abs(value) / max(limit, sys.float_info.min)

@@ -187,6 +187,11 @@ class TimingRequest(Model):
     """Times: every run once more, in isolation, interleaved with the others, not recorded."""
 
     rounds: Annotated[Whole, Field(ge=3, le=1000)] = about("how often each run is timed", default=3)
+    contenders: Flag = about(
+        "whether configurations are timed, not runs: one seed of each scenario, which share the "
+        "time of a run; and those that cannot be recommended in the first round only",
+        default=False,
+    )
 
 
 class Sweep(Model):

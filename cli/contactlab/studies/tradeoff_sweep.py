@@ -128,4 +128,6 @@ def _added(sweep: Sweep, criteria: Criteria) -> Iterator[str]:
     if not sweep.baseline:
         yield "baseline=true"
     if sweep.timing is None:
-        yield "timing={rounds: 3}"
+        yield "timing={contenders: true}"
+    elif "contenders" not in sweep.timing.model_fields_set:
+        yield "timing.contenders=true"
