@@ -23,7 +23,7 @@ from contactlab.scene.scene_source import find_scene, read_manifest
 from contactlab.schema.comparison import ComparePolicy
 from contactlab.store.controls_file import encode_controls, read_control_table
 from contactlab.store.finished_store import Store
-from contactlab.store.mcap.stored_messages import check_trace
+from contactlab.store.mcap.stored_messages import find_defect
 from contactlab.store.mcap.trace_reader import read_trace
 from contactlab.store.row_journal import write_journal
 from contactlab.store.runs_table import iterate_rows
@@ -86,7 +86,7 @@ def readers(folder: Path) -> dict[str, Reader]:
     scenes = SceneLoader(folder / "made")
 
     def read_traces(path: Path) -> None:
-        check_trace(path)
+        find_defect(path.read_bytes())
         read_trace(path)
 
     def read_sealed_traces(path: Path) -> None:

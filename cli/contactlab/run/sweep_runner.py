@@ -2,6 +2,7 @@
 
 import logging
 from collections.abc import Iterable, Iterator, Sequence
+from itertools import chain
 from pathlib import Path
 
 from pydantic_core import PydanticSerializationError
@@ -127,6 +128,8 @@ def identity_of(request: SweepRequest, index: RunIndex) -> SweepIdentity:
     scene, sweep = request.scene, request.plan.sweep
     manifest, drive = scene.source.manifest, scene.drive.drive
     timed = bool(manifest and manifest.control) or drive_word(drive) not in ("none", "hold")
+    engines = {group.first.engine: engine_of(group.first) for group in index.firsts}.values()
+    lacking = (each.null_fields(driven=timed).items() for each in engines)
     identity = SweepIdentity(
         name=request.name,
         source=request.source,
@@ -141,7 +144,7 @@ def identity_of(request: SweepRequest, index: RunIndex) -> SweepIdentity:
         definitions=definitions(),
         runs_asked=len(index),
         baseline=_baseline(request),
-        lacking=_null_fields(index, driven=timed),
+        lacking=dict(chain.from_iterable(lacking)),
         plan_hash=index.hash,
         plugins=tuple(
             PluginInfo(name=each.name, version=each.version, sha256=each.sha256)
@@ -163,13 +166,6 @@ def _baseline(request: SweepRequest) -> str | None:
     for row in request.plan.grid.written[:1]:
         return scene.run_id(scene.resolve(row, sweep.seed_values[0], sweep.duration))
     return None
-
-
-def _null_fields(index: RunIndex, *, driven: bool) -> dict[str, str]:
-    """Return what the engines of a sweep leave null in their records, with the reason."""
-    engines = {group.first.engine: engine_of(group.first) for group in index.firsts}.values()
-    fields = [each.null_fields(driven=driven) for each in engines]
-    return {name: reason for each in fields for name, reason in each.items()}
 
 
 def _columns(request: SweepRequest, index: RunIndex) -> list[Column]:

@@ -10,7 +10,6 @@ import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from io import BytesIO
-from pathlib import Path
 
 import numpy as np
 import zstandard
@@ -172,19 +171,15 @@ def unpacked(compressed: bytes, size: int) -> bytes:
     return zstandard.decompress(compressed)
 
 
-def check_trace(path: Path) -> list[str]:
-    """Return the defects of a trace file; none if it is sound."""
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        return [f"cannot be read: {error.strerror}"]
+def find_defect(data: bytes) -> str | None:
+    """Return how a file is not what is written of its messages; None if it is sound."""
     if damage := find_damage(data):
-        return [damage]
+        return damage
     try:
         again = written_again(stored_file(data))
     except UNREADABLE as error:
-        return [f"a record cannot be decoded: {error}"]
-    return [] if again == data else ["its chunks, indexes or summary are not those of its messages"]
+        return f"a record cannot be decoded: {error}"
+    return None if again == data else "its chunks, indexes or summary are not those of its messages"
 
 
 def written_again(file: StoredFile) -> bytes:

@@ -1,5 +1,6 @@
 """The arrays of a stored trace, and how it and its record contradict each other."""
 
+import hashlib
 import json
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping
@@ -20,13 +21,12 @@ from contactlab.contact.trace_arrays import (
 )
 from contactlab.errors import StoreError, did_you_mean
 from contactlab.schema.evidence import EvidenceRecord, TraceFile
-from contactlab.store.atomic_files import sha256_of
 from contactlab.store.mcap.message_encoder import MOMENTUM_ARRAYS, PAIR_ARRAYS, STEP_ARRAYS
 from contactlab.store.mcap.stored_messages import (
     UNREADABLE,
     ChannelMessages,
-    check_trace,
     find_damage,
+    find_defect,
     stored_file,
 )
 from contactlab.store.mcap.trace_messages import (
@@ -255,18 +255,19 @@ def trace_problems(
     The scene's model file, where given, is compared with the model that the trace holds.
     """
     assert record.trace is not None
-    if (path.stat().st_size, sha256_of(path)) != (record.trace.bytes, record.trace.sha256):
+    data = path.read_bytes()
+    if (len(data), hashlib.sha256(data).hexdigest()) != (record.trace.bytes, record.trace.sha256):
         yield "changed since it was written"
         return
-    if problems := check_trace(path):
-        yield from problems
+    if defect := find_defect(data):
+        yield defect
         return
     try:
-        trace = read_trace(path, path.name)
+        trace = _decode(data)
         yield from _contradictions(trace, record, but)
         yield from _wrong_counts(trace, record, record.trace)
-    except (StoreError, ValueError) as error:
-        yield str(error)
+    except UNREADABLE as error:
+        yield f"this version of contactlab cannot read it: {error}"
         return
     if model is not None and trace.model_xml != model:
         yield "its model is not the scene's"
