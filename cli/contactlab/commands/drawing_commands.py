@@ -41,14 +41,14 @@ def report(
     from contactlab.store.finished_store import Store
 
     criteria = opt.accuracy_criteria(error, tolerance)
+    opened = Store.open(store)
     if figures is not None:
-        for path in write_figures(Store.open(store), figures, formats.split(","), criteria):
+        for path in write_figures(opened, figures, formats.split(","), criteria):
             echo(path)
         return
     against = Store.open(baseline) if baseline else None
     request = PageRequest(criteria, _count(traces), int(max_mb * 1e6), against)
     page = target or _beside(store)
-    opened = Store.open(store)
     if page.is_dir() or page.suffix not in {".html", ".htm"}:
         raise OutputError(f"{page}: write a name that ends in .html")
     if not page.parent.is_dir():

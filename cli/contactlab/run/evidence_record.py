@@ -37,11 +37,6 @@ from contactlab.schema.evidence import (
 from contactlab.store.store_files import time_now
 
 
-def metric_units() -> dict[str, str]:
-    """Return the unit of every metric, of plug-ins too."""
-    return {name: metric.unit for name, metric in METRICS.items()}
-
-
 @cache
 def definitions() -> str:
     """Return a hash of the code that prepares runs, rolls them out, measures and labels them."""
@@ -167,7 +162,7 @@ def _record(
         steps_asked=resolved.steps,
         metrics=metrics,
         metric_versions=identity.metric_versions,
-        units=metric_units(),
+        units={name: metric.unit for name, metric in METRICS.items()},
         label=labels[0].label if labels else "stable",
         labels=labels,
         expected=expected,

@@ -12,7 +12,7 @@ from contactlab.engines.closed_loop import allowed_policy
 from contactlab.errors import SweepFileError
 from contactlab.measure import LABELS, METRICS
 from contactlab.plugins import loaded_plugins
-from contactlab.run.evidence_record import as_written, definitions, engine, metric_units, provenance
+from contactlab.run.evidence_record import as_written, definitions, engine, provenance
 from contactlab.run.passes import SweepSession, run_passes
 from contactlab.run.planned_runs import RunIndex, pack_jobs
 from contactlab.run.sweep_request import SweepRequest
@@ -105,7 +105,7 @@ def run_sweep(
         shared = {
             "schema_version": RECORD_VERSION,
             "sweep": request.name,
-            "units": metric_units(),
+            "units": {name: metric.unit for name, metric in METRICS.items()},
             "metric_versions": identity.metric_versions,
             "severity": list(LABELS),
         }

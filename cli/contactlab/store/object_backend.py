@@ -159,9 +159,8 @@ class ObjectSession:
         """Store the scene and, last, the identity."""
         for file in sorted(path for path in (self.folder / SCENES).rglob("*") if path.is_file()):
             self._objects.put(file.relative_to(self.folder).as_posix(), file)
-        text = document_json(identity)
-        (self.folder / IDENTITY).write_text(text, encoding="utf-8")
-        self._objects.put(IDENTITY, text.encode())
+        (self.folder / IDENTITY).write_text(document_json(identity), encoding="utf-8")
+        self._objects.put(IDENTITY, self.folder / IDENTITY)
 
     def fetch_journal(self) -> None:
         """Join the batches of rows and of notes into local files."""

@@ -186,21 +186,15 @@ def document_json(document: BaseModel) -> str:
 def check_same_sweep(store: Address, stored: SweepIdentity, requested: SweepIdentity) -> None:
     """Raise a StoreError unless a store is of the requested sweep, by the same definitions."""
     ours, theirs = requested.model_dump(), stored.model_dump()
-    names = [*ours, *(name for name in theirs if name not in ours)]
     ignored = {"source"} if stored.definitions else {"source", "definitions"}
-    differing = [each for each in names if ours.get(each) != theirs.get(each)]
-    differing = [each for each in differing if each not in ignored]
+    names = [name for name in {**ours, **theirs} if name not in ignored]
+    differing = [name for name in names if ours.get(name) != theirs.get(name)]
+    if not differing:
+        return
+    held = f"another sweep (other {', '.join(differing)}{_other_plugins(stored, requested)})"
     if differing == ["definitions"]:
-        raise StoreError(
-            f"{store} holds runs of another contactlab, which prepares, measures or labels them "
-            "otherwise; write elsewhere with -o, or replace it with --fresh"
-        )
-    if differing:
-        raise StoreError(
-            f"{store} holds another sweep (other {', '.join(differing)}"
-            f"{_other_plugins(stored, requested)}); "
-            "write elsewhere with -o, or replace it with --fresh"
-        )
+        held = "runs of another contactlab, which prepares, measures or labels them otherwise"
+    raise StoreError(f"{store} holds {held}; write elsewhere with -o, or replace it with --fresh")
 
 
 def _other_plugins(stored: SweepIdentity, requested: SweepIdentity) -> str:

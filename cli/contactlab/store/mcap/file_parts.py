@@ -49,14 +49,6 @@ LIBRARY = "contactlab"
 _CRC_SIZE = 4
 # Six of these in every file: by the library they would take a tenth of the time of a tiny run.
 _SUMMARY_OFFSET = struct.Struct("<BQBQQ")
-_SUMMARY = (
-    Opcode.SCHEMA,
-    Opcode.CHANNEL,
-    Opcode.STATISTICS,
-    Opcode.CHUNK_INDEX,
-    Opcode.ATTACHMENT_INDEX,
-    Opcode.METADATA_INDEX,
-)
 
 
 @dataclass(frozen=True)
@@ -67,7 +59,8 @@ class FileStart:
     crc: int  # CRC-32 of its bytes
     topics: tuple[str, ...]  # topics of the channels 1, 2, ...
     schemas: int  # how many there are
-    summary: Mapping[Opcode, bytes]  # the records by which the summary repeats it, by their kind
+    # The records of the summary, by their kind and in its order; of messages there are none yet.
+    summary: Mapping[Opcode, bytes]
 
 
 def file_start(
@@ -82,7 +75,8 @@ def file_start(
     place = len(before), len(data) - len(before)
     index = AttachmentIndex(*place, data_size=len(attached.data), **described)
     topics = tuple(channel.topic for channel in channels)
-    summary = {**repeated, Opcode.ATTACHMENT_INDEX: _encoded(index)}
+    later = {Opcode.STATISTICS: b"", Opcode.CHUNK_INDEX: b""}
+    summary = {**repeated, **later, Opcode.ATTACHMENT_INDEX: _encoded(index)}
     return FileStart(data, zlib.crc32(data), topics, len(schemas), summary)
 
 
@@ -225,10 +219,10 @@ def _file_tail(
     groups, data_end = {**start.summary, **found}, _encoded(DataEnd(crc))
     summary_start = position + len(data_end)
     summary = offsets = b""
-    for kind in _SUMMARY:
-        group = summary_start + len(summary), len(groups[kind])
+    for kind, records in groups.items():
+        group = summary_start + len(summary), len(records)
         offsets += _SUMMARY_OFFSET.pack(Opcode.SUMMARY_OFFSET, 17, kind, *group)
-        summary += groups[kind]
+        summary += records
     footer = Footer(summary_start, summary_start + len(summary), 0)
     # The summary's CRC covers the footer's own first fields too.
     end = summary + offsets + _encoded(footer)[:-_CRC_SIZE]
