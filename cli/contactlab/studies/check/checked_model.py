@@ -16,7 +16,7 @@ from contactlab.scene.compiled_scene import CompiledScene, PreparedModel
 from contactlab.scene.resolution import ResolvedRun, steps_of
 from contactlab.scene.run_setup import make_setup
 from contactlab.scene.scene import Scene
-from contactlab.scene.setting_values import Settings, as_number
+from contactlab.scene.setting_values import as_number
 from contactlab.schema.check_report import Measure, Severity, TaskKind
 from contactlab.schema.drive import Drive, drive_data
 from contactlab.studies.check.check_results import LIMITS
@@ -31,14 +31,9 @@ _MOST_STEPS, _MOST_REMEDY_STEPS = 300_000, 600_000
 _SMALL = 10  # degrees of freedom up to which a model may take so many steps; larger ones take fewer
 
 
-def most_steps(model: mujoco.MjModel) -> int:
-    """Return how many steps a run of a model takes at most, unless more are asked for."""
-    return _at_most(_MOST_STEPS, model)
-
-
-def _at_most(steps: int, model: mujoco.MjModel) -> int:
-    """Return how many steps of a model take as long as so many of a small one."""
-    return steps * _SMALL // max(_SMALL, model.nv)
+def most_steps(model: mujoco.MjModel, of_small: int | None = None) -> int:
+    """Return how many steps a run of a model takes at most, given how many that of a small one."""
+    return (of_small or _MOST_STEPS) * _SMALL // max(_SMALL, model.nv)
 
 
 _SLACK = 1 + 1e-9  # keeps a value that equals its limit within it, whatever its rounding error
@@ -110,11 +105,6 @@ class CheckedModel:
         free = make_setup(self.base, None, [self.resolved], [model], {}).free_bodies
         return max((float(body.mass[0]) for body in free), default=1.0)
 
-    @property
-    def settings(self) -> Settings:
-        """Every resolved setting."""
-        return self.resolved.settings
-
     @cached_property
     def nominal(self) -> CheckRun:
         """The run of the model as it is, with every check of its trace."""
@@ -167,7 +157,7 @@ class CheckedModel:
                 raise TooLongError(f"a run of {seconds:g} s would take {steps:,} steps")
         if self.brief:
             total = self._steps["remedies"] + sum(steps_of(seconds, step) for step in timesteps)
-            if total > (most := _at_most(_MOST_REMEDY_STEPS, self.base.model)):
+            if total > (most := most_steps(self.base.model, _MOST_REMEDY_STEPS)):
                 raise TooLongError(
                     f"remedies would take {total:,} steps; {most:,} are made at most"
                 )

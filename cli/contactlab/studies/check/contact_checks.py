@@ -162,14 +162,14 @@ def check_flat_contact(checked: CheckedModel) -> CheckResult:
 
 def _row(checked: CheckedModel, contact: ContactSet) -> Values:
     flags = checked.resolved.flags
-    row = {name: checked.settings[name] for name in _SETTINGS}
+    row = {name: checked.resolved.settings[name] for name in _SETTINGS}
     row |= {name: flags[name] for name in _SWITCHES if name in flags}
     return {**row, **contact.axes, "gravity": _gravity(checked), "mass": checked.subject_mass}
 
 
 def _gravity(checked: CheckedModel) -> float:
     """Return the magnitude of the model's gravity [m/s^2]; the Earth's if it has none."""
-    return float(np.linalg.norm(as_vector(checked.settings["gravity"]))) or _GRAVITY
+    return float(np.linalg.norm(as_vector(checked.resolved.settings["gravity"]))) or _GRAVITY
 
 
 def _settling(contact: ContactSet) -> float:

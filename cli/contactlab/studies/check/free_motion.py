@@ -110,7 +110,7 @@ def steadier(checked: CheckedModel, result: CheckResult) -> Iterator[Values]:
     """
     drifts = [each for each in result.measures if each.name == "energy_drift"]
     limit = next((each.limit for each in drifts if each.limit is not None), math.inf)
-    own, timestep = str(checked.settings["integrator"]), checked.resolved.timestep
+    own, timestep = str(checked.resolved.settings["integrator"]), checked.resolved.timestep
     if any(each.name.startswith("inertia") for each in result.measures):
         return
     for integrator, share in ((own, 2), (_BEST, 1), (own, 4), (_BEST, 2)):
@@ -127,7 +127,7 @@ def _free_motions(checked: CheckedModel) -> tuple[list["FreeMotion"], "FreeMotio
     Return the runs, of which the first has the model's settings, as all have of a brief model; and
     one that keeps the model's damping, the first if there is none.
     """
-    own, timestep = str(checked.settings["integrator"]), checked.resolved.timestep
+    own, timestep = str(checked.resolved.settings["integrator"]), checked.resolved.timestep
     motions = [
         (integrator, timestep * share)
         for integrator in dict.fromkeys((own, _BEST))
@@ -186,7 +186,7 @@ def _is_accounted(checked: CheckedModel) -> bool:
 
 def _media(checked: CheckedModel) -> list[str]:
     """Return the settings by which a medium acts on the model."""
-    return [name for name in _MEDIUM if checked.settings[name]]
+    return [name for name in _MEDIUM if checked.resolved.settings[name]]
 
 
 def falls(model: mujoco.MjModel) -> bool:

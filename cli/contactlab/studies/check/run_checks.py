@@ -66,7 +66,7 @@ def _travels(checked: CheckedModel) -> Iterator[Measure]:
         if math.isfinite(half):
             travel = float(speed) * step
             yield checked.measure("travel", travel, pair.name, limit=float(half))
-    gravity = float(np.linalg.norm(as_vector(checked.settings["gravity"])))
+    gravity = float(np.linalg.norm(as_vector(checked.resolved.settings["gravity"])))
     fall = math.sqrt(2 * gravity * model.stat.extent)
     yield informative("travel_of_a_fall", fall * step, "m", "over the model's extent")
 
