@@ -15,7 +15,6 @@ Of settings that look numerical, these are part of the model:
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from types import MappingProxyType
 from typing import NamedTuple
 
 import mujoco
@@ -90,27 +89,25 @@ def drifts(run: Invariants, reference: Invariants) -> Floats:
     return np.maximum.reduce(parts)
 
 
-NUMERICS: Mapping[str, object] = MappingProxyType(
-    {
-        "timestep": None,  # what goes to zero
-        "integrator": None,  # all are consistent: they differ by powers of the timestep
-        # The constraint problem is convex: every converged solver gives the same answer.
-        "solver": "Newton",
-        "iterations": 200,
-        "tolerance": 1e-12,
-        "ls_iterations": 50,
-        "ls_tolerance": 0.01,
-        "warmstart": True,  # where the solver starts
-        "island": True,  # bodies that do not touch are solved separately
-        "jacobian": "auto",  # how the same matrix is stored
-        # How accurately the distance of convex shapes is computed.
-        "ccd_iterations": 200,
-        "ccd_tolerance": 1e-9,
-        "midphase": True,  # how distant pairs are skipped
-        "eulerdamp": True,  # damping evaluated at the end of a step or at its start
-        "sleep": False,  # skips bodies at rest, which should not move anyway
-    }
-)
+NUMERICS: Mapping[str, object] = {
+    "timestep": None,  # what goes to zero
+    "integrator": None,  # all are consistent: they differ by powers of the timestep
+    # The constraint problem is convex: every converged solver gives the same answer.
+    "solver": "Newton",
+    "iterations": 200,
+    "tolerance": 1e-12,
+    "ls_iterations": 50,
+    "ls_tolerance": 0.01,
+    "warmstart": True,  # where the solver starts
+    "island": True,  # bodies that do not touch are solved separately
+    "jacobian": "auto",  # how the same matrix is stored
+    # How accurately the distance of convex shapes is computed.
+    "ccd_iterations": 200,
+    "ccd_tolerance": 1e-9,
+    "midphase": True,  # how distant pairs are skipped
+    "eulerdamp": True,  # damping evaluated at the end of a step or at its start
+    "sleep": False,  # skips bodies at rest, which should not move anyway
+}
 """Settings and flags that only discretise, and why the limit does not depend on them.
 
 The values are those of a reference; None where each reference chooses.

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import Floats
 from contactlab.errors import SceneError
+from contactlab.mjcf import CONTACT
 from contactlab.scene.initial_states import QPOS0, start_data
 from contactlab.scene.model_names import known_id, matching
 from contactlab.scene.mujoco_versions import silence_mujoco
@@ -222,13 +223,9 @@ def explicit_pair(model: mujoco.MjModel, first: int, second: int) -> int | None:
 
 
 def _explicit(model: mujoco.MjModel, index: int) -> PairRecord:
+    fields = {**{name: f"pair_{name}" for name in CONTACT}, "condim": "pair_dim"}
     return PairRecord(
-        condim=int(model.pair_dim[index]),
-        friction=_floats(model.pair_friction[index]),
-        solref=_floats(model.pair_solref[index]),
-        solimp=_floats(model.pair_solimp[index]),
-        margin=float(model.pair_margin[index]),
-        gap=float(model.pair_gap[index]),
+        **{name: getattr(model, each)[index].tolist() for name, each in fields.items()}
     )
 
 

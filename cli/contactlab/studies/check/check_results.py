@@ -7,7 +7,6 @@ warning is a rule of thumb of people who simulate contact with MuJoCo.
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import chain, starmap
-from types import MappingProxyType
 from typing import NamedTuple
 
 from contactlab.printable import in_markdown, shortened
@@ -40,25 +39,23 @@ class Limit(NamedTuple):
 
 
 _MM, _MS, _PERCENT = (1e3, " mm"), (1e3, " ms"), (1e2, " %/s")
-LIMITS: Mapping[str, Limit] = MappingProxyType(
-    {
-        "timestep": Limit("s", "warning", shown=_MS),
-        "step_ratio": Limit("1", "warning", 0.8),
-        "travel": Limit("m", "error", shown=_MM),
-        "energy_drift": Limit("1/s", "warning", 1e-3, shown=_PERCENT),
-        "energy_gain": Limit("1/s", "error", 1e-2, shown=_PERCENT),
-        "penetration_steady": Limit("m", "warning", 1e-4, strict=True, shown=_MM),
-        "penetration_growth": Limit("m/s", "warning", 1e-6, shown=(1e6, " µm/s")),
-        "steps_lost": Limit("1", "error", 1, strict=True),
-        "mode_switches": Limit("1/s", "error", 5, strict=True, shown=(1.0, " a second")),
-        "penetration_mean": Limit("m", "warning", 1e-3, strict=True, shown=_MM),
-        "slip": Limit("m", "warning", 1e-4, strict=True, shown=_MM),
-        "loose_share": Limit("1", "error", 0.5),
-        "trajectories_differ": Limit("1", "error", 0),
-        "shell": Limit("m", "warning", 1e-4, shown=_MM),
-        "softness": Limit("s", "warning", 0.02, shown=_MS),
-    }
-)
+LIMITS: Mapping[str, Limit] = {
+    "timestep": Limit("s", "warning", shown=_MS),
+    "step_ratio": Limit("1", "warning", 0.8),
+    "travel": Limit("m", "error", shown=_MM),
+    "energy_drift": Limit("1/s", "warning", 1e-3, shown=_PERCENT),
+    "energy_gain": Limit("1/s", "error", 1e-2, shown=_PERCENT),
+    "penetration_steady": Limit("m", "warning", 1e-4, strict=True, shown=_MM),
+    "penetration_growth": Limit("m/s", "warning", 1e-6, shown=(1e6, " µm/s")),
+    "steps_lost": Limit("1", "error", 1, strict=True),
+    "mode_switches": Limit("1/s", "error", 5, strict=True, shown=(1.0, " a second")),
+    "penetration_mean": Limit("m", "warning", 1e-3, strict=True, shown=_MM),
+    "slip": Limit("m", "warning", 1e-4, strict=True, shown=_MM),
+    "loose_share": Limit("1", "error", 0.5),
+    "trajectories_differ": Limit("1", "error", 0),
+    "shell": Limit("m", "warning", 1e-4, shown=_MM),
+    "softness": Limit("s", "warning", 0.02, shown=_MS),
+}
 """By the name of a measure, which is unique among all checks."""
 
 

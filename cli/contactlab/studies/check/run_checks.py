@@ -192,24 +192,15 @@ def check_repeat(checked: CheckedModel) -> CheckResult:
 def reference_of(nominal: CheckRun) -> Reference:
     """Return what another engine must reproduce: the nominal run."""
     record = nominal.record
-    assert record.trajectory_hash is not None
     metrics = {
         name: value
         for name, metric in METRICS.items()
         if metric.equivalence and (value := record.metrics.get(name)) is not None
     }
     return Reference(
-        scene=record.scene,
-        scene_hash=record.scene_hash,
+        **record.model_dump(include={*Reference.model_fields} - {"metrics", "units"}),
         store=NOMINAL_STORE,
-        run_id=record.run_id,
-        trajectory_hash=record.trajectory_hash,
-        engine=record.engine,
-        settings=record.settings,
-        seed=record.seed,
-        duration=record.duration,
         success=record.label == "stable",
-        label=record.label,
         metrics=metrics,
         units={name: record.units[name] for name in metrics},
         tolerance=TOLERANCE,
