@@ -1,13 +1,14 @@
-/* Contacts of monitored pairs, read from mjData in each step of a rollout.
+/* Runs of MuJoCo whose contacts are read from mjData after each step.
  *
- * MuJoCo calls `read_contacts` as its sensor callback: in each step, on the thread that steps, when
- * contacts and their forces are known and the state is still the one that they belong to. It looks
- * up the pair of each contact, so that a step costs what it has of contacts, not of pairs, and
- * leaves what contact sensors measure, bit for bit: the slots of a pair are its first contacts, as
- * they come, seen from the pair's first side.
+ * `record_run` makes the steps of one run within MuJoCo's batch, which loads the state and catches
+ * errors. As the batch's own rollout does, it sets the inputs, steps, records, and stops where
+ * MuJoCo warns. In place of contact sensors, which compare each pair with each contact, it looks up
+ * the pair of each contact, so that a step costs what it has of contacts, not of pairs.
  *
- * Compiled without fused multiplications, as these bits are those of sums of rounded products.
+ * It leaves the bits that sensors leave: the slots of a pair are its first contacts, as they come,
+ * seen from the pair's first side. So it is compiled without fused multiplications.
  */
+#include <mujoco/mjbatch.h>
 #include <mujoco/mujoco.h>
 #include <stdint.h>
 #include <stdlib.h>
@@ -22,30 +23,45 @@ static const int flipped[] = {FORCE + 2, FORCE + 5, FRAME,     FRAME + 1,    FRA
                               FRAME + 3, FRAME + 4, FRAME + 5, VELOCITY + 2, VELOCITY + 5};
 
 typedef struct {
+  uint64_t key;    /* of both sides; see `key_of` */
+  int first, most; /* the first side, a geom or a body; how many slots there are */
+  int number;      /* which of the pairs as they are declared */
+  int width;       /* how many slots any step fills */
+  int found;       /* contacts in this step; 0 between steps */
+  size_t next;     /* the slot that is written next; all before it are */
+} Pair;
+
+typedef struct { /* A filled slot. */
   mjtNum slot[WIDTH];
-  int64_t row;     /* run * steps + step */
-  int pair, place; /* whose slot it is, and which */
+  int row, pair, place; /* run * steps + step; whose slot it is, and which */
 } Point;
 
 typedef struct {
-  int pairs;
-  uint64_t* keys; /* (pairs) of their sides, ascending; see `key_of` */
-  int* first;     /* (pairs) the first side: a geom or a body */
-  int* most;      /* (pairs) how many slots each has */
-  int* found;     /* (pairs) contacts in this step; 0 between steps */
-  int steps;      /* of a run */
-  int address;    /* in sensordata, of the count of all contacts, their least distance, and more */
-  int width;      /* how many numbers from there on are recorded */
-  Point* points;  /* of all runs */
+  mjBatch* batch;
+  const mjModel* model; /* of this run */
+  int pairs, steps;
+  Pair* pair;         /* (pairs) by ascending keys */
+  int sensor;         /* that of the first pair; the others', and that of all contacts, follow */
+  int address, width; /* in sensordata: of the latter, and how many numbers there are from there */
+  Point* points;      /* of all runs */
   size_t count, capacity;
   int lacks_memory;
-  size_t begin;  /* the first point of this run */
   int run, step; /* of what is recorded now */
-  mjtNum* rows;  /* (steps, width) of this run */
-  mjtNum* times; /* (steps) when its steps began */
 } Recording;
 
-static _Thread_local Recording* current; /* Another thread may step something else. */
+/* What one run takes and leaves, as the caller has it. */
+typedef struct {
+  const mjModel* model;
+  const mjtNum *qpos, *qvel, *ctrl, *applied, *act; /* the start */
+  const mjtNum* control;                            /* (steps, inputs), or NULL */
+  mjtNum *state, *rows;    /* (steps, 1 + nq + nv + na) and (steps, width) */
+  int* iterations;         /* (steps, mjNISLAND) */
+  mjtNum* forces[9];       /* what is recorded of the fields in `force`, or NULL */
+  int *warnings;           /* (mjNWARNING) how often each was raised */
+  int64_t run, spec, inputs; /* its number; which inputs there are, and how many numbers */
+} Run;
+
+static _Thread_local struct { Point* points; size_t capacity; } spare; /* of the last recording */
 
 /* Return what pairs are sorted and found by: whether sides are bodies, and both, in order. */
 static uint64_t key_of(int bodies, int first, int second) {
@@ -53,12 +69,17 @@ static uint64_t key_of(int bodies, int first, int second) {
   return (uint64_t)bodies << 62 | low << 31 | high;
 }
 
+static int by_key(const void* one, const void* other) {
+  const Pair *a = one, *b = other;
+  return a->key != b->key ? (a->key > b->key) - (a->key < b->key) : a->number - b->number;
+}
+
 /* Return the first pair whose key is not below this one. */
 static int find(const Recording* recording, uint64_t key) {
   int low = 0, high = recording->pairs;
   while (low < high) {
     int middle = low + (high - low) / 2;
-    if (recording->keys[middle] < key) {
+    if (recording->pair[middle].key < key) {
       low = middle + 1;
     } else {
       high = middle;
@@ -118,145 +139,238 @@ static Point* add_point(Recording* recording) {
   return recording->points + recording->count++;
 }
 
-/* Add a contact to the pairs of its sides, of which there may be none, or two of other orders. */
+/* Add a contact to the pairs of its sides, of which there may be two of opposite orders. */
 static void add_contact(Recording* recording, const mjModel* m, const mjData* d, int index,
                         int bodies, int first, int second) {
   uint64_t key = key_of(bodies, first, second);
-  for (int pair = find(recording, key);
-       pair < recording->pairs && recording->keys[pair] == key; pair++) {
-    if (recording->found[pair]++ < recording->most[pair]) {
+  for (int place = find(recording, key);
+       place < recording->pairs && recording->pair[place].key == key; place++) {
+    Pair* pair = recording->pair + place;
+    if (pair->found++ < pair->most) {
       Point* point = add_point(recording);
       if (!point) {
         return;
       }
-      measure(m, d, index, first != recording->first[pair], point->slot);
-      point->row = (int64_t)recording->run * recording->steps + recording->step;
-      point->pair = pair;
-      point->place = recording->found[pair] - 1;
+      measure(m, d, index, first != pair->first, point->slot);
+      point->row = recording->run * recording->steps + recording->step;
+      point->pair = place;
+      point->place = pair->found - 1;
+      pair->width = pair->found > pair->width ? pair->found : pair->width;
     }
   }
 }
 
-/* Record a step once everything is computed: MuJoCo's sensor callback. */
-static void read_contacts(const mjModel* m, mjData* d, int stage) {
-  Recording* recording = current;
-  if (!recording || stage != mjSTAGE_ACC) {
-    return;
-  }
-  int step = recording->step;
-  if (step >= recording->steps) {
-    recording->step++;
-    return;
-  }
+/* Read all contacts of a step; write how many there are and their least distance. */
+static void read_contacts(Recording* recording, const mjModel* m, const mjData* d, mjtNum* row) {
   size_t begin = recording->count;
-  mjtNum least = d->ncon ? d->contact[0].dist : 0;
+  int bodies = recording->pairs && recording->pair[recording->pairs - 1].key >> 62;
+  row[0] = d->ncon;
+  row[1] = d->ncon ? d->contact[0].dist : 0;
   for (int index = 0; index < d->ncon; index++) {
     const mjContact* contact = d->contact + index;
     int first = contact->geom[0], second = contact->geom[1];
-    least = contact->dist < least ? contact->dist : least;
+    row[1] = contact->dist < row[1] ? contact->dist : row[1];
     if (first >= 0 && second >= 0) { /* A flex has no geom, and no body. */
       add_contact(recording, m, d, index, 0, first, second);
-      add_contact(recording, m, d, index, 1, m->geom_bodyid[first], m->geom_bodyid[second]);
+      if (bodies) {
+        add_contact(recording, m, d, index, 1, m->geom_bodyid[first], m->geom_bodyid[second]);
+      }
     }
   }
   for (size_t each = begin; each < recording->count; each++) {
     Point* point = recording->points + each;
-    point->slot[FOUND] = recording->found[point->pair];
+    point->slot[FOUND] = recording->pair[point->pair].found;
   }
   for (size_t each = begin; each < recording->count; each++) {
-    recording->found[recording->points[each].pair] = 0;
+    recording->pair[recording->points[each].pair].found = 0;
   }
-  mjtNum* row = recording->rows + (size_t)step * recording->width;
-  memcpy(row, d->sensordata + recording->address, recording->width * sizeof(mjtNum));
-  row[0] = d->ncon;
-  row[1] = least;
-  recording->times[step] = d->time;
-  recording->step++;
+}
+
+/* Write where forces are that may be recorded, in the order of `FORCES` in contact_kernel.py. */
+static void find_forces(const mjModel* m, const mjData* d, const mjtNum** forces, int* widths) {
+  const mjtNum* found[] = {d->qfrc_constraint, d->qfrc_actuator, d->actuator_velocity,
+                           d->actuator_force,  d->qfrc_smooth,   d->qfrc_bias,
+                           d->qfrc_spring,     d->qfrc_damper,   d->qfrc_fluid};
+  memcpy(forces, found, sizeof found);
+  for (int each = 0; each < 9; each++) {
+    widths[each] = each == 2 || each == 3 ? m->nu : m->nv;
+  }
+}
+
+static void* copy(void* target, const void* source, size_t count, size_t size) {
+  if (count) {
+    memcpy(target, source, count * size);
+  }
+  return (char*)target + count * size;
+}
+
+typedef struct {
+  Recording* recording;
+  const Run* run;
+} Task;
+
+/* Make the steps of a run on data that holds its start: a function that a batch applies. */
+static void make_steps(const mjModel* m, mjData* d, int sim, void* argument) {
+  (void)sim;
+  const Task* task = argument;
+  Recording* recording = task->recording;
+  const Run* run = task->run;
+  const size_t number = sizeof(mjtNum), nstate = 1 + m->nq + m->nv + m->na;
+  const mjtNum* forces[9];
+  int widths[9], before[mjNWARNING], warned = 0;
+  find_forces(m, d, forces, widths);
+  for (int kind = 0; kind < mjNWARNING; kind++) {
+    before[kind] = d->warning[kind].number;
+  }
+  for (int step = 0; step < recording->steps; step++) {
+    mjtNum* state = run->state + step * nstate;
+    mjtNum* row = run->rows + (size_t)step * recording->width;
+    int* iterations = run->iterations + (size_t)step * mjNISLAND;
+    if (warned) { /* What is not valid must be numbers: the last ones. */
+      copy(state, state - nstate, nstate, number);
+      copy(row, row - recording->width, recording->width, number);
+      copy(iterations, iterations - mjNISLAND, mjNISLAND, sizeof *iterations);
+    } else {
+      if (run->control) {
+        mj_setState(m, d, run->control + (size_t)step * run->inputs, run->spec);
+      }
+      mj_step(m, d);
+      *state++ = d->time;
+      state = copy(state, d->qpos, m->nq, number);
+      state = copy(state, d->qvel, m->nv, number);
+      copy(state, d->act, m->na, number);
+      copy(row, d->sensordata + recording->address, recording->width, number);
+      copy(iterations, d->solver_niter, mjNISLAND, sizeof *iterations);
+      recording->step = step;
+      read_contacts(recording, m, d, row);
+    }
+    for (int each = 0; each < 9; each++) {
+      if (run->forces[each]) {
+        copy(run->forces[each] + (size_t)step * widths[each], forces[each], widths[each], number);
+      }
+    }
+    for (int kind = 0; kind < mjNWARNING && !warned; kind++) {
+      warned = d->warning[kind].number != before[kind];
+    }
+  }
+  for (int kind = 0; kind < mjNWARNING; kind++) {
+    run->warnings[kind] = d->warning[kind].number - before[kind];
+  }
+}
+
+static void start(mjBatch* batch, int component, const mjtNum* values) {
+  int size = 0;
+  mjtNum* target = mjb_stateComponent(batch, component, &size);
+  copy(target, values, size, sizeof(mjtNum));
+}
+
+/* Make a run, and record it; return 0, or what went wrong.
+ *
+ * Nothing of a run stays that MuJoCo raised an error in. Meanwhile its contact sensors are off. */
+const char* record_run(Recording* recording, const Run* run) {
+  Task task = {recording, run};
+  const int ids[] = {0};
+  size_t begin = recording->count;
+  int* stage = run->model->sensor_needstage + recording->sensor;
+  int own[2] = {stage[0], stage[recording->pairs]};
+  recording->model = run->model;
+  mjb_setModels(recording->batch, &recording->model);
+  mjb_reset(recording->batch, ids, 1, NULL, mjSTAGE_NONE);
+  start(recording->batch, mjSTATE_QPOS, run->qpos);
+  start(recording->batch, mjSTATE_QVEL, run->qvel);
+  start(recording->batch, mjSTATE_CTRL, run->ctrl);
+  start(recording->batch, mjSTATE_XFRC_APPLIED, run->applied);
+  start(recording->batch, mjSTATE_ACT, run->act);
+  for (int each = 0; each <= recording->pairs; each++) {
+    stage[each] = mjSTAGE_NONE;
+  }
+  recording->run = run->run;
+  int failed = mjb_apply(recording->batch, ids, 1, make_steps, &task, 0);
+  for (int each = 0; each < recording->pairs; each++) {
+    stage[each] = own[0];
+    recording->pair[each].found = 0;
+  }
+  stage[recording->pairs] = own[1];
+  if (failed) {
+    recording->count = begin;
+    return mjb_error(recording->batch, 0);
+  }
+  return recording->lacks_memory ? "out of memory" : NULL;
 }
 
 void close_recording(Recording* recording) {
-  if (recording) {
-    free(recording->keys);
-    free(recording->first);
-    free(recording->most);
-    free(recording->found);
+  if (recording->capacity > spare.capacity) {
+    free(spare.points);
+    spare.points = recording->points;
+    spare.capacity = recording->capacity;
+  } else {
     free(recording->points);
-    free(recording);
   }
+  mjb_deleteBatch(recording->batch);
+  free(recording->pair);
+  free(recording);
 }
 
-/* Return a recording of runs of some pairs; NULL if there is no memory for it.
+/* Return a recording of runs of one structure; NULL if there is no memory for it.
  *
- * Of each pair, `sides` has whether it is of bodies, both sides, and its slots; `order` has the
- * pairs by ascending keys, so that pair k of all calls is order[k] of these. */
-Recording* open_recording(int pairs, const int* sides, int steps, int address, int width) {
+ * The sensors of so many pairs follow each other, and that of all contacts follows them. */
+Recording* open_recording(const mjModel* m, int sensor, int pairs, int steps) {
   Recording* recording = calloc(1, sizeof(Recording));
-  if (!recording) {
+  Pair* pair = calloc(pairs + 1, sizeof(Pair));
+  mjBatchConfig config;
+  mjb_defaultConfig(&config);
+  config.nthread = 1;
+  mjBatch* batch = mjb_makeBatch(m, 1, &config, NULL, 0);
+  if (!recording || !pair || !batch) {
+    free(recording);
+    free(pair);
+    mjb_deleteBatch(batch);
     return NULL;
   }
-  *recording = (Recording){.pairs = pairs, .steps = steps, .address = address, .width = width};
-  recording->keys = calloc(pairs + 1, sizeof *recording->keys);
-  recording->first = calloc(pairs + 1, sizeof *recording->first);
-  recording->most = calloc(pairs + 1, sizeof *recording->most);
-  recording->found = calloc(pairs + 1, sizeof *recording->found);
-  if (!recording->keys || !recording->first || !recording->most || !recording->found) {
-    close_recording(recording);
-    return NULL;
+  *recording = (Recording){.batch = batch, .pairs = pairs, .steps = steps, .pair = pair};
+  recording->sensor = sensor;
+  recording->address = m->sensor_adr[sensor + pairs];
+  recording->width = m->nsensordata - recording->address;
+  for (int each = 0; each < pairs; each++) {
+    int place = sensor + each, first = m->sensor_objid[place], second = m->sensor_refid[place];
+    uint64_t key = key_of(m->sensor_objtype[place] == mjOBJ_BODY, first, second);
+    pair[each] = (Pair){key, first, m->sensor_dim[place] / WIDTH, each, 0, 0, 0};
   }
-  for (int pair = 0; pair < pairs; pair++) {
-    const int* each = sides + 4 * pair;
-    recording->keys[pair] = key_of(each[0], each[1], each[2]);
-    recording->first[pair] = each[1];
-    recording->most[pair] = each[3];
-  }
+  qsort(pair, pairs, sizeof(Pair), by_key);
+  recording->points = spare.points;
+  recording->capacity = spare.capacity;
+  spare.points = NULL;
+  spare.capacity = 0;
   return recording;
 }
 
-/* Record what this thread steps from now on as a run, into rows (steps, width) and times (steps).
- *
- * Return 0 where MuJoCo has the sensor callback of someone else. */
-int begin_run(Recording* recording, int run, mjtNum* rows, mjtNum* times) {
-  if (mjcb_sensor && mjcb_sensor != read_contacts) {
-    return 0;
+/* Write how many slots of each pair (pairs), as they are declared, any step fills. */
+void find_widths(const Recording* recording, int64_t* widths) {
+  for (int place = 0; place < recording->pairs; place++) {
+    widths[recording->pair[place].number] = recording->pair[place].width;
   }
-  mjcb_sensor = read_contacts;
-  recording->run = run;
-  recording->step = 0;
-  recording->begin = recording->count;
-  recording->rows = rows;
-  recording->times = times;
-  current = recording;
-  return 1;
 }
 
-/* End a run, and forget its points unless they are kept.
- *
- * Return how many steps it had, which may be more than were to be recorded; -1 without memory. */
-int end_run(Recording* recording, int keep) {
-  current = NULL;
-  if (!keep) {
-    recording->count = recording->begin;
+/* Write the slots of each pair (runs, steps, its width, WIDTH) to its target, zero where empty. */
+void fill_slots(Recording* recording, int runs, mjtNum* const* targets) {
+  const size_t size = WIDTH * sizeof(mjtNum);
+  for (int place = 0; place < recording->pairs; place++) {
+    recording->pair[place].next = 0;
   }
-  return recording->lacks_memory ? -1 : recording->step;
-}
-
-/* Write how many slots of each pair (pairs) are filled at most. */
-void find_widths(const Recording* recording, int* widths) {
-  memset(widths, 0, recording->pairs * sizeof *widths);
   for (size_t each = 0; each < recording->count; each++) {
     const Point* point = recording->points + each;
-    if (point->place >= widths[point->pair]) {
-      widths[point->pair] = point->place + 1;
+    Pair* pair = recording->pair + point->pair;
+    mjtNum* target = targets[pair->number];
+    size_t place = (size_t)point->row * pair->width + point->place;
+    memset(target + pair->next * WIDTH, 0, (place - pair->next) * size);
+    memcpy(target + place * WIDTH, point->slot, size);
+    pair->next = place + 1;
+  }
+  for (int place = 0; place < recording->pairs; place++) {
+    const Pair* pair = recording->pair + place;
+    size_t end = (size_t)runs * recording->steps * pair->width;
+    if (pair->width) {
+      memset(targets[pair->number] + pair->next * WIDTH, 0, (end - pair->next) * size);
     }
-  }
-}
-
-/* Copy all points into slots, zero before: (runs, steps, width, WIDTH) from a place for each pair. */
-void fill_slots(const Recording* recording, const int* widths, const int64_t* places,
-                mjtNum* slots) {
-  for (size_t each = 0; each < recording->count; each++) {
-    const Point* point = recording->points + each;
-    int64_t slot = places[point->pair] + point->row * widths[point->pair] + point->place;
-    memcpy(slots + slot * WIDTH, point->slot, WIDTH * sizeof(mjtNum));
   }
 }

@@ -1,12 +1,12 @@
-"""Contacts without contact sensors: a kernel in C, compiled on first use, that MuJoCo calls.
+"""Runs without contact sensors: a kernel in C, compiled on first use, steps and reads contacts.
 
 A contact sensor compares its pair with every contact of every step, and its slots are copied even
 where they are empty. `contact_kernel.c` looks up the pair of each contact instead and keeps what it
-finds, bit for bit what sensors measure. It is MuJoCo's sensor callback, which batches call in each
-step without Python, so that controls, warnings and errors stay theirs.
+finds, bit for bit what sensors do. It steps within MuJoCo's batch; a sensor callback, the other
+way in, makes MuJoCo compute accelerations of bodies in each step that nobody asked for.
 
-Nothing needs it: without a compiler, where a model is such that sensors say more, or with the
-variable CONTACTLAB_KERNEL=off, sensors record as they always did.
+Nothing needs it: without a compiler, under policies, with the variable CONTACTLAB_KERNEL=off, and
+for models that sleep or are integrated by RK4, contact sensors record.
 """
 
 import ctypes
@@ -20,22 +20,29 @@ import subprocess
 import sys
 import tempfile
 import warnings
-from collections.abc import Generator, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
 
 from contactlab.contact.trace_arrays import FOUND, SLOT_WIDTH, Floats
-from contactlab.engines.engine import Buffers, Proceed, Rollout, Watch, no_limit, proceed_always
-from contactlab.engines.mujoco_batch import PERSISTENT, roll_out
+from contactlab.engines.engine import (
+    Buffers,
+    PreparedRuns,
+    Proceed,
+    Rollout,
+    Watch,
+    no_limit,
+    proceed_always,
+)
+from contactlab.engines.mujoco_batch import PERSISTENT, STATE, roll_out
 from contactlab.errors import KernelWarning
 from contactlab.resources import user_cache
 from contactlab.scene.compile_model import PREFIX
-from contactlab.scene.initial_states import InitialStates
 from contactlab.scene.mujoco_versions import VERSION, library_file
 
 _SWITCH = "CONTACTLAB_KERNEL"
@@ -44,10 +51,14 @@ _FLAGS = ("-std=c11", "-O2", "-fPIC", "-shared", "-ffp-contract=off")
 _MOST_SECONDS = 120  # A compiler that takes longer hangs.
 _OTHERS_WRITE = 0o022
 _CHECKED_STEPS = 64  # after the first contact of a run that is compared with sensors
-_CONTACT, _USER = int(mujoco.mjtSensor.mjSENS_CONTACT), int(mujoco.mjtSensor.mjSENS_USER)
-_BODY = int(mujoco.mjtObj.mjOBJ_BODY)
-_NEVER, _LAST = int(mujoco.mjtStage.mjSTAGE_NONE), int(mujoco.mjtStage.mjSTAGE_ACC)
+_RK4 = mujoco.mjtIntegrator.mjINT_RK4
 _NO_SENSORS = int(mujoco.mjtDisableBit.mjDSBL_SENSOR)
+_WARNINGS = mujoco.mjtWarning.mjNWARNING
+# What may be recorded of the forces in a step, as `find_forces` in C has it.
+_FORCES = (
+    *("qfrc_constraint", "qfrc_actuator", "actuator_velocity", "actuator_force", "qfrc_smooth"),
+    *("qfrc_bias", "qfrc_spring", "qfrc_damper", "qfrc_fluid"),
+)
 _POINTER, _INT = ctypes.c_void_p, ctypes.c_int
 
 
@@ -65,9 +76,7 @@ class Kernel:
 
 
 def roll_out_by_kernel(
-    models: Sequence[mujoco.MjModel],
-    starts: InitialStates,
-    steps: int,
+    runs: PreparedRuns,
     buffers: Buffers,
     watch: Watch = no_limit,
     proceed: Proceed = proceed_always,
@@ -76,18 +85,18 @@ def roll_out_by_kernel(
 
     The first run of a process that has contacts is compared with what sensors give.
     """
+    models, starts, steps = runs.models, runs.starts, runs.steps
     kernel = None if os.environ.get(_SWITCH) == "off" else load_kernel()
     if kernel is None or kernel.failed or not all(map(_may_read, models)):
         return roll_out(models, starts, steps, buffers, watch, proceed)
+    contacts = _KernelStepper(kernel.library, runs)
     try:
-        with _recording(kernel.library, models[0], steps, len(models)) as contacts:
-            with contacts.in_place_of_sensors(models):
-                rollout = roll_out(
-                    models, starts, steps, buffers, watch, proceed, contacts=contacts
-                )
-            contacts.check_times(rollout)
-            rollout = replace(rollout, slots=contacts.slots(len(rollout.steps), buffers))
-            kernel.checked = kernel.checked or contacts.agree(models, starts, rollout)
+        rollout = roll_out(models, starts, steps, buffers, watch, proceed, stepper=contacts)
+        rollout = replace(rollout, slots=contacts.slots(len(rollout.steps), buffers))
+    finally:
+        contacts.close()
+    try:
+        kernel.checked = kernel.checked or _agrees(runs, rollout)
     except KernelError as error:
         kernel.failed = True
         warnings.warn(f"contacts are read by sensors from now on: {error}", KernelWarning, 2)
@@ -96,127 +105,82 @@ def roll_out_by_kernel(
 
 
 def _may_read(model: mujoco.MjModel) -> bool:
-    """Return whether a model's contacts may come from the kernel.
+    """Return whether the contacts that a step leaves are those that sensors saw.
 
-    What sleeps keeps its slots from before; and a callback is for sensors that are on.
+    What sleeps keeps slots from before, and RK4 leaves contacts of its last stage.
     """
-    return not (model.opt.enableflags & PERSISTENT or model.opt.disableflags & _NO_SENSORS)
+    off = model.opt.enableflags & PERSISTENT or model.opt.disableflags & _NO_SENSORS
+    return not off and model.opt.integrator != _RK4
 
 
-class ContactRecording:
-    """Contacts of n runs of N steps of one structure, from where their models have sensors."""
+class _KernelStepper:
+    """Steps runs of one structure, and keeps their contacts."""
 
-    def __init__(self, library: ctypes.CDLL, model: mujoco.MjModel, steps: int, runs: int) -> None:
-        """Make room for rows of what sensors measure from the count of all contacts on."""
-        first = self._all = model.sensor(f"{PREFIX}contacts").id
-        while first and model.sensor_type[first - 1] == _CONTACT:
-            if not model.sensor(first - 1).name.startswith(PREFIX):
-                break
-            first -= 1
-        self._library, self._steps = library, steps
-        self._pairs = pairs = slice(first, self._all)
-        of_bodies = model.sensor_objtype[pairs] == _BODY
-        sides = model.sensor_objid[pairs], model.sensor_refid[pairs]
-        most = model.sensor_dim[pairs] // SLOT_WIDTH
-        # As `key_of` in C has them.
-        self._order = np.lexsort([np.maximum(*sides), np.minimum(*sides), of_bodies])
-        table = np.stack([of_bodies, *sides, most], axis=1)[self._order].astype(np.int32)
-        address = int(model.sensor_adr[self._all])
-        self.width = model.nsensordata - address
-        self._times, self._made = np.empty((runs, steps)), [0] * runs
-        self.handle = library.open_recording(
-            len(table), np.ascontiguousarray(table).ctypes.data, steps, address, self.width
+    def __init__(self, library: ctypes.CDLL, runs: PreparedRuns) -> None:
+        """Raise a MemoryError if there is not enough memory."""
+        self._library, self._models, self._starts = library, runs.models, runs.starts
+        self._pairs, self._steps, model = runs.base.pairs, runs.steps, runs.base.model
+        first = model.sensor(f"{PREFIX}contacts").id - len(self._pairs)
+        self.width = model.nsensordata - runs.base.layout.contacts
+        self.warnings = np.zeros((len(self._models), int(_WARNINGS)), np.int32)
+        self._handle = library.open_recording(model._address, first, len(self._pairs), runs.steps)
+        if not self._handle:
+            raise MemoryError
+
+    def step(self, run: int, inputs: Mapping[str, Any], out: Mapping[Any, np.ndarray]) -> str:
+        """Make a run, and record it as a batch does; return what went wrong."""
+        starts, control = self._starts, inputs.get("control")
+        kept = [each[run] for each in (starts.qpos, starts.qvel, starts.ctrl, starts.applied)]
+        kept += [starts.act[run], control, out[STATE], out["sensordata"], out["solver_niter"]]
+        kept += [*map(out.get, _FORCES), self.warnings[run]]
+        width = 0 if control is None else control.shape[2]
+        addresses = [0 if each is None else each.ctypes.data for each in kept]
+        task = np.array(
+            [self._models[run]._address, *addresses, run, inputs.get("control_spec", 0), width]
         )
-        if not self.handle:
-            raise MemoryError
-
-    @contextmanager
-    def in_place_of_sensors(self, models: Sequence[mujoco.MjModel]) -> Generator[None]:
-        """Switch off the sensors of pairs; the one of all contacts calls the kernel instead."""
-        written = models[0].sensor_needstage.copy()
-        stages = written.copy()
-        stages[self._pairs], stages[self._all] = _NEVER, _LAST
-        try:
-            for model in models:
-                model.sensor_needstage[:], model.sensor_type[self._all] = stages, _USER
-            yield
-        finally:
-            for model in models:
-                model.sensor_needstage[:], model.sensor_type[self._all] = written, _CONTACT
-
-    @contextmanager
-    def of_run(self, run: int, rows: Floats) -> Generator[None]:
-        """Record what is stepped meanwhile as a run, into rows (N, width), unless it fails."""
-        times = self._times[run]
-        if not self._library.begin_run(self.handle, run, rows.ctypes.data, times.ctypes.data):
-            raise KernelError("another sensor callback is installed")
-        keep = False
-        try:
-            yield
-            keep = True
-        finally:
-            made = self._made[run] = self._library.end_run(self.handle, keep)
-            # What a stopped run did not write is not valid, but must be numbers.
-            rows[max(made, 0) :] = rows[made - 1] if made > 0 else 0.0
-        if made < 0:
-            raise MemoryError
-
-    def check_times(self, rollout: Rollout) -> None:
-        """Raise a KernelError unless each step was recorded once, as it began."""
-        for run, steps in enumerate(rollout.steps):
-            began = np.array_equal(self._times[run, :steps], rollout.state[run, :steps, 0])
-            if not rollout.errors[run] and not (began and self._made[run] <= self._steps):
-                raise KernelError("MuJoCo did not call it once in each step")
+        said = self._library.record_run(self._handle, task.ctypes.data)
+        return said.decode() if said else ""
 
     def slots(self, runs: int, buffers: Buffers) -> tuple[Floats, ...]:
         """Return slots of each pair, as many as some step of these runs fills, but one at least."""
-        widths = np.zeros(len(self._order), np.int32)
-        self._library.find_widths(self.handle, widths.ctypes.data)
-        ends = np.cumsum(runs * self._steps * widths.astype(np.int64))
-        places = np.concatenate(([0], ends[:-1]))
-        slots = buffers.zeros(int(ends.max(initial=0)), SLOT_WIDTH)
-        self._library.fill_slots(
-            self.handle, widths.ctypes.data, places.ctypes.data, slots.ctypes.data
-        )
+        widths = np.zeros(len(self._pairs), np.int64)
+        self._library.find_widths(self._handle, widths.ctypes.data)
+        ends = np.cumsum(runs * self._steps * widths)
+        slots = buffers.slots(int(ends.max(initial=0)), SLOT_WIDTH)
+        places = ends - runs * self._steps * widths
+        targets = slots.ctypes.data + slots.strides[0] * places
+        self._library.fill_slots(self._handle, runs, targets.ctypes.data)
         found = [np.broadcast_to(np.zeros(SLOT_WIDTH), (runs, self._steps, 1, SLOT_WIDTH))]
         found *= len(widths)
-        for row in np.flatnonzero(widths).tolist():
-            part = slots[places[row] : ends[row]]
-            found[self._order[row]] = part.reshape(runs, self._steps, -1, SLOT_WIDTH)
+        for pair in np.flatnonzero(widths).tolist():
+            part = slots[places[pair] : ends[pair]]
+            found[pair] = part.reshape(runs, self._steps, -1, SLOT_WIDTH)
         return tuple(found)
 
-    def agree(
-        self, models: Sequence[mujoco.MjModel], starts: InitialStates, rollout: Rollout
-    ) -> bool:
-        """Return whether there are contacts, and raise a KernelError if sensors see others."""
-        assert rollout.slots is not None
-        touching = [each[:, :, 0, FOUND] > 0 for each in rollout.slots if each.strides[0]]
-        for run, step in np.argwhere(np.logical_or.reduce(touching))[:1].tolist():
-            stop = min(step + _CHECKED_STEPS, rollout.steps[run])
-            model, slots = models[run], [each[run, :stop] for each in rollout.slots]
-            expected = roll_out([model], starts.pick(run), stop, Buffers())
-            sensors = expected.sensors[0]
-            full = np.zeros_like(sensors)
-            full[:, -self.width :] = rollout.sensors[run, :stop]
-            for address, each in zip(model.sensor_adr[self._pairs].tolist(), slots, strict=True):
-                full[:, address : address + each[0].size] = each.reshape(stop, -1)
-            own = int(model.sensor_adr[self._pairs.start])
-            state = rollout.state[run, : stop + 1].tobytes() == expected.state[0].tobytes()
-            if not state or full[:, own:].tobytes() != sensors[:, own:].tobytes():
-                raise KernelError(f"it disagrees with them in a run of {stop} steps")
-            return True
-        return False
+    def close(self) -> None:
+        """Free memory."""
+        self._library.close_recording(self._handle)
 
 
-@contextmanager
-def _recording(
-    library: ctypes.CDLL, model: mujoco.MjModel, steps: int, runs: int
-) -> Generator[ContactRecording]:
-    recording = ContactRecording(library, model, steps, runs)
-    try:
-        yield recording
-    finally:
-        library.close_recording(recording.handle)
+def _agrees(runs: PreparedRuns, rollout: Rollout) -> bool:
+    """Return whether there are contacts, and raise a KernelError if sensors see others."""
+    assert rollout.slots is not None
+    layout, pairs = runs.base.layout, runs.base.pairs
+    touching = [each[:, :, 0, FOUND] > 0 for each in rollout.slots if each.strides[0]]
+    for run, step in np.argwhere(np.logical_or.reduce(touching))[:1].tolist():
+        stop = min(step + _CHECKED_STEPS, rollout.steps[run])
+        expected = roll_out([runs.models[run]], runs.starts.pick(run), stop, Buffers())
+        sensors, rows = expected.sensors[0], rollout.sensors[run, :stop]
+        same = rows.tobytes() == sensors[:, layout.contacts :].tobytes()
+        for pair, address, each in zip(pairs, layout.pairs, rollout.slots, strict=True):
+            full = np.zeros((stop, pair.slots, SLOT_WIDTH))
+            full[:, : each.shape[2]] = each[run, :stop]
+            block = sensors[:, address : address + pair.slots * SLOT_WIDTH]
+            same &= full.tobytes() == block.tobytes()
+        if not same or rollout.state[run, : stop + 1].tobytes() != expected.state[0].tobytes():
+            raise KernelError(f"the kernel disagrees with them in a run of {stop} steps")
+        return True
+    return False
 
 
 @cache
@@ -226,12 +190,10 @@ def load_kernel() -> Kernel | None:
         library = ctypes.CDLL(str(compiled_kernel()))
     except (KernelError, OSError):
         return None
-    library.open_recording.restype = _POINTER
-    library.open_recording.argtypes = _INT, _POINTER, _INT, _INT, _INT
-    library.begin_run.argtypes = _POINTER, _INT, _POINTER, _POINTER
-    library.end_run.argtypes = _POINTER, _INT
-    library.find_widths.argtypes = _POINTER, _POINTER
-    library.fill_slots.argtypes = _POINTER, _POINTER, _POINTER, _POINTER
+    library.open_recording.restype, library.record_run.restype = _POINTER, ctypes.c_char_p
+    library.open_recording.argtypes = _POINTER, _INT, _INT, _INT
+    library.record_run.argtypes = library.find_widths.argtypes = _POINTER, _POINTER
+    library.fill_slots.argtypes = _POINTER, _INT, _POINTER
     library.close_recording.argtypes = (_POINTER,)
     return Kernel(library)
 

@@ -105,7 +105,7 @@ class Buffers:
     ) -> RolloutArrays:
         """Return arrays for n runs of N steps; they share memory with those of the last call.
 
-        So many numbers are measured in each step, or what all sensors measure.
+        All sensors are measured in each step, or so many numbers.
         """
         width = 1 + model.nq + model.nv + model.na
         measured = model.nsensordata if measured is None else measured
@@ -120,13 +120,11 @@ class Buffers:
             iterations=self._integers[: runs * steps * _ISLANDS].reshape(runs, steps, _ISLANDS),
         )
 
-    def zeros(self, rows: int, width: int) -> Floats:
-        """Return zeros (rows, width), which share memory with those of the last call."""
+    def slots(self, rows: int, width: int) -> Floats:
+        """Return memory (rows, width), which is that of the last call."""
         if len(self._slots) < rows * width:
             self._slots = np.empty(rows * width)
-        slots = self._slots[: rows * width].reshape(rows, width)
-        slots.fill(0.0)
-        return slots
+        return self._slots[: rows * width].reshape(rows, width)
 
 
 class Policy(Protocol):

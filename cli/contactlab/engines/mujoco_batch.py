@@ -1,8 +1,7 @@
 """MuJoCo's rollouts: n models of one structure, N steps each, in batches of one thread."""
 
 import time
-from collections.abc import Sequence
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -45,13 +44,20 @@ PERSISTENT = sum(
 _COUNT = 1  # a warning's record is where it was last raised and how often
 
 
-class ReadsContacts(Protocol):
-    """What reads contacts in place of sensors, and all that is measured after them."""
+class Stepper(Protocol):
+    """What steps runs, and records them as a batch does."""
 
-    width: int  # numbers that it records of each step
+    width: int  # how many numbers it records of what sensors measure
 
-    def of_run(self, run: int, rows: Floats, /) -> AbstractContextManager[None]:
-        """Record what is stepped meanwhile as a run, into rows (N, width), unless it fails."""
+    @property
+    def warnings(self) -> np.ndarray:
+        """(n, kinds) how often MuJoCo warned in each run."""
+        ...
+
+    def step(
+        self, run: int, inputs: Mapping[str, Any], out: Mapping[Any, np.ndarray], /
+    ) -> str | None:
+        """Make a run with some inputs, as `driven` gives them; return an error, if any."""
         ...
 
 
@@ -86,7 +92,7 @@ def driven(
     return {"control": inputs[None], "control_spec": spec}
 
 
-def roll_out(  # noqa: PLR0913 - those of an engine, and what reads contacts
+def roll_out(  # noqa: PLR0913 - those of an engine, and what steps
     models: Sequence[mujoco.MjModel],
     starts: InitialStates,
     steps: int,
@@ -94,16 +100,16 @@ def roll_out(  # noqa: PLR0913 - those of an engine, and what reads contacts
     watch: Watch = no_limit,
     proceed: Proceed = proceed_always,
     *,
-    contacts: ReadsContacts | None = None,
+    stepper: Stepper | None = None,
 ) -> Rollout:
     """Step every run by itself on this thread, as `SimulationEngine.roll_out` says.
 
     Bit for bit equal to a loop over `mj_step`. The models are of one layout, without autoreset.
-    Sensors record the contacts, unless something else reads them.
+    A batch steps them, whose sensors record the contacts, unless something else does.
     """
     count = len(models)
-    batch = start_batch(models, starts)
-    arrays = buffers.arrays(models[0], count, steps, contacts.width if contacts else None)
+    stepper = stepper or _BatchStepper(models, starts, steps)
+    arrays = buffers.arrays(models[0], count, steps, stepper.width)
     record_starts(starts, arrays)
     cost = np.zeros(count)
     errors: list[str | None] = [None] * count
@@ -114,27 +120,38 @@ def roll_out(  # noqa: PLR0913 - those of an engine, and what reads contacts
             break
         out: dict[Any, np.ndarray] = {
             int(STATE): arrays.state[run : run + 1, 1:],
+            "sensordata": arrays.sensors[run : run + 1],
             "solver_niter": arrays.iterations[run : run + 1],
             **recorder.fields,
         }
-        recording = nullcontext()
-        if contacts is None:
-            out["sensordata"] = arrays.sensors[run : run + 1]
-        else:
-            recording = contacts.of_run(run, arrays.sensors[run])
         inputs = driven(models[run], starts, run, steps)
         watch()
         start = time.thread_time()
-        try:
-            with recording:
-                batch.rollout(steps, record=list(out), ids=[run], out=out, **inputs)
-        except SimulationError:
-            errors[run] = batch.error(run)
+        errors[run] = stepper.step(run, inputs, out) or None
         cost[run] = time.thread_time() - start
         if not errors[run]:
             recorder.enter(run, 0, models[run], starts, arrays.state[run])
-    rollout = recorded(arrays, cost[:count], batch.warning[:count, :, _COUNT], errors)
+    rollout = recorded(arrays, cost[:count], stepper.warnings[:count], errors)
     return recorder.told(rollout)
+
+
+class _BatchStepper:
+    """A batch, which records all sensors."""
+
+    def __init__(self, models: Sequence[mujoco.MjModel], starts: InitialStates, steps: int) -> None:
+        self._batch, self._steps = start_batch(models, starts), steps
+        self.width = models[0].nsensordata
+
+    @property
+    def warnings(self) -> np.ndarray:
+        return self._batch.warning[:, :, _COUNT]
+
+    def step(self, run: int, inputs: Mapping[str, Any], out: Mapping[Any, np.ndarray]) -> str:
+        try:
+            self._batch.rollout(self._steps, record=list(out), ids=[run], out=dict(out), **inputs)
+        except SimulationError:
+            return self._batch.error(run)
+        return ""
 
 
 class Recorder:

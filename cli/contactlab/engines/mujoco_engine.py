@@ -51,7 +51,7 @@ class MujocoEngine(SimulationEngine):
         if runs.policy is not None:
             rollout = fly(runs, buffers, watch, proceed)
         else:
-            rollout = self._step(runs.models, runs.starts, runs.steps, buffers, watch, proceed)
+            rollout = self._step(runs, buffers, watch, proceed)
         return self._with_cost(runs, with_loads(runs, rollout))
 
     def _with_cost(self, runs: PreparedRuns, rollout: Rollout) -> Rollout:  # noqa: ARG002
@@ -61,7 +61,11 @@ class MujocoEngine(SimulationEngine):
         """Return how long a step takes [s], without what a batch takes around its steps."""
         return float(self.roll_out(runs, Buffers()).cost.mean()) / runs.steps
 
-    _step = staticmethod(roll_out_by_kernel)
+    def _step(
+        self, runs: PreparedRuns, buffers: Buffers, watch: Watch, proceed: Proceed
+    ) -> Rollout:
+        return roll_out_by_kernel(runs, buffers, watch, proceed)
+
     check_runs = staticmethod(run_checks)
     integrate_to = staticmethod(integrate_to)
     count_work = staticmethod(count_work)
@@ -72,7 +76,10 @@ class MujocoEngine(SimulationEngine):
 class OlderMujocoEngine(MujocoEngine):
     """MuJoCo before 3.17: the same bits, more slowly, and costs from stepping a second time."""
 
-    _step = staticmethod(roll_out)
+    def _step(
+        self, runs: PreparedRuns, buffers: Buffers, watch: Watch, proceed: Proceed
+    ) -> Rollout:
+        return roll_out(runs.models, runs.starts, runs.steps, buffers, watch, proceed)
 
     def _with_cost(self, runs: PreparedRuns, rollout: Rollout) -> Rollout:
         """Return a rollout with the cost of the same steps without Python between them."""

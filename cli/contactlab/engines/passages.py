@@ -36,12 +36,14 @@ class Passages:
 
     def __init__(self, model: mujoco.MjModel, runs: int) -> None:
         """Look for passages in n runs; their geoms are those of one model."""
+        meeting = np.triu(may_touch(model), 1)
+        on = read_flag(model, "contact") and (meeting.any() or model.nflex)
         half = _half_extents(model)
-        self._thinnest = half.min(initial=np.inf) if read_flag(model, "contact") else np.inf
+        self._thinnest = half.min(initial=np.inf) if on else np.inf
         self._lengths, self._reach = _lengths(model), reaches(model)
         half[np.isin(model.geom_type, (_PLANE, _HFIELD))] = 0
         self._least = _SLOW * (half[:, None] + half)
-        self._least[~np.triu(may_touch(model), 1)] = np.inf
+        self._least[~meeting] = np.inf
         self.found = [tuple[Passage, ...]()] * runs
 
     def enter(self, run: int, model: mujoco.MjModel, starts: InitialStates, states: Floats) -> None:
