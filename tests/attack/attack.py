@@ -37,9 +37,8 @@ from contactlab.run.recomputed_runs import (
 from contactlab.run.sweep_request import SweepRequest, read_request
 from contactlab.run.sweep_runner import run_sweep
 from contactlab.run.tasks import ProgressCallback
-from contactlab.store.baseline_store import write_baseline
 from contactlab.store.finished_store import Store
-from contactlab.store.verify_store import unverified, verify
+from contactlab.store.verify_store import unverified, verify, write_baseline
 
 MODEL = """
 <mujoco>

@@ -21,9 +21,8 @@ import pytest
 
 from contactlab.errors import StoreError
 from contactlab.store import atomic_files, folder_backend
-from contactlab.store.baseline_store import write_baseline
 from contactlab.store.finished_store import Store
-from contactlab.store.verify_store import verify
+from contactlab.store.verify_store import verify, write_baseline
 
 TINY = "{version: 1, scene: ball_drop, duration: 0.02, axes: {timestep: [1.0e-3, 2.0e-3]}}"
 CHANGES = {"os.rename", "os.remove", "os.mkdir", "os.rmdir", "os.truncate"}

@@ -18,9 +18,8 @@ from contactlab.run.sweep_request import read_request
 from contactlab.run.sweep_runner import run_sweep
 from contactlab.schema.drive import PolicyDrive
 from contactlab.schema.evidence import StoreManifest
-from contactlab.store.baseline_store import write_baseline
 from contactlab.store.finished_store import Store
-from contactlab.store.verify_store import verify
+from contactlab.store.verify_store import verify, write_baseline
 
 CART_POLE = cart_pole(0.004, more='<keyframe><key name="tilted" qpos="0 0.1"/></keyframe>')
 POLICY = """

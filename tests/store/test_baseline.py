@@ -6,11 +6,10 @@ from pathlib import Path
 import pytest
 
 from contactlab.errors import OutputError, StoreError
-from contactlab.store import atomic_files, baseline_store
+from contactlab.store import atomic_files, verify_store
 from contactlab.store.atomic_files import sha256_of
-from contactlab.store.baseline_store import write_baseline
 from contactlab.store.finished_store import Store
-from contactlab.store.verify_store import verify
+from contactlab.store.verify_store import verify, write_baseline
 
 
 def files(folder: Path) -> set[str]:
@@ -104,7 +103,7 @@ def test_without_an_exchange_in_one_step_two_renames_do(
     store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(atomic_files, "_LIBC", None)
-    monkeypatch.setattr(baseline_store, "sync_filesystem", lambda _: None)
+    monkeypatch.setattr(verify_store, "sync_filesystem", lambda _: None)
     target = tmp_path / "beside" / "baseline"
     digest = write_baseline(store, target).digest
     assert write_baseline(store, target).digest == digest

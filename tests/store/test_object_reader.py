@@ -10,10 +10,9 @@ import pytest
 
 from contactlab.errors import OutputError, StoreError
 from contactlab.run.planned_runs import local_scene
-from contactlab.store.baseline_store import write_baseline
 from contactlab.store.finished_store import Store
 from contactlab.store.store_files import parse_address
-from contactlab.store.verify_store import verify
+from contactlab.store.verify_store import verify, write_baseline
 
 SCENE = "scenes/35472800cb1450b5/scene.xml"
 TRACE = "traces/01/0000000000000001.mcap"

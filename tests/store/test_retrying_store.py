@@ -11,12 +11,11 @@ from pydantic_core import to_json
 
 from contactlab.errors import StoreError
 from contactlab.schema.evidence import EvidenceRecord, StoreManifest
-from contactlab.store.baseline_store import write_baseline
 from contactlab.store.finished_store import Store
 from contactlab.store.row_journal import read_lines
 from contactlab.store.store_writer import StoreWriter, open_writer
 from contactlab.store.table_layout import record_to_row
-from contactlab.store.verify_store import verify
+from contactlab.store.verify_store import verify, write_baseline
 
 STATUSES = ("ok", "crashed", "error", "stopped", "timeout", "ok")
 FAILED, KEPT = {1, 2, 4}, {0, 3, 5}

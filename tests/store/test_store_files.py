@@ -10,11 +10,10 @@ from typing import Any
 import pytest
 
 from contactlab.errors import ContactlabError, StoreError
-from contactlab.store.baseline_store import write_baseline
 from contactlab.store.finished_store import Store
 from contactlab.store.store_files import check_tree, read_stored, stored_file
 from contactlab.store.store_writer import open_writer
-from contactlab.store.verify_store import verify
+from contactlab.store.verify_store import verify, write_baseline
 
 OUTSIDE = "not for the store"
 TRACE = "traces/00/" + "0" * 16 + ".mcap"

@@ -164,7 +164,7 @@ def update(
     output: opt.Format = opt.FORMAT,
 ) -> None:
     """Write a store without its traces, small enough to commit."""
-    from contactlab.store.baseline_store import write_baseline
+    from contactlab.store.verify_store import write_baseline
 
     written = write_baseline(store, dest, baseline_digest)
     runs, digest = written.manifest.runs, written.digest
