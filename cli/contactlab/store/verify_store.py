@@ -315,7 +315,7 @@ def _copy_without_traces(store: Store, target: Path) -> None:
     if store.manifest.records not in {None, records}:
         raise StoreError(f"{store.address} is not sound: its records are not those of its manifest")
     changes = {"files": files, "records": records, "traces_left_out": True}
-    text = document_json(store.manifest.model_copy_without_traces(update=changes))
+    text = document_json(store.manifest.model_copy(update=changes))
     (target / MANIFEST).write_text(text, encoding="utf-8")
 
 
