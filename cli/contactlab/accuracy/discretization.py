@@ -13,6 +13,7 @@ from contactlab.accuracy.reference import (
     ReferenceSolution,
     with_reference_numerics,
 )
+from contactlab.contact.contact_laws import refsafe_solref
 from contactlab.contact.trace_arrays import Floats
 from contactlab.engines import Watch
 from contactlab.scene.resolution import ResolvedRun
@@ -196,7 +197,8 @@ def accuracies(
     for run_id, resolved in runs.items():
         note = notes.get(run_id, _NOTHING)
         error = note.get(kind, _NOTHING)
-        pairs = scene.base_of(resolved).prepare(resolved.edits()).pairs
+        prepared = scene.base_of(resolved).prepare(resolved.edits())
+        solrefs = [pair.solref for pair in prepared.pairs.values()]
         found[run_id] = Accuracy(
             **{f"error_{name}": error.get(name) for name in _ERRORS},
             error_velocity=note.get("velocity"),
@@ -209,7 +211,7 @@ def accuracies(
             impacts=note.get("impacts"),
             solref_rule=rules[run_id],
             solref_clamped=resolved.flags["refsafe"]
-            and any(raises_solref(pair.solref, resolved.timestep) for pair in pairs.values()),
+            and any(refsafe_solref(each, resolved.timestep) != each for each in solrefs),
         )
     return found
 
@@ -220,11 +222,6 @@ def _kind(request: AccuracyRequest, notes: Mapping[str, Note]) -> ErrorKind:
         return request.error
     known = [each["chaotic"] for each in notes.values() if each.get("chaotic") is not None]
     return "invariants" if sum(known) > len(known) / 2 else "trajectory"
-
-
-def raises_solref(solref: Sequence[float], timestep: float) -> bool:
-    """Return whether refsafe raises the time constant [s] of a solref, which may have none."""
-    return 0 < solref[0] < 2 * timestep
 
 
 def solref_rules(runs: Mapping[str, ResolvedRun]) -> dict[str, SolrefRule | None]:

@@ -15,7 +15,9 @@ from numpy.typing import ArrayLike, NDArray
 from contactlab.contact.trace_arrays import Floats
 
 _BISECTIONS = 60
-_IMPEDANCE_RANGE = (1e-4, 0.9999)
+IMPEDANCE_RANGE = (1e-4, 0.9999)
+"""Bounds that MuJoCo holds an impedance to."""
+_REFSAFE_STEPS = 2
 
 
 def stiffness_damping(solref: ArrayLike) -> tuple[Floats, Floats]:
@@ -30,6 +32,11 @@ def stiffness_damping(solref: ArrayLike) -> tuple[Floats, Floats]:
     ratio = np.where(direct, 1.0, second)
     stiffness = np.where(direct, -first, 1 / (constant * ratio) ** 2)
     return stiffness, np.where(direct, -second, 2 / constant)
+
+
+def refsafe_solref(solref: tuple[float, ...], timestep: float) -> tuple[float, ...]:
+    """Return a solref as refsafe has it: with a time constant [s] of at least two timesteps [s]."""
+    return (max(solref[0], _REFSAFE_STEPS * timestep), solref[1]) if solref[0] > 0 else solref
 
 
 def damping_ratio(solref: ArrayLike) -> Floats:
@@ -95,7 +102,7 @@ def rest_penetration(
     contacts; pyramids soften it.
     """
     stiffness, _ = stiffness_damping(solref)
-    end = np.clip(np.asarray(solimp, dtype=np.float64)[..., 1], *_IMPEDANCE_RANGE)
+    end = np.clip(np.asarray(solimp, dtype=np.float64)[..., 1], *IMPEDANCE_RANGE)
     weight = np.asarray(load, dtype=np.float64) * np.asarray(inverse_mass, dtype=np.float64)
     scale = weight * end**2 / stiffness
     curve = _impedance_curve(solimp)
@@ -111,7 +118,7 @@ def rest_penetration(
 
 def _impedance_curve(solimp: ArrayLike) -> Callable[[Floats], Floats]:
     values = np.moveaxis(np.asarray(solimp, dtype=np.float64), -1, 0)
-    start, end, middle = (np.clip(values[index], *_IMPEDANCE_RANGE) for index in (0, 1, 3))
+    start, end, middle = (np.clip(values[index], *IMPEDANCE_RANGE) for index in (0, 1, 3))
     width, power = np.maximum(values[2], 0), np.maximum(values[4], 1)
     low, high = middle ** (1 - power), (1 - middle) ** (1 - power)
 

@@ -6,9 +6,9 @@ from functools import cache, lru_cache
 
 import numpy as np
 
-from contactlab.accuracy.discretization import raises_solref, reference_steps
+from contactlab.accuracy.discretization import reference_steps
 from contactlab.accuracy.timing import timing_seconds
-from contactlab.contact.contact_laws import stiffness_damping
+from contactlab.contact.contact_laws import refsafe_solref, stiffness_damping
 from contactlab.engines import engine_of
 from contactlab.engines.engine import PreparedRuns, bytes_of_run
 from contactlab.plan.grid import Plan
@@ -104,10 +104,10 @@ def _summed(index: RunIndex, scene: Scene) -> _Sums:
         sums.steps += count * steps
         sums.bytes += count * bytes_of(shape, steps)
         if isinstance(solref, tuple):
-            clamped = shape.first.flags["refsafe"] and raises_solref(solref, row.timestep)
-            used = (2 * row.timestep, solref[1]) if clamped else solref
+            safe = shape.first.flags["refsafe"]
+            used = refsafe_solref(solref, row.timestep) if safe else solref
             sums.fast += count * (round(row.timestep * _frequency(used), 1) > _FASTEST)
-            sums.clamped += count * clamped
+            sums.clamped += count * (used != solref)
         # One for each multiple of the stride among the indices of the row's runs.
         samples = -(-(runs + count) // stride) - -(-runs // stride)
         sums.sampled += [row.resolved(seed) for seed in range(samples)]

@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 
 from contactlab.contact.contact_laws import rest_penetration
 from contactlab.studies.check.contact_checks import (
-    REFSAFE_STEPS,
     STIFF_SOLREF,
     load_at_depth,
     rounded_down,
@@ -54,7 +53,7 @@ def test_practice_comes_first_where_the_engine_keeps_it(
     load: float, inverse: float, solimp: np.ndarray, depth: float
 ) -> None:
     enough = float(rest_penetration(load, inverse, STIFF_SOLREF, solimp)) < depth
-    kept = STIFF_SOLREF[0] / REFSAFE_STEPS
+    kept = STIFF_SOLREF[0] / 2
     assert (stiff_solref(load, inverse, solimp, kept, depth) == STIFF_SOLREF) >= enough
     # Half as long again, and the engine would raise the time constant.
     timeconst, _ = stiff_solref(load, inverse, solimp, 1.5 * kept, depth)
@@ -68,7 +67,8 @@ def test_the_load_of_a_depth_is_that_which_gives_it(
     solref = (timeconst, 1.0)
     depth = float(rest_penetration(load, inverse, solref, solimp))
     # Where impedance is steep in depth, a depth to rounding is a load to some roundings more.
-    assert load_at_depth(depth, inverse, solref, solimp) == pytest.approx(load, rel=1e-6)
+    found = load_at_depth(depth, inverse, 1 / timeconst**2, solimp)
+    assert found == pytest.approx(load, rel=1e-6)
 
 
 @pytest.mark.parametrize("weight", [9.81, 9.81 / 4])

@@ -4,12 +4,18 @@ And how stiff a contact must be to carry a load.
 """
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
-from contactlab.contact.contact_laws import impedance, rest_penetration, stiffness_damping
+from contactlab.contact.contact_laws import (
+    IMPEDANCE_RANGE,
+    impedance,
+    refsafe_solref,
+    rest_penetration,
+    stiffness_damping,
+)
 from contactlab.contact.trace_arrays import DISTANCE, FORCE, Floats
 from contactlab.scene.setting_values import as_vector
 from contactlab.schema.check_report import CheckResult, Measure
@@ -24,8 +30,6 @@ from contactlab.studies.check.checked_model import (
 )
 from contactlab.studies.session import Values
 
-REFSAFE_STEPS = 2.0  # timesteps to which refsafe raises a shorter time constant
-_IMPEDANCE_RANGE = (1e-4, 0.9999)  # bounds that the engine holds an impedance to
 _LEAST_WIDTH = 1e-15
 
 
@@ -68,14 +72,13 @@ def contact_sets(checked: CheckedModel) -> list[ContactSet]:
 
 def effective_solref(checked: CheckedModel, solref: tuple[float, ...]) -> tuple[float, ...]:
     """Return a solref as the engine uses it: refsafe raises time constants to two timesteps."""
-    if solref[0] <= 0 or not checked.resolved.flags["refsafe"]:
-        return solref
-    return max(solref[0], REFSAFE_STEPS * checked.resolved.timestep), solref[1]
+    safe = checked.resolved.flags["refsafe"]
+    return refsafe_solref(solref, checked.resolved.timestep) if safe else solref
 
 
 def _clipped(solimp: tuple[float, ...]) -> tuple[float, ...]:
     """Return an impedance within the bounds of the engine."""
-    low, high = _IMPEDANCE_RANGE
+    low, high = IMPEDANCE_RANGE
     start, end, middle = (min(max(solimp[place], low), high) for place in (0, 1, 3))
     return start, end, max(solimp[2], _LEAST_WIDTH), middle, max(solimp[4], 1.0)
 
@@ -99,28 +102,20 @@ def stiff_solref(
     The load F [N] is that on one contact, the inverse mass A [1/kg] is 1/m1 + 1/m2 of its bodies.
     """
     found = float(rest_penetration(load, inverse_mass, STIFF_SOLREF, solimp))
-    if found < depth and REFSAFE_STEPS * timestep <= STIFF_SOLREF[0]:
+    if found < depth and refsafe_solref(STIFF_SOLREF, timestep) == STIFF_SOLREF:
         return STIFF_SOLREF
-    stiffness = load / _load_by_stiffness(depth, inverse_mass, solimp)
+    stiffness = load / load_at_depth(depth, inverse_mass, 1.0, solimp)
     return rounded_down(_BELOW / math.sqrt(stiffness)), 1.0
 
 
-def load_at_depth(
-    depth: float, inverse_mass: float, solref: Sequence[float], solimp: Floats
-) -> float:
-    """Return the load [N] under which a contact rests at a depth [m].
+def load_at_depth(depth: float, inverse_mass: float, stiffness: float, solimp: Floats) -> float:
+    """Return the load [N] under which a contact of a stiffness K [1/s^2] rests at a depth [m].
 
     The inverse of the law of `stiff_solref`. With pyramidal cones this is an effective load, which
     friction and condim scale.
     """
-    return float(stiffness_damping(solref)[0]) * _load_by_stiffness(depth, inverse_mass, solimp)
-
-
-def _load_by_stiffness(depth: float, inverse_mass: float, solimp: Floats) -> float:
-    """Return the load over the stiffness K with which a contact rests at a depth [m]."""
-    end = float(np.clip(solimp[1], *_IMPEDANCE_RANGE))
-    d = float(impedance(depth, solimp))
-    return depth * d * d / (inverse_mass * (1 - d) * end**2)
+    end, d = float(np.clip(solimp[1], *IMPEDANCE_RANGE)), float(impedance(depth, solimp))
+    return stiffness * (depth * d * d / (inverse_mass * (1 - d) * end**2))
 
 
 def rounded_down(value: float) -> float:
@@ -216,17 +211,15 @@ def _stiff_solref(
 ) -> tuple[float, float]:
     each, solimp, load = 1 / checked.subject_mass, np.array(contact.axes["solimp"]), _load(checked)
     if depth.value is not None:
-        load = max(load, load_at_depth(depth.value, each, contact.solref, solimp))
+        stiffness = float(stiffness_damping(contact.solref)[0])
+        load = max(load, load_at_depth(depth.value, each, stiffness, solimp))
     return stiff_solref(load, each, solimp, checked.resolved.timestep, depth.limit or 0.0)
 
 
 def _stiffer(checked: CheckedModel, solref: tuple[float, ...]) -> Values:
     """Return a solref, and the timestep for it if refsafe would raise it at the model's own."""
     kept = effective_solref(checked, solref) == solref
-    return {
-        "solref": solref,
-        **({} if kept else {"timestep": rounded_down(solref[0] / REFSAFE_STEPS)}),
-    }
+    return {"solref": solref, **({} if kept else {"timestep": rounded_down(solref[0] / 2)})}
 
 
 _SHELLS = "shells"
