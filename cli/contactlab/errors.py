@@ -87,10 +87,6 @@ class UnheldWarning(ModelWarning):
     """What a drive that holds a model cannot hold."""
 
 
-class KernelWarning(UserWarning):
-    """Why contacts are read by sensors, although there is a kernel."""
-
-
 def suggestion(name: str, known: Iterable[str]) -> str:
     """Return "did you mean 'x'?" for the closest known name, or an empty string."""
     close = difflib.get_close_matches(name, list(known), n=1)

@@ -16,7 +16,6 @@ from contactlab.contact.trace_arrays import Trace
 from contactlab.engines import ENGINES, Buffers, PreparedRuns, Rollout, contact_kernel
 from contactlab.engines.contact_kernel import KernelError, compiled_kernel
 from contactlab.engines.rollout_trace import make_trace
-from contactlab.errors import KernelWarning
 from contactlab.plan.overrides import Overrides
 from contactlab.run.sweep_request import read_request
 from contactlab.run.sweep_runner import run_sweep
@@ -254,10 +253,10 @@ def test_one_that_disagrees_with_sensors_is_given_up(
         return rollout
 
     if planted == "forces":
-        monkeypatch.setattr(kernel.library, "fill_slots", lambda *_: None)
+        monkeypatch.setattr(kernel, "fill_slots", lambda *_: None)
     monkeypatch.setattr(contact_kernel, "roll_out", wrong)
     runs = runs_of(Scene.open("ball_drop"), {}, {})
-    with pytest.warns(KernelWarning, match="sensors from now on") as said:
+    with pytest.warns(UserWarning, match="sensors from now on") as said:
         assert_same_bits(runs, monkeypatch, read=False)
     assert_same_bits(runs, monkeypatch, read=False)
     assert len(said) == 1

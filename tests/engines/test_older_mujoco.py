@@ -51,6 +51,7 @@ class Seen(NamedTuple):
 def by_loop(monkeypatch: pytest.MonkeyPatch) -> pytest.MonkeyPatch:
     """Step by the loop from now on."""
     monkeypatch.setattr(mujoco_batch, "Batch", StepLoop)
+    monkeypatch.setenv("CONTACTLAB_KERNEL", "off")
     return monkeypatch
 
 

@@ -53,12 +53,12 @@ typedef struct {
 typedef struct {
   const mjModel* model;
   const mjtNum *qpos, *qvel, *ctrl, *applied, *act; /* the start */
-  const mjtNum* control;                            /* (steps, inputs), or NULL */
+  const mjtNum* control;                            /* (steps, inputs) */
   mjtNum *state, *rows;    /* (steps, 1 + nq + nv + na) and (steps, width) */
   int* iterations;         /* (steps, mjNISLAND) */
   mjtNum* forces[9];       /* what is recorded of the fields in `force`, or NULL */
   int *warnings;           /* (mjNWARNING) how often each was raised */
-  int64_t run, spec, inputs; /* its number; which inputs there are, and how many numbers */
+  int64_t run, spec, inputs; /* its number; which inputs change, and how many numbers they are */
 } Run;
 
 static _Thread_local struct { Point* points; size_t capacity; } spare; /* of the last recording */
@@ -231,7 +231,7 @@ static void make_steps(const mjModel* m, mjData* d, int sim, void* argument) {
       copy(row, row - recording->width, recording->width, number);
       copy(iterations, iterations - mjNISLAND, mjNISLAND, sizeof *iterations);
     } else {
-      if (run->control) {
+      if (run->inputs) {
         mj_setState(m, d, run->control + (size_t)step * run->inputs, run->spec);
       }
       mj_step(m, d);

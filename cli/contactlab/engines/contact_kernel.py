@@ -21,7 +21,7 @@ import sys
 import tempfile
 import warnings
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -30,20 +30,11 @@ import mujoco
 import numpy as np
 
 from contactlab.contact.trace_arrays import FOUND, SLOT_WIDTH, Floats
-from contactlab.engines.engine import (
-    Buffers,
-    PreparedRuns,
-    Proceed,
-    Rollout,
-    Watch,
-    no_limit,
-    proceed_always,
-)
-from contactlab.engines.mujoco_batch import PERSISTENT, STATE, roll_out
-from contactlab.errors import KernelWarning
+from contactlab.engines.engine import Buffers, PreparedRuns, Proceed, Rollout, Watch
+from contactlab.engines.mujoco_batch import PERSISTENT, STATE, BatchStepper, roll_out
 from contactlab.resources import user_cache
 from contactlab.scene.compile_model import PREFIX
-from contactlab.scene.mujoco_versions import VERSION, library_file
+from contactlab.scene.mujoco_versions import VERSION, has_batch, library_file
 
 _SWITCH = "CONTACTLAB_KERNEL"
 _SOURCE = Path(__file__).with_suffix(".c")
@@ -59,6 +50,7 @@ _FORCES = (
     *("qfrc_constraint", "qfrc_actuator", "actuator_velocity", "actuator_force", "qfrc_smooth"),
     *("qfrc_bias", "qfrc_spring", "qfrc_damper", "qfrc_fluid"),
 )
+_NO_MEMORY = b"out of memory"
 _POINTER, _INT = ctypes.c_void_p, ctypes.c_int
 
 
@@ -66,20 +58,14 @@ class KernelError(Exception):
     """The kernel cannot be had or does not do what sensors do; the message says why."""
 
 
-@dataclass
-class Kernel:
+class Kernel(ctypes.CDLL):
     """The loaded kernel: whether it was compared with sensors in this process, and failed."""
 
-    library: ctypes.CDLL
-    checked: bool = False
-    failed: bool = False
+    checked = failed = False
 
 
 def roll_out_by_kernel(
-    runs: PreparedRuns,
-    buffers: Buffers,
-    watch: Watch = no_limit,
-    proceed: Proceed = proceed_always,
+    runs: PreparedRuns, buffers: Buffers, watch: Watch, proceed: Proceed
 ) -> Rollout:
     """Step runs as `roll_out` does, contacts from the kernel where there is one and it may.
 
@@ -89,7 +75,7 @@ def roll_out_by_kernel(
     kernel = None if os.environ.get(_SWITCH) == "off" else load_kernel()
     if kernel is None or kernel.failed or not all(map(_may_read, models)):
         return roll_out(models, starts, steps, buffers, watch, proceed)
-    contacts = _KernelStepper(kernel.library, runs)
+    contacts = _KernelStepper(kernel, runs)
     try:
         rollout = roll_out(models, starts, steps, buffers, watch, proceed, stepper=contacts)
         rollout = replace(rollout, slots=contacts.slots(len(rollout.steps), buffers))
@@ -99,7 +85,7 @@ def roll_out_by_kernel(
         kernel.checked = kernel.checked or _agrees(runs, rollout)
     except KernelError as error:
         kernel.failed = True
-        warnings.warn(f"contacts are read by sensors from now on: {error}", KernelWarning, 2)
+        warnings.warn(f"contacts are read by sensors from now on: {error}", stacklevel=2)
         return roll_out(models, starts, steps, buffers, watch, proceed)
     return rollout
 
@@ -113,10 +99,10 @@ def _may_read(model: mujoco.MjModel) -> bool:
     return not off and model.opt.integrator != _RK4
 
 
-class _KernelStepper:
+class _KernelStepper(BatchStepper):
     """Steps runs of one structure, and keeps their contacts."""
 
-    def __init__(self, library: ctypes.CDLL, runs: PreparedRuns) -> None:
+    def __init__(self, library: Kernel, runs: PreparedRuns) -> None:
         """Raise a MemoryError if there is not enough memory."""
         self._library, self._models, self._starts = library, runs.models, runs.starts
         self._pairs, self._steps, model = runs.base.pairs, runs.steps, runs.base.model
@@ -129,16 +115,18 @@ class _KernelStepper:
 
     def step(self, run: int, inputs: Mapping[str, Any], out: Mapping[Any, np.ndarray]) -> str:
         """Make a run, and record it as a batch does; return what went wrong."""
-        starts, control = self._starts, inputs.get("control")
-        kept = [each[run] for each in (starts.qpos, starts.qvel, starts.ctrl, starts.applied)]
-        kept += [starts.act[run], control, out[STATE], out["sensordata"], out["solver_niter"]]
-        kept += [*map(out.get, _FORCES), self.warnings[run]]
-        width = 0 if control is None else control.shape[2]
-        addresses = [0 if each is None else each.ctypes.data for each in kept]
-        task = np.array(
-            [self._models[run]._address, *addresses, run, inputs.get("control_spec", 0), width]
-        )
+        starts, control = self._starts, inputs.get("control", np.empty((1, 0, 0)))
+        begin = starts.qpos, starts.qvel, starts.ctrl, starts.applied, starts.act
+        taken = [np.ascontiguousarray(each[run]) for each in begin]
+        taken.append(np.ascontiguousarray(control))
+        left = out[STATE], out["sensordata"], out["solver_niter"], *map(out.get, _FORCES)
+        arrays = (*taken, *left, self.warnings[run])
+        addresses = [0 if each is None else each.ctypes.data for each in arrays]
+        numbers = run, inputs.get("control_spec", 0), control.shape[2]
+        task = np.array([self._models[run]._address, *addresses, *numbers])
         said = self._library.record_run(self._handle, task.ctypes.data)
+        if said == _NO_MEMORY:
+            raise MemoryError
         return said.decode() if said else ""
 
     def slots(self, runs: int, buffers: Buffers) -> tuple[Floats, ...]:
@@ -146,7 +134,7 @@ class _KernelStepper:
         widths = np.zeros(len(self._pairs), np.int64)
         self._library.find_widths(self._handle, widths.ctypes.data)
         ends = np.cumsum(runs * self._steps * widths)
-        slots = buffers.slots(int(ends.max(initial=0)), SLOT_WIDTH)
+        slots = buffers.take("slots", int(ends.max(initial=0)), SLOT_WIDTH)
         places = ends - runs * self._steps * widths
         targets = slots.ctypes.data + slots.strides[0] * places
         self._library.fill_slots(self._handle, runs, targets.ctypes.data)
@@ -187,25 +175,26 @@ def _agrees(runs: PreparedRuns, rollout: Rollout) -> bool:
 def load_kernel() -> Kernel | None:
     """Return the kernel, compiled if it is not in the user's cache; None if it cannot be had."""
     try:
-        library = ctypes.CDLL(str(compiled_kernel()))
+        library = Kernel(str(compiled_kernel())) if has_batch() else None
     except (KernelError, OSError):
         return None
-    library.open_recording.restype, library.record_run.restype = _POINTER, ctypes.c_char_p
-    library.open_recording.argtypes = _POINTER, _INT, _INT, _INT
-    library.record_run.argtypes = library.find_widths.argtypes = _POINTER, _POINTER
-    library.fill_slots.argtypes = _POINTER, _INT, _POINTER
-    library.close_recording.argtypes = (_POINTER,)
-    return Kernel(library)
+    if library is not None:
+        library.open_recording.restype, library.record_run.restype = _POINTER, ctypes.c_char_p
+        library.open_recording.argtypes = _POINTER, _INT, _INT, _INT
+        library.record_run.argtypes = library.find_widths.argtypes = _POINTER, _POINTER
+        library.fill_slots.argtypes = _POINTER, _INT, _POINTER
+        library.close_recording.argtypes = (_POINTER,)
+    return library
 
 
-def compiled_kernel(*flags: str) -> Path:
-    """Return the kernel as a shared library, compiled with more flags unless it is in the cache.
+def compiled_kernel() -> Path:
+    """Return the kernel as a shared library, compiled unless it is in the user's cache.
 
     A KernelError says why there is none: no compiler, or one that fails, or a cache of others.
     """
-    command = [*_FLAGS, *flags, str(_SOURCE), f"-I{library_file().parent / 'include'}"]
-    key = hashlib.sha256(_SOURCE.read_bytes())
-    key.update("\0".join([VERSION, platform.platform(), *command]).encode())
+    command = [*_FLAGS, str(_SOURCE), f"-I{library_file().parent / 'include'}"]
+    key = hashlib.sha256("\0".join([VERSION, platform.platform(), *command]).encode())
+    key.update(_SOURCE.read_bytes())
     folder = user_cache()
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     if folder.stat().st_uid != os.geteuid() or folder.stat().st_mode & _OTHERS_WRITE:
@@ -214,35 +203,24 @@ def compiled_kernel(*flags: str) -> Path:
     if target.exists():
         return target
     # Two processes may compile it at once; each replaces the file as a whole.
-    handle, name = tempfile.mkstemp(dir=folder, suffix=".so")
-    os.close(handle)
-    try:
-        _compile([*command, str(library_file()), "-o", name])
-        return Path(name).replace(target)
-    finally:
-        Path(name).unlink(missing_ok=True)
-
-
-def _compile(arguments: list[str]) -> None:
-    """Run the first compiler that works."""
-    found = [shlex.split(os.environ.get("CC", ""))]
-    found += [[each] for each in (shutil.which("cc"),) if each]
-    if importlib.util.find_spec("ziglang"):
-        found.append([sys.executable, "-m", "ziglang", "cc"])
-    said = "no C compiler: there is no cc, and no ziglang"
-    for compiler in filter(None, found):
+    with tempfile.TemporaryDirectory(dir=folder) as name:
+        compiled = Path(name) / target.name
+        command = [*_compiler(), *command, str(library_file()), "-o", str(compiled)]
         try:
-            done = subprocess.run(  # noqa: S603 - the user's own compiler
-                [*compiler, *arguments],
-                check=False,
-                capture_output=True,
-                text=True,
-                timeout=_MOST_SECONDS,
+            subprocess.run(  # noqa: S603 - the user's own compiler
+                command, check=True, capture_output=True, timeout=_MOST_SECONDS
             )
-        except (OSError, subprocess.TimeoutExpired) as error:
-            said = f"{compiler[0]}: {error}"
-            continue
-        if not done.returncode:
-            return
-        said = f"{compiler[0]}: {done.stderr.strip().splitlines()[:1]}"
-    raise KernelError(said)
+        except (OSError, subprocess.SubprocessError) as error:
+            raise KernelError(f"no C compiler that works: {error}") from error
+        return compiled.replace(target)
+
+
+def _compiler() -> list[str]:
+    """Return the command that the user named, or the system's, or ziglang's."""
+    if named := shlex.split(os.environ.get("CC", "")):
+        return named
+    if found := shutil.which("cc"):
+        return [found]
+    if importlib.util.find_spec("ziglang"):
+        return [sys.executable, "-m", "ziglang", "cc"]
+    raise KernelError("no C compiler: there is no cc, and no ziglang")

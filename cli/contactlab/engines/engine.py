@@ -6,17 +6,19 @@ say its version and roll runs out. What else it can do it shows by having the me
 it alone.
 """
 
+import math
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cache
 from importlib.metadata import version
 from itertools import pairwise
-from typing import NamedTuple, Protocol, runtime_checkable
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import Floats, RecordedControls, SelfChecks, Told, Trace
 from contactlab.scene.compiled_scene import CompiledScene, PreparedModel
@@ -92,39 +94,29 @@ class Rollout(Told):
         return cls(*first, (steps,) * count, cost, warnings, (None,) * count)
 
 
-@dataclass
 class Buffers:
     """Memory for rollouts, kept between calls: fresh pages would cost a tenth of a small run."""
 
-    _floats: Floats = field(default_factory=lambda: np.empty(0))
-    _integers: np.ndarray = field(default_factory=lambda: np.empty(0, np.int32))
-    _slots: Floats = field(default_factory=lambda: np.empty(0))
+    def __init__(self) -> None:
+        self._memory: dict[str, NDArray[Any]] = {}
 
     def arrays(
         self, model: mujoco.MjModel, runs: int, steps: int, measured: int | None = None
     ) -> RolloutArrays:
-        """Return arrays for n runs of N steps; they share memory with those of the last call.
-
-        All sensors are measured in each step, or so many numbers.
-        """
-        width = 1 + model.nq + model.nv + model.na
+        """Return arrays for n runs of N steps, in which all sensors measure, or so many numbers."""
         measured = model.nsensordata if measured is None else measured
-        state, sensors = runs * (steps + 1) * width, runs * steps * measured
-        if len(self._floats) < state + sensors:
-            self._floats = np.empty(state + sensors)
-        if len(self._integers) < runs * steps * _ISLANDS:
-            self._integers = np.empty(runs * steps * _ISLANDS, np.int32)
         return RolloutArrays(
-            state=self._floats[:state].reshape(runs, steps + 1, width),
-            sensors=self._floats[state : state + sensors].reshape(runs, steps, measured),
-            iterations=self._integers[: runs * steps * _ISLANDS].reshape(runs, steps, _ISLANDS),
+            state=self.take("state", runs, steps + 1, 1 + model.nq + model.nv + model.na),
+            sensors=self.take("sensors", runs, steps, measured),
+            iterations=self.take("iterations", runs, steps, _ISLANDS, kind=np.int32),
         )
 
-    def slots(self, rows: int, width: int) -> Floats:
-        """Return memory (rows, width), which is that of the last call."""
-        if len(self._slots) < rows * width:
-            self._slots = np.empty(rows * width)
-        return self._slots[: rows * width].reshape(rows, width)
+    def take(self, name: str, *shape: int, kind: type[np.generic] = np.float64) -> NDArray[Any]:
+        """Return an array, not cleared, that shares memory with the last one of this name."""
+        size = math.prod(shape)
+        if name not in self._memory or len(self._memory[name]) < size:
+            self._memory[name] = np.empty(size, kind)
+        return self._memory[name][:size].reshape(shape)
 
 
 class Policy(Protocol):

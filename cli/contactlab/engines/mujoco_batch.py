@@ -3,7 +3,7 @@
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import mujoco
 import numpy as np
@@ -44,23 +44,6 @@ PERSISTENT = sum(
 _COUNT = 1  # a warning's record is where it was last raised and how often
 
 
-class Stepper(Protocol):
-    """What steps runs, and records them as a batch does."""
-
-    width: int  # how many numbers it records of what sensors measure
-
-    @property
-    def warnings(self) -> np.ndarray:
-        """(n, kinds) how often MuJoCo warned in each run."""
-        ...
-
-    def step(
-        self, run: int, inputs: Mapping[str, Any], out: Mapping[Any, np.ndarray], /
-    ) -> str | None:
-        """Make a run with some inputs, as `driven` gives them; return an error, if any."""
-        ...
-
-
 def start_batch(models: Sequence[mujoco.MjModel], starts: InitialStates) -> Batch:
     """Return a batch of one thread, each run with its own model and at its start."""
     persistent = any(model.opt.enableflags & PERSISTENT for model in models)
@@ -92,6 +75,28 @@ def driven(
     return {"control": inputs[None], "control_spec": spec}
 
 
+class BatchStepper:
+    """Steps runs by a batch, which records all sensors.
+
+    Attributes:
+        width: how many numbers it records of what sensors measure.
+        warnings: (n, kinds) how often MuJoCo warned in each run.
+    """
+
+    def __init__(self, models: Sequence[mujoco.MjModel], starts: InitialStates, steps: int) -> None:
+        """Prepare runs of N steps."""
+        self._batch, self._steps = start_batch(models, starts), steps
+        self.width, self.warnings = models[0].nsensordata, self._batch.warning[:, :, _COUNT]
+
+    def step(self, run: int, inputs: Mapping[str, Any], out: Mapping[Any, np.ndarray]) -> str:
+        """Make a run with inputs as `driven` gives them; return an error, if any."""
+        try:
+            self._batch.rollout(self._steps, record=list(out), ids=[run], out=dict(out), **inputs)
+        except SimulationError:
+            return self._batch.error(run)
+        return ""
+
+
 def roll_out(  # noqa: PLR0913 - those of an engine, and what steps
     models: Sequence[mujoco.MjModel],
     starts: InitialStates,
@@ -100,15 +105,14 @@ def roll_out(  # noqa: PLR0913 - those of an engine, and what steps
     watch: Watch = no_limit,
     proceed: Proceed = proceed_always,
     *,
-    stepper: Stepper | None = None,
+    stepper: BatchStepper | None = None,
 ) -> Rollout:
     """Step every run by itself on this thread, as `SimulationEngine.roll_out` says.
 
     Bit for bit equal to a loop over `mj_step`. The models are of one layout, without autoreset.
-    A batch steps them, whose sensors record the contacts, unless something else does.
     """
     count = len(models)
-    stepper = stepper or _BatchStepper(models, starts, steps)
+    stepper = stepper or BatchStepper(models, starts, steps)
     arrays = buffers.arrays(models[0], count, steps, stepper.width)
     record_starts(starts, arrays)
     cost = np.zeros(count)
@@ -133,25 +137,6 @@ def roll_out(  # noqa: PLR0913 - those of an engine, and what steps
             recorder.enter(run, 0, models[run], starts, arrays.state[run])
     rollout = recorded(arrays, cost[:count], stepper.warnings[:count], errors)
     return recorder.told(rollout)
-
-
-class _BatchStepper:
-    """A batch, which records all sensors."""
-
-    def __init__(self, models: Sequence[mujoco.MjModel], starts: InitialStates, steps: int) -> None:
-        self._batch, self._steps = start_batch(models, starts), steps
-        self.width = models[0].nsensordata
-
-    @property
-    def warnings(self) -> np.ndarray:
-        return self._batch.warning[:, :, _COUNT]
-
-    def step(self, run: int, inputs: Mapping[str, Any], out: Mapping[Any, np.ndarray]) -> str:
-        try:
-            self._batch.rollout(self._steps, record=list(out), ids=[run], out=dict(out), **inputs)
-        except SimulationError:
-            return self._batch.error(run)
-        return ""
 
 
 class Recorder:

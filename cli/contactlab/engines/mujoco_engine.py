@@ -19,7 +19,6 @@ from contactlab.engines.engine import (
     package_version,
     proceed_always,
 )
-from contactlab.engines.mujoco_batch import roll_out
 from contactlab.engines.sampled_loads import with_loads
 from contactlab.engines.self_checks import run_checks
 from contactlab.engines.single_run import count_work, integrate_to, time_segments, time_steps
@@ -51,7 +50,7 @@ class MujocoEngine(SimulationEngine):
         if runs.policy is not None:
             rollout = fly(runs, buffers, watch, proceed)
         else:
-            rollout = self._step(runs, buffers, watch, proceed)
+            rollout = roll_out_by_kernel(runs, buffers, watch, proceed)
         return self._with_cost(runs, with_loads(runs, rollout))
 
     def _with_cost(self, runs: PreparedRuns, rollout: Rollout) -> Rollout:  # noqa: ARG002
@@ -60,11 +59,6 @@ class MujocoEngine(SimulationEngine):
     def seconds_per_step(self, runs: PreparedRuns) -> float:
         """Return how long a step takes [s], without what a batch takes around its steps."""
         return float(self.roll_out(runs, Buffers()).cost.mean()) / runs.steps
-
-    def _step(
-        self, runs: PreparedRuns, buffers: Buffers, watch: Watch, proceed: Proceed
-    ) -> Rollout:
-        return roll_out_by_kernel(runs, buffers, watch, proceed)
 
     check_runs = staticmethod(run_checks)
     integrate_to = staticmethod(integrate_to)
@@ -75,11 +69,6 @@ class MujocoEngine(SimulationEngine):
 
 class OlderMujocoEngine(MujocoEngine):
     """MuJoCo before 3.17: the same bits, more slowly, and costs from stepping a second time."""
-
-    def _step(
-        self, runs: PreparedRuns, buffers: Buffers, watch: Watch, proceed: Proceed
-    ) -> Rollout:
-        return roll_out(runs.models, runs.starts, runs.steps, buffers, watch, proceed)
 
     def _with_cost(self, runs: PreparedRuns, rollout: Rollout) -> Rollout:
         """Return a rollout with the cost of the same steps without Python between them."""
