@@ -33,6 +33,7 @@ def tune(
     tolerance: list[str] | None = opt.TOLERANCE,
     budget: str = opt.option("TIME", "How long it may take: 90s, 5min, 1h.", "5min"),
     free: list[str] | None = opt.option("solref", "Contact parameters that may become softer."),
+    watched: bool = opt.flag("--watched", "Leave out collisions that were never seen, unproven."),
     drop_sensors: bool = opt.flag("--drop-sensors", "Leave the model's sensors out."),
     patch: bool = opt.flag("--patch", "Print the patch, and no more."),
     workers: int | None = opt.WORKERS,
@@ -56,6 +57,7 @@ def tune(
         tolerances=dict(opt.read_limit(each, "tolerance") for each in tolerance or ()),
         budget=_read_budget(budget),
         free=_read_free(free or ()),
+        watched=watched,
         drop_sensors=drop_sensors,
         drive=drive_option(drive),
     )
@@ -140,9 +142,11 @@ def _details(report: "TuneReport", folder: Path) -> Iterator[str]:
     yield "time: " + (", ".join(f"{name} {share:.0%}" for name, share in shares.items()) or "-")
     if report.masked or report.excluded:
         yield (
-            f"exact: {len(report.masked)} geoms and {len(report.excluded)} pairs of bodies never "
-            "touch: every run is the same without their collisions, bit for bit"
+            f"exact: {len(report.masked)} geoms and {len(report.excluded)} pairs of bodies cannot "
+            "touch, by proof: every run is the same without their collisions, bit for bit"
         )
+    if report.watched:
+        yield f"watched, not proven: {len(report.watched)} pairs of bodies were never seen to touch"
     for line in report.lines[:_MOST_LINES]:
         yield f"{line.file}:{line.line}: {line.element or 'removed'}"
     if len(report.lines) > _MOST_LINES:

@@ -205,8 +205,11 @@ class TuneReport(Model):
     provenance: Provenance
     candidates: tuple[Candidate, ...] = Field(description="Now first, from the same seeds.")
     changes: tuple[Changed, ...]
-    masked: tuple[str, ...] = Field(description="Geoms that never touch, taken from collisions.")
-    excluded: tuple[tuple[str, str], ...] = Field(description="Bodies that never touch.")
+    masked: tuple[str, ...] = Field(description="Geoms that can touch nothing, by proof.")
+    excluded: tuple[tuple[str, str], ...] = Field(description="Bodies that cannot touch.")
+    watched: tuple[tuple[str, str], ...] = Field(
+        description="Bodies left to collide no more that were never seen to; unproven.", default=()
+    )
     sensors: tuple[str, ...] = Field(description="Sensors that were left out.")
     profile: dict[str, Ratio] = Field(
         description="Time of a step of the model as written without a part, over that with it."

@@ -1,5 +1,6 @@
 """What never touches: masks leave every state as it was, and luck of one run decides nothing."""
 
+import re
 from pathlib import Path
 
 import mujoco
@@ -10,7 +11,8 @@ from numpy.typing import NDArray
 from contactlab.engines import engine_of
 from contactlab.engines.engine import Buffers, PreparedRuns
 from contactlab.scene.scene import Scene
-from contactlab.scene.unreachable import filtered_pairs
+from contactlab.scene.unreachable import GeomPair, filtered_pairs
+from contactlab.studies.tune import savers
 from contactlab.studies.tune.savers import UntouchedGeoms, distant_pairs, untouched_geoms
 
 # An arm that turns by 1.5 rad either way, a post at 1.4 rad, a wall out of reach, a lamp above all;
@@ -66,8 +68,8 @@ def runs(workshop: Path) -> Runs:
     return driven(workshop, range(3))
 
 
-def distant(model: mujoco.MjModel, runs: Runs) -> set[tuple[str, str]]:
-    found = distant_pairs(model, filtered_pairs(model), runs)
+def distant(model: mujoco.MjModel, runs: Runs, postures: int = 0) -> set[tuple[str, str]]:
+    found = distant_pairs(model, filtered_pairs(model), runs, postures)
     return {(model.geom(first).name, model.geom(second).name) for first, second in found}
 
 
@@ -86,10 +88,25 @@ def test_runs_show_what_stays_apart(model: mujoco.MjModel, runs: Runs) -> None:
     """The arm is 0.8 rad from the post at least; what the box touches in a run is luck."""
     assert distant(model, runs) >= NEAR_POST
     assert not any("box" in pair for pair in distant(model, runs))
+
+
+def test_what_a_posture_brings_together_is_never_apart(model: mujoco.MjModel, runs: Runs) -> None:
+    """The exercise stops short of the post, which joints get to: 0.2 rad of 3 do."""
+    assert not NEAR_POST & distant(model, runs, 256)
+    assert ("wall", "hand") in distant(model, runs, 256)
     found = untouched_geoms(model, runs)
-    assert ("world", "hand") in found.excluded
+    assert ("world", "hand") not in (*found.excluded, *found.watched)
     assert found.pairs == len(filtered_pairs(model))
-    assert found.proven + found.distant == found.pairs - 6, "the box and all others"
+
+
+def test_what_was_watched_is_no_proof(
+    model: mujoco.MjModel, runs: Runs, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Without proofs no geom is masked; the arm cannot touch the post, but comes near."""
+    monkeypatch.setattr(savers, "unreachable_pairs", lambda *_: set[GeomPair]())
+    found = untouched_geoms(model, runs)
+    assert (found.masked, found.excluded, found.proven) == ((), (), 0)
+    assert found.watched == (("world", "lamp"),)
 
 
 def test_too_few_runs_or_too_little_motion_show_nothing(model: mujoco.MjModel, runs: Runs) -> None:
@@ -119,14 +136,14 @@ def edited(text: str, found: UntouchedGeoms) -> str:
     return text.replace("</mujoco>", f"<contact>{''.join(pairs)}</contact></mujoco>")
 
 
-ALONE = WORKSHOP[: WORKSHOP.index('<body name="box"')] + WORKSHOP[WORKSHOP.index("</worldbody>") :]
+ALONE = re.sub('(?s)<geom name="post".*?/>|<body name="box".*?</body>', "", WORKSHOP)
 
 
 @pytest.mark.parametrize(("text", "masks"), [(WORKSHOP, False), (ALONE, True)])
 def test_without_them_states_stay_bit_equal_from_fresh_seeds(
     tmp_path: Path, text: str, *, masks: bool
 ) -> None:
-    """Nothing is masked that the box may hit; without the box, all is."""
+    """Nothing is masked that the box may hit; without box and post, all is."""
     written, path = tmp_path / "written.xml", tmp_path / "edited.xml"
     written.write_text(text)
     found = untouched_geoms(mujoco.MjModel.from_xml_string(text), driven(written, range(3)))

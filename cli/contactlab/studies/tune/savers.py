@@ -14,6 +14,7 @@ from contactlab.scene.unreachable import Clearance, GeomPair, filtered_pairs, un
 FEWEST_RUNS = 3  # runs from different seeds without which distances decide nothing
 _BLOCKS = 2048  # how often in a run distances are measured at most
 _EXERCISED = 0.25  # share of its range that each joint between two geoms must have gone through
+_POSTURES = 1024  # random ones, in which two geoms must stay apart as well
 _ROOM = 0.5  # distance that must be left between two geoms, in radii of the smaller one
 
 
@@ -21,40 +22,46 @@ _ROOM = 0.5  # distance that must be left between two geoms, in radii of the sma
 class UntouchedGeoms:
     """Collisions that need not be looked for, as `ModelEdits` has them."""
 
-    masked: tuple[str, ...]  # geoms that touch nothing
-    # Pairs of bodies of which no geoms touch, but for those that are masked.
+    masked: tuple[str, ...]  # geoms that can touch nothing
+    # Pairs of bodies of which no geoms can touch, but for those that are masked.
     excluded: tuple[tuple[str, str], ...]
+    # Pairs of bodies of which some geoms were only watched: they stayed apart.
+    watched: tuple[tuple[str, str], ...]
     pairs: int  # how many pairs of geoms could touch by their masks
     proven: int  # how many of them cannot, by proof from joint ranges
-    distant: int  # how many more stayed apart in all runs
+    distant: int  # how many more stayed apart wherever they were seen
 
 
 def untouched_geoms(model: mujoco.MjModel, runs: Sequence[Floats]) -> UntouchedGeoms:
-    """Return which geoms and pairs of bodies never touch, by proof or else in driven runs.
+    """Return which geoms and pairs of bodies can never touch, and which were never seen to.
 
     Runs are configurations (T, nq) after each step, from different seeds; with fewer than three of
-    them, only proofs count. A masked geom touches nothing that is added to the model later either.
-    Geoms that a flex may touch stay, and so do bodies without names.
+    them, only proofs count. A masked geom touches nothing that is added to the model later either,
+    so that masks take proofs. Geoms that a flex may touch stay, and so do bodies without names.
     """
     pairs = filtered_pairs(model)
     proven = unreachable_pairs(model, pairs, runs)
     distant = distant_pairs(model, [pair for pair in pairs if pair not in proven], runs)
-    touching = [pair for pair in pairs if pair not in proven | distant]
+    open_ = [pair for pair in pairs if pair not in proven]
     flexes = np.bitwise_or.reduce([*model.flex_contype, *model.flex_conaffinity, 0])
     kinds = np.asarray(model.geom_contype) | np.asarray(model.geom_conaffinity)
-    masked = {
-        geom for geom in set(chain(*pairs)) - set(chain(*touching)) if not kinds[geom] & flexes
-    }
+    masked = {geom for geom in set(chain(*pairs)) - set(chain(*open_)) if not kinds[geom] & flexes}
     left = _bodies(model, [pair for pair in pairs if masked.isdisjoint(pair)])
-    excluded = [map(model.body, each) for each in sorted(left - _bodies(model, touching))]
-    names = [(first.name, second.name) for first, second in excluded]
+    unproven = _bodies(model, open_)
+    touching = _bodies(model, [pair for pair in open_ if pair not in distant])
     return UntouchedGeoms(
         masked=tuple(model.geom(geom).name for geom in sorted(masked)),
-        excluded=tuple(each for each in names if not any(map(is_address, each))),
+        excluded=_names(model, left - unproven),
+        watched=_names(model, left & unproven - touching),
         pairs=len(pairs),
         proven=len(proven),
         distant=len(distant),
     )
+
+
+def _names(model: mujoco.MjModel, pairs: set[tuple[int, int]]) -> tuple[tuple[str, str], ...]:
+    names = [(model.body(first).name, model.body(second).name) for first, second in sorted(pairs)]
+    return tuple(each for each in names if not any(map(is_address, each)))
 
 
 def _bodies(model: mujoco.MjModel, pairs: Sequence[GeomPair]) -> set[tuple[int, int]]:
@@ -63,13 +70,16 @@ def _bodies(model: mujoco.MjModel, pairs: Sequence[GeomPair]) -> set[tuple[int, 
 
 
 def distant_pairs(
-    model: mujoco.MjModel, pairs: Sequence[GeomPair], runs: Sequence[Floats]
+    model: mujoco.MjModel,
+    pairs: Sequence[GeomPair],
+    runs: Sequence[Floats],
+    postures: int = _POSTURES,
 ) -> set[GeomPair]:
     """Return the pairs that stay apart in all runs, though these moved every joint between them.
 
-    They stay apart by half the radius of the smaller geom, beyond how far joints bring them
-    together between two measurements. Bodies that move freely against each other are never among
-    them: they may meet in the next run.
+    And in as many random postures, anywhere in the ranges of joints. They stay apart by half the
+    radius of the smaller geom, beyond how far joints bring them together between two measurements.
+    Bodies that move freely against each other are never among them: they may meet in the next run.
     """
     clearance = Clearance(model, runs)
     bounded = [(pair, each) for pair in pairs if (each := clearance.levers(pair)) is not None]
@@ -83,7 +93,9 @@ def distant_pairs(
     # Planes have no radius.
     room = _ROOM * np.min(radii, axis=1, where=radii > 0, initial=np.inf)
     reach = np.where(radii.all(axis=1), radii.sum(axis=1) + clearance.margins(apart), np.inf)
-    for qpos, ways in chain.from_iterable(_blocks(model, run) for run in runs):
+    still = np.zeros(model.njnt)
+    random = ((qpos, still) for qpos in clearance.postures(postures))
+    for qpos, ways in chain(random, *(_blocks(model, run) for run in runs)):
         clearance.place(qpos)
         needed, centres = levers @ ways + room, clearance.data.geom_xpos[apart]
         distances = np.linalg.norm(centres[:, 0] - centres[:, 1], axis=1) - reach

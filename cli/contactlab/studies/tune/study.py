@@ -8,12 +8,10 @@ from dataclasses import dataclass, field, replace
 
 import mujoco
 
-from contactlab.contact.trace_arrays import Floats
 from contactlab.errors import SceneError, StoppedError
 from contactlab.run.evidence_record import as_written
 from contactlab.scene.compile_model import PREFIX
 from contactlab.scene.model_writer import ModelEdits, WrittenModel, write_model
-from contactlab.scene.scene import Scene
 from contactlab.schema.study_reports import MODEL, Kept, Proof
 from contactlab.store.finished_store import Store
 from contactlab.studies.configuration_runs import ConfigurationRows, Row
@@ -47,6 +45,8 @@ class Study:
     now: Contender  # the model as written, from the seeds of the contenders once there are any
     savers: ModelEdits  # what may go without changing a run
     lighter: AblationSetup  # the model without that
+    # Of what may go, the pairs of bodies that were only never seen to touch.
+    watched: tuple[tuple[str, str], ...] = ()
     ended: str = ""
     tried: int = 0
     # Those that are feasible and cheaper, the one to recommend first.
@@ -55,8 +55,19 @@ class Study:
 
     def save(self) -> None:
         """Leave out what changes no run: the model without it must move bit for bit the same."""
-        scene, name = self.trials.setup.scene, "untouched"
-        edits = savers_of(scene, [row["qpos"] for row in self.now.rows.flat], self.request)
+        setup, name, asked = self.trials.setup, "untouched", self.request
+        scene, varied = setup.scene, {*setup.base, *setup.scenarios[0]}
+        model, manifest = scene.base({}).model, scene.source.manifest
+        if manifest and varied & manifest.structure.keys():
+            self.kept.append(Kept(name=_NEVER, reason="the sweep changes the bodies"))
+            return
+        found = untouched_geoms(model, [row["qpos"] for row in self.now.rows.flat])
+        if found.watched and not asked.watched:
+            why = "never seen to touch, but not proven; --watched leaves their collisions out"
+            self.kept.append(Kept(name=f"{len(found.watched)} pairs of bodies", reason=why))
+        self.watched = found.watched if asked.watched else ()
+        sensors = sensors_of(model) if asked.drop_sensors else ()
+        edits = ModelEdits({}, found.masked, (*found.excluded, *self.watched), sensors)
         if edits == self.savers:
             return
         try:
@@ -200,17 +211,10 @@ def _same_runs(one: ConfigurationRows, other: ConfigurationRows) -> int:
     return sum(first["trajectory_hash"] == second["trajectory_hash"] for first, second in pairs)
 
 
-def savers_of(scene: Scene, motion: Sequence[Floats], request: TuneRequest) -> ModelEdits:
-    """Return what a model may be without: collisions that never happen, and sensors on request."""
-    model = scene.base({}).model
-    untouched = untouched_geoms(model, motion)
+def sensors_of(model: mujoco.MjModel) -> tuple[str, ...]:
+    """Return the model's own sensors."""
     names = (model.sensor(each).name or f"sensor[{each}]" for each in range(model.nsensor))
-    own = (each for each in names if not each.startswith(PREFIX))
-    return ModelEdits(
-        masked=untouched.masked,
-        excluded=untouched.excluded,
-        sensors=tuple(own) if request.drop_sensors else (),
-    )
+    return tuple(each for each in names if not each.startswith(PREFIX))
 
 
 def settings_text(values: Values) -> str:

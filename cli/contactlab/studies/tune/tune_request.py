@@ -33,6 +33,8 @@ class TuneRequest:
     tolerances: Mapping[str, float] = field(default_factory=dict[str, float])
     budget: float = 300.0  # wall time [s]
     free: Sequence[str] = ()  # contact parameters that may become softer
+    # Whether collisions may go of bodies that were never seen to touch, though nothing proves it.
+    watched: bool = False
     drop_sensors: bool = False  # whether sensors may go, which no metric reads
     # What drives the runs; an exercise of a model without a manifest, if None.
     drive: Drive | None = None

@@ -97,7 +97,8 @@ def reported(study: Study, found: tuple[Contender, WrittenModel] | None) -> Tune
             for name, to in changed.items()
         ),
         masked=study.savers.masked,
-        excluded=study.savers.excluded,
+        excluded=tuple(each for each in study.savers.excluded if each not in study.watched),
+        watched=study.watched if study.savers.excluded else (),
         sensors=study.savers.sensors,
         profile=trials.profile(),
         kept=tuple(study.kept),
