@@ -55,12 +55,19 @@ def test_reading_loads_no_engine(store: Store, again: Store) -> None:
 
 
 def test_its_functions_are_named_after_commands() -> None:
-    commands = {"check", "compare", "effects", "report", "stability", "sweep", "tradeoff"}
+    commands = {"check", "compare", "effects", "report", "stability", "sweep", "tradeoff", "tune"}
     assert set(FUNCTIONS) == {*commands, "open"}
     assert all(callable(getattr(contactlab, name)) for name in FUNCTIONS)
     assert set(FUNCTIONS) <= set(dir(contactlab))
     with pytest.raises(AttributeError, match="no attribute 'sweeps'"):
         _ = contactlab.sweeps  # pyright: ignore[reportAttributeAccessIssue]
+
+
+def test_what_tune_cannot_do_is_said_before_anything_runs(tmp_path: Path) -> None:
+    for asked, words in (({"free": ["friction"]}, "--free"), ({"tolerance": {"slip": 1}}, "slip")):
+        with pytest.raises(SweepFileError, match=words):
+            contactlab.tune("box_stack", output=tmp_path / "out", **asked)  # pyright: ignore[reportArgumentType]
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_name_stays_a_function_after_its_package_is_imported() -> None:

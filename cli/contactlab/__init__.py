@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from contactlab.api.reading_functions import compare, open, report
-    from contactlab.api.running_functions import check, effects, stability, sweep, tradeoff
+    from contactlab.api.running_functions import check, effects, stability, sweep, tradeoff, tune
 
     __version__: str
 
@@ -30,6 +30,7 @@ __all__ = [
     "stability",
     "sweep",
     "tradeoff",
+    "tune",
 ]
 _READING = {"compare", "open", "report"}
 

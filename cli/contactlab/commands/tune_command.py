@@ -2,14 +2,14 @@
 
 import math
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 import typer
 
 from contactlab.commands import options as opt
-from contactlab.commands.terminal import echo, echo_file, print_table, study_session
+from contactlab.commands.terminal import echo, echo_file, print_table, say, study_session
 from contactlab.errors import ExpectationError, SweepFileError
 from contactlab.resources import RESULTS
 
@@ -36,6 +36,7 @@ def tune(
     watched: bool = opt.flag("--watched", "Leave out collisions that were never seen, unproven."),
     drop_sensors: bool = opt.flag("--drop-sensors", "Leave the model's sensors out."),
     patch: bool = opt.flag("--patch", "Print the patch, and no more."),
+    figure: Path | None = opt.FIGURE,
     workers: int | None = opt.WORKERS,
     drive: str | None = opt.DRIVE,
     plugin: list[Path] | None = opt.PLUGIN,
@@ -50,13 +51,14 @@ def tune(
     from contactlab.studies.tune.tuning import run
 
     opt.load_plugins(plugin)
+    opt.check_figure(figure)
     request = TuneRequest(
         model=model,
         goal=goal,
         error=None if error is None else _read_positive("--error", error, "1e-3"),
         tolerances=dict(opt.read_limit(each, "tolerance") for each in tolerance or ()),
         budget=_read_budget(budget),
-        free=_read_free(free or ()),
+        free=free or (),
         watched=watched,
         drop_sensors=drop_sensors,
         drive=drive_option(drive),
@@ -64,6 +66,8 @@ def tune(
     target = folder or RESULTS / "tune" / model_name(model)
     with study_session(target, workers, allow_code=allow_code) as session:
         report = run(request, session)
+    if figure is not None:
+        _draw(report, target, figure)
     if output == "json":
         echo(report.model_dump_json(indent=2))
     elif not patch:
@@ -76,6 +80,20 @@ def tune(
     if report.proof is None or not report.proof.holds:
         reasons = [f"{each.name}: {each.reason}" for each in report.kept[-1:]]
         raise ExpectationError("; ".join([f"nothing is better than {model} as written", *reasons]))
+
+
+def _draw(report: "TuneReport", folder: Path, figure: Path) -> None:
+    from contactlab.charts import save_figure
+    from contactlab.pareto.analysis import analyse
+    from contactlab.pareto.criteria import Criteria
+    from contactlab.pareto.tradeoff_chart import specification
+    from contactlab.store.finished_store import Store
+    from contactlab.studies.tune.study import COMPARED
+
+    if COMPARED in report.stores:
+        store = Store.open(folder / COMPARED)
+        save_figure(specification(analyse(store, Criteria("error_peak", report.limits))), figure)
+        say(f"drew {figure}")
 
 
 def _read_positive(option: str, text: str, like: str) -> float:
@@ -94,15 +112,6 @@ def _read_budget(text: str) -> float:
     if parts is None:
         raise SweepFileError(f"--budget {text}: write a time, such as 90s, 5min or 1h")
     return _read_positive("--budget", parts[1], "5min") * _SECONDS[parts[2] or "s"]
-
-
-def _read_free(names: Sequence[str]) -> Sequence[str]:
-    from contactlab.studies.tune.knobs import SOFTENED
-
-    for name in names:
-        if name not in SOFTENED:
-            raise SweepFileError(f"--free {name}: write one of {', '.join(SOFTENED)}")
-    return names
 
 
 def _head(report: "TuneReport") -> Iterator[str]:

@@ -27,7 +27,6 @@ _OPTIONS: tuple[tuple[str, tuple[float, ...]], ...] = (
 """Values that cost less than those above (of iterations) or below (of tolerances) them."""
 _SAVERS = ("torsional_friction", "rolling_friction", "elliptic", "noslip", "impratio", "multiccd")
 """Effects that cost time and may not be needed; their absence is tried."""
-SOFTENED = ("solref",)  # contact parameters that may become softer, on request
 _SOFTER = (1.5, 2.0, 4.0)
 
 

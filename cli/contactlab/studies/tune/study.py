@@ -29,6 +29,7 @@ from contactlab.studies.tune.trials import (
 )
 from contactlab.studies.tune.tune_request import BASELINE, CONTENDERS, FRESH, TuneRequest, limits_of
 
+COMPARED = "contenders"  # the store of what the search found, beside the model as written
 _NEVER = "without collisions that never happen, and sensors if asked"
 
 
@@ -131,7 +132,8 @@ class Study:
         left = self.trials.deadline - time.monotonic() - len(FRESH) * self.seed_seconds
         seeds = CONTENDERS[: max(len(BASELINE), int(left / self.seed_seconds))]
         self._say(f"comparing {len(distinct)} configurations from {len(seeds)} seeds")
-        now, *rows = self.trials.run("contenders", [{}, *distinct], seeds, refine=PRUNING)
+        every = [{}, *distinct]
+        now, *rows = self.trials.run(COMPARED, every, seeds, refine=PRUNING, baseline=True)
         self.now, self.trials.limits = Contender({}, now), limits_of(self.request, now)
         costs = self.trials.costs([(self.lighter, each) for each in distinct])
         compared = map(Contender, distinct, rows, costs)

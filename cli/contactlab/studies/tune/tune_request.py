@@ -13,6 +13,7 @@ from contactlab.studies.configuration_runs import ConfigurationRows
 from contactlab.studies.effects.effect_toggles import difference
 from contactlab.studies.effects.effects_request import AblationSetup, EffectsRequest
 
+SOFTENED = ("solref",)  # contact parameters that may become softer, on request
 BASELINE, CONTENDERS, FRESH = range(3), range(10), range(10, 20)
 """Seeds: of the model as written, of what the search finds, and of the proof."""
 
@@ -49,6 +50,9 @@ class TuneRequest:
         setup = EffectsRequest(self.model, drive=self.drive).setup
         if not setup.scene.base({}).model.nv:
             raise SceneError(f"{self.model} has no joints: nothing moves, so nothing can be tuned")
+        for name in self.free:
+            if name not in SOFTENED:
+                raise SweepFileError(f"--free {name}: write one of {', '.join(SOFTENED)}")
         for name in self.tolerances:
             SweepFileError.unless_known(name, METRICS, f"no metric '{name}'")
         return replace(setup, seeds=tuple(BASELINE))

@@ -40,7 +40,7 @@ def run(request: TuneRequest, session: Session) -> TuneReport:
     cannot be written, or has another model's results; a StoppedError if the session was stopped
     before there was anything to prove.
     """
-    session = replace(session, folder=session.folder.resolve())
+    session, _ = replace(session, folder=session.folder.resolve()), request.setup
     session.claim("tune", request.model)
     study = _begun(request, session)
     study.save()
