@@ -29,12 +29,12 @@ from contactlab.contact.trace_arrays import (
     Trace,
 )
 from contactlab.store.mcap.trace_reader import read_trace
-from contactlab.store.mcap.trace_writer import TraceExtras, encode_trace
+from contactlab.store.mcap.trace_writer import encode_trace
 
 STEPS = 1500
 TIMESTEP = 0.002
 RNG = np.random.default_rng(0)
-EXTRAS = TraceExtras(b'{"run_id": "bench"}', {"seed": "0"}, b"<mujoco/>")
+EXTRAS = b'{"run_id": "bench"}', {"seed": "0"}, b"<mujoco/>"
 
 STEP_ARRAYS = (
     "kinetic",
@@ -152,10 +152,10 @@ def compare(name: str, case: Case, repeats: int, folder: Path) -> None:
     """Print what one run costs each way."""
     trace, series = case
     ours, theirs = folder / f"{name}.mcap", folder / f"{name}.json.mcap"
-    content, counts = encode_trace(trace, 0, series, EXTRAS)
+    content, counts = encode_trace(trace, 0, series, *EXTRAS)
     rounds = [
         (
-            cpu(lambda: ours.write_bytes(encode_trace(trace, 0, series, EXTRAS)[0])),
+            cpu(lambda: ours.write_bytes(encode_trace(trace, 0, series, *EXTRAS)[0])),
             cpu(lambda: write_json(theirs, trace, series)),
             cpu(lambda: read_trace(ours)),
         )

@@ -236,9 +236,7 @@ def make_trace() -> Callable[..., Any]:
 @pytest.fixture(scope="session")
 def extras() -> Any:
     """What a trace file holds beside the arrays."""
-    from contactlab.store.mcap.trace_writer import (  # noqa: PLC0415 - collection is quick without
-        TraceExtras,
-    )
+    from tests.written_traces import TraceExtras  # noqa: PLC0415 - collection is quick without
 
     return TraceExtras(
         record_json=b'{"run_id": "r1", "label": "stable", "metrics": {"penetration": 1e-4}}',

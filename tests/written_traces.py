@@ -15,7 +15,15 @@ from mcap.stream_reader import StreamReader
 
 from contactlab.contact.trace_arrays import PairSeries, Trace
 from contactlab.store.atomic_files import atomic_write
-from contactlab.store.mcap.trace_writer import TraceExtras, encode_trace
+from contactlab.store.mcap.trace_writer import encode_trace
+
+
+class TraceExtras(NamedTuple):
+    """What a trace's file holds beside the arrays."""
+
+    record_json: bytes
+    metadata: Mapping[str, str]
+    model_xml: bytes
 
 
 class Written(NamedTuple):
@@ -30,7 +38,7 @@ def write_trace(
     path: Path, trace: Trace, run: int, series: Sequence[PairSeries], extras: TraceExtras
 ) -> Written:
     """Write one run of a trace."""
-    content, messages = encode_trace(trace, run, series, extras)
+    content, messages = encode_trace(trace, run, series, *extras)
     with atomic_write(path) as temporary:
         temporary.write_bytes(content)
     return Written(hashlib.sha256(content).hexdigest(), len(content), messages)

@@ -5,14 +5,14 @@ import json
 import shutil
 import struct
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
-from unittest.mock import patch
 
+import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-from mcap.writer import Writer
 
 from contactlab.errors import StoreError
 from contactlab.plugins import hash_of_packages
@@ -20,7 +20,9 @@ from contactlab.run.evidence_record import definitions
 from contactlab.run.recomputed_runs import recomputed_problems, simulated_problems, unplanned
 from contactlab.store.atomic_files import sha256_of
 from contactlab.store.finished_store import Store
-from contactlab.store.mcap.trace_writer import copy_trace
+from contactlab.store.mcap.file_parts import encode_file
+from contactlab.store.mcap.stored_messages import message_stream, start_of, stored_file
+from contactlab.store.mcap.trace_messages import HEADER_SIZE
 from contactlab.store.row_journal import mend_journal
 from contactlab.store.runs_table import rows_digest
 from contactlab.store.store_files import document_json
@@ -148,14 +150,15 @@ def add_scene_file(store: Path) -> None:
 
 
 def edit_messages(store: Path, change: Callable[[bytes], bytes]) -> None:
-    """Change the messages of a trace, and its hashes."""
-    trace, add = min(store.rglob("*.mcap")), Writer.add_message
-
-    def changed(writer: Writer, channel: int, time: int, data: bytes, *others: int) -> None:
-        add(writer, channel, time, change(data), *others)
-
-    with patch.object(Writer, "add_message", changed):
-        copy_trace(trace, trace, [])
+    """Change the messages of a trace, which keep their lengths, and its hashes."""
+    trace = min(store.rglob("*.mcap"))
+    file = stored_file(trace.read_bytes())
+    stream = message_stream(file)
+    data, used = stream.data.copy(), stream.sizes > 0
+    for start, size in zip(stream.offsets[used].tolist(), stream.sizes[used].tolist(), strict=True):
+        message = slice(start + HEADER_SIZE, start + size)
+        data[message] = np.frombuffer(change(data[message].tobytes()), np.uint8)
+    trace.write_bytes(encode_file(start_of(file), replace(stream, data=data))[0])
     ids = pq.read_table(store / "runs.parquet")["run_id"].to_pylist()
     edit(store, "trace_sha256", lambda _: sha256_of(trace), ids.index(trace.stem))
     edit(store, "trace_bytes", lambda _: trace.stat().st_size, ids.index(trace.stem))

@@ -104,7 +104,8 @@ def test_replays_run_no_code(folder: Path, monkeypatch: pytest.MonkeyPatch) -> N
         assert row["repeats"] == 1
         assert row["knife_edge"] is False
         assert replay(store, row["run_id"]).equal
-        assert timed_run(store, row["run_id"]).segments.work.steps == row["steps"]
+        _, segments = timed_run(store, row["run_id"])
+        assert segments.work.steps == row["steps"]
     assert verify(folder / "store") == []
     assert (folder / "calls").stat().st_size == calls
 

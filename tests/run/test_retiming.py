@@ -46,7 +46,7 @@ def test_it_starts_where_the_run_went(tmp_path: Path) -> None:
     run_sweep(ask, lambda _total, _done: None, lambda _finished: None)
     store = Store.open(tmp_path / "store")
     record = next(store.records())
-    segments = timed_run(store, record.run_id).segments
+    _, segments = timed_run(store, record.run_id)
     assert segments.work.steps == record.steps
     assert sum(segments.lengths(MAX_STEPS)) == record.steps
     assert segments.model.opt.timestep == record.settings["timestep"]

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
-from tests.written_traces import write_trace
+from tests.written_traces import TraceExtras, write_trace
 
 from contactlab.contact.trace_arrays import Trace, hash_of_states
 from contactlab.schema.evidence import (
@@ -25,7 +25,6 @@ from contactlab.schema.evidence import (
     SweepIdentity,
     TraceFile,
 )
-from contactlab.store.mcap.trace_writer import TraceExtras
 from contactlab.store.store_files import ObjectAddress, parse_address
 from contactlab.store.store_writer import StoreWriter, open_writer
 from contactlab.store.table_layout import (

@@ -13,12 +13,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
-from tests.written_traces import assert_viewable, write_trace
+from tests.written_traces import TraceExtras, assert_viewable, write_trace
 
 from contactlab.contact.trace_arrays import PairSeries, Trace
 from contactlab.palette import MODE_COLOURS
 from contactlab.store.mcap.trace_reader import read_trace
-from contactlab.store.mcap.trace_writer import TraceExtras
 from contactlab.view.drawn_motion import BodyMotion
 from contactlab.view.drawn_shapes import BodyShape
 from contactlab.view.foxglove_layer import write_with_layer

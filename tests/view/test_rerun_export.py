@@ -6,12 +6,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.written_traces import write_trace
+from tests.written_traces import TraceExtras, write_trace
 
 from contactlab.contact.trace_arrays import PairSeries, Trace
 from contactlab.errors import OutputError
 from contactlab.store.mcap.trace_reader import StoredTrace, read_trace
-from contactlab.store.mcap.trace_writer import TraceExtras
 from contactlab.view.drawn_motion import BodyMotion
 
 write_rrd = pytest.importorskip("contactlab.view.rerun_export").write_rrd

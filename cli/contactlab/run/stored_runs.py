@@ -14,7 +14,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
-from typing import IO, Any, NamedTuple
+from typing import IO, Any
 
 import numpy as np
 
@@ -172,13 +172,13 @@ MAX_STEPS = 2_000  # steps that are timed from each of the places along a run
 
 def answers(store: Store, lines: Iterator[str]) -> Iterator[dict[str, Any]]:
     """Yield engine and version, then an answer to each line."""
-    engine = ENGINES[MODEL_ENGINE]
+    own = ENGINES[MODEL_ENGINE]
     yield {
-        "engine": f"{engine.name} {engine.version}",
+        "engine": f"{own.name} {own.version}",
         "timed_engines": [each.name for each in ENGINES.values() if isinstance(each, TimesSteps)],
         "contactlab": version("contactlab"),
     }
-    prepared: dict[str, TimedRun] = {}
+    prepared: dict[str, tuple[TimesSteps, Segments]] = {}
     for line in lines:
         request = json.loads(line)
         try:
@@ -186,22 +186,15 @@ def answers(store: Store, lines: Iterator[str]) -> Iterator[dict[str, Any]]:
             if run not in prepared:
                 # One at a time: two processes time the same run, interleaved.
                 prepared = {run: timed_run(store, run)}
-            timed, repeats = prepared[run], int(request["repeats"])
-            seconds, steps = timed.engine.time_segments(timed.segments, MAX_STEPS, repeats)
+            engine, segments = prepared[run]
+            seconds, steps = engine.time_segments(segments, MAX_STEPS, int(request["repeats"]))
             yield {"seconds": seconds, "steps": steps}
         except ContactlabError as error:
             yield {"error": str(error)}
 
 
-class TimedRun(NamedTuple):
-    """The segments of a stored run, ready to be timed, and the engine that steps them."""
-
-    engine: TimesSteps
-    segments: Segments
-
-
-def timed_run(store: Store, run: str) -> TimedRun:
-    """Return a stored run, ready to be timed; raise ContactlabError if it cannot be."""
+def timed_run(store: Store, run: str) -> tuple[TimesSteps, Segments]:
+    """Return a stored run's engine and segments, to be timed; a ContactlabError says why not."""
     record, scene, resolved = stored_run(store, run)
     engine = engine_of(resolved)
     if not isinstance(engine, TimesSteps):
@@ -212,7 +205,7 @@ def timed_run(store: Store, run: str) -> TimedRun:
     work = engine.count_work(model, start, resolved.steps)
     if work is None:
         raise ContactlabError(f"run {run} does not complete")
-    return TimedRun(engine, Segments(model, start, work))
+    return engine, Segments(model, start, work)
 
 
 def main() -> None:

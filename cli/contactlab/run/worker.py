@@ -46,7 +46,7 @@ from contactlab.schema.evidence import EvidenceRecord, LabelEntry, TraceFile
 from contactlab.store.controls_file import controls_name, encode_controls
 from contactlab.store.folder_backend import backend_at
 from contactlab.store.mcap.trace_reader import ACTIVATIONS
-from contactlab.store.mcap.trace_writer import TraceExtras, encode_trace
+from contactlab.store.mcap.trace_writer import encode_trace
 from contactlab.store.store_files import TRACES, time_now
 from contactlab.store.table_layout import record_to_row
 
@@ -265,11 +265,10 @@ class Worker:
 
     def _write_trace(self, record: EvidenceRecord, outcome: RunOutcome) -> TraceFile:
         """Store a run's trace; its record has neither cost nor times of day, so that it repeats."""
-        metadata = _metadata(record, outcome.plan.prepared.model.na)
-        extras = TraceExtras(record.model_dump_json().encode(), metadata, self._model_xml)
         group, name = outcome.group, _trace_name(record.run_id)
-        series = group.assessment.series
-        content, messages = encode_trace(group.trace, outcome.row, series, extras)
+        metadata = _metadata(record, outcome.plan.prepared.model.na)
+        said = record.model_dump_json().encode(), metadata, self._model_xml
+        content, messages = encode_trace(group.trace, outcome.row, group.assessment.series, *said)
         self._store.put(name, content)
         sha256 = hashlib.sha256(content).hexdigest()
         return TraceFile(file=name, sha256=sha256, bytes=len(content), messages=dict(messages))

@@ -13,11 +13,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
-from tests.written_traces import write_trace
+from tests.written_traces import TraceExtras, write_trace
 
 from contactlab.contact.trace_arrays import PairSeries, Trace
 from contactlab.store.mcap import file_parts
-from contactlab.store.mcap.trace_writer import TraceExtras
 
 MakeTrace = Callable[..., tuple[Trace, list[PairSeries]]]
 ExpectedMessages = Callable[..., Iterator[tuple[str, int, dict[str, Any]]]]

@@ -17,13 +17,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.reader import make_reader
 from mcap.writer import Writer
-from tests.written_traces import write_trace
+from tests.written_traces import TraceExtras, write_trace
 
 from contactlab.contact.trace_arrays import FOUND, PairSeries, Trace
 from contactlab.errors import OutputError, StoreError
 from contactlab.store.mcap import file_parts
 from contactlab.store.mcap.trace_reader import StoredTrace, read_trace
-from contactlab.store.mcap.trace_writer import TraceExtras
 
 MakeTrace = Callable[..., tuple[Trace, list[PairSeries]]]
 

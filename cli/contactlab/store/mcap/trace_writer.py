@@ -56,29 +56,26 @@ _CACHED_PREFIXES = 4  # scenes whose file prefixes are cached; a job is of one s
 _MAX_LOG_TIME = 2.0**63
 
 
-@dataclass(frozen=True)
-class TraceExtras:
-    """Content of a trace file in addition to the arrays."""
-
-    record_json: bytes  # the EvidenceRecord, a JSON object; the one message of `/evidence`
-    metadata: Mapping[str, str]  # the run's identity, as the metadata record `contactlab.run`
-    model_xml: bytes  # the MJCF as simulated, as the attachment `model.xml`
-
-
 def encode_trace(
-    trace: Trace, run: int, series: Sequence[PairSeries], extras: TraceExtras
+    trace: Trace,
+    run: int,
+    series: Sequence[PairSeries],
+    record_json: bytes,
+    metadata: Mapping[str, str],
+    model_xml: bytes,
 ) -> tuple[bytes, Mapping[str, int]]:
     """Return one run of a trace as an MCAP file, and the number of its messages by topic.
 
-    The series are the net quantities of the trace's pairs, in the same order. An OutputError says
-    that the run's time does not strictly increase.
+    The series are the net quantities of the trace's pairs, in the same order. With them go the
+    run's record, the one message of `/evidence`; its identity, the metadata `contactlab.run`; and
+    the MJCF as simulated, the attachment `model.xml`. An OutputError says that the run's time does
+    not strictly increase.
     """
     times = _log_times(trace.time[run])
     pairs = tuple(pair.name for pair in trace.pairs)
     sizes = trace.qpos.shape[2], trace.qvel.shape[2]
-    scene = _scene_start(pairs, sizes, extras.model_xml)
-    start = with_metadata(scene, _METADATA_NAME, extras.metadata)
-    groups = [*_groups(trace, run, series, extras.record_json)]
+    start = with_metadata(_scene_start(pairs, sizes, model_xml), _METADATA_NAME, metadata)
+    groups = [*_groups(trace, run, series, record_json)]
     return encode_file(start, interleave(groups, len(start.topics), times))
 
 
