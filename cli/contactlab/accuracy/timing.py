@@ -63,8 +63,7 @@ def _timing_engine(run: ResolvedRun) -> TimesSteps:
 def _work_of(note: Note) -> Work:
     raw = np.frombuffer(base64.b64decode(note["states"]), dtype="<f8")
     states = raw.reshape(len(note["places"]), -1).astype(np.float64)
-    counts = (note[name] for name in _COUNTED)
-    return Work(*counts, places=tuple(note["places"]), states=states)
+    return Work(*(note[name] for name in _COUNTED), places=tuple(note["places"]), states=states)
 
 
 def timing_seconds(request: TimingRequest, steps: Sequence[int], per_step: float) -> float:
@@ -160,8 +159,7 @@ def _clocked_compile(scene: Scene, resolved: ResolvedRun) -> tuple[mujoco.MjMode
 def _clock(engine: TimesSteps, segments: Segments, portion: _Portion) -> tuple[float, float, float]:
     """Return the CPU time per simulated time, and of a step [s]: median, 99th percentile."""
     seconds, steps = engine.time_segments(segments, portion.most, portion.repeats)
-    single = engine.time_steps(segments, portion.single)
-    p50, p99 = np.quantile(single, (0.5, 0.99)).tolist()
+    p50, p99 = np.quantile(engine.time_steps(segments, portion.single), (0.5, 0.99)).tolist()
     return seconds / (steps * segments.model.opt.timestep), p50, p99
 
 

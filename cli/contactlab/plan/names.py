@@ -107,8 +107,7 @@ def add_not_swept(context: SweepContext, name: str, place: Place, swept: Collect
     elif context.find(name):
         hint = "add it to `axes`"
     else:
-        close = suggestion(name, swept)
-        hint = close or f"swept here: {', '.join(swept) or 'nothing'}"
+        hint = suggestion(name, swept) or f"swept here: {', '.join(swept) or 'nothing'}"
     context.document.add("axis-not-swept", place, f"'{name}' is not an axis of this sweep", hint)
 
 
@@ -172,8 +171,7 @@ def read_condition(
     settings: list[tuple[str, object]] = []
     for name, raw in condition.settings.items():
         if name in known:
-            value = context.canonical(name, raw, document.value((*path, name)))
-            settings.append((name, value))
+            settings.append((name, context.canonical(name, raw, document.value((*path, name)))))
         else:
             add_not_swept(context, name, document.key((*path, name)), known)
     if condition.where is None:

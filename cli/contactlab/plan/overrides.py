@@ -97,8 +97,7 @@ def _axis_value(document: Document, option: ParsedOption, path: KeyPath, role: o
     kept = {} if role is None else {"role": role}
     call, place = _CALL.fullmatch(option.value), option.place
     if call is None:
-        below = (*path, "values") if kept else path
-        values = _listed(document, option, below)
+        values = _listed(document, option, (*path, "values") if kept else path)
         return {"values": values, **kept} if kept else values
     form = (*path, call[1])
     document.keys[form] = place.part(0, len(call[1]))

@@ -162,8 +162,7 @@ def _model_at(loc: tuple[str | int, ...], model: type[BaseModel]) -> type[BaseMo
         if isinstance(part, str) and part.startswith("@") and part[1:] in tagged:
             model = tagged[part[1:]]
         elif part in model.model_fields:
-            annotation = model.model_fields[str(part)].annotation
-            model = next(_models_in(annotation), model)
+            model = next(_models_in(model.model_fields[str(part)].annotation), model)
     return model
 
 

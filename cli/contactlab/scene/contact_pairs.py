@@ -82,8 +82,7 @@ def entry_pairs(model: mujoco.MjModel, entry: PairEntry) -> list[MonitoredPair]:
     if entry.bodies is not None:
         return [_body_pair(model, *entry.bodies, entry.slots)]
     names = [model.geom(index).name for index in range(model.ngeom)]
-    parts = entry.chain or ()
-    chain = [name for part in parts for name in matching(names, part) or [part]]
+    chain = [name for part in entry.chain or () for name in matching(names, part) or [part]]
     ids = [known_id(model, "geom", name) for name in chain or entry.geoms or ()]
     if len(ids) < 2:
         raise SceneError(f"the chain {', '.join(chain)} has fewer than two geoms")

@@ -103,8 +103,7 @@ class InitialStates(NamedTuple):
         signals: list[Signals] = []
         for each, own in zip(controls, self.signals, strict=True):
             times, levels = each.knots
-            acted = Signals(np.arange(count), times[None], levels)
-            signals.append(acted.joined(own))
+            signals.append(Signals(np.arange(count), times[None], levels).joined(own))
         start = np.array([each.levels[0] for each in controls])
         return self._replace(ctrl=start, signals=tuple(signals))
 

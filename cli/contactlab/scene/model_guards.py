@@ -24,8 +24,7 @@ _PACKAGES = (_ROS_PACKAGE, ".git", "pyproject.toml", "setup.py")
 
 def allow_files(folders: Iterable[Path]) -> None:
     """Allow models to name the files of some folders, in this process and those that it starts."""
-    allowed = [*_allowed(), *folders]
-    os.environ[ALLOWED] = os.pathsep.join(str(each.absolute()) for each in allowed)
+    os.environ[ALLOWED] = os.pathsep.join(str(each.absolute()) for each in [*_allowed(), *folders])
 
 
 def check_places(files: Iterable[Path], named: Path, copy: Path | None = None) -> None:

@@ -249,8 +249,7 @@ class Scene:
 
         Runs that are resolved to the same model and initial state have the same one.
         """
-        identity = RunIdentity(self.base(run.structure), run, self.hash)
-        return identity.digests([], [run.seed]).hex()
+        return RunIdentity(self.base(run.structure), run, self.hash).digests([], [run.seed]).hex()
 
     def starts(self, runs: Sequence[ResolvedRun]) -> InitialStates:
         """Return the initial states of runs of one structure; a SceneError if a drive is wrong."""

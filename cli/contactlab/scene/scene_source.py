@@ -166,8 +166,7 @@ def read_manifest(path: Path) -> SceneManifest:
         check_extent(text)
         yaml = YAML(typ="safe", pure=True)
         yaml.composer.warn_double_anchors = False
-        data = yaml.load(text)
-        return SceneManifest.model_validate(data)
+        return SceneManifest.model_validate(yaml.load(text))
     except ValidationError as error:
         found = [([str(part) for part in each["loc"]], each["msg"]) for each in error.errors()]
         # Parts with @ tell forms of a value apart.

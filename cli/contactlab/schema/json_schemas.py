@@ -46,8 +46,7 @@ def json_schemas() -> dict[str, Node]:
     for name, model in WRITTEN.items():
         schemas[name] = {"$schema": _DRAFT_07, **_rewritten(model.model_json_schema())}
     for name, model in EMITTED.items():
-        schema = model.model_json_schema(mode="serialization")
-        schemas[name] = {"$schema": _DRAFT_2020, **schema}
+        schemas[name] = {"$schema": _DRAFT_2020, **model.model_json_schema(mode="serialization")}
     return schemas
 
 

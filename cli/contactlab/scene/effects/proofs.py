@@ -67,8 +67,7 @@ class ModelFacts:
         if many or model.nflex or model.nplugin or read_flag(model, "override"):
             return None
         weld = np.asarray(model.body_weldid)[model.geom_bodyid]
-        possible = masks_meet(model) & (weld[:, None] != weld)
-        filtered = np.argwhere(np.triu(possible, 1))
+        filtered = np.argwhere(np.triu(masks_meet(model) & (weld[:, None] != weld), 1))
         listed = np.stack([model.pair_geom1, model.pair_geom2], axis=1)
         return np.concatenate([filtered, listed]).astype(np.intp)
 
@@ -186,8 +185,7 @@ def most_condim(model: mujoco.MjModel) -> int:
     """Return the most dimensions that any contact of a model could have; 0 without geoms."""
     solid = np.asarray(model.geom_contype) | np.asarray(model.geom_conaffinity)
     flex = np.asarray(model.flex_condim if model.nflex else [], dtype=np.int32)
-    dims = np.concatenate([model.geom_condim[solid != 0], model.pair_dim, flex])
-    return int(dims.max(initial=0))
+    return int(np.concatenate([model.geom_condim[solid != 0], model.pair_dim, flex]).max(initial=0))
 
 
 def _has_other_forces(model: mujoco.MjModel) -> bool:

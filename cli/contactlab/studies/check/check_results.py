@@ -223,8 +223,7 @@ def _paragraphs(report: CheckReport) -> Iterator[str]:
         f"| {word} | {name} | {in_markdown(what)} |" for word, name, what in summary_rows(report)
     )
     yield "\n".join(("| | finding | result |", "|---|---|---|", *rows))
-    notes = (*report.notes, STABILITY.format(model=report.model))
-    yield "\n".join(f"- {note}" for note in notes)
+    yield "\n".join(f"- {note}" for note in (*report.notes, STABILITY.format(model=report.model)))
     if report.remedies:
         yield "## Remedies"
         yield REMEDIES.capitalize()

@@ -114,8 +114,7 @@ def holding_of(tried: CheckRun) -> Holding:
     declared = None if hold is None else hold.window(tried.resolved.initial)
     window = declared or (max(0.0, end - _WINDOW), end)
     pairs = held_pairs(tried, *window) if tried.is_complete else ()
-    bearing = tuple(each for each in pairs if each.share > 0)
-    return Holding(window, declared is not None, bearing)
+    return Holding(window, declared is not None, tuple(each for each in pairs if each.share > 0))
 
 
 def held_pairs(tried: CheckRun, start: float, stop: float) -> Iterator[HeldPair]:
@@ -233,5 +232,4 @@ def _motion(
 
 def _reach(model: mujoco.MjModel, geom: int) -> float:
     """Return how far off a geom's centre a ball in it can lie [m]; 0 for a plane."""
-    inside = float(model.geom_aabb[geom, 3:].min())
-    return max(float(model.geom_rbound[geom]) - inside, 0.0)
+    return max(float(model.geom_rbound[geom]) - float(model.geom_aabb[geom, 3:].min()), 0.0)

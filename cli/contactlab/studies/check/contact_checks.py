@@ -149,8 +149,7 @@ def check_flat_contact(checked: CheckedModel) -> CheckResult:
     text = "A box at rest on flat ground, with the contact parameters of the model"
     seconds = max(_settling(each) for each in sets)
     rows = [_row(checked, each) for each in sets]
-    runs = checked.run(_FLAT, text, rows, scene=_FLAT, duration=seconds)
-    pairs = zip(sets, runs, strict=True)
+    pairs = zip(sets, checked.run(_FLAT, text, rows, scene=_FLAT, duration=seconds), strict=True)
     measures = [measure for each in pairs for measure in _measures(checked, *each)]
     return check_result(_FLAT, _RESTS, measures, stores=checked.stores(_FLAT))
 
@@ -177,8 +176,7 @@ def _settling(contact: ContactSet) -> float:
 def _measures(checked: CheckedModel, contact: ContactSet, run: CheckRun) -> Iterator[Measure]:
     for name in ("penetration_steady", "penetration_growth"):
         value = run.record.metrics[name]
-        found = math.nan if value is None else value
-        yield checked.measure(name, found, contact.name)
+        yield checked.measure(name, math.nan if value is None else value, contact.name)
     # The closed form for elliptic cones.
     load, each = _load(checked), 1 / checked.subject_mass
     expected = rest_penetration(load, each, contact.solref, contact.record.solimp)

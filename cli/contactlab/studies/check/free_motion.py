@@ -165,8 +165,7 @@ def _free_settings(checked: CheckedModel) -> dict[str, object]:
 def _switched_off(checked: CheckedModel) -> str:
     """Return in words what acts in free motion, and what does not."""
     off = [*_OFF, *_media(checked)]
-    floats = falls(checked.prepared.model)
-    gravity = "gravity too, since it floats" if floats else "gravity acts"
+    gravity = "gravity too, since it floats" if falls(checked.prepared.model) else "gravity acts"
     return f"every joint starts at {_SPEED:g} rad/s, either way; off: {', '.join(off)}; {gravity}"
 
 

@@ -93,8 +93,7 @@ def run(request: CheckRequest, session: Session) -> CheckReport:
     results = [_result(name, check, checked) for name, check in checks.items()]
     findings = _judged(results, request.accepted)
     failing = [each.name for each in findings if each.outcome in {"failed", "warned"}]
-    aims = failing if request.remedies else []
-    remedies, notes = find_remedies(checks, checked, results, aims)
+    remedies, notes = find_remedies(checks, checked, results, failing if request.remedies else [])
     stale = (
         f"'{each.check}' is accepted ({each.reason}), but does not fail: remove it"
         for each in stale_acceptances(findings, request.accepted)

@@ -64,8 +64,7 @@ def _travels(checked: CheckedModel) -> Iterator[Measure]:
     thickness = make_setup(base, None, [checked.resolved], [model], {}).thickness
     for pair, speed, half in zip(base.pairs, speeds, thickness, strict=True):
         if math.isfinite(half):
-            travel = float(speed) * step
-            yield checked.measure("travel", travel, pair.name, limit=float(half))
+            yield checked.measure("travel", float(speed) * step, pair.name, limit=float(half))
     gravity = float(np.linalg.norm(as_vector(checked.resolved.settings["gravity"])))
     fall = math.sqrt(2 * gravity * model.stat.extent)
     yield informative("travel_of_a_fall", fall * step, "m", "over the model's extent")
@@ -79,8 +78,7 @@ def shorter_timestep(checked: CheckedModel, result: CheckResult) -> Iterator[Val
     ratios = [each.limit or 0.0 for each in failed if each.name == "step_ratio"]
     if ratios:
         # By solref as the model has it: raised time constants shrink with the timestep.
-        records = [each.record.solref for each in contact_sets(checked)]
-        stiffness, _ = stiffness_damping(records)
+        stiffness, _ = stiffness_damping([each.record.solref for each in contact_sets(checked)])
         longest.append(min(ratios) / float(stiffness.max()) ** 0.5)
     if longest and min(longest) > 0:
         yield {"timestep": rounded_down(min(longest))}

@@ -86,8 +86,7 @@ class SmallestSetSearch:
 
     def _is_free(self, changed: Changed) -> bool:
         outcome = self._run([changed])[changed]
-        tolerances = self.trials.setup.tolerances
-        return not difference(tolerances, self.base, outcome, changed).matters
+        return not difference(self.trials.setup.tolerances, self.base, outcome, changed).matters
 
     def _run(
         self, configurations: Sequence[Changed], setup: AblationSetup | None = None
