@@ -100,7 +100,8 @@ def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Install:
         metadata = engine.environment / "lib/python3/site-packages/twin-7.1.dist-info/METADATA"
         metadata.parent.mkdir(parents=True)
         metadata.write_text("Metadata-Version: 2.1\nName: twin\nVersion: 7.1\n")
-        return ENGINES.add(engine)
+        ENGINES.add(engine)
+        return engine
 
     return add
 

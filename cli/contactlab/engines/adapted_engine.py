@@ -164,14 +164,15 @@ def _end(process: subprocess.Popen[bytes]) -> int:
     """End a process, and return its exit code; of one that has ended already, that of its own."""
     for pipe in (process.stdin, process.stdout):
         with suppress(OSError):
-            pipe and pipe.close()
+            assert pipe is not None
+            pipe.close()
     with suppress(subprocess.TimeoutExpired):
         return process.wait(1)
     process.kill()
     return process.wait()
 
 
-def _request(runs: PreparedRuns) -> dict[str, object]:
+def _request(runs: PreparedRuns) -> Mapping[str, object]:
     """Return n runs of N steps as arrays: models as MuJoCo's binaries, starts, and what drives."""
     starts, places = runs.starts, runs.starts.driven
     steps, width = (
