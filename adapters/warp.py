@@ -36,20 +36,13 @@ def refusal(model: mujoco.MjModel) -> str | None:
     return None
 
 
-def ignored(model: mujoco.MjModel) -> dict[str, str]:
-    """Return what of a model it leaves out or puts something else in place of, and why."""
-    boxes = int((np.asarray(model.geom_type) == mujoco.mjtGeom.mjGEOM_BOX).sum())
-    if boxes > 1 and not model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_NATIVECCD:
-        return {"boxbox": "boxes collide by GJK, with up to 4 contacts instead of 8"}
-    return {}
-
-
 def simulate(request: dict[str, Any], tick: Callable[[], None]) -> dict[str, Any]:
     """Simulate runs: as worlds of one launch where warp can tell them apart, else one by one."""
+    import serve
     import warp
 
     warp.config.quiet = True
-    models = [_loaded(each) for each in request["models"]]
+    models = [serve.model_of(request, run, *_SWITCHES) for run in range(len(request["models"]))]
     launches: dict[bytes, list[int]] = {}
     for run, model in enumerate(models):
         launches.setdefault(_shared(model), []).append(run)
@@ -58,13 +51,6 @@ def simulate(request: dict[str, Any], tick: Callable[[], None]) -> dict[str, Any
         told = _launch(request, [models[run] for run in runs], runs, tick)
         found |= {run: {key: told[key][row] for key in told} for row, run in enumerate(runs)}
     return {key: np.stack([found[run][key] for run in range(len(models))]) for key in found[0]}
-
-
-def _loaded(binary: bytes) -> mujoco.MjModel:
-    model = mujoco.MjModel.from_binary_path("model.mjb", {"model.mjb": binary})
-    for name in _SWITCHES:
-        model.opt.disableflags &= ~int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{name}", 0))
-    return model
 
 
 def _arrays(model: mujoco.MjModel) -> dict[str, np.ndarray]:
@@ -214,14 +200,13 @@ def _peaks(
     request: dict[str, Any], models: list[mujoco.MjModel], runs: list[int]
 ) -> tuple[int, int]:
     """Return the most contacts and constraint rows that MuJoCo itself has in these runs."""
+    import serve
+
     contacts, rows = 8, 32
     for model, run in zip(models, runs, strict=True):
-        data = mujoco.MjData(model)
-        for name in ("qpos", "qvel", "ctrl", "act"):
-            getattr(data, name)[:] = request[name][run]
-        driven = np.flatnonzero(request["places"] < model.nu)
-        for step in range(request["steps"]):
-            data.ctrl[request["places"][driven]] = request["levels"][run, step, driven]
+        data = serve.start_of(request, run, model)
+        for controls in serve.inputs_of(request, run, model)[0]:
+            data.ctrl[:] = controls
             mujoco.mj_step(model, data)
             contacts, rows = max(contacts, data.ncon), max(rows, data.nefc)
     return contacts, rows

@@ -8,11 +8,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
 from contactlab.engines import ENGINES
-from contactlab.engines.adapted_engine import AdaptedEngine, adapted_engines
+from contactlab.engines.adapted_engine import AdaptedEngine
 from contactlab.errors import SceneError
 from contactlab.run.sweep_request import read_request
 from contactlab.run.sweep_runner import run_sweep
@@ -177,32 +176,3 @@ def test_what_is_not_installed_is_refused(tmp_path: Path, monkeypatch: pytest.Mo
     (tmp_path / "cart.xml").write_text(CART)
     with pytest.raises(SceneError, match="do so once with `contactlab engines add warp`"):
         swept(tmp_path, SWEEP.replace("twin", "warp"))
-
-
-WARP = next(each for each in adapted_engines() if each.name == "warp")
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(not WARP.version, reason="warp is not installed: contactlab engines add warp")
-def test_worlds_of_one_launch_have_their_own_parameters(tmp_path: Path) -> None:
-    store = swept(
-        tmp_path,
-        """
-version: 1
-scene: box_slide
-duration: 0.3
-axes: {engine: [mujoco, warp], timestep: [0.001, 0.002], friction.slide: [0.3, 1.0]}
-""",
-    )
-    found: dict[tuple[Any, ...], dict[str, Any]] = {}
-    for record in store.records():
-        key = record.axes["timestep"], record.axes["friction.slide"]
-        found.setdefault(key, {})[record.engine.name] = record
-    assert len(found) == 4
-    ends = set[float]()
-    for each in found.values():
-        one, other = store.trace(each["mujoco"]), store.trace(each["warp"])
-        # Single precision resolves 6e-8 of .4 m, in each of 300 steps at most.
-        assert np.abs(one.qpos - other.qpos).max() < 300 * 6e-8 * 0.4
-        ends.add(round(float(one.qpos[-1, 0]), 4))
-    assert len(ends) == 4

@@ -2,10 +2,10 @@
 
 An adapter is a file of the folder `adapters` that knows nothing of contactlab. Its docstring says
 what computes; PACKAGE is what has the version, REQUIREMENTS what pip installs, with `{mujoco}` for
-this MuJoCo's version. `refusal(model)` and `ignored(model)` are asked here, without the engine;
-`simulate(request, tick)` runs where it is: of n runs of N steps it returns the arrays `state`
-(n, N + 1, nq + nv + na), `sensors` (n, N, nsensordata), `iterations` (n, N), `cost` (n,) [s], and,
-if it has buffers, `contactfull` and `cnstrfull` (n,), whether one was too small.
+this MuJoCo's version. `refusal(model)` is asked here, without the engine; `simulate(request, tick)`
+runs where it is: of n runs of N steps it returns the arrays `state` (n, N + 1, nq + nv + na),
+`sensors` (n, N, nsensordata), `cost` (n,) [s], and, if it has such, `iterations` of its solver
+(n, N), `contactfull` and `cnstrfull` (n,): that memory was short.
 """
 
 import os
@@ -106,7 +106,10 @@ class AdaptedEngine(SimulationEngine):
         timesteps = np.array([model.opt.timestep for model in runs.models])
         # The clock of single precision would drift.
         arrays.state[:, :, 0] = timesteps[:, None] * np.arange(runs.steps + 1)
-        arrays.sensors[:], arrays.iterations[:, :, 0] = answer["sensors"], answer["iterations"]
+        arrays.sensors[:], arrays.iterations[:, :, 0] = (
+            answer["sensors"],
+            answer.get("iterations", 0),
+        )
         told = Rollout.completed(arrays, answer["cost"])
         full = {name: answer[name] for name in ("contactfull", "cnstrfull") if name in answer}
         warnings = [{name: 1 for name in full if full[name][run]} for run in range(count)]

@@ -1,0 +1,104 @@
+"""MuJoCo MJX, in double precision."""
+
+import os
+import time
+from collections.abc import Callable
+from typing import Any
+
+import mujoco
+import numpy as np
+
+PACKAGE = "mujoco-mjx"
+REQUIREMENTS = ("mujoco-mjx>=3.17,<5", "mujoco=={mujoco}", "jax[cpu]", "numpy")
+_SWITCHES = ("AUTORESET", "MIDPHASE")  # which it does not have, and needs none of
+_INTEGRATORS = ("EULER", "RK4", "IMPLICITFAST")
+_SOLVERS = ("CG", "NEWTON")
+
+
+def refusal(model: mujoco.MjModel) -> str | None:
+    """Return why it cannot simulate a model; None if it can."""
+    opt = model.opt
+    integrators = [getattr(mujoco.mjtIntegrator, f"mjINT_{name}") for name in _INTEGRATORS]
+    if opt.integrator not in integrators:
+        return "it integrates by Euler, RK4 or implicitfast; set integrator to one of them"
+    if opt.solver not in [getattr(mujoco.mjtSolver, f"mjSOL_{name}") for name in _SOLVERS]:
+        return "it has no PGS; set solver to Newton or CG"
+    if opt.noslip_iterations:
+        return "it has no noslip; set noslip_iterations to 0"
+    for name in ("OVERRIDE", "FWDINV", "SLEEP", "DIAGEXACT", "SPECULATIVE", "IPC"):
+        if opt.enableflags & getattr(mujoco.mjtEnableBit, f"mjENBL_{name}", 0):
+            return f"it has no {name.lower()}; turn that off"
+    if model.nplugin or model.nflex:
+        return "it simulates neither plug-ins of MuJoCo nor flexes"
+    return None
+
+
+def simulate(request: dict[str, Any], tick: Callable[[], None]) -> dict[str, Any]:
+    """Simulate runs one after the other."""
+    os.environ["JAX_ENABLE_X64"] = "1"
+    os.environ.setdefault("JAX_PLATFORMS", "cpu")
+    runs = [_run(request, run, tick) for run in range(len(request["models"]))]
+    return {key: np.array([each[key] for each in runs]) for key in runs[0]}
+
+
+def _run(request: dict[str, Any], run: int, tick: Callable[[], None]) -> dict[str, Any]:
+    import jax
+    import serve
+    from mujoco import mjx
+
+    model = serve.model_of(request, run, *_SWITCHES)
+    kinds = model.sensor_type.copy()
+    # A sensor that it has stands in for those of energy, which it has not.
+    model.sensor_type[serve.energy_sensors(model)] = mujoco.mjtSensor.mjSENS_CLOCK
+    data = serve.start_of(request, run, model)
+    on_device, first = mjx.put_model(model), mjx.put_data(model, data)
+    inputs = jax.tree_util.tree_map(jax.numpy.asarray, _inputs(request, run, model))
+    scan = _compiled(on_device, first, inputs)
+    begin = time.process_time()
+    _, told = scan(on_device, first, inputs)
+    qpos, qvel, act, sensors = (np.array(each, np.float64) for each in told)
+    cost = time.process_time() - begin
+    tick()
+    start = np.concatenate([data.qpos, data.qvel, data.act])
+    state = np.concatenate([start[None], np.concatenate([qpos, qvel, act], axis=1)])
+    model.sensor_type[:] = kinds
+    serve.add_energies(model, state, sensors)
+    return {"state": state, "sensors": sensors, "cost": cost}
+
+
+_SCANS: dict[Any, Any] = {}
+
+
+def _compiled(*arguments: Any) -> Any:
+    """Return a compiled loop over steps, the same for models of one structure."""
+    import jax
+    from mujoco import mjx
+
+    def step(model: Any, data: Any, inputs: dict[str, Any]) -> tuple[Any, tuple[Any, ...]]:
+        stepped = mjx.step(model, data.replace(**inputs))
+        # A loop wants the types that it began with.
+        data = jax.tree_util.tree_map(lambda old, new: new.astype(old.dtype), data, stepped)
+        return data, (data.qpos, data.qvel, data.act, data.sensordata)
+
+    def scan(model: Any, data: Any, inputs: dict[str, Any]) -> Any:
+        return jax.lax.scan(lambda now, each: step(model, now, each), data, inputs)
+
+    leaves, structure = jax.tree_util.tree_flatten(arguments)
+    key = structure, tuple((each.shape, str(each.dtype)) for each in leaves)
+    if key not in _SCANS:
+        _SCANS[key] = jax.jit(scan).lower(*arguments).compile()
+    return _SCANS[key]
+
+
+def _inputs(request: dict[str, Any], run: int, model: mujoco.MjModel) -> dict[str, np.ndarray]:
+    """Return what drives each step: controls, and forces and mocap bodies where they change."""
+    import serve
+
+    controls, forces, rows = serve.inputs_of(request, run, model)
+    given = {"ctrl": controls}
+    if (request["places"] >= model.nu).any():
+        given["xfrc_applied"] = forces
+    if (request["places"] >= model.nu + 6 * model.nbody).any():
+        places = [serve.mocap(row, model.nmocap) for row in rows]
+        given["mocap_pos"], given["mocap_quat"] = map(np.array, zip(*places, strict=True))
+    return given

@@ -1,0 +1,194 @@
+"""Pinocchio's rigid-body dynamics, in free motion."""
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import mujoco
+import numpy as np
+
+PACKAGE = "pin"
+REQUIREMENTS = ("pin>=4.1,<5", "mujoco=={mujoco}", "numpy")
+_FREE, _BALL, _SLIDE = (
+    int(getattr(mujoco.mjtJoint, f"mjJNT_{name}")) for name in ("FREE", "BALL", "SLIDE")
+)
+_OFF = mujoco.mjtDisableBit
+
+
+def refusal(model: mujoco.MjModel) -> str | None:
+    """Return why it cannot simulate a model; None if it can."""
+    return next((why for applies, why in _refusals(model) if applies), None)
+
+
+def _refusals(model: mujoco.MjModel) -> list[tuple[Any, str]]:
+    """Return what it cannot do, each with whether a model needs it."""
+    disabled, off = model.opt.disableflags, _OFF.mjDSBL_CONSTRAINT
+    simple = (
+        (model.actuator_trntype == int(mujoco.mjtTrn.mjTRN_JOINT))
+        & (model.actuator_dyntype == int(mujoco.mjtDyn.mjDYN_NONE))
+        & (model.actuator_gaintype == int(mujoco.mjtGain.mjGAIN_FIXED))
+        & (model.actuator_biastype <= int(mujoco.mjtBias.mjBIAS_AFFINE))
+    )
+    return [
+        (
+            model.opt.integrator != mujoco.mjtIntegrator.mjINT_EULER,
+            "it integrates as MuJoCo's Euler does; set integrator to Euler",
+        ),
+        (
+            not disabled & (_OFF.mjDSBL_CONTACT | off) and _may_collide(model),
+            "it knows no contact here; set contact to false",
+        ),
+        (
+            not disabled & (_OFF.mjDSBL_LIMIT | off) and model.jnt_limited.any(),
+            "it knows no limits of joints here; set limit to false",
+        ),
+        (
+            not disabled & (_OFF.mjDSBL_FRICTIONLOSS | off) and model.dof_frictionloss.any(),
+            "it knows no dry friction of joints here; set frictionloss to false",
+        ),
+        (
+            model.ntendon or model.nflex or model.nplugin or (model.neq and not disabled & off),
+            "it knows no equalities, tendons, flexes and plug-ins; take a model without them",
+        ),
+        (
+            model.opt.density or model.opt.viscosity or model.body_gravcomp.any(),
+            "it knows no medium and no compensation of gravity",
+        ),
+        (
+            not disabled & _OFF.mjDSBL_ACTUATION and not simple.all(),
+            "it drives joints by motors and servos without dynamics of their own",
+        ),
+    ]
+
+
+def _may_collide(model: mujoco.MjModel) -> bool:
+    bits = np.bitwise_or.reduce(model.geom_contype) & np.bitwise_or.reduce(model.geom_conaffinity)
+    return bool(bits) or model.npair > 0
+
+
+def simulate(request: dict[str, Any], tick: Callable[[], None]) -> dict[str, Any]:
+    """Simulate runs one after the other."""
+    runs = [_run(request, run, tick) for run in range(len(request["models"]))]
+    return {key: np.array([each[key] for each in runs]) for key in runs[0]}
+
+
+def _run(request: dict[str, Any], run: int, tick: Callable[[], None]) -> dict[str, Any]:
+    import pinocchio
+    import serve
+
+    model = serve.model_of(request, run)
+    controls, forces, _ = serve.inputs_of(request, run, model)
+    if forces.any():
+        raise NotImplementedError("no forces are applied to bodies here; drive by actuators")
+    twin = _twin(pinocchio, model)
+    data, step = twin.createData(), model.opt.timestep
+    qpos, qvel = request["qpos"][run].copy(), request["qvel"][run].copy()
+    damping = np.zeros(model.nv)
+    if not model.opt.disableflags & (_OFF.mjDSBL_DAMPER | _OFF.mjDSBL_EULERDAMP):
+        damping = model.dof_damping.copy()
+    states, begin = [np.concatenate([qpos, qvel])], time.process_time()
+    for control in controls:
+        own = _coordinates(model, qpos)
+        inertia = pinocchio.crba(twin, data, own)
+        inertia = np.triu(inertia) + np.triu(inertia, 1).T
+        bias = pinocchio.nonLinearEffects(twin, data, own, qvel)
+        force = _forces(model, qpos, qvel, control) - damping * qvel - bias
+        # As MuJoCo's Euler: damping is implicit, velocities come before positions.
+        qvel = qvel + step * np.linalg.solve(
+            inertia + np.diag(model.dof_armature + step * damping), force
+        )
+        mujoco.mj_integratePos(model, qpos, qvel, step)
+        states.append(np.concatenate([qpos, qvel]))
+    cost = time.process_time() - begin
+    tick()
+    state = np.array(states)
+    sensors = np.zeros((len(controls), model.nsensordata))
+    serve.add_energies(model, state, sensors)
+    return {"state": state, "sensors": sensors, "cost": cost}
+
+
+def _twin(pinocchio: Any, model: mujoco.MjModel) -> Any:
+    """Return a model of the same bodies and joints, in the same order of coordinates."""
+    twin = pinocchio.Model()
+    twin.gravity.linear = np.array(model.opt.gravity)
+    if model.opt.disableflags & _OFF.mjDSBL_GRAVITY:
+        twin.gravity.linear = np.zeros(3)
+    # Of each body: the joint that moves it, and where the body is in that joint's frame.
+    carried = {0: (0, pinocchio.SE3.Identity())}
+    for body in range(1, model.nbody):
+        joint, place = carried[int(model.body_parentid[body])]
+        place = place * _pose(pinocchio, model.body_pos[body], model.body_quat[body])
+        first = model.body_jntadr[body]
+        for each in range(first, first + model.body_jntnum[body]):
+            if model.jnt_type[each] == _FREE:
+                place = pinocchio.SE3.Identity()
+            anchor = pinocchio.SE3(np.eye(3), np.array(model.jnt_pos[each]))
+            place = place * anchor
+            for kind in _kinds(pinocchio, model, each):
+                joint = twin.addJoint(joint, kind, place, f"{each} {twin.njoints}")
+                place = pinocchio.SE3.Identity()
+            place = anchor.inverse()
+        own = _pose(pinocchio, model.body_ipos[body], model.body_iquat[body])
+        inertia = pinocchio.Inertia(
+            float(model.body_mass[body]), np.zeros(3), np.diag(model.body_inertia[body])
+        )
+        twin.appendBodyToJoint(joint, inertia, place * own)
+        carried[body] = joint, place
+    return twin
+
+
+def _pose(pinocchio: Any, position: np.ndarray, quaternion: np.ndarray) -> Any:
+    w, x, y, z = quaternion
+    return pinocchio.SE3(pinocchio.Quaternion(w, x, y, z).matrix(), np.array(position))
+
+
+def _kinds(pinocchio: Any, model: mujoco.MjModel, joint: int) -> list[Any]:
+    """Return joints that have a joint's coordinates, one after the other."""
+    kind, axis = model.jnt_type[joint], np.array(model.jnt_axis[joint])
+    if kind == _FREE:
+        slides = [pinocchio.JointModelPrismaticUnaligned(each) for each in np.eye(3)]
+        return [*slides, pinocchio.JointModelSpherical()]
+    if kind == _BALL:
+        return [pinocchio.JointModelSpherical()]
+    if kind == _SLIDE:
+        return [pinocchio.JointModelPrismaticUnaligned(axis)]
+    return [pinocchio.JointModelRevoluteUnaligned(axis)]
+
+
+def _coordinates(model: mujoco.MjModel, qpos: np.ndarray) -> np.ndarray:
+    """Return qpos as Pinocchio has it: from joints' references, scalars of quaternions last."""
+    own = qpos.copy()
+    for joint, place in enumerate(model.jnt_qposadr):
+        kind = model.jnt_type[joint]
+        if kind in (_FREE, _BALL):
+            start = place + 3 * (kind == _FREE)
+            own[start : start + 4] = np.roll(qpos[start : start + 4], -1)
+        else:
+            own[place] -= model.qpos0[place]
+    return own
+
+
+def _forces(
+    model: mujoco.MjModel, qpos: np.ndarray, qvel: np.ndarray, control: np.ndarray
+) -> np.ndarray:
+    """Return (nv,) forces of springs and actuators."""
+    forces = np.zeros(model.nv)
+    scalar = np.flatnonzero((model.jnt_type != _FREE) & (model.jnt_type != _BALL))
+    places, dofs = model.jnt_qposadr[scalar], model.jnt_dofadr[scalar]
+    if not model.opt.disableflags & _OFF.mjDSBL_SPRING:
+        forces[dofs] -= model.jnt_stiffness[scalar] * (qpos[places] - model.qpos_spring[places])
+    if model.opt.disableflags & _OFF.mjDSBL_ACTUATION:
+        return forces
+    for actuator in range(model.nu):
+        joint, gear = model.actuator_trnid[actuator, 0], model.actuator_gear[actuator, 0]
+        place, dof = model.jnt_qposadr[joint], model.jnt_dofadr[joint]
+        given = control[actuator]
+        if model.actuator_ctrllimited[actuator]:
+            given = np.clip(given, *model.actuator_ctrlrange[actuator])
+        bias = model.actuator_biasprm[actuator, :3] @ [1, gear * qpos[place], gear * qvel[dof]]
+        affine = model.actuator_biastype[actuator] == int(mujoco.mjtBias.mjBIAS_AFFINE)
+        force = model.actuator_gainprm[actuator, 0] * given + affine * bias
+        if model.actuator_forcelimited[actuator]:
+            force = np.clip(force, *model.actuator_forcerange[actuator])
+        forces[dof] += gear * force
+    return forces

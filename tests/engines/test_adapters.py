@@ -1,0 +1,158 @@
+"""Adapters refuse what their engines cannot do, and those that are installed agree with MuJoCo."""
+
+import importlib
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+import pytest
+
+from contactlab.engines.adapted_engine import adapted_engines
+from contactlab.resources import ADAPTERS
+from contactlab.run.sweep_request import read_request
+from contactlab.run.sweep_runner import run_sweep
+from contactlab.schema.evidence import EvidenceRecord
+from contactlab.store.finished_store import Store
+
+ENGINES = {each.name: each for each in adapted_engines()}
+BALL = """
+<mujoco><option {option}>{flag}</option>
+  <worldbody><geom type="plane" size="1 1 .1"/>{extra}
+    <body pos="0 0 .2"><freejoint/><geom size=".1"/></body>
+  </worldbody>{end}
+</mujoco>"""
+REFUSED = [
+    ("warp", {"option": 'solver="PGS"'}, "PGS"),
+    ("warp", {"flag": '<flag override="enable"/>'}, "override"),
+    ("mjx", {"option": 'integrator="implicit"'}, "implicitfast"),
+    ("mjx", {"option": 'noslip_iterations="3"'}, "noslip"),
+    ("mjx", {"flag": '<flag sleep="enable"/>'}, "sleep"),
+    ("pinocchio", {}, "contact"),
+    ("pinocchio", {"option": 'integrator="RK4"'}, "Euler"),
+    ("pinocchio", {"option": 'density="1"', "flag": '<flag contact="disable"/>'}, "medium"),
+]
+# Every kind of joint, off its reference and its body's origin; a motor, a servo, springs, damping.
+TREE = """
+<mujoco>
+  <option timestep="0.001" integrator="Euler" gravity="1 0 -9"><flag contact="disable"/></option>
+  <worldbody>
+    <body name="flying" pos="0 0 1" quat=".8 .6 0 0"><freejoint/>
+      <geom type="box" size=".1 .2 .3" pos=".05 0 0" mass="2"/>
+      <body pos=".1 .2 .3" euler="20 30 40"><joint type="ball" pos="0 .1 0" damping=".02"/>
+        <geom type="capsule" size=".02 .2" mass=".5" pos="0 0 .2"/></body>
+    </body>
+    <body name="arm" pos="2 0 1" euler="0 10 0">
+      <inertial pos="0 0 0" mass=".1" diaginertia="1 1 1"/>
+      <body name="upper" euler="30 0 0">
+        <joint name="turn" axis="1 2 0" pos=".1 0 0" ref="20" armature=".1" damping=".3"/>
+        <joint name="shift" type="slide" axis="0 1 1" ref=".1" stiffness="30" springref=".2"/>
+        <geom type="box" size=".1 .1 .3" mass="1"/>
+        <body pos="0 0 .3"><geom size=".1" mass=".4"/>
+          <body pos="0 .1 .2"><joint name="elbow" axis="0 1 0"/>
+            <geom type="capsule" size=".03 .2" mass=".3" pos=".1 0 .1"/></body>
+        </body>
+      </body>
+    </body>
+  </worldbody>
+  <actuator><motor joint="turn" gear="2" ctrlrange="-1 1" ctrllimited="true"/>
+    <position joint="elbow" kp="5" kv=".1"/></actuator>
+</mujoco>"""
+
+
+@pytest.mark.parametrize(("name", "differing", "word"), REFUSED)
+def test_what_an_engine_cannot_do_is_refused_by_name(
+    name: str, differing: dict[str, str], word: str
+) -> None:
+    blanks = dict.fromkeys(("option", "flag", "extra", "end"), "")
+    model = mujoco.MjModel.from_xml_string(BALL.format(**blanks | differing))
+    assert word in str(refusal_of(name, model))
+
+
+@pytest.mark.parametrize("name", ["warp", "mjx"])
+def test_what_it_can_do_is_not(name: str) -> None:
+    blanks = dict.fromkeys(("option", "flag", "extra", "end"), "")
+    assert refusal_of(name, mujoco.MjModel.from_xml_string(BALL.format(**blanks))) is None
+
+
+def test_a_tree_in_free_motion_is_for_all() -> None:
+    assert refusal_of("pinocchio", mujoco.MjModel.from_xml_string(TREE)) is None
+
+
+def refusal_of(name: str, model: mujoco.MjModel) -> str | None:
+    """Return what an adapter says of a model, without its engine."""
+    file = ADAPTERS / f"{name}.py"
+    spec = importlib.util.spec_from_file_location(f"tried_{name}", file)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module.refusal(model)
+
+
+def installed(name: str) -> Any:
+    return pytest.mark.skipif(
+        not ENGINES[name].version, reason=f"contactlab engines add {name} was not run here"
+    )
+
+
+def differences(folder: Path, name: str, text: str) -> list[tuple[EvidenceRecord, float]]:
+    """Return MuJoCo's runs of a sweep with how far another engine's coordinates are from them."""
+    request = read_request(text, "both", folder / "store", folder=folder, workers=0)
+    run_sweep(request, lambda _total, _done: None, lambda _finished: None)
+    store = Store.open(folder / "store")
+    runs: dict[str, dict[str, EvidenceRecord]] = {}
+    for record in store.records():
+        axes = {key: value for key, value in record.axes.items() if key != "engine"}
+        runs.setdefault(f"{axes} {record.seed}", {})[record.engine.name] = record
+    found: list[tuple[EvidenceRecord, float]] = []
+    for each in runs.values():
+        ours, theirs = each["mujoco"], each[name]
+        assert theirs.status == "ok", theirs.status_reason
+        both = store.trace(ours).qpos, store.trace(theirs).qpos
+        found.append((ours, float(np.abs(both[0] - both[1]).max())))
+    return found
+
+
+SLIDES = """
+version: 1
+scene: box_slide
+duration: 0.3
+axes: {engine: [mujoco, NAME], timestep: [0.001, 0.002], friction.slide: [0.3, 1.0]}
+"""
+
+
+@pytest.mark.slow
+@installed("warp")
+def test_worlds_of_one_launch_have_their_own_parameters(tmp_path: Path) -> None:
+    found = differences(tmp_path, "warp", SLIDES.replace("NAME", "warp"))
+    # Single precision resolves 6e-8 of .4 m, in each of 300 steps at most.
+    assert max(far for _, far in found) < 300 * 6e-8 * 0.4
+    assert len({round(ours.metrics["slip_distance"] or 0, 4) for ours, _ in found}) == 4
+
+
+@pytest.mark.slow
+@installed("mjx")
+def test_double_precision_agrees_to_the_solvers_tolerance(tmp_path: Path) -> None:
+    found = differences(tmp_path, "mjx", SLIDES.replace("NAME", "mjx"))
+    assert len(found) == 4
+    # The solvers end at tolerance 1e-8, each somewhere else below it.
+    assert max(far for _, far in found) < 1e-7
+
+
+@pytest.mark.slow
+@installed("pinocchio")
+def test_free_motion_is_that_of_other_dynamics(tmp_path: Path) -> None:
+    (tmp_path / "tree.xml").write_text(TREE)
+    text = """
+version: 1
+scene: tree.xml
+duration: 1.0
+seeds: 3
+drive: {noise: 0.5, rate: 5}
+axes: {engine: [mujoco, pinocchio], timestep: [0.0005, 0.001]}
+"""
+    found = differences(tmp_path, "pinocchio", text)
+    # Rounding of 2e-16 in each of 2,000 steps, that this motion makes 20 times larger.
+    assert [far < 1e-11 for _, far in found] == [True] * 6
+    assert all(ours.metrics["joint_travel"] for ours, _ in found)
