@@ -2,7 +2,7 @@
 
 import hashlib
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -12,7 +12,7 @@ from pydantic_core import to_json
 
 from contactlab.accuracy.discretization import discretization_errors
 from contactlab.accuracy.timing import work_of_runs
-from contactlab.contact.trace_arrays import RecordedControls, SelfChecks, Trace
+from contactlab.contact.trace_arrays import RecordedControls, Trace
 from contactlab.contact.trace_setup import Setup
 from contactlab.engines import engine_of
 from contactlab.engines.closed_loop import load_policy
@@ -51,47 +51,6 @@ from contactlab.store.store_files import TRACES, time_now
 from contactlab.store.table_layout import record_to_row
 
 _GRACE = 1.0  # how long a job's second pass may go on once the sweep should stop [s]
-
-CheckRuns = Callable[[Sequence[int], Trace], SelfChecks]
-
-
-def measured_groups(
-    trace: Trace, setup: Setup, rollout: Rollout, rule: str, check: CheckRuns
-) -> Iterator[MeasuredGroup]:
-    """Measure and label every run: complete ones together, those cut short one by one.
-
-    The rule says which complete runs get a second pass (all, flagged or none), and `check` makes it
-    over the runs at some places of the job.
-    """
-    trace = _without_momentum(trace, setup)
-    whole = [place for place, steps in enumerate(rollout.steps) if steps == trace.steps_asked]
-    if whole:
-        picked = trace.select(whole), setup.select(whole)
-        yield from _checked(whole, *picked, rule, check)
-    for place in sorted(set(range(trace.runs)) - set(whole)):
-        cut, alone = trace.select([place], rollout.steps[place]), setup.select([place])
-        yield MeasuredGroup({place: 0}, cut, assess(cut, alone))
-
-
-def _checked(
-    places: Sequence[int], trace: Trace, setup: Setup, rule: str, check: CheckRuns
-) -> Iterator[MeasuredGroup]:
-    """Yield complete runs as measured; those that the rule selects are measured again with checks.
-
-    Some of the latter are missing if the second pass is cut short.
-    """
-    assessment = assess(trace, setup)
-    asked = np.full(trace.runs, rule == "all") | (assessment.suspect & (rule == "flagged"))
-    suspects: list[int] = np.flatnonzero(asked).tolist()
-    others = sorted(set(range(trace.runs)) - set(suspects))
-    yield MeasuredGroup({places[row]: row for row in others}, trace, assessment)
-    if suspects:
-        picked = trace.select(suspects)
-        checks = check([places[row] for row in suspects], picked)
-        done = range(checks.runs)
-        checked, known = picked.select(done), setup.select([suspects[row] for row in done])
-        again = assess(checked, known, checks)
-        yield MeasuredGroup({places[suspects[row]]: row for row in done}, checked, again)
 
 
 def _without_momentum(trace: Trace, setup: Setup) -> Trace:
@@ -200,17 +159,48 @@ class Worker:
             if each.expects:
                 asked.append((each, list(map(match.holds, values))))
         setup = make_setup(runs.base, manifest, resolved, models, sweep.thresholds, asked)
-        trace = make_trace(runs.base, prepared, rollout)
+        trace = _without_momentum(make_trace(runs.base, prepared, rollout), setup)
+        return rollout, self._measured_groups(runs, rollout, trace, setup)
 
-        def check(places: Sequence[int], picked: Trace) -> SelfChecks:
-            assert isinstance(engine, ChecksRuns)
-            again = runs.rows(places).repeating(
-                rollout.controls and [rollout.controls[each] for each in places]
-            )
-            return engine.check_runs(again, picked, self._grace_period())
+    def _measured_groups(
+        self, runs: PreparedRuns, rollout: Rollout, trace: Trace, setup: Setup
+    ) -> Iterator[MeasuredGroup]:
+        """Measure and label every run: complete ones together, those cut short one by one."""
+        whole = [place for place, steps in enumerate(rollout.steps) if steps == trace.steps_asked]
+        if whole:
+            yield from self._checked(whole, runs, rollout, trace.select(whole), setup.select(whole))
+        for place in sorted(set(range(trace.runs)) - set(whole)):
+            cut, alone = trace.select([place], rollout.steps[place]), setup.select([place])
+            yield MeasuredGroup({place: 0}, cut, assess(cut, alone))
 
-        rule = sweep.checks if isinstance(engine, ChecksRuns) else "none"
-        return rollout, measured_groups(trace, setup, rollout, rule, check)
+    def _checked(
+        self,
+        whole: Sequence[int],
+        runs: PreparedRuns,
+        rollout: Rollout,
+        trace: Trace,
+        setup: Setup,
+    ) -> Iterator[MeasuredGroup]:
+        """Yield complete runs; those that the sweep's rule selects are measured again with checks.
+
+        Some of the latter are missing if the second pass is cut short.
+        """
+        assessment, rule = assess(trace, setup), self._task.sweep.checks
+        engine = engine_of(runs.resolved[0])
+        asked = np.full(trace.runs, rule == "all") | (assessment.suspect & (rule == "flagged"))
+        able = isinstance(engine, ChecksRuns)
+        suspects: list[int] = np.flatnonzero(asked).tolist() if able else []
+        others = sorted(set(range(trace.runs)) - set(suspects))
+        yield MeasuredGroup({whole[row]: row for row in others}, trace, assessment)
+        if suspects and able:
+            picked, chosen = trace.select(suspects), [whole[row] for row in suspects]
+            controls = rollout.controls and [rollout.controls[each] for each in chosen]
+            again = runs.rows(chosen).repeating(controls)
+            checks = engine.check_runs(again, picked, self._grace_period())
+            done = range(checks.runs)
+            checked, known = picked.select(done), setup.select([suspects[row] for row in done])
+            second = assess(checked, known, checks)
+            yield MeasuredGroup({whole[suspects[row]]: row for row in done}, checked, second)
 
     def _twin_labels(self, plans: Sequence[RunPlan], starts: InitialStates) -> dict[int, str]:
         """Return each run's label from an initial state 1e-6 away, if the sweep asks for it."""
