@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import wraps
+from functools import cached_property, wraps
 from typing import TypeVar
 
 import numpy as np
@@ -33,7 +33,7 @@ class Context:
     checks: SelfChecks | None = None
     cache: dict[object, object] = field(default_factory=dict[object, object], repr=False)
 
-    @property
+    @cached_property
     def series(self) -> tuple[PairSeries, ...]:
         """The net quantities of each monitored pair over time."""
         return tuple(each.series for each in self.net)

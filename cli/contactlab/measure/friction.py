@@ -193,6 +193,8 @@ def lost_contacts(context: Context, index: int) -> Spans:
     touch, gap = spans(bearing), spans(~bearing)
     inner = (gap.start > 0) & (gap.stop < bearing.shape[1])
     found = Spans(gap.run[inner], gap.start[inner], gap.stop[inner])
+    if not inner.any():
+        return found
     before = _ending(touch, found)
     kept = found.stop - found.start <= touch.stop[before] - touch.start[before]
     kept &= series.mode[found.run, found.start] == STICK

@@ -15,6 +15,7 @@ from contactlab.contact.trace_arrays import (
     DISTANCE,
     FORCE,
     LINEAR_VELOCITY,
+    NO_CONTACT,
     NORMAL,
     TANGENT,
     Floats,
@@ -84,6 +85,10 @@ def net_contact(pair: PairTrace, elliptic: NDArray[np.bool_], timestep: Floats) 
     """
     runs, steps, slots, _ = pair.slots.shape
     found = pair.found.astype(np.int32)
+    if not found.any():
+        none, apart = np.zeros((runs, steps)), np.full((runs, steps), NO_CONTACT, np.int8)
+        shown = PairSeries(pair.name, found, none, none, none, none, none, apart)
+        return NetContact(shown, found, none, none, none, *np.zeros((3, runs)))
     contacts = np.minimum(found, slots)
     series, worst = np.empty((8, runs, steps)), np.empty((3, runs))
     first, second = pair.friction[:, 0], pair.friction[:, 1]

@@ -117,8 +117,10 @@ def _gains(context: Context) -> list[Floats]:
         return np.median(third, axis=1), np.median(last, axis=1)
 
     def gain(index: int, touching: NDArray[np.bool_], depth: Floats) -> Floats:
-        before, after = medians(depth)
         resting = touching[:, half].mean(axis=1) >= _RESTING
+        if not resting.any():
+            return context.undefined()
+        before, after = medians(depth)
         if context.series:
             # Contacts do not soften with depth: twice the load makes them at most twice as deep.
             load, later = medians(context.trace.pairs[index].slots[..., FORCE.start].max(axis=2))
