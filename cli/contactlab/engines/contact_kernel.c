@@ -299,6 +299,9 @@ const char* record_run(Recording* recording, const Run* run) {
 }
 
 void close_recording(Recording* recording) {
+  if (!recording) {
+    return;
+  }
   if (recording->capacity > spare.capacity) {
     free(spare.points);
     spare.points = recording->points;

@@ -36,7 +36,6 @@ from contactlab.resources import user_cache
 from contactlab.scene.compile_model import PREFIX
 from contactlab.scene.mujoco_versions import VERSION, has_batch, library_file
 
-_SWITCH = "CONTACTLAB_KERNEL"
 _SOURCE = Path(__file__).with_suffix(".c")
 _FLAGS = ("-std=c11", "-O2", "-fPIC", "-shared", "-ffp-contract=off")
 _MOST_SECONDS = 120  # A compiler that takes longer hangs.
@@ -63,6 +62,14 @@ class Kernel(ctypes.CDLL):
 
     checked = failed = False
 
+    def __init__(self) -> None:
+        super().__init__(str(compiled_kernel()))
+        self.open_recording.restype, self.record_run.restype = _POINTER, ctypes.c_char_p
+        self.open_recording.argtypes = _POINTER, _INT, _INT, _INT
+        self.record_run.argtypes = self.find_widths.argtypes = _POINTER, _POINTER
+        self.fill_slots.argtypes = _POINTER, _INT, _POINTER
+        self.close_recording.argtypes = (_POINTER,)
+
 
 def roll_out_by_kernel(
     runs: PreparedRuns, buffers: Buffers, watch: Watch, proceed: Proceed
@@ -72,15 +79,12 @@ def roll_out_by_kernel(
     The first run of a process that has contacts is compared with what sensors give.
     """
     models, starts, steps = runs.models, runs.starts, runs.steps
-    kernel = None if os.environ.get(_SWITCH) == "off" else load_kernel()
+    kernel = None if os.environ.get("CONTACTLAB_KERNEL") == "off" else load_kernel()
     if kernel is None or kernel.failed or not all(map(_may_read, models)):
         return roll_out(models, starts, steps, buffers, watch, proceed)
     contacts = _KernelStepper(kernel, runs)
-    try:
-        rollout = roll_out(models, starts, steps, buffers, watch, proceed, stepper=contacts)
-        rollout = replace(rollout, slots=contacts.slots(len(rollout.steps), buffers))
-    finally:
-        contacts.close()
+    rollout = roll_out(models, starts, steps, buffers, watch, proceed, stepper=contacts)
+    rollout = replace(rollout, slots=contacts.slots(len(rollout.steps), buffers))
     try:
         kernel.checked = kernel.checked or _agrees(runs, rollout)
     except KernelError as error:
@@ -105,13 +109,16 @@ class _KernelStepper(BatchStepper):
     def __init__(self, library: Kernel, runs: PreparedRuns) -> None:
         """Raise a MemoryError if there is not enough memory."""
         self._library, self._models, self._starts = library, runs.models, runs.starts
-        self._pairs, self._steps, model = runs.base.pairs, runs.steps, runs.base.model
-        first = model.sensor(f"{PREFIX}contacts").id - len(self._pairs)
+        self._pairs, self._steps, model = len(runs.base.pairs), runs.steps, runs.base.model
+        first = model.sensor(f"{PREFIX}contacts").id - self._pairs
         self.width = model.nsensordata - runs.base.layout.contacts
         self.warnings = np.zeros((len(self._models), int(_WARNINGS)), np.int32)
-        self._handle = library.open_recording(model._address, first, len(self._pairs), runs.steps)
+        self._handle = library.open_recording(model._address, first, self._pairs, runs.steps)
         if not self._handle:
             raise MemoryError
+
+    def __del__(self) -> None:
+        self._library.close_recording(self._handle)
 
     def step(self, run: int, inputs: Mapping[str, Any], out: Mapping[Any, np.ndarray]) -> str:
         """Make a run, and record it as a batch does; return what went wrong."""
@@ -131,40 +138,32 @@ class _KernelStepper(BatchStepper):
 
     def slots(self, runs: int, buffers: Buffers) -> tuple[Floats, ...]:
         """Return slots of each pair, as many as some step of these runs fills, but one at least."""
-        widths = np.zeros(len(self._pairs), np.int64)
+        widths = np.zeros(self._pairs, np.int64)
         self._library.find_widths(self._handle, widths.ctypes.data)
-        ends = np.cumsum(runs * self._steps * widths)
-        slots = buffers.take("slots", int(ends.max(initial=0)), SLOT_WIDTH)
-        places = ends - runs * self._steps * widths
-        targets = slots.ctypes.data + slots.strides[0] * places
+        rows = runs * self._steps
+        slots = buffers.take("slots", rows * int(widths.sum()), SLOT_WIDTH)
+        parts = np.split(slots, rows * np.cumsum(widths))[:-1]
+        targets = np.array([each.ctypes.data for each in parts], np.int64)
         self._library.fill_slots(self._handle, runs, targets.ctypes.data)
-        found = [np.broadcast_to(np.zeros(SLOT_WIDTH), (runs, self._steps, 1, SLOT_WIDTH))]
-        found *= len(widths)
-        for pair in np.flatnonzero(widths).tolist():
-            part = slots[places[pair] : ends[pair]]
-            found[pair] = part.reshape(runs, self._steps, -1, SLOT_WIDTH)
-        return tuple(found)
-
-    def close(self) -> None:
-        """Free memory."""
-        self._library.close_recording(self._handle)
+        none = np.broadcast_to(np.zeros(SLOT_WIDTH), (runs, self._steps, 1, SLOT_WIDTH))
+        shape = runs, self._steps, -1, SLOT_WIDTH
+        return tuple(each.reshape(shape) if len(each) else none for each in parts)
 
 
 def _agrees(runs: PreparedRuns, rollout: Rollout) -> bool:
     """Return whether there are contacts, and raise a KernelError if sensors see others."""
     assert rollout.slots is not None
-    layout, pairs = runs.base.layout, runs.base.pairs
+    layout = runs.base.layout
     touching = [each[:, :, 0, FOUND] > 0 for each in rollout.slots if each.strides[0]]
     for run, step in np.argwhere(np.logical_or.reduce(touching))[:1].tolist():
         stop = min(step + _CHECKED_STEPS, rollout.steps[run])
         expected = roll_out([runs.models[run]], runs.starts.pick(run), stop, Buffers())
-        sensors, rows = expected.sensors[0], rollout.sensors[run, :stop]
-        same = rows.tobytes() == sensors[:, layout.contacts :].tobytes()
-        for pair, address, each in zip(pairs, layout.pairs, rollout.slots, strict=True):
-            full = np.zeros((stop, pair.slots, SLOT_WIDTH))
-            full[:, : each.shape[2]] = each[run, :stop]
-            block = sensors[:, address : address + pair.slots * SLOT_WIDTH]
-            same &= full.tobytes() == block.tobytes()
+        rows = expected.sensors[0].copy()
+        rows[:, layout.pairs[0] : layout.contacts] = 0
+        rows[:, layout.contacts :] = rollout.sensors[run, :stop]
+        for address, each in zip(layout.pairs, rollout.slots, strict=True):
+            rows[:, address : address + each[0, 0].size] = each[run, :stop].reshape(stop, -1)
+        same = rows.tobytes() == expected.sensors[0].tobytes()
         if not same or rollout.state[run, : stop + 1].tobytes() != expected.state[0].tobytes():
             raise KernelError(f"the kernel disagrees with them in a run of {stop} steps")
         return True
@@ -175,16 +174,9 @@ def _agrees(runs: PreparedRuns, rollout: Rollout) -> bool:
 def load_kernel() -> Kernel | None:
     """Return the kernel, compiled if it is not in the user's cache; None if it cannot be had."""
     try:
-        library = Kernel(str(compiled_kernel())) if has_batch() else None
+        return Kernel() if has_batch() else None
     except (KernelError, OSError):
         return None
-    if library is not None:
-        library.open_recording.restype, library.record_run.restype = _POINTER, ctypes.c_char_p
-        library.open_recording.argtypes = _POINTER, _INT, _INT, _INT
-        library.record_run.argtypes = library.find_widths.argtypes = _POINTER, _POINTER
-        library.fill_slots.argtypes = _POINTER, _INT, _POINTER
-        library.close_recording.argtypes = (_POINTER,)
-    return library
 
 
 def compiled_kernel() -> Path:
