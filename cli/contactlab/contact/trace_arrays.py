@@ -263,10 +263,13 @@ class SelfChecks:
 
 
 def motion_at_rest(velocity: Floats) -> Floats:
-    """Return (2, nv): root mean square and median change of the last quarter of (T, nv) speeds."""
-    late = velocity[3 * len(velocity) // 4 :]
-    change = np.abs(np.diff(late, axis=0, prepend=late[:1]))
-    return np.stack((np.sqrt((late**2).mean(axis=0)), np.median(change, axis=0)))
+    """Return (..., 2, nv): root mean square and median change of late speeds.
+
+    Late is the last quarter of (..., T, nv) speeds.
+    """
+    late = velocity[..., 3 * velocity.shape[-2] // 4 :, :]
+    change = np.abs(np.diff(late, axis=-2, prepend=late[..., :1, :]))
+    return np.stack((np.sqrt((late**2).mean(axis=-2)), np.median(change, axis=-2)), axis=-2)
 
 
 class Invariants(NamedTuple):

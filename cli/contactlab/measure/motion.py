@@ -198,12 +198,14 @@ def energy_injection(runs: MeasuredRuns) -> Found:
         risen = values - given > limit * energy_scale(runs.context)[run]
         reason = f"energy rose by {gain:.3%} of that at the start (limit {limit:.3g})"
         yield run, Finding(reason, first_step(risen))
-    for run, ratio, limit in runs.over("speed_ratio"):
+    over, bodies = runs.over("speed_ratio"), runs.context.setup.free_bodies
+    squares = [speed_squared(runs.context, body) for body in bodies] if over else []
+    bounds = [_speed_bound(runs.context, body.mass) for body in bodies] if over else []
+    for run, ratio, limit in over:
         reason = f"a body moved {ratio:.3g} times as fast as the energy at the start allows"
         fast = [
-            speed_squared(runs.context, body)[run]
-            > (limit * _speed_bound(runs.context, body.mass)[run]) ** 2
-            for body in runs.context.setup.free_bodies
+            square[run] > (limit * bound[run]) ** 2
+            for square, bound in zip(squares, bounds, strict=True)
         ]
         yield run, Finding(f"{reason} (limit {limit:g})", max(_first_of(fast) - 1, 0))
     yield from integration_gains(runs)

@@ -75,8 +75,8 @@ def _degrees(context: Context) -> tuple[list[str], Floats]:
 def _ends(context: Context) -> _Ends:
     trace, checks = context.trace, context.checks
     joints = context.setup.mechanism.joints if context.setup.mechanism else ()
-    own = [[motion_at_rest(each)] for each in trace.qvel] if checks is None else checks.rest
-    speed, change = np.moveaxis(np.array(own) / _degrees(context)[1], 2, 0)
+    own = motion_at_rest(trace.qvel)[:, None] if checks is None else checks.rest
+    speed, change = np.moveaxis(own / _degrees(context)[1], 2, 0)
     steps = trace.timestep[:, None] / [1, REFINEMENT, 1]
     # A free body hops as it slides or rattles, which chatter and energy judge.
     hinged = [each.kind != "free" for each in joints for _ in _ALONG[each.kind]] or [True]

@@ -4,7 +4,8 @@ import faulthandler
 import hashlib
 import math
 import signal
-from collections import OrderedDict
+import time
+from collections import OrderedDict, deque
 from collections.abc import Callable, Collection, Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import cached_property
@@ -20,6 +21,7 @@ from contactlab.run.evidence_record import RunPlan
 from contactlab.run.tasks import Job, PlannedRun, Task
 from contactlab.scene.compiled_scene import CompiledScene, PreparedModel
 from contactlab.scene.drive.located_drive import LocatedDrive
+from contactlab.scene.effects.effect_table import is_straight
 from contactlab.scene.initial_states import InitialStates
 from contactlab.scene.mujoco_versions import silence_mujoco
 from contactlab.scene.resolution import ID_BYTES, ResolvedRun
@@ -33,7 +35,9 @@ from contactlab.store.controls_file import read_control_table, read_controls
 from contactlab.store.folder_backend import backend_at
 from contactlab.store.store_files import SCENES, Address
 
-MAX_RUNS = 32  # runs of a job at most
+# Runs of a job at most, of those that share a policy's calls, and until it is known how long one
+# takes; a job of more takes about so long [s].
+MAX_RUNS, _FEW_RUNS, _JOB_SECONDS = 512, 32, 0.25
 # Recorded states and sensors of a job; with temporary arrays a worker needs three times as much.
 JOB_BYTES = 32 << 20
 RUN_BYTES = 1 << 30
@@ -192,6 +196,7 @@ def pack_jobs(
     """
     most = max(1, min(MAX_RUNS, count // (4 * max(1, workers))))
     shares = 2 * workers if workers > 1 else 1
+    pace = _Pace(max(1, workers))
     waiting: dict[Key, list[PlannedRun]] = {}
     bounds: dict[Key, int] = {}
     for taken, (run, resolved) in enumerate(runs):
@@ -201,14 +206,35 @@ def pack_jobs(
         if key not in bounds:
             base = scene.base_of(resolved)
             size = bytes_of_run(base.model, resolved.steps)
-            bounds[key] = max(1, min(most, JOB_BYTES // size, _max_models(base)))
+            few = _FEW_RUNS if isinstance(resolved.drive, PolicyDrive) else MAX_RUNS
+            bounds[key] = max(1, min(most, few, JOB_BYTES // size, _max_models(base)))
         group = waiting.setdefault(key, [])
         group.append(run)
-        if len(group) >= min(bounds[key], max(1, (count - taken) // shares)):
-            yield tuple(waiting.pop(key))
+        if len(group) >= min(bounds[key], pace.most, max(1, (count - taken) // shares)):
+            yield from pace.give(tuple(waiting.pop(key)))
         elif len(waiting) > _MAX_OPEN:
             yield tuple(waiting.pop(next(iter(waiting))))
     yield from (tuple(group) for group in waiting.values())
+
+
+class _Pace:
+    """How fast jobs are taken by so many workers, and so how many runs the next may have."""
+
+    def __init__(self, workers: int) -> None:
+        self._seconds, self._done, self._workers = 0.0, 0, workers
+        self._given: deque[int] = deque()
+        self.most = _FEW_RUNS
+
+    def give(self, job: Job) -> Iterator[Job]:
+        """Yield a job; once the next is asked for, all but two for each worker are done."""
+        begin = time.monotonic()
+        yield job
+        self._seconds += time.monotonic() - begin
+        self._given.append(len(job))
+        if len(self._given) > 2 * self._workers:
+            self._done += self._given.popleft()
+            rate = self._done / self._workers / max(self._seconds, _JOB_SECONDS)
+            self.most = max(_FEW_RUNS, int(rate * _JOB_SECONDS))
 
 
 def _max_models(base: CompiledScene) -> int:
@@ -255,18 +281,21 @@ class Preparer:
         if self.scene.hash != task.scene_folder.name:
             raise StoreError(f"{folder} was changed: its files have the hash {self.scene.hash}")
         self._marker = marker
-        self._models: OrderedDict[str, PreparedModel] = OrderedDict()
+        self._rows = RowResolver(self.scene, task.sweep.duration)
+        self._models: OrderedDict[tuple[str, bool], PreparedModel] = OrderedDict()
 
     def plans(self, job: Job) -> list[RunPlan]:
         """Return settings, model and initial state of each run of a job of one structure."""
-        seconds = self.task.sweep.duration
-        resolved = [self.scene.resolve(run.values, run.seed, seconds) for run in job]
+        resolved = [self._rows.row(run.values).resolved(run.seed) for run in job]
         starts = self.scene.starts(resolved)
         initial = [self._acted_on(run, starts.pick(place)) for place, run in enumerate(job)]
-        return [
-            RunPlan(each, self._prepared(each, start), start, run)
-            for run, each, start in zip(job, resolved, initial, strict=True)
-        ]
+        keys: dict[int, str] = {}  # of the models of runs that share their values
+        plans: list[RunPlan] = []
+        for run, each, start in zip(job, resolved, initial, strict=True):
+            key = keys.get(id(run.values)) or self.scene.model_key(each)
+            keys[id(run.values)] = key
+            plans.append(RunPlan(each, self._prepared(key, each, start), start, run))
+        return plans
 
     def _acted_on(self, run: PlannedRun, start: InitialStates) -> InitialStates:
         """Return how a run starts, with what its policy did where that is recorded."""
@@ -275,11 +304,12 @@ class Preparer:
         backend = backend_at(self.task.store, OutputError)
         return start.acted_on([read_controls(backend, run.controls)])
 
-    def _prepared(self, run: ResolvedRun, start: InitialStates) -> PreparedModel:
-        key = self.scene.model_key(run, start)
+    def _prepared(self, shared: str, run: ResolvedRun, start: InitialStates) -> PreparedModel:
+        base = self.scene.base_of(run)
+        key = shared, is_straight(base.model, start)
         if key not in self._models:
             self._models[key] = self.scene.prepare(run, start)
-            most = min(_MAX_MODELS, _max_models(self.scene.base_of(run)))
+            most = min(_MAX_MODELS, _max_models(base))
             while len(self._models) > most:
                 self._models.popitem(last=False)
         self._models.move_to_end(key)

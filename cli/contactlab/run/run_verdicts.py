@@ -4,8 +4,16 @@ from collections.abc import Iterator, Mapping, Sequence
 from operator import itemgetter
 
 import numpy as np
+from numpy.typing import NDArray
 
-from contactlab.contact.trace_arrays import ANGULAR_VELOCITY, FORCE, LINEAR_VELOCITY, Trace
+from contactlab.contact.trace_arrays import (
+    ANGULAR_VELOCITY,
+    FORCE,
+    LINEAR_VELOCITY,
+    Floats,
+    PairTrace,
+    Trace,
+)
 from contactlab.measure.pair_expectations import PAIR_LABELS
 from contactlab.scene.compiled_scene import PreparedModel
 from contactlab.scene.effects.effect import NOT_IN_MODEL
@@ -60,21 +68,26 @@ def _unmet(
             yield f"expected {name} of at most {bounds.max:g}, found {value:g}"
 
 
+Moving = Mapping[str, NDArray[np.bool_]]
 # Slower motion is the creep and the rocking of soft contact.
 _SLIDE = 5e-3
 _TURN = 0.1
 _SLIDE_JOINT = 2  # as the engine numbers kinds of joints: free, ball, slide, hinge
 
 
-def missing_effects(trace: Trace, run: int, prepared: PreparedModel) -> dict[str, str]:
+def missing_effects(
+    trace: Trace, run: int, prepared: PreparedModel, moving: Moving
+) -> dict[str, str]:
     """Return the effects that the run needed although they were off, each with the evidence.
 
     Only effects that the model has and that were turned off are considered: friction that would
-    oppose motion in contacts, and limits that joints exceed. The trace is of a group of runs.
+    oppose motion in contacts, and limits that joints exceed. The trace is of a group of runs, and
+    `moving` is what `moving_runs` returns of it.
     """
     off = {name for name, each in prepared.effects.items() if not each.on}
     left_out = {name for name in off if prepared.effects[name].reason != NOT_IN_MODEL}
-    seen = {name: _motion(trace, run, name) for name in _MOTIONS if name in left_out}
+    moved = [name for name in moving if name in left_out and moving[name][run]]
+    seen = {name: _motion(trace, run, name) for name in moved}
     if "limit" in left_out:
         seen["limit"] = _limit(trace, run, prepared)
     return {name: text for name, text in seen.items() if text is not None}
@@ -82,18 +95,36 @@ def missing_effects(trace: Trace, run: int, prepared: PreparedModel) -> dict[str
 
 def _motion(trace: Trace, run: int, name: str) -> str | None:
     """Return the first motion in a contact that a friction effect would oppose."""
-    word, unit, least, velocity, parts = _MOTIONS[name]
-    moving: list[tuple[int, str, float]] = []
+    word, unit, least, *_ = _MOTIONS[name]
+    found: list[tuple[int, str, float]] = []
     for pair in trace.pairs:
-        bearing = pair.touching[run] & (pair.slots[run, ..., FORCE.start] > 0)
-        speeds = np.linalg.norm(pair.slots[run, ..., velocity][..., parts], axis=-1)
-        speed = np.where(bearing, speeds, 0.0).max(axis=-1, initial=0.0)
+        speed = _speed(pair, name, slice(run, run + 1))[0]
         steps = np.flatnonzero(speed > least)
-        moving += [(step, pair.name, float(speed.max())) for step in steps[:1].tolist()]
-    if not moving:
+        found += [(step, pair.name, float(speed.max())) for step in steps[:1].tolist()]
+    if not found:
         return None
-    step, pair_name, fastest = min(moving, key=itemgetter(0))
+    step, pair_name, fastest = min(found, key=itemgetter(0))
     return f"{pair_name} {word} from step {step}, at up to {fastest:.3g} {unit}"
+
+
+def moving_runs(trace: Trace) -> Moving:
+    """Return (n,) for each friction effect which runs have motion in a contact that it opposes."""
+    every = slice(None)
+    return {
+        name: np.logical_or.reduce(
+            [(_speed(pair, name, every) > least).any(axis=1) for pair in trace.pairs]
+        )
+        | np.zeros(trace.runs, bool)
+        for name, (_, _, least, *_) in _MOTIONS.items()
+    }
+
+
+def _speed(pair: PairTrace, name: str, runs: slice) -> Floats:
+    """Return (n, N) the fastest motion that an effect would oppose, in contacts that bear."""
+    _, _, _, velocity, parts = _MOTIONS[name]
+    bearing = pair.touching[runs] & (pair.slots[runs, ..., FORCE.start] > 0)
+    speeds = np.linalg.norm(pair.slots[runs, ..., velocity][..., parts], axis=-1)
+    return np.where(bearing, speeds, 0.0).max(axis=-1, initial=0.0)
 
 
 # What moves how, in which unit, from which speed on: which velocities, and which parts of them.

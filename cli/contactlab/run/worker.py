@@ -227,7 +227,8 @@ class Worker:
         return _finished(crash_record(self._task, plan, label))
 
     def _finish(self, outcome: RunOutcome) -> Finished:
-        missing = missing_effects(outcome.group.trace, outcome.row, outcome.plan.prepared)
+        group, prepared = outcome.group, outcome.plan.prepared
+        missing = missing_effects(group.trace, outcome.row, prepared, group.moving)
         record = record_of(self._task, outcome).model_copy(update={"effects_missed": missing})
         if outcome.controls is not None:
             model = outcome.plan.prepared.model

@@ -55,7 +55,8 @@ def make_setup(
     values = [run.values for run in runs]
     windows = [holding.window(run.initial) for run in runs] if holding else []
     oracle = manifest.oracle if manifest else None
-    passive = all(map(is_passive, models)) and not _is_pushed(manifest, runs)
+    distinct = list({id(model): model for model in models}.values())
+    passive = all(map(is_passive, distinct)) and not _is_pushed(manifest, runs)
     return Setup(
         settings={name: [each[name] for each in values] for name in values[0]},
         elliptic=np.array([model.opt.cone == mujoco.mjtCone.mjCONE_ELLIPTIC for model in models]),
@@ -64,7 +65,7 @@ def make_setup(
         moving_mass=np.array([model.body_mass[model.body_weldid != 0].sum() for model in models]),
         steered=any(drive_word(run.drive) not in _STEADY for run in runs),
         passive=passive,
-        conservative=passive and all(map(is_conservative, models)),
+        conservative=passive and all(map(is_conservative, distinct)),
         quaternions=quaternions(base.model),
         free_bodies=tuple(bodies.values()),
         barriers=tuple(_barriers(base, bodies)),
@@ -82,7 +83,7 @@ def make_setup(
         thresholds={**(manifest.thresholds if manifest else {}), **thresholds},
         hold=HoldWindow(*np.transpose(windows)) if holding else None,
         mechanism=find_mechanism(base.model),
-        springs=any(each.jnt_stiffness.any() or each.tendon_stiffness.any() for each in models),
+        springs=any(each.jnt_stiffness.any() or each.tendon_stiffness.any() for each in distinct),
     )
 
 

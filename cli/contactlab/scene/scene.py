@@ -32,7 +32,7 @@ from contactlab.scene.drive.located_drive import (
 from contactlab.scene.drive.recorded import DriveTable, TableReader
 from contactlab.scene.drive.signals import exercise_duration
 from contactlab.scene.effects.effect import EffectRequest
-from contactlab.scene.effects.effect_table import EFFECTS, is_straight, left_uncompiled, remove
+from contactlab.scene.effects.effect_table import EFFECTS, left_uncompiled, remove
 from contactlab.scene.expected_contacts import check_expectations
 from contactlab.scene.initial_states import (
     InitialStateRule,
@@ -319,11 +319,13 @@ class Scene:
         servos = self._driving_of(run).servos if is_driven(run.drive) else None
         return base.prepare(run.edits(), run.effect_request, start, servos)
 
-    def model_key(self, run: ResolvedRun, start: InitialStates) -> str:
-        """Return a key that runs share if their models are the same."""
-        straight = is_straight(self.base_of(run).model, start)
+    def model_key(self, run: ResolvedRun) -> str:
+        """Return a key that runs share if their models are the same, where starts are alike.
+
+        They are alike if `is_straight` says the same of them.
+        """
         drive = drive_identity(run.drive)
-        return json.dumps([run.structure, sorted(run.without), run.edits(), straight, drive])
+        return json.dumps([run.structure, sorted(run.without), run.edits(), drive])
 
     def compile_without_sensors(self, run: ResolvedRun) -> mujoco.MjModel:
         """Compile the structure of a run without the sensors that record."""

@@ -229,10 +229,13 @@ for effect in _EFFECTS:
 
 def is_straight(model: mujoco.MjModel, start: InitialStates) -> bool:
     """Return whether everything at a start (n being 1) moves, and is pushed, along z at most."""
-    free = np.asarray(model.jnt_dofadr)[model.jnt_type == int(mujoco.mjtJoint.mjJNT_FREE)]
-    sideways = np.delete(start.qvel[0], free + 2)
-    pushed = np.delete(start.applied[0].reshape(-1, 6), 2, axis=1)
-    return not (sideways.any() or pushed.any() or start.driven.size)
+    speed, push = start.qvel[0], start.applied[0]
+    if speed.any():
+        free = np.asarray(model.jnt_dofadr)[model.jnt_type == int(mujoco.mjtJoint.mjJNT_FREE)]
+        speed = np.delete(speed, free + 2)
+    if push.any():
+        push = np.delete(push.reshape(-1, 6), 2, axis=1)
+    return not (speed.any() or push.any() or start.driven.size)
 
 
 _COMPILED = ("sensor", "tendon", "energy")
