@@ -212,7 +212,6 @@ def tune(
     tolerance: Mapping[str, float] | None = None,
     budget: float = 300.0,
     free: Sequence[str] = (),
-    watched: bool = False,
     drop_sensors: bool = False,
     drive: str | None = None,
     output: str | Path | None = None,
@@ -231,7 +230,7 @@ def tune(
     session = _session(output or RESULTS / "tune" / model_name(str(model)), **options)
     limits, driven = tolerance or {}, drive_option(drive)
     request = tune_request.TuneRequest(
-        str(model), goal, error, limits, budget, free, watched, drop_sensors, driven
+        str(model), goal, error, limits, budget, free, drop_sensors, driven
     )
     return tuning.run(request, session)
 

@@ -7,7 +7,6 @@ that its cost does not grow with the number of runs.
 import json
 import os
 import signal
-import sys
 import threading
 import time
 from collections import Counter, deque
@@ -50,13 +49,9 @@ def echo_commands(text: str, *, err: bool = False) -> None:
     typer.echo(text, err=err)  # noqa: TID251 - where others get it from
 
 
-def echo_file(path: Path) -> None:
-    """Print a file, to the byte unless a terminal shows it; of one that is not there, nothing."""
-    data = path.read_bytes() if path.is_file() else b""
-    if sys.stdout.isatty():
-        echo(data.decode(errors="replace"))
-    else:
-        typer.echo(data, nl=False)  # noqa: TID251 - a patch has the line ends of its files
+def echo_bytes(data: bytes) -> None:
+    """Print bytes as they are, which a file is made of: line ends of a patch are its files'."""
+    typer.echo(data, nl=False)  # noqa: TID251 - `echo` shows what is in lines
 
 
 def print_json(data: object) -> None:

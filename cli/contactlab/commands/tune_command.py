@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal
 import typer
 
 from contactlab.commands import options as opt
-from contactlab.commands.terminal import echo, echo_file, print_table, say, study_session
+from contactlab.commands.terminal import echo, echo_bytes, print_table, say, study_session
 from contactlab.errors import ExpectationError, SweepFileError
 from contactlab.resources import RESULTS
 
@@ -33,7 +33,6 @@ def tune(
     tolerance: list[str] | None = opt.TOLERANCE,
     budget: str = opt.option("TIME", "How long it may take: 90s, 5min, 1h.", "5min"),
     free: list[str] | None = opt.option("solref", "Contact parameters that may become softer."),
-    watched: bool = opt.flag("--watched", "Leave out collisions that were never seen, unproven."),
     drop_sensors: bool = opt.flag("--drop-sensors", "Leave the model's sensors out."),
     patch: bool = opt.flag("--patch", "Print the patch, and no more."),
     figure: Path | None = opt.FIGURE,
@@ -59,7 +58,6 @@ def tune(
         tolerances=dict(opt.read_limit(each, "tolerance") for each in tolerance or ()),
         budget=_read_budget(budget),
         free=free or (),
-        watched=watched,
         drop_sensors=drop_sensors,
         drive=drive_option(drive),
     )
@@ -75,8 +73,8 @@ def tune(
         header = ("", "settings", "final error", "peak error", "CPU s per s", "time", "labels")
         print_table(header, [_row(each) for each in report.candidates])
         echo("\n".join(_details(report, target)))
-    elif report.file:
-        echo_file(target / PATCH)
+    elif (target / PATCH).is_file():
+        echo_bytes((target / PATCH).read_bytes())
     if report.proof is None or not report.proof.holds:
         reasons = [f"{each.name}: {each.reason}" for each in report.kept[-1:]]
         raise ExpectationError("; ".join([f"nothing is better than {model} as written", *reasons]))
@@ -154,8 +152,6 @@ def _details(report: "TuneReport", folder: Path) -> Iterator[str]:
             f"exact: {len(report.masked)} geoms and {len(report.excluded)} pairs of bodies cannot "
             "touch, by proof: every run is the same without their collisions, bit for bit"
         )
-    if report.watched:
-        yield f"watched, not proven: {len(report.watched)} pairs of bodies were never seen to touch"
     for line in report.lines[:_MOST_LINES]:
         yield f"{line.file}:{line.line}: {line.element or 'removed'}"
     if len(report.lines) > _MOST_LINES:

@@ -49,14 +49,6 @@ class Clearance:
         self.data.qpos[:] = qpos
         mujoco.mj_kinematics(self.model, self.data)
 
-    def postures(self, count: int) -> Iterator[Floats]:
-        """Yield random configurations (nq,), evenly spread over where joints may be."""
-        known, generator = np.isfinite(self.ranges).all(axis=1), np.random.default_rng(0)
-        for _ in range(count):
-            qpos = self.model.qpos0.copy()
-            qpos[self.model.jnt_qposadr[known]] = generator.uniform(*self.ranges[known].T)
-            yield qpos
-
     def margins(self, pairs: NDArray[np.intp]) -> Floats:
         """Return the distances (n,) at which pairs (n, 2) count as touching [m]."""
         if read_flag(self.model, "override"):
@@ -152,7 +144,10 @@ def unreachable_pairs(
     """
     clearance = Clearance(model, runs)
     levers = {pair: each for pair in pairs if (each := clearance.levers(pair)) is not None}
-    for qpos in clearance.postures(_SAMPLES):
+    known, generator = np.isfinite(clearance.ranges).all(axis=1), np.random.default_rng(0)
+    for _ in range(_SAMPLES):
+        qpos = model.qpos0.copy()
+        qpos[model.jnt_qposadr[known]] = generator.uniform(*clearance.ranges[known].T)
         for pair in clearance.touching(qpos) & levers.keys():
             del levers[pair]
     first = min(_FIRST_BOXES, _ALL_FIRST_BOXES // max(1, len(levers)))

@@ -207,9 +207,6 @@ class TuneReport(Model):
     changes: tuple[Changed, ...]
     masked: tuple[str, ...] = Field(description="Geoms that can touch nothing, by proof.")
     excluded: tuple[tuple[str, str], ...] = Field(description="Bodies that cannot touch.")
-    watched: tuple[tuple[str, str], ...] = Field(
-        description="Bodies left to collide no more that were never seen to; unproven.", default=()
-    )
     sensors: tuple[str, ...] = Field(description="Sensors that were left out.")
     profile: dict[str, Ratio] = Field(
         description="Time of a step of the model as written without a part, over that with it."

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from contactlab.engines import engine_of
 from contactlab.engines.engine import Buffers, PreparedRuns
+from contactlab.scene.model_draft import ModelEdits
 from contactlab.scene.scene import Scene
-from contactlab.scene.unreachable import GeomPair, filtered_pairs
-from contactlab.studies.tune import savers
-from contactlab.studies.tune.savers import UntouchedGeoms, distant_pairs, untouched_geoms
+from contactlab.scene.unreachable import filtered_pairs, unreachable_pairs
+from contactlab.studies.tune.savers import untouched_geoms
 
 # An arm that turns by 1.5 rad either way, a post at 1.4 rad, a wall out of reach, a lamp above all;
 # and a box on the floor, which may be anywhere.
@@ -68,65 +68,22 @@ def runs(workshop: Path) -> Runs:
     return driven(workshop, range(3))
 
 
-def distant(model: mujoco.MjModel, runs: Runs, postures: int = 0) -> set[tuple[str, str]]:
-    found = distant_pairs(model, filtered_pairs(model), runs, postures)
-    return {(model.geom(first).name, model.geom(second).name) for first, second in found}
-
-
-NEAR_POST = {("post", "hand")}
-
-
 def test_without_runs_proofs_remain(model: mujoco.MjModel) -> None:
     """No joint brings anything to the wall or the floor; the arm may get to the post."""
     found = untouched_geoms(model, [])
     assert found.masked == ()
     assert found.excluded == (("world", "arm"), ("world", "lamp"))
-    assert (found.proven, found.distant) == (8, 0)
+    assert len(unreachable_pairs(model, filtered_pairs(model))) == 8
 
 
-def test_runs_show_what_stays_apart(model: mujoco.MjModel, runs: Runs) -> None:
-    """The arm is 0.8 rad from the post at least; what the box touches in a run is luck."""
-    assert distant(model, runs) >= NEAR_POST
-    assert not any("box" in pair for pair in distant(model, runs))
-
-
-def test_what_a_posture_brings_together_is_never_apart(model: mujoco.MjModel, runs: Runs) -> None:
-    """The exercise stops short of the post, which joints get to: 0.2 rad of 3 do."""
-    assert not NEAR_POST & distant(model, runs, 256)
-    assert ("wall", "hand") in distant(model, runs, 256)
+def test_what_kept_apart_in_all_runs_is_no_proof(model: mujoco.MjModel, runs: Runs) -> None:
+    """The exercise stops short of the post, which the hand can reach."""
     found = untouched_geoms(model, runs)
-    assert ("world", "hand") not in (*found.excluded, *found.watched)
-    assert found.pairs == len(filtered_pairs(model))
+    assert ("world", "hand") not in found.excluded
+    assert found == untouched_geoms(model, [])
 
 
-def test_what_was_watched_is_no_proof(
-    model: mujoco.MjModel, runs: Runs, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Without proofs no geom is masked; the arm cannot touch the post, but comes near."""
-    monkeypatch.setattr(savers, "unreachable_pairs", lambda *_: set[GeomPair]())
-    found = untouched_geoms(model, runs)
-    assert (found.masked, found.excluded, found.proven) == ((), (), 0)
-    assert found.watched == (("world", "lamp"),)
-
-
-def test_too_few_runs_or_too_little_motion_show_nothing(model: mujoco.MjModel, runs: Runs) -> None:
-    assert distant(model, runs[:2]) == set()
-    assert distant(model, [0.5 * each for each in runs]) == set()
-
-
-def test_what_comes_near_between_two_measurements_is_seen(
-    model: mujoco.MjModel, runs: Runs
-) -> None:
-    """Of 20480 steps every tenth is measured; a single other one has the hand at the post."""
-    calm = [np.tile(model.qpos0, (20480, 1)) for _ in runs]
-    for each in calm:
-        each[:, :2] = np.linspace([-0.6, -0.4], [0.6, 0.4], len(each))
-    assert distant(model, calm) >= NEAR_POST
-    calm[1][10245, 0] = 1.4
-    assert not NEAR_POST & distant(model, calm)
-
-
-def edited(text: str, found: UntouchedGeoms) -> str:
+def edited(text: str, found: ModelEdits) -> str:
     """Return a model without what never touches."""
     for name in found.masked:
         text = text.replace(

@@ -14,62 +14,42 @@ from contactlab.engines.engine import Segments
 from contactlab.schema.study_reports import Ratio
 
 Clock = Callable[[Segments, int, int], tuple[float, int]]
-_OFF, _INTEGRATOR = mujoco.mjtDisableBit, mujoco.mjtIntegrator
+_OFF = mujoco.mjtDisableBit
 _STEPS, _ROUNDS = 16, 9
 
-
-def _flag(off: mujoco.mjtDisableBit) -> Callable[[mujoco.MjModel], None]:
-    def leave_out(model: mujoco.MjModel) -> None:
-        model.opt.disableflags |= int(off)
-
-    return leave_out
-
-
-def _stop_solving(model: mujoco.MjModel) -> None:
-    model.opt.iterations = 1
-    model.opt.noslip_iterations = 0
-
-
-def _integrate_plainly(model: mujoco.MjModel) -> None:
-    model.opt.integrator = int(_INTEGRATOR.mjINT_EULER)
-
-
-PARTS: Mapping[str, Callable[[mujoco.MjModel], None]] = {
-    "sensors": _flag(_OFF.mjDSBL_SENSOR),
-    "contacts": _flag(_OFF.mjDSBL_CONTACT),
-    "constraints, contacts included": _flag(_OFF.mjDSBL_CONSTRAINT),
-    "solver iterations after the first": _stop_solving,
-    "the integrator, over Euler": _integrate_plainly,
+PARTS: Mapping[str, Mapping[str, int]] = {
+    "sensors": {"disableflags": int(_OFF.mjDSBL_SENSOR)},
+    "contacts": {"disableflags": int(_OFF.mjDSBL_CONTACT)},
+    "constraints, contacts included": {"disableflags": int(_OFF.mjDSBL_CONSTRAINT)},
+    "solver iterations after the first": {"iterations": 1, "noslip_iterations": 0},
+    "the integrator, over Euler": {"integrator": int(mujoco.mjtIntegrator.mjINT_EULER)},
 }
-"""What any compiled model can be without, by name."""
+"""What any compiled model can be without, by name: its options then, flags beside its own."""
 
 
 def costs_without(
-    runs: Sequence[Segments],
-    clock: Clock,
-    others: Mapping[str, mujoco.MjModel],
-    rounds: int = _ROUNDS,
+    runs: Sequence[Segments], clock: Clock, rounds: int = _ROUNDS
 ) -> dict[str, Ratio]:
     """Return the cost without each part, as a ratio to the whole: its share is one minus that.
 
-    The runs are of the whole model, the clock as `TimesSteps.time_segments`; others are models
-    without parts that only compiling leaves out, by the part's name. All take turns, in rounds.
+    The runs are of the whole model, the clock as `TimesSteps.time_segments`. All take turns.
     """
-    whole = runs[0].model
-    models = {name: _without(whole, leave_out) for name, leave_out in PARTS.items()} | {**others}
-    every = [[replace(run, model=model) for run in runs] for model in (whole, *models.values())]
+    models = [_without(runs[0].model, options) for options in ({}, *PARTS.values())]
+    every = [[replace(run, model=model) for run in runs] for model in models]
     for each in every:
         _seconds(each, clock)
     times = [[_seconds(each, clock) for each in every] for _ in range(rounds)]
     return {
         name: Ratio.of([taken[place] / taken[0] for taken in times])
-        for place, name in enumerate(models, 1)
+        for place, name in enumerate(PARTS, 1)
     }
 
 
-def _without(model: mujoco.MjModel, leave_out: Callable[[mujoco.MjModel], None]) -> mujoco.MjModel:
+def _without(model: mujoco.MjModel, options: Mapping[str, int]) -> mujoco.MjModel:
     copied = copy.copy(model)
-    leave_out(copied)
+    for name, value in options.items():
+        off = copied.opt.disableflags if name == "disableflags" else 0
+        setattr(copied.opt, name, off | value)
     return copied
 
 

@@ -10,14 +10,13 @@ import mujoco
 
 from contactlab.errors import SceneError, StoppedError
 from contactlab.run.evidence_record import as_written
-from contactlab.scene.compile_model import PREFIX
 from contactlab.scene.model_writer import ModelEdits, WrittenModel, write_model
-from contactlab.schema.study_reports import MODEL, Kept, Proof
+from contactlab.schema.study_reports import MODEL, Kept, Proof, Ratio
 from contactlab.store.finished_store import Store
 from contactlab.studies.configuration_runs import ConfigurationRows, Row
 from contactlab.studies.effects.effects_request import AblationSetup
 from contactlab.studies.session import Session, Values
-from contactlab.studies.tune.savers import untouched_geoms
+from contactlab.studies.tune.savers import sensors_of, untouched_geoms
 from contactlab.studies.tune.search import GAIN, Search, Space
 from contactlab.studies.tune.trials import (
     PROVING,
@@ -46,8 +45,6 @@ class Study:
     now: Contender  # the model as written, from the seeds of the contenders once there are any
     savers: ModelEdits  # what may go without changing a run
     lighter: AblationSetup  # the model without that
-    # Of what may go, the pairs of bodies that were only never seen to touch.
-    watched: tuple[tuple[str, str], ...] = ()
     ended: str = ""
     tried: int = 0
     # Those that are feasible and cheaper, the one to recommend first.
@@ -56,19 +53,15 @@ class Study:
 
     def save(self) -> None:
         """Leave out what changes no run: the model without it must move bit for bit the same."""
-        setup, name, asked = self.trials.setup, "untouched", self.request
+        setup, name = self.trials.setup, "untouched"
         scene, varied = setup.scene, {*setup.base, *setup.scenarios[0]}
         model, manifest = scene.base({}).model, scene.source.manifest
         if manifest and varied & manifest.structure.keys():
             self.kept.append(Kept(name=_NEVER, reason="the sweep changes the bodies"))
             return
-        found = untouched_geoms(model, [row["qpos"] for row in self.now.rows.flat])
-        if found.watched and not asked.watched:
-            why = "never seen to touch, but not proven; --watched leaves their collisions out"
-            self.kept.append(Kept(name=f"{len(found.watched)} pairs of bodies", reason=why))
-        self.watched = found.watched if asked.watched else ()
-        sensors = sensors_of(model) if asked.drop_sensors else ()
-        edits = ModelEdits({}, found.masked, (*found.excluded, *self.watched), sensors)
+        edits = untouched_geoms(model, [row["qpos"] for row in self.now.rows.flat])
+        if self.request.drop_sensors:
+            edits = replace(edits, sensors=sensors_of(model))
         if edits == self.savers:
             return
         try:
@@ -143,12 +136,14 @@ class Study:
         # What changes no run is as good as the model as written, however good that is.
         limits = self.trials.limits
         why = limits.broken(contender.rows, self.now.rows) if contender.changed else ""
-        ratio = contender.cost.ratio if contender.cost else math.inf
-        if not why and ratio > (1.0 if self.request.goal == "most-accurate" else GAIN):
-            why = f"takes {ratio:.2f} times as long"
-        if why:
+        if why := why or self._slow(contender.cost):
             self._keep(contender, why)
         return not why
+
+    def _slow(self, cost: Ratio | None) -> str:
+        ratio = cost.ratio if cost else math.inf
+        most = 1.0 if self.request.goal == "most-accurate" else GAIN
+        return f"takes {ratio:.2f} times as long" if ratio > most else ""
 
     def _keep(self, contender: Contender, reason: str) -> None:
         name = settings_text(contender.changed) or _NEVER
@@ -189,9 +184,7 @@ class Study:
         same = _same_runs(rows, file)
         if not why and same < len(FRESH):
             why = f"{len(FRESH) - same} runs of the file are others than those of the settings"
-        most = 1.0 if self.request.goal == "most-accurate" else GAIN
-        if not why and cost.ratio > most:
-            why = f"takes {cost.ratio:.2f} times as long"
+        why = why or self._slow(cost)
         return Proof(
             seeds=tuple(FRESH),
             holds=not why,
@@ -211,12 +204,6 @@ def _same_runs(one: ConfigurationRows, other: ConfigurationRows) -> int:
     """Return how many runs of the same seeds are the same bit for bit."""
     pairs = zip(one.flat, other.flat, strict=True)
     return sum(first["trajectory_hash"] == second["trajectory_hash"] for first, second in pairs)
-
-
-def sensors_of(model: mujoco.MjModel) -> tuple[str, ...]:
-    """Return the model's own sensors."""
-    names = (model.sensor(each).name or f"sensor[{each}]" for each in range(model.nsensor))
-    return tuple(each for each in names if not each.startswith(PREFIX))
 
 
 def settings_text(values: Values) -> str:

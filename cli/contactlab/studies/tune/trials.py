@@ -131,7 +131,7 @@ class Trials:
 
     def profile(self) -> dict[str, Ratio]:
         """Return the time of a step of the model as written without one part each."""
-        return costs_without(_segments(self.setup, {}, BASELINE), time_segments, {})
+        return costs_without(_segments(self.setup, {}, BASELINE), time_segments)
 
 
 def _segments(setup: AblationSetup, changed: Values, seeds: Sequence[int]) -> list[Segments]:

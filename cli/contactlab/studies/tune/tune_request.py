@@ -34,8 +34,6 @@ class TuneRequest:
     tolerances: Mapping[str, float] = field(default_factory=dict[str, float])
     budget: float = 300.0  # wall time [s]
     free: Sequence[str] = ()  # contact parameters that may become softer
-    # Whether collisions may go of bodies that were never seen to touch, though nothing proves it.
-    watched: bool = False
     drop_sensors: bool = False  # whether sensors may go, which no metric reads
     # What drives the runs; an exercise of a model without a manifest, if None.
     drive: Drive | None = None
@@ -79,10 +77,11 @@ class Limits:
         """Return the largest size over its limit; infinite if a run fails or was not measured."""
         if self.failed(rows):
             return math.inf
-        sizes = [(row[name], limit) for row in rows.flat for name, limit in self.sizes.items()]
         return max(
             math.inf if size is None else abs(size) / limit if limit else math.inf * bool(size)
-            for size, limit in sizes
+            for size, limit in (
+                (row[name], self.sizes[name]) for row in rows.flat for name in self.sizes
+            )
         )
 
     def broken(self, rows: ConfigurationRows, now: ConfigurationRows) -> str:

@@ -97,8 +97,7 @@ def reported(study: Study, found: tuple[Contender, WrittenModel] | None) -> Tune
             for name, to in changed.items()
         ),
         masked=study.savers.masked,
-        excluded=tuple(each for each in study.savers.excluded if each not in study.watched),
-        watched=study.watched if study.savers.excluded else (),
+        excluded=study.savers.excluded,
         sensors=study.savers.sensors,
         profile=trials.profile(),
         kept=tuple(study.kept),
