@@ -4,8 +4,6 @@ from collections.abc import Sequence
 from statistics import median
 from typing import Literal
 
-from pydantic import Field
-
 from contactlab.schema.evidence import Engine, Provenance, Setting
 from contactlab.schema.strict_model import Model, about
 
@@ -137,17 +135,17 @@ class Candidate(Model):
     """One configuration, in all runs of its sweep; errors are the largest over them."""
 
     standing: Standing
-    settings: dict[str, Setting] = Field(description="What differs from the model as written.")
-    error_final: float | None = Field(description="m")
-    error_mean: float | None = Field(description="m")
-    error_peak: float | None = Field(description="m")
-    error_velocity: float | None = Field(description="m/s, mean over time")
-    error_energy: float | None = Field(description="As a ratio, mean over time.")
-    labels: dict[str, int] = Field(description="Runs by worst label.")
-    time: float | None = Field(description="CPU seconds per simulated second.")
-    cost: Ratio | None = Field(description="Time over that of the model as written.")
-    excess: float | None = Field(
-        description="Largest size of what is limited, over its limit; null if a run fails."
+    settings: dict[str, Setting] = about("What differs from the model as written.")
+    error_final: float | None = about("m")
+    error_mean: float | None = about("m")
+    error_peak: float | None = about("m")
+    error_velocity: float | None = about("m/s, mean over time")
+    error_energy: float | None = about("As a ratio, mean over time.")
+    labels: dict[str, int] = about("Runs by worst label.")
+    time: float | None = about("CPU seconds per simulated second.")
+    cost: Ratio | None = about("Time over that of the model as written.")
+    excess: float | None = about(
+        "Largest size of what is limited, over its limit; null if a run fails."
     )
 
 
@@ -180,9 +178,7 @@ class Proof(Model):
     seeds: tuple[int, ...]
     holds: bool
     reason: str
-    same_runs: int = Field(
-        description="Runs of the file equal to those of the settings, bit for bit."
-    )
+    same_runs: int = about("Runs of the file equal to those of the settings, bit for bit.")
     now: Candidate
     tuned: Candidate
 
@@ -191,31 +187,29 @@ class TuneReport(Model):
     """From a model to the settings to use (`tune.json`). Units are SI."""
 
     tune_version: Literal[1] = TUNE_VERSION
-    model: str = Field(description="As given.")
+    model: str = about("As given.")
     scene_hash: str
     goal: Goal
     drive: str
-    duration: float = Field(description="s")
-    limits: dict[str, float] = Field(description="Largest error, and of metrics, by column.")
-    asked: bool = Field(description="Whether the error was asked for; else it is that of now.")
-    divergence: float | None = Field(
-        description="How far a start 1e-8 away parts from the reference [m]."
-    )
+    duration: float = about("s")
+    limits: dict[str, float] = about("Largest error, and of metrics, by column.")
+    asked: bool = about("Whether the error was asked for; else it is that of now.")
+    divergence: float | None = about("How far a start 1e-8 away parts from the reference [m].")
     engine: Engine
     provenance: Provenance
-    candidates: tuple[Candidate, ...] = Field(description="Now first, from the same seeds.")
+    candidates: tuple[Candidate, ...] = about("Now first, from the same seeds.")
     changes: tuple[Changed, ...]
-    masked: tuple[str, ...] = Field(description="Geoms that can touch nothing, by proof.")
-    excluded: tuple[tuple[str, str], ...] = Field(description="Bodies that cannot touch.")
-    sensors: tuple[str, ...] = Field(description="Sensors that were left out.")
-    profile: dict[str, Ratio] = Field(
-        description="Time of a step of the model as written without a part, over that with it."
+    masked: tuple[str, ...] = about("Geoms that can touch nothing, by proof.")
+    excluded: tuple[tuple[str, str], ...] = about("Bodies that cannot touch.")
+    sensors: tuple[str, ...] = about("Sensors that were left out.")
+    profile: dict[str, Ratio] = about(
+        "Time of a step of the model as written without a part, over that with it."
     )
     kept: tuple[Kept, ...]
-    proof: Proof | None = Field(description="Null if nothing is recommended.")
-    file: str | None = Field(description="The written model, relative to the report.")
-    lines: tuple[Line, ...] = Field(description="What the patch changes.")
-    ended: str = Field(description="When the search ended early; empty if it did not.")
-    tried: int = Field(description="Configurations that were judged.")
-    runs: int = Field(description="Runs in all stores.")
-    stores: tuple[str, ...] = Field(description="The evidence, relative to the report.")
+    proof: Proof | None = about("Null if nothing is recommended.")
+    file: str | None = about("The written model, relative to the report.")
+    lines: tuple[Line, ...] = about("What the patch changes.")
+    ended: str = about("When the search ended early; empty if it did not.")
+    tried: int = about("Configurations that were judged.")
+    runs: int = about("Runs in all stores.")
+    stores: tuple[str, ...] = about("The evidence, relative to the report.")
