@@ -1,7 +1,6 @@
 """A small scene vocabulary, and a reader of sweep texts that uses it."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
 
 import pytest
 
@@ -68,22 +67,11 @@ SPECS = (
 )
 
 
-@dataclass(frozen=True)
-class Axes:
-    by_name: dict[str, AxisSpec] = field(default_factory=lambda: {s.name: s for s in SPECS})
-
-    @property
-    def names(self) -> list[str]:
-        return list(self.by_name)
-
-    def find(self, name: str) -> AxisSpec | None:
-        return self.by_name.get(name)
-
-
 def known(scene: str) -> Vocabulary:
     if scene != "ball":
         raise SceneError(f"no shipped scene named '{scene}'; did you mean 'ball'?\nsee the list")
-    return Vocabulary(Axes(), ("penetration_max", "energy_gain"), ("stable", "tunneling"))
+    axes, metrics = {each.name: each for each in SPECS}, ("penetration_max", "energy_gain")
+    return Vocabulary(list(axes), axes.get, metrics, ("stable", "tunneling"))
 
 
 @pytest.fixture(scope="session")

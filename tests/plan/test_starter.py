@@ -7,7 +7,7 @@ import pytest
 
 from contactlab.plan.starter import SCHEMA_NAME, SceneAsWritten, starter
 from contactlab.plan.sweep_file import read_sweep
-from contactlab.schema.vocabulary import AxisSpec, Vocabulary
+from contactlab.schema.vocabulary import Vocabulary
 
 SETTINGS = {
     "timestep": 0.002,
@@ -16,15 +16,6 @@ SETTINGS = {
     "solref": (0.02, 1.0),
     "iterations": 50,
 }
-
-
-class NoAxes:
-    @property
-    def names(self) -> list[str]:
-        return []
-
-    def find(self, name: str) -> AxisSpec | None:
-        del name
 
 
 def scene(settings: Mapping[str, object] = SETTINGS, drive: str | None = "hold") -> SceneAsWritten:
@@ -83,6 +74,6 @@ def test_its_commented_lines_read_too(vocabulary: Any) -> None:
 
 @pytest.mark.parametrize("reference", ["ball", "my: scene #1", "./a b/c.xml"])
 def test_a_scene_without_axes_or_plain_name_reads(reference: str) -> None:
-    empty = Vocabulary(NoAxes(), (), ())
+    empty = Vocabulary((), lambda _: None, (), ())
     file = read_sweep(starter(SceneAsWritten(reference, {}, 1.0), empty), lambda _: empty)
     assert (file.sweep.scene, file.plan.count) == (reference, 2)

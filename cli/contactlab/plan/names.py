@@ -28,7 +28,7 @@ class SweepContext(Draft):
 
     def find(self, name: str) -> AxisSpec | None:
         """Return the axis of this name, or None."""
-        return self.vocabulary.axes.find(name)
+        return self.vocabulary.find(name)
 
     def canonical(self, name: str, value: object, place: Place) -> object:
         """Return the canonical form of an axis value; or UNREADABLE, and add the mistake."""
@@ -86,7 +86,7 @@ def check_axis(context: SweepContext, name: str, place: Place, kind: str = "axis
     """Add a mistake if the scene does not have this axis."""
     if context.find(name) is None:
         keys = () if place.source.numbered else Sweep.model_fields
-        known = ["seeds"] if name == "seed" else [*context.vocabulary.axes.names, *keys]
+        known = ["seeds"] if name == "seed" else [*context.vocabulary.axes, *keys]
         _add_unknown(context.document, kind, name, place, known)
 
 

@@ -100,13 +100,13 @@ def _own(
     scene: SceneAsWritten, vocabulary: Vocabulary, names: Sequence[str]
 ) -> Iterator[tuple[str, object]]:
     for name in names:
-        spec = vocabulary.axes.find(name)
+        spec = vocabulary.find(name)
         if spec and name in scene.settings and spec.accepts(scene.settings[name]):
             yield name, scene.settings[name]
 
 
 def _others(name: str, own: object, vocabulary: Vocabulary) -> Sequence[str]:
-    spec = vocabulary.axes.find(name)
+    spec = vocabulary.find(name)
     return [word for word in (spec.choices if spec else ()) if word != own]
 
 
@@ -127,8 +127,8 @@ def _word(value: object) -> str:
 
 
 def _listing(vocabulary: Vocabulary) -> list[str]:
-    names = list(vocabulary.axes.names)[:_MOST_LISTED]
-    specs = [spec for name in names if (spec := vocabulary.axes.find(name))]
+    names = vocabulary.axes[:_MOST_LISTED]
+    specs = [spec for name in names if (spec := vocabulary.find(name))]
     width = max((len(spec.name) for spec in specs), default=0)
     lines = ["# Axes of this scene:"] if specs else []
     for spec in specs:

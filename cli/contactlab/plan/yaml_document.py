@@ -5,10 +5,10 @@ import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Protocol, cast
+from typing import cast
 
 from ruamel.yaml import YAML
-from ruamel.yaml.error import MarkedYAMLError, YAMLError
+from ruamel.yaml.error import MarkedYAMLError, StreamMark, YAMLError
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 from ruamel.yaml.reader import ReaderError
 
@@ -22,11 +22,6 @@ MOST_NODES = 1_000_000
 _FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
 _BREAK = re.compile("\r\n|[\n\r\x85\u2028\u2029]")
 _TAGS = "tag:yaml.org,2002:"
-
-
-class _Mark(Protocol):
-    line: int
-    column: int
 
 
 @dataclass
@@ -175,7 +170,7 @@ class _Reader:
             return None if root is None else self._data(root, path)
         except MarkedYAMLError as error:
             mark = error.problem_mark or error.context_mark
-            place = self._place(cast("_Mark", mark)) if mark else Place(self.source, 1, 1)
+            place = self._place(cast("StreamMark", mark)) if mark else Place(self.source, 1, 1)
             self._fail(_syntax_message(error), place)
         except ReaderError as error:
             before = text[: cast("int", error.position)].split("\n")
@@ -187,7 +182,7 @@ class _Reader:
             self._fail("nested too deeply", Place(self.source, 1, 1))
         return None
 
-    def _place(self, start: _Mark, end: _Mark | None = None) -> Place:
+    def _place(self, start: StreamMark, end: StreamMark | None = None) -> Place:
         column = max(start.column + 1 + self.shift, 1)
         place = Place(self.source, start.line + 1, column)
         if end is None:

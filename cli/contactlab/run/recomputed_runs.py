@@ -123,7 +123,8 @@ def _plan(identity: SweepIdentity, scene: Scene) -> Plan:
         for option in ("--set ", "--only ", "--limit ")
     )
     options = Overrides(sets, only, int(limit[0]) if limit and limit[0].isdecimal() else None)
-    names = Vocabulary(scene.catalogue.lenient(), [*METRICS], [*LABELS], [*THRESHOLDS])
+    axes = scene.catalogue.lenient()
+    names = Vocabulary(axes.names, axes.find, [*METRICS], [*LABELS], [*THRESHOLDS])
     with TemporaryDirectory() as folder:
         # There it finds no files, whichever it names.
         file = Path(folder) / "sweep.yaml"

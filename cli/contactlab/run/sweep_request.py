@@ -161,7 +161,7 @@ class SceneLoader:
         def wrong(entry: PairExpectation, duration: float | None) -> tuple[str, str] | None:
             return mistake_in(entry, scene.base({}), {}, duration or self.open(reference).duration)
 
-        return Vocabulary(axes, tuple(METRICS), tuple(LABELS), tuple(THRESHOLDS), wrong)
+        return Vocabulary(axes.names, axes.find, [*METRICS], [*LABELS], [*THRESHOLDS], wrong)
 
 
 def _check_names(scene: Scene) -> None:

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Literal, Protocol, TypeGuard, cast
+from typing import Annotated, Literal, TypeGuard, cast
 
 from pydantic import AfterValidator, Discriminator, Field, Tag
 from pydantic_core import PydanticCustomError
@@ -42,24 +42,13 @@ class AxisSpec:
         return True
 
 
-class Catalogue(Protocol):
-    """The axes that one scene offers; engine fields by name make the list open-ended."""
-
-    @property
-    def names(self) -> Sequence[str]:
-        """Names to list and to suggest."""
-        ...
-
-    def find(self, name: str) -> AxisSpec | None:
-        """Return the axis of this name, or None."""
-        ...
-
-
 @dataclass(frozen=True)
 class Vocabulary:
     """Every name that a sweep of one scene may use."""
 
-    axes: Catalogue
+    axes: Sequence[str]  # those to list and to suggest
+    find: Callable[[str], AxisSpec | None]
+    """Returns the axis of a name, if there is one; model fields are found, but not listed."""
     metrics: Sequence[str]
     labels: Sequence[str]
     thresholds: Sequence[str] = ()
