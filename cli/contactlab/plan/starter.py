@@ -3,7 +3,6 @@
 import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 
 from contactlab.schema.vocabulary import Vocabulary
 
@@ -14,36 +13,33 @@ _FEW = 4  # timesteps of solref's time constant below which no longer ones are p
 _PLAIN = re.compile(r"[A-Za-z][\w.-]*")
 
 
-@dataclass(frozen=True)
-class SceneAsWritten:
-    """What a starter file says of a scene."""
-
-    reference: str  # the scene, relative to the file
-    settings: Mapping[str, object]  # the settings that all of its geoms and options share, by name
-    duration: float  # simulated time that its drive needs [s]
-    drive: str | None = None  # what drives it; None if the scene says so itself
+Settings = Mapping[str, object]
+"""The settings that all geoms and options of a scene share, by name."""
 
 
-def starter(scene: SceneAsWritten, vocabulary: Vocabulary) -> str:
+def starter(
+    reference: str, settings: Settings, duration: float, drive: str | None, vocabulary: Vocabulary
+) -> str:
     """Return a sweep file of a scene, ready to run, with comments on what else it can hold.
 
-    The first value of each axis is the scene's own.
+    The first value of each axis is the scene's own. The drive needs so much simulated time [s]; it
+    is None if the scene says so itself, and the reference is relative to the file.
     """
-    axes = [_line(name, values, vocabulary) for name, values in _varied(scene, vocabulary)]
+    axes = [_line(name, values, vocabulary) for name, values in _varied(settings, vocabulary)]
     further = [
         _line(name, (own, *_others(name, own, vocabulary), *([10.0] * (own == 1.0))), vocabulary)
-        for name, own in _own(scene, vocabulary, ("keyframe", "solver", "solimp", "impratio"))
+        for name, own in _own(settings, vocabulary, ("keyframe", "solver", "solimp", "impratio"))
     ]
     expected = "stable" if "stable" in vocabulary.labels else next(iter(vocabulary.labels), "")
     metric = next(iter(vocabulary.metrics), "")
-    drive = f"drive: {scene.drive}" if scene.drive else "# drive: none"
-    timestep = _word(scene.settings.get("timestep", 1e-3))
+    driven = f"drive: {drive}" if drive else "# drive: none"
+    timestep = _word(settings.get("timestep", 1e-3))
     lines = [
         f"# yaml-language-server: $schema=./{SCHEMA_NAME}",
         "version: 1",
-        f"scene: {json.dumps(scene.reference, ensure_ascii=False)}",
-        f"duration: {_word(scene.duration):<12}# s of simulated time",
-        f"{drive:<22}# none; hold: keep the start posture; exercise: move every actuator;",
+        f"scene: {json.dumps(reference, ensure_ascii=False)}",
+        f"duration: {_word(duration):<12}# s of simulated time",
+        f"{driven:<22}# none; hold: keep the start posture; exercise: move every actuator;",
         f"{'':<22}# {{noise: 0.3, rate: 10}}, {{file: controls.csv}} or {{policy: FILE.py:CLASS}}",
         f"seeds: {_SEEDS:<15}# a count, or a list such as [0, 7]",
         "",
@@ -74,17 +70,15 @@ def starter(scene: SceneAsWritten, vocabulary: Vocabulary) -> str:
     return "\n".join(lines).rstrip() + "\n"
 
 
-def _varied(
-    scene: SceneAsWritten, vocabulary: Vocabulary
-) -> Iterator[tuple[str, Sequence[object]]]:
+def _varied(settings: Settings, vocabulary: Vocabulary) -> Iterator[tuple[str, Sequence[object]]]:
     """Yield a few common axes with their values, as far as the scene has them.
 
     None needs refsafe, by which MuJoCo raises a time constant of solref to two timesteps.
     """
-    timestep, solref = scene.settings.get("timestep"), scene.settings.get("solref")
+    timestep, solref = settings.get("timestep"), settings.get("solref")
     constant = float(solref[0]) if isinstance(solref, tuple) else 0.0
     periods = constant / timestep if isinstance(timestep, float) else 0.0
-    for name, own in _own(scene, vocabulary, ("timestep", "integrator", "cone", "solref")):
+    for name, own in _own(settings, vocabulary, ("timestep", "integrator", "cone", "solref")):
         others: Sequence[object] = ()
         if isinstance(own, float):
             others = own / 2, own / 4 if 0 < periods < _FEW else own * 2
@@ -97,12 +91,12 @@ def _varied(
 
 
 def _own(
-    scene: SceneAsWritten, vocabulary: Vocabulary, names: Sequence[str]
+    settings: Settings, vocabulary: Vocabulary, names: Sequence[str]
 ) -> Iterator[tuple[str, object]]:
     for name in names:
         spec = vocabulary.find(name)
-        if spec and name in scene.settings and spec.accepts(scene.settings[name]):
-            yield name, scene.settings[name]
+        if spec and name in settings and spec.accepts(settings[name]):
+            yield name, settings[name]
 
 
 def _others(name: str, own: object, vocabulary: Vocabulary) -> Sequence[str]:

@@ -11,7 +11,7 @@ from contactlab.errors import SceneError
 from contactlab.measure import LABELS, METRICS, ORACLES, THRESHOLDS, limits
 from contactlab.plan.grid import Plan
 from contactlab.plan.overrides import Overrides
-from contactlab.plan.starter import SceneAsWritten, starter
+from contactlab.plan.starter import starter
 from contactlab.plan.sweep_file import SweepFile, read_sweep
 from contactlab.run.tasks import Executor
 from contactlab.scene.expected_contacts import mistake_in
@@ -186,10 +186,6 @@ def starter_sweep(reference: str, loader: SceneLoader) -> str:
     """Return the text of a sweep file to start from: around a scene's own values, and small."""
     scene = loader.open(reference)
     base, bare = scene.base({}), scene.source.manifest is None
-    written = SceneAsWritten(
-        reference=reference,
-        settings={name: base.settings[name] for name in base.settings.keys() - base.nonuniform},
-        duration=scene.duration,
-        drive=("hold" if base.model.nu else "exercise") if bare else None,
-    )
-    return starter(written, loader.vocabulary(reference))
+    shared = {name: base.settings[name] for name in base.settings.keys() - base.nonuniform}
+    drive = ("hold" if base.model.nu else "exercise") if bare else None
+    return starter(reference, shared, scene.duration, drive, loader.vocabulary(reference))
