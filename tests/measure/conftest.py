@@ -91,6 +91,7 @@ def make_setup(trace: Trace, **changes: Any) -> Setup:
         free_bodies=(FreeBody("box", 0, 0, np.ones(runs)),),
         barriers=(),
         thickness=np.full(len(trace.pairs), np.inf),
+        reaches=np.full(len(trace.pairs), np.inf),
         widths=np.zeros(len(trace.pairs)),
         grounded=np.zeros(len(trace.pairs), np.bool_),
         weights=np.full(len(trace.pairs), np.inf),

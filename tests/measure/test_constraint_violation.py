@@ -63,3 +63,12 @@ def test_what_a_limit_was_violated_by_at_the_start_does_not_count(sweeper: Any) 
     row = row_of(sweeper, model)
     assert row["constraint_violation"] == 0
     assert np.isclose(row["constraint_violation_rest"], 0)
+
+
+def test_what_starts_apart_and_closes_gives_way_nowhere(sweeper: Any) -> None:
+    model = TIED.format(timeconst=0.02).replace(
+        "</mujoco>", '<keyframe><key qpos="-.2"/></keyframe></mujoco>'
+    )
+    row = row_of(sweeper, model)
+    assert row["constraint_violation"] == 0
+    assert row["labels"] == ["stable"]

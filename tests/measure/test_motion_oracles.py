@@ -60,6 +60,7 @@ def result(name: str, trace: Trace, bodies: int = 0, **values: object) -> list[f
         free_bodies=tuple(FreeBody(f"body{k}", 7 * k, 6 * k, np.ones(1)) for k in range(bodies)),
         barriers=(),
         thickness=np.full(len(trace.pairs), np.inf),
+        reaches=np.full(1, np.inf),
         widths=np.zeros(1),
         grounded=np.zeros(1, np.bool_),
         weights=np.ones(1),

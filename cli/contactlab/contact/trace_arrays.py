@@ -104,8 +104,8 @@ class Told:
     equality_loads: Floats | None = None
     """(n, neq) largest force of each equality at sampled steps [N or N m]."""
     equality_gaps: Floats | None = None
-    """(n, neq, 2) violation of each equality at sampled steps [m or rad]: the largest, and the
-    median in the last quarter."""
+    """(n, neq, 2) violation of each equality at sampled steps [m or rad]: the largest beyond that
+    at the start, and the median in the last quarter."""
     creep: Floats | None = None
     """(n, nv + ntendon) speed at the end of degrees of freedom and tendons that friction loss
     brakes with less than it could, under constant controls [m/s or rad/s]."""
@@ -263,13 +263,14 @@ class SelfChecks:
 
 
 def motion_at_rest(velocity: Floats) -> Floats:
-    """Return (..., 2, nv): root mean square and median change of late speeds.
+    """Return (..., 2, nv) of the last quarter of (..., T, nv) speeds.
 
-    Late is the last quarter of (..., T, nv) speeds.
+    Their root mean square, and the amplitude of what alternates from step to step.
     """
     late = velocity[..., 3 * velocity.shape[-2] // 4 :, :]
-    change = np.abs(np.diff(late, axis=-2, prepend=late[..., :1, :]))
-    return np.stack((np.sqrt((late**2).mean(axis=-2)), np.median(change, axis=-2)), axis=-2)
+    turns = np.diff(late, 2, axis=-2) / 4
+    squares = np.stack([(late**2).sum(axis=-2), (turns**2).sum(axis=-2)], axis=-2)
+    return np.sqrt(squares / max(late.shape[-2], 1))
 
 
 class Invariants(NamedTuple):

@@ -80,12 +80,12 @@ class _Sampler:
     def sample(
         self, model: mujoco.MjModel, start: InitialStates, states: Floats
     ) -> tuple[Floats, Floats, Floats]:
-        """Return largest forces of equalities (neq,), and their largest and late violations.
+        """Return largest forces of equalities (neq,), their violations, and what creeps.
 
-        The latter (neq, 2) are medians in the last quarter, as are the speeds (nv + ntendon,) of
-        what friction loss brakes with less than it could.
+        Violations (neq, 2) are the largest beyond that at the start, and the median of the last
+        quarter, as are the speeds (nv + ntendon,) of what friction loss could hold.
         """
-        data, steps = self._data, sampled_steps(len(states) - 1)
+        data, steps = self._data, np.append(0, sampled_steps(len(states) - 1))
         acting = start.inputs(0, model.opt.timestep, steps)
         loads, gaps = np.zeros(model.neq), np.zeros((len(steps), model.neq))
         creep = np.zeros((len(steps), model.nv + model.ntendon))
@@ -96,7 +96,8 @@ class _Sampler:
             mujoco.mj_forward(model, data)
             rows = np.flatnonzero(data.efc_type == int(_KIND.mjCNSTR_EQUALITY))
             which = data.efc_id[rows]
-            np.maximum.at(loads, which, np.abs(data.efc_force[rows]))
+            if sample:
+                np.maximum.at(loads, which, np.abs(data.efc_force[rows]))
             np.add.at(gaps[sample], which, self._gaps(model, rows, which) ** 2)
             for kind, first in (
                 (_KIND.mjCNSTR_FRICTION_DOF, 0),
@@ -107,7 +108,7 @@ class _Sampler:
                 creep[sample, first + data.efc_id[held]] = data.efc_vel[held]
         gaps = np.sqrt(gaps)
         late = steps >= min(0.75 * (len(states) - 1), steps[-1])
-        gaps = np.stack([gaps.max(axis=0), np.median(gaps[late], axis=0)], axis=1)
+        gaps = np.stack([gaps.max(axis=0) - gaps[0], np.median(gaps[late], axis=0)], axis=1)
         return loads, gaps, np.abs(np.median(creep[late], axis=0))
 
     def _gaps(self, model: mujoco.MjModel, rows: np.ndarray, which: np.ndarray) -> Floats:

@@ -69,7 +69,8 @@ class Books:
             stored, _ = self._stored(model, states[held[0]], inputs[0])
         if acts[0] and is_passive(model):
             _, at_start = self._stored(model, states[0], inputs[1])
-        more = most >= _rise(given, held) - stored
+        # What begins where nothing is stored leaves less to doubt.
+        more = 2 * most >= _rise(given, held) - stored
         self.given[run] = *(free if more else held), 0 if more else stored, at_start
 
     def _stored(self, model: mujoco.MjModel, state: Floats, inputs: Floats) -> tuple[float, float]:

@@ -31,11 +31,19 @@ from contactlab.measure.entries import Finding, Found, MeasuredRuns, Threshold, 
 from contactlab.measure.stick_slip import HELD_USAGE, Spans, changes, spans
 
 _CREEP_SPEED = Threshold("creep_speed", None, "m/s", "Set where what sticks should stay.")
+_CREPT = Threshold(
+    "crept",
+    0.1,
+    "1",
+    "Public robots reach 0.05; grasps, suckers and stacks that slowly give way, 0.13 to 0.2.",
+)
 _MODE_SWITCHES = Threshold("mode_switches", 5, "1/s", "Guideline for a pad that does not chatter.")
 _CONTACT_LOSSES = Threshold(
     "contact_losses", 5, "1/s", "As for mode_switches; a pad that bounces on what it holds has 70."
 )
 _FEWEST = Threshold("mode_switch_count", 3, "1", "Fewest of chatter: a stop and a start are none.")
+_OF_SCENES = {"creep_speed", "drift", "rest_speed"}  # Thresholds that say how still is still
+_STEADILY = 0.2  # Share by which the speed of what creeps steadily may change
 _FRICTIONAL = slice(FORCE.start + 1, TORQUE.stop)  # Two forces, torsion and two rolling torques
 _IMPACT = 0.05  # Speed [m/s] from which contacts are impacts; slower ones are hops at rest
 _AS_HARD = 0.99  # Share of the last peak force that the next contact must have; bounces lose more
@@ -103,6 +111,48 @@ def _creeps(context: Context) -> list[Floats]:
     return [creep_of(series) for series in context.series]
 
 
+@metric("1", "lower", 1e-9, kind="detail")
+def crept(context: Context) -> Floats:
+    """How far what friction should hold creeps in the time of the run, over its size.
+
+    Median slip of pairs that stick through the last half, below 0.9 of the friction bound, and do
+    not slow down: of each over the greatest extent of its smaller geom; of all together, as far as
+    a free body moves by as much, over twice its reach. Not defined where a drive keeps changing
+    the controls.
+    """
+    shares = [] if context.setup.steered else [*_crept(context).values()]
+    return worst_pair(context, shares)
+
+
+@cached
+def _crept(context: Context) -> dict[str, Floats]:
+    """Return (n,) how far each pair creeps, and each free body, over its size."""
+    steps, mechanism = context.trace.steps, context.setup.mechanism
+    half, late = slice(steps // 2, None), slice(3 * steps // 4, None)
+
+    def way(series: PairSeries) -> Floats:
+        held = (series.mode == STICK) & (series.normal > 0) & (series.usage < HELD_USAGE)
+        speed = np.median(series.slip[:, late], axis=1)
+        # What settles slows down.
+        before = np.median(series.slip[:, half.start : late.start], axis=1)
+        steady = (np.abs(before - speed) < _STEADILY * speed) & (held[:, half].mean(axis=1) > 0.9)
+        return steady * context.seconds * speed
+
+    ways = {each.name: way(each) for each in context.series}
+    together = sum(ways.values(), np.zeros(context.trace.runs))
+    shares = {
+        name: own / reach
+        for (name, own), reach in zip(ways.items(), context.setup.reaches, strict=True)
+    }
+    joints = {each.place: each for each in mechanism.joints} if mechanism else {}
+    for body in context.setup.free_bodies:
+        place = context.position(body)
+        moved = 4 * np.linalg.norm(place[:, -1] - place[:, late.start], axis=1)
+        size = 2 * joints[body.qpos].reach if joints else np.inf
+        shares[body.name] = np.minimum(moved, together) / size
+    return shares
+
+
 @metric("1", "lower", 1e-6)
 def cone_violation(context: Context) -> Floats:
     """Share by which one contact's force exceeds its cone: 2-norm if elliptic, 1-norm if not."""
@@ -122,12 +172,18 @@ def normal_impulse(context: Context) -> Floats:
     return worst_pair(context, forces) * context.trace.timestep
 
 
-@label(28, (_CREEP_SPEED,))
+@label(28, (_CREEP_SPEED, _CREPT))
 def creep(runs: MeasuredRuns) -> Found:
-    """A sticking pair slips faster than the scene accepts."""
+    """A sticking pair slips faster than the scene accepts; or far for its size, if none says."""
     for run, speed, limit in runs.over("creep_speed"):
         name = name_of_worst(runs.context, _creeps(runs.context), run)
         reason = f"{name} sticks, but slips at {speed:.3g} m/s (limit {limit:g} m/s)"
+        yield run, Finding(reason, runs.context.last_fifth.start)
+    judged = not _OF_SCENES.isdisjoint(runs.context.setup.thresholds)
+    for run, share, limit in () if judged else runs.over(_CREPT.name):
+        crept = _crept(runs.context)
+        name = max(crept, key=lambda each: np.nan_to_num(crept[each][run]))
+        reason = f"{name} sticks, but would creep by {share:.3g} of its size (limit {limit:g})"
         yield run, Finding(reason, runs.context.last_fifth.start)
 
 

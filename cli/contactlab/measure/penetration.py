@@ -33,7 +33,8 @@ _STEADY = Threshold(
     5e-3,
     "m",
     "Grasps over 5 mm count as broken. Unless set, contacts may be as deep as the width of their "
-    "solimp, but at most a quarter of the smallest extent of the pair's thinnest geom.",
+    "solimp, but at most a quarter of the smallest extent of the pair's thinnest geom, or a sixth "
+    "of it where one bears more than `weights_borne`.",
 )
 _STANDOFF = Threshold(
     "standoff", 0.6, "1", "Public robots reach 0.28; a margin of half a box's width gives 1."
@@ -41,6 +42,7 @@ _STANDOFF = Threshold(
 _RESTING = 0.9  # Share of the last half in which a pair must touch to count as resting
 _LASTING = 0.5  # Share of the last fifth in which a steady pair must touch; sliding ones hop
 _DRIVEN = 0.75  # Share of it in which a pair under a drive must be deep to count as resting
+_LOADED = 3  # Part of the thinner's half extent that what bears many weights may be deep
 _DIP = 0.1  # Longest time [s] for which a geom may dip beyond its middle into the ground
 
 
@@ -195,16 +197,19 @@ def deep_penetration(runs: MeasuredRuns) -> Found:
     if context.trace.steps == 0:
         return
     for index, steady in reversed([*enumerate(steady_by_pair(context))]):
-        accepted, touching = limit, contact_depths(context)[index][1][:, context.last_fifth]
+        accepted = np.full(context.trace.runs, limit)
+        touching = contact_depths(context)[index][1][:, context.last_fifth]
         if "penetration_steady" not in context.setup.thresholds and context.series:
-            accepted = max(limit, context.setup.widths[index])
-            accepted = min(accepted, context.setup.thickness[index] / 2)
+            loaded = _borne(context)[index] > runs.limits[PRESSED.name]
+            share = context.setup.thickness[index] / np.where(loaded, _LOADED, 2)
+            accepted = np.minimum(max(limit, context.setup.widths[index]), share)
         # What a drive presses down for a moment does not rest.
-        lasts = (touching > accepted).mean(axis=1) >= (_DRIVEN if context.setup.steered else 0)
+        lasts = (touching > accepted[:, None]).mean(axis=1)
+        lasts = lasts >= (_DRIVEN if context.setup.steered else 0)
         for run in runs_where((steady > accepted) & lasts):
             name = context.series[index].name if context.series else "the model"
-            reason = f"{name} rests {steady[run]:.3g} m deep (limit {accepted:.3g} m)"
-            step = context.last_fifth.start + first_step(touching[run] > accepted)
+            reason = f"{name} rests {steady[run]:.3g} m deep (limit {accepted[run]:.3g} m)"
+            step = context.last_fifth.start + first_step(touching[run] > accepted[run])
             yield run, Finding(reason, step)
 
 

@@ -11,7 +11,7 @@ from contactlab.schema.comparison import MetricRule
 _RESIDUAL = Threshold(
     "residual", 1e-2, "1", "Measured: Newton up to 2e-5, CG 2e-4, PGS 5e-4; stuck ones 4 and more."
 )
-_SATURATED = Threshold(
+SATURATED = Threshold(
     "saturated_share", 0.5, "1", "Measured: Newton takes 0 or 1 iterations a step, stuck PGS all."
 )
 _JACOBIAN = Threshold("jacobian_difference", 1e-6, "1", "The same mathematics agrees to 1e-7.")
@@ -76,11 +76,11 @@ def ungraded_contacts(context: Context) -> Floats:
     return (context.trace.contacts > monitored).sum(axis=1).astype(np.float64)
 
 
-@label(80, (_SATURATED, _RESIDUAL))
+@label(80, (SATURATED, _RESIDUAL))
 def solver_nonconvergence(runs: MeasuredRuns) -> Found:
-    """The solver used all its iterations in most steps with contact, or left a large residual."""
+    """The solver used all its iterations in most steps it worked in, or left a large residual."""
     context, limits, allowed = runs.context, runs.limits, runs.context.setup.iterations
-    hit, touching = saturated(context), context.trace.contacts > 0
+    hit = saturated(context)
     used = "the solver used all its {} iterations in {:.0%} of the steps".format
     if context.checks is not None:
         # A hit alone is no failure: an easy problem is solved by the one iteration it is given.
@@ -90,10 +90,9 @@ def solver_nonconvergence(runs: MeasuredRuns) -> Found:
             reason = f"{used(allowed[run], hit[run].mean())}, and forces and accelerations {left}"
             yield run, Finding(reason, first_step(hit[run]))
         return
-    hit = hit & touching
-    share, limit = hit.sum(axis=1) / touching.sum(axis=1), limits["saturated_share"]
+    share, limit = stuck_share(context), limits["saturated_share"]
     for run in runs_where((share >= limit) & (allowed >= _FEWEST_ITERATIONS)):
-        reason = f"{used(allowed[run], share[run])} with contact (limit {limit:.0%})"
+        reason = f"{used(allowed[run], share[run])} with constraints (limit {limit:.0%})"
         yield run, Finding(reason, first_step(hit[run]))
 
 
@@ -116,11 +115,23 @@ def saturated(context: Context) -> NDArray[np.bool_]:
     return context.trace.iterations_most >= context.setup.iterations[:, None]
 
 
+@cached
+def _constrained(context: Context) -> NDArray[np.bool_]:
+    """Return (n, N) where there are contacts, or constraints that the solver had work with."""
+    return (context.trace.contacts > 0) | (context.trace.iterations > 0)
+
+
+def stuck_share(context: Context) -> Floats:
+    """Return (n,) the share of the steps with constraints in which all iterations were used."""
+    constrained = _constrained(context)
+    return (saturated(context) & constrained).sum(axis=1) / constrained.sum(axis=1)
+
+
 def sustained_residual(context: Context, where: NDArray[np.bool_]) -> Floats:
-    """Return (n,) the sustained residual over the given steps with contact, 0 without any."""
+    """Return (n,) the sustained residual over those of some steps with constraints; else 0."""
     if context.checks is None:
         return context.undefined()
-    chosen = where & (context.trace.contacts > 0)
+    chosen = where & _constrained(context)
     return np.array(
         [
             np.quantile(residual[mask], _SUSTAINED) if mask.any() else 0.0
@@ -136,11 +147,11 @@ def _cut_by_pair(context: Context) -> list[NDArray[np.bool_]]:
     return [net.found > most for net, most in zip(context.net, slots, strict=True)]
 
 
-@metric("1", "lower", 1e-12, kind="check", version=2)
+@metric("1", "lower", 1e-12, kind="check", version=3)
 def solver_residual(context: Context) -> Floats:
     """Difference between forward and inverse dynamics over the run's largest constraint force.
 
-    By the flag fwdinv, in constraint space; 99th percentile of the steps with contact. Not
+    By the flag fwdinv, in constraint space; 99th percentile of the steps with constraints. Not
     defined with noslip, which changes forces after the solver. The largest force counts as at least
     what accelerates the model by 1e-5 m/s^2 or rad/s^2.
     """

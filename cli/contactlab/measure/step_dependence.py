@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from contactlab.contact.trace_arrays import REFINEMENT, Floats, SelfChecks, motion_at_rest
+from contactlab.contact.trace_arrays import Floats, SelfChecks, motion_at_rest
 from contactlab.measure.context import Context, cached, first_step, runs_where
 from contactlab.measure.entries import (
     Finding,
@@ -21,13 +21,14 @@ from contactlab.measure.entries import (
     metric,
 )
 from contactlab.measure.penetration import PRESSED, weights_borne
+from contactlab.measure.solver_work import SATURATED, stuck_share
 
 _SHAKING = Threshold(
     "unresolved_motion",
-    1e-3,
+    0.6,
     "1",
-    "If the refined copy shakes too, by a sixteenth of it, or moves less than a third as fast. "
-    "Servos too stiff for their step reach 2.4e-3 to 1.5; public robots 0.03, as do their copies.",
+    "If the refined copy shakes less than a third as much. Public robots reach 0.2; loops too "
+    "tight for their step, 2 to 700.",
 )
 _REST_RATIO = Threshold(
     "rest_ratio", 8.0, "1", "Speed at the end over that of the refined copy; robots reach 1.5."
@@ -35,7 +36,7 @@ _REST_RATIO = Threshold(
 _TRAVEL = Threshold(
     "step_travel", 1.0, "1", "Body sizes moved; a tower that collapses by its step moves 15."
 )
-_UNRESOLVED = 0.3  # change per step over speed from which a period has fewer than about 21 steps
+_UNRESOLVED = 0.15  # Amplitude of what alternates from step to step over speed
 # Least speed of what does not come to rest, and one that is as good as none.
 _MOVING, _NO_SPEED = 0.5, 1 / 16
 # Factor within which a run and a copy are as fast; share of a run's travel that is none.
@@ -47,13 +48,12 @@ _ALONG = {"free": [True] * 3 + [False] * 3, "ball": [False] * 3, "slide": [True]
 class _Ends(NamedTuple):
     """Last quarters of n runs and, after a second pass, of refined and perturbed copies.
 
-    Each (n, 1, nv) or (n, 3, nv): root mean square speed, motion in a step of their own [rad or
-    mean body sizes], and whether the speed changes faster than steps resolve.
+    Each (n, 1, nv) or (n, 3, nv): root mean square speed, and the amplitude of what alternates from
+    step to step of their own.
     """
 
     speed: Floats
-    motion: Floats
-    shaking: NDArray[np.bool_]
+    amplitude: Floats
 
     @property
     def total(self) -> Floats:
@@ -76,37 +76,42 @@ def _ends(context: Context) -> _Ends:
     trace, checks = context.trace, context.checks
     joints = context.setup.mechanism.joints if context.setup.mechanism else ()
     own = motion_at_rest(trace.qvel)[:, None] if checks is None else checks.rest
-    speed, change = np.moveaxis(own / _degrees(context)[1], 2, 0)
-    steps = trace.timestep[:, None] / [1, REFINEMENT, 1]
+    speed, amplitude = np.moveaxis(own / _degrees(context)[1], 2, 0)
     # A free body hops as it slides or rattles, which chatter and energy judge.
     hinged = [each.kind != "free" for each in joints for _ in _ALONG[each.kind]] or [True]
-    shaking = (change >= _UNRESOLVED * speed) & hinged
-    return _Ends(speed, speed * steps[:, : len(own[0]), None], shaking)
+    return _Ends(speed, amplitude * (amplitude >= _UNRESOLVED * speed) * hinged)
 
 
-@metric("1", "lower", 1e-9, kind="detail")
+@metric("1", "lower", 1e-9, version=2, kind="detail")
 def unresolved_motion(context: Context) -> Floats:
-    """Largest motion per step of a degree of freedom that oscillates from step to step at the end.
+    """Largest acceleration to and fro, from step to step at the end, over 9.81 m/s^2.
 
-    Root mean square speed in the last quarter times the timestep, in rad or mean body sizes, of
-    those whose velocity changes by 0.3 of that speed in half of the steps. Free joints do not
-    count, since bodies hop as they slide.
+    Of those degrees of freedom in which the amplitude of such speeds, the root mean square of their
+    second difference over 4, is at least 0.15 of the speed; times the mean body size for those that
+    turn. Free joints do not count, since bodies hop as they slide.
     """
-    ends = _ends(context)
-    return (ends.motion * ends.shaking)[:, 0].max(axis=1, initial=0)
+    return _to_and_fro(context).max(axis=1, initial=0)
+
+
+def _to_and_fro(context: Context) -> Floats:
+    """Return (n, nv) the acceleration of each degree of freedom from step to step, over gravity."""
+    size = context.setup.mechanism.size if context.setup.mechanism else 1.0
+    return 2 * size / 9.81 * _ends(context).amplitude[:, 0] / context.trace.timestep[:, None]
 
 
 def suspects(context: Context) -> NDArray[np.bool_]:
     """Return (n,) which runs deserve a second look although no label says so.
 
-    It has what shakes in its steps, is pressed hard at rest, does not come to rest under constant
-    controls, or has a body that was at rest in contact and moved far.
+    It has what shakes in its steps, is pressed hard at rest, has a solver that uses all its
+    iterations, does not come to rest under constant controls, or has a body that was at rest in
+    contact and moved far.
     """
     trace, ranges = context.trace, context.trace.control_ranges
     size = context.setup.mechanism.size if context.setup.mechanism else np.inf
     most = limits(context.setup.thresholds)
     found = unresolved_motion(context) > most[_SHAKING.name]
     found |= weights_borne(context) > most[PRESSED.name]
+    found |= stuck_share(context) >= most[SATURATED.name]
     if ranges is not None and ranges.shape[1]:
         constant = (ranges[..., 0] == ranges[..., 1]).all(axis=1)
         found |= constant & (_ends(context).total[:, 0] > _MOVING)
@@ -123,8 +128,8 @@ def suspects(context: Context) -> NDArray[np.bool_]:
 def step_dependent(runs: MeasuredRuns) -> Found:
     """The outcome depends on the step, and that is not chaos.
 
-    A copy at a quarter of the step comes to rest, stays where it was, or shakes in every step of
-    its own; a copy from a start 1e-9 away does as the run.
+    A copy at a quarter of the step comes to rest, stays where it was, or does not shake from step
+    to step; a copy from a start 1e-9 away does as the run.
     """
     checks = runs.context.checks
     if checks is None:
@@ -136,17 +141,14 @@ def step_dependent(runs: MeasuredRuns) -> Found:
 
 
 def _shakes(runs: MeasuredRuns, run: int) -> str:
-    """Say which degree of freedom shakes in every step, in the refined copy too or much less."""
-    speed, motion, shaking = (each[run] for each in _ends(runs.context))
-    limit = runs.limits[_SHAKING.name] * np.array([[1], [1 / REFINEMENT**2], [1]])
-    shakes, still, _ = shaking & (motion > limit)
-    _, slower, unlike = speed < speed[0] / _LIKE
-    found = np.where(shakes & (still | slower) & ~unlike, motion[0], 0)
-    if not found.any():
-        return ""
-    worst = int(found.argmax())
+    """Say which degree of freedom shakes from step to step, in the refined copy much less."""
+    strength = _to_and_fro(runs.context)[run]
+    own, refined, perturbed = _ends(runs.context).amplitude[run]
+    found = (strength > runs.limits[_SHAKING.name]) & (_LIKE * refined < own)
+    found &= _LIKE * perturbed > own
+    worst = int(np.where(found, strength, 0).argmax())
     shaken = f"{_degrees(runs.context)[0][worst]} shakes from step to step"
-    return _said(shaken, *speed[:2, worst])
+    return _said(shaken, own[worst], refined[worst]) if found[worst] else ""
 
 
 def _moves(runs: MeasuredRuns, checks: SelfChecks, run: int) -> str:

@@ -70,6 +70,7 @@ def make_setup(
         free_bodies=tuple(bodies.values()),
         barriers=tuple(_barriers(base, bodies)),
         thickness=_thicknesses(base),
+        reaches=np.array([_reach(base.model, pair) for pair in base.pairs]),
         widths=np.array([effective_parameters(models[0], pair).solimp[2] for pair in base.pairs]),
         grounded=np.array([_is_grounded(base.model, pair) for pair in base.pairs], np.bool_),
         weights=np.array([_weight(base.model, pair) for pair in base.pairs]),
@@ -153,6 +154,12 @@ def _thicknesses(base: CompiledScene) -> Floats:
     return np.array([halves[geoms].min(initial=np.inf) for geoms in touching])
 
 
+def _reach(model: mujoco.MjModel, pair: MonitoredPair) -> float:
+    """Return the diameter of the sphere about the pair's smallest geom [m]."""
+    bounds = np.asarray(model.geom_rbound)[[geom for side in pair.geoms for geom in side]]
+    return 2 * float(bounds.min(where=bounds > 0, initial=np.inf))
+
+
 def _is_grounded(model: mujoco.MjModel, pair: MonitoredPair) -> bool:
     grounds = (int(_GEOM.mjGEOM_PLANE), int(_GEOM.mjGEOM_HFIELD))
     return any(bool(np.isin(model.geom_type[[*side]], grounds).all()) for side in pair.geoms)
@@ -228,13 +235,18 @@ def _reaches(model: mujoco.MjModel) -> Floats:
 
 
 def equality_reach(model: mujoco.MjModel) -> Floats:
-    """Return (neq,) the reach [m] of the smaller body that each connects or welds; else inf."""
+    """Return (neq,) the reach [m] of the smaller body that each connects or welds; else inf.
+
+    A mocap body pulls on all of the model.
+    """
     ends = np.stack([model.eq_obj1id, model.eq_obj2id])
     sited = model.eq_objtype == int(mujoco.mjtObj.mjOBJ_SITE)
     ends[:, sited] = np.asarray(model.site_bodyid)[ends[:, sited]]
     tied = np.isin(model.eq_type, (int(_EQUALITY.mjEQ_CONNECT), int(_EQUALITY.mjEQ_WELD)))
     ends = np.where(tied, ends, 0)
-    return np.where(ends > 0, _reaches(model)[ends], np.inf).min(axis=0)
+    reach = np.where(ends > 0, _reaches(model)[ends], np.inf).min(axis=0)
+    pulled = (np.asarray(model.body_mocapid)[ends] >= 0).any(axis=0)
+    return np.where(pulled, np.maximum(reach, model.stat.extent), reach)
 
 
 def _equality(

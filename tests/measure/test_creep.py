@@ -1,0 +1,54 @@
+"""What friction should hold and does not is seen, by how far it gets for its size."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+# A crate, or two of which the upper is the heavier, on a slope that friction would hold.
+SLOPE = """
+<mujoco>
+  <option gravity="2 0 -9.6" cone="elliptic" impratio="{impratio}" timestep=".005"/>
+  <default><geom friction=".6" solimp=".9 .9 .001"/></default>
+  <worldbody><geom type="plane" size="9 9 .1"/>
+    <body pos="0 0 .1"><freejoint/><geom type="box" size=".1 .1 .1" mass="1"/></body>{upper}
+  </worldbody>
+</mujoco>
+"""
+UPPER = '<body pos="0 0 .3"><freejoint/><geom type="box" size=".1 .1 .1" mass="{}"/></body>'.format
+ROLLING = """
+<mujoco><worldbody><geom type="plane" size="9 9 .1"/><body pos="0 0 .1"><freejoint/>
+  <geom size=".1" mass="1"/></body></worldbody>
+  <keyframe><key qpos="0 0 .1 1 0 0 0" qvel="1 0 0 0 10 0"/></keyframe></mujoco>
+"""
+SWEEP = "version: 1\nscene: model.xml\nduration: 4\ndrive: none\ntrace: none\naxes: {}\n"
+
+
+def row_of(sweeper: Any, model: str) -> dict[str, Any]:
+    (sweeper.folder / "model.xml").write_text(model)
+    sweeper.run(SWEEP)
+    (row,) = sweeper.rows()
+    return row
+
+
+@pytest.mark.parametrize(
+    ("impratio", "mass", "creeps"), [(1, 20, True), (1, 0, False), (50, 20, False)]
+)
+def test_stack_on_a_slope_creeps_by_its_size(
+    sweeper: Any, impratio: int, mass: int, creeps: bool
+) -> None:
+    row = row_of(sweeper, SLOPE.format(impratio=impratio, upper=UPPER(mass) if mass else ""))
+    assert (row["crept"] > 0.1) == creeps, row["crept"]
+    assert ("creep" in row["labels"]) == creeps
+
+
+def test_creep_is_slip_for_the_time_of_the_run_over_the_size(sweeper: Any) -> None:
+    row = row_of(sweeper, SLOPE.format(impratio=1, upper=""))
+    # The crate slips as it moves, and its reach from its frame is that of the sphere about it.
+    assert row["crept"] == pytest.approx(row["creep_speed"] * 4 / (0.2 * np.sqrt(3)), rel=0.01)
+
+
+def test_what_rolls_does_not_creep(sweeper: Any) -> None:
+    row = row_of(sweeper, ROLLING)
+    assert row["drift"] > 3
+    assert row["crept"] < 0.01
