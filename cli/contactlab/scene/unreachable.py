@@ -11,7 +11,6 @@ from collections.abc import Iterable, Iterator, Sequence
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import Floats
 from contactlab.scene.contact_pairs import geom_pairs, may_touch
@@ -49,15 +48,11 @@ class Clearance:
         self.data.qpos[:] = qpos
         mujoco.mj_kinematics(self.model, self.data)
 
-    def margins(self, pairs: NDArray[np.intp]) -> Floats:
-        """Return the distances (n,) at which pairs (n, 2) count as touching [m]."""
-        if read_flag(self.model, "override"):
-            return np.full(len(pairs), self.model.opt.o_margin + _TOUCH)
-        return self.model.geom_margin[pairs].sum(axis=1) + _TOUCH
-
     def distance(self, first: int, second: int, most: float) -> float:
         """Return how far two placed geoms are from contact, up to `most` [m]; below 0 in it."""
-        margin = float(self.margins(np.array([[first, second]]))[0])
+        model = self.model
+        own = model.geom_margin[first] + model.geom_margin[second]
+        margin = _TOUCH + float(model.opt.o_margin if read_flag(model, "override") else own)
         limit = most + margin
         apart = mujoco.mj_geomDistance(self.model, self.data, first, second, limit, None)
         return most if apart >= limit else apart - margin

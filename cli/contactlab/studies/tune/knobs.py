@@ -16,7 +16,7 @@ from contactlab.studies.session import Values
 from contactlab.studies.tune.search import Knob, Space
 
 INTEGRATORS = ("Euler", "implicitfast", "implicit", "RK4")
-_LADDER = (1 / 8, 1 / 4, 1 / 2, 1, 1.25, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10)
+_LADDER = (1 / 8, 1 / 5, 1 / 4, 2 / 5, 1 / 2, 4 / 5, 1, 1.25, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10)
 """Timesteps that are tried, over that of the model."""
 _FEWEST_STEPS = 50
 _OPTIONS: tuple[tuple[str, tuple[float, ...]], ...] = (

@@ -95,10 +95,10 @@ class Search:
         return {**self.here, "timestep": self.space.timesteps[min(max(place, 0), last)]}
 
     def _judged(self, configurations: Sequence[Values]) -> list[float]:
-        new = {key: each for each in configurations if (key := _key(each)) not in self.excess}
+        new = {key: each for each in configurations if (key := key_of(each)) not in self.excess}
         if new:
             self.excess |= zip(new, self.judge(list(new.values())), strict=True)
-        return [self.excess[_key(each)] for each in configurations]
+        return [self.excess[key_of(each)] for each in configurations]
 
     def _feasible(self, start: Values) -> Values | None:
         """Return a feasible configuration, from a start on; None if there seems to be none.
@@ -188,12 +188,12 @@ class Search:
         if not feasible:
             return [], (1.0, self.here)
         now, *times = self.clock([self.here, *feasible])
-        ratio = {_key(each): time / now for each, time in zip(feasible, times, strict=True)}
+        ratio = {key_of(each): time / now for each, time in zip(feasible, times, strict=True)}
         best: dict[str, _Timed] = {}
         for (name, values), each in zip(changes, same, strict=True):
-            if ratio.get(_key(each), 1.0) < best.get(name, (GAIN, values))[0]:
-                best[name] = ratio[_key(each)], values
-        jumps = [(ratio[_key(each)], each) for each in long if _key(each) in ratio]
+            if ratio.get(key_of(each), 1.0) < best.get(name, (GAIN, values))[0]:
+                best[name] = ratio[key_of(each)], values
+        jumps = [(ratio[key_of(each)], each) for each in long if key_of(each) in ratio]
         least = min(jumps, key=lambda each: each[0], default=(1.0, self.here))
         return sorted(best.values(), key=lambda each: each[0]), least
 
@@ -221,5 +221,6 @@ class Search:
         return gain, here
 
 
-def _key(values: Values) -> _Key:
+def key_of(values: Values) -> _Key:
+    """Return what tells a configuration from others."""
     return tuple(sorted((name, str(value)) for name, value in values.items()))

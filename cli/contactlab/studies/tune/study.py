@@ -17,7 +17,7 @@ from contactlab.studies.configuration_runs import ConfigurationRows, Row
 from contactlab.studies.effects.effects_request import AblationSetup
 from contactlab.studies.session import Session, Values
 from contactlab.studies.tune.savers import sensors_of, untouched_geoms
-from contactlab.studies.tune.search import GAIN, Search, Space
+from contactlab.studies.tune.search import GAIN, Search, Space, key_of
 from contactlab.studies.tune.trials import (
     PROVING,
     PRUNING,
@@ -79,6 +79,8 @@ class Study:
     def search(self) -> Search:
         """Search for as long as the budget lasts, less what contenders and proof will take."""
         trials, search = self.trials, Search(self.space, self._judge, self._clock)
+        # It ran already.
+        search.excess[key_of(self.space.written)] = trials.limits.excess(self.now.rows)
         last = trials.deadline
         trials.deadline -= (len(FRESH) + len(BASELINE)) * self.seed_seconds
         try:
