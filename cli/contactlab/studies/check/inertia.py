@@ -11,7 +11,6 @@ For a body of mass m and principal moments A <= B <= C about its centre of mass:
 
 import math
 from collections.abc import Callable, Iterator, Mapping
-from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -44,19 +43,6 @@ _LEAST_SPREAD = 1 / 30
 """Smallest rms distance over length; 0.29 for a uniform rod, and 1/10 for any real body."""
 
 
-class BodyInertia(NamedTuple):
-    """The name, mass [kg], centre of mass and principal inertia of a body, in the body's frame.
-
-    Moments (3,) [kg m^2] are about the axes through the centre (3,) [m], columns of (3, 3).
-    """
-
-    name: str
-    mass: float
-    moments: Floats
-    axes: Floats
-    centre: Floats
-
-
 def judged_inertias(checked: CheckedModel) -> tuple[list[Measure], list[str]]:
     """Return measures of the inertias that none can be, as written and simulated, and all notes."""
     written = scene_inertia_faults(checked.scene.source, checked.resolved.structure)
@@ -78,65 +64,71 @@ def judged_inertias(checked: CheckedModel) -> tuple[list[Measure], list[str]]:
     return measures, [f"body '{each.body}': {each.reason}" for each in faults]
 
 
-def density_faults(model: mujoco.MjModel, index: int, body: BodyInertia) -> Iterator[InertiaFault]:
+def density_faults(model: mujoco.MjModel, body: int) -> Iterator[InertiaFault]:
     """Yield a fault if no material has the density of a body's geoms."""
-    space = sum(volume(model, geom) for geom in solid_geoms(model, index))
-    density = body.mass / space if space else LIGHTEST
+    space, mass = sum(volume(model, each) for each in solid_geoms(model, body)), _mass(model, body)
+    density = mass / space if space else LIGHTEST
     if LIGHTEST <= density <= DENSEST:
         return
     light = density < LIGHTEST
     limit, words = (LIGHTEST, "lighter than foam") if light else (DENSEST, "denser than any metal")
     reason = (
-        f"its mass of {body.mass:g} kg in the {space:.3g} m^3 of its geoms makes "
+        f"its mass of {mass:g} kg in the {space:.3g} m^3 of its geoms makes "
         f"{density:.3g} kg/m^3, {words} ({limit:g})"
     )
-    yield InertiaFault(body.name, "density", density, limit, "kg/m^3", reason)
+    yield InertiaFault(model.body(body).name, "density", density, limit, "kg/m^3", reason)
 
 
-def shape_faults(model: mujoco.MjModel, index: int, body: BodyInertia) -> Iterator[InertiaFault]:
+def shape_faults(model: mujoco.MjModel, body: int) -> Iterator[InertiaFault]:
     """Yield faults if a body's mass would lie outside its shape, or in too small a part of it."""
-    spreads = np.sqrt(np.maximum(body.moments.sum() / 2 - body.moments, 0) / body.mass)
+    name, moments, mass = model.body(body).name, model.body_inertia[body], _mass(model, body)
+    spreads = np.sqrt(np.maximum(moments.sum() / 2 - moments, 0) / mass)
     length = 0.0
-    if solid_geoms(model, index):
-        spans = _extents(model, index, body.axes)
+    if solid_geoms(model, body):
+        axes = rotation_matrices(model.body_iquat[[body]])[0]
+        spans = _extents(model, body, axes)
         lengths = np.ptp(spans, axis=1)
         length = float(lengths.max())
-        yield from _outside(body, spans)
+        yield from _outside(name, spans, axes.T @ model.body_ipos[body])
         worst = int(np.argmax(spreads / lengths))
         if spreads[worst] > _SLACK * lengths[worst] / 2:
-            yield _too_large(body, float(spreads[worst]), float(lengths[worst]))
-    yield from _too_small(body, float(np.sqrt((spreads**2).sum())), length)
+            yield _too_large(name, float(spreads[worst]), float(lengths[worst]))
+    yield from _too_small(name, mass, float(np.sqrt((spreads**2).sum())), length)
 
 
-def _outside(body: BodyInertia, spans: Floats) -> Iterator[InertiaFault]:
-    places = body.axes.T @ body.centre
+def _mass(model: mujoco.MjModel, body: int) -> float:
+    return float(model.body_mass[body])
+
+
+def _outside(name: str, spans: Floats, places: Floats) -> Iterator[InertiaFault]:
+    """Yield a fault if a centre of mass, at places (3,) along axes, is outside spans (3, 2)."""
     distances = np.maximum(spans[:, 0] - places, places - spans[:, 1])
     worst = int(np.argmax(distances))
     beyond, allowed = float(distances[worst]), float(_OUTSIDE * np.ptp(spans[worst]))
     if beyond > allowed:
         reason = f"its centre of mass lies {beyond:.3g} m outside its geoms"
-        yield InertiaFault(body.name, "outside", beyond, allowed, "m", reason)
+        yield InertiaFault(name, "outside", beyond, allowed, "m", reason)
 
 
-def _too_large(body: BodyInertia, spread: float, length: float) -> InertiaFault:
+def _too_large(name: str, spread: float, length: float) -> InertiaFault:
     reason = (
         f"its inertia puts its mass {spread:.3g} m (rms) from its centre along an axis on which "
         f"its geoms are {length:.3g} m long, where at most {length / 2:.3g} m would fit"
     )
-    return InertiaFault(body.name, "too_large", spread, _SLACK * length / 2, "m", reason)
+    return InertiaFault(name, "too_large", spread, _SLACK * length / 2, "m", reason)
 
 
-def _too_small(body: BodyInertia, spread: float, length: float) -> Iterator[InertiaFault]:
-    ball = math.sqrt(3 / 5) * (3 * body.mass / (4 * math.pi * DENSEST)) ** (1 / 3)
+def _too_small(name: str, mass: float, spread: float, length: float) -> Iterator[InertiaFault]:
+    ball = math.sqrt(3 / 5) * (3 * mass / (4 * math.pi * DENSEST)) ** (1 / 3)
     # A body without moments is a point mass that is fixed to others.
     limit = max(ball, _LEAST_SPREAD * length)
     if 0 < spread < limit:
         reason = f"its inertia puts its mass within {spread:.3g} m (rms) of its centre; " + (
-            f"a ball of {body.mass:g} kg of the densest metal has {ball:.3g} m"
+            f"a ball of {mass:g} kg of the densest metal has {ball:.3g} m"
             if limit == ball
             else f"its geoms are {length:.3g} m long"
         )
-        yield InertiaFault(body.name, "too_small", spread, limit, "m", reason)
+        yield InertiaFault(name, "too_small", spread, limit, "m", reason)
 
 
 _ROUNDING = 1e-9  # the moments of a thin plate meet the triangle inequality only up to rounding
@@ -159,22 +151,16 @@ def inertia_faults(model: mujoco.MjModel) -> tuple[InertiaFault, ...]:
     return tuple(fault for body in moving for fault in _body_faults(model, body))
 
 
-def _body_faults(model: mujoco.MjModel, index: int) -> Iterator[InertiaFault]:
-    body = BodyInertia(
-        model.body(index).name,
-        float(model.body_mass[index]),
-        np.array(model.body_inertia[index]),
-        rotation_matrices(model.body_iquat[[index]])[0],
-        np.array(model.body_ipos[index]),
-    )
-    if body.mass < 0 or body.moments.min() < 0:
-        yield not_positive(body.name, body.mass, body.moments)
-    elif body.mass > 0:
+def _body_faults(model: mujoco.MjModel, body: int) -> Iterator[InertiaFault]:
+    name, mass, moments = model.body(body).name, _mass(model, body), model.body_inertia[body]
+    if mass < 0 or moments.min() < 0:
+        yield not_positive(name, mass, moments)
+    elif mass > 0:
         # A model may be edited after it was compiled.
-        if not closes(body.moments + _ROUNDING * body.moments.max()):
-            yield open_triangle(body.name, body.moments, balanced=False)
-        yield from density_faults(model, index, body)
-        yield from shape_faults(model, index, body)
+        if not closes(moments + _ROUNDING * moments.max()):
+            yield open_triangle(name, moments, balanced=False)
+        yield from density_faults(model, body)
+        yield from shape_faults(model, body)
 
 
 _GEOM = mujoco.mjtGeom
