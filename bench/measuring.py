@@ -42,26 +42,10 @@ class Line:
         return self.whole + (runs - self.runs) * self.each
 
 
-@dataclass(frozen=True)
-class Round:
-    """What one round took."""
-
-    stepping: Line
-    traces: Line
-    none: Line
-    straightforward: Line
-
-    def ratios(self) -> tuple[tuple[float, float], ...]:
-        """Return for each line of the table the ratio with start-up and the marginal one."""
-        return (
-            _ratio(self.traces, self.stepping),
-            _ratio(self.none, self.stepping),
-            _ratio(self.straightforward, self.traces),
-        )
-
-
-def _ratio(one: Line, other: Line) -> tuple[float, float]:
-    return one.at(other.runs) / other.whole, one.each / other.each
+HARNESSES = ("sixty_lines", "naive_loop", "straightforward")
+"""Modules of what one would write instead."""
+Round = dict[str, Line]
+"""What each way took in a round: `stepping`, sweeps with trace `none` and `all`, the harnesses."""
 
 
 class Bench:
@@ -79,17 +63,14 @@ class Bench:
         # Seeds advance fastest, so the smaller size is the start of each row.
         self._small = [place for place in range(len(runs)) if place % large < small]
         assert (len(runs), len(self._small)) == case.runs
-        for count in case.part:
+        for count in (*case.part, *case.runs):
             save(runs[:: len(runs) // count][:count], self._part(count))
 
     def round(self) -> Round:
         """Measure everything once, one after the other."""
-        return Round(
-            stepping=self._stepping(),
-            traces=self._swept("all"),
-            none=self._swept("none"),
-            straightforward=self._straightforward(),
-        )
+        found = {"stepping": self._stepping(), "none": self._swept("none")}
+        found["all"] = self._swept("all")
+        return found | {name: self._harness(name) for name in HARNESSES}
 
     def check(self) -> None:
         """Check that the stepping ended where the sweep with traces did, bit for bit."""
@@ -125,15 +106,14 @@ class Bench:
         command = str(Path(sys.executable).with_name("contactlab"))
         return cpu_of([command, "sweep", str(self._sweep), "-o", str(store), *options])
 
-    def _straightforward(self) -> Line:
-        large, small = self._case.part
-        return Line.through(
-            (large, self._straightforward_once(large)), (small, self._straightforward_once(small))
-        )
+    def _harness(self, name: str) -> Line:
+        # Native rollouts are as fast as sweeps: they get as many runs.
+        sizes = self._case.runs if name == "sixty_lines" else self._case.part
+        large, small = (self._harness_once(name, runs) for runs in sizes)
+        return Line.through((sizes[0], large), (sizes[1], small))
 
-    def _straightforward_once(self, runs: int) -> float:
-        folder = self._folder / "straightforward"
-        return cpu_of(_python("bench.straightforward", self._part(runs), folder))
+    def _harness_once(self, name: str, runs: int) -> float:
+        return cpu_of(_python(f"bench.{name}", self._part(runs), self._folder / f"{name}.out"))
 
     def _part(self, runs: int) -> Path:
         return self._folder / f"part{runs}.json"

@@ -1,48 +1,64 @@
-"""What a sweep costs beside the stepping itself, and beside a straightforward harness.
+"""What a sweep costs beside the stepping itself, and beside what one would write instead.
 
-Run: python -m bench.overhead [rounds]
+Run: python -m bench.overhead [--rounds 3] [--quick]
 
 Every figure is CPU time, user and system, of all processes: the command, the fork server and the
 workers. What is compared takes turns within each round, so that the ratios of one round saw the
-same machine; medians of the rounds' ratios are shown, with the least and the most.
+same machine; a round is printed as it ends, then the medians of the rounds' ratios, with the least
+and the most.
 
 Stepping is `mj_step(model, data, n)` of the same runs, models compiled without our sensors, the
 compilation left out. Each is measured at two sizes. "With start-up" is the whole command at the
-larger size; "a run more" is the difference of the two, what each further run costs. The
-straightforward harness does a part of the runs, and its line through two sizes is extended.
-Second passes are off: they simulate flagged runs again, which neither of the others does.
+larger size; "a run more" is the difference of the two, what each further run costs. Second passes
+are off: they simulate flagged runs again, which none of the others does.
+
+The others are sixty lines with native rollouts and a table (`bench.sixty_lines`), a naive loop in
+Python that keeps every contact, with a table (`bench.naive_loop`), and the straightforward harness,
+which writes MCAP files of JSON (`bench.straightforward`). The loops in Python do a part of the
+runs, and their line through two sizes is extended. Of a short measurement (`--quick`: a quarter of
+the runs) the ratios of a run more are rough.
 """
 
-import sys
+import argparse
 import tempfile
 from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 from statistics import median
 
 from bench.cases import CASES, Case
-from bench.measuring import Bench, Round
+from bench.measuring import HARNESSES, Bench, Round
 from bench.processes import adopt_orphans
 from bench.stepping import PROCESSES
 
-ROUNDS = 3
-LABELS = (
-    "sweep / stepping, trace: all",
-    "sweep / stepping, trace: none",
-    "straightforward / sweep, traces",
-)
+RATIOS = {
+    "sweep without traces / stepping": ("none", "stepping"),
+    "sweep with traces / stepping": ("all", "stepping"),
+    **{f"{name.replace('_', ' ')} / sweep without traces": (name, "none") for name in HARNESSES},
+    "straightforward / sweep with traces": ("straightforward", "all"),
+}
+
+
+def ratios(found: Round) -> dict[str, tuple[float, float]]:
+    """Return each ratio of a round: with start-up, and of a run more."""
+    pairs = {label: (found[one], found[other]) for label, (one, other) in RATIOS.items()}
+    return {
+        label: (one.at(other.runs) / other.whole, one.each / other.each)
+        for label, (one, other) in pairs.items()
+    }
 
 
 def show(case: Case, rounds: list[Round]) -> None:
     """Print the table of one case."""
     large, _ = case.runs
     print(f"\n{case.name}: {large} runs, {PROCESSES} workers, {len(rounds)} rounds")
-    print(f"  {'':33}{'with start-up':22}{'a run more':22}target")
-    ratios = [each.ratios() for each in rounds]
-    for line, (label, target) in enumerate(zip(LABELS, case.targets, strict=True)):
-        whole, each = (_spread(found[line][column] for found in ratios) for column in (0, 1))
-        print(f"  {label:33}{whole:22}{each:22}{target}")
-    stepping = median(each.stepping.each for each in rounds)
-    start = median(each.none.at(0) for each in rounds)
+    print(f"  {'':42}{'with start-up':22}{'a run more'}")
+    found = [ratios(each) for each in rounds]
+    for label in RATIOS:
+        whole, each = (_spread(one[label][column] for one in found) for column in (0, 1))
+        print(f"  {label:42}{whole:22}{each}")
+    stepping = median(each["stepping"].each for each in rounds)
+    start = median(each["none"].at(0) for each in rounds)
     print(f"  stepping takes {stepping * 1e3:.2f} ms a run, start-up {start:.2f} s of CPU in all")
 
 
@@ -51,23 +67,33 @@ def _spread(values: Iterable[float]) -> str:
     return f"{median(found):.2f} ({found[0]:.2f}..{found[-1]:.2f})"
 
 
+def _quick(case: Case) -> Case:
+    (large, small), (most, least) = case.seeds, case.part
+    return replace(case, seeds=(large // 4, small // 4), part=(most // 2, least // 2))
+
+
 def main() -> None:
-    """Measure every case in every round, then print."""
-    rounds = int(sys.argv[1]) if len(sys.argv) > 1 else ROUNDS
+    """Measure every case in every round, printing each, then print medians."""
+    options = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    options.add_argument("--rounds", type=int, default=3)
+    options.add_argument("--quick", action="store_true", help="a quarter of the runs")
+    asked = options.parse_args()
+    cases = [_quick(case) for case in CASES] if asked.quick else list(CASES)
     adopt_orphans()
     with tempfile.TemporaryDirectory(prefix="contactlab-bench-") as name:
         benches: list[Bench] = []
-        for number, case in enumerate(CASES):
+        for number, case in enumerate(cases):
             folder = Path(name) / str(number)
             folder.mkdir()
             benches.append(Bench(case, folder))
             benches[-1].check()
-        found: list[list[Round]] = [[] for _ in CASES]
-        for number in range(rounds):
-            print(f"round {number + 1} of {rounds} ...", flush=True)
-            for bench, each in zip(benches, found, strict=True):
+        found: list[list[Round]] = [[] for _ in cases]
+        for number in range(asked.rounds):
+            for case, bench, each in zip(cases, benches, found, strict=True):
                 each.append(bench.round())
-    for case, each in zip(CASES, found, strict=True):
+                shown = ", ".join(f"{more:.2f}" for _, more in ratios(each[-1]).values())
+                print(f"round {number + 1}, {case.name}, a run more: {shown}", flush=True)
+    for case, each in zip(cases, found, strict=True):
         show(case, each)
 
 
