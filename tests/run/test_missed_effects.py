@@ -1,6 +1,7 @@
 """Effects that were left out although the bodies called for them are named in the record."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -19,8 +20,8 @@ def recorded(tmp_path: Path) -> Recorded:
 
     def run(text: str) -> list[EvidenceRecord]:
         store = tmp_path / "store"
-        ask = read_request(text, "t", store, folder=tmp_path, workers=0, fresh=True)
-        run_sweep(ask, lambda *_: None, lambda _: None)
+        ask = read_request(text, "t", store, folder=tmp_path, workers=0)
+        run_sweep(replace(ask, fresh=True), lambda *_: None, lambda _: None)
         opened = Store.open(store)
         return [opened.record(run) for run in opened.table["run_id"].to_pylist()]
 

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Literal, TypedDict, Unpack
 
@@ -83,11 +84,9 @@ def sweep(
         workers=session.workers,
         overrides=Overrides(_assigned(set), _assigned(only), limit),
         drive=drive_option(drive),
-        fresh=fresh,
-        retry_failed=retry_failed,
-        repair=repair,
     )
-    return session.run(request)
+    how = {"fresh": fresh, "retry_failed": retry_failed, "repair": repair}
+    return session.run(replace(request, **how))
 
 
 def check(

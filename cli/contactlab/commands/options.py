@@ -124,7 +124,7 @@ def mention_damage(store: "Store") -> None:
         say(f"warning: {warning}")
 
 
-def rerun_with_mujoco(version: str | None, store: Path | None) -> None:
+def rerun_with_mujoco(version: str | None, store: "Address | None") -> None:
     """Run the same command with another MuJoCo, if `--mujoco` names one, and end with it.
 
     The version is added to the name of the store, which is None if `-o` was given. An EngineError

@@ -63,9 +63,8 @@ def sweep(
     if executor == "ray" and workers == 0:
         raise SweepFileError("--workers 0 runs all in this process; leave it out for Ray")
     path = resources.find_sweep(name)
-    usual = resources.RESULTS / path.stem
-    target = store or usual
-    opt.rerun_with_mujoco(mujoco, None if store else usual)
+    target = store or resources.RESULTS / path.stem
+    opt.rerun_with_mujoco(mujoco, None if store else target)
     if executor == "local" and workers != 0 and not plan and (fresh or not _is_whole(target)):
         _start_server()
     from contactlab.plan.grid import CONFIRM_ABOVE
@@ -84,10 +83,8 @@ def sweep(
         workers=worker_count(workers),
         overrides=Overrides(assign or (), only or (), limit),
         drive=drive_option(drive),
-        fresh=fresh,
-        retry_failed=retry_failed,
-        repair=repair,
     )
+    how = {"fresh": fresh, "retry_failed": retry_failed, "repair": repair, "allow_code": allow_code}
     for warning in request.plan.warnings:
         say(str(warning))
     if plan:
@@ -100,7 +97,7 @@ def sweep(
         )
     cluster = _cluster(executor, address, request.workers if address is None else workers)
     with resumable() as stop, progress_display() as display, cluster as nodes:
-        request = replace(request, cluster=nodes, allow_code=allow_code)
+        request = replace(request, cluster=nodes, **how)
         manifest = run_sweep(request, display.begin, display.advance, stop)
     _conclude(target, manifest, output)
 

@@ -56,10 +56,7 @@ def read_request(  # noqa: PLR0913 - one argument an option
     overrides: Overrides | None = None,
     drive: Drive | None = None,
     bare: Drive = "hold",
-    fresh: bool = False,
     partly: bool = False,
-    retry_failed: bool = False,
-    repair: bool = False,
 ) -> SweepRequest:
     """Read a sweep: a file by its path or its text, or its content as data.
 
@@ -80,10 +77,7 @@ def read_request(  # noqa: PLR0913 - one argument an option
         overrides=_given(options, drive),
         store=store,
         workers=workers,
-        fresh=fresh,
         left_out=reasons,
-        retry_failed=retry_failed,
-        repair=repair,
     )
 
 

@@ -3,7 +3,7 @@
 import time
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -89,9 +89,9 @@ def _run_case(case: StabilityCase, session: Session, request: StabilityRequest) 
         overrides=Overrides(request.assign),
         drive=request.drive,
         bare="exercise",
-        fresh=(store / "manifest.json").is_file(),
         partly=True,
     )
+    sweep = replace(sweep, fresh=(store / "manifest.json").is_file())
     rows = session.run(sweep).table.to_pylist() if sweep.plan.count else []
     seconds = time.monotonic() - started
     return _result(sweep, rows, seconds, whole=case.is_generic)
