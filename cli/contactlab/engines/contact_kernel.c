@@ -285,7 +285,13 @@ const char* record_run(Recording* recording, const Run* run) {
     stage[each] = mjSTAGE_NONE;
   }
   recording->run = run->run;
+  /* MuJoCo's Python package has it read a clock for its profile dozens of times in each step. */
+  mjfTime clock = mjcb_time;
+  mjcb_time = NULL;
   int failed = mjb_apply(recording->batch, ids, 1, make_steps, &task, 0);
+  if (clock) {
+    mjcb_time = clock;
+  }
   for (int each = 0; each < recording->pairs; each++) {
     stage[each] = own[0];
     recording->pair[each].found = 0;
