@@ -3,6 +3,7 @@
 import random
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -123,8 +124,8 @@ def _plan(identity: SweepIdentity, scene: Scene) -> Plan:
         for option in ("--set ", "--only ", "--limit ")
     )
     options = Overrides(sets, only, int(limit[0]) if limit and limit[0].isdecimal() else None)
-    axes = scene.catalogue.lenient()
-    names = Vocabulary(axes.names, axes.find, [*METRICS], [*LABELS], [*THRESHOLDS])
+    axes, find = scene.catalogue.names, partial(scene.catalogue.find, lenient=True)
+    names = Vocabulary(axes, find, [*METRICS], [*LABELS], [*THRESHOLDS])
     with TemporaryDirectory() as folder:
         # There it finds no files, whichever it names.
         file = Path(folder) / "sweep.yaml"

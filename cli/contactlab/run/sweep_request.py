@@ -150,12 +150,12 @@ class SceneLoader:
     def vocabulary(self, reference: str, *, lenient: bool = False) -> Vocabulary:
         """Return every name that a sweep of the scene may use, or also of newer versions."""
         scene = self._undriven(reference)
-        axes = scene.catalogue.lenient() if lenient else scene.catalogue
+        axes, find = scene.catalogue.names, partial(scene.catalogue.find, lenient=lenient)
 
         def wrong(entry: PairExpectation, duration: float | None) -> tuple[str, str] | None:
             return mistake_in(entry, scene.base({}), {}, duration or self.open(reference).duration)
 
-        return Vocabulary(axes.names, axes.find, [*METRICS], [*LABELS], [*THRESHOLDS], wrong)
+        return Vocabulary(axes, find, [*METRICS], [*LABELS], [*THRESHOLDS], wrong)
 
 
 def _check_names(scene: Scene) -> None:

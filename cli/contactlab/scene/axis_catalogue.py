@@ -1,6 +1,5 @@
 """Every axis that one scene offers."""
 
-import copy
 import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Protocol
@@ -42,27 +41,20 @@ class SceneCatalogue:
     ) -> None:
         self._model = base.model
         self._axes = {axis.name: axis for axis in _axes(base, manifest, engines)}
-        self._lenient = False
 
     @property
     def names(self) -> Sequence[str]:
         """Names to list and to suggest."""
         return tuple(self._axes)
 
-    def lenient(self) -> "SceneCatalogue":
-        """Return one that also accepts what only newer versions of MuJoCo have."""
-        catalogue = copy.copy(self)
-        catalogue._lenient = True
-        return catalogue
-
-    def find(self, name: str) -> AxisSpec | None:
-        """Return the axis of this name, or None."""
+    def find(self, name: str, *, lenient: bool = False) -> AxisSpec | None:
+        """Return the axis of a name, or None; if lenient, it accepts what newer versions have."""
         try:
             listed = self._axes.get(name) or DRIVE_AXES.get(name)
             axis = listed or _missing_flag(name) or field_axis(self._model, name)
         except ValueError:
             return None
-        return axis and in_this_version(axis, lenient=self._lenient)
+        return axis and in_this_version(axis, lenient=lenient)
 
     def switched(self, manifest: SceneManifest | None) -> dict[str, object]:
         """Return the effects that a scene switches itself; a SceneError if one is unknown."""
