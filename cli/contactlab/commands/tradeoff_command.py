@@ -13,7 +13,6 @@ from contactlab.printable import shortened
 from contactlab.resources import RESULTS
 
 if TYPE_CHECKING:
-    from contactlab.pareto.criteria import Criteria
     from contactlab.schema.tradeoff_report import (
         Configuration,
         Method,
@@ -43,10 +42,26 @@ def tradeoff(
     output: opt.Format = opt.FORMAT,
 ) -> None:
     """Weigh accuracy against time, and recommend the fastest settings that are accurate enough."""
+    from contactlab.pareto.analysis import analyse
+    from contactlab.pareto.criteria import find_store
+    from contactlab.store.finished_store import Store
+
     opt.load_plugins(plugin)
     criteria = opt.accuracy_criteria(error, tolerance)
     _check_outputs(figure, write, model)
-    report = _report(name, store, workers, criteria, drive, model, allow_code=allow_code)
+    opened = None if (stored := find_store(name, store)) is None else Store.open(stored)
+    if opened is not None:
+        opt.mention_damage(opened)
+    if opened is not None and model is None:
+        report = analyse(opened, criteria)
+    else:
+        # An engine is needed to run a sweep, and to write a model.
+        from contactlab.plan.overrides import drive_option
+        from contactlab.studies.tradeoff_sweep import TradeoffRequest, run
+
+        request = TradeoffRequest(name, criteria, store, drive_option(drive), model)
+        with study_session(RESULTS / "tradeoff", workers, allow_code=allow_code) as session:
+            report = run(request, session)
     if output == "json":
         print_json(report.model_dump(mode="json"))
     else:
@@ -71,33 +86,6 @@ def _check_outputs(figure: Path | None, write: Path | None, model: Path | None) 
         raise OutputError(f"{write} exists; choose another file with --write")
     if model is not None and model.exists() and not (model.is_dir() and not any(model.iterdir())):
         raise OutputError(f"{model} is no empty folder; choose another one with --model")
-
-
-def _report(
-    name: str,
-    target: opt.Address | None,
-    workers: int | None,
-    criteria: "Criteria",
-    drive: str | None,
-    model: Path | None,
-    *,
-    allow_code: bool,
-) -> "TradeoffReport":
-    """Return the report of a store, or of a sweep, which is run; an engine is loaded to write."""
-    from contactlab.pareto.analysis import analyse
-    from contactlab.pareto.criteria import find_store
-    from contactlab.store.finished_store import Store
-
-    if (stored := find_store(name, target)) is not None:
-        opt.mention_damage(opened := Store.open(stored))
-        if model is None:
-            return analyse(opened, criteria)
-    from contactlab.plan.overrides import drive_option
-    from contactlab.studies.tradeoff_sweep import TradeoffRequest, run
-
-    request = TradeoffRequest(name, criteria, target, drive_option(drive), model)
-    with study_session(RESULTS / "tradeoff", workers, allow_code=allow_code) as session:
-        return run(request, session)
 
 
 def _fail_on(report: "TradeoffReport") -> None:
