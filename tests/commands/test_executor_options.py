@@ -10,7 +10,8 @@ import pytest
 @pytest.mark.parametrize(
     ("options", "says"),
     [
-        (("--address", "auto"), "--address is for a Ray cluster; add --executor ray"),
+        (("--address", "auto"), "--address is for a cluster; add --executor ray"),
+        (("--executor", "rya"), "no executor 'rya'; installed are local, ray"),
         (("--executor", "ray", "--workers", "0"), "--workers 0 runs all in this process"),
     ],
 )
@@ -43,7 +44,7 @@ def test_an_address_where_something_else_listens(
     contactlab: Any, small: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("ray", reason="contactlab[ray] is not installed")
-    monkeypatch.setattr("contactlab.run.ray_connection._ANSWER_TIMEOUT", 0.5)
+    monkeypatch.setattr("contactlab_ray.connection._ANSWER_TIMEOUT", 0.5)
     with socket.create_server(("127.0.0.1", 0)) as server:
         address = f"127.0.0.1:{server.getsockname()[1]}"
         code, out, err = contactlab("sweep", str(small), "--executor", "ray", "--address", address)

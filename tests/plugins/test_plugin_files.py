@@ -11,7 +11,6 @@ from contactlab.errors import PluginError, StoreError
 from contactlab.measure import METRICS
 from contactlab.plugins import Plugin, load_plugins, loaded_plugins, require_plugins
 from contactlab.registry import REGISTRIES
-from contactlab.run.ray_worker import pack_bundle, unpack_bundle
 from contactlab.run.stored_runs import replay
 from contactlab.run.sweep_request import read_request
 from contactlab.run.sweep_runner import run_sweep
@@ -20,6 +19,7 @@ from contactlab.schema.evidence import EvidenceRecord
 from contactlab.store.finished_store import Store
 from contactlab.store.store_files import ObjectAddress
 from contactlab.store.verify_store import verify
+from contactlab_ray.worker import pack_bundle, unpack_bundle
 
 pytestmark = pytest.mark.usefixtures("forgotten")
 

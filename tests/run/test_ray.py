@@ -46,12 +46,12 @@ if "forkserver" in " ".join(sys.orig_argv):
 NEWER = """
 import sys
 if any(each.endswith("contactlab") for each in sys.orig_argv):
-    import contactlab.run.ray_connection as connecting
+    import contactlab_ray.connection as connecting
     enter = connecting._connect
 
     def entering(address, workers):
         enter(address, workers)
-        from contactlab.run import ray_executor
+        from contactlab_ray import executor as ray_executor
         ray_executor.version = lambda name: "9.9"
 
     connecting._connect = entering

@@ -20,10 +20,10 @@ from ray.exceptions import (
 )
 
 from contactlab.errors import ClusterError, OutputError
-from contactlab.run import ray_executor as flight
-from contactlab.run import ray_node as node
-from contactlab.run.ray_executor import MAX_LOSSES, InFlight
 from contactlab.run.tasks import Crashed, Job, PlannedRun, Stop
+from contactlab_ray import executor as flight
+from contactlab_ray import node
+from contactlab_ray.executor import MAX_LOSSES, InFlight
 
 GONE = [NodeDiedError("gone"), RaySystemError("gone"), WorkerCrashedError()]
 

@@ -11,10 +11,11 @@ from typing import Any
 
 import pytest
 
-from contactlab.run import ray_worker, worker_pool
+from contactlab.run import worker_pool
 from contactlab.run.tasks import Crashed, PlannedRun, Task
 from contactlab.scene.scene_source import stored_scene
 from contactlab.store.store_files import ObjectAddress
+from contactlab_ray import worker as ray_worker
 
 # Above what any system counts to.
 NO_PROCESS = 1 << 23
@@ -58,7 +59,7 @@ def test_a_scene_goes_along_with_a_store_that_is_no_folder(task: Task, tmp_path:
 
 
 def test_folders_go_with_their_processes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("contactlab.run.ray_worker.gettempdir", lambda: str(tmp_path))
+    monkeypatch.setattr("contactlab_ray.worker.gettempdir", lambda: str(tmp_path))
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     first = ray_worker.own_folder()
     gone = Path(str(first).replace(f"-{os.getpid()}-", f"-{NO_PROCESS}-"))

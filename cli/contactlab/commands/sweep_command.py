@@ -3,7 +3,7 @@
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import typer
 
@@ -27,9 +27,6 @@ if TYPE_CHECKING:
     from contactlab.schema.evidence import StoreManifest
 
 
-ExecutorName = Literal["local", "ray"]
-
-
 def sweep(
     name: str = typer.Argument(..., metavar="SWEEP", help="Sweep file or shipped sweep."),
     store: opt.Address | None = opt.SWEEP_STORE,
@@ -41,10 +38,10 @@ def sweep(
     workers: int | None = opt.WORKERS,
     *,
     drive: str | None = opt.DRIVE,
-    executor: ExecutorName = typer.Option(
-        "local", help="Where jobs run: on this machine, or on a Ray cluster."
+    executor: str = typer.Option(
+        "local", metavar="NAME", help="Where jobs run: local, or ray, or another that is installed."
     ),
-    address: str | None = option("HOST:PORT|auto", "Ray cluster to join; by default starts one."),
+    address: str | None = option("HOST:PORT|auto", "Cluster to join; by default Ray starts one."),
     mujoco: str | None = opt.MUJOCO,
     plugin: list[Path] | None = opt.PLUGIN,
     allow_code: bool = opt.ALLOW_CODE,
@@ -59,9 +56,9 @@ def sweep(
     from contactlab import resources
 
     if executor == "local" and address is not None:
-        raise SweepFileError("--address is for a Ray cluster; add --executor ray")
-    if executor == "ray" and workers == 0:
-        raise SweepFileError("--workers 0 runs all in this process; leave it out for Ray")
+        raise SweepFileError("--address is for a cluster; add --executor ray")
+    if executor != "local" and workers == 0:
+        raise SweepFileError("--workers 0 runs all in this process; leave it out for a cluster")
     path = resources.find_sweep(name)
     target = store or resources.RESULTS / path.stem
     opt.rerun_with_mujoco(mujoco, None if store else target)
@@ -114,13 +111,18 @@ def _start_server() -> None:
 
 
 def _cluster(
-    executor: ExecutorName, address: str | None, workers: int | None
+    name: str, address: str | None, workers: int | None
 ) -> "AbstractContextManager[Executor | None]":
-    if executor == "local":
+    """Return what connects to an executor, which is an entry point; of this machine, nothing."""
+    if name == "local":
         return nullcontext()
-    from contactlab.run.ray_connection import ray_cluster
+    from importlib.metadata import entry_points
 
-    return ray_cluster(address, workers)
+    found = entry_points(group="contactlab.executors")
+    if name not in found.names:
+        known = ", ".join(["local", *sorted(found.names)])
+        raise SweepFileError(f"no executor '{name}'; installed are {known}")
+    return found[name].load()(address, workers)
 
 
 def _conclude(target: opt.Address, manifest: "StoreManifest", output: opt.Format) -> None:

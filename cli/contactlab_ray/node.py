@@ -46,7 +46,7 @@ def run_job(token: str, shared: Sequence[Any], job: bytes) -> Any:  # noqa: ANN4
         if (refused := refusal(ray.get(requirements))) is not None:
             return refused
         _accepted.add(token)
-    from contactlab.run.ray_worker import run_on_worker  # noqa: PLC0415 - see the top
+    from contactlab_ray.worker import run_on_worker  # noqa: PLC0415 - see the top
 
     return run_on_worker(token, lambda: ray.get(bundle), job)
 

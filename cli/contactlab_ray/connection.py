@@ -42,7 +42,7 @@ def ray_cluster(address: str | None, workers: int | None) -> Generator[Executor]
         os.environ.setdefault(name, value)
     with optional("ray", "running on a cluster"):
         import ray  # noqa: PLC0415 - an extra, which reads the environment first
-    from contactlab.run.ray_executor import RayExecutor  # noqa: PLC0415 - as above
+    from contactlab_ray.executor import RayExecutor  # noqa: PLC0415 - as above
 
     before = signal.getsignal(signal.SIGTERM)
     try:

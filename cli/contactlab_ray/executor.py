@@ -23,12 +23,12 @@ from ray.exceptions import (
 )
 
 from contactlab.errors import ClusterError
-from contactlab.run import ray_node
-from contactlab.run.ray_node import NodeRequirements
-from contactlab.run.ray_worker import pack_bundle
 from contactlab.run.tasks import Crashed, Job, Result, Stop, Task
 from contactlab.store.atomic_files import TEMPORARY_SUFFIX
 from contactlab.store.store_files import TRACES
+from contactlab_ray import node as ray_node
+from contactlab_ray.node import NodeRequirements
+from contactlab_ray.worker import pack_bundle
 
 MAX_LOSSES = 3  # how often a job may lose its node before it is taken to be the cause
 _LOST = (NodeDiedError, ObjectLostError, RaySystemError, WorkerCrashedError)
