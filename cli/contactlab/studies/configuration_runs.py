@@ -26,6 +26,25 @@ class ConfigurationRows(NamedTuple):
         return [row for rows in self.rows for row in rows]
 
 
+def sweep_of(
+    setup: AblationSetup, configurations: Sequence[Values], asked: Mapping[str, object]
+) -> dict[str, object]:
+    """Return a sweep of configurations, as a sweep file has it."""
+    rows = [{**setup.base, **each, **own} for own in configurations for each in setup.scenarios]
+    sweep = {
+        "version": 1,
+        "scene": setup.reference,
+        "duration": setup.duration,
+        "seeds": list(setup.seeds),
+        "include": rows,
+        "effects": "all",
+        "thresholds": dict(setup.thresholds),
+        "checks": "none",
+        **asked,
+    }
+    return {key: value for key, value in sweep.items() if value is not None}
+
+
 def run_configurations(
     session: Session,
     setup: AblationSetup,
@@ -40,19 +59,8 @@ def run_configurations(
     sweep says, but for keys of no value.
     """
     values = [[{**setup.base, **each, **own} for each in setup.scenarios] for own in configurations]
-    sweep = {
-        "version": 1,
-        "scene": setup.reference,
-        "duration": setup.duration,
-        "seeds": list(setup.seeds),
-        "include": [row for of_each in values for row in of_each],
-        "effects": "all",
-        "thresholds": dict(setup.thresholds),
-        "checks": "none",
-        **asked,
-    }
-    content = {key: value for key, value in sweep.items() if value is not None}
-    store, scene = session.run_derived(name, content, setup.scenes, resume=True), setup.scene
+    sweep = sweep_of(setup, configurations, asked)
+    store, scene = session.run_derived(name, sweep, setup.scenes, resume=True), setup.scene
     stored = {row["run_id"]: row for row in store.table.to_pylist()}
 
     def rows(of_each: Values) -> Iterator[Row]:

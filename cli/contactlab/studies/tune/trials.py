@@ -4,7 +4,7 @@ import json
 import math
 import time
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from statistics import median
 
@@ -22,7 +22,6 @@ from contactlab.studies.session import Session, Values
 from contactlab.studies.tune.profile import costs_without
 from contactlab.studies.tune.tune_request import BASELINE, Limits
 
-ACCURACY: Mapping[str, object] = {"error": "trajectory", "against": "written"}
 PRUNING, PROVING = 2, 4
 """By how much references refine the timestep: by RK4 twice, as much work as 16 times as many steps.
 """
@@ -69,11 +68,16 @@ class Trials:
         """
         setup, asked = replace(setup or self.setup, seeds=tuple(seeds)), {"trace": "none", **asked}
         if refine:
-            asked["accuracy"] = {**ACCURACY, "refine": refine, "scenario": self.setup.scenario}
+            asked["accuracy"] = self.accuracy(refine)
         found = run_configurations(self.session, setup, name, configurations, asked, measure)
         self.stores.append(name)
         self.runs += sum(len(each.flat) for each in found)
         return found
+
+    def accuracy(self, refine: int) -> dict[str, object]:
+        """Return what a sweep says of errors against the model as written."""
+        scenario = self.setup.scenario
+        return {"error": "trajectory", "against": "written", "refine": refine, "scenario": scenario}
 
     def judge(self, configurations: Sequence[Values]) -> list[float]:
         """Return the excess of configurations, from one seed; an OutOfTimeError without time."""

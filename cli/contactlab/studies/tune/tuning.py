@@ -2,7 +2,6 @@
 
 import json
 import time
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -20,11 +19,11 @@ from contactlab.schema.study_reports import (
     Standing,
     TuneReport,
 )
-from contactlab.schema.vocabulary import Role
+from contactlab.studies.configuration_runs import sweep_of
 from contactlab.studies.session import Session, Values
 from contactlab.studies.tune.knobs import space_of
 from contactlab.studies.tune.study import Study, motion_of
-from contactlab.studies.tune.trials import ACCURACY, PROVING, PRUNING, Contender, Trials
+from contactlab.studies.tune.trials import PROVING, PRUNING, Contender, Trials
 from contactlab.studies.tune.tune_request import BASELINE, FRESH, TuneRequest, limits_of
 
 _SAFE = 0.8  # largest share of its limits that the safer choice takes
@@ -129,37 +128,19 @@ def _candidates(study: Study, chosen: Contender | None) -> tuple[Candidate, ...]
 
 def _proof_sweep(study: Study, changed: Values) -> str:
     """Return a sweep that runs the settings beside the model as written, from fresh seeds."""
-    setup, limits = study.trials.setup, study.trials.limits
-    path, scene = Path(setup.reference), setup.scene
-    block = {
-        name: _axis([each[name] for each in setup.scenarios], "scenario")
-        for name in setup.scenarios[0]
-    }
-    axes = {
-        name: _axis([value], "scenario" if name in setup.scenario else "knob")
-        for name, value in {**setup.base, **changed}.items()
-    }
-    content = {
-        "version": 1,
-        "scene": str(path.resolve()) if path.exists() else setup.reference,
+    setup, trials = study.trials.setup, study.trials
+    path, rows = Path(setup.reference), [{}, changed]
+    reference = str(path.resolve()) if path.exists() else setup.reference
+    seeds = tuple(each + len(FRESH) for each in FRESH)
+    asked: dict[str, object] = {
         "description": f"What `contactlab tune` recommends for {setup.reference}",
-        "duration": setup.duration or scene.duration,
-        "drive": drive_data(scene.drive.drive),
-        "seeds": [each + len(FRESH) for each in FRESH],
-        "axes": axes,
-        "zip": [block] if block else [],
-        "effects": "all",
-        "baseline": True,
-        "accuracy": {**ACCURACY, "refine": PROVING},
+        "drive": drive_data(setup.scene.drive.drive),
+        "accuracy": trials.accuracy(PROVING),
         "timing": {"rounds": 3},
-        "tolerances": dict(limits.sizes),
-        "expect": [{"label": sorted(limits.labels)}],
+        "tolerances": dict(trials.limits.sizes),
+        "expect": [{"label": sorted(trials.limits.labels)}],
         "trace": "none",
     }
+    sweep = sweep_of(replace(setup, reference=reference, seeds=seeds), rows, asked)
     # JSON is YAML, too.
-    return json.dumps(content, indent=2) + "\n"
-
-
-def _axis(values: Sequence[object], role: Role) -> dict[str, object]:
-    """Return an axis as a sweep has it."""
-    return {"values": list(map(as_written, values)), "role": role}
+    return json.dumps(sweep, indent=2) + "\n"
