@@ -450,7 +450,7 @@ def line_of(change: Callable[[dict[str, Any]], object]) -> Callable[[bytes], byt
         ),
         (
             line_of(lambda row: row.pop("steps") and None),
-            "is no row of a run: steps: Field required",
+            "is no row of a run: steps: Input should be a valid integer",
         ),
         (line_of(lambda row: row.update(steps="many")), "is no row of a run: steps: "),
         (line_of(lambda row: row.update(index=0, run_id="0" * 16)), "which is not run 0 of the"),

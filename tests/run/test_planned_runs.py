@@ -105,6 +105,16 @@ def _check_jobs(left: list[tuple[PlannedRun, ResolvedRun]], scene: Scene, worker
         assert len(job) <= max(1, min(MAX_RUNS, len(left) // (4 * max(1, workers))))
 
 
+def test_short_runs_share_a_job(sweeper: Any) -> None:
+    """Up to 512 of them, whatever a step costs; long ones go 32 at a time."""
+    for duration, most in (("1.0e-2", 512), ("2.0", 32)):
+        text = f"version: 1\nscene: ball_drop\nduration: {duration}\nseeds: 4096\n"
+        request = sweeper.ask(f"{text}axes: {{timestep: [1.0e-3]}}\nchecks: none", "short")
+        index = RunIndex(request.plan, request.scene)
+        jobs = list(pack_jobs(index.runs(), len(index), request.scene, 1))
+        assert max(map(len, jobs)) == most
+
+
 def _id(run: PlannedRun) -> str:
     return run.run_id
 

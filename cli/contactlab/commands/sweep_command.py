@@ -11,6 +11,7 @@ from contactlab.commands import options as opt
 from contactlab.commands.options import flag, option
 from contactlab.commands.store_commands import format_value, print_summary
 from contactlab.commands.terminal import (
+    begin_workers,
     echo,
     print_json,
     print_table,
@@ -62,8 +63,9 @@ def sweep(
     path = resources.find_sweep(name)
     target = store or resources.RESULTS / path.stem
     opt.rerun_with_mujoco(mujoco, None if store else target)
-    if executor == "local" and workers != 0 and not plan and (fresh or not _is_whole(target)):
-        _start_server()
+    # A finished store is unlikely to need workers.
+    is_whole = not fresh and Path(str(target), "manifest.json").exists()
+    begin_workers(0 if plan or is_whole or executor != "local" else workers)
     from contactlab.plan.grid import CONFIRM_ABOVE
     from contactlab.plan.overrides import Overrides, drive_option
     from contactlab.run.forecast import forecast
@@ -97,17 +99,6 @@ def sweep(
         request = replace(request, cluster=nodes, **how)
         manifest = run_sweep(request, display.begin, display.advance, stop)
     _conclude(target, manifest, output)
-
-
-def _is_whole(store: opt.Address) -> bool:
-    """Return whether a local store is finished, so that no worker is likely to be needed."""
-    return isinstance(store, Path) and (store / "manifest.json").exists()
-
-
-def _start_server() -> None:
-    from contactlab.run.fork_server import start_server
-
-    start_server()
 
 
 def _cluster(

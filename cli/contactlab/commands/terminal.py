@@ -207,15 +207,20 @@ def resumable(then: str = "resume") -> Generator["Stop"]:
         raise typer.Exit(StoppedError.exit_code) from error
 
 
+def begin_workers(count: int | None) -> None:
+    """Start what workers, if any are wanted, come from, before the command loads what it needs."""
+    if count != 0:
+        from contactlab.run.fork_server import start_server
+
+        start_server()
+
+
 @contextmanager
 def study_session(
     folder: Path, workers: int | None, then: str = "resume", *, allow_code: bool = False
 ) -> Generator["Session"]:
     """Yield a session that shows its progress on stderr and stops on Ctrl-C and SIGTERM."""
-    from contactlab.run.fork_server import start_server
-
-    if workers != 0:
-        start_server()
+    begin_workers(workers)
     from contactlab.run.worker_pool import worker_count
     from contactlab.studies.session import Session
 

@@ -4,8 +4,7 @@ import faulthandler
 import hashlib
 import math
 import signal
-import time
-from collections import OrderedDict, deque
+from collections import OrderedDict
 from collections.abc import Callable, Collection, Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import cached_property
@@ -35,9 +34,8 @@ from contactlab.store.controls_file import read_control_table, read_controls
 from contactlab.store.folder_backend import backend_at
 from contactlab.store.store_files import SCENES, Address
 
-# Runs of a job at most, of those that share a policy's calls, and until it is known how long one
-# takes; a job of more takes about so long [s].
-MAX_RUNS, _FEW_RUNS, _JOB_SECONDS = 512, 32, 0.25
+# Runs of a job at most: of short ones as many as have so many steps, so that they share more.
+MAX_RUNS, _FEW_RUNS, _SHORT_STEPS = 512, 32, 1 << 13
 # Recorded states and sensors of a job; with temporary arrays a worker needs three times as much.
 JOB_BYTES = 32 << 20
 RUN_BYTES = 1 << 30
@@ -196,7 +194,6 @@ def pack_jobs(
     """
     most = max(1, min(MAX_RUNS, count // (4 * max(1, workers))))
     shares = 2 * workers if workers > 1 else 1
-    pace = _Pace(max(1, workers))
     waiting: dict[Key, list[PlannedRun]] = {}
     bounds: dict[Key, int] = {}
     for taken, (run, resolved) in enumerate(runs):
@@ -206,35 +203,16 @@ def pack_jobs(
         if key not in bounds:
             base = scene.base_of(resolved)
             size = bytes_of_run(base.model, resolved.steps)
-            few = _FEW_RUNS if isinstance(resolved.drive, PolicyDrive) else MAX_RUNS
-            bounds[key] = max(1, min(most, few, JOB_BYTES // size, _max_models(base)))
+            short = 0 if isinstance(resolved.drive, PolicyDrive) else _SHORT_STEPS // resolved.steps
+            bound = min(most, max(_FEW_RUNS, short), JOB_BYTES // size, _max_models(base))
+            bounds[key] = max(1, bound)
         group = waiting.setdefault(key, [])
         group.append(run)
-        if len(group) >= min(bounds[key], pace.most, max(1, (count - taken) // shares)):
-            yield from pace.give(tuple(waiting.pop(key)))
+        if len(group) >= min(bounds[key], max(1, (count - taken) // shares)):
+            yield tuple(waiting.pop(key))
         elif len(waiting) > _MAX_OPEN:
             yield tuple(waiting.pop(next(iter(waiting))))
     yield from (tuple(group) for group in waiting.values())
-
-
-class _Pace:
-    """How fast jobs are taken by so many workers, and so how many runs the next may have."""
-
-    def __init__(self, workers: int) -> None:
-        self._seconds, self._done, self._workers = 0.0, 0, workers
-        self._given: deque[int] = deque()
-        self.most = _FEW_RUNS
-
-    def give(self, job: Job) -> Iterator[Job]:
-        """Yield a job; once the next is asked for, all but two for each worker are done."""
-        begin = time.monotonic()
-        yield job
-        self._seconds += time.monotonic() - begin
-        self._given.append(len(job))
-        if len(self._given) > 2 * self._workers:
-            self._done += self._given.popleft()
-            rate = self._done / self._workers / max(self._seconds, _JOB_SECONDS)
-            self.most = max(_FEW_RUNS, int(rate * _JOB_SECONDS))
 
 
 def _max_models(base: CompiledScene) -> int:

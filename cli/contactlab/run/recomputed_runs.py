@@ -157,8 +157,8 @@ def simulated_problems(store: Store, count: int) -> Iterator[str]:
             (finished,) = worker.run((planned,))
             again = from_json(finished.row)
             before = f"run {record.run_id}: simulated again, "
-            for name in (each for each in names if again[each] != stored[each]):
-                yield f"{before}{name} is {again[name]}, not {stored[name]}"
+            for name in (each for each in names if again.get(each) != stored[each]):
+                yield f"{before}{name} is {again.get(name)}, not {stored[name]}"
             if record.trace is not None and not store.manifest.traces_left_out:
                 new = read_trace(Path(folder) / again["trace_file"])
                 if _arrays(store.trace(record)) != _arrays(new):

@@ -266,8 +266,8 @@ class Worker:
 
 
 def _finished(record: EvidenceRecord) -> Finished:
-    row = to_json(record_to_row(record))
-    return Finished(row, record.label, record.status, record.expectation_met)
+    row = {name: value for name, value in record_to_row(record).items() if value is not None}
+    return Finished(to_json(row), record.label, record.status, record.expectation_met)
 
 
 def _metadata(record: EvidenceRecord, activations: int) -> dict[str, str]:

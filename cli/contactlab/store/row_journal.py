@@ -25,7 +25,7 @@ from contactlab.store.controls_file import has_controls
 from contactlab.store.folder_backend import Backend
 from contactlab.store.mcap.trace_reader import trace_problems
 from contactlab.store.store_files import JOURNAL, NOTES
-from contactlab.store.table_layout import row_to_record
+from contactlab.store.table_layout import FIXED_COLUMNS, row_to_record
 
 FAILED_STATUSES = frozenset({"crashed", "error", "timeout"})
 
@@ -165,9 +165,9 @@ class _RowHead(BaseModel):
     scene_hash: str
     label: str
     status: Status
-    trace_file: Annotated[str, Field(pattern=r"^traces/[0-9a-f]{2}/[0-9a-f]{16}\.mcap$")] | None
-    trace_sha256: str | None
-    trace_bytes: int | None
+    trace_file: str | None = Field(None, pattern=r"^traces/[0-9a-f]{2}/[0-9a-f]{16}\.mcap$")
+    trace_sha256: str | None = None
+    trace_bytes: int | None = None
 
 
 @dataclass(frozen=True)
@@ -202,7 +202,7 @@ class ResumedRows:
 
     def keeps(self, row: Row) -> bool:
         """Return whether a run stays: it need not be retried, and what it names is as written."""
-        name = row["trace_file"]
+        name = row.get("trace_file")
         if self.retry_failed and row["status"] in FAILED_STATUSES:
             self.backend.delete([name] if name else [])
             return False
@@ -222,8 +222,9 @@ class ResumedRows:
 
     def _record(self, row: Row) -> EvidenceRecord:
         versions = self.identity.metric_versions
+        absent = dict.fromkeys([*(column.name for column in FIXED_COLUMNS), *versions])
         return row_to_record(
-            row,
+            {**absent, **row},
             {
                 "schema_version": RECORD_VERSION,
                 "sweep": self.identity.name,

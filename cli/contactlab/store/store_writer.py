@@ -234,7 +234,7 @@ def _prepare(
         folder, rows.check, rows.keeps, repair=rows.repair, shown_path=address / JOURNAL
     )
     if rows.repair:
-        named = {row["trace_file"] for row in read_lines(folder / JOURNAL)}
+        named = {row.get("trace_file") for row in read_lines(folder / JOURNAL)}
         rows.backend.delete(name for name in rows.backend.trace_names() if name not in named)
     session.replace_journal()
     return mended
