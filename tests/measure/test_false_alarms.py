@@ -92,6 +92,17 @@ WEDGED = (
 PRESS = """<body pos="0 0 .12"><joint name="ram" type="slide" axis="0 0 -1"/><geom type="box"
 size=".04 .04 .02" mass="1"/></body></worldbody><actuator><motor joint="ram"/></actuator>
 <keyframe><key qpos="0 0 .05 1 0 0 0 0" ctrl="200"/></keyframe><worldbody>"""
+PALLET = (
+    '<body pos="0 0 .02"><freejoint/><geom type="box" size=".3 .3 .02" mass="20"/></body>'
+    '<body pos="0 0 .13"><freejoint/><geom type="box" size=".1 .1 .09" mass="4" '
+    'margin="{}"/></body>'
+)
+BLADE = (
+    '<geom name="block" type="box" size=".1 .3 .015" pos="0 0 .4" solref=".002 1"/>'
+    '<body pos="0 0 .7"><joint type="slide" axis="0 0 1"/><geom type="box" size=".004 .2 .12" '
+    'mass="30" solref="{solref} 1"/></body></worldbody><keyframe><key qvel="-{speed}"/></keyframe>'
+    "<worldbody>"
+)
 WEIGHTLESS = '<option gravity="0 0 0"/>'
 
 # Healthy, failing, and the label of the failing one.
@@ -136,6 +147,16 @@ LOOKALIKES = {
     "a hard landing": (
         world(DROP.format(speed=6, solref=0.02)),
         world(DROP.format(speed=6, solref=0.4)),
+        "tunneling",
+    ),
+    "a start within a margin": (
+        world(PALLET.format(0.001)),
+        world(PALLET.format(0.06)),
+        "contact_at_distance",
+    ),
+    "a blade that meets a block with its edge": (
+        world(BLADE.format(speed=6, solref=0.0032), option='<option timestep=".0005"/>'),
+        world(BLADE.format(speed=400, solref=0.0032), option='<option timestep=".0005"/>'),
         "tunneling",
     ),
     "a weld that turns a little": (TOOL.format(0.02), TOOL.format(0.2), "constraint_violated"),

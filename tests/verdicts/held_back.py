@@ -1,6 +1,6 @@
-"""The cases of the corpus that no rule may be written by: they are only counted.
+"""A second part, held back at first and open to the rules since.
 
-Whoever writes rules reads `cases.py`. What is wrong with these models, and by how much, is fixed by
+What is wrong with these models, and by how much, is fixed by
 the physics of each: its limit is a share of its own size, speed or energy.
 """
 

@@ -11,7 +11,7 @@ from contactlab.measure.context import Context, cached, first_step
 from contactlab.measure.entries import Finding, Found, MeasuredRuns, Threshold, label, metric
 
 _PEAK = Threshold(
-    "constraint_violation", 0.5, "1", "Public robots reach 0.2; stops pushed through, 0.9 to 3."
+    "constraint_violation", 0.4, "1", "Public robots reach 0.2; stops pushed through, 0.9 to 3."
 )
 _AT_REST = Threshold(
     "constraint_violation_rest", 0.075, "1", "Public robots stay below 0.01; open loops reach 0.08."

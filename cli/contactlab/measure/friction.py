@@ -32,10 +32,7 @@ from contactlab.measure.stick_slip import HELD_USAGE, Spans, changes, spans
 
 _CREEP_SPEED = Threshold("creep_speed", None, "m/s", "Set where what sticks should stay.")
 _CREPT = Threshold(
-    "crept",
-    0.1,
-    "1",
-    "Public robots reach 0.05; grasps, suckers and stacks that slowly give way, 0.13 to 0.2.",
+    "crept", 0.1, "1", "Public robots reach 0.05; grasps and stacks that give way, 0.13 to 0.2."
 )
 _MODE_SWITCHES = Threshold("mode_switches", 5, "1/s", "Guideline for a pad that does not chatter.")
 _CONTACT_LOSSES = Threshold(
@@ -117,8 +114,7 @@ def crept(context: Context) -> Floats:
 
     Median slip of pairs that stick through the last half, below 0.9 of the friction bound, and do
     not slow down: of each over the greatest extent of its smaller geom; of all together, as far as
-    a free body moves by as much, over twice its reach. Not defined where a drive keeps changing
-    the controls.
+    a free body moves by as much, over twice its reach. Not defined under controls that change.
     """
     shares = [] if context.setup.steered else [*_crept(context).values()]
     return worst_pair(context, shares)
@@ -210,8 +206,10 @@ def chatter(runs: MeasuredRuns) -> Found:
     held = context.setup.hold is not None
     masks = hold_switch_masks(context) if held else switch_masks(context)
     between = "stick, slide and no contact in its hold" if held else "stick and slide"
-    for series, mask in zip(context.series, masks, strict=True):
-        run, step = np.nonzero(mask)
+    extents = context.setup.thickness
+    for series, net, mask, extent in zip(context.series, context.net, masks, extents, strict=True):
+        # What tumbles is held and slides in turn as it meets with one point after another.
+        run, step = np.nonzero(mask & ~(net.rolling * extent > series.slip)[:, 1:])
         what = f"{series.name} switched {{}} times between {between}"
         yield from _often(runs, series, (run, step + 1), what, "mode_switches")
     for series, gaps in zip(context.series, () if held else _all_losses(context), strict=not held):

@@ -266,14 +266,17 @@ def _level_energy(context: Context) -> Floats:
 def _stored_at_start(context: Context) -> Floats:
     """Return (n,) the energy [J] that constraints have stored at the start.
 
-    Contacts at most force times depth, and what lifts all by a tenth of the thinner half extent.
+    Contacts at most depth, from as far off as any ever was in their margin, times force, then or at
+    the end, and what lifts all by a tenth of the thinner half extent.
     """
     most, given = _HAIR * context.setup.moving_mass * gravity(context), context.trace.given
     stored = np.zeros(context.trace.runs) if given is None else np.nan_to_num(given[:, 3])
     for pair, thickness in zip(context.trace.pairs, context.setup.thickness, strict=True):
-        first = pair.slots[:, 0]
-        energies = first[..., FORCE.start] * np.maximum(-first[..., DISTANCE], 0)
-        stored += np.fmin(energies.sum(axis=1), most * thickness)
+        distance = pair.slots[..., DISTANCE]
+        forces = (pair.slots[:, step, :, FORCE.start].sum(axis=1) for step in (0, -1))
+        margin = distance.max(axis=(1, 2), initial=0)[:, None]
+        depth = np.where(pair.touching[:, 0], margin - distance[:, 0], 0).max(axis=1)
+        stored += np.fmin(np.maximum(*forces) * depth, most * thickness)
     return stored
 
 

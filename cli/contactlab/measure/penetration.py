@@ -43,6 +43,7 @@ _RESTING = 0.9  # Share of the last half in which a pair must touch to count as 
 _LASTING = 0.5  # Share of the last fifth in which a steady pair must touch; sliding ones hop
 _DRIVEN = 0.75  # Share of it in which a pair under a drive must be deep to count as resting
 _LOADED = 3  # Part of the thinner's half extent that what bears many weights may be deep
+_EDGEWAYS = 1.1  # Half extents that a geom may dip where there is no ground: it may be thin across
 _DIP = 0.1  # Longest time [s] for which a geom may dip beyond its middle into the ground
 
 
@@ -230,15 +231,16 @@ def _pierced(runs: MeasuredRuns) -> Found:
 
 
 def _dips(context: Context, index: int, run: int, deep: slice) -> bool:
-    """Return whether what dips beyond its middle into the ground comes back, as its copy does."""
+    """Return whether what dips beyond its middle, far only in the ground, comes back as copies."""
     trace, checks, depth = context.trace, context.checks, contact_depths(context)[index][1][run]
     soon = (deep.stop - deep.start) * trace.timestep[run] <= _DIP
     left = deep.stop < trace.steps and depth[deep.stop] == 0
-    if not (checks and context.setup.grounded[index] and soon and not left):
+    extent, grounded = context.setup.thickness[index], context.setup.grounded[index]
+    if not checks or not soon or left or not (grounded or depth[deep].max() < _EDGEWAYS * extent):
         return False
     pair = checks.refined[run].pairs[index]
     copied = np.where(pair.touching, -pair.slots[..., DISTANCE], 0).max(initial=0)
-    return bool(copied > context.setup.thickness[index])
+    return bool(copied > (extent if grounded else extent / 2))
 
 
 def _crossed(context: Context) -> Found:

@@ -24,11 +24,7 @@ from contactlab.measure.penetration import PRESSED, weights_borne
 from contactlab.measure.solver_work import SATURATED, stuck_share
 
 _SHAKING = Threshold(
-    "unresolved_motion",
-    0.6,
-    "1",
-    "If the refined copy shakes less than a third as much. Public robots reach 0.2; loops too "
-    "tight for their step, 2 to 700.",
+    "unresolved_motion", 0.6, "1", "Public robots reach 0.2; loops too tight for a step, 2 to 700."
 )
 _REST_RATIO = Threshold(
     "rest_ratio", 8.0, "1", "Speed at the end over that of the refined copy; robots reach 1.5."
@@ -46,14 +42,10 @@ _ALONG = {"free": [True] * 3 + [False] * 3, "ball": [False] * 3, "slide": [True]
 
 
 class _Ends(NamedTuple):
-    """Last quarters of n runs and, after a second pass, of refined and perturbed copies.
+    """Of last quarters of n runs (n, 1, nv) or, with refined and perturbed copies, (n, 3, nv)."""
 
-    Each (n, 1, nv) or (n, 3, nv): root mean square speed, and the amplitude of what alternates from
-    step to step of their own.
-    """
-
-    speed: Floats
-    amplitude: Floats
+    speed: Floats  # root mean square
+    amplitude: Floats  # of what alternates from step to step of their own
 
     @property
     def total(self) -> Floats:
