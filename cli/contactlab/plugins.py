@@ -13,7 +13,7 @@ import sys
 from collections.abc import Generator, Iterable, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from importlib.metadata import Distribution, EntryPoint, distributions
+from importlib.metadata import Distribution, EntryPoint, distributions, entry_points
 from importlib.util import find_spec
 from pathlib import Path
 from types import ModuleType
@@ -23,6 +23,14 @@ from contactlab.registry import REGISTRIES, Named, transaction
 
 GROUPS = {f"contactlab.{kind}s": kind for kind in ("metric", "label", "oracle", "engine")}
 """Entry-point groups, with the kind of entry that each adds."""
+
+
+def extensions(kind: str) -> dict[str, EntryPoint]:
+    """Return what installed packages offer of a kind, by name: `executor`, or `viewer`.
+
+    They are loaded when they are asked for, and are no part of the evidence.
+    """
+    return {each.name: each for each in sorted(entry_points(group=f"contactlab.{kind}s"))}
 
 
 @dataclass(frozen=True)

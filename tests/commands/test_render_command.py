@@ -39,8 +39,8 @@ def test_the_file_is_named_on_stdout_and_the_scale_on_stderr(
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (("-o", "run.avi"), "cannot write run.avi: end its name in .mcap, .rrd, .mp4, .gif, .png"),
-        (("-o", "run"), "cannot write run: end its name in .mcap"),
+        (("-o", "run.avi"), "cannot write run.avi: end its name in .gif, .mcap, .mp4, "),
+        (("-o", "run"), "cannot write run: end its name in .gif, .mcap"),
         (("-o", "none/run.png"), "cannot write none/run.png: there is no folder none"),
         (("-o", "run.mp4", "--at", "0.1"), "--at is for .png only; leave it out for .mp4"),
         (("-o", "run.png", "--at", "9"), "--at 9: choose a time within the run, 0 to 0.3 s"),
@@ -98,7 +98,7 @@ def test_what_is_not_installed_is_named_with_how_to_get_it(
     module: str,
     extra: str,
 ) -> None:
-    ours = ("contactlab.view.", f"{module}.")
+    ours = ("contactlab_view.", f"{module}.")
     for name in [each for each in sys.modules if each.startswith(ours)]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, module, None)

@@ -18,9 +18,9 @@ from tests.written_traces import TraceExtras, assert_viewable, write_trace
 from contactlab.contact.trace_arrays import PairSeries, Trace
 from contactlab.palette import MODE_COLOURS
 from contactlab.store.mcap.trace_reader import read_trace
-from contactlab.view.drawn_motion import BodyMotion
-from contactlab.view.drawn_shapes import BodyShape
-from contactlab.view.foxglove_layer import write_with_layer
+from contactlab_view.drawn_motion import BodyMotion
+from contactlab_view.drawn_shapes import BodyShape
+from contactlab_view.foxglove_layer import write_with_layer
 
 MakeTrace = Callable[..., tuple[Trace, list[PairSeries]]]
 MakeMotion = Callable[..., BodyMotion]

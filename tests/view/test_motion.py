@@ -16,8 +16,8 @@ from tests.written_traces import assert_viewable
 
 from contactlab.errors import StoreError
 from contactlab.store.mcap.trace_reader import read_trace
-from contactlab.view.drawn_motion import arrow_scale, read_motion
-from contactlab.view.render import render
+from contactlab_view.drawn_motion import arrow_scale, read_motion
+from contactlab_view.render import render
 
 
 @pytest.mark.parametrize("name", ["ball", "slide", "stack"])

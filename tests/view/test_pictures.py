@@ -12,9 +12,9 @@ from PIL import Image
 
 from contactlab.contact.trace_arrays import STICK
 from contactlab.errors import OutputError, SceneError
-from contactlab.view.drawn_motion import read_motion
-from contactlab.view.film import Picture, draw_pictures
-from contactlab.view.render import PictureOptions, render
+from contactlab_view.drawn_motion import read_motion
+from contactlab_view.film import Picture, draw_pictures
+from contactlab_view.render import PictureOptions, render
 
 SIZE = (160, 120)
 Draw = Callable[[str], Any]

@@ -9,7 +9,7 @@ import pytest
 CODE = """
 from contactlab.errors import SceneError
 from contactlab.scene.scene import Scene
-from contactlab.view.render import open_viewer
+from contactlab_view.render import open_viewer
 scene = Scene.open("ball_drop")
 run = scene.resolve({}, 0, None)
 try:

@@ -88,17 +88,19 @@ def render(
     camera: str | None = typer.Option(None, help="Camera of the model."),
 ) -> None:
     """Render a stored run in 3D with its contact forces: for a viewer, as a film or pictures."""
+    from contactlab.plugins import extensions
     from contactlab.store.finished_store import Store
-    from contactlab.view.render import PictureOptions
-    from contactlab.view.render import render as write
 
-    options = PictureOptions(_size(size), camera, speed, tuple(at or ()))
-    motion = write(Store.open(store), run, target, options)
-    if len(motion.forces.frame):
-        say(
-            f"an arrow is the force on the second side of a pair: {motion.scale:g} m long for 1 N, "
-            f"at most {motion.longest:.3g} m"
-        )
+    found = extensions("viewer")
+    suffix = target.suffix.lower().removeprefix(".")
+    if suffix not in found.keys() - {"window"}:
+        known = ", ".join(f".{each}" for each in found if each != "window")
+        raise OutputError(f"cannot write {target}: end its name in {known}")
+    write = found[suffix].load()
+    if note := write(
+        Store.open(store), run, target, size=_size(size), camera=camera, speed=speed, at=at or ()
+    ):
+        say(note)
     echo(target)
 
 

@@ -236,10 +236,10 @@ def replay(
     opt.load_plugins(plugin)
     opened = Store.open(store)
     if view:
-        from contactlab.view.render import open_viewer
+        from contactlab.plugins import extensions
 
         start = prepare_replay(opened, run)
-        open_viewer(start.prepared.model, start.runs.starts)
+        extensions("viewer")["window"].load()(start.prepared.model, start.runs.starts)
         return
     result = run_again(opened, run)
     if output == "json":

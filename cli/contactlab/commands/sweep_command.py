@@ -107,12 +107,11 @@ def _cluster(
     """Return what connects to an executor, which is an entry point; of this machine, nothing."""
     if name == "local":
         return nullcontext()
-    from importlib.metadata import entry_points
+    from contactlab.plugins import extensions
 
-    found = entry_points(group="contactlab.executors")
-    if name not in found.names:
-        known = ", ".join(["local", *sorted(found.names)])
-        raise SweepFileError(f"no executor '{name}'; installed are {known}")
+    found = extensions("executor")
+    if name not in found:
+        raise SweepFileError(f"no executor '{name}'; installed are {', '.join(['local', *found])}")
     return found[name].load()(address, workers)
 
 

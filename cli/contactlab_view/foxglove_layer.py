@@ -31,8 +31,8 @@ from contactlab.contact.rotations import rotation_from_x
 from contactlab.contact.trace_arrays import Floats
 from contactlab.palette import MODE_COLOURS
 from contactlab.store.mcap.trace_writer import AddedChannel, copy_trace
-from contactlab.view.drawn_motion import BodyMotion
-from contactlab.view.drawn_shapes import BodyShape
+from contactlab_view.drawn_motion import BodyMotion
+from contactlab_view.drawn_shapes import BodyShape
 
 _WORLD = 0
 _FORCES = "contact_forces"

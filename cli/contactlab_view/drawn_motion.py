@@ -11,7 +11,7 @@ from contactlab.contact.trace_arrays import FORCE, NORMAL, POSITION, TANGENT, Fl
 from contactlab.errors import StoreError
 from contactlab.scene.compiled_scene import PreparedModel
 from contactlab.store.mcap.trace_reader import StoredPair, StoredTrace
-from contactlab.view.drawn_shapes import BodyShape, poses, shapes
+from contactlab_view.drawn_shapes import BodyShape, poses, shapes
 
 Rows = NDArray[np.intp]
 

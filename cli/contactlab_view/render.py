@@ -2,6 +2,7 @@
 
 import time
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,7 +14,7 @@ from contactlab.run.stored_runs import PreparedReplay, prepare_replay
 from contactlab.scene.initial_states import InitialStates, apply_inputs
 from contactlab.store.finished_store import Store
 from contactlab.store.mcap.trace_reader import StoredTrace
-from contactlab.view.drawn_motion import BodyMotion, read_motion
+from contactlab_view.drawn_motion import BodyMotion, read_motion
 
 _VIEWERS = (".mcap", ".rrd")
 _FILMS = {".mp4": 30, ".gif": 25}  # frames per second
@@ -62,17 +63,37 @@ def render(store: Store, run: str, target: Path, options: PictureOptions = _DEFA
     return _write_pictures(replay, trace, target, options)
 
 
+def write_file(  # noqa: PLR0913 - one argument an option
+    store: Store,
+    run: str,
+    target: Path,
+    *,
+    size: tuple[int, int] | None,
+    camera: str | None,
+    speed: float | None,
+    at: Sequence[float],
+) -> str | None:
+    """Write a stored run as `render` does; return what its arrows mean, if it has any."""
+    motion = render(store, run, target, PictureOptions(size, camera, speed, tuple(at)))
+    if not len(motion.forces.frame):
+        return None
+    return (
+        f"an arrow is the force on the second side of a pair: {motion.scale:g} m long for 1 N, "
+        f"at most {motion.longest:.3g} m"
+    )
+
+
 def _write_for_viewer(
     store: Store, replay: PreparedReplay, trace: StoredTrace, target: Path
 ) -> BodyMotion:
     motion = read_motion(replay.prepared, trace, _RATE)
     if target.suffix.lower() == ".rrd":
         with optional("rerun", target.suffix):
-            from contactlab.view.rerun_export import write_rrd  # noqa: PLC0415 - an extra
+            from contactlab_view.rerun_export import write_rrd  # noqa: PLC0415 - an extra
         write_rrd(target, trace, motion)
     else:
         with optional("view", f"{target.suffix} with a 3D layer"):
-            from contactlab.view.foxglove_layer import write_with_layer  # noqa: PLC0415 - an extra
+            from contactlab_view.foxglove_layer import write_with_layer  # noqa: PLC0415 - an extra
         assert replay.record.trace is not None, "its trace was read"
         with store.trace_file(replay.record.trace) as source:
             write_with_layer(source, target, motion)
@@ -84,7 +105,7 @@ def _write_pictures(
 ) -> BodyMotion:
     suffix = target.suffix.lower()
     with optional("view", target.suffix):
-        from contactlab.view.film import (  # noqa: PLC0415 - an extra
+        from contactlab_view.film import (  # noqa: PLC0415 - an extra
             RunPictures,
             write_gif,
             write_mp4,

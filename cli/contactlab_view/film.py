@@ -23,7 +23,7 @@ from contactlab.errors import SceneError, did_you_mean
 from contactlab.palette import MODE_COLOURS
 from contactlab.run.stored_runs import PreparedReplay
 from contactlab.store.atomic_files import atomic_write
-from contactlab.view.drawn_motion import BodyMotion, frame_times, nearest
+from contactlab_view.drawn_motion import BodyMotion, frame_times, nearest
 
 Picture = NDArray[np.uint8]
 

@@ -16,8 +16,8 @@ from contactlab.contact.trace_arrays import Floats
 from contactlab.palette import MODE_COLOURS
 from contactlab.store.atomic_files import atomic_write
 from contactlab.store.mcap.trace_reader import StoredTrace
-from contactlab.view.drawn_motion import BodyMotion
-from contactlab.view.drawn_shapes import BodyShape
+from contactlab_view.drawn_motion import BodyMotion
+from contactlab_view.drawn_shapes import BodyShape
 
 _SPACE, _BODIES, _FORCES = "space", "bodies", "contact_forces"
 _XYZW = [1, 2, 3, 0]
