@@ -1,12 +1,20 @@
 """What a configuration has to keep: the model's own error, at its peak and at the end."""
 
+from pathlib import Path
+
+from contactlab.run.sweep_request import SceneLoader
 from contactlab.studies.configuration_runs import ConfigurationRows
+from contactlab.studies.effects.effects_request import AblationSetup
+from contactlab.studies.session import Session
+from contactlab.studies.tune.trials import Contender, Trials
 from contactlab.studies.tune.tune_request import TuneRequest, limits_of
 
 
 def rows(peak: float, final: float, divergence: float = 0.0) -> ConfigurationRows:
-    row = {"error_peak": peak, "error_final": final, "divergence": divergence, "label": "stable"}
-    return ConfigurationRows([{}], [[{**row, "seed": seed} for seed in range(3)]])
+    row = {"error_peak": peak, "error_final": final, "divergence": divergence}
+    return ConfigurationRows(
+        [{}], [[{**row, "label": "stable", "seed": seed} for seed in range(3)]]
+    )
 
 
 def excess(now: ConfigurationRows, other: ConfigurationRows, error: float | None = None) -> float:
@@ -31,3 +39,12 @@ def test_where_a_nudged_start_parts_further_that_is_the_limit() -> None:
     now = rows(1e-3, 1e-5, divergence=0.1)
     assert excess(now, rows(0.19, 0.19)) <= 1
     assert excess(now, rows(0.21, 0.1)) > 1
+
+
+def test_a_model_that_was_never_timed_has_no_time(tmp_path: Path) -> None:
+    """Where the search finds nothing, there is nothing to time it beside."""
+    setup = AblationSetup(SceneLoader(None), "model.xml", (0,))
+    now = rows(1e-3, 1e-5)
+    limits = limits_of(TuneRequest("model.xml"), now)
+    trials = Trials(setup, Session(tmp_path), 0.0, limits)
+    assert Contender({}, now).reported("now", trials).time is None

@@ -48,7 +48,7 @@ class Trials:
     limits: Limits = field(default_factory=lambda: Limits({}, frozenset()))
     runs: int = 0  # how many runs the stores have
     stores: list[str] = field(default_factory=list[str])
-    pace: float = math.nan  # of the model as written [CPU s per simulated s]
+    pace: float | None = None  # of the model as written [CPU s per simulated s], once it is timed
     _longest: float = 0.0
 
     def run(
@@ -188,7 +188,7 @@ class Contender:
             settings={name: as_written(value) for name, value in self.changed.items()},
             **{name: _largest(self.rows, name) for name in _ERRORS},
             labels=dict(Counter(row["label"] for row in self.rows.flat)),
-            time=trials.pace * (self.cost.ratio if self.cost else 1.0),
+            time=trials.pace and trials.pace * (self.cost.ratio if self.cost else 1.0),
             cost=self.cost,
             excess=excess if math.isfinite(excess) else None,
         )
