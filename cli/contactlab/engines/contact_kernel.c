@@ -161,15 +161,15 @@ static void add_contact(Recording* recording, const mjModel* m, const mjData* d,
 }
 
 /* Read all contacts of a step; write how many there are and their least distance. */
-static void read_contacts(Recording* recording, const mjModel* m, const mjData* d, mjtNum* row) {
+static void read_contacts(Recording* recording, const mjModel* m, const mjData* d, mjtNum* all) {
   size_t begin = recording->count;
   int bodies = recording->pairs && recording->pair[recording->pairs - 1].key >> 62;
-  row[0] = d->ncon;
-  row[1] = d->ncon ? d->contact[0].dist : 0;
+  all[0] = d->ncon;
+  all[1] = d->ncon ? d->contact[0].dist : 0;
   for (int index = 0; index < d->ncon; index++) {
     const mjContact* contact = d->contact + index;
     int first = contact->geom[0], second = contact->geom[1];
-    row[1] = contact->dist < row[1] ? contact->dist : row[1];
+    all[1] = contact->dist < all[1] ? contact->dist : all[1];
     if (first >= 0 && second >= 0) { /* A flex has no geom, and no body. */
       add_contact(recording, m, d, index, 0, first, second);
       if (bodies) {
@@ -195,6 +195,25 @@ static void find_forces(const mjModel* m, const mjData* d, const mjtNum** forces
   for (int each = 0; each < 9; each++) {
     widths[each] = each == 2 || each == 3 ? m->nu : m->nv;
   }
+}
+
+/* Make a step, and read its contacts, as `read_contacts` does. */
+static void make_step(Recording* recording, const mjModel* m, mjData* d, mjtNum* all) {
+  if (m->opt.integrator != mjINT_RK4) {
+    mj_step(m, d);
+    read_contacts(recording, m, d, all);
+    return;
+  }
+  /* As mj_step does, which would leave the contacts of the last stage. */
+  mj_checkPos(m, d);
+  mj_checkVel(m, d);
+  mj_forward(m, d);
+  mj_checkAcc(m, d);
+  if (m->opt.enableflags & mjENBL_FWDINV) {
+    mj_compareFwdInv(m, d);
+  }
+  read_contacts(recording, m, d, all);
+  mj_RungeKutta(m, d, 4);
 }
 
 static void* copy(void* target, const void* source, size_t count, size_t size) {
@@ -234,15 +253,16 @@ static void make_steps(const mjModel* m, mjData* d, int sim, void* argument) {
       if (run->inputs) {
         mj_setState(m, d, run->control + (size_t)step * run->inputs, run->spec);
       }
-      mj_step(m, d);
+      mjtNum all[2];
+      recording->step = step;
+      make_step(recording, m, d, all);
       *state++ = d->time;
       state = copy(state, d->qpos, m->nq, number);
       state = copy(state, d->qvel, m->nv, number);
       copy(state, d->act, m->na, number);
       copy(row, d->sensordata + recording->address, recording->width, number);
+      copy(row, all, 2, number);
       copy(iterations, d->solver_niter, mjNISLAND, sizeof *iterations);
-      recording->step = step;
-      read_contacts(recording, m, d, row);
     }
     for (int each = 0; each < 9; each++) {
       if (run->forces[each]) {

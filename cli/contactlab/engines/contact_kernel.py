@@ -6,7 +6,7 @@ finds, bit for bit what sensors do. It steps within MuJoCo's batch; a sensor cal
 way in, makes MuJoCo compute accelerations of bodies in each step that nobody asked for.
 
 Nothing needs it: without a compiler, under policies, with the variable CONTACTLAB_KERNEL=off, and
-for models that sleep or are integrated by RK4, contact sensors record.
+for models that sleep, contact sensors record.
 """
 
 import ctypes
@@ -41,7 +41,6 @@ _FLAGS = ("-std=c11", "-O2", "-fPIC", "-shared", "-ffp-contract=off")
 _MOST_SECONDS = 120  # A compiler that takes longer hangs.
 _OTHERS_WRITE = 0o022
 _CHECKED_STEPS = 64  # after the first contact of a run that is compared with sensors
-_RK4 = mujoco.mjtIntegrator.mjINT_RK4
 _NO_SENSORS = int(mujoco.mjtDisableBit.mjDSBL_SENSOR)
 _WARNINGS = mujoco.mjtWarning.mjNWARNING
 # What may be recorded of the forces in a step, as `find_forces` in C has it.
@@ -95,12 +94,8 @@ def roll_out_by_kernel(
 
 
 def _may_read(model: mujoco.MjModel) -> bool:
-    """Return whether the contacts that a step leaves are those that sensors saw.
-
-    What sleeps keeps slots from before, and RK4 leaves contacts of its last stage.
-    """
-    off = model.opt.enableflags & PERSISTENT or model.opt.disableflags & _NO_SENSORS
-    return not off and model.opt.integrator != _RK4
+    """Return whether contacts say what sensors do: those of what sleeps keep slots from before."""
+    return not (model.opt.enableflags & PERSISTENT or model.opt.disableflags & _NO_SENSORS)
 
 
 class _KernelStepper(BatchStepper):
