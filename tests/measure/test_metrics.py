@@ -156,6 +156,9 @@ class TestSliding:
         trace = trace_of(pairs=(pair,))
         assert value(trace, setup_of(trace), "cone_violation") == pytest.approx(0.2)
         assert value(trace, setup_of(trace), "complementarity") == pytest.approx(1e-4)
+        assert "solver_inconsistent" in {
+            each.label for each in assess(trace, setup_of(trace)).labels[0]
+        }
 
 
 class TestSolver:

@@ -7,7 +7,7 @@ import numpy as np
 
 from contactlab.contact.trace_arrays import Floats
 from contactlab.contact.trace_setup import DEGREES, QUARTER_TURN, Mechanism, Part
-from contactlab.measure.context import Context, cached, first_step
+from contactlab.measure.context import Context, cached, first_step, worst_pair
 from contactlab.measure.entries import Finding, Found, MeasuredRuns, Threshold, label, metric
 
 _PEAK = Threshold(
@@ -97,8 +97,7 @@ def constraint_violation(context: Context) -> Floats:
     of a turn, at most a quarter. For an equality, at sampled states: the reach of the smaller body
     that it connects, the length of a tendon, or as for limits.
     """
-    shares = [each.peak / each.scale for each in _violations(context)]
-    return np.fmax.reduce(shares) if shares else context.undefined()
+    return worst_pair(context, [each.peak / each.scale for each in _violations(context)])
 
 
 @metric("1", "lower", 1e-9)
@@ -107,15 +106,14 @@ def constraint_violation_rest(context: Context) -> Floats:
 
     Likewise how far friction loss lets creep what it could hold, over reach or a quarter turn.
     """
-    shares = [each.rest / each.scale for each in _violations(context)]
-    return np.fmax.reduce(shares) if shares else context.undefined()
+    return worst_pair(context, [each.rest / each.scale for each in _violations(context)])
 
 
 @metric("1", "lower", 1e-9, kind="detail")
 def limit_violation_rest(context: Context) -> Floats:
     """Largest part of constraint_violation_rest that is of limits or friction loss."""
-    shares = [each.rest / each.scale for each in _violations(context) if each.yields]
-    return np.fmax.reduce(shares) if shares else context.undefined()
+    yielding = [each for each in _violations(context) if each.yields]
+    return worst_pair(context, [each.rest / each.scale for each in yielding])
 
 
 @label(66, (_PEAK, _AT_REST, _YIELDS))

@@ -134,12 +134,10 @@ def _crept(context: Context) -> dict[str, Floats]:
         steady = (np.abs(before - speed) < _STEADILY * speed) & (held[:, half].mean(axis=1) > 0.9)
         return steady * context.seconds * speed
 
-    ways = {each.name: way(each) for each in context.series}
-    together = sum(ways.values(), np.zeros(context.trace.runs))
-    shares = {
-        name: own / reach
-        for (name, own), reach in zip(ways.items(), context.setup.reaches, strict=True)
-    }
+    ways = [way(each) for each in context.series]
+    pairs = zip(context.series, ways, context.setup.reaches, strict=True)
+    shares = {series.name: own / reach for series, own, reach in pairs}
+    together = sum(ways, np.zeros(context.trace.runs))
     joints = {each.place: each for each in mechanism.joints} if mechanism else {}
     for body in context.setup.free_bodies:
         place = context.position(body)

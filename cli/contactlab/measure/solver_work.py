@@ -15,6 +15,7 @@ SATURATED = Threshold(
     "saturated_share", 0.5, "1", "Measured: Newton takes 0 or 1 iterations a step, stuck PGS all."
 )
 _JACOBIAN = Threshold("jacobian_difference", 1e-6, "1", "The same mathematics agrees to 1e-7.")
+_CONE = Threshold("cone_violation", 1e-3, "1", "Solvers keep 0 to rounding, starved ones too.")
 _MISSED = Threshold(
     "missed_contact", 1e-4, "m", "On overlap_missed; collision tolerances are 100 times finer."
 )
@@ -186,10 +187,12 @@ def repeats(context: Context) -> Floats:
     return context.undefined() if checks is None else checks.repeats.astype(np.float64)
 
 
-@label(84, (_RESIDUAL, _JACOBIAN))
+@label(84, (_RESIDUAL, _JACOBIAN, _CONE))
 def solver_inconsistent(runs: MeasuredRuns) -> Found:
-    """The solver stopped early and wrong, or a sparse Jacobian or a second run differs."""
+    """The solver stopped early and wrong or left the cone, or a sparse Jacobian or run differs."""
     context, checks = runs.context, runs.context.checks
+    for run, excess, limit in runs.over("cone_violation"):
+        yield run, Finding(f"a force exceeds its cone by {excess:.2g} of it (limit {limit:g})", 0)
     if checks is None:
         return
     early = ~saturated(context)
