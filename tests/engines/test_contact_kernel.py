@@ -14,8 +14,9 @@ import pytest
 from contactlab import resources
 from contactlab.contact.trace_arrays import Trace
 from contactlab.engines import ENGINES, Buffers, PreparedRuns, Rollout, contact_kernel
-from contactlab.engines.contact_kernel import KernelError, compiled_kernel
+from contactlab.engines.contact_kernel import compiled_kernel
 from contactlab.engines.rollout_trace import make_trace
+from contactlab.errors import EngineError
 from contactlab.plan.overrides import Overrides
 from contactlab.run.sweep_request import read_request
 from contactlab.run.sweep_runner import run_sweep
@@ -55,7 +56,7 @@ def kernel() -> contact_kernel.Kernel:
     """Return the kernel, where there is a compiler."""
     try:
         compiled_kernel()
-    except KernelError as error:
+    except EngineError as error:
         pytest.skip(str(error))
     loaded = contact_kernel.load_kernel()
     assert loaded is not None
@@ -200,7 +201,7 @@ def test_without_a_compiler_sensors_record(tmp_path: Path, monkeypatch: pytest.M
     monkeypatch.setenv("PATH", str(tmp_path))
     monkeypatch.setenv("CC", "")
     monkeypatch.setattr("importlib.util.find_spec", lambda _name: None)
-    with pytest.raises(KernelError, match="no C compiler"):
+    with pytest.raises(EngineError, match="no C compiler"):
         compiled_kernel()
     assert_same_bits(runs_of(Scene.open("ball_drop"), {}), monkeypatch, read=False)
     assert [*(tmp_path / "contactlab").iterdir()] == []
@@ -213,7 +214,7 @@ def test_a_compiler_that_fails_is_left_aside(
     monkeypatch.setenv("PATH", str(tmp_path))
     monkeypatch.setenv("CC", "/bin/false --never")
     monkeypatch.setattr("importlib.util.find_spec", lambda _name: None)
-    with pytest.raises(KernelError, match="/bin/false"):
+    with pytest.raises(EngineError, match="/bin/false"):
         compiled_kernel()
     assert contact_kernel.load_kernel() is None
 
@@ -224,7 +225,7 @@ def test_a_cache_that_others_may_write_is_not_trusted(
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     (tmp_path / "contactlab").mkdir()
     (tmp_path / "contactlab").chmod(0o777)
-    with pytest.raises(KernelError, match="others may write"):
+    with pytest.raises(EngineError, match="others may write"):
         compiled_kernel()
 
 

@@ -186,7 +186,7 @@ static void read_contacts(Recording* recording, const mjModel* m, const mjData* 
   }
 }
 
-/* Write where forces are that may be recorded, in the order of `FORCES` in contact_kernel.py. */
+/* Write where forces are that may be recorded, in the order of `FORCES` in step_work.py. */
 static void find_forces(const mjModel* m, const mjData* d, const mjtNum** forces, int* widths) {
   const mjtNum* found[] = {d->qfrc_constraint, d->qfrc_actuator, d->actuator_velocity,
                            d->actuator_force,  d->qfrc_smooth,   d->qfrc_bias,

@@ -32,6 +32,8 @@ import numpy as np
 from contactlab.contact.trace_arrays import FOUND, SLOT_WIDTH, Floats
 from contactlab.engines.engine import Buffers, PreparedRuns, Proceed, Rollout, Watch
 from contactlab.engines.mujoco_batch import PERSISTENT, STATE, BatchStepper, roll_out
+from contactlab.engines.step_work import FORCES
+from contactlab.errors import EngineError
 from contactlab.resources import user_cache
 from contactlab.scene.compile_model import PREFIX
 from contactlab.scene.mujoco_versions import VERSION, has_batch, library_file
@@ -39,21 +41,9 @@ from contactlab.scene.mujoco_versions import VERSION, has_batch, library_file
 _SOURCE = Path(__file__).with_suffix(".c")
 _FLAGS = ("-std=c11", "-O2", "-fPIC", "-shared", "-ffp-contract=off")
 _MOST_SECONDS = 120  # A compiler that takes longer hangs.
-_OTHERS_WRITE = 0o022
 _CHECKED_STEPS = 64  # after the first contact of a run that is compared with sensors
-_NO_SENSORS = int(mujoco.mjtDisableBit.mjDSBL_SENSOR)
-_WARNINGS = mujoco.mjtWarning.mjNWARNING
-# What may be recorded of the forces in a step, as `find_forces` in C has it.
-_FORCES = (
-    *("qfrc_constraint", "qfrc_actuator", "actuator_velocity", "actuator_force", "qfrc_smooth"),
-    *("qfrc_bias", "qfrc_spring", "qfrc_damper", "qfrc_fluid"),
-)
-_NO_MEMORY = b"out of memory"
+_OFF = int(mujoco.mjtDisableBit.mjDSBL_SENSOR)
 _POINTER, _INT = ctypes.c_void_p, ctypes.c_int
-
-
-class KernelError(Exception):
-    """The kernel cannot be had or does not do what sensors do; the message says why."""
 
 
 class Kernel(ctypes.CDLL):
@@ -79,23 +69,20 @@ def roll_out_by_kernel(
     """
     models, starts, steps = runs.models, runs.starts, runs.steps
     kernel = None if os.environ.get("CONTACTLAB_KERNEL") == "off" else load_kernel()
-    if kernel is None or kernel.failed or not all(map(_may_read, models)):
+    # What sleeps keeps its slots from before.
+    flags = (each.opt.enableflags & PERSISTENT | each.opt.disableflags & _OFF for each in models)
+    if kernel is None or kernel.failed or any(flags):
         return roll_out(models, starts, steps, buffers, watch, proceed)
     contacts = _KernelStepper(kernel, runs)
     rollout = roll_out(models, starts, steps, buffers, watch, proceed, stepper=contacts)
     rollout = replace(rollout, slots=contacts.slots(len(rollout.steps), buffers))
     try:
         kernel.checked = kernel.checked or _agrees(runs, rollout)
-    except KernelError as error:
+    except EngineError as error:
         kernel.failed = True
         warnings.warn(f"contacts are read by sensors from now on: {error}", stacklevel=2)
         return roll_out(models, starts, steps, buffers, watch, proceed)
     return rollout
-
-
-def _may_read(model: mujoco.MjModel) -> bool:
-    """Return whether contacts say what sensors do: those of what sleeps keep slots from before."""
-    return not (model.opt.enableflags & PERSISTENT or model.opt.disableflags & _NO_SENSORS)
 
 
 class _KernelStepper(BatchStepper):
@@ -107,7 +94,7 @@ class _KernelStepper(BatchStepper):
         self._pairs, self._steps, model = len(runs.base.pairs), runs.steps, runs.base.model
         first = model.sensor(f"{PREFIX}contacts").id - self._pairs
         self.width = model.nsensordata - runs.base.layout.contacts
-        self.warnings = np.zeros((len(self._models), int(_WARNINGS)), np.int32)
+        self.warnings = np.zeros((len(self._models), int(mujoco.mjtWarning.mjNWARNING)), np.int32)
         self._handle = library.open_recording(model._address, first, self._pairs, runs.steps)
         if not self._handle:
             raise MemoryError
@@ -119,15 +106,14 @@ class _KernelStepper(BatchStepper):
         """Make a run, and record it as a batch does; return what went wrong."""
         starts, control = self._starts, inputs.get("control", np.empty((1, 0, 0)))
         begin = starts.qpos, starts.qvel, starts.ctrl, starts.applied, starts.act
-        taken = [np.ascontiguousarray(each[run]) for each in begin]
-        taken.append(np.ascontiguousarray(control))
-        left = out[STATE], out["sensordata"], out["solver_niter"], *map(out.get, _FORCES)
+        taken = [*map(np.ascontiguousarray, (*(each[run] for each in begin), control))]
+        left = out[STATE], out["sensordata"], out["solver_niter"], *map(out.get, FORCES)
         arrays = (*taken, *left, self.warnings[run])
         addresses = [0 if each is None else each.ctypes.data for each in arrays]
         numbers = run, inputs.get("control_spec", 0), control.shape[2]
         task = np.array([self._models[run]._address, *addresses, *numbers])
         said = self._library.record_run(self._handle, task.ctypes.data)
-        if said == _NO_MEMORY:
+        if said == b"out of memory":
             raise MemoryError
         return said.decode() if said else ""
 
@@ -146,7 +132,7 @@ class _KernelStepper(BatchStepper):
 
 
 def _agrees(runs: PreparedRuns, rollout: Rollout) -> bool:
-    """Return whether there are contacts, and raise a KernelError if sensors see others."""
+    """Return whether there are contacts, and raise an EngineError if sensors see others."""
     assert rollout.slots is not None
     layout = runs.base.layout
     touching = [each[:, :, 0, FOUND] > 0 for each in rollout.slots if each.strides[0]]
@@ -160,7 +146,7 @@ def _agrees(runs: PreparedRuns, rollout: Rollout) -> bool:
             rows[:, address : address + each[0, 0].size] = each[run, :stop].reshape(stop, -1)
         same = rows.tobytes() == expected.sensors[0].tobytes()
         if not same or rollout.state[run, : stop + 1].tobytes() != expected.state[0].tobytes():
-            raise KernelError(f"the kernel disagrees with them in a run of {stop} steps")
+            raise EngineError(f"the kernel disagrees with them in a run of {stop} steps")
         return True
     return False
 
@@ -170,22 +156,22 @@ def load_kernel() -> Kernel | None:
     """Return the kernel, compiled if it is not in the user's cache; None if it cannot be had."""
     try:
         return Kernel() if has_batch() else None
-    except (KernelError, OSError):
+    except (EngineError, OSError):
         return None
 
 
 def compiled_kernel() -> Path:
     """Return the kernel as a shared library, compiled unless it is in the user's cache.
 
-    A KernelError says why there is none: no compiler, or one that fails, or a cache of others.
+    An EngineError says why there is none: no compiler, or one that fails, or a cache of others.
     """
     command = [*_FLAGS, str(_SOURCE), f"-I{library_file().parent / 'include'}"]
     key = hashlib.sha256("\0".join([VERSION, platform.platform(), *command]).encode())
     key.update(_SOURCE.read_bytes())
     folder = user_cache()
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-    if folder.stat().st_uid != os.geteuid() or folder.stat().st_mode & _OTHERS_WRITE:
-        raise KernelError(f"others may write to {folder}")
+    if folder.stat().st_uid != os.geteuid() or folder.stat().st_mode & 0o022:
+        raise EngineError(f"others may write to {folder}")
     target = folder / f"kernel-{VERSION}-{key.hexdigest()[:12]}.so"
     if target.exists():
         return target
@@ -198,7 +184,7 @@ def compiled_kernel() -> Path:
                 command, check=True, capture_output=True, timeout=_MOST_SECONDS
             )
         except (OSError, subprocess.SubprocessError) as error:
-            raise KernelError(f"no C compiler that works: {error}") from error
+            raise EngineError(f"no C compiler that works: {error}") from error
         return compiled.replace(target)
 
 
@@ -210,4 +196,4 @@ def _compiler() -> list[str]:
         return [found]
     if importlib.util.find_spec("ziglang"):
         return [sys.executable, "-m", "ziglang", "cc"]
-    raise KernelError("no C compiler: there is no cc, and no ziglang")
+    raise EngineError("no C compiler: there is no cc, and no ziglang")

@@ -23,6 +23,8 @@ _FIRST_OF_CONTACTS = int(mujoco.mjtConstraint.mjCNSTR_CONTACT_FRICTIONLESS)
 _EULER_IS_EXPLICIT = int(mujoco.mjtDisableBit.mjDSBL_EULERDAMP)
 _OF_ACTUATORS = ("actuator_velocity", "actuator_force")
 _FORCES_OF_OTHERS = ("qfrc_smooth", "qfrc_bias", "qfrc_spring", "qfrc_damper", "qfrc_fluid")
+FORCES = ("qfrc_constraint", "qfrc_actuator", *_OF_ACTUATORS, *_FORCES_OF_OTHERS)
+"""What may be recorded of forces, in the order of `find_forces` in contact_kernel.c."""
 
 
 class Books:
