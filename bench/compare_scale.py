@@ -68,17 +68,23 @@ def make_store(path: Path, runs: int, template: Store) -> Path:
     """Write a store of made-up runs; called `new`, it is in another order and worse in places."""
     worse = path.name == "new"
     parts = parts_of(runs)[:: -1 if worse else 1]
-    return write_store(path, runs, template, tables(parts, template, partial(made_up, worse=worse)))
+    last = runs if worse else None
+    return write_store(path, runs, template, tables(parts, template, partial(made_up, last=last)))
 
 
-def made_up(index: Rows, *, worse: bool) -> dict[str, pa.Array]:
-    """Return the columns of runs (n,) that differ from run to run."""
+def made_up(index: Rows, *, last: int | None) -> dict[str, pa.Array]:
+    """Return the columns of runs (n,) that differ from run to run.
+
+    Of the worse store, in whose plan they stand the other way round, the last one is given.
+    """
+    worse = last is not None
+    places = index if last is None else last - 1 - index[::-1]
     rng = np.random.default_rng(index[0])
     ids = ids_of(index)
     labels = rng.choice(list(LABELS)[-4:], len(index)).tolist()
     made: dict[str, pa.Array] = {
         "run_id": pa.array(ids),
-        "index": pa.array(index),
+        "index": pa.array(places),
         "seed": pa.array(index % 1000),
         "timestep": pa.array(1e-5 * (1 + index // 1000)),
         "label": pa.array(labels),
