@@ -120,16 +120,16 @@ def print_summary(store: "Store", output: opt.Format) -> None:
     echo(as_expected if met + unmet else "no expectations defined")
     _print_missing_effects(columns)
     echo(f"{manifest.runs:,} runs, {manifest.traces:,} traces in {path}")
-    runs = columns.to_pydict(["label", "run_id"])
-    flagged = next((row for row, label in enumerate(runs["label"]) if label != "stable"), 0)
-    echo(f"look closer: contactlab show {path} {runs['run_id'][flagged][:_ID_DIGITS]}")
+    labels = columns.to_pydict(["label"])["label"]
+    flagged = next((row for row, label in enumerate(labels) if label != "stable"), 0)
+    echo(f"look closer: contactlab show {path} {str(columns.run_ids[flagged])[:_ID_DIGITS]}")
 
 
 def _print_missing_effects(columns: "RunColumns") -> None:
     """Print which effects were off in runs that needed them."""
     missing: Counter[str] = Counter()
-    for text, count in Counter(columns.to_pydict(["effects_missed"])["effects_missed"]).items():
-        missing.update(dict.fromkeys(json.loads(text), count))
+    for each in columns.arrow(["effects_missed"])[0].value_counts().to_pylist():
+        missing.update(dict.fromkeys(json.loads(each["values"]), each["counts"]))
     for name, count in missing.most_common():
         echo(f"{name} is off, but {count:,} of {columns.runs:,} runs need it")
 
@@ -149,10 +149,10 @@ def _print_values(columns: "RunColumns") -> None:
     """Print for each value of each axis how many runs are stable, and the others' labels."""
     rows: list[tuple[object, ...]] = []
     for axis in columns.axis_names:
-        runs = columns.to_pydict([axis, "label"])
+        runs = columns.arrow([axis, "label"]).group_by([axis, "label"], use_threads=False)
         counts: dict[object, Counter[str]] = {}
-        for (value, label), count in Counter(zip(runs[axis], runs["label"], strict=True)).items():
-            counts.setdefault(value, Counter())[label] = count
+        for each in runs.aggregate([([], "count_all")]).to_pylist():
+            counts.setdefault(each[axis], Counter())[each["label"]] = each["count_all"]
         if len(counts) <= _MOST_VALUES:
             rows += [_value_row(axis, value, labels) for value, labels in counts.items()]
     print_table(("axis", "value", "runs", "stable", "other labels"), rows)

@@ -72,10 +72,8 @@ def _own_imports() -> Generator[None]:
     that a command line needs; a script without `if __name__ == "__main__"` would start its sweep
     again in each worker.
     """
-    with (
-        _replaced(os.environ, "PYTHONSAFEPATH", "1"),
-        _replaced(sys.modules, "__main__", ModuleType("__main__")),
-    ):
+    blank = ModuleType("__main__")
+    with _replaced(os.environ, "PYTHONSAFEPATH", "1"), _replaced(sys.modules, "__main__", blank):
         yield
 
 

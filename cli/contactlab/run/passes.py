@@ -193,8 +193,7 @@ class _Contenders:
     """
 
     def __init__(self, session: SweepSession, timed: Planned, errors: Mapping[str, Row]) -> None:
-        sweep = session.task.sweep
-        limits = sweep.tolerances
+        sweep, limits = session.task.sweep, session.task.sweep.tolerances
         name = chosen_error(limits) or (ERRORS[0] if sweep.accuracy else MODELLING)
         every, own = defaultdict[object, list[str]](list), defaultdict[object, list[str]](list)
         for planned, found in ((session.planned, every), (timed, own)):
