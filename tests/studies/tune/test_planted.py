@@ -1,11 +1,14 @@
 """Models with a planted need keep it; one with planted waste loses that, and moves as before."""
 
+import math
 from pathlib import Path
 
 import pytest
 
+from contactlab.schema.coverage import Exercised
 from contactlab.schema.study_reports import TuneReport
 from contactlab.studies.session import Session
+from contactlab.studies.tune.knobs import space_of
 from contactlab.studies.tune.tune_request import TuneRequest
 from contactlab.studies.tune.tuning import run
 
@@ -27,6 +30,32 @@ SLOPE = """
   <worldbody>
     <geom type="plane" size="1 1 .1"/>
     <body pos="0 0 .05"><freejoint/><geom type="box" size=".05 .05 .05"/></body>
+  </worldbody>
+</mujoco>
+"""
+# A bottle stands on its rim: of contacts with a mesh, one is not enough to carry it upright.
+RIM = [
+    (0.04 * math.cos(each * math.pi / 8), 0.04 * math.sin(each * math.pi / 8)) for each in range(16)
+]
+BOTTLE = f"""
+<mujoco>
+  <option timestep="0.004"><flag multiccd="enable" nativeccd="enable"/></option>
+  <asset>
+    <mesh name="bottle" vertex="{" ".join(f"{x} {y} {z}" for z in (0, 0.3) for x, y in RIM)}"/>
+  </asset>
+  <worldbody>
+    <geom type="box" size=".2 .2 .05" pos="0 0 -.05"/>
+    <body><freejoint/><geom type="mesh" mesh="bottle"/></body>
+  </worldbody>
+</mujoco>
+"""
+# Contacts ask for 1 ms, and refsafe gives them two steps.
+STIFF = """
+<mujoco>
+  <option timestep="0.004"/>
+  <worldbody>
+    <geom type="plane" size="1 1 .1" solref=".001 1"/>
+    <body pos="0 0 .1"><freejoint/><geom type="box" size=".1 .1 .1" solref=".001 1"/></body>
   </worldbody>
 </mujoco>
 """
@@ -70,6 +99,33 @@ def test_torsional_friction_that_stops_a_top_stays(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_noslip_that_holds_a_box_on_a_slope_stays(tmp_path: Path) -> None:
     assert kept(tuned(tmp_path, SLOPE, 0.3), "noslip")
+
+
+@pytest.mark.slow
+def test_multiccd_that_lets_a_bottle_stand_stays(tmp_path: Path) -> None:
+    assert kept(tuned(tmp_path, BOTTLE, 0.2), "multiccd")
+
+
+def test_refsafe_is_nothing_to_search(tmp_path: Path) -> None:
+    """What guards against settings, and what a model is made of, is no knob."""
+    path = tmp_path / "model.xml"
+    path.write_text(STIFF)
+    setup = TuneRequest(str(path)).setup
+    every = Exercised.of([{"coverage": None}])
+    space, _ = space_of(setup, every, ())
+    names = {name for knob in space.knobs for each in knob.values for name in each}
+    guards = {
+        "refsafe",
+        "contact",
+        "gravity",
+        "actuation",
+        "limit",
+        "equality",
+        "damper",
+        "friction",
+    }
+    assert names
+    assert not names & guards
 
 
 @pytest.mark.slow
