@@ -98,7 +98,7 @@ def sweep(
     with resumable() as stop, progress_display() as display, cluster as nodes:
         request = replace(request, cluster=nodes, **how)
         manifest = run_sweep(request, display.begin, display.advance, stop)
-    _conclude(target, manifest, output)
+    _conclude(target, manifest, request.plan, output)
 
 
 def _cluster(
@@ -115,19 +115,25 @@ def _cluster(
     return found[name].load()(address, workers)
 
 
-def _conclude(target: opt.Address, manifest: "StoreManifest", output: opt.Format) -> None:
+def _conclude(
+    target: opt.Address, manifest: "StoreManifest", plan: "Plan", output: opt.Format
+) -> None:
     """Print what a sweep found; fail if runs were lost, or are not as it expects."""
+    from contactlab.run.run_verdicts import unmet_means
     from contactlab.store.finished_store import Store
 
     for what, why in manifest.sweep.lacking.items():
         say(f"{what} is left empty: {why}")
-    print_summary(Store.open(target), output)
+    store = Store.open(target)
+    print_summary(store, output)
     lost = manifest.statuses.get("crashed", 0) + manifest.statuses.get("timeout", 0)
     if lost:
         raise RunFailedError(f"{lost} of {manifest.runs} runs crashed or timed out")
     unmet = manifest.expectations.get("unmet", 0)
     if unmet:
         raise ExpectationError(f"{unmet} of {manifest.runs} runs are not as the sweep expects")
+    if means := "; ".join(unmet_means(plan, store)):
+        raise ExpectationError(means)
 
 
 def _print_plan(plan: "Plan", forecast: "Forecast", output: opt.Format) -> None:

@@ -128,14 +128,17 @@ def _print(report: "TradeoffReport") -> None:
 
 
 def _head(report: "TradeoffReport") -> Iterator[str]:
+    from contactlab.schema.tradeoff_report import REALITY
+
     feasible = sum(each.feasible for each in report.configurations)
     unit = f" [{report.error.unit}]" if report.error.unit not in {"", "any"} else ""
     source = "a timing pass" if report.time.source == "timing" else "the recorded runs"
     yield f"{report.sweep}: {len(report.configurations)} configurations of {report.scene}"
     yield f"  runs of each  {report.cases} (scenarios: {', '.join(report.scenarios) or 'one'})"
     written = "from the model as written" if report.error.reference == "written" else None
+    over = "mean" if report.error.name == REALITY else "largest"
     kind = ", ".join(filter(None, (report.error.kind, report.error.against, written)))
-    yield f"  error         {report.error.name}{unit}, largest over the runs ({kind})"
+    yield f"  error         {report.error.name}{unit}, {over} over the runs ({kind})"
     yield f"  time          CPU seconds per simulated second, mean over the runs, from {source}"
     limits = ", ".join(f"{name} <= {value:g}" for name, value in report.tolerances.items())
     yield f"  tolerances    {limits or 'none'}"

@@ -20,6 +20,14 @@ def rotate_back(quaternion: Floats, vector: Floats) -> Floats:
     return rotate(quaternion * np.array([1.0, -1.0, -1.0, -1.0]), vector)
 
 
+def multiply(first: Floats, second: Floats) -> Floats:
+    """Return rotations (..., 4) that turn by the second, then by the first."""
+    one, two = first[..., 1:], second[..., 1:]
+    real = first[..., :1] * second[..., :1] - (one * two).sum(axis=-1, keepdims=True)
+    imaginary = first[..., :1] * two + second[..., :1] * one + np.cross(one, two)
+    return np.concatenate([real, imaginary], axis=-1)
+
+
 def rotation_matrices(quaternions: Floats) -> Floats:
     """Return (N, 3, 3) matrices, body to world, of quaternions (N, 4)."""
     scalar, axis = quaternions[:, 0], quaternions[:, 1:]

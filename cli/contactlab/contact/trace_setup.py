@@ -109,6 +109,36 @@ class Mechanism:
 
 
 @dataclass(frozen=True)
+class RecordedPart:
+    """A part of the state that was recorded: a free body's position, a quaternion, or a joint."""
+
+    joint: str
+    body: int
+    kind: Literal["point", "turn", "slide", "hinge"]
+    qpos: slice
+    qvel: slice
+    # What its error is a share of: the smallest side of the box around a free body, whose turn does
+    # not count, or the range of a joint [m or rad].
+    size: float
+
+
+@dataclass(frozen=True)
+class RecordedMotion:
+    """What was recorded of n runs, at M times each; NaN after a run's last row."""
+
+    parts: tuple[RecordedPart, ...]
+    times: Floats  # (n, M) since the start of the run [s]
+    qpos: Floats  # (n, M, nq)
+    qvel: Floats  # (n, M, nv)
+    touched: Floats  # (n,) when a free body first touched anything [s]
+
+    def select(self, rows: list[int]) -> "RecordedMotion":
+        """Return the motion of some of the runs."""
+        arrays = (self.times, self.qpos, self.qvel, self.touched)
+        return RecordedMotion(self.parts, *(each[rows] for each in arrays))
+
+
+@dataclass(frozen=True)
 class Setup:
     """What is known of n runs in addition to their trace."""
 
@@ -148,6 +178,7 @@ class Setup:
     mechanism: Mechanism | None = None
     """What of the model can move and hold; None where that is not asked about."""
     springs: bool = False  # whether joints or tendons have springs
+    recorded: RecordedMotion | None = None  # what the runs are compared with, if that was recorded
 
     def select(self, runs: Sequence[int]) -> "Setup":
         """Return the setup of the given runs."""
@@ -161,6 +192,7 @@ class Setup:
             settings=settings,
             expected=tuple(replace(each, window=each.window[rows]) for each in self.expected),
             hold=self.hold and HoldWindow(self.hold.start[rows], self.hold.stop[rows]),
+            recorded=self.recorded and self.recorded.select(rows),
             free_bodies=tuple(bodies.values()),
             barriers=tuple(replace(each, body=bodies[each.body.name]) for each in self.barriers),
         )

@@ -13,6 +13,7 @@ from contactlab.mjcf import OPTIONS
 from contactlab.schema.evidence import EvidenceRecord, Setting
 from contactlab.schema.sweep_schema import Sweep
 from contactlab.schema.tradeoff_report import (
+    REALITY,
     Configuration,
     ConfigurationOutcomes,
     ErrorMeasure,
@@ -180,7 +181,7 @@ def _evaluate_one(
     labels = Counter(runs.labels[row] for row in rows)
     limits, error = criteria.tolerances, criteria.error
     sizes = {name: magnitudes(runs, rows, name) for name in limits}
-    worst = {name: _most(each) for name, each in sizes.items()}
+    worst = {name: _size(name, each) for name, each in sizes.items()}
     exceeded = tuple(
         name for name, limit in limits.items() if (value := worst[name]) is None or value > limit
     )
@@ -199,7 +200,7 @@ def _evaluate_one(
     ]
     is_estimated = error.kind == "discretisation"
     estimate = (_largest(runs, rows, ESTIMATES[error.name]) or 0.0) if is_estimated else 0.0
-    size = _most(magnitudes(runs, rows, error.name))
+    size = _size(error.name, magnitudes(runs, rows, error.name))
     summary = Configuration(
         configuration=values,
         time=mean,
@@ -239,6 +240,12 @@ def _largest(runs: StoredRuns, rows: list[int], name: str) -> float | None:
 
 def _most(sizes: Floats) -> float | None:
     return None if np.isnan(sizes).any() else float(sizes.max())
+
+
+def _size(name: str, sizes: Floats) -> float | None:
+    """Return what counts of the sizes of a column; None if any is unknown."""
+    most = _most(sizes)
+    return most if most is None or name != REALITY else float(sizes.mean())
 
 
 def _spread(sizes: Floats) -> tuple[float, float] | None:

@@ -9,7 +9,7 @@ import numpy as np
 from contactlab.errors import StoreError, SweepFileError, did_you_mean
 from contactlab.schema.evidence import ERRORS
 from contactlab.schema.sweep_schema import Sweep
-from contactlab.schema.tradeoff_report import ErrorMeasure, TimeMeasure
+from contactlab.schema.tradeoff_report import REALITY, ErrorMeasure, TimeMeasure
 from contactlab.store.finished_store import Store
 from contactlab.store.store_files import Address, parse_address
 
@@ -79,8 +79,8 @@ def error_measure(
 
 
 def chosen_error(names: Sequence[str] | Mapping[str, float]) -> str | None:
-    """Return the first of these names that is an error against a reference or a closed form."""
-    return next((name for name in names if name in {*ERRORS, MODELLING}), None)
+    """Return the first of these names that is an error against what is true."""
+    return next((name for name in names if name in {*ERRORS, MODELLING, REALITY}), None)
 
 
 def time_measure(store: Store) -> TimeMeasure:
@@ -95,7 +95,7 @@ def time_measure(store: Store) -> TimeMeasure:
 
 
 def _measured_error(store: Store, tolerances: Mapping[str, float]) -> str:
-    candidates = (ERRORS[0], MODELLING, *tolerances)
+    candidates = (ERRORS[0], MODELLING, REALITY, *tolerances)
     other = ERRORS[0] if _all_failed(store) else None
     measured = next((name for name in candidates if _is_measured(store, name)), other)
     if measured is None:

@@ -73,7 +73,8 @@ def check_names(context: SweepContext) -> None:
     _check_known(document, "threshold", vocabulary.thresholds, ("thresholds",))
     for index, expectation in enumerate(context.sweep.expect):
         path = context.path("expect", index)
-        _check_known(document, "metric", vocabulary.metrics, (*path, "metrics"))
+        for key in ("metrics", "mean"):
+            _check_known(document, "metric", vocabulary.metrics, (*path, key))
         for position, label in enumerate(expectation.label or ()):
             if label not in vocabulary.labels:
                 place = document.value((*path, "label", position))

@@ -96,6 +96,8 @@ def _axis_value(document: Document, option: ParsedOption, path: KeyPath, role: o
     """Return the new form of an axis, with the role that the axis has in the file."""
     kept = {} if role is None else {"role": role}
     call, place = _CALL.fullmatch(option.value), option.place
+    if option.value == "all":
+        return "all"
     if call is None:
         values = _listed(document, option, (*path, "values") if kept else path)
         return {"values": values, **kept} if kept else values

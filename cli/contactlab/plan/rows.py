@@ -24,6 +24,7 @@ from contactlab.schema.sweep_schema import IncludeFile, Sample
 from contactlab.schema.vocabulary import (
     Axis,
     AxisSpec,
+    Drawn,
     Linspace,
     Logspace,
     Loguniform,
@@ -40,9 +41,16 @@ _DIGITS = 12
 _CELL = re.compile(r'\s*(?:"((?:[^"]|"")*)"|([^,]*?))\s*(,|$)')
 
 
-def listed_values(axis: Axis) -> Sequence[object]:
-    """Return the values of an axis that is not sampled, in order, not yet canonical."""
+def listed_values(axis: Axis, known: Sequence[object] = ()) -> Sequence[object]:
+    """Return the values of an axis that is not sampled, in order, not yet canonical.
+
+    `known` are all that it takes, if they are few.
+    """
     match axis:
+        case "all" | Drawn():
+            count, seed = (len(known), 0) if axis == "all" else (axis.sample, axis.seed)
+            drawn = np.random.default_rng(seed).permutation(len(known))[:count]
+            return [known[place] for place in sorted(drawn.tolist())]
         case Linspace(linspace=(first, last, count)):
             start, stride = _exact(first), (_exact(last) - _exact(first)) / (count - 1)
             return [_plain(start + stride * k) for k in range(count)]
@@ -121,13 +129,20 @@ def read_blocks(context: SweepContext) -> tuple[Block, ...] | None:
 
 
 def _listed(context: SweepContext, path: KeyPath, axis: Axis) -> list[object]:
-    written = isinstance(axis, Values | tuple)
-    below = path if isinstance(axis, tuple) else (*path, _form(axis))
-    return _canonical(context, str(path[-1]), listed_values(axis), below, written=written)
+    name, written = str(path[-1]), isinstance(axis, Values | tuple)
+    below = (*path, axis.form()) if isinstance(axis, Ranged) else path
+    known = _known(context, name)
+    least = axis.sample if isinstance(axis, Drawn) else int(axis == "all")
+    if context.find(name) and len(known) < least:
+        message = f"'{name}' has {len(known) or 'no'} listed values of its own"
+        context.document.add("bad-value", below, message, "write a list: [...]")
+    return _canonical(context, name, listed_values(axis, known), below, written=written)
 
 
-def _form(axis: Ranged) -> str:
-    return type(axis).__name__.lower()
+def _known(context: SweepContext, name: str) -> Sequence[object]:
+    """Return all values that an axis takes, if these are few."""
+    spec = context.find(name)
+    return (spec.known or spec.choices) if spec else ()
 
 
 def _canonical(
@@ -153,7 +168,7 @@ def _zipped(context: SweepContext, path: KeyPath, axes: Mapping[str, Axis]) -> B
             document.add("sampled-in-zip", document.key((*path, name)), why, "move it to `axes`")
             continue
         columns[name] = _listed(context, (*path, name), axis)
-        counts[name] = len(listed_values(axis))
+        counts[name] = len(listed_values(axis, _known(context, name)))
         first = next(iter(counts))
         if counts[name] != counts[first]:
             message = f"'{name}' has {counts[name]} values, but '{first}' has {counts[first]}"
@@ -180,7 +195,7 @@ def _drawn(context: SweepContext, axes: Mapping[str, _Sampled], sample: Sample) 
     cube = sample_points(sample, len(axes))
     columns: list[list[object]] = []
     for index, (name, axis) in enumerate(axes.items()):
-        spec, path = context.find(name), ("axes", name, _form(axis))
+        spec, path = context.find(name), ("axes", name, axis.form())
         bounds = _canonical(context, name, _bounds(axis), path, written=True)
         if spec is not None and UNREADABLE not in bounds:
             values = sampled_values(axis, spec, cube[:, index])

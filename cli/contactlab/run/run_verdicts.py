@@ -15,9 +15,12 @@ from contactlab.contact.trace_arrays import (
     Trace,
 )
 from contactlab.measure.pair_expectations import PAIR_LABELS
+from contactlab.plan.grid import Plan
 from contactlab.scene.compiled_scene import PreparedModel
 from contactlab.scene.effects.effect import NOT_IN_MODEL
+from contactlab.schema.pair_expectation import Bounds
 from contactlab.schema.sweep_schema import Expectation
+from contactlab.store.finished_store import Store
 
 
 def judge(
@@ -59,13 +62,30 @@ def _unmet(
     if of_pairs and not of_pairs & set(allowed or ()):
         yield f"expected contact as stated, found {', '.join(sorted(of_pairs))}"
     for name, bounds in expectation.metrics.items():
-        value = metrics[name]
-        if value is None:
-            yield f"expected {name}, which could not be measured"
-        elif bounds.min is not None and value < bounds.min:
-            yield f"expected {name} of at least {bounds.min:g}, found {value:g}"
-        elif bounds.max is not None and value > bounds.max:
-            yield f"expected {name} of at most {bounds.max:g}, found {value:g}"
+        yield from _outside(name, metrics[name], bounds)
+
+
+def _outside(name: str, value: float | None, bounds: Bounds) -> Iterator[str]:
+    if value is None:
+        yield f"expected {name}, which could not be measured"
+    elif bounds.min is not None and value < bounds.min:
+        yield f"expected {name} of at least {bounds.min:g}, found {value:g}"
+    elif bounds.max is not None and value > bounds.max:
+        yield f"expected {name} of at most {bounds.max:g}, found {value:g}"
+
+
+def unmet_means(plan: Plan, store: Store) -> Iterator[str]:
+    """Yield which means over runs are not as a plan expects."""
+    names = sorted({name for _, each in plan.expected for name in each.mean})
+    columns = store.columns.to_pydict(["index", *names]) if names else {"index": []}
+    places = {index: row for row, index in enumerate(columns["index"])}
+    known = [(run.values, places[run.index]) for run in plan.runs() if run.index in places]
+    for match, each in plan.expected:
+        rows = [row for values, row in known if each.mean and match.holds(values)]
+        for name, bounds in each.mean.items():
+            values = [columns[name][row] for row in rows]
+            mean = None if None in values or not rows else sum(values) / len(rows)
+            yield from _outside(f"a mean {name}", mean, bounds)
 
 
 Moving = Mapping[str, NDArray[np.bool_]]

@@ -159,6 +159,7 @@ class Worker:
             if each.expects:
                 asked.append((each, list(map(match.holds, values))))
         setup = make_setup(runs.base, manifest, resolved, models, sweep.thresholds, asked)
+        setup = replace(setup, recorded=self._scene.motion(resolved))
         trace = _without_momentum(make_trace(runs.base, prepared, rollout), setup)
         return rollout, self._measured_groups(runs, rollout, trace, setup)
 

@@ -16,7 +16,7 @@ from contactlab.scene.parameters import PARAMETERS
 from contactlab.scene.setting_values import choice, integer, number, switch
 from contactlab.schema.scene_manifest import InitialValue, SceneManifest, StructureValue
 from contactlab.schema.sweep_schema import switches
-from contactlab.schema.vocabulary import AxisSpec
+from contactlab.schema.vocabulary import RECORDED_RUN, AxisSpec
 
 
 class EngineTraits(Protocol):
@@ -37,10 +37,18 @@ class SceneCatalogue:
     """
 
     def __init__(
-        self, base: CompiledScene, manifest: SceneManifest | None, engines: Engines
+        self,
+        base: CompiledScene,
+        manifest: SceneManifest | None,
+        engines: Engines,
+        recorded: Sequence[float] = (),
     ) -> None:
         self._model = base.model
         self._axes = {axis.name: axis for axis in _axes(base, manifest, engines)}
+        if recorded:
+            text = f"recorded run that a run starts as and is compared with, of {len(recorded)}"
+            parse, known = number(known=recorded), tuple(recorded)
+            self._axes[RECORDED_RUN] = AxisSpec(RECORDED_RUN, "", text, parse, known=known)
 
     @property
     def names(self) -> Sequence[str]:
@@ -102,7 +110,7 @@ def _axes(base: CompiledScene, manifest: SceneManifest | None, engines: Engines)
     if "perturbation" not in dict(own):
         text = "factor of what a seed perturbs the start by; 0 starts exactly where the scene says"
         axes.append(AxisSpec("perturbation", "1", text, number()))
-    taken = {"mass", "seed", "keyframe", *PARAMETERS, *EFFECTS}
+    taken = {"mass", "seed", "keyframe", RECORDED_RUN, *PARAMETERS, *EFFECTS}
     for name, _ in own:
         if name in taken:
             raise SceneError(f"'{name}' is the name of another axis; rename it")

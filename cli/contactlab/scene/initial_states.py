@@ -3,7 +3,7 @@
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import mujoco
 import numpy as np
@@ -23,6 +23,10 @@ from contactlab.scene.timed_inputs import (
     read_formula,
 )
 from contactlab.schema.scene_manifest import SceneManifest
+from contactlab.schema.vocabulary import RECORDED_RUN
+
+if TYPE_CHECKING:
+    from contactlab.scene.recording import RecordedRuns
 
 QPOS0 = "qpos0"  # stands for the model's reference configuration, where no keyframe is used
 
@@ -179,6 +183,7 @@ class InitialStateRule:
     perturbed: tuple[int, ...]  # indices that a seed perturbs, by at most `scale`
     scale: float  # size of the perturbation [m, rad, m/s or rad/s]
     quaternions: tuple[int, ...]  # where unit quaternions start
+    recorded: "RecordedRuns | None" = None  # runs that start as recorded
 
     @classmethod
     def of(
@@ -232,6 +237,9 @@ def initial_states(
     """Return the initial states for each run's initial values, seed, and factor of its offsets."""
     states = np.tile(rule.state, (len(runs), 1))
     for row, (initial, seed, factor) in zip(states, runs, strict=True):
+        if rule.recorded:
+            start = rule.recorded.start(initial[RECORDED_RUN])
+            np.copyto(row[: len(start)], start, where=np.isfinite(start))
         for formula, indices in rule.formulas:
             row[list(indices)] = computed(formula, initial)
         if rule.perturbed and factor:
@@ -243,6 +251,9 @@ def initial_states(
         norm = np.linalg.norm(part, axis=1, keepdims=True)
         np.divide(part, norm, out=part, where=np.abs(norm - 1) > 1e-12)
     signals = tuple(control_signals(rule.profiles, initial) for initial, _, _ in runs)
+    if rule.recorded:
+        commands = [rule.recorded.signals(initial[RECORDED_RUN]) for initial, _, _ in runs]
+        signals = tuple(a.joined(b) for a, b in zip(signals, commands, strict=True))
     parts = np.split(states, list(rule.starts.values())[1:], axis=1)
     return at_begin(InitialStates(*parts, signals=signals))
 

@@ -151,10 +151,11 @@ class RowResolver:
         grouping = self._grouping.get(names)
         if grouping is None:
             grouping = self._grouping[names] = [name for name in names if self._is_grouping(name)]
-        key = (names, *[repr(values[name]) for name in grouping])
+        duration = self._scene.lasts(values) if self._duration is None else self._duration
+        key = (names, duration, *[repr(values[name]) for name in grouping])
         group = self._groups.get(key)
         if group is None:
-            group = RowGroup(self._scene, values, grouping, self._duration)
+            group = RowGroup(self._scene, values, grouping, duration)
             self._groups[key] = group
         return group.row(values)
 

@@ -12,6 +12,7 @@ import mujoco
 import numpy as np
 
 from contactlab.contact.trace_arrays import RecordedControls
+from contactlab.contact.trace_setup import RecordedMotion
 from contactlab.errors import SceneError, UnheldWarning
 from contactlab.scene.axis_catalogue import Engines, SceneCatalogue
 from contactlab.scene.compile_model import compile_model, warn_once
@@ -29,7 +30,7 @@ from contactlab.scene.drive.located_drive import (
     locate,
     with_values,
 )
-from contactlab.scene.drive.recorded import DriveTable, TableReader
+from contactlab.scene.drive.recorded import RecordedTable, TableReader
 from contactlab.scene.drive.signals import exercise_duration
 from contactlab.scene.effects.effect import EffectRequest
 from contactlab.scene.effects.effect_table import EFFECTS, left_uncompiled, remove
@@ -44,6 +45,7 @@ from contactlab.scene.initial_states import (
 from contactlab.scene.model_edits import FLAGS
 from contactlab.scene.mujoco_versions import missing_flags
 from contactlab.scene.parameters import PARAMETERS, application_order
+from contactlab.scene.recording import RecordedRuns
 from contactlab.scene.resolution import (
     START_SETTINGS,
     ResolvedRun,
@@ -61,6 +63,7 @@ from contactlab.schema.drive import (
     drive_word,
     with_springs,
 )
+from contactlab.schema.vocabulary import RECORDED_RUN
 
 BARE_DURATION = 2.0
 """How long runs of a model without a manifest take, unless its drive has a duration [s]."""
@@ -89,7 +92,9 @@ class Scene:
         self._driving: dict[tuple[str, Drive], Driving] = {}
         manifest, base = source.manifest, self.base({})
         with source.named_in_errors():
-            self.catalogue = SceneCatalogue(base, manifest, engines)
+            self.recorded = self._recorded_in(base)
+            runs = self.recorded.numbers if self.recorded else ()
+            self.catalogue = SceneCatalogue(base, manifest, engines, runs)
             if manifest:
                 check_expectations(base, manifest)
             self.switched = self.catalogue.switched(manifest)
@@ -144,6 +149,23 @@ class Scene:
         scene._drive_by(locate(drive, folder))
         return scene
 
+    def _recorded_in(self, base: CompiledScene) -> RecordedRuns | None:
+        """Return the scene's recorded runs, if any, in the coordinates of a structure."""
+        entry = self.source.manifest and self.source.manifest.recording
+        if entry is None:
+            return None
+        if self._tables is None:
+            raise SceneError(f"{entry.file}: recordings cannot be read here")
+        columns = self._tables(self.source.path.parent / entry.file)
+        return RecordedRuns(base.model, entry, RecordedTable(entry.file, columns))
+
+    def lasts(self, values: Mapping[str, object]) -> float:
+        """Return how long a run of some values takes unless its sweep says otherwise [s]."""
+        if self.recorded is None:
+            return self.duration
+        number = as_number(values.get(RECORDED_RUN, self.recorded.numbers[0]))
+        return min(self.duration, self.recorded.lasts(number))
+
     def _drive_by(self, drive: LocatedDrive) -> None:
         asked, model, manifest = drive.drive, self.base({}).model, self.source.manifest
         if isinstance(asked, PolicyDrive) and not model.nu:
@@ -156,7 +178,7 @@ class Scene:
             (file,) = drive.files
             if self._tables is None:
                 raise SceneError(f"{file.name}: tables of controls cannot be read here")
-            self._table = DriveTable(file.name, self._tables(file))
+            self._table = RecordedTable(file.name, self._tables(file))
         moves = drive_word(asked) == "exercise"
         end = exercise_duration(model) if moves else self._table and self._table.end
         self.duration = manifest.duration if manifest else end or BARE_DURATION
@@ -198,7 +220,10 @@ class Scene:
         given = {name: value for name, value in given.items() if name not in self.lacking}
         manifest = self.source.manifest
         structure, entries = full_structure(manifest, given), manifest.initial if manifest else {}
-        initial = {name: as_number(given.get(name, each.default)) for name, each in entries.items()}
+        defaults: dict[str, object] = {name: each.default for name, each in entries.items()}
+        if self.recorded:
+            defaults[RECORDED_RUN] = self.recorded.numbers[0]
+        initial = {name: as_number(given.get(name, each)) for name, each in defaults.items()}
         base = self.base(structure)
         driving = {name: given[name] for name in given if name in DRIVE_AXES}
         drive = with_values(self.drive.drive, driving)
@@ -226,7 +251,7 @@ class Scene:
             flags=flags,
             initial=initial,
             seed=seed,
-            duration=self.duration if duration is None else duration,
+            duration=self.lasts(given) if duration is None else duration,
             effect_request=request,
             without=left_uncompiled(base.facts, request),
             drive=drive,
@@ -270,6 +295,11 @@ class Scene:
             return self._driving_of(runs[0]).starts(runs)
         return initial_states(self._rule(runs[0]), [run.start for run in runs])
 
+    def motion(self, runs: Sequence[ResolvedRun]) -> RecordedMotion | None:
+        """Return what was recorded of runs of one structure; None without a recording."""
+        recorded = self._rule(runs[0]).recorded
+        return recorded and recorded.motion([run.initial[RECORDED_RUN] for run in runs])
+
     def nudged(self, starts: InitialStates, runs: Sequence[ResolvedRun]) -> InitialStates:
         """Return initial states moved by up to 1e-6 m or rad, by each run's seed."""
         return nudged_states(self._rule(runs[0]), starts, [run.seed for run in runs])
@@ -300,8 +330,10 @@ class Scene:
     def _rule(self, run: ResolvedRun) -> InitialStateRule:
         key = self._start_key(run)
         if key not in self._rules:
-            model = self.base(run.structure).model
-            self._rules[key] = InitialStateRule.of(model, self.source.manifest, run.keyframe)
+            base, manifest = self.base(run.structure), self.source.manifest
+            recorded = self.recorded if base is self.base({}) else self._recorded_in(base)
+            rule = InitialStateRule.of(base.model, manifest, run.keyframe)
+            self._rules[key] = replace(rule, recorded=recorded)
         return self._rules[key]
 
     def _start_key(self, run: ResolvedRun) -> str:

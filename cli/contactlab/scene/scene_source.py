@@ -153,7 +153,8 @@ def _folder(path: Path, name: str, copy: Path | None = None) -> SceneSource:
         )
     check_places([manifest], path, copy)
     read = read_manifest(manifest)
-    named = [path / file for file in drive_files(read.drive)]
+    recorded = [read.recording.file] if read.recording else []
+    named = [path / file for file in (*drive_files(read.drive), *recorded)]
     return SceneSource(
         name, manifest, read, collect_files(path / read.model, [manifest, *named], copy)
     )

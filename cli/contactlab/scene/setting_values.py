@@ -4,7 +4,7 @@ Each parser says what to write instead.
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from contextlib import suppress
 
 Settings = dict[str, object]
@@ -33,9 +33,12 @@ _INT_MAX = 2**31 - 1
 
 
 def number(
-    least: float = -math.inf, above: float = -math.inf, most: float = math.inf
+    least: float = -math.inf,
+    above: float = -math.inf,
+    most: float = math.inf,
+    known: Collection[float] = (),
 ) -> Callable[[object], float]:
-    """Return a parser of finite numbers within bounds, `above` being exclusive."""
+    """Return a parser of finite numbers, known ones or within bounds; `above` is exclusive."""
 
     def parse(value: object) -> float:
         if isinstance(value, str):
@@ -47,6 +50,9 @@ def number(
             raise ValueError(f"write a finite number, not {value!r}")
         if not (least <= value <= most and value > above):
             raise ValueError(f"write a number {_range(least, above, most)}, not {value!r}")
+        if known and value not in known:
+            near = min(known, key=lambda each: abs(each - value))
+            raise ValueError(f"there is no {value:g}; the nearest is {near:g}")
         return float(value)
 
     return parse

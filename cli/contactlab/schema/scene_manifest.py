@@ -1,12 +1,13 @@
 """The manifest of a scene: how its model is simulated and judged."""
 
-from typing import Literal, Self
+from math import pi
+from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
 from contactlab.schema.drive import Drive
 from contactlab.schema.pair_expectation import ExpectedModes, PairExpectation, Term
-from contactlab.schema.strict_model import Model, about
+from contactlab.schema.strict_model import Model, Number, Whole, Word, about
 from contactlab.schema.sweep_schema import Effects
 
 
@@ -112,6 +113,56 @@ class OracleEntry(Model):
     derivation: str = about("Where the tolerance comes from.")
 
 
+_TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "rad": 1.0, "deg": pi / 180, **_TIMES}
+"""Units that a recording may have, in m, rad and s."""
+
+
+class RecordingUnits(Model):
+    """Units of a recording's columns; rates are per second."""
+
+    length: Literal["m", "cm", "mm"]
+    angle: Literal["rad", "deg"]
+    time: Literal["s", "ms", "us", "ns"]
+
+
+class RecordingFrame(Model):
+    """Where the frame of a recording is in the world."""
+
+    position: tuple[Number, Number, Number] = about("its origin [m]")
+    quaternion: tuple[Number, Number, Number, Number] = about("its orientation: w, x, y, z")
+
+
+class RecordedStart(Model):
+    """The row of a recorded run that its simulation starts from; the first unless it says more."""
+
+    time: Annotated[Number, Field(ge=0)] = about("seconds after the first row", default=0.0)
+    before_contact: Annotated[Whole, Field(ge=0)] | None = about(
+        "rows before the bounding sphere of a free body touches something; with the velocity of "
+        "its flight until then, if that has four rows or more",
+        default=None,
+    )
+    lag: Annotated[Whole, Field(ge=0)] = about(
+        "rows by which the velocity of the flight is earlier than the pose", default=0
+    )
+
+
+class Recording(Model):
+    """Recorded motion that runs start from and are compared with."""
+
+    file: Word = about("a .csv, .parquet, .arrow, .npz or .mcap file beside the manifest")
+    run: Word | None = about("column of the number of the recorded run", default=None)
+    time: Word = about("column of the time", default="time")
+    columns: dict[str, Word] = about(
+        "coordinate, or ACTUATOR.ctrl, to its column; left out, columns are named so", default={}
+    )
+    units: RecordingUnits
+    frame: Literal["world"] | RecordingFrame = about("of positions and velocities", default="world")
+    turning: Literal["body", "world"] = about("frame of angular velocities", default="body")
+    start: RecordedStart = RecordedStart()
+    leave_out: tuple[Whole, ...] = about("recorded runs that are not used", default=())
+
+
 class SceneManifest(Model):
     """How a scene's model is simulated and judged (`scene.yaml` beside the MJCF)."""
 
@@ -132,6 +183,9 @@ class SceneManifest(Model):
     )
     drive: Drive = about(
         "What drives a run besides `control`, unless the sweep says otherwise.", default="none"
+    )
+    recording: Recording | None = about(
+        "Recorded motion: each of its runs is a value of the axis `recorded_run`.", default=None
     )
     hold: HoldEntry | None = None
     perturb: Perturbation | None = None

@@ -29,7 +29,7 @@ from contactlab.schema.strict_model import (
     Words,
     about,
 )
-from contactlab.schema.vocabulary import Axis, Ranged, Role
+from contactlab.schema.vocabulary import RECORDED_RUN, Axis, Ranged, Role
 
 EffectsBase = Literal["auto", "all"]
 _BASE = "base"
@@ -117,12 +117,19 @@ class Expectation(PairExpectation):
     metrics: dict[str, Bounds] = about(
         "metric name to {min, max}, both in the metric's own unit", default={}
     )
+    mean: dict[str, Bounds] = about(
+        "metric name to {min, max} of its mean over all of these runs",
+        default={},
+        exclude_if=lambda mean: not mean,
+    )
     reason: Word | None = about("why it is expected, for the report", default=None)
 
     @model_validator(mode="after")
     def _says_something(self) -> Self:
-        if self.label is None and not self.metrics and not self.expects:
-            raise PydanticCustomError("expect_empty", "needs label, metrics, mode, force or depth")
+        if self.label is None and not (self.metrics or self.mean or self.expects):
+            raise PydanticCustomError(
+                "expect_empty", "needs label, metrics, mean, mode, force or depth"
+            )
         return self
 
 
@@ -259,9 +266,13 @@ class Sweep(Model):
 
     @property
     def roles(self) -> dict[str, Role]:
-        """The role of each axis: a knob unless it says otherwise."""
+        """The role of each axis: a knob unless it says otherwise; recorded runs are scenarios."""
         axes = [pair for block in (self.axes, *self.zip) for pair in block.items()]
-        return {name: axis.role if isinstance(axis, Ranged) else "knob" for name, axis in axes}
+        roles = dict[str, Role]()
+        for name, axis in axes:
+            own = axis.role if isinstance(axis, Ranged) else "knob"
+            roles[name] = "scenario" if name == RECORDED_RUN else own
+        return roles
 
     @property
     def scenario(self) -> list[str]:

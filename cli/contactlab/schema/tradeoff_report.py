@@ -7,6 +7,9 @@ from contactlab.schema.strict_model import Model, about
 
 TRADEOFF_VERSION = 1
 
+REALITY = "reality"
+"""The distance from a recording: its mean over runs counts, since single runs may be chaotic."""
+
 Settings = dict[str, Setting]
 
 
@@ -56,7 +59,9 @@ class Configuration(Model):
     time: float | None = about("CPU seconds per simulated second, mean of its runs.")
     time_worst: float | None = about("The same in its most expensive run.")
     real_time_factor: float | None = about("Simulated over CPU time.")
-    error: float | None = about("Largest in any of its runs; null if one has none.")
+    error: float | None = about(
+        "Largest in any of its runs, or mean from recordings; null if one has none."
+    )
     error_spread: tuple[float, float] | None = about(
         "Least and median error of its runs, where there are several.", default=None
     )

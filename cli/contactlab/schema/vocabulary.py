@@ -11,6 +11,8 @@ from contactlab.schema.pair_expectation import PairExpectation
 from contactlab.schema.strict_model import Model, Number, Positive, Value, Whole, about
 
 Role = Literal["knob", "scenario"]
+RECORDED_RUN = "recorded_run"
+"""The axis of recorded runs, each of which is a scenario."""
 MOST_VALUES = 1_000_000
 Count = Annotated[Whole, Field(ge=2, le=MOST_VALUES)]
 
@@ -32,6 +34,7 @@ class AxisSpec:
     """Names of the numbers that a value consists of, for expressions: `solref.timeconst`."""
     split: Callable[[object], Mapping[str, float]] | None = None
     """Gives the parts that a value has, by name; in direct form a solref has no timeconst."""
+    known: tuple[float, ...] = ()  # the numbers that it accepts, if they are few
 
     def accepts(self, value: object) -> bool:
         """Return whether the axis takes a value."""
@@ -84,6 +87,11 @@ class Ranged(Model):
         "knob: a setting that you may choose; scenario: an external condition", default="knob"
     )
 
+    @classmethod
+    def form(cls) -> str:
+        """Return the key that tells the form from others: its first field of its own."""
+        return next(name for name in cls.model_fields if name != "role")
+
 
 class Values(Ranged):
     """Values as listed, with a role."""
@@ -127,29 +135,38 @@ class Loguniform(Ranged):
     )
 
 
+class Drawn(Ranged):
+    """Some of the values that an axis takes, drawn without replacement."""
+
+    sample: Annotated[Whole, Field(ge=1)] = about("how many of the axis' own values are drawn")
+    seed: Annotated[Whole, Field(ge=0)] = about("the same seed draws the same values", default=0)
+
+
 FORMS: Mapping[str, type[Ranged]] = {
-    form.__name__.lower(): form for form in (Values, Linspace, Logspace, Range, Uniform, Loguniform)
+    form.form(): form for form in (Values, Linspace, Logspace, Range, Uniform, Loguniform, Drawn)
 }
 
 
 def _form(data: object) -> str | None:
-    if isinstance(data, list | tuple):
-        return "@list"
+    if isinstance(data, list | tuple) or data == "all":
+        return "@all" if data == "all" else "@list"
     if isinstance(data, Mapping):
         keys = cast("Mapping[str, object]", data)
         return next((f"@{name}" for name in FORMS if name in keys), None)
-    return f"@{name}" if (name := type(data).__name__.lower()) in FORMS else None
+    return f"@{data.form()}" if isinstance(data, Ranged) else None
 
 
 # Tags start with @ so that an error's path never mistakes one for a key of the file.
 Axis = Annotated[
     Annotated[tuple[Value, ...], Field(min_length=1), Tag("@list")]
+    | Annotated[Literal["all"], Tag("@all")]
     | Annotated[Values, Tag("@values")]
     | Annotated[Linspace, Tag("@linspace")]
     | Annotated[Logspace, Tag("@logspace")]
     | Annotated[Range, Tag("@range")]
     | Annotated[Uniform, Tag("@uniform")]
-    | Annotated[Loguniform, Tag("@loguniform")],
+    | Annotated[Loguniform, Tag("@loguniform")]
+    | Annotated[Drawn, Tag("@sample")],
     Discriminator(
         _form,
         custom_error_type="axis_form",

@@ -15,6 +15,7 @@ from contactlab.scene.effects.proofs import RunState
 from contactlab.scene.model_edits import FLAGS
 from contactlab.scene.mujoco_versions import silence_mujoco
 from contactlab.scene.scene import Scene
+from contactlab.store.controls_file import read_control_table
 
 MakeScene = Callable[..., Scene]
 Prepare = Callable[..., PreparedModel]
@@ -45,7 +46,7 @@ def test_no_shipped_scene_moves_otherwise(prepared: Prepare, name: str) -> None:
     The cone's rows then sum to the normal force in another order: an error of 1e-16 of the
     force a step, which 150 steps and one bounce grow to less than 1e-12.
     """
-    scene = Scene.open(name)
+    scene = Scene.open(name, tables=read_control_table)
     auto, everything = prepared(scene), prepared(scene, "all")
     exact = auto.effects["tangential_friction"].on == everything.effects["tangential_friction"].on
     difference = np.abs(states(scene, auto.model) - states(scene, everything.model)).max()
@@ -54,7 +55,7 @@ def test_no_shipped_scene_moves_otherwise(prepared: Prepare, name: str) -> None:
 
 @pytest.mark.parametrize("name", SCENES)
 def test_what_is_off_is_not_in_the_model(prepared: Prepare, name: str) -> None:
-    scene = Scene.open(name)
+    scene = Scene.open(name, tables=read_control_table)
     found = prepared(scene)
     base = scene.base_of(scene.resolve({}, 0, None))
     run = RunState(found.model, base.facts, straight=False)

@@ -17,7 +17,7 @@ from contactlab.scene.drive.hold import (
     hold_posture,
     unheld,
 )
-from contactlab.scene.drive.recorded import DriveTable, read_recorded
+from contactlab.scene.drive.recorded import RecordedTable, read_recorded
 from contactlab.scene.drive.signals import (
     ControlRoom,
     control_room,
@@ -58,7 +58,11 @@ class Driving:
     """
 
     def __init__(
-        self, model: mujoco.MjModel, drive: Drive, rule: InitialStateRule, table: DriveTable | None
+        self,
+        model: mujoco.MjModel,
+        drive: Drive,
+        rule: InitialStateRule,
+        table: RecordedTable | None,
     ) -> None:
         """Find what drives the runs of a model, as written, whose initial states a rule makes.
 

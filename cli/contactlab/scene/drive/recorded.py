@@ -2,7 +2,7 @@
 
 import fnmatch
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -23,8 +23,8 @@ TableReader = Callable[[Path], Mapping[str, Floats]]
 
 
 @dataclass(frozen=True)
-class DriveTable:
-    """The file of this name that a drive names: its columns by name, each (T,)."""
+class RecordedTable:
+    """The table of this name: its columns by name, each (T,)."""
 
     name: str
     columns: Mapping[str, Floats]
@@ -34,6 +34,32 @@ class DriveTable:
         """Time of the last row, after the first [s]; None without times."""
         times = self.columns.get(TIME)
         return None if times is None or not len(times) else float(times[-1] - times[0])
+
+    def matched(
+        self, model: mujoco.MjModel, columns: Mapping[str, str]
+    ) -> tuple[dict[int, Floats], list[str]]:
+        """Return (T,) columns by their places in a row of state and inputs, and all mistakes.
+
+        `columns` has the column of each name of an input, joint or body.
+        """
+        found: dict[int, Floats] = {}
+        mistakes: list[str] = []
+        for name, column in columns.items():
+            if (values := self.columns.get(column)) is None:
+                hint = did_you_mean(column, self.columns) or f"; it has {', '.join(self.columns)}"
+                mistakes.append(f"no column `{column}`{hint}")
+                continue
+            if (bad := np.flatnonzero(~np.isfinite(values))).size:
+                mistakes.append(
+                    f"row {bad[0] + 1} of column `{column}` is not a finite number; write one, or "
+                    "leave the column out"
+                )
+            place = _place(model, name, columns)
+            if isinstance(place, int):
+                found[place] = values
+            else:
+                mistakes.append(place)
+        return found, mistakes
 
 
 @dataclass(frozen=True)
@@ -61,47 +87,39 @@ class RecordedInputs:
         return Signals(self.signals.places, exact, self.signals.levels)
 
 
-def read_recorded(model: mujoco.MjModel, table: DriveTable, *, held: bool) -> RecordedInputs:
+def read_recorded(model: mujoco.MjModel, table: RecordedTable, *, held: bool) -> RecordedInputs:
     """Return what a table says about the runs of a model; its first row is their start.
 
     Each row is held until the next, or joined with it linearly. A SceneError says that there is no
-    time, that nothing is driven, or which name the model lacks or value is no number.
+    time, that nothing is driven, or which names the model lacks and which values are no numbers.
     """
     name, columns = table.name, table.columns
     if TIME not in columns or not len(columns[TIME]):
         raise SceneError(f"{name}: no rows, or no column `{TIME}` [s]; add both")
-    for column, values in columns.items():
-        if (bad := np.flatnonzero(~np.isfinite(values))).size:
-            raise SceneError(
-                f"{name}: row {bad[0] + 1} of column `{column}` is not a finite number; "
-                "write one, or leave the column out"
-            )
+    found, mistakes = table.matched(model, {each: each for each in columns if each != TIME})
     times = columns[TIME] - columns[TIME][0]
+    if (bad := np.flatnonzero(~np.isfinite(times))).size:
+        mistakes.append(f"row {bad[0] + 1} of column `{TIME}` is not a finite number; write one")
     if (back := np.flatnonzero(np.diff(times) < 0)).size:
-        raise SceneError(f"{name}: `{TIME}` decreases in row {back[0] + 2}; sort the rows by time")
-    driven: dict[int, Floats] = {}
-    start: list[tuple[str, int, float]] = []
+        mistakes.append(f"`{TIME}` decreases in row {back[0] + 2}; sort the rows by time")
     first = part_starts(model)["ctrl"]
-    for column in [each for each in columns if each != TIME]:
-        place = _coordinate(model, column, name, columns)
-        if place >= first:
-            driven[place - first] = columns[column]
-        else:
-            part, index = ("qpos", place) if place < model.nq else ("qvel", place - model.nq)
-            start.append((part, index, float(columns[column][0])))
-    if not driven:
-        raise SceneError(
-            f"{name}: no column is an actuator, BODY.fx to .tz, or MOCAP_BODY.x to .qz; "
-            "name at least one"
+    driven = {place - first: values for place, values in found.items() if place >= first}
+    if not (driven or mistakes):
+        mistakes.append(
+            "no column is an actuator, BODY.fx to .tz, or MOCAP_BODY.x to .qz; name at least one"
         )
+    if mistakes:
+        raise SceneError("\n".join(f"{name}: {each}" for each in mistakes))
+    start: list[tuple[str, int, float]] = []
+    for place in (place for place in found if place < first):
+        part, index = ("qpos", place) if place < model.nq else ("qvel", place - model.nq)
+        start.append((part, index, float(found[place][0])))
     signals = Signals(np.array(list(driven), np.intp), times[None], np.array(list(driven.values())))
     return RecordedInputs(name, _stepped(signals) if held else signals, tuple(start))
 
 
-def _coordinate(
-    model: mujoco.MjModel, column: str, name: str, columns: Mapping[str, Floats]
-) -> int:
-    """Return the place of the input, or coordinate of the start, that a column holds."""
+def _place(model: mujoco.MjModel, column: str, columns: Collection[str]) -> int | str:
+    """Return the place of the input or coordinate that a name means; or why there is none."""
     element = _ELEMENT.fullmatch(column)
     sizes = {"ctrl": model.nu, "qpos": model.nq, "qvel": model.nv}
     if element and int(element[2]) < sizes[element[1]]:
@@ -112,7 +130,7 @@ def _coordinate(
         return known[f"{column}.ctrl"]
     if column in joints and f"{joints[column]}.ctrl" not in known:
         return known[column]
-    if column in joints and not {joints[column], f"{joints[column]}.ctrl"} & columns.keys():
+    if column in joints and not {joints[column], f"{joints[column]}.ctrl"} & set(columns):
         return known[f"{joints[column]}.ctrl"]
     if (place := known.get(column.removesuffix(".qpos"))) is not None:
         return place
@@ -120,7 +138,7 @@ def _coordinate(
     some = [each for each in names if not fnmatch.fnmatch(each, "*.?*")][:4]
     such = f"; name them such as {', '.join(some)}" if some else ""
     close = did_you_mean(column, names) or such
-    raise SceneError(f"{name}: column `{column}` is no actuator, joint or body of the model{close}")
+    return f"column `{column}` is no actuator, joint or body of the model{close}"
 
 
 def _actuators_of_joints(model: mujoco.MjModel) -> dict[str, str]:

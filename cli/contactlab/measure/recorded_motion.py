@@ -1,0 +1,134 @@
+"""How far runs are from what was recorded of them."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from contactlab.contact.rotations import angles_between, rotate_back
+from contactlab.contact.trace_arrays import Floats
+from contactlab.measure.context import Context, cached, contact_depths, down
+from contactlab.measure.entries import metric
+
+_ROUNDING = 1e-6  # share of a step by which a recorded time may be after the last one
+
+
+@cached
+def _simulated(context: Context) -> tuple[Floats, Floats]:
+    """Return (n, M, nq) and (n, M, nv) states at recorded times; NaN after the end of a run."""
+    trace, recorded = context.trace, context.setup.recorded
+    assert recorded is not None
+    places = recorded.times / trace.timestep[:, None]
+    within = places <= trace.steps + _ROUNDING
+    before = np.minimum(np.where(within, places, 0).astype(np.intp), trace.steps - 1)
+    share = np.where(within, places - before, np.nan)[..., None]
+    runs = np.arange(trace.runs)[:, None]
+    first, then = (runs, before), (runs, before + 1)
+    qpos = trace.qpos[first] + share * (trace.qpos[then] - trace.qpos[first])
+    return qpos, trace.qvel[first] + share * (trace.qvel[then] - trace.qvel[first])
+
+
+@cached
+def _offsets(context: Context) -> dict[str, Floats]:
+    """Return (n, M) distances from the recording, each of what is off most; NaN without one.
+
+    Positions [m], rotations [rad], velocities [m/s], and shares of the size of what is off [1].
+    Runs that ended early have none.
+    """
+    recorded = context.setup.recorded
+    assert recorded is not None
+    if context.trace.steps < context.trace.steps_asked:
+        return {}
+    found: dict[str, list[Floats]] = {}
+    qpos, qvel = _simulated(context)
+    for part in recorded.parts:
+        there, here = qpos[..., part.qpos], recorded.qpos[..., part.qpos]
+        apart = np.linalg.norm(there - here, axis=2)
+        if part.kind == "turn":
+            apart = angles_between(there.reshape(-1, 4), here.reshape(-1, 4)).reshape(apart.shape)
+        found.setdefault("position" if part.kind in ("point", "slide") else "rotation", []).append(
+            apart
+        )
+        found.setdefault("share", []).append(np.where(np.isnan(apart), np.nan, apart / part.size))
+        if part.kind == "point":
+            speeds = np.linalg.norm((qvel - recorded.qvel)[..., part.qvel], axis=2)
+            found.setdefault("velocity", []).append(speeds)
+    return {name: np.fmax.reduce(each) for name, each in found.items()}
+
+
+def _last(context: Context, values: Floats) -> Floats:
+    """Return (n, ...) what values (n, M, ...) are at the last recorded time within each run."""
+    known = np.isfinite(_simulated(context)[0][..., 0])
+    return values[np.arange(len(values)), known.sum(axis=1) - 1]
+
+
+def _mean(_: Context, values: Floats) -> Floats:
+    return np.nanmean(values, axis=1)
+
+
+def _peak(_: Context, values: Floats) -> Floats:
+    return np.max(values, axis=1, where=np.isfinite(values), initial=0.0)
+
+
+def _declare(name: str, unit: str, reduce: Callable[[Context, Floats], Floats], text: str) -> None:
+    """Declare a metric: what one quantity, as the name says, is over time."""
+    quantity = (*name.split("_"), "share")[1]
+
+    def measured(context: Context) -> Floats:
+        values = _offsets(context).get(quantity) if context.setup.recorded else None
+        return context.undefined() if values is None else reduce(context, values)
+
+    measured.__doc__ = text
+    heading = "reality" if name == "reality" else ""
+    metric(unit, "lower", name=name, heading=heading)(measured)
+
+
+_PLACE, _TURN = "distance of bodies and slides from", "angle of bodies and hinges to"
+_SHARE = "Mean distance from the recording: of bodies in widths, of joints in shares of their range"
+for _entry in (
+    ("reality", "1", _mean, f"{_SHARE}. A width is the smallest side of the box around a body."),
+    ("reality_position", "m", _mean, f"Mean {_PLACE} the recording, over time."),
+    ("reality_position_peak", "m", _peak, f"Largest {_PLACE} the recording."),
+    ("reality_position_end", "m", _last, f"Final {_PLACE} the recording: where they stopped."),
+    ("reality_rotation", "rad", _mean, f"Mean {_TURN} the recording, over time."),
+    ("reality_rotation_peak", "rad", _peak, f"Largest {_TURN} the recording."),
+    ("reality_rotation_end", "rad", _last, f"Final {_TURN} the recording."),
+    (
+        "reality_velocity",
+        "m/s",
+        _mean,
+        "Mean difference of velocities of bodies from recorded ones.",
+    ),
+):
+    _declare(*_entry)
+
+
+@metric("s")
+def reality_delay(context: Context) -> Floats:
+    """Time of the first contact, less when the recorded body first touches what it may touch."""
+    recorded = context.setup.recorded
+    if recorded is None:
+        return context.undefined()
+    touching = np.logical_or.reduce([each for each, _ in contact_depths(context)])
+    first = np.where(touching.any(axis=1), touching.argmax(axis=1), np.nan)
+    return first * context.trace.timestep - recorded.touched
+
+
+@metric("1", "higher")
+def reality_side(context: Context) -> Floats:
+    """1 if every free body ends with the side down that it was recorded with, else 0."""
+    recorded, same = context.setup.recorded, list[Floats]()
+    if recorded is None or not _offsets(context):
+        return context.undefined()
+    for body in context.setup.free_bodies:
+        turn = slice(body.qpos + 3, body.qpos + 7)
+        ends = [_last(context, each[..., turn]) for each in (_simulated(context)[0], recorded.qpos)]
+        here, there = (_side(rotate_back(each, down(context))) for each in ends)
+        same.append(np.where(np.isnan(here + there), np.nan, here == there))
+    return np.fmin.reduce(same) if same else context.undefined()
+
+
+def _side(direction: Floats) -> Floats:
+    """Return (n,) which of a body's six axes is nearest to a direction (n, 3); NaN if unknown."""
+    axis = np.abs(direction).argmax(axis=1)
+    sign = np.take_along_axis(direction, axis[:, None], axis=1)[:, 0]
+    return np.where(np.isnan(sign), np.nan, 2.0 * axis + (sign > 0))

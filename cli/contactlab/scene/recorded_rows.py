@@ -1,0 +1,194 @@
+"""The rows of a recording: matched with a model, in its units and frames, and checked."""
+
+from collections.abc import Iterator
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from contactlab.contact.rotations import multiply, rotate, rotate_back
+from contactlab.contact.trace_arrays import Floats
+from contactlab.contact.trace_setup import QUARTER_TURN, RecordedPart
+from contactlab.errors import SceneError
+from contactlab.scene.drive.recorded import RecordedTable
+from contactlab.scene.model_names import part_starts
+from contactlab.schema.scene_manifest import UNITS, Recording
+
+_GAP = 1.5  # time between rows, over the usual one, from which rows are missing
+_OFF_NORM = 0.01  # what rounding leaves of a quaternion's norm, at most
+_BEYOND = 0.05  # share of its range by which a joint may be beyond it
+_FASTEST = 100.0  # speed that nothing recorded has [m/s or rad/s]
+_AGREE = 0.5  # share by which recorded velocities may differ from those of the poses
+_SHOWN = 3  # places of one kind of mistake that are named
+
+
+class RecordedRows:
+    """R rows of a recording, sorted by run, as states and inputs of a model.
+
+    `runs` are the rows of each run by its number, at `times` (R,) [s]; `qpos` (R, nq) and `qvel`
+    (R, nv) have NaN for what is none of the `parts` that were recorded, and `inputs` (R,) commands
+    by index. After K rows, `within`, the same run goes on, at mean `rates` (K, nv).
+    """
+
+    def __init__(self, model: mujoco.MjModel, entry: Recording, table: RecordedTable) -> None:
+        """Read the rows; a SceneError has all that is wrong with them."""
+        self._model, self._entry, self._name = model, entry, table.name
+        keys = [entry.time, *([entry.run] if entry.run else [])]
+        named = entry.columns or {each: each for each in table.columns if each not in keys}
+        # A joint's name is that of its coordinate, not of the control of its actuator.
+        joints = {model.joint(index).name for index in range(model.njnt)}
+        named = {f"{name}.qpos" if name in joints else name: each for name, each in named.items()}
+        found, self._mistakes = table.matched(model, named)
+        for key in keys:
+            if key not in table.columns or not np.isfinite(table.columns[key]).all():
+                self._mistakes.append(f"no column `{key}` of finite numbers")
+        self.refuse()
+        self._sort(*(table.columns[each] for each in keys))
+        self.refuse()
+        self._take(found)
+        self._convert()
+        self._check_times()
+        self.refuse()
+        self._check_velocities()
+        self.refuse()
+
+    def note(self, what: str, rows: NDArray[np.intp]) -> None:
+        """Note one kind of mistake, with the first of the rows that have it, if any."""
+        if len(rows):
+            run = self._entry.run
+            shown = [
+                f"row {self._order[row] + 1}" + (f" ({run} {self._numbers[row]:g})" if run else "")
+                for row in rows[:_SHOWN].tolist()
+            ]
+            more = f" and {len(rows) - _SHOWN:,} more" if len(rows) > _SHOWN else ""
+            self._mistakes.append(f"{what}: {', '.join(shown)}{more}")
+
+    def refuse(self) -> None:
+        """Raise a SceneError with what was noted, if anything was."""
+        if self._mistakes:
+            head = f"{self._name} is no recording of this model:"
+            raise SceneError("\n  ".join([head, *self._mistakes]))
+
+    def _sort(self, times: Floats, numbers: Floats | None = None) -> None:
+        """Sort rows by run; those of a run stay in the order of the file."""
+        numbers = np.zeros(len(times)) if numbers is None else numbers
+        order = np.argsort(numbers, kind="stable")
+        self._order = order[~np.isin(numbers[order], self._entry.leave_out)]
+        self.times = times[self._order] * UNITS[self._entry.units.time]
+        self._numbers = numbers[self._order]
+        self.within = np.flatnonzero(np.diff(self._numbers) == 0)
+        ids, first, counts = np.unique(self._numbers, return_index=True, return_counts=True)
+        ends = (first + counts).tolist()
+        self.runs = dict(zip(ids.tolist(), map(slice, first.tolist(), ends), strict=True))
+        self.note("the number of a run is not whole", np.flatnonzero(self._numbers % 1))
+        if not self.runs:
+            self._mistakes.append("it has no rows")
+
+    def _take(self, found: dict[int, Floats]) -> None:
+        """Take the columns of the state and of inputs."""
+        model, first = self._model, part_starts(self._model)["ctrl"]
+        state = np.full((len(self._order), first), np.nan)
+        self.inputs = dict[int, Floats]()
+        for place, values in found.items():
+            if place < first:
+                state[:, place] = values[self._order]
+            else:
+                self.inputs[place - first] = values[self._order]
+        self.qpos, self.qvel = state[:, : model.nq], state[:, model.nq : model.nq + model.nv]
+        parts = [(part, np.isfinite(self.qpos[0, part.qpos])) for part in _parts(model)]
+        self.parts = tuple(part for part, known in parts if known.all())
+        for part, known in parts:
+            if known.any() and not known.all():
+                names = "x, y and z" if part.kind == "point" else "qw, qx, qy and qz"
+                self._mistakes.append(f"{part.joint} needs all of {names}")
+        if not self.parts:
+            self._mistakes.append("no columns are a joint or a free body; name one")
+
+    def _convert(self) -> None:
+        """Convert what was recorded to metres and radians, and to the frames of the model."""
+        length, angle = UNITS[self._entry.units.length], UNITS[self._entry.units.angle]
+        frame, turn = self._entry.frame, np.array([1.0, 0, 0, 0])
+        if frame != "world":
+            turn = np.array(frame.quaternion) / np.linalg.norm(frame.quaternion)
+        for part in self.parts:
+            place, speed = self.qpos[:, part.qpos], self.qvel[:, part.qvel]
+            speed *= length if part.kind in ("point", "slide") else angle
+            if part.kind == "turn":
+                norm = np.linalg.norm(place, axis=1)
+                what = f"the quaternion of {part.joint} does not have the norm 1"
+                self.note(what, np.flatnonzero(np.abs(norm - 1) > _OFF_NORM))
+                place[:] = multiply(turn, place / np.maximum(norm, _OFF_NORM)[:, None])
+                if self._entry.turning == "world":
+                    speed[:] = rotate_back(place, rotate(turn, speed))
+                continue
+            place *= angle if part.kind == "hinge" else length
+            if part.kind == "point" and frame != "world":
+                place[:] = rotate(turn, place) + np.array(frame.position)
+                speed[:] = rotate(turn, speed)
+
+    def _check_times(self) -> None:
+        """Find rows that are alone, late or missing, and joints beyond their ranges."""
+        single = [rows.start for rows in self.runs.values() if rows.stop - rows.start < 2]
+        self.note("the only row of a run", np.array(single, np.intp))
+        steps = np.diff(self.times)[self.within]
+        self.note("time does not increase after", self.within[steps <= 0])
+        usual = float(np.median(steps)) if len(steps) else 0.0
+        what = f"rows are missing (others are {usual * 1e3:.3g} ms apart) after"
+        self.note(what, self.within[steps > _GAP * usual])
+        for part in self.parts:
+            joint = self._model.joint(part.joint)
+            if part.kind in ("slide", "hinge") and self._model.jnt_limited[joint.id]:
+                low, high = joint.range
+                out = np.abs(self.qpos[:, part.qpos.start] - (low + high) / 2) / part.size
+                what = f"{part.joint} is beyond its range of {low:.3g} to {high:.3g}"
+                self.note(what, np.flatnonzero(out > 0.5 + _BEYOND))
+
+    def _check_velocities(self) -> None:
+        """Find jumps, and recorded velocities that are not those of the poses; fill in others."""
+        self.rates = np.zeros((len(self.within), self._model.nv))
+        steps = np.diff(self.times)[self.within].tolist()
+        qpos = np.where(np.isnan(self.qpos), self._model.qpos0, self.qpos)
+        for rate, row, step in zip(self.rates, self.within.tolist(), steps, strict=True):
+            mujoco.mj_differentiatePos(self._model, rate, step, qpos[row], qpos[row + 1])
+        measured = (self.qvel[self.within] + self.qvel[self.within + 1]) / 2
+        for part in self.parts:
+            what = "angular velocity" if part.kind in ("turn", "hinge") else "velocity"
+            rate = np.linalg.norm(self.rates[:, part.qvel], axis=1)
+            jumps = self.within[rate > _FASTEST]
+            self.note(f"{part.joint} jumps, or is in another unit ({what}), after", jumps)
+            apart = np.linalg.norm(measured[:, part.qvel] - self.rates[:, part.qvel], axis=1)
+            typical, off = float(np.median(rate)), float(np.median(apart))
+            if off > _AGREE * typical:
+                self._mistakes.append(
+                    f"{part.joint}: its {what} is {off:.3g} off that of its poses, which is "
+                    f"{typical:.3g} (medians): another unit or frame"
+                )
+        total, count = np.zeros_like(self.qvel), np.zeros((len(self.qvel), 1))
+        for rows in (self.within, self.within + 1):
+            total[rows] += self.rates
+            count[rows] += 1
+        self.qvel = np.where(np.isnan(self.qvel), total / count, self.qvel)
+
+
+def _parts(model: mujoco.MjModel) -> Iterator[RecordedPart]:
+    """Yield the parts of the state of each joint."""
+    hinge, slide = mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE
+    for index in range(model.njnt):
+        joint = model.joint(index)
+        kind, body, at, dof = (
+            int(each[0]) for each in (joint.type, joint.bodyid, joint.qposadr, joint.dofadr)
+        )
+        if kind in (hinge, slide):
+            size = QUARTER_TURN if kind == hinge else float(model.stat.extent)
+            size = float(np.ptp(joint.range)) if model.jnt_limited[index] else size
+            places = slice(at, at + 1), slice(dof, dof + 1)
+            word = "hinge" if kind == hinge else "slide"
+            yield RecordedPart(joint.name, body, word, *places, size)
+            continue
+        free = 3 * (kind == mujoco.mjtJoint.mjJNT_FREE)
+        if free:
+            width = 2 * float(model.bvh_aabb[model.body_bvhadr[body], 3:].min())
+            places = slice(at, at + 3), slice(dof, dof + 3)
+            yield RecordedPart(joint.name, body, "point", *places, width)
+        places = slice(at + free, at + free + 4), slice(dof + free, dof + free + 3)
+        yield RecordedPart(joint.name, body, "turn", *places, np.inf if free else QUARTER_TURN)

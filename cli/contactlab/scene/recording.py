@@ -1,0 +1,162 @@
+"""Recorded runs: how each starts, and what its simulation is compared with."""
+
+import copy
+from collections.abc import Sequence
+from functools import cached_property
+
+import mujoco
+import numpy as np
+
+from contactlab.contact.trace_arrays import Floats
+from contactlab.contact.trace_setup import RecordedMotion, RecordedPart
+from contactlab.scene.contact_pairs import geom_pairs, may_touch
+from contactlab.scene.drive.recorded import RecordedTable
+from contactlab.scene.recorded_rows import RecordedRows
+from contactlab.scene.timed_inputs import Signals
+from contactlab.schema.scene_manifest import Recording
+
+_FLIGHT = 4  # rows of a free flight that tell its velocity
+_GRAVITY = 0.2  # share by which free flight may miss gravity
+_AFLOAT = 0.05  # how far above or within what carries it a body may rest, in widths
+_STILL = 0.1  # speed of what rests, in widths a second
+_GRAIN = 0.1  # durations are whole multiples of it [s], so that runs of like length share jobs
+_FAR = 10.0  # distance beyond which none is measured [m]
+
+
+class RecordedRuns:
+    """The recorded runs of a table, in coordinates of a model, by their numbers, ascending."""
+
+    def __init__(self, model: mujoco.MjModel, entry: Recording, table: RecordedTable) -> None:
+        """Read the runs; a SceneError has all that is wrong with them."""
+        self._model, self._rule, self._data = model, entry.start, mujoco.MjData(model)
+        self._rows = rows = RecordedRows(model, entry, table)
+        self._points = [part for part in rows.parts if part.kind == "point"]
+        self.numbers = tuple(rows.runs)
+        self._starts = {number: self._start(number) for number in self.numbers}
+        rows.refuse()
+        if model.opt.gravity.any():
+            self._check_motion()
+        rows.refuse()
+
+    def lasts(self, number: float) -> float:
+        """Return how long a simulation of a run takes [s]: until its last row, or a bit more."""
+        rows = self._from_start(number)
+        seconds = self._rows.times[rows.stop - 1] - self._rows.times[rows.start]
+        return round(float(np.ceil(seconds / _GRAIN - 1e-6)) * _GRAIN, 9)
+
+    def start(self, number: float) -> Floats:
+        """Return (nq + nv,) the state that a run starts from; NaN where it is not known."""
+        return np.concatenate([self._rows.qpos[self._starts[number]], self._velocity(number)])
+
+    def signals(self, number: float) -> Signals:
+        """Return what recorded commands do over time."""
+        rows, inputs = self._from_start(number), self._rows.inputs
+        if not inputs:
+            return Signals.none()
+        times = self._rows.times[rows] - self._rows.times[rows.start]
+        levels = np.array([each[rows] for each in inputs.values()])
+        return Signals(np.array(list(inputs), np.intp), times[None], levels)
+
+    def motion(self, numbers: Sequence[float]) -> RecordedMotion:
+        """Return what n runs are compared with."""
+        runs = [self._from_start(each) for each in numbers]
+        most = max(each.stop - each.start for each in runs)
+
+        def padded(values: Floats) -> Floats:
+            whole = np.full((len(runs), most, *values.shape[1:]), np.nan)
+            for row, each in zip(whole, runs, strict=True):
+                row[: each.stop - each.start] = values[each]
+            return whole
+
+        rows = self._rows
+        times = padded(rows.times) - rows.times[[each.start for each in runs]][:, None]
+        touched = np.array([self._touched(each) for each in runs])
+        return RecordedMotion(rows.parts, times, padded(rows.qpos), padded(rows.qvel), touched)
+
+    def _from_start(self, number: float) -> slice:
+        return slice(self._starts[number], self._rows.runs[number].stop)
+
+    def _start(self, number: float) -> int:
+        """Return the row that a run starts from."""
+        rows, times, rule = self._rows.runs[number], self._rows.times, self._rule
+        first = np.array([rows.start])
+        if rule.before_contact is None:
+            late = times[rows] - times[rows.start] >= rule.time - 1e-9
+            if not late[:-1].any():
+                self._rows.note(f"runs start after {rule.time:g} s, but one is shorter", first)
+            return rows.start + int(late.argmax())
+        for row in range(rows.start, rows.stop):
+            if self._gap(row, bounding=True) <= 0:
+                return max(row - rule.before_contact, rows.start)
+        self._rows.note("no recorded free body comes close to contact in the run of", first)
+        return rows.start
+
+    def _velocity(self, number: float) -> Floats:
+        """Return (nv,) the velocity that a run starts with."""
+        first, start, times = self._rows.runs[number].start, self._starts[number], self._rows.times
+        velocity = self._rows.qvel[start].copy()
+        if self._rule.before_contact is None or start - first < _FLIGHT:
+            return velocity
+        rows, steps = slice(first, start + 1), np.diff(times[first : start + 1])
+        since = times[rows] - times[start - self._rule.lag]
+        fallen = since[:, None] ** 2 / 2 * np.array(self._model.opt.gravity)
+        between = slice(*np.searchsorted(self._rows.within, [first, start]))
+        for part in self._points:
+            line = np.polyfit(since, self._rows.qpos[rows, part.qpos] - fallen, 1)
+            velocity[part.qvel] = line[0]
+            spin = slice(part.qvel.stop, part.qvel.stop + 3)
+            velocity[spin] = steps @ self._rows.rates[between, spin] / steps.sum()
+        return velocity
+
+    @cached_property
+    def _touching(self) -> tuple[list[tuple[int, int]], mujoco.MjModel]:
+        """Pairs of geoms by which recorded free bodies may touch others, and those as spheres."""
+        model, spheres = self._model, copy.copy(self._model)
+        roots = np.asarray(model.body_rootid)[model.geom_bodyid]
+        own = np.isin(roots, model.body_rootid[[part.body for part in self._points]])
+        touch = may_touch(model) & (roots[:, None] != roots) & (own[:, None] | own)
+        spheres.geom_size[own, 0] = model.geom_rbound[own]
+        spheres.geom_type[own] = int(mujoco.mjtGeom.mjGEOM_SPHERE)
+        return geom_pairs(touch), spheres
+
+    def _gap(self, row: int, *, bounding: bool = False) -> float:
+        """Return how far recorded free bodies, or their bounding spheres, are from others [m]."""
+        qpos, data, (pairs, spheres) = self._rows.qpos[row], self._data, self._touching
+        model = spheres if bounding else self._model
+        np.copyto(data.qpos, qpos, where=np.isfinite(qpos))
+        mujoco.mj_kinematics(model, data)
+        gaps = (mujoco.mj_geomDistance(model, data, *x, _FAR, None) for x in pairs)
+        return min(gaps, default=_FAR)
+
+    def _touched(self, rows: slice) -> float:
+        """Return when a free body first touches anything, after the first of some rows [s]."""
+        times, before = self._rows.times[rows] - self._rows.times[rows.start], np.nan
+        for place, row in enumerate(range(rows.start, rows.stop)):
+            if (gap := self._gap(row)) <= 0:
+                share = before / (before - gap) if place else 1.0
+                return float(times[place] - (1 - share) * (times[place] - times[max(place - 1, 0)]))
+            before = gap
+        return np.nan
+
+    def _check_motion(self) -> None:
+        """Find whether free bodies fall and rest as those of the model do."""
+        rows, gravity = self._rows, np.array(self._model.opt.gravity)
+        ends = np.array([each.stop - 1 for each in rows.runs.values()])
+        for part in self._points:
+            still = ends[np.linalg.norm(rows.qvel[ends, part.qvel], axis=1) < _STILL * part.size]
+            gaps = np.array([self._gap(row) for row in still.tolist()])
+            for word, off in (("above", gaps), ("within", -gaps)):
+                what = f"{part.joint} rests {word} what it may touch (another body, unit or frame)"
+                rows.note(what, still[off > _AFLOAT * part.size])
+            falls = [self._fall(part, number) for number in self.numbers]
+            fall = np.nanmedian([*falls, gravity], axis=0) @ gravity / (gravity @ gravity)
+            if abs(fall - 1) > _GRAVITY:
+                what = f"{part.joint} falls {fall:.3g} times as fast as in the model's gravity"
+                rows.note(f"{what} (another unit of length or time)", ends[:1])
+
+    def _fall(self, part: RecordedPart, number: float) -> Floats:
+        """Return (3,) the acceleration before a run's start [m/s^2]; NaN where that is short."""
+        rows = slice(self._rows.runs[number].start, self._starts[number] + 1)
+        if self._rule.before_contact is None or rows.stop - rows.start < 2 * _FLIGHT:
+            return np.full(3, np.nan)
+        return 2 * np.polyfit(self._rows.times[rows], self._rows.qpos[rows, part.qpos], 2)[0]

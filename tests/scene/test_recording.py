@@ -1,0 +1,243 @@
+"""Recordings: units and frames, starts by rule, and all that is wrong told at once."""
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+from ruamel.yaml import YAML
+
+from contactlab.contact.rotations import multiply, rotate, rotate_back
+from contactlab.engines import Buffers, PreparedRuns, find_engine
+from contactlab.errors import SceneError
+from contactlab.scene.scene import Scene
+from contactlab.store.controls_file import read_control_table
+
+RATE, STEP = 200.0, 0.001
+BRICK = f"""<mujoco><option timestep="{STEP}"/><worldbody>
+<geom name="floor" type="plane" size="3 3 .1"/>
+<body name="brick" pos="0 0 .5"><freejoint name="brick"/>
+<geom type="box" size=".06 .04 .03"/></body>
+</worldbody></mujoco>"""
+ARM = """<mujoco><option timestep="0.002"/><worldbody>
+<body pos="0 0 1"><joint name="turn" axis="0 1 0" range="-120 120"/>
+<geom type="capsule" size=".03" fromto="0 0 0 .5 0 0" mass="1"/></body></worldbody>
+<actuator><position name="servo" joint="turn" kp="100" kv="3"/></actuator></mujoco>"""
+POSE = [f"brick.{each}" for each in ("x", "y", "z", "qw", "qx", "qy", "qz")]
+RATES = [f"brick.{each}" for each in ("vx", "vy", "vz", "wx", "wy", "wz")]
+UNITS = {"length": "m", "angle": "rad", "time": "s"}
+Columns = dict[str, np.ndarray]
+
+
+def thrown(seed: int = 0, frames: int = 300) -> Columns:
+    """Return frames of a brick that MuJoCo throws, in the columns of coordinates."""
+    model = mujoco.MjModel.from_xml_string(BRICK)
+    data = mujoco.MjData(model)
+    data.qvel[:] = np.random.default_rng(seed).normal(size=6) * [0.5, 0.5, 0.5, 4, 4, 4]
+    rows = [np.concatenate([data.qpos, data.qvel])]
+    for _ in range(frames - 1):
+        mujoco.mj_step(model, data, nstep=round(1 / RATE / STEP))
+        rows.append(np.concatenate([data.qpos, data.qvel]))
+    columns = dict(zip([*POSE, *RATES], np.array(rows).T, strict=True))
+    return {"time": np.arange(frames) / RATE, **columns}
+
+
+def written(folder: Path, table: Mapping[str, Any], xml: str = BRICK, **recording: object) -> Scene:
+    """Write a scene with a recording, and open it."""
+    (folder / "scene.xml").write_text(xml)
+    pq.write_table(pa.table(dict(table)), folder / "motion.parquet")
+    manifest = {"version": 1, "title": "t", "description": "d", "duration": 2.0}
+    entry = {"file": "motion.parquet", "units": UNITS, **recording}
+    with (folder / "scene.yaml").open("w") as file:
+        YAML().dump({**manifest, "recording": entry}, file)
+    return Scene.open(f"{folder}/", tables=read_control_table)
+
+
+def start_of(scene: Scene, **values: object) -> tuple[np.ndarray, np.ndarray]:
+    starts = scene.starts([scene.resolve(values, 0, None)])
+    return starts.qpos[0], starts.qvel[0]
+
+
+def refusal(folder: Path, table: Mapping[str, Any], xml: str = BRICK, **recording: object) -> str:
+    with pytest.raises(SceneError) as raised:
+        written(folder, table, xml, **recording)
+    return str(raised.value)
+
+
+def test_units_and_frames_are_those_that_are_declared(tmp_path: Path) -> None:
+    """In millimetres, degrees and milliseconds, in a turned frame, it is the same motion."""
+    columns = thrown()
+    turn = np.array([0.6, 0.0, 0.8, 0.0])
+    shift = np.array([0.1, -0.2, 0.3])
+    pose, rates = (np.stack([columns[x] for x in names], axis=1) for names in (POSE, RATES))
+    back = turn * [1, -1, -1, -1]
+    other = dict(columns, time=columns["time"] * 1e3)
+    spin = rotate_back(turn, rotate(pose[:, 3:], rates[:, 3:]))
+    parts = (
+        (POSE[:3], rotate_back(turn, pose[:, :3] - shift) * 1e3),
+        (POSE[3:], multiply(back, pose[:, 3:])),
+        (RATES[:3], rotate_back(turn, rates[:, :3]) * 1e3),
+        (RATES[3:], np.degrees(spin)),
+    )
+    for names, values in parts:
+        other |= dict(zip(names, values.T, strict=True))
+    scene = written(
+        tmp_path,
+        other,
+        units={"length": "mm", "angle": "deg", "time": "ms"},
+        frame={"position": shift.tolist(), "quaternion": turn.tolist()},
+        turning="world",
+    )
+    motion = scene.motion([scene.resolve({}, 0, None)])
+    assert motion is not None
+    # Rounding only: a thousand times the resolution of a metre.
+    assert motion.qpos[0] == pytest.approx(pose, abs=1e-12)
+    assert motion.qvel[0] == pytest.approx(rates, abs=1e-11)
+    assert motion.times[0] == pytest.approx(columns["time"])
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_simulation_repeats_its_own_recording(tmp_path: Path, seed: int) -> None:
+    """Started as recorded, every frame is reproduced to the rounding of one normalisation."""
+    scene = written(tmp_path, thrown(seed))
+    run = scene.resolve({}, 0, None)
+    assert run.duration == pytest.approx(1.5)
+    state = find_engine("mujoco").roll_out(PreparedRuns.of(scene, run), Buffers()).state[0]
+    motion = scene.motion([run])
+    assert motion is not None
+    assert state[: 5 * 300 : 5, 1:8] == pytest.approx(motion.qpos[0], abs=1e-7)
+
+
+def test_velocities_are_those_of_the_poses_where_none_are_recorded(tmp_path: Path) -> None:
+    """In free fall the mean of two differences is exact but for rotation, to second order."""
+    columns = thrown()
+    scene = written(
+        tmp_path, {name: columns[name] for name in ("time", *POSE)}, start={"time": 0.1}
+    )
+    _, qvel = start_of(scene)
+    row = round(0.1 * RATE)
+    expected = np.array([columns[name][row] for name in RATES])
+    # Semi-implicit steps lag by g h / 2; rates that change by 30 rad/s^2 do so by .15 in a frame.
+    assert qvel[:3] == pytest.approx(expected[:3], abs=9.81 * STEP)
+    assert qvel[3:] == pytest.approx(expected[3:], abs=0.15)
+
+
+def test_runs_start_before_contact_with_the_velocity_of_their_flight(tmp_path: Path) -> None:
+    """Noise of 1 mm and recorded velocities that are off do not matter: the flight is fitted."""
+    rng, frames = np.random.default_rng(3), 60
+    time = np.arange(frames) / RATE
+    height = 0.6 - 0.4 * time - 9.81 / 2 * time**2
+    spin = 3.0
+    columns = {
+        "t": time,
+        "x": 0.7 * time + rng.normal(size=frames) * 1e-3,
+        "y": np.zeros(frames),
+        "z": height + rng.normal(size=frames) * 1e-3,
+        "qw": np.cos(spin * time / 2),
+        "qx": np.zeros(frames),
+        "qy": np.sin(spin * time / 2),
+        "qz": np.zeros(frames),
+    }
+    names = {f"brick.{name}": name for name in columns if name != "t"}
+    scene = written(tmp_path, columns, time="t", columns=names, start={"before_contact": 2})
+    qpos, qvel = start_of(scene)
+    reach = np.linalg.norm([0.06, 0.04, 0.03])
+    first = int(np.flatnonzero(columns["z"] <= reach)[0]) - 2
+    assert qpos[2] == columns["z"][first]
+    # Of a line through n points over T, the slope has the error sigma sqrt(12 / n) / T; 4 of them.
+    tolerance = 4 * 1e-3 * np.sqrt(12 / first) / time[first]
+    assert qvel[:3] == pytest.approx([0.7, 0, -0.4 - 9.81 * time[first]], abs=tolerance)
+    assert qvel[3:] == pytest.approx([0, spin, 0], abs=1e-9)
+
+
+def test_all_mistakes_are_told_at_once(tmp_path: Path) -> None:
+    columns = thrown()
+    runs = np.repeat([4.0, 7.0, 8.0], 100)
+    time = np.tile(np.arange(100) / RATE, 3)
+    time[30:100] += 0.02  # frames are lost
+    time[150] = time[149]
+    columns |= {"time": time, "run": runs}
+    columns["brick.qw"] = columns["brick.qw"].copy()
+    columns["brick.qw"][220] += 0.5
+    text = refusal(tmp_path, columns, run="run")
+    for part in (
+        "rows are missing (others are 5 ms apart) after: row 30 (run 4)",
+        "time does not increase after: row 150 (run 7)",
+        "the quaternion of brick does not have the norm 1: row 221 (run 8)",
+    ):
+        assert part in text
+    # Without the runs that are wrong, the rest is used.
+    columns["run"] = np.repeat([4.0, 5.0, 7.0, 8.0], [30, 70, 100, 100])
+    scene = written(tmp_path, columns, run="run", leave_out=[7, 8])
+    assert scene.recorded
+    assert scene.recorded.numbers == (4, 5)
+
+
+def test_names_and_cells_are_told_at_once(tmp_path: Path) -> None:
+    columns = thrown()
+    columns["brick.x"] = np.where(np.arange(300) == 17, np.nan, columns["brick.x"])
+    names = {**{name: name for name in POSE}, "cube.vx": "brick.vx", "brick.vy": "vy"}
+    text = refusal(tmp_path, columns, columns=names)
+    for part in ("row 18 of column `brick.x`", "column `cube.vx` is no", "no column `vy`"):
+        assert part in text
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"units": {**UNITS, "length": "mm"}}, "another body, unit"),
+        ({"units": {**UNITS, "length": "cm"}}, "another"),
+        ({"units": {**UNITS, "time": "ms"}}, "jumps"),
+        ({"turning": "world"}, "angular velocity is .* another unit or frame"),
+        ({"units": {**UNITS, "angle": "deg"}}, "angular velocity is .* another unit or frame"),
+    ],
+)
+def test_other_units_and_frames_are_noticed(
+    tmp_path: Path, changes: dict[str, Any], message: str
+) -> None:
+    text = refusal(tmp_path, thrown(), **changes)
+    assert re.search(message, text)
+
+
+@pytest.mark.parametrize("factor", [0.5, 1.6])
+def test_another_body_is_noticed_where_it_rests(tmp_path: Path, factor: float) -> None:
+    """A brick of another size rests at another height than the recorded one."""
+    sizes = " ".join(str(factor * each) for each in (0.06, 0.04, 0.03))
+    text = refusal(tmp_path, thrown(frames=600), BRICK.replace(".06 .04 .03", sizes))
+    assert "another body" in text
+
+
+def test_joints_and_commands_of_an_arm(tmp_path: Path) -> None:
+    """Angles in degrees and a command: the simulation follows its own recording."""
+    model = mujoco.MjModel.from_xml_string(ARM)
+    data = mujoco.MjData(model)
+    rows: list[tuple[float, ...]] = []
+    for step in range(500):
+        data.ctrl[0] = np.sin(5e-3 * step)
+        rows.append((data.time, np.degrees(data.qpos[0]), data.ctrl[0], 7.0))
+        mujoco.mj_step(model, data)
+    names = ("timestamp", "observation.state", "action", "frame_index")
+    columns: Columns = dict(zip(names, np.array(rows).T, strict=True))
+    scene = written(
+        tmp_path,
+        columns,
+        ARM,
+        time="timestamp",
+        columns={"turn": "observation.state", "servo": "action"},
+        units={**UNITS, "angle": "deg"},
+    )
+    run = scene.resolve({}, 0, 0.99)
+    state = find_engine("mujoco").roll_out(PreparedRuns.of(scene, run), Buffers()).state[0]
+    # The start's velocity is a mean over two steps: off by h a / 2, with a below 100 rad/s^2.
+    assert state[:, 1] == pytest.approx(np.radians(columns["observation.state"][:496]), abs=3e-3)
+    shifted = dict(columns, **{"observation.state": columns["observation.state"] + 90})
+    names = {"turn": "observation.state"}
+    text = refusal(
+        tmp_path, shifted, ARM, time="timestamp", columns=names, units={**UNITS, "angle": "deg"}
+    )
+    assert "turn is beyond its range of -2.09 to 2.09: row" in text
