@@ -223,6 +223,7 @@ def test_joints_and_commands_of_an_arm(tmp_path: Path) -> None:
         mujoco.mj_step(model, data)
     names = ("timestamp", "observation.state", "action", "frame_index")
     columns: Columns = dict(zip(names, np.array(rows).T, strict=True))
+    columns["task"] = np.array(["swing"] * len(rows))  # as LeRobot has it
     scene = written(
         tmp_path,
         columns,

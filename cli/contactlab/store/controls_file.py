@@ -76,18 +76,18 @@ def read_control_table(path: Path) -> Columns:
     read = _READERS.get(path.suffix.lower())
     if read is None:
         known = ", ".join(_READERS)
-        raise SceneError(f"drive: {path.name} is no table of controls; write a file {known}")
+        raise SceneError(f"{path.name} is no table of columns; write a file {known}")
     try:
         columns = read(path)
     except Exception as error:
         # Each format's library raises errors of its own.
         reason = str(error) or type(error).__name__
-        raise SceneError(f"drive: cannot read {path}: {reason}") from error
+        raise SceneError(f"cannot read {path}: {reason}") from error
     lengths = {name: len(values) for name, values in columns.items()}
     if len(set(lengths.values())) > 1:
         fewest, most = min(lengths, key=lengths.__getitem__), max(lengths, key=lengths.__getitem__)
         raise SceneError(
-            f"drive: {path.name}: column `{fewest}` has {lengths[fewest]} rows, but `{most}` has "
+            f"{path.name}: column `{fewest}` has {lengths[fewest]} rows, but `{most}` has "
             f"{lengths[most]}; write as many"
         )
     return columns
@@ -124,11 +124,15 @@ def _read_table(path: Path) -> Columns:
     else:
         with pa.ipc.open_file(path) as file:
             table = file.read_all()
-    is_nested = {field.name: pa.types.is_nested(field.type) for field in table.schema}
-    columns = zip(table.column_names, table.columns, strict=True)
-    return _columns(
-        {name: each.to_pylist() if is_nested[name] else each.to_numpy() for name, each in columns}
-    )
+    return _columns(dict(zip(table.column_names, map(_cells, table.columns), strict=True)))
+
+
+def _cells(column: pa.ChunkedArray) -> object:
+    if pa.types.is_nested(column.type):
+        return column.to_pylist()
+    # Words may stand beside what is used; they are no numbers.
+    is_text = pa.types.is_string(column.type) or pa.types.is_large_string(column.type)
+    return np.full(len(column), np.nan) if is_text else column.to_numpy()
 
 
 def _read_npz(path: Path) -> Columns:
