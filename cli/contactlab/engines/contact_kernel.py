@@ -5,8 +5,7 @@ where they are empty. `contact_kernel.c` looks up the pair of each contact inste
 finds, bit for bit what sensors do. It steps within MuJoCo's batch; a sensor callback, the other
 way in, makes MuJoCo compute accelerations of bodies in each step that nobody asked for.
 
-Nothing needs it: without a compiler, under policies, with the variable CONTACTLAB_KERNEL=off, and
-for models that sleep, contact sensors record.
+Without a compiler, under policies, for what sleeps and with CONTACTLAB_KERNEL=off, sensors record.
 """
 
 import ctypes
