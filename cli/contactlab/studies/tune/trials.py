@@ -26,8 +26,9 @@ PRUNING, PROVING = 2, 4
 """By how much references refine the timestep: by RK4 twice, as much work as 16 times as many steps.
 """
 _TIMES = "times.json"
-_ROUNDS, _TURN = 9, 0.4
-"""How often all that is timed takes turns, and the CPU time of the model as written in one [s]."""
+_ROUNDS, _MOST_ROUNDS, _TURN = 9, 99, 0.4
+"""How often all that is timed takes turns, more often where turns are shorter than they may be, and
+the CPU time of the model as written in one [s]."""
 SHORT_TURN = 0.02  # where it is only to be found out what helps
 _PROBE = 0.02  # simulated time of each part that is gone through first, to see how long it takes
 _ERRORS = ("error_final", "error_mean", "error_peak", "error_velocity", "error_energy")
@@ -127,11 +128,13 @@ class Trials:
         """Return the CPU time by simulated time of each configuration, in each round."""
         runs = [_segments(setup, changed, seeds) for setup, changed in every]
         fits = turn / max(_pace(runs[0], _PROBE), 1e-9) / len(runs[0])
+        longest = max(each.work.steps * each.model.opt.timestep for each in runs[0])
         # Where a part begins takes a few microseconds of its own.
-        if whole := fits >= max(each.work.steps * each.model.opt.timestep for each in runs[0]):
+        if whole := fits >= longest:
             runs = [list(map(_from_start, each)) for each in runs]
         span = fits if whole else fits / SEGMENTS
-        return [[_pace(each, span) for each in runs] for _ in range(_ROUNDS)]
+        rounds = min(max(_ROUNDS, round(_ROUNDS * fits / longest)), _MOST_ROUNDS)
+        return [[_pace(each, span) for each in runs] for _ in range(rounds)]
 
     def profile(self) -> dict[str, Ratio]:
         """Return the time of a step of the model as written without one part each."""
