@@ -265,12 +265,12 @@ class SelfChecks:
 def motion_at_rest(velocity: Floats) -> Floats:
     """Return (..., 2, nv) of the last quarter of (..., T, nv) speeds.
 
-    Their root mean square, and the amplitude of what alternates from step to step.
+    Their root mean square, and the median amplitude of what alternates from step to step.
     """
     late = velocity[..., 3 * velocity.shape[-2] // 4 :, :]
-    turns = np.diff(late, 2, axis=-2) / 4
-    squares = np.stack([(late**2).sum(axis=-2), (turns**2).sum(axis=-2)], axis=-2)
-    return np.sqrt(squares / max(late.shape[-2], 1))
+    change = np.diff(late, axis=-2, prepend=late[..., :1, :])
+    turns = np.abs(np.diff(change, axis=-2, prepend=change[..., :1, :])) / 4
+    return np.stack((np.sqrt((late**2).mean(axis=-2)), np.median(turns, axis=-2)), axis=-2)
 
 
 class Invariants(NamedTuple):

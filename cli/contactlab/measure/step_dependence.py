@@ -34,7 +34,7 @@ _TRAVEL = Threshold(
 )
 _UNRESOLVED = 0.15  # Amplitude of what alternates from step to step over speed
 # Least speed of what does not come to rest, and one that is as good as none.
-_MOVING, _NO_SPEED = 0.5, 1 / 16
+_MOVING, _NO_SPEED = 0.1, 1 / 80
 # Factor within which a run and a copy are as fast; share of a run's travel that is none.
 _LIKE, _STAYS = 3.0, 0.1
 # Whether degrees of freedom move along, by kind of joint.
@@ -71,6 +71,8 @@ def _ends(context: Context) -> _Ends:
     speed, amplitude = np.moveaxis(own / _degrees(context)[1], 2, 0)
     # A free body hops as it slides or rattles, which chatter and energy judge.
     hinged = [each.kind != "free" for each in joints for _ in _ALONG[each.kind]] or [True]
+    aloft = np.asarray(trace.contacts.max(axis=1, initial=0) == 0)[:, None, None]
+    hinged = np.array(hinged) | aloft
     return _Ends(speed, amplitude * (amplitude >= _UNRESOLVED * speed) * hinged)
 
 
@@ -78,9 +80,9 @@ def _ends(context: Context) -> _Ends:
 def unresolved_motion(context: Context) -> Floats:
     """Largest acceleration to and fro, from step to step at the end, over 9.81 m/s^2.
 
-    Of those degrees of freedom in which the amplitude of such speeds, the root mean square of their
-    second difference over 4, is at least 0.15 of the speed; times the mean body size for those that
-    turn. Free joints do not count, since bodies hop as they slide.
+    Of those degrees of freedom in which the amplitude of such speeds, the median of their second
+    difference over 4, is at least 0.15 of the speed; times the mean body size for those that
+    turn. Free joints do not count where there are contacts, since bodies hop as they slide.
     """
     return _to_and_fro(context).max(axis=1, initial=0)
 
