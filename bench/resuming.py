@@ -88,10 +88,10 @@ def resume(file: Path) -> None:
         times.append((time.time(), time.process_time(), peak))
 
     ask = read_request(file, file.stem, _store_of(file), folder=file.parent, workers=0)
-    manifest = run_sweep(ask, take, lambda _: None)
+    run_sweep(ask, take, lambda _: None)
     take()
     with contextlib.redirect_stdout(io.StringIO()):
-        print_summary(_store_of(file), manifest, "text")
+        print_summary(Store.open(_store_of(file)), "text")
     take()
     spent = zip(("going on", "finishing", "summary"), times[:-1], times[1:], strict=True)
     print(json.dumps({name: (b[0] - a[0], b[1] - a[1], b[2]) for name, a, b in spent}))

@@ -1,6 +1,7 @@
 """The command `contactlab`, also as `python -m contactlab`."""
 
-import contactlab.startup  # noqa: F401 - before all that it is about
+# Before all that it is about.
+import contactlab.startup  # noqa: F401 # pyright: ignore[reportUnusedImport]
 
 
 def main() -> None:

@@ -1,6 +1,6 @@
 """Adapters refuse what their engines cannot do, and those that are installed agree with MuJoCo."""
 
-import importlib
+import importlib.util
 from pathlib import Path
 from typing import Any
 
