@@ -21,6 +21,7 @@ from pathlib import Path
 import numpy as np
 from bench.planning import EnoughError, grid, spent_by
 
+from contactlab.store.finished_store import Store
 from contactlab.store.row_journal import row_size, sealed
 
 SIZES = (100_000, 1_000_000)
