@@ -13,7 +13,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from contactlab.engines import mujoco_batch
+from contactlab.engines import contact_kernel, mujoco_batch
 from contactlab.engines.mujoco_batch import Batch
 from contactlab.run.planned_runs import Preparer
 from contactlab.run.worker import Worker
@@ -65,6 +65,17 @@ class Doomed(Batch):
         return super().rollout(*args, **kwargs)
 
 
+kernel: Any = contact_kernel._KernelStepper
+step_by_kernel = kernel.step
+
+
+def doomed_step(self: Any, run: int, *args: Any) -> Any:
+    """Step by the kernel; a fault happens when its run begins."""
+    if fault := doomed.get(id(self._models[run])):
+        meet(fault, self._models[run])
+    return step_by_kernel(self, run, *args)
+
+
 def spoiled_plans(self: Preparer, job: Any) -> Any:
     """Give each run with a fault a model of its own; others may share theirs."""
     made = plans(self, job)
@@ -96,6 +107,7 @@ def bounded_begin(self: Worker, *args: Any) -> None:
 
 inner: Any = mujoco_batch
 inner.Batch = Doomed
+kernel.step = doomed_step
 Preparer.plans = spoiled_plans
 worker: Any = Worker
 worker.run = inflated_run

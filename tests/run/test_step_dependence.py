@@ -10,7 +10,7 @@ import pytest
 
 import contactlab
 from contactlab.contact.trace_arrays import REFINEMENT, SelfChecks
-from contactlab.engines import Buffers, PreparedRuns, mujoco_batch
+from contactlab.engines import Buffers, PreparedRuns, contact_kernel, mujoco_batch
 from contactlab.engines.mujoco_engine import MujocoEngine
 from contactlab.engines.rollout_trace import make_trace
 from contactlab.scene.scene import Scene
@@ -42,7 +42,15 @@ def steps_made(monkeypatch: pytest.MonkeyPatch) -> list[int]:
         made.append(nstep * len(kwargs.get("ids") or [0]))
         return roll_out(self, nstep, *args, **kwargs)
 
+    kernel: Any = contact_kernel._KernelStepper
+    step = kernel.step
+
+    def counting_of_kernel(self: Any, *args: Any) -> Any:
+        made.append(self._steps)
+        return step(self, *args)
+
     monkeypatch.setattr(mujoco_batch.Batch, "rollout", counting)
+    monkeypatch.setattr(kernel, "step", counting_of_kernel)
     return made
 
 
