@@ -10,6 +10,7 @@ import typer
 from contactlab.commands.compare_command import baselines, compare
 from contactlab.commands.drawing_commands import render, report
 from contactlab.commands.engines_command import engines
+from contactlab.commands.fit_command import fit
 from contactlab.commands.list_commands import (
     init,
     labels,
@@ -36,7 +37,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-_RUN = (sweep, stability, effects, check, tradeoff, tune)
+_RUN = (sweep, stability, effects, check, tradeoff, tune, fit)
 _READ = (show, replay, render, verify, compare, report)
 _LIST = (scenes, sweeps, metrics, labels, thresholds, init, schema)
 for command in (*_RUN, *_READ, *_LIST):

@@ -10,6 +10,7 @@ from pydantic import BaseModel
 from contactlab.schema.check_report import CheckReport, Reference
 from contactlab.schema.comparison import ComparePolicy, ComparisonReport
 from contactlab.schema.evidence import EvidenceRecord, StoreManifest
+from contactlab.schema.fit_report import FitReport
 from contactlab.schema.scene_manifest import SceneManifest
 from contactlab.schema.study_reports import EffectsReport, TuneReport
 from contactlab.schema.sweep_schema import Sweep
@@ -31,6 +32,7 @@ EMITTED: Mapping[str, type[BaseModel]] = {
     "reference.schema.json": Reference,
     "effects.schema.json": EffectsReport,
     "tune.schema.json": TuneReport,
+    "fit.schema.json": FitReport,
 }
 
 Node = dict[str, object]

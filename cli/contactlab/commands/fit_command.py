@@ -1,0 +1,73 @@
+"""`contactlab fit`: from recorded motion to the settings that explain it."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import typer
+
+from contactlab.commands import options as opt
+from contactlab.commands.terminal import echo, print_table, study_session
+from contactlab.printable import shortened
+from contactlab.resources import RESULTS
+
+if TYPE_CHECKING:
+    from contactlab.schema.fit_report import FitReport, FittedSetting
+
+_WORST = 5
+
+
+def fit(
+    scene: str = typer.Argument(..., help="A scene with a recording."),
+    folder: Path | None = opt.STUDY_FOLDER,
+    *,
+    free: str = opt.option(
+        "NAME,NAME=LOW:HIGH", "What to fit.", "friction.slide,solref,impratio,cone"
+    ),
+    assign: list[str] | None = opt.SET,
+    fitted: int = opt.option("N", "Recorded runs to fit; the others are held out.", 120, min=2),
+    seed: int = opt.option("N", "Which runs are fitted.", 0, min=0),
+    error: str = opt.option("METRIC", "What is made small.", "reality"),
+    workers: int | None = opt.WORKERS,
+    plugin: list[Path] | None = opt.PLUGIN,
+    output: opt.Format = opt.FORMAT,
+) -> None:
+    """Fit settings to recorded motion, with intervals, and try them on runs that were held out."""
+    from contactlab.studies.fit import FitRequest, run
+    from contactlab.studies.session import model_name
+
+    opt.load_plugins(plugin)
+    request = FitRequest(scene, free.split(","), assign or (), fitted, seed, error)
+    target = folder or RESULTS / "fit" / model_name(scene)
+    with study_session(target, workers) as session:
+        report = run(request, session)
+    if output == "json":
+        echo(report.model_dump_json(indent=2))
+        return
+    echo("\n".join(_head(report)))
+    print_table(("setting", "fitted", "95 %", "identified"), [_row(x) for x in report.settings])
+    echo("\n".join(_details(report, target)))
+
+
+def _head(report: "FitReport") -> Iterator[str]:
+    low, high = report.held_out_interval
+    yield (
+        f"{report.scene}: {report.error} {report.held_out_error:.3g} ({low:.3g} to {high:.3g}) on "
+        f"{len(report.held_out)} runs held out; as written {report.written_error:.3g}"
+    )
+    yield f"  {report.fitted_error:.3g} on the {len(report.fitted_runs)} fitted; {report.runs} runs"
+
+
+def _row(each: "FittedSetting") -> tuple[object, ...]:
+    interval = "" if each.low is None else f"{each.low:.3g} to {each.high:.3g}"
+    value = f"{each.value:.4g}" if isinstance(each.value, float) else each.value
+    return each.name, value, interval, "yes" if each.identified else "no: the error is flat"
+
+
+def _details(report: "FitReport", folder: Path) -> Iterator[str]:
+    from contactlab.schema.fit_report import MODEL, REPORT
+
+    worst = sorted(report.run_errors.items(), key=lambda item: -item[1])[:_WORST]
+    yield f"least explained: {', '.join(f'run {run} ({x:.3g})' for run, x in worst)}"
+    yield from shortened(report.lines, 12, "the patch beside the model")
+    yield f"wrote {folder / 'fitted' / MODEL}, and {REPORT} beside its folder"
