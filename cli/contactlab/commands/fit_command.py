@@ -1,6 +1,5 @@
 """`contactlab fit`: from recorded motion to the settings that explain it."""
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -8,13 +7,10 @@ import typer
 
 from contactlab.commands import options as opt
 from contactlab.commands.terminal import echo, print_table, study_session
-from contactlab.printable import shortened
 from contactlab.resources import RESULTS
 
 if TYPE_CHECKING:
-    from contactlab.schema.fit_report import FitReport, FittedSetting
-
-_WORST = 5
+    from contactlab.schema.fit_report import FittedSetting
 
 
 def fit(
@@ -33,6 +29,7 @@ def fit(
     output: opt.Format = opt.FORMAT,
 ) -> None:
     """Fit settings to recorded motion, with intervals, and try them on runs that were held out."""
+    from contactlab.schema.fit_report import MODEL
     from contactlab.studies.fit import FitRequest, run
     from contactlab.studies.session import model_name
 
@@ -44,30 +41,19 @@ def fit(
     if output == "json":
         echo(report.model_dump_json(indent=2))
         return
-    echo("\n".join(_head(report)))
-    print_table(("setting", "fitted", "95 %", "identified"), [_row(x) for x in report.settings])
-    echo("\n".join(_details(report, target)))
-
-
-def _head(report: "FitReport") -> Iterator[str]:
     low, high = report.held_out_interval
-    yield (
-        f"{report.scene}: {report.error} {report.held_out_error:.3g} ({low:.3g} to {high:.3g}) on "
-        f"{len(report.held_out)} runs held out; as written {report.written_error:.3g}"
+    echo(
+        f"{scene}: {error} {report.held_out_error:.3g} ({low:.3g} to {high:.3g}) on "
+        f"{len(report.held_out)} runs held out, as written {report.written_error:.3g}; "
+        f"{report.fitted_error:.3g} on {len(report.fitted_runs)} fitted"
     )
-    yield f"  {report.fitted_error:.3g} on the {len(report.fitted_runs)} fitted; {report.runs} runs"
+    print_table(("setting", "fitted", "95 %", "identified"), [_row(x) for x in report.settings])
+    worst = sorted(report.held_out.items(), key=lambda item: -item[1])[:5]
+    echo(f"least explained: {', '.join(f'run {run} ({x:.3g})' for run, x in worst)}")
+    echo(f"wrote {target / 'fitted' / MODEL}, after {report.runs:,} runs")
 
 
 def _row(each: "FittedSetting") -> tuple[object, ...]:
-    interval = "" if each.low is None else f"{each.low:.3g} to {each.high:.3g}"
+    interval = f"{each.interval[0]:.3g} to {each.interval[1]:.3g}" if each.interval else ""
     value = f"{each.value:.4g}" if isinstance(each.value, float) else each.value
     return each.name, value, interval, "yes" if each.identified else "no: the error is flat"
-
-
-def _details(report: "FitReport", folder: Path) -> Iterator[str]:
-    from contactlab.schema.fit_report import MODEL, REPORT
-
-    worst = sorted(report.run_errors.items(), key=lambda item: -item[1])[:_WORST]
-    yield f"least explained: {', '.join(f'run {run} ({x:.3g})' for run, x in worst)}"
-    yield from shortened(report.lines, 12, "the patch beside the model")
-    yield f"wrote {folder / 'fitted' / MODEL}, and {REPORT} beside its folder"

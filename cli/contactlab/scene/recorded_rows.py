@@ -18,7 +18,8 @@ _GAP = 1.5  # time between rows, over the usual one, from which rows are missing
 _OFF_NORM = 0.01  # what rounding leaves of a quaternion's norm, at most
 _BEYOND = 0.05  # share of its range by which a joint may be beyond it
 _FASTEST = 100.0  # speed that nothing recorded has [m/s or rad/s]
-_AGREE = 0.5  # share by which recorded velocities may differ from those of the poses
+_AGREE = 0.25  # share by which recorded velocities may differ from those of the poses
+WINDOW = 10  # rows over which noise of single ones does not count
 _SHOWN = 3  # places of one kind of mistake that are named
 
 
@@ -153,21 +154,27 @@ class RecordedRows:
         measured = (self.qvel[self.within] + self.qvel[self.within + 1]) / 2
         for part in self.parts:
             what = "angular velocity" if part.kind in ("turn", "hinge") else "velocity"
-            rate = np.linalg.norm(self.rates[:, part.qvel], axis=1)
-            jumps = self.within[rate > _FASTEST]
+            rates = self.rates[:, part.qvel]
+            jumps = self.within[np.linalg.norm(rates, axis=1) > _FASTEST]
             self.note(f"{part.joint} jumps, or is in another unit ({what}), after", jumps)
-            apart = np.linalg.norm(measured[:, part.qvel] - self.rates[:, part.qvel], axis=1)
-            typical, off = float(np.median(rate)), float(np.median(apart))
+            off, typical = map(_size, (measured[:, part.qvel] - rates, rates))
             if off > _AGREE * typical:
                 self._mistakes.append(
                     f"{part.joint}: its {what} is {off:.3g} off that of its poses, which is "
-                    f"{typical:.3g} (medians): another unit or frame"
+                    f"{typical:.3g} (root mean squares): another unit or frame"
                 )
         total, count = np.zeros_like(self.qvel), np.zeros((len(self.qvel), 1))
         for rows in (self.within, self.within + 1):
             total[rows] += self.rates
             count[rows] += 1
         self.qvel = np.where(np.isnan(self.qvel), total / count, self.qvel)
+
+
+def _size(rates: Floats) -> float:
+    """Return the root mean square of rates (K, m), smoothed, as noise of poses grows with them."""
+    window = np.ones(min(WINDOW, len(rates))) / WINDOW
+    smooth = [np.convolve(column, window, "valid") for column in rates.T]
+    return float(np.sqrt(np.square(smooth).sum(axis=0).mean()))
 
 
 def _parts(model: mujoco.MjModel) -> Iterator[RecordedPart]:

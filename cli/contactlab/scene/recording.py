@@ -11,14 +11,14 @@ from contactlab.contact.trace_arrays import Floats
 from contactlab.contact.trace_setup import RecordedMotion, RecordedPart
 from contactlab.scene.contact_pairs import geom_pairs, may_touch
 from contactlab.scene.drive.recorded import RecordedTable
-from contactlab.scene.recorded_rows import RecordedRows
+from contactlab.scene.recorded_rows import WINDOW, RecordedRows
 from contactlab.scene.timed_inputs import Signals
 from contactlab.schema.scene_manifest import Recording
 
 _FLIGHT = 4  # rows of a free flight that tell its velocity
 _GRAVITY = 0.2  # share by which free flight may miss gravity
 _AFLOAT = 0.05  # how far above or within what carries it a body may rest, in widths
-_STILL = 0.1  # speed of what rests, in widths a second
+_STILL = 0.05  # how far what rests may move in the last rows, in widths
 _GRAIN = 0.1  # durations are whole multiples of it [s], so that runs of like length share jobs
 _FAR = 10.0  # distance beyond which none is measured [m]
 
@@ -142,8 +142,10 @@ class RecordedRuns:
         """Find whether free bodies fall and rest as those of the model do."""
         rows, gravity = self._rows, np.array(self._model.opt.gravity)
         ends = np.array([each.stop - 1 for each in rows.runs.values()])
+        before = np.array([max(each.stop - 1 - WINDOW, each.start) for each in rows.runs.values()])
         for part in self._points:
-            still = ends[np.linalg.norm(rows.qvel[ends, part.qvel], axis=1) < _STILL * part.size]
+            moved = rows.qpos[ends, part.qpos] - rows.qpos[before, part.qpos]
+            still = ends[np.linalg.norm(moved, axis=1) < _STILL * part.size]
             gaps = np.array([self._gap(row) for row in still.tolist()])
             for word, off in (("above", gaps), ("within", -gaps)):
                 what = f"{part.joint} rests {word} what it may touch (another body, unit or frame)"
@@ -157,6 +159,6 @@ class RecordedRuns:
     def _fall(self, part: RecordedPart, number: float) -> Floats:
         """Return (3,) the acceleration before a run's start [m/s^2]; NaN where that is short."""
         rows = slice(self._rows.runs[number].start, self._starts[number] + 1)
-        if self._rule.before_contact is None or rows.stop - rows.start < 2 * _FLIGHT:
+        if self._rule.before_contact is None or rows.stop - rows.start < 3 * _FLIGHT:
             return np.full(3, np.nan)
         return 2 * np.polyfit(self._rows.times[rows], self._rows.qpos[rows, part.qpos], 2)[0]

@@ -14,23 +14,25 @@ from contactlab.run.evidence_record import as_written
 from contactlab.run.sweep_request import SceneLoader
 from contactlab.scene.model_draft import ModelEdits
 from contactlab.scene.model_writer import write_model
+from contactlab.scene.scene import Scene
 from contactlab.schema.fit_report import MODEL, REPORT, FitReport, FittedSetting
 from contactlab.schema.sweep_schema import Sample
 from contactlab.schema.vocabulary import RECORDED_RUN, AxisSpec
 from contactlab.studies.session import Session, Values, read_settings
 
+_PARTS = {"solref": ("solref.timeconst", "solref.dampratio")}  # what is fitted by its parts
 _BOUNDS: Mapping[str, tuple[float, float]] = {
     "friction.slide": (0.02, 2.0),
     "solref.timeconst": (2e-3, 0.1),
     "solref.dampratio": (0.05, 3.0),
     "impratio": (1.0, 100.0),
 }
-"""Bounds where none are given; values are searched by their logarithm."""
+"""Bounds where none are given; numbers are searched by their logarithms."""
 _SCREENED, _SCREENING, _KEPT = 64, 30, 12  # points that few runs screen, how many, and what is left
 _ROUNDS, _DRAWN, _ELITE = 4, 16, 8  # rounds of points around the best ones
 _LEAST_SPREAD = 0.02  # of a round's points, as a share of the bounds
 _PROFILE, _RESAMPLED = 7, 400  # points of a profile; resampled sets of runs
-_DIGITS = 6
+_FLAT = 0.1  # share of the error by which a profile that tells something rises
 
 
 @dataclass(frozen=True)
@@ -38,7 +40,7 @@ class FitRequest:
     """What of which scene to fit."""
 
     scene: str
-    free: Sequence[str]  # axes: NAME, or NAME=LOW:HIGH; axes of words as they are
+    free: Sequence[str]  # axes: NAME, or NAME=LOW:HIGH; axes of words take any of them
     assign: Sequence[str] = ()  # settings of all runs, NAME=VALUE
     fitted: int = 120  # recorded runs to fit; at most two of three
     seed: int = 0  # which runs are fitted
@@ -53,63 +55,74 @@ class _Knob:
     low: float = 0.0
     high: float = 0.0
 
+    @classmethod
+    def of(cls, scene: Scene, text: str) -> "_Knob":
+        """Read a setting; a SweepFileError says what is wrong with it."""
+        name, _, bounds = text.partition("=")
+        spec = scene.catalogue.find(name)
+        if spec is None:
+            raise SweepFileError(f"--free {name}: no such axis; `contactlab scenes` lists all")
+        if spec.choices:
+            return cls(spec)
+        try:
+            low, high = map(float, bounds.split(":")) if bounds else _BOUNDS.get(name, (0.0, 0.0))
+        except ValueError:
+            low = high = 0.0
+        if not 0 < low < high < math.inf:
+            raise SweepFileError(f"--free {text}: write bounds above 0, such as {name}=0.1:10")
+        return cls(spec, low, high)
+
     def value(self, place: float) -> object:
-        """Return the value at a place."""
+        """Return the canonical value at a place."""
         if words := self.spec.choices:
             return words[min(int(place * len(words)), len(words) - 1)]
-        return float(f"{self.low * (self.high / self.low) ** place:.{_DIGITS}g}")
+        return self.spec.parse(float(f"{self.low * (self.high / self.low) ** place:.6g}"))
 
 
 @dataclass
 class _Trials:
-    """Runs points, and keeps what was found of those that were run on all fitted runs."""
+    """Runs points, (d,) each, and keeps those that were run on all fitted runs."""
 
     request: FitRequest
     session: Session
     scenes: SceneLoader
     knobs: Sequence[_Knob]
     fixed: Values
+    fitted: Sequence[float]
     points: list[Floats] = field(default_factory=list[Floats])
     errors: list[Floats] = field(default_factory=list[Floats])
     runs: int = 0
 
     def values(self, point: Floats) -> dict[str, object]:
-        """Return the settings at a point (d,)."""
+        """Return the settings at a point."""
         return {each.spec.name: each.value(x) for each, x in zip(self.knobs, point, strict=True)}
 
     def run(self, name: str, settings: Sequence[Values], runs: Sequence[float]) -> Floats:
         """Return (points, runs) errors; a run that fails is as bad as the worst one."""
-        names = list(settings[0])
-        sweep: dict[str, object] = {
-            "version": 1,
-            "scene": self.request.scene,
-            "axes": {RECORDED_RUN: list(runs)}
-            | {x: [as_written(y)] for x, y in self.fixed.items()},
-            "zip": [{x: [each[x] for each in settings] for x in names}] if names else [],
-            "trace": "none",
-            "checks": "none",
-        }
+        request, names = self.request, list(settings[0])
+        axes = {RECORDED_RUN: list(runs)} | {x: [as_written(y)] for x, y in self.fixed.items()}
+        block = {x: [as_written(each[x]) for each in settings] for x in names}
+        sweep = {"version": 1, "scene": request.scene, "axes": axes, "trace": "none"}
+        sweep |= {"checks": "none", "zip": [block] if block else []}
         store = self.session.run_derived(name, sweep, self.scenes, resume=True)
         self.runs += store.columns.runs
-        keys = [RECORDED_RUN, *names, self.request.error]
-        rows = zip(*store.columns.to_pydict(keys).values(), strict=True)
-        found = {row[:-1]: math.nan if row[-1] is None else row[-1] for row in rows}
-        errors = np.array(
-            [[found[(run, *each.values())] for run in runs] for each in settings], np.float64
-        )
+        columns = store.columns.to_pydict([RECORDED_RUN, *names, request.error])
+        found = {row[:-1]: row[-1] for row in zip(*columns.values(), strict=True)}
+        keys = [[as_written(each[x]) for x in names] for each in settings]
+        errors = np.array([[found[(run, *key)] for run in runs] for key in keys], np.float64)
         if np.isnan(errors).all():
-            raise ExpectationError(f"no run of {self.request.scene} has a {self.request.error}")
+            raise ExpectationError(f"no run of {request.scene} has a value of {request.error}")
         return np.where(np.isnan(errors), np.nanmax(errors), errors)
 
-    def add(self, name: str, points: Floats, runs: Sequence[float]) -> None:
+    def keep(self, name: str, points: Floats) -> None:
         """Run points (m, d) on the fitted runs, and keep them."""
-        self.errors += list(self.run(name, [self.values(each) for each in points], runs))
+        self.errors += list(self.run(name, [self.values(x) for x in points], self.fitted))
         self.points += list(points)
 
-    @property
-    def best(self) -> list[int]:
-        """The points that were kept, the best one first."""
-        return np.argsort([each.mean() for each in self.errors]).tolist()
+    def best(self, count: int) -> tuple[Floats, Floats]:
+        """Return (count, d) the best points, the best one first, and (count, runs) their errors."""
+        order = np.argsort([each.mean() for each in self.errors])[:count]
+        return np.array(self.points)[order], np.array(self.errors)[order]
 
 
 def run(request: FitRequest, session: Session) -> FitReport:
@@ -127,117 +140,78 @@ def run(request: FitRequest, session: Session) -> FitReport:
         raise SceneError(f"{request.scene}: a fit needs a `recording` of three runs or more")
     session.claim("fit", request.scene)
     fixed, _ = read_settings(scenes, request.scene, request.assign)
-    knobs = [_knob(scenes, request.scene, each) for each in _unfolded(request.free)]
-    trials = _Trials(request, session, scenes, knobs, fixed)
+    knobs = [_Knob.of(scene, x) for each in request.free for x in _PARTS.get(each, (each,))]
     order = np.random.default_rng(request.seed).permutation(numbers).tolist()
     count = min(request.fitted, 2 * len(order) // 3)
-    fitted, held_out = order[:count], order[count:]
-    _search(trials, fitted, request.seed)
-    return _reported(trials, fitted, held_out)
-
-
-def _unfolded(free: Sequence[str]) -> list[str]:
-    """Return what is free, each by its own name: `solref` is a time constant and a damping ratio."""
-    both = {"solref": ("solref.timeconst", "solref.dampratio")}
-    return [name for each in free for name in both.get(each, (each,))]
-
-
-def _knob(scenes: SceneLoader, scene: str, text: str) -> _Knob:
-    name, _, bounds = text.partition("=")
-    spec = scenes.open(scene).catalogue.find(name)
-    if spec is None:
-        raise SweepFileError(f"--free {name}: no such axis; `contactlab scenes {scene}` lists all")
-    if spec.choices:
-        return _Knob(spec)
-    try:
-        given = (
-            tuple(float(each) for each in bounds.split(":")) if bounds else _BOUNDS.get(name, ())
-        )
-        low, high = given
-    except ValueError:
-        low = high = 0.0
-    if not 0 < low < high < math.inf:
-        raise SweepFileError(f"--free {text}: write bounds above 0, such as {name}=0.1:10")
-    return _Knob(spec, low, high)
-
-
-def _search(trials: _Trials, fitted: Sequence[float], seed: int) -> None:
-    """Screen points all over with few runs; then draw points around the best of those left."""
-    size = len(trials.knobs)
-    points = sample_points(Sample(n=_SCREENED, seed=seed), size)
-    screened = trials.run("screening", [trials.values(x) for x in points], fitted[:_SCREENING])
-    best = np.argsort(screened.mean(axis=1))[:_KEPT]
-    trials.add("kept", points[best], fitted)
-    for number in range(_ROUNDS):
-        rng = np.random.default_rng([seed, number])
-        elite = np.array([trials.points[each] for each in trials.best[:_ELITE]])
-        spread = np.maximum(elite.std(axis=0), _LEAST_SPREAD)
-        drawn = np.clip(elite.mean(axis=0) + spread * rng.normal(size=(_DRAWN, size)), 0, 1)
-        for place, knob in enumerate(trials.knobs):
-            if knob.spec.choices:
-                drawn[:, place] = elite[0, place]
-        trials.add(f"round-{number}", drawn, fitted)
-
-
-def _reported(trials: _Trials, fitted: Sequence[float], held_out: Sequence[float]) -> FitReport:
-    request, session, scene = (
-        trials.request,
-        trials.session,
-        trials.scenes.open(trials.request.scene),
-    )
-    best = trials.points[trials.best[0]]
-    chosen = trials.values(best)
-    (there,) = trials.run("held-out", [chosen], held_out)
-    (written,) = trials.run("as-written", [{}], held_out)
-    rng = np.random.default_rng(request.seed)
-    drawn = rng.integers(len(there), size=(_RESAMPLED, len(there)))
-    low, high = np.percentile(there[drawn].mean(axis=1), [2.5, 97.5]).tolist()
-    settings = tuple(_fitted(trials, fitted, best, place) for place in range(len(best)))
-    parsed = {each.spec.name: each.spec.parse(chosen[each.spec.name]) for each in trials.knobs}
-    edits = ModelEdits({**trials.fixed, **parsed})
-    lines = write_model(scene, edits, session.folder / "fitted", MODEL).lines
-    report = FitReport(
-        scene=request.scene,
-        scene_hash=scene.hash,
-        error=request.error,
-        settings=settings,
-        fitted_runs=tuple(sorted(fitted)),
-        held_out=tuple(sorted(held_out)),
-        fitted_error=float(trials.errors[trials.best[0]].mean()),
-        held_out_error=float(there.mean()),
-        held_out_interval=(low, high),
-        written_error=float(written.mean()),
-        run_errors={f"{run:g}": float(x) for run, x in zip(held_out, there, strict=True)},
-        lines=lines,
-        runs=trials.runs,
-    )
+    trials = _Trials(request, session, scenes, knobs, fixed, order[:count])
+    _search(trials)
+    report = _reported(trials, scene, order[count:])
     session.write({REPORT: report.model_dump_json(indent=2) + "\n"})
     return report
 
 
-def _fitted(trials: _Trials, fitted: Sequence[float], best: Floats, place: int) -> FittedSetting:
-    """Return one setting at the best point, with its interval and its profile."""
+def _search(trials: _Trials) -> None:
+    """Screen points all over with few runs; then draw points around the best of those left."""
+    size, seed = len(trials.knobs), trials.request.seed
+    points = sample_points(Sample(n=_SCREENED, seed=seed), size)
+    few = trials.fitted[:_SCREENING]
+    screened = trials.run("screening", [trials.values(x) for x in points], few).mean(axis=1)
+    trials.keep("kept", points[np.argsort(screened)[:_KEPT]])
+    for number in range(_ROUNDS):
+        elite, _ = trials.best(_ELITE)
+        spread = np.maximum(elite.std(axis=0), _LEAST_SPREAD)
+        normal = np.random.default_rng([seed, number]).normal(size=(_DRAWN, size))
+        drawn = np.clip(elite.mean(axis=0) + spread * normal, 0, 1)
+        words = [bool(each.spec.choices) for each in trials.knobs]
+        trials.keep(f"round-{number}", np.where(words, elite[0], drawn))
+
+
+def _reported(trials: _Trials, scene: Scene, held_out: Sequence[float]) -> FitReport:
+    (best, *_), (errors, *_) = trials.best(1)
+    chosen = trials.values(best)
+    (there,) = trials.run("held-out", [chosen], held_out)
+    (written,) = trials.run("as-written", [{}], held_out)
+    rng = np.random.default_rng(trials.request.seed)
+    drawn = there[rng.integers(len(there), size=(_RESAMPLED, len(there)))].mean(axis=1)
+    minima = _minima(trials)
+    edits = ModelEdits({**trials.fixed, **chosen})
+    return FitReport(
+        scene=trials.request.scene,
+        scene_hash=scene.hash,
+        error=trials.request.error,
+        settings=tuple(_setting(trials, best, place, minima) for place in range(len(best))),
+        fitted_runs=tuple(sorted(trials.fitted)),
+        fitted_error=float(errors.mean()),
+        held_out={f"{run:g}": float(x) for run, x in zip(held_out, there, strict=True)},
+        held_out_error=float(there.mean()),
+        held_out_interval=tuple(np.percentile(drawn, [2.5, 97.5]).tolist()),
+        written_error=float(written.mean()),
+        lines=write_model(scene, edits, trials.session.folder / "fitted", MODEL).lines,
+        runs=trials.runs,
+    )
+
+
+def _setting(trials: _Trials, best: Floats, place: int, minima: Floats) -> FittedSetting:
+    """Return one setting at the best point (d,), with its interval and its profile."""
     knob = trials.knobs[place]
-    name, words = knob.spec.name, knob.spec.choices
-    count = len(words) or _PROFILE
-    places = [best[place], *((k + 0.5) / count if words else k / (count - 1) for k in range(count))]
-    settings = [trials.values(np.where(np.arange(len(best)) == place, x, best)) for x in places]
-    distinct = list({each[name]: each for each in settings}.values())
-    errors = trials.run(f"profile-{name}", distinct, fitted[: 2 * _SCREENING])
+    name, count = knob.spec.name, len(knob.spec.choices) or _PROFILE
+    along = np.array([best[place], *np.linspace(0, 1, count)])
+    points = np.where(np.arange(len(best)) == place, along[:, None], best)
+    settings = list({x[name]: x for x in map(trials.values, points)}.values())
+    errors = trials.run(f"profile-{name}", settings, trials.fitted[: 2 * _SCREENING])
     worse = errors - errors[0]
-    # Twice the standard error of the mean of paired differences.
-    alike = worse.mean(axis=1) <= 2 * worse.std(axis=1) / math.sqrt(worse.shape[1])
-    ends = np.percentile(_minima(trials)[:, place], [2.5, 97.5])
-    low, high = (None, None) if words else (float(knob.value(end)) for end in ends)
+    # Less than a tenth, or than twice the standard error of the mean of paired differences.
+    noise = 2 * worse.std(axis=1) / math.sqrt(worse.shape[1])
+    alike = worse.mean(axis=1) <= np.maximum(noise, _FLAT * errors[0].mean())
+    values = [as_written(each[name]) for each in settings]
+    ends = map(knob.value, np.percentile(minima[:, place], [2.5, 97.5]))
+    known = [*ends, *(x for x, same in zip(values, alike, strict=True) if same)]
+    numbers = [each for each in known if isinstance(each, float)]
     return FittedSetting(
         name=name,
-        value=as_written(distinct[0][name]),
-        low=low,
-        high=high,
-        profile={
-            f"{each[name]:g}" if isinstance(each[name], float) else str(each[name]): float(x)
-            for each, x in zip(distinct, errors.mean(axis=1), strict=True)
-        },
+        value=values[0],
+        interval=(min(numbers), max(numbers)) if numbers else None,
+        profile=dict(zip(map(str, values), errors.mean(axis=1).tolist(), strict=True)),
         identified=bool(alike[1:].mean() < 0.5),
     )
 
@@ -247,23 +221,19 @@ def _minima(trials: _Trials) -> Floats:
 
     Where it has no minimum, it is the best point.
     """
-    better = trials.best[: max(len(trials.best) // 2, _ELITE)]
-    points = np.array([trials.points[each] for each in better])
-    errors = np.array([trials.errors[each] for each in better])
-    size, centre = points.shape[1], points[0]
+    points, errors = trials.best(max(len(trials.points) // 2, _ELITE))
+    size, near = points.shape[1], points - points[0]
     first, second = np.triu_indices(size)
-    near = points - centre
     design = np.hstack([np.ones((len(near), 1)), near, near[:, first] * near[:, second]])
     solve = np.linalg.pinv(design, rcond=1e-6)
     rng, minima = np.random.default_rng(trials.request.seed), list[Floats]()
     for _ in range(_RESAMPLED):
         means = errors[:, rng.integers(errors.shape[1], size=errors.shape[1])].mean(axis=1)
-        fit = solve @ means
-        curve = np.zeros((size, size))
+        fit, curve = solve @ means, np.zeros((size, size))
         curve[first, second] = fit[1 + size :]
         curve += curve.T
         least = points[means.argmin()]
         if np.linalg.eigvalsh(curve)[0] > 0:
-            least = centre - np.linalg.solve(curve, fit[1 : 1 + size])
+            least = points[0] - np.linalg.solve(curve, fit[1 : 1 + size])
         minima.append(np.clip(least, points.min(axis=0), points.max(axis=0)))
     return np.array(minima)

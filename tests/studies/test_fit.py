@@ -1,0 +1,115 @@
+"""A fit finds planted settings again, tells what it cannot tell, and is resumed."""
+
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from contactlab.errors import SceneError, SweepFileError
+from contactlab.schema.fit_report import REPORT, FitReport
+from contactlab.studies.fit import FitRequest, run
+from contactlab.studies.session import Session
+
+MODEL = """<mujoco><option timestep="0.004" cone="elliptic"/>
+<default><geom friction="{friction}"/></default><worldbody>
+<geom name="floor" type="plane" size="3 3 .1"/>
+<body name="puck" pos="0 0 .03"><freejoint name="puck"/>
+<geom name="puck" type="box" size=".06 .04 .03"/></body></worldbody></mujoco>"""
+SCENE = """\
+version: 1
+title: t
+description: d
+duration: 1.0
+subject: puck
+pairs: [{geoms: [floor, puck], slots: 4}]
+recording: {file: motion.csv, run: trial, units: {length: m, angle: rad, time: s}}
+"""
+PARTS = ("x", "y", "z", "qw", "qx", "qy", "qz", "vx", "vy", "vz", "wx", "wy", "wz")
+NOISE = np.array([3e-4] * 3 + [0] * 4 + [5e-3] * 3 + [0.02] * 3)  # of a good motion capture
+TRIALS, FITTED = 18, 12
+
+
+def plant(folder: Path, friction: float, seed: int) -> str:
+    """Write a scene of friction 1 with recordings of another, with noise, at 125 Hz."""
+    folder.mkdir()
+    (folder / "scene.xml").write_text(MODEL.format(friction=1.0))
+    (folder / "scene.yaml").write_text(SCENE)
+    model = mujoco.MjModel.from_xml_string(MODEL.format(friction=friction))
+    names = ["trial", "time", *(f"puck.{part}" for part in PARTS)]
+    rng, lines = np.random.default_rng(seed), [",".join(names)]
+    for trial in range(TRIALS):
+        data = mujoco.MjData(model)
+        data.qvel[:] = rng.normal(size=6) * [1, 1, 0, 0, 0, 3]
+        for frame in range(50):
+            state = np.concatenate([data.qpos, data.qvel]) + NOISE * rng.normal(size=13)
+            lines.append(",".join(map(repr, [trial, frame / 125, *state.tolist()])))
+            mujoco.mj_step(model, data, nstep=2)
+    (folder / "motion.csv").write_text("\n".join(lines) + "\n")
+    return f"{folder}/"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("true", [0.15, 0.4])
+def test_planted_friction_is_found_and_stiffness_is_not(tmp_path: Path, true: float) -> None:
+    """A puck that slides tells its friction; how stiff the floor is does not move it."""
+    scene = plant(tmp_path / "puck", true, seed=7)
+    request = FitRequest(scene, ["friction.slide", "solref.timeconst=0.015:0.03"], fitted=FITTED)
+    begun: list[tuple[int, int]] = []
+    session = Session(tmp_path / "fit", begin=lambda total, done: begun.append((total, done)))
+    report = run(request, session)
+    friction, stiffness = report.settings
+    assert friction.interval is not None
+    low, high = friction.interval
+    assert low <= true <= high
+    assert high < 1.2 * low
+    assert friction.identified
+    assert not stiffness.identified
+    assert stiffness.interval is not None
+    assert stiffness.interval[0] <= 0.02 <= stiffness.interval[1]
+    assert report.held_out_error < 0.1 * report.written_error
+    assert len(report.held_out) == TRIALS - FITTED
+    assert not set(map(float, report.held_out)) & set(report.fitted_runs)
+    text = (tmp_path / "fit" / "fitted" / "fitted.xml").read_text()
+    assert f'friction="{friction.value:.6g}' in text
+    stored = FitReport.model_validate_json((tmp_path / "fit" / REPORT).read_bytes())
+    assert stored == report
+    begun.clear()
+    assert run(request, session) == report
+    assert all(total == done for total, done in begun)
+
+
+@pytest.mark.slow
+def test_a_fit_to_one_strange_run_shows_on_those_held_out(tmp_path: Path) -> None:
+    """Fitted to two runs on another floor, the error of the others is far larger."""
+    scene = plant(tmp_path / "puck", 0.3, seed=7)
+    path = tmp_path / "puck" / "motion.csv"
+    other = plant(tmp_path / "other", 0.05, seed=7)
+    strange = (Path(other) / "motion.csv").read_text().splitlines()
+    order = np.random.default_rng(0).permutation(TRIALS)[:2]
+    lines = path.read_text().splitlines()
+    both = zip(lines, strange, strict=True)
+    mixed = [b if b.split(",")[0] in map(str, order) else a for a, b in both]
+    path.write_text("\n".join(mixed) + "\n")
+    report = run(FitRequest(scene, ["friction.slide"], fitted=2), Session(tmp_path / "fit"))
+    assert report.held_out_error > 5 * report.fitted_error
+
+
+@pytest.mark.parametrize(
+    ("free", "message"),
+    [
+        ("frictoin", "no such axis"),
+        ("gravity", "write bounds above 0, such as gravity=0.1:10"),
+        ("friction.slide=2:1", "write bounds above 0"),
+        ("friction.slide=low:high", "write bounds above 0"),
+    ],
+)
+def test_wrong_settings_are_named(tmp_path: Path, free: str, message: str) -> None:
+    scene = plant(tmp_path / "puck", 0.3, seed=1)
+    with pytest.raises(SweepFileError, match=message):
+        run(FitRequest(scene, [free]), Session(tmp_path / "fit"))
+
+
+def test_a_scene_without_a_recording_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(SceneError, match="a fit needs a `recording` of three runs or more"):
+        run(FitRequest("box_slide", ["friction.slide"]), Session(tmp_path))
