@@ -12,6 +12,7 @@ from contactlab import resources
 from contactlab.scene.model_edits import FLAGS
 from contactlab.scene.parameters import PARAMETERS
 from contactlab.scene.scene import Scene
+from contactlab.store.controls_file import read_control_table
 
 STEPS = 80
 
@@ -114,7 +115,8 @@ def test_mass(roll: Any) -> None:
 
 @pytest.mark.parametrize("name", resources.scene_names())
 def test_shipped_scene(name: str, roll: Any) -> None:
-    roll(Scene.open(name), [{}, {"cone": "elliptic", "timestep": 0.001}], 25).assert_equals_loop(25)
+    scene = Scene.open(name, tables=read_control_table)
+    roll(scene, [{}, {"cone": "elliptic", "timestep": 0.001}], 25).assert_equals_loop(25)
 
 
 @pytest.mark.parametrize("boxes", [1, 2, 4])
