@@ -22,6 +22,7 @@ from tests.verdicts.corpus import Case
 from tests.verdicts.deserved import deserved
 from tests.verdicts.held_back import HELD_BACK
 from tests.verdicts.held_back_2 import HELD_BACK_2
+from tests.verdicts.held_back_3 import HELD_BACK_3
 from tests.verdicts.judge import NO_MODEL, Job, Verdict, judged
 from tests.verdicts.public_models import DRIVES, public_models
 
@@ -75,7 +76,11 @@ def corpus_rows(options: argparse.Namespace, folder: Path) -> list[Row]:
     """Judge each failing model of the corpus, and each twin."""
     parts = {"open": CASES}
     if options.held_back:
-        parts |= {"held back": HELD_BACK, "held back 2": HELD_BACK_2}
+        parts |= {
+            "held back": HELD_BACK,
+            "held back 2": HELD_BACK_2,
+            "held back 3": HELD_BACK_3,
+        }
     asked: dict[Path, tuple[Case, str, bool]] = {}
     for part, cases in parts.items():
         for case in cases:

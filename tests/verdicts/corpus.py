@@ -112,9 +112,13 @@ def case(  # noqa: PLR0917 They stand in a fixed order in a hundred calls.
     return Case(kind, name, xml, failing, healthy, truth, limit, duration)
 
 
-def watch(text: str, duration: float, *, nudge: float = 0.0) -> Motion:
-    """Step a model with plain MuJoCo, from a start that is off by a nudge [m, rad] at random."""
+def watch(text: str, duration: float, *, nudge: float = 0.0, factor: int = 1) -> Motion:
+    """Step a model with plain MuJoCo, from a start that is off by a nudge [m, rad] at random.
+
+    Its steps are so many times shorter than it says, and the rows of the motion as many more.
+    """
     model = mujoco.MjModel.from_xml_string(text)
+    model.opt.timestep /= factor
     model.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_ENERGY)
     data = _started(model)
     off = np.random.default_rng(0).normal(0, nudge, model.nv)
