@@ -1,8 +1,8 @@
 """A third part that no rule may be written by: robots and machines that users bring.
 
-Its author had read no rule, no threshold and no verdict. What is wrong with a model was decided
-before it was stepped: its limit is a share of its own size, speed, weight or energy. A twin differs
-from its failing model by the least that cures it, most often by one number.
+Its author had read none of the code that judges, and ran it on none of these models. A limit is a
+share of the model's own size, speed, weight or energy. A twin differs from its failing model by one
+number, or by the name of an integrator or a flag.
 """
 
 from collections.abc import Callable
@@ -34,7 +34,7 @@ _LEGS = "".join(
 )
 _LEG_SERVOS = "".join(
     f"""<position joint="{name}_hip" kp="80" kv="2"/>
-    <position joint="{name}_knee" kp="60" kv="<<kv>>"/>"""
+    <position joint="{name}_knee" kp="60" kv="4"/>"""
     for name in ("fl", "fr", "rl", "rr")
 )
 
@@ -57,7 +57,7 @@ ACTUATORS = [
         <actuator>{_LEG_SERVOS}</actuator>
         <keyframe><key qpos="0 0 .45 1 0 0 0 0 0 0 0 0 0 0 0"
         ctrl="0 .2 0 .2 0 -.2 0 -.2"/></keyframe>""",
-        {"way": ("Euler", "implicitfast"), "kv": (4, 4)},
+        {"way": ("Euler", "implicitfast")},
         trembles(1.0, "fl_knee", "rr_knee"),
         0.2,
     ),
@@ -472,13 +472,13 @@ ENERGY = [
     case(
         "loss",
         "a bull whip that cracks of itself",
-        f"""<option timestep="<<h>>" integrator="<<way>>"/><default>
+        f"""<option timestep="<<h>>"/><default>
         <geom contype="0" conaffinity="0"/></default>
         <worldbody><body pos="0 0 2"><joint type="ball"/><geom type="capsule"
         fromto="0 0 0 0 0 -.25" size=".015" mass=".4"/>{_WHIP * 2}{"</body>" * 2}</body></worldbody>
         <keyframe><key qpos=".8 .1 .58 .1 .9 .3 .3 0 1 0 0 0" qvel="0 2 3 2 0 0 0 0 0"/>
         </keyframe>""",
-        {"h": (0.005, 0.001), "way": ("Euler", "RK4")},
+        {"h": (0.005, 0.0001)},
         unbalanced(1.2 * 9.81 * 0.375),
         0.1,
         3.0,
@@ -504,8 +504,8 @@ ENERGY = [
         <geom contype="0" conaffinity="0"/></default><worldbody>
         <body name="sheet" pos="0 0 1"><joint name="sink" type="slide" axis="0 0 1"/>
         <joint name="drift" type="slide" axis="1 0 0"/><geom type="box" size=".15 .1 .001"
-        mass="<<m>>"/></body></worldbody>""",
-        {"h": (0.01, 0.001), "m": (0.02, 0.02)},
+        mass=".02"/></body></worldbody>""",
+        {"h": (0.01, 0.001)},
         trembles(0.05, "sink"),
         0.1,
     ),
