@@ -65,7 +65,7 @@ class Doomed(Batch):
         return super().rollout(*args, **kwargs)
 
 
-kernel: Any = contact_kernel._KernelStepper
+kernel: Any = contact_kernel.KernelStepper
 step_by_kernel = kernel.step
 
 

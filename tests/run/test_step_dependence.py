@@ -42,7 +42,7 @@ def steps_made(monkeypatch: pytest.MonkeyPatch) -> list[int]:
         made.append(nstep * len(kwargs.get("ids") or [0]))
         return roll_out(self, nstep, *args, **kwargs)
 
-    kernel: Any = contact_kernel._KernelStepper
+    kernel: Any = contact_kernel.KernelStepper
     step = kernel.step
 
     def counting_of_kernel(self: Any, *args: Any) -> Any:

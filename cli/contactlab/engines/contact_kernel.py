@@ -72,7 +72,7 @@ def roll_out_by_kernel(
     flags = (each.opt.enableflags & PERSISTENT | each.opt.disableflags & _OFF for each in models)
     if kernel is None or kernel.failed or any(flags):
         return roll_out(models, starts, steps, buffers, watch, proceed)
-    contacts = _KernelStepper(kernel, runs)
+    contacts = KernelStepper(kernel, runs)
     rollout = roll_out(models, starts, steps, buffers, watch, proceed, stepper=contacts)
     rollout = replace(rollout, slots=contacts.slots(len(rollout.steps), buffers))
     try:
@@ -84,7 +84,7 @@ def roll_out_by_kernel(
     return rollout
 
 
-class _KernelStepper(BatchStepper):
+class KernelStepper(BatchStepper):
     """Steps runs of one structure, and keeps their contacts."""
 
     def __init__(self, library: Kernel, runs: PreparedRuns) -> None:
