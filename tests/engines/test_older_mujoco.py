@@ -21,6 +21,7 @@ from contactlab.scene.initial_states import InitialStates
 from contactlab.scene.mujoco_versions import has_batch
 from contactlab.scene.scene import Scene
 from contactlab.scene.timed_inputs import Signals
+from contactlab.store.controls_file import read_control_table
 
 pytestmark = pytest.mark.skipif(not has_batch(), reason="needs a batch: MuJoCo 3.17 or newer")
 
@@ -62,7 +63,7 @@ def without_sensors(by_loop: pytest.MonkeyPatch) -> None:
 
 
 def see(name: str, values: Sequence[dict[str, Any]], steps: int = STEPS) -> Seen:
-    scene = Scene.open(name)
+    scene = Scene.open(name, tables=read_control_table)
     runs = [scene.resolve(each, seed, None) for seed, each in enumerate(values)]
     base = scene.base(runs[0].structure)
     prepared = [base.prepare(run.edits()) for run in runs]
