@@ -26,7 +26,7 @@ from contactlab.scene.scene import Scene
 from contactlab.scene.setting_values import Settings, as_number
 
 # Values of a setting that are cached; a sampled axis has another one in each row.
-_MAX_CACHED = 1 << 16
+_MAX_CACHED = 1 << 9
 Values = Mapping[str, object]
 
 
