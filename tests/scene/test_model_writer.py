@@ -122,7 +122,6 @@ def mask(spec: mujoco.MjSpec) -> None:
 
 
 def reshape(spec: mujoco.MjSpec) -> None:
-    spec.meshes[0].maxhullvert = 4
     spec.add_exclude(bodyname1="leg", bodyname2="left_arm")
     spec.delete(spec.sensors[1])
 
@@ -149,7 +148,6 @@ CASES: Mapping[str, tuple[ModelEdits, Change]] = {
         ModelEdits(
             excluded=(("leg", "left_arm"),),
             sensors=("sensor[1]",),
-            hull_vertices={"tetrahedron": 4},
         ),
         reshape,
     ),

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from contactlab.errors import SceneError, SweepFileError
-from contactlab.schema.fit_report import REPORT, FitReport
+from contactlab.schema.study_reports import FIT_REPORT, FitReport
 from contactlab.studies.fit import FitRequest, run
 from contactlab.studies.session import Session
 
@@ -72,7 +72,7 @@ def test_planted_friction_is_found_and_stiffness_is_not(tmp_path: Path, true: fl
     assert not set(map(float, report.held_out)) & set(report.fitted_runs)
     text = (tmp_path / "fit" / "fitted" / "fitted.xml").read_text()
     assert f'friction="{friction.value:.6g}' in text
-    stored = FitReport.model_validate_json((tmp_path / "fit" / REPORT).read_bytes())
+    stored = FitReport.model_validate_json((tmp_path / "fit" / FIT_REPORT).read_bytes())
     assert stored == report
     begun.clear()
     assert run(request, session) == report

@@ -9,9 +9,8 @@ import typer
 
 from contactlab.commands.compare_command import baselines, compare
 from contactlab.commands.drawing_commands import render, report
-from contactlab.commands.engines_command import engines
-from contactlab.commands.fit_command import fit
 from contactlab.commands.list_commands import (
+    engines,
     init,
     labels,
     metrics,
@@ -22,7 +21,7 @@ from contactlab.commands.list_commands import (
 )
 from contactlab.commands.options import option
 from contactlab.commands.store_commands import replay, show, verify
-from contactlab.commands.study_commands import check, effects, stability
+from contactlab.commands.study_commands import check, effects, fit, stability
 from contactlab.commands.sweep_command import sweep
 from contactlab.commands.terminal import echo, say
 from contactlab.commands.tradeoff_command import tradeoff

@@ -8,6 +8,7 @@ import re
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from itertools import product
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -48,17 +49,6 @@ class ModelEdits:
     excluded: tuple[tuple[str, str], ...] = ()
     # Names of sensors that are left out; one without a name is `sensor[3]`.
     sensors: tuple[str, ...] = ()
-    # Most vertices of the convex hulls of meshes, by their names.
-    hull_vertices: Mapping[str, int] = field(default_factory=dict[str, int])
-
-    @property
-    def attributes(self) -> Iterator[tuple[str, str, str, int]]:
-        """Yield the attributes of parts that are no settings: kind, name, attribute and value."""
-        for name in self.masked:
-            yield "geom", name, "contype", 0
-            yield "geom", name, "conaffinity", 0
-        for name, most in self.hull_vertices.items():
-            yield "mesh", name, "maxhullvert", most
 
 
 @dataclass(frozen=True)
@@ -81,12 +71,12 @@ class Change:
         return f"{self.where}: {self.element or 'removed'}"
 
 
-_KINDS = {**KINDS, "mesh": "meshes", "sensor": "sensors"}
+_KINDS = {**KINDS, "sensor": "sensors"}
 
 
 def _parts(spec: mujoco.MjSpec, kind: str) -> dict[str, Any]:
-    """Return the parts of a kind by name; that of its file for a mesh without one."""
-    return {each.name or Path(each.file).stem: each for each in getattr(spec, _KINDS[kind])}
+    """Return the parts of a kind by name."""
+    return {each.name: each for each in getattr(spec, _KINDS[kind])}
 
 
 def _part(spec: mujoco.MjSpec, kind: str, name: str) -> Any:  # noqa: ANN401 - as MjSpec has them
@@ -137,8 +127,9 @@ def edit_spec(spec: mujoco.MjSpec, edits: ModelEdits) -> None:
     """Make the changes of a specification that are no settings."""
     if edits.masked and spec.compiler.discardvisual:
         raise SceneError("cannot mask a geom: <compiler discardvisual> would remove it")
-    for kind, name, attribute, value in edits.attributes:
-        setattr(_part(spec, kind, name), attribute, value)
+    for name in edits.masked:
+        geom = _part(spec, "geom", name)
+        geom.contype = geom.conaffinity = 0
     for pair in edits.excluded:
         one, other = (_part(spec, "body", each).name for each in pair)
         spec.add_exclude(bodyname1=one, bodyname2=other)
@@ -225,8 +216,8 @@ class Draft:
 
     def set_parts(self, edits: ModelEdits, meant: CompiledFiles) -> None:
         """Make the changes that no field of a compiled model has, and remove what it lacks."""
-        for kind, name, attribute, value in edits.attributes:
-            self._set(kind, name, attribute, str(value))
+        for name, attribute in product(edits.masked, ("contype", "conaffinity")):
+            self._set("geom", name, attribute, "0")
         for one, other in edits.excluded:
             pair = attributes({"body1": one, "body2": other})
             self.added.append(f"<contact><exclude{pair}/></contact>")

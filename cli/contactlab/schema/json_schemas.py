@@ -10,9 +10,8 @@ from pydantic import BaseModel
 from contactlab.schema.check_report import CheckReport, Reference
 from contactlab.schema.comparison import ComparePolicy, ComparisonReport
 from contactlab.schema.evidence import EvidenceRecord, StoreManifest
-from contactlab.schema.fit_report import FitReport
 from contactlab.schema.scene_manifest import SceneManifest
-from contactlab.schema.study_reports import EffectsReport, TuneReport
+from contactlab.schema.study_reports import EffectsReport, FitReport, TuneReport
 from contactlab.schema.sweep_schema import Sweep
 from contactlab.schema.tradeoff_report import TradeoffReport
 

@@ -15,7 +15,7 @@ from contactlab.run.sweep_request import SceneLoader
 from contactlab.scene.model_draft import ModelEdits
 from contactlab.scene.model_writer import write_model
 from contactlab.scene.scene import Scene
-from contactlab.schema.fit_report import MODEL, REPORT, FitReport, FittedSetting
+from contactlab.schema.study_reports import FIT_REPORT, FITTED, FitReport, FittedSetting
 from contactlab.schema.sweep_schema import Sample
 from contactlab.schema.vocabulary import RECORDED_RUN, AxisSpec
 from contactlab.studies.session import Session, Values, read_settings
@@ -146,7 +146,7 @@ def run(request: FitRequest, session: Session) -> FitReport:
     trials = _Trials(request, session, scenes, knobs, fixed, order[:count])
     _search(trials)
     report = _reported(trials, scene, order[count:])
-    session.write({REPORT: report.model_dump_json(indent=2) + "\n"})
+    session.write({FIT_REPORT: report.model_dump_json(indent=2) + "\n"})
     return report
 
 
@@ -186,7 +186,7 @@ def _reported(trials: _Trials, scene: Scene, held_out: Sequence[float]) -> FitRe
         held_out_error=float(there.mean()),
         held_out_interval=tuple(np.percentile(drawn, [2.5, 97.5]).tolist()),
         written_error=float(written.mean()),
-        lines=write_model(scene, edits, trials.session.folder / "fitted", MODEL).lines,
+        lines=write_model(scene, edits, trials.session.folder / "fitted", FITTED).lines,
         runs=trials.runs,
     )
 

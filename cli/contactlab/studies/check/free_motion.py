@@ -82,17 +82,13 @@ def _drifts(checked: CheckedModel, free: Sequence["FreeMotion"]) -> Iterator[Mea
 
 
 def _gains(checked: CheckedModel, nominal: "FreeMotion", kept: "FreeMotion") -> Iterator[Measure]:
-    """Yield the gain with the model's own damping, and its budget, per free kinetic energy."""
+    """Yield the gain with the model's own damping, per free kinetic energy."""
     if not kept.budgets:
         yield checked.measure("energy_gain", math.inf, kept.name)
     for tree, budget in kept.budgets.items():
         peak = nominal.budgets.get(tree, budget).peak
         name = kept.name_of(tree, kept.name + (", damping on" if kept.damped else ""))
         yield checked.measure("energy_gain", budget.rate(peak), name)
-        if kept.damped and _is_accounted(checked):
-            work = -budget.dampers / peak / budget.seconds
-            yield informative("work_of_dampers", work, "1/s", name)
-            yield informative("energy_unexplained", budget.unexplained(peak), "1/s", name)
 
 
 def _orders(free: Sequence["FreeMotion"]) -> Iterator[Measure]:
@@ -176,13 +172,6 @@ def _is_damped(checked: CheckedModel) -> bool:
     return bool(_media(checked) or (viscous and checked.resolved.flags["damper"]))
 
 
-def _is_accounted(checked: CheckedModel) -> bool:
-    """Say whether all damping is linear in joint velocities, so that its work is known."""
-    model = checked.prepared.model
-    curved = getattr(model, "dof_dampingpoly", np.zeros(1))
-    return not (_media(checked) or model.tendon_damping.any() or np.any(curved))
-
-
 def _media(checked: CheckedModel) -> list[str]:
     """Return the settings by which a medium acts on the model."""
     return [name for name in _MEDIUM if checked.resolved.settings[name]]
@@ -233,10 +222,9 @@ class FreeMotion:
         trees = trees_of(model)
         rows = np.unique(np.linspace(0, len(trace.qpos) - 1, _STATES).astype(int))
         energies = tree_energies(model, trees, trace.qpos[rows], trace.qvel[rows])
-        damping = np.array(model.dof_damping, dtype=np.float64) * self.damped
         budgets: dict[str, EnergyBudget] = {}
         for tree, kinetic, potential in zip(trees, *energies, strict=True):
-            budget = energy_budget(trace, damping * tree.dofs, kinetic, potential)
+            budget = energy_budget(float(trace.time[-1] - trace.time[0]), kinetic, potential)
             if budget.peak > _STILL * tree.mass:
                 budgets[tree.name] = budget
         return budgets
@@ -303,33 +291,20 @@ class EnergyBudget(NamedTuple):
     change: float  # mechanical energy at the end minus that at the start [J]
     most: float  # largest deviation of the energy from that at the start [J]
     peak: float  # largest kinetic energy [J]
-    dampers: float  # energy taken by viscous damping of the joints [J]
 
     def rate(self, peak: float) -> float:
         """Return the change of energy per peak kinetic energy [J] and time, in 1/s."""
         return self.change / peak / self.seconds
 
-    def unexplained(self, peak: float) -> float:
-        """Return the same for the change that damping does not explain, in 1/s."""
-        return (self.change + self.dampers) / peak / self.seconds
 
-
-def energy_budget(
-    trace: StoredTrace, damping: Floats, kinetic: Floats, potential: Floats
-) -> EnergyBudget:
-    """Return the energy budget of a trace of at least two steps.
-
-    A damper with coefficient b takes the power b qvel^2; it is integrated by the trapezoidal rule,
-    whose error is of second order in the timestep. Damping (nv,) is that of the degrees of freedom
-    that count, else 0; energies [J] are at some times, the first and the last among them.
-    """
+def energy_budget(seconds: float, kinetic: Floats, potential: Floats) -> EnergyBudget:
+    """Return the budget of energies (T,) [J] at some times, the first and the last among them."""
     energy = kinetic + potential
     return EnergyBudget(
-        seconds=float(trace.time[-1] - trace.time[0]),
+        seconds=seconds,
         change=float(energy[-1] - energy[0]),
         most=float(np.abs(energy - energy[0]).max()),
         peak=float(kinetic.max()),
-        dampers=float(np.trapezoid(trace.qvel**2 @ damping, trace.time)),
     )
 
 
