@@ -1,5 +1,6 @@
 """A sweep that was stopped anywhere goes on, and ends as one that was not."""
 
+import json
 import multiprocessing
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -115,6 +116,18 @@ def test_half_written_files_are_removed(sweeper: Any, ball: str, whole: Any, hal
     sweeper.run(ball)
     assert not any(leftover.exists() for leftover in leftovers)
     assert sweeper.outcome() == whole
+
+
+def test_what_a_killed_worker_half_wrote_is_removed_at_the_end(sweeper: Any, ball: str) -> None:
+    store = sweeper.folder / "store"
+
+    def leave(finished: Sequence[Finished]) -> None:
+        """Leave what a worker does that dies while it writes a trace; another writes it again."""
+        trace = store / json.loads(finished[0].row)["trace_file"]
+        trace.with_name(trace.name + ".0123abcd.tmp").write_bytes(b"half")
+
+    sweeper.run(ball, progress=leave)
+    assert verify(store) == []
 
 
 @pytest.mark.parametrize("keep", [None, 100], ids=["deleted", "truncated"])

@@ -193,6 +193,8 @@ class FolderSession:
 
     def publish(self, manifest: StoreManifest) -> StoreManifest:
         """Store the table and, last, the manifest; return the manifest that the store now has."""
+        # Those of workers that were killed while they wrote a trace, which another wrote since.
+        self.remove_temporaries()
         sync_filesystem(self.folder)
         with atomic_write(self.folder / MANIFEST, durable=True) as temporary:
             temporary.write_text(document_json(manifest), encoding="utf-8")
