@@ -61,7 +61,7 @@ axes:
   timestep: [2.0e-3, 4.0e-3]
   cone: [elliptic, pyramidal]
 """
-# The boundary between sticking and sliding is at atan(0.5) = 26.565 degrees.
+# Sliding begins at atan(0.5) = 26.565 degrees.
 INCLINE = """
 version: 1
 scene: incline

@@ -36,7 +36,7 @@ SLOW: dict[Statistic, Callable[[Floats], float]] = {
 def axis(name: str, codes: list[int], size: int, role: str = "knob") -> GridAxis:
     ticks = tuple(f"{name}{place}" for place in range(size))
     places = np.array(codes, dtype=np.int64)
-    return GridAxis(name, "", role, ticks, places, None, np.arange(size, dtype=float))  # type: ignore[arg-type]
+    return GridAxis(name, "", role, ticks, places, None)  # type: ignore[arg-type]
 
 
 def run_labels(codes: list[int]) -> RunLabels:

@@ -23,7 +23,6 @@ from contactlab.comparison.pairing import Pairing
 from contactlab.contact.trace_arrays import Floats
 from contactlab.palette import COLOURS, INK, STABLE_COLOUR
 from contactlab.reporting.map_cells import (
-    Boundary,
     MapAxes,
     cell_statistic,
     label_counts,
@@ -65,7 +64,8 @@ def default_map(data: ReportData) -> Spec | None:
     """Return the map of labels over the two most informative axes; None without axes."""
     if data.map_axes is None:
         return None
-    boundary = boundary_rows(data.map_axes, data.boundary)
+    expected = data.quantities_named("oracle_expected")
+    boundary = [row for each in expected for row in boundary_rows(data.map_axes, each)]
     return themed(label_map(data.map_axes, data.labels, boundary=boundary).to_dict())
 
 
@@ -98,26 +98,17 @@ def _piece(x: int, y: int, start: float, stop: float) -> dict[str, Any]:
     }
 
 
-def boundary_rows(axes: MapAxes, boundary: Boundary | None) -> Rows:
-    """Return the ends of the lines to draw, at most two lines for each row or column of cells.
-
-    Where the runs of a row or column differ in their critical value, the least and the largest
-    are drawn.
-    """
-    if boundary is None or boundary.axis.name not in axes.names:
-        return []
-    is_horizontal = axes.x.name == boundary.axis.name
-    other = axes.y if is_horizontal else axes.x
-    codes = other.codes if other else np.zeros(len(boundary.values), dtype=np.int64)
+def boundary_rows(axes: MapAxes, expected: Quantity) -> Rows:
+    """Return the ends of lines between two cells of which one only has an expectation of zero."""
+    values = cell_statistic(axes, expected, "worst")
     rows: Rows = []
-    for code in np.unique(codes).tolist():
-        own = boundary.values[codes == code]
-        for place in np.unique(boundary.along(np.array([own.min(), own.max()]))).tolist():
-            if math.isfinite(place):
-                part = str(len(rows) // 2)
-                for order, end in enumerate((code, code + 1)):
-                    x, y = (place, end) if is_horizontal else (end, place)
-                    rows.append({"x": x, "y": y, "order": order, "part": part})
+    for step in ((0, 1), (1, 0)):
+        before, after = values[: -step[0] or None, : -step[1] or None], values[step[0] :, step[1] :]
+        parts = np.isfinite(before) & np.isfinite(after) & ((before == 0) != (after == 0))
+        for y, x in (np.argwhere(parts) + step).tolist():
+            ends = enumerate(((x, y), (x + step[0], y + step[1])))
+            part = f"{x} {y} {step[0]}"
+            rows += [{"x": x, "y": y, "order": order, "part": part} for order, (x, y) in ends]
     return rows
 
 

@@ -1,7 +1,5 @@
-"""What a map shows: labels or one number in each cell, and a boundary in closed form."""
+"""What a map shows: labels or one number in each cell."""
 
-import json
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
@@ -10,11 +8,9 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from contactlab.contact.contact_laws import damping_ratio, restitution_of
 from contactlab.contact.trace_arrays import Floats
 from contactlab.reporting.packing import packed_integers, rounded_floats
 from contactlab.reporting.report_columns import SEED, STABLE, Codes, GridAxis, Quantity, RunLabels
-from contactlab.store.finished_store import Store
 
 Statistic = Literal["worst", "median", "mean"]
 STATISTICS: tuple[Statistic, ...] = ("worst", "median", "mean")
@@ -166,49 +162,3 @@ def aggregated_columns(
             for kind, values in zip(STATISTICS, statistics, strict=True):
                 columns[f"{name}:{quantity.name}:{kind}"] = rounded_floats(values)
     return columns
-
-
-# By scene an axis, what separates two outcomes along it, and whether that is atan μ (1 + e), not μ.
-_LAWS = {
-    "incline": ("tilt", "the angle of friction, atan μ; steeper slopes slide", False),
-    "oblique_impact": (
-        "angle",
-        "the boundary of Coulomb's cone, tan = μ (1 + e); smaller angles stick",
-        True,
-    ),
-}
-
-
-@dataclass(frozen=True)
-class Boundary:
-    """A closed form's boundary: the critical value of each run (n,), in the axis' unit."""
-
-    axis: GridAxis
-    meaning: str
-    values: Floats
-
-    def along(self, values: Floats) -> Floats:
-        """Return where values lie along the axis, in cells; NaN beyond its ends."""
-        middles = np.arange(len(self.axis.tick_values)) + 0.5
-        return np.interp(values, self.axis.tick_values, middles, left=np.nan, right=np.nan)
-
-
-def read_boundary(store: Store, axes: tuple[GridAxis, ...]) -> Boundary | None:
-    """Return the boundary of a store's scene, where it has one and sweeps its axis."""
-    name, meaning, rebounds = _LAWS.get(store.manifest.sweep.scene, ("", "", False))
-    axis = next((each for each in axes if each.name == name), None)
-    if axis is None or not np.isfinite(axis.tick_values).all():
-        return None
-    codes, pairs = store.columns.strings("pairs")
-    critical = np.array([_critical(each, rebounds=rebounds) for each in pairs])
-    return Boundary(axis, meaning, critical[codes])
-
-
-def _critical(pairs: str, *, rebounds: bool) -> float:
-    """Return the critical value of a run, from the parameters of its only pair."""
-    contacts = list(json.loads(pairs).values())
-    if len(contacts) != 1:
-        return math.nan
-    restitution = float(restitution_of(damping_ratio(contacts[0]["solref"])))
-    gain = 1 + restitution if rebounds else 1
-    return math.degrees(math.atan(contacts[0]["friction"][0] * gain))

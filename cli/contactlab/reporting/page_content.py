@@ -66,7 +66,6 @@ def page_content(
     columns = _columns(data, axes, rows, table)
     if is_aggregated:
         columns |= aggregated_columns(axes, data.labels, data.quantities)
-    boundary = data.boundary
     tradeoff = _tradeoff(data.tradeoff) if data.tradeoff and table else None
     metadata = {
         "store": str(data.store.address),
@@ -88,8 +87,6 @@ def page_content(
             for column in [each.column]
         ],
         "mapAxes": [*data.map_axes.names, None][:2] if data.map_axes else [None, None],
-        "boundary": boundary
-        and {"axis": boundary.axis.name, "tickValues": boundary.axis.tick_values.tolist()},
         "digits": 6 if len(rows) <= _FEW_RUNS else 3,
         "specs": chart_templates(data, chart),
         "tradeoff": tradeoff,
@@ -149,8 +146,6 @@ def _columns(
         "labels:high": (labels.masks[rows] >> 32).astype("u4"),
         "expected": packed_integers(expected[rows]),
     }
-    if data.boundary is not None:
-        columns["boundary"] = rounded_floats(data.boundary.values[rows])
     for axis in axes:
         columns[f"axis:{axis.name}"] = packed_integers(axis.codes[rows])
         if axis.numbers is not None:

@@ -7,7 +7,7 @@ from pathlib import Path
 from contactlab.errors import OutputError, StoreError, optional
 from contactlab.pareto.analysis import ToleranceTable, analyse, tolerance_table
 from contactlab.pareto.criteria import Criteria
-from contactlab.reporting.map_cells import Boundary, MapAxes, most_informative_axes, read_boundary
+from contactlab.reporting.map_cells import MapAxes, most_informative_axes
 from contactlab.reporting.report_columns import (
     GridAxis,
     Quantity,
@@ -50,7 +50,6 @@ class ReportData:
     labels: RunLabels
     quantities: tuple[Quantity, ...]
     map_axes: MapAxes | None
-    boundary: Boundary | None
     tradeoff: TradeoffReport | None
     no_tradeoff: str
 
@@ -80,9 +79,8 @@ def read_report_data(store: Store, criteria: Criteria = _DEFAULT_CRITERIA) -> Re
         if criteria.error is not None:
             raise
         reason = str(error)
-    map_axes, boundary = most_informative_axes(axes, labels), read_boundary(store, axes)
-    quantities = read_quantities(store)
-    return ReportData(store, axes, labels, quantities, map_axes, boundary, report, reason)
+    map_axes, quantities = most_informative_axes(axes, labels), read_quantities(store)
+    return ReportData(store, axes, labels, quantities, map_axes, report, reason)
 
 
 _DEFAULT_PAGE = PageRequest()

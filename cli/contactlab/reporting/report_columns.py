@@ -4,6 +4,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,7 +40,6 @@ class GridAxis:
     ticks: tuple[str, ...]  # its values, or bins of them, as text, in order
     codes: Codes  # (n,) index into `ticks` of each run's value
     numbers: Floats | None  # (n,) the values themselves where `ticks` are bins; else None
-    tick_values: Floats  # (ticks,) the values as numbers, NaN for text; the middles of bins
 
     @property
     def title(self) -> str:
@@ -124,30 +124,28 @@ def _axis(columns: RunColumns, name: str, kind: Role) -> GridAxis:
         values = tuple(string.strip() for string in strings)
         ticks = (*values, "none") if (codes < 0).any() else values
         codes = np.where(codes < 0, len(values), codes)
-        return GridAxis(name, unit, kind, ticks, codes, None, np.full(len(ticks), np.nan))
+        return GridAxis(name, unit, kind, ticks, codes, None)
     numbers = columns.numbers(name).values
     values, codes = np.unique(numbers, return_inverse=True)
     if len(values) > _MOST_VALUES and np.isfinite(values).all():
-        ticks, codes, middles = _binned(numbers)
-        return GridAxis(name, unit, kind, ticks, codes, numbers, middles)
+        return GridAxis(name, unit, kind, *_binned(numbers), numbers)
     if str(columns.schema.field(name).type) == "bool":
         ticks = [{0.0: "false", 1.0: "true"}.get(value, "none") for value in values.tolist()]
     else:
         ticks = ["none" if math.isnan(value) else f"{value:.4g}" for value in values]
     # Where they would be alike they have more digits.
     ticks = ticks if len({*ticks}) == len(ticks) else [f"{value:.10g}" for value in values]
-    return GridAxis(name, unit, kind, tuple(ticks), codes, None, values)
+    return GridAxis(name, unit, kind, tuple(ticks), codes, None)
 
 
-def _binned(numbers: Floats) -> tuple[tuple[str, ...], Codes, Floats]:
+def _binned(numbers: Floats) -> tuple[tuple[str, ...], Codes]:
     """Return bins of equal width, of logarithms where the numbers span decades."""
     low, high = float(numbers.min()), float(numbers.max())
     spaced = np.geomspace if low > 0 and high / low > _LOG_SPAN else np.linspace
     edges = spaced(low, high, _BINS + 1)
     codes = np.clip(np.searchsorted(edges, numbers, side="right") - 1, 0, _BINS - 1)
-    pairs = list(zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True))
-    ticks = tuple(f"{first:.3g} to {last:.3g}" for first, last in pairs)
-    return ticks, codes.astype(np.int64), np.array([(first + last) / 2 for first, last in pairs])
+    ticks = tuple(f"{first:.3g} to {last:.3g}" for first, last in pairwise(edges.tolist()))
+    return ticks, codes.astype(np.int64)
 
 
 def combination_codes(axes: Sequence[GridAxis], runs: int) -> Codes:

@@ -120,33 +120,19 @@ function numberLayers(state, panel) {
   return { cells, texts };
 }
 
-// The position of a critical value along an axis, in cells; NaN beyond its ends.
-function along(value) {
-  const { tickValues } = metadata.boundary;
-  const after = tickValues.findIndex((tick) => tick >= value);
-  if (after < 0 || value < tickValues[0]) return NaN;
-  if (after === 0) return 0.5;
-  return after - 0.5 + (value - tickValues[after - 1]) / (tickValues[after] - tickValues[after - 1]);
-}
-
-// A closed form's boundary: the least and the largest critical value of each row or column.
-function boundaryLines(columns, panel) {
-  if (!metadata.boundary || metadata.aggregated) return [];
-  const across = panel.x.name === metadata.boundary.axis;
-  if (!across && panel.y?.name !== metadata.boundary.axis) return [];
+// As boundary_rows in heatmap.py.
+function boundaryLines({ cells, across }) {
+  if (!quantityOf("oracle_expected")) return [];
+  const expected = cells.map((cell) => cell.number({ what: "oracle_expected", stat: "worst" }));
   const lines = [];
-  for (let code = 0; code < (across ? panel.up : panel.across); code++) {
-    const own = panel.cells.filter((_, place) =>
-      (across ? Math.floor(place / panel.across) : place % panel.across) === code);
-    const values = own.flatMap((cell) => cell.rows.map((row) => columns.boundary[row])).filter(Number.isFinite);
-    if (!values.length) continue;
-    const ends = [Math.min(...values), Math.max(...values)].map(along).filter(Number.isFinite);
-    for (const place of new Set(ends)) {
+  for (const [right, up] of [[1, 0], [0, 1]]) {
+    expected.forEach((value, place) => {
+      const [x, y] = [place % across, Math.floor(place / across)];
+      const before = x >= right ? expected[place - right - up * across] : NaN;
+      if (!Number.isFinite(value) || !Number.isFinite(before) || (value === 0) === (before === 0)) return;
       const part = String(lines.length);
-      for (const order of [0, 1]) {
-        lines.push(across ? { x: place, y: code + order, order, part } : { x: code + order, y: place, order, part });
-      }
-    }
+      lines.push({ x, y, order: 0, part }, { x: x + up, y: y + right, order: 1, part });
+    });
   }
   return lines;
 }
@@ -197,7 +183,7 @@ function mapSpec(columns, state, room) {
   const panels = facets.map((facet) => panelOf(columns, state, facet));
   const isLabel = state.what === "label";
   const layers = panels.map((panel) => (isLabel ? labelLayers(panel) : numberLayers(state, panel)));
-  layers.forEach((each, index) => { each.boundary = boundaryLines(columns, panels[index]); });
+  layers.forEach((each, index) => { each.boundary = boundaryLines(panels[index]); });
   const template = metadata.specs[isLabel ? "labels" : "number"];
   const perRow = Math.max(1, Math.min(3, facets.length, Math.floor(room / 260)));
   const parts = panels.map((panel, index) => filled(template, panel, layers[index], room / perRow - 90));
