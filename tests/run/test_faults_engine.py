@@ -73,6 +73,24 @@ def test_only_the_culprits_are_lost(sweep: Any, quiet: Any, sweeper: Any, but: A
 
 
 @pytest.mark.slow
+def test_what_hangs_while_it_is_checked_is_a_timeout(
+    sweep: Any, sweeper: Any, but: Any, tmp_path: Path
+) -> None:
+    """Its second pass hangs, in which all runs of its job go on from the first."""
+    checked = SWEEP + "checks: all\n"
+    (tmp_path / "small.yaml").write_text(checked)
+    code, _, err = sweep({CULPRIT: "hang in checks"}, "--workers", "1")
+    assert (code, err) == (4, "error: 1 of 18 runs crashed or timed out\n")
+    table, _ = sweeper.outcome()
+    assert table["label"][CULPRIT] == table["status"][CULPRIT] == "timeout"
+    assert re.match(HUNG, table["status_reason"][CULPRIT])
+    faulty = sweeper.outcome()
+    sweeper.run(checked, "quiet")
+    assert but(faulty, {CULPRIT}) == but(sweeper.outcome("quiet"), {CULPRIT})
+    assert verify(sweeper.folder / "store") == []
+
+
+@pytest.mark.slow
 def test_an_error_of_the_engine_is_its_runs_own(
     sweep: Any, quiet: Any, sweeper: Any, but: Any
 ) -> None:

@@ -211,7 +211,7 @@ class PairSeries:
 
 
 REFINEMENT = 4  # steps of a refined copy in each step of its run
-_BY_RUN = ("residual", "jacobian", "overlap", "apart", "squeeze", "repeats", "rest", "travel")
+BY_RUN = ("residual", "jacobian", "overlap", "apart", "squeeze", "repeats", "rest", "travel")
 
 
 @dataclass(frozen=True)
@@ -258,7 +258,7 @@ class SelfChecks:
     def only(self, run: int) -> "SelfChecks":
         """Return the checks of one of the runs."""
         row = slice(run, run + 1)
-        arrays = {name: getattr(self, name)[row] for name in _BY_RUN}
+        arrays = {name: getattr(self, name)[row] for name in BY_RUN}
         return replace(self, refined=(self.refined[run],), **arrays)
 
 

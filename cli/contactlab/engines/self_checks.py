@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import (
+    BY_RUN,
     FORCE,
     REFINEMENT,
     SLOT_WIDTH,
@@ -49,32 +50,28 @@ _FIELDS = (int(mujoco.mjtGeom.mjGEOM_HFIELD), int(mujoco.mjtGeom.mjGEOM_SDF))
 
 def run_checks(runs: PreparedRuns, trace: Trace, proceed: Proceed = proceed_always) -> SelfChecks:
     """Return the self-checks of runs that completed, as `ChecksRuns.check_runs` says."""
-    models, starts = runs.models, runs.starts
-    again: list[dict[int | str, Floats]] = []
-    copies, buffers = list[tuple[Trace, Floats, Floats]](), Buffers()
-    for run, model in enumerate(models):
-        if run and not proceed():
-            break
-        again.append(_repeat(model, starts.pick(run), trace.steps))
-        copies.append(_copy(runs, trace, run, buffers))
     jacobian_steps = _spread(trace.steps, _JACOBIAN_SAMPLES)
     geometry_steps = _spread(trace.steps, _GEOMETRY_SAMPLES)
-    states = range(len(again))
-    jacobian = [_jacobian(models[run], trace, starts, run, jacobian_steps) for run in states]
-    geometry = [_geometry(runs.base, models[run], trace, run, geometry_steps) for run in states]
+    refined, found, buffers = list[Trace](), list[tuple[Floats | float, ...]](), Buffers()
+    # All of a run before the next one, so that its time limit covers nothing else.
+    for run, model in enumerate(runs.models):
+        if run and not proceed():
+            break
+        again = _repeat(model, runs.starts.pick(run), trace.steps)
+        copied, rest, travel = _copy(runs, trace, run, buffers)
+        refined.append(copied)
+        jacobian = _jacobian(model, trace, runs.starts, run, jacobian_steps)
+        geometry = _geometry(runs.base, model, trace, run, geometry_steps)
+        squeeze = _squeeze(runs.base, model, trace.qpos[run, -1])
+        repeats = _repeats(trace, run, again[int(STATE)])
+        one = _residual(model, again), jacobian, *geometry, squeeze, repeats, rest, travel
+        found.append(one)
     return SelfChecks(
-        residual=np.array([_residual(models[run], again[run]) for run in states]),
-        jacobian=np.array(jacobian),
         jacobian_steps=jacobian_steps,
-        overlap=np.array([overlap for overlap, _ in geometry]),
-        apart=np.array([apart for _, apart in geometry]),
         geometry_steps=geometry_steps,
-        squeeze=np.array([_squeeze(runs.base, models[run], trace.qpos[run, -1]) for run in states]),
-        repeats=np.array([_repeats(trace, run, again[run][int(STATE)]) for run in states]),
-        refined=tuple(refined for refined, _, _ in copies),
-        rest=np.array([rest for _, rest, _ in copies]),
-        travel=np.array([travel for _, _, travel in copies]),
-        bodies=tuple(models[0].body(each).name for each in range(models[0].nbody)),
+        refined=tuple(refined),
+        bodies=tuple(runs.models[0].body(each).name for each in range(runs.models[0].nbody)),
+        **dict(zip(BY_RUN, map(np.array, zip(*found, strict=True)), strict=True)),
     )
 
 

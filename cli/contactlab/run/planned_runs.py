@@ -5,15 +5,15 @@ import hashlib
 import math
 import signal
 from collections import OrderedDict
-from collections.abc import Callable, Collection, Generator, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 
 import numpy as np
 
 from contactlab.engines import ENGINES, engine_of
-from contactlab.engines.engine import bytes_of_run
+from contactlab.engines.engine import Watch, bytes_of_run, no_limit
 from contactlab.errors import OutputError, SceneError, StoreError, SweepFileError
 from contactlab.plan.grid import Plan
 from contactlab.run.evidence_record import RunPlan
@@ -294,23 +294,24 @@ class Preparer:
         return self._models[key]
 
     @contextmanager
-    def watchdog(self) -> Generator[Callable[[], None]]:
+    def watchdog(self, times: float = 1) -> Generator[Watch]:
         """Yield what starts the time limit of a run, which ends this process when it is exceeded.
 
-        Even where a run never returns to Python: the process dies of SIGALRM, and its traceback is
-        in the marker, which is empty otherwise.
+        It is so many times that of the sweep, and holds even where a run never returns to
+        Python: the process dies of SIGALRM, and its traceback is in the marker, else empty.
         """
         if self._marker is None:
-            yield lambda: None
+            yield no_limit
             return
         with self._marker.open("w") as file:
             # A timer takes one system call; faulthandler's own starts a thread each time.
             faulthandler.register(signal.SIGALRM, file=file, all_threads=False, chain=True)
             try:
-                yield self._start_clock
+                yield partial(_start_clock, times * self.task.sweep.timeout)
             finally:
                 signal.setitimer(signal.ITIMER_REAL, 0)
                 faulthandler.unregister(signal.SIGALRM)
 
-    def _start_clock(self) -> None:
-        signal.setitimer(signal.ITIMER_REAL, self.task.sweep.timeout)
+
+def _start_clock(seconds: float) -> None:
+    signal.setitimer(signal.ITIMER_REAL, seconds)

@@ -22,6 +22,8 @@ from contactlab.engines.engine import (
     PreparedRuns,
     Proceed,
     Rollout,
+    Watch,
+    no_limit,
     proceed_always,
 )
 from contactlab.engines.rollout_trace import make_trace
@@ -51,6 +53,8 @@ from contactlab.store.store_files import TRACES, time_now
 from contactlab.store.table_layout import record_to_row
 
 _GRACE = 1.0  # how long a job's second pass may go on once the sweep should stop [s]
+# Times a run's time limit: its second pass makes six times its steps, to tighter tolerances.
+_SECOND_PASS = 10
 
 
 def _without_momentum(trace: Trace, setup: Setup) -> Trace:
@@ -197,7 +201,9 @@ class Worker:
             picked, chosen = trace.select(suspects), [whole[row] for row in suspects]
             controls = rollout.controls and [rollout.controls[each] for each in chosen]
             again = runs.rows(chosen).repeating(controls)
-            checks = engine.check_runs(again, picked, self._grace_period())
+            with self._preparer.watchdog(_SECOND_PASS) as start_clock:
+                start_clock()
+                checks = engine.check_runs(again, picked, self._grace_period(start_clock))
             done = range(checks.runs)
             checked, known = picked.select(done), setup.select([suspects[row] for row in done])
             second = assess(checked, known, checks)
@@ -216,10 +222,18 @@ class Worker:
             for place, row in group.rows.items()
         }
 
-    def _grace_period(self) -> Proceed:
-        """Return what lets a second pass run on a little, so that its runs need not be dropped."""
+    def _grace_period(self, watch: Watch = no_limit) -> Proceed:
+        """Return what lets a second pass run on a little, so that its runs need not be dropped.
+
+        Where it does, the next run's time limit starts.
+        """
         end = time.monotonic() + _GRACE
-        return lambda: time.monotonic() < end or self._proceed()
+
+        def proceed() -> bool:
+            watch()
+            return time.monotonic() < end or self._proceed()
+
+        return proceed
 
     def crashed(self, run: PlannedRun, label: LabelEntry) -> Finished:
         """Record a run that crashes every worker; it has no trace."""
