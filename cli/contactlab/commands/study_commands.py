@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     from contactlab.schema.study_reports import EffectFinding, EffectsReport, FittedSetting, Ratio
 
 CheckFormat = Literal["text", "json", "junit", "github"]
-_MOST_NOTES = 4
-_MOST_MISSES = 5
 
 
 def check(
@@ -110,10 +108,8 @@ def _print_findings(report: "CheckReport", folder: Path) -> None:
     echo(f"{report.scene}, {check_results.conditions(report)}")
     print_table(("", "finding", "result"), list(check_results.summary_rows(report)))
     for each in report.checks:
-        for note in each.notes[:_MOST_NOTES]:
+        for note in shortened(each.notes, 4, "check.md"):
             echo(f"{each.name}: {note}")
-        if len(each.notes) > _MOST_NOTES:
-            echo(f"{each.name}: and {len(each.notes) - _MOST_NOTES} more notes in check.md")
     for note in report.notes:
         echo(note)
     if report.remedies:
@@ -265,10 +261,8 @@ def _print_cases(done: "Sequence[StabilityResult]") -> None:
     for each in done:
         if each.not_exercised:
             echo(f"{each.name} not exercised: {each.not_exercised}")
-        for miss in each.misses[:_MOST_MISSES]:
+        for miss in shortened(each.misses, 5, each.store):
             echo(f"{each.name} {miss}")
-        if len(each.misses) > _MOST_MISSES:
-            echo(f"{each.name} and {len(each.misses) - _MOST_MISSES} more in {each.store}")
     seconds = sum(each.seconds for each in done)
     met = sum(each.passed for each in done)
     echo(f"{met} of {len(done)} cases are as expected, in {seconds:.0f} s")

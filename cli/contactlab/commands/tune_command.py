@@ -11,13 +11,13 @@ import typer
 from contactlab.commands import options as opt
 from contactlab.commands.terminal import echo, echo_bytes, print_table, say, study_session
 from contactlab.errors import ExpectationError, SweepFileError
+from contactlab.printable import shortened
 from contactlab.resources import RESULTS
 
 if TYPE_CHECKING:
     from contactlab.schema.study_reports import Candidate, TuneReport
 
 _SECONDS = {"s": 1.0, "min": 60.0, "h": 3600.0}
-_MOST_KEPT, _MOST_LINES = 6, 12
 
 
 def tune(
@@ -152,14 +152,10 @@ def _details(report: "TuneReport", folder: Path) -> Iterator[str]:
             f"exact: {len(report.masked)} geoms and {len(report.excluded)} pairs of bodies cannot "
             "touch, by proof: every run is the same without their collisions, bit for bit"
         )
-    for line in report.lines[:_MOST_LINES]:
-        yield f"{line.file}:{line.line}: {line.element or 'removed'}"
-    if len(report.lines) > _MOST_LINES:
-        yield f"and {len(report.lines) - _MOST_LINES} more lines, see {PATCH}"
-    for each in report.kept[:_MOST_KEPT]:
-        yield f"kept: {each.name}: {each.reason}"
-    if len(report.kept) > _MOST_KEPT:
-        yield f"kept: and {len(report.kept) - _MOST_KEPT} more, see tune.json"
+    lines = [f"{each.file}:{each.line}: {each.element or 'removed'}" for each in report.lines]
+    yield from shortened(lines, 12, PATCH)
+    kept = [f"{each.name}: {each.reason}" for each in report.kept]
+    yield from (f"kept: {each}" for each in shortened(kept, 6, REPORT))
     if report.file:
         yield f"wrote {folder / report.file}, {PATCH}, {PROOF} and {REPORT}"
         yield f"next: contactlab sweep {folder / PROOF}"
