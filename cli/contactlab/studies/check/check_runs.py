@@ -7,9 +7,13 @@ from functools import cached_property
 import mujoco
 import numpy as np
 
-from contactlab.contact.trace_arrays import SLIDE, SLOT_WIDTH, Floats, PairTrace, Trace
+from contactlab.contact.trace_arrays import SLIDE, Floats
 from contactlab.contact.trace_setup import HoldWindow
+from contactlab.engines import engine_of
+from contactlab.engines.engine import Buffers, PreparedRuns
+from contactlab.engines.rollout_trace import make_trace
 from contactlab.measure import METRICS, context_of
+from contactlab.measure.context import hold_window
 from contactlab.scene.contact_pairs import MonitoredPair
 from contactlab.scene.resolution import ResolvedRun
 from contactlab.scene.run_setup import make_setup
@@ -57,9 +61,7 @@ _AT_REST = 0.05
 falls: a body that falls has it after 5 ms."""
 
 _WINDOW = 0.5
-_HELD = ("hold_switches", "penetration_mean", "hold_slip")
-_COUNTS = ("contacts", "least_distance", "iterations", "iterations_most")
-_BY_STEP = ("kinetic", "potential", *_COUNTS)
+_HELD = ("hold_switches", "hold_penetration", "hold_slip")
 
 
 @dataclass(frozen=True)
@@ -118,59 +120,31 @@ def holding_of(tried: CheckRun) -> Holding:
 
 
 def held_pairs(tried: CheckRun, start: float, stop: float) -> Iterator[HeldPair]:
-    """Yield every monitored pair between two times [s] of a run of the model."""
-    base, model, trace = tried.scene.base(tried.resolved.structure), tried.model, tried.trace
-    steps = slice(*(round(time / tried.resolved.timestep) for time in (start, stop)))
-    whole = HoldWindow(np.zeros(1), (steps.stop - steps.start) * np.diff(trace.time[:2]))
-    setup = replace(make_setup(base, None, [tried.resolved], [model], {}), hold=whole)
-    speeds = pair_speeds(model, base.pairs, trace.qpos[steps], trace.qvel[steps], mean=True)
-    for pair, speed in zip(base.pairs, speeds.tolist(), strict=True):
-        context = context_of(part_of(tried, steps, [pair]), setup)
-        (series,) = context.series
-        bearing = series.normal[0] > 0
+    """Yield every monitored pair between two times [s] of a run of the model, simulated again."""
+    resolved = tried.resolved
+    runs = PreparedRuns.of(tried.scene, resolved).repeating([tried.store.controls(tried.record)])
+    base, model = runs.base, runs.models[0]
+    trace = make_trace(base, runs.prepared, engine_of(resolved).roll_out(runs, Buffers()))
+    hold = HoldWindow(np.array([start]), np.array([stop]))
+    setup = replace(make_setup(base, None, [resolved], runs.models, {}), hold=hold)
+    (inside,) = hold_window(context_of(trace, setup))
+    states = (each[0, :-1][inside] for each in (trace.qpos, trace.qvel))
+    speeds = pair_speeds(model, base.pairs, *states, mean=True).tolist()
+    for pair, speed in zip(trace.pairs, speeds, strict=True):
+        context = context_of(replace(trace, pairs=(pair,)), setup)
+        normal, mode = (getattr(context.series[0], name)[0, inside] for name in ("normal", "mode"))
+        bearing = normal > 0
         switches, depth, slip = (float(METRICS[name].of(context)[0]) for name in _HELD)
         yield HeldPair(
             name=pair.name,
             share=float(bearing.mean()),
-            sliding=float((series.mode[0] == SLIDE)[bearing].mean()) if bearing.any() else 0.0,
+            sliding=float((mode == SLIDE)[bearing].mean()) if bearing.any() else 0.0,
             speed=speed,
-            force=float(series.normal[0].mean()),
+            force=float(normal.mean()),
             switches=switches,
             depth=depth,
             slip=slip,
         )
-
-
-def part_of(tried: CheckRun, steps: slice, pairs: Sequence[MonitoredPair]) -> Trace:
-    """Return some steps and pairs of a run as the trace of one run, without momenta."""
-    trace, states = tried.trace, slice(steps.start, steps.stop + 1)
-    arrays = {name: getattr(trace, name)[None, states] for name in ("time", "qpos", "qvel")}
-    arrays |= {name: getattr(trace, name)[None, steps] for name in _BY_STEP}
-    frictions = [np.array([tried.record.pairs[pair.name].friction]) for pair in pairs]
-    return Trace(
-        timestep=np.diff(trace.time[:2]),
-        steps_asked=steps.stop - steps.start,
-        momentum=None,
-        angular_momentum=None,
-        pairs=tuple(
-            PairTrace(pair.name, _slots(trace, pair, steps), friction)
-            for pair, friction in zip(pairs, frictions, strict=True)
-        ),
-        warnings=({},),
-        **arrays,
-    )
-
-
-def _slots(trace: StoredTrace, pair: MonitoredPair, steps: slice) -> Floats:
-    """Return the stored contact points of a pair as slots (1, N, S, 23) of some steps."""
-    stored = trace.pair(pair.name)
-    slots = np.zeros((1, steps.stop - steps.start, pair.slots, SLOT_WIDTH))
-    first = np.cumsum(stored.contacts) - stored.contacts
-    place = np.arange(len(stored.points)) - np.repeat(first, stored.contacts)
-    step = stored.point_steps
-    inside = (step >= steps.start) & (step < steps.stop)
-    slots[0, step[inside] - steps.start, place[inside]] = stored.points[inside]
-    return slots
 
 
 _MOST_STATES = 5000
