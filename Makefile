@@ -29,7 +29,6 @@ lint: .venv/dev stubs
 	$(BIN)/ruff check
 	$(BIN)/pyright
 	$(BIN)/lint-imports
-	$(BIN)/contactlab schema --check schemas
 
 format: .venv/dev
 	$(BIN)/ruff format

@@ -313,10 +313,4 @@ def test_schemas(contactlab: Run, tmp_path: Path) -> None:
     for name in ("record.schema.json", "sweep"):
         assert json.loads(contactlab("schema", name)[1])["$schema"]
     assert contactlab("schema", "--write", "out")[0] == 0
-    assert contactlab("schema", "--check", "out") == (0, "", "")
-    (tmp_path / "out/sweep.schema.json").write_text("{}")
-    (tmp_path / "out/record.schema.json").unlink()
-    code, _, err = contactlab("schema", "--check", "out")
-    assert code == 1
-    assert "sweep.schema.json" in err
-    assert "record.schema.json" in err
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == sorted(names)

@@ -1,15 +1,14 @@
 """Commands that list or write what comes along: scenes, metrics, engines, schemas, a sweep."""
 
 import errno
-import json
 from hashlib import sha256
 from pathlib import Path
 
 import typer
 
 from contactlab.commands import options as opt
-from contactlab.commands.terminal import echo, print_json, print_rows, say
-from contactlab.errors import ExpectationError, OutputError, SweepFileError, did_you_mean
+from contactlab.commands.terminal import echo, print_rows, say
+from contactlab.errors import OutputError, SweepFileError, did_you_mean
 
 _SUFFIX = ".schema.json"
 
@@ -110,7 +109,7 @@ def init(
     from contactlab.plan.sweep_file import read_sweep
     from contactlab.run.sweep_request import SceneLoader, starter_sweep
     from contactlab.scene.scene_source import reference_from
-    from contactlab.schema.json_schemas import json_schemas
+    from contactlab.schema.json_schemas import schema_texts
     from contactlab.store.atomic_files import write_error
 
     if path.exists():
@@ -124,8 +123,7 @@ def init(
     try:
         with path.open("x", encoding="utf-8") as file:
             file.write(text)
-        published = json.dumps(json_schemas()["sweep.schema.json"], indent=2) + "\n"
-        beside.write_text(published, encoding="utf-8")
+        beside.write_text(schema_texts()["sweep.schema.json"], encoding="utf-8")
     except OSError as error:
         raise write_error(path, error) from error
     say(f"wrote {path}, {plan.count} runs of {plan.sweep.duration:g} s each, and {beside}")
@@ -135,34 +133,28 @@ def init(
 def schema(
     name: str | None = typer.Argument(None, help="Schema to print; lists all names by default."),
     write: Path | None = opt.option("FOLDER", "Write all schemas into a folder."),
-    check: Path | None = opt.option("FOLDER", "Fail unless a folder holds the current schemas."),
 ) -> None:
-    """Print, write or check the JSON Schemas of the files that contactlab reads and writes."""
-    from contactlab.schema.json_schemas import json_schemas, schema_drift, write_json_schemas
+    """Print or write the JSON Schemas of the files that contactlab reads and writes."""
+    from contactlab.schema.json_schemas import schema_texts
     from contactlab.store.atomic_files import write_error
 
+    known = schema_texts()
     if write is not None:
         try:
-            written = write_json_schemas(write)
+            write.mkdir(parents=True, exist_ok=True)
+            for each, text in known.items():
+                (write / each).write_text(text, encoding="utf-8")
         except OSError as error:
             raise write_error(write, error) from error
-        say(f"wrote {', '.join(path.name for path in written)}")
-    elif check is not None:
-        if differing := schema_drift(check):
-            raise ExpectationError(
-                f"{check} is out of date: {', '.join(differing)}; update it with "
-                f"`contactlab schema --write {check}`"
-            )
+        say(f"wrote {', '.join(known)}")
     elif name is None:
-        for each in json_schemas():
-            echo(each)
+        echo("\n".join(known))
     else:
-        known = json_schemas()
         found = known.get(name) or known.get(name + _SUFFIX)
         if found is None:
             names = [each.removesuffix(_SUFFIX) for each in known]
             raise SweepFileError(f"no schema '{name}'{did_you_mean(name, names)}")
-        print_json(found)
+        echo(found.rstrip())
 
 
 engines = typer.Typer(help="Engines that can simulate.", invoke_without_command=True)

@@ -2,7 +2,6 @@
 
 import json
 from collections.abc import Mapping
-from pathlib import Path
 from typing import cast
 
 from pydantic import BaseModel
@@ -51,24 +50,8 @@ def json_schemas() -> dict[str, Node]:
     return schemas
 
 
-def write_json_schemas(folder: Path) -> list[Path]:
-    """Write the published schemas into a folder; returns their paths."""
-    folder.mkdir(parents=True, exist_ok=True)
-    for name, text in _texts().items():
-        (folder / name).write_text(text, encoding="utf-8")
-    return [folder / name for name in _texts()]
-
-
-def schema_drift(folder: Path) -> list[str]:
-    """Return the names of schemas in a folder that are missing or differ from the models."""
-    return [
-        name
-        for name, text in _texts().items()
-        if not (folder / name).is_file() or (folder / name).read_text(encoding="utf-8") != text
-    ]
-
-
-def _texts() -> dict[str, str]:
+def schema_texts() -> dict[str, str]:
+    """Return the text of every published schema, by file name."""
     return {name: json.dumps(schema, indent=2) + "\n" for name, schema in json_schemas().items()}
 
 
