@@ -7,7 +7,6 @@ Source: MuJoCo's documentation, Computation, "Parameters"; solved for impact and
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -132,26 +131,10 @@ def _impedance_curve(solimp: ArrayLike) -> Callable[[Floats], Floats]:
     return curve
 
 
-@dataclass(frozen=True)
-class Impact:
-    """The outcome of n rigid impacts."""
-
-    velocity: Floats  # (n, d) velocity afterwards [m/s]
-    impulse: Floats  # (n, d) impulse on the mass [N s]
-    normal_impulse: Floats  # (n,) its part along the normal [N s]
-    tangential_impulse: Floats  # (n,) magnitude of its part across the normal [N s]
-    sticks: NDArray[np.bool_]
-    """(n,) whether the impulse is inside the cone; False where it lies on the boundary."""
-
-
 def resolve_impact(
-    mass: ArrayLike,
-    velocity: ArrayLike,
-    normal: ArrayLike,
-    restitution: ArrayLike,
-    friction: ArrayLike,
-) -> Impact:
-    """Return the outcome of impacts of a point mass; one that moves away gets no impulse.
+    mass: float, velocity: Floats, normal: Floats, restitution: float, friction: float
+) -> Floats:
+    """Return the impulse (d,) of an impact on a point mass [N s]; zero if it moves away.
 
     An impulse J changes the velocity of a mass m by J / m at once. Along the unit normal n, away
     from the surface, Newton's law of restitution demands ``v_n' = -e v_n``, so that
@@ -165,31 +148,19 @@ def resolve_impact(
     nothing reverses within the impact.
 
     Args:
-        mass: (n,) or one [kg].
-        velocity: (n, d) before the impact, d being 2 or 3 [m/s].
-        normal: (n, d) or (d,), away from the surface, of any length.
-        restitution: (n,) or one, in [0, 1].
-        friction: (n,) or one, at least 0.
+        mass: the point's [kg].
+        velocity: (d,) before the impact [m/s].
+        normal: (d,) away from the surface, of any length.
+        restitution: in [0, 1].
+        friction: at least 0.
     """
-    before = np.atleast_2d(np.asarray(velocity, dtype=np.float64))
-    away = np.asarray(normal, dtype=np.float64)
-    away = away / np.linalg.norm(away, axis=-1, keepdims=True)
-    speed = (before * away).sum(axis=-1)
-    slip = before - speed[:, None] * away
-    normal_impulse = np.asarray(mass) * (1 + np.asarray(restitution)) * np.maximum(-speed, 0)
-    ending = np.asarray(mass) * np.linalg.norm(slip, axis=-1)
-    bound = np.asarray(friction) * normal_impulse
-    tangential = np.minimum(ending, bound)
-    share = np.divide(tangential, ending, out=np.zeros_like(ending), where=ending > 0)
-    weight = np.broadcast_to(np.asarray(mass, dtype=np.float64), speed.shape)[:, None]
-    impulse = normal_impulse[:, None] * away - share[:, None] * weight * slip
-    return Impact(
-        velocity=before + impulse / weight,
-        impulse=impulse,
-        normal_impulse=normal_impulse,
-        tangential_impulse=tangential,
-        sticks=ending <= bound,
-    )
+    away = normal / np.linalg.norm(normal, axis=-1)
+    speed = (velocity * away).sum()
+    slip = velocity - speed * away
+    pressing = mass * (1 + restitution) * max(-speed, 0)
+    ending = mass * np.linalg.norm(slip, axis=-1)
+    share = min(ending, friction * pressing) / ending if ending > 0 else 0.0
+    return pressing * away - share * mass * slip
 
 
 def sticking_speed(normal_speed: ArrayLike, restitution: ArrayLike, friction: ArrayLike) -> Floats:

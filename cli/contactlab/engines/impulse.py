@@ -153,10 +153,10 @@ def _step(ball: _PointMass, now: _Step) -> _Step:
     if approach >= 0 or gap + timestep * approach >= 0:
         return _Step(position + timestep * velocity, velocity, np.zeros(3))
     before = min(max(-gap / approach, 0.0), timestep)
-    impact = resolve_impact(ball.mass, velocity, normal, ball.restitution, ball.friction)
-    after = impact.velocity[0]
+    impulse = resolve_impact(ball.mass, velocity, normal, ball.restitution, ball.friction)
+    after = velocity + impulse / ball.mass
     position = position + before * velocity + (timestep - before) * after
-    return _Step(position, after, impact.impulse[0])
+    return _Step(position, after, impulse)
 
 
 def _record(base: CompiledScene, ball: _PointMass, row: Floats, now: _Step, step: _Step) -> None:

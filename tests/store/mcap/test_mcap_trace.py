@@ -55,7 +55,8 @@ def assert_stored(stored: StoredTrace, trace: Trace, run: int, series: list[Pair
         steps = np.flatnonzero(touching.any(axis=1))
         assert pair.name == source.name
         np.testing.assert_array_equal(pair.steps, steps)
-        np.testing.assert_array_equal(pair.point_steps, np.nonzero(touching)[0])
+        point_steps = np.repeat(pair.steps, pair.contacts)
+        np.testing.assert_array_equal(point_steps, np.nonzero(touching)[0])
         with np.errstate(over="ignore"):
             single = source.slots[run][touching].astype(np.float32)
         np.testing.assert_array_equal(pair.points, single.astype(np.float64), strict=True)

@@ -75,11 +75,6 @@ class StoredPair:
     }
     """The unit of each array of measured values."""
 
-    @property
-    def point_steps(self) -> Integers:
-        """(K,) step of each contact point."""
-        return np.repeat(self.steps, self.contacts)
-
     def over(self, steps: int, values: NDArray[_Number], apart: float = 0) -> NDArray[_Number]:
         """(N,) values (M,) of the steps with contact over all N, `apart` in the others."""
         spread = np.full(steps, apart, dtype=values.dtype)
