@@ -5,6 +5,7 @@ import os
 import random
 import signal
 import subprocess
+import time
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
@@ -25,6 +26,8 @@ axes:
   drop_height: [0.02, 0.05, 0.1, 0.2]
 """
 ROUNDS = 20
+# What hangs hangs for ever; a busy machine takes a few minutes [s].
+LONGEST = 600
 RUNS = 320
 EACH = RUNS // ROUNDS
 STATUS = {
@@ -54,8 +57,9 @@ def drawn(dice: random.Random) -> dict[int, str]:
 
 def kill_workers(command: Any, process: Any, journal: Path, dice: random.Random) -> int:
     """Kill a worker at random moments, as runs finish; return how many were killed."""
-    killed, threshold = 0, 0
+    killed, threshold, deadline = 0, 0, time.monotonic() + LONGEST
     while process.poll() is None:
+        assert time.monotonic() < deadline, "the sweep hangs"
         with suppress(subprocess.TimeoutExpired):
             process.wait(dice.uniform(0, 0.02))
         written = journal.read_bytes().count(b"\n") if journal.exists() else 0
