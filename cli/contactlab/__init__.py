@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from contactlab.api.reading_functions import compare, open, report
     from contactlab.api.running_functions import check, effects, stability, sweep, tradeoff, tune
+    from contactlab_loop.recording import record
 
     __version__: str
 
@@ -26,6 +27,7 @@ __all__ = [
     "compare",
     "effects",
     "open",
+    "record",
     "report",
     "stability",
     "sweep",
@@ -44,6 +46,8 @@ def __getattr__(name: str) -> Any:  # noqa: ANN401 - each function has a type of
         return version("contactlab")
     if name in _READING:
         from contactlab.api import reading_functions as functions
+    elif name == "record":
+        from contactlab_loop import recording as functions
     else:
         from contactlab.api import running_functions as functions
     return getattr(functions, name)

@@ -16,6 +16,7 @@ from contactlab.engines.engine import (
     proceed_always,
 )
 from contactlab.engines.impulse import ImpulseEngine
+from contactlab.engines.loop import LoopEngine
 from contactlab.engines.mujoco_engine import MujocoEngine, OlderMujocoEngine
 from contactlab.errors import EngineError, did_you_mean
 from contactlab.registry import Registry
@@ -39,6 +40,7 @@ __all__ = [
 ENGINES: Registry[SimulationEngine] = Registry("engine")
 ENGINES.add(MujocoEngine() if has_batch() else OlderMujocoEngine())
 ENGINES.add(ImpulseEngine())
+ENGINES.add(LoopEngine())
 for _engine in adapted_engines():
     ENGINES.add(_engine)
 

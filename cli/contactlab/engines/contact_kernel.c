@@ -36,6 +36,19 @@ typedef struct { /* A filled slot. */
   int row, pair, place; /* run * steps + step; whose slot it is, and which */
 } Point;
 
+typedef struct { /* A field of mjData that is copied after each step. */
+  char* target;
+  const char* source;
+  int64_t size; /* bytes of a step */
+} Field;
+
+/* Where a loop that somebody else steps is recorded. */
+typedef struct {
+  mjtNum *states, *rows, *kept; /* (room + 1, nstate), (room, width), and room for a state */
+  int64_t room, fields;         /* for so many steps, and what else is kept */
+  const Field* field;
+} Loop;
+
 typedef struct {
   mjBatch* batch;
   const mjModel* model; /* of this run */
@@ -47,6 +60,8 @@ typedef struct {
   size_t count, capacity;
   int lacks_memory;
   int run, step; /* of what is recorded now */
+  Loop loop;
+  int begun, free, subject, holder; /* of a loop: whether it has a start; see `read_acting` */
 } Recording;
 
 /* What one run takes and leaves, as the caller has it. */
@@ -322,6 +337,132 @@ const char* record_run(Recording* recording, const Run* run) {
     return mjb_error(recording->batch, 0);
   }
   return recording->lacks_memory ? "out of memory" : NULL;
+}
+
+static void exchange(mjtNum* target, const mjtNum* source, mjtNum* kept, size_t count) {
+  copy(kept, target, count, sizeof(mjtNum));
+  copy(target, source, count, sizeof(mjtNum));
+}
+
+static size_t state_size(const mjModel* m) { return 1 + m->nq + m->nv + m->na; }
+
+static mjtNum* state_now(const Recording* recording, const mjModel* m) {
+  return recording->loop.states + recording->step * state_size(m);
+}
+
+/* Write the state that the next step starts from. */
+void start_step(Recording* recording, const mjModel* m, const mjData* d) {
+  mjtNum* state = state_now(recording, m);
+  recording->begun = 1;
+  *state++ = d->time;
+  state = copy(state, d->qpos, m->nq, sizeof(mjtNum));
+  state = copy(state, d->qvel, m->nv, sizeof(mjtNum));
+  copy(state, d->act, m->na, sizeof(mjtNum));
+}
+
+static int differs(const mjtNum* stored, const mjtNum* now, size_t count) {
+  return count && memcmp(stored, now, count * sizeof(mjtNum));
+}
+
+/* Return what happened since the last step: see `Since` in reader.py. */
+int look(const Recording* recording, const mjModel* m, const mjData* d) {
+  if (!recording->begun) {
+    return 1;
+  }
+  const mjtNum* state = state_now(recording, m);
+  if (*state++ != d->time) {
+    return 2;
+  }
+  if (differs(state, d->qpos, m->nq) || differs(state + m->nq, d->qvel, m->nv) ||
+      differs(state + m->nq + m->nv, d->act, m->na)) {
+    return 3;
+  }
+  return recording->step < recording->loop.room ? 0 : 4;
+}
+
+/* Read what acts in a step that somebody else made, or is about to make: all contacts, and what
+ * sensors would measure. */
+void read_acting(Recording* recording, const mjModel* m, mjData* d) {
+  const size_t number = sizeof(mjtNum);
+  const mjtNum own[] = {d->energy[0], d->energy[1]}, *start = state_now(recording, m) + 1;
+  mjtNum *row = recording->loop.rows + recording->step * recording->width,
+         *kept = recording->loop.kept;
+  exchange(d->qpos, start, kept, m->nq);
+  exchange(d->qvel, start + m->nq, kept + m->nq, m->nv);
+  read_contacts(recording, m, d, row);
+  mj_energyPos(m, d);
+  mj_energyVel(m, d);
+  row[2] = d->energy[1];
+  row[3] = d->energy[0];
+  row += 4;
+  copy(d->energy, own, 2, number);
+  copy(d->qpos, kept, m->nq, number);
+  copy(d->qvel, kept + m->nq, m->nv, number);
+  if (recording->free) {
+    mj_subtreeVel(m, d);
+    row = copy(row, d->subtree_linvel, 3, number);
+    row = copy(row, d->subtree_angmom, 3, number);
+  }
+  if (recording->subject >= 0) {
+    mjtNum between[3];
+    mju_sub3(between, d->xpos + 3 * recording->subject, d->xpos + 3 * recording->holder);
+    mju_mulMatTVec3(row, d->xmat + 9 * recording->holder, between);
+    row = copy(row + 3, d->xquat + 4 * recording->holder, 4, number);
+  }
+  row = copy(row, d->actuator_force, m->nu, number);
+  copy(row, d->ten_length, m->ntendon, number);
+}
+
+/* Read what a step left that was made. */
+void read_left(Recording* recording, const mjModel* m, const mjData* d) {
+  const Loop* loop = &recording->loop;
+  for (int64_t each = 0; each < loop->fields; each++) {
+    const Field* field = loop->field + each;
+    memcpy(field->target + recording->step * field->size, field->source, field->size);
+  }
+  recording->step++;
+  start_step(recording, m, d);
+}
+
+/* Read both, where all that acted in a step is kept. */
+void read_step(Recording* recording, const mjModel* m, mjData* d) {
+  read_acting(recording, m, d);
+  read_left(recording, m, d);
+}
+
+/* Say where the next steps go. */
+void set_loop(Recording* recording, const Loop* loop) { recording->loop = *loop; }
+
+int steps_of(const Recording* recording) { return recording->step; }
+
+/* Return a recording of somebody else's steps, or NULL.
+ *
+ * Each pair is four numbers: whether sides are bodies, both, and slots. Bodies are -1 if none. */
+Recording* open_loop(const int64_t* declared, int pairs, int width, int free_of_forces,
+                     int subject, int holder) {
+  Recording* recording = calloc(1, sizeof(Recording));
+  Pair* pair = calloc(pairs + 1, sizeof(Pair));
+  if (!recording || !pair) {
+    free(recording);
+    free(pair);
+    return NULL;
+  }
+  *recording = (Recording){.pairs = pairs, .pair = pair, .width = width};
+  recording->free = free_of_forces;
+  recording->subject = subject;
+  recording->holder = holder;
+  for (int each = 0; each < pairs; each++, declared += 4) {
+    uint64_t key = key_of(declared[0], declared[1], declared[2]);
+    pair[each] = (Pair){key, declared[1], declared[3], each, 0, 0, 0};
+  }
+  qsort(pair, pairs, sizeof(Pair), by_key);
+  return recording;
+}
+
+/* End a loop's recording, so that its slots can be filled; return whether memory sufficed. */
+int end_loop(Recording* recording) {
+  recording->steps = recording->step;
+  return !recording->lacks_memory;
 }
 
 void close_recording(Recording* recording) {

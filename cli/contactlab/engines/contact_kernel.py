@@ -56,7 +56,11 @@ class Kernel(ctypes.CDLL):
         self.open_recording.argtypes = _POINTER, _INT, _INT, _INT
         self.record_run.argtypes = self.find_widths.argtypes = _POINTER, _POINTER
         self.fill_slots.argtypes = _POINTER, _INT, _POINTER
-        self.close_recording.argtypes = (_POINTER,)
+        self.close_recording.argtypes = self.end_loop.argtypes = (_POINTER,)
+        self.open_loop.restype, self.open_loop.argtypes = _POINTER, (_POINTER, *[_INT] * 5)
+        self.set_loop.argtypes, self.steps_of.argtypes = (_POINTER,) * 2, (_POINTER,)
+        for each in (self.look, self.start_step, self.read_acting, self.read_left, self.read_step):
+            each.argtypes = (_POINTER,) * 3
 
 
 def roll_out_by_kernel(
@@ -67,10 +71,10 @@ def roll_out_by_kernel(
     The first run of a process that has contacts is compared with what sensors give.
     """
     models, starts, steps = runs.models, runs.starts, runs.steps
-    kernel = None if os.environ.get("CONTACTLAB_KERNEL") == "off" else load_kernel()
+    kernel = usable_kernel()
     # What sleeps keeps its slots from before.
     flags = (each.opt.enableflags & PERSISTENT | each.opt.disableflags & _OFF for each in models)
-    if kernel is None or kernel.failed or any(flags):
+    if kernel is None or any(flags):
         return roll_out(models, starts, steps, buffers, watch, proceed)
     contacts = KernelStepper(kernel, runs)
     rollout = roll_out(models, starts, steps, buffers, watch, proceed, stepper=contacts)
@@ -118,16 +122,24 @@ class KernelStepper(BatchStepper):
 
     def slots(self, runs: int, buffers: Buffers) -> tuple[Floats, ...]:
         """Return slots of each pair, as many as some step of these runs fills, but one at least."""
-        widths = np.zeros(self._pairs, np.int64)
-        self._library.find_widths(self._handle, widths.ctypes.data)
-        rows = runs * self._steps
-        slots = buffers.take("slots", rows * int(widths.sum()), SLOT_WIDTH)
-        parts = np.split(slots, rows * np.cumsum(widths))[:-1]
-        targets = np.array([each.ctypes.data for each in parts], np.int64)
-        self._library.fill_slots(self._handle, runs, targets.ctypes.data)
-        none = np.broadcast_to(np.zeros(SLOT_WIDTH), (runs, self._steps, 1, SLOT_WIDTH))
-        shape = runs, self._steps, -1, SLOT_WIDTH
-        return tuple(each.reshape(shape) if len(each) else none for each in parts)
+        return take_slots(self._library, self._handle, (self._pairs, runs, self._steps), buffers)
+
+
+def take_slots(
+    library: Kernel, handle: int, sizes: tuple[int, int, int], buffers: Buffers
+) -> tuple[Floats, ...]:
+    """Return the slots that a recording has, of so many pairs in so many runs of so many steps."""
+    pairs, runs, steps = sizes
+    widths = np.zeros(pairs, np.int64)
+    library.find_widths(handle, widths.ctypes.data)
+    rows = runs * steps
+    slots = buffers.take("slots", rows * int(widths.sum()), SLOT_WIDTH)
+    parts = np.split(slots, rows * np.cumsum(widths))[:-1]
+    targets = np.array([each.ctypes.data for each in parts], np.int64)
+    library.fill_slots(handle, runs, targets.ctypes.data)
+    none = np.broadcast_to(np.zeros(SLOT_WIDTH), (runs, steps, 1, SLOT_WIDTH))
+    shape = runs, steps, -1, SLOT_WIDTH
+    return tuple(each.reshape(shape) if len(each) else none for each in parts)
 
 
 def _agrees(runs: PreparedRuns, rollout: Rollout) -> bool:
@@ -148,6 +160,12 @@ def _agrees(runs: PreparedRuns, rollout: Rollout) -> bool:
             raise EngineError(f"the kernel disagrees with them in a run of {stop} steps")
         return True
     return False
+
+
+def usable_kernel() -> Kernel | None:
+    """Return the kernel, unless it is turned off, cannot be had, or failed in this process."""
+    kernel = None if os.environ.get("CONTACTLAB_KERNEL") == "off" else load_kernel()
+    return None if kernel is None or kernel.failed else kernel
 
 
 @cache

@@ -197,7 +197,7 @@ class ContactSlots:
         """Fill the sensors once everything that they measure is computed."""
         if stage != _LAST_STAGE:
             return
-        measured = _measure(model, data) if data.ncon else None
+        measured = measure_contacts(model, data) if data.ncon else None
         for sensor in self._sensors:
             begin = int(model.sensor_adr[sensor])
             row = data.sensordata[begin : begin + int(model.sensor_dim[sensor])]
@@ -207,21 +207,27 @@ class ContactSlots:
                 continue
             row[:] = 0
             if measured is not None and model.sensor_objtype[sensor] in (_GEOM, _BODY):
-                _fill_pair(model, data, sensor, measured, row.reshape(-1, SLOT_WIDTH))
+                bodies = model.sensor_objtype[sensor] == _BODY
+                sides = model.sensor_objid[sensor], model.sensor_refid[sensor]
+                pair = np.array([bodies, *sides])
+                fill_pair(model, data, pair, measured, row.reshape(-1, SLOT_WIDTH))
             elif measured is not None:
                 row[:] = data.ncon, data.contact.dist.min()
             self._last[sensor] = row.copy()
 
 
-def _fill_pair(
-    model: mujoco.MjModel, data: mujoco.MjData, sensor: int, measured: Floats, slots: Floats
+def fill_pair(
+    model: mujoco.MjModel, data: mujoco.MjData, pair: np.ndarray, measured: Floats, slots: Floats
 ) -> None:
-    """Fill a pair's slots with its first contacts, flipped where their geoms are the other way."""
+    """Fill a pair's slots with its first contacts, flipped where their geoms are the other way.
+
+    The pair is whether its sides are bodies, and both.
+    """
     sides = np.asarray(data.contact.geom)
-    if model.sensor_objtype[sensor] == _BODY:
+    bodies, pair = pair[0], pair[1:]
+    if bodies:
         # A flex has no geom, and no body.
         sides = np.where(sides >= 0, model.geom_bodyid[sides], -1)
-    pair = np.array([model.sensor_objid[sensor], model.sensor_refid[sensor]])
     flipped = (sides == pair[::-1]).all(axis=1)
     contacts = np.flatnonzero(flipped | (sides == pair).all(axis=1))
     kept = contacts[: len(slots)]
@@ -241,7 +247,7 @@ def _sleeps(model: mujoco.MjModel, data: mujoco.MjData, sensor: int) -> bool:
     return not (states == _AWAKE).any() and bool((states == _ASLEEP).any())
 
 
-def _measure(model: mujoco.MjModel, data: mujoco.MjData) -> Floats:
+def measure_contacts(model: mujoco.MjModel, data: mujoco.MjData) -> Floats:
     """Return (ncon, 23) a slot for each contact, seen from its own first geom."""
     contact = data.contact
     slots, force = np.zeros((data.ncon, SLOT_WIDTH)), np.empty(6)

@@ -16,6 +16,7 @@ from contactlab.contact.trace_arrays import Floats, Passage
 from contactlab.scene.contact_pairs import geom_pairs, half_extents, may_touch, reaches
 from contactlab.scene.initial_states import InitialStates, apply_inputs
 from contactlab.scene.model_edits import read_flag
+from contactlab.scene.model_names import name_of
 
 _SLOW = 0.5  # Share of the half thickness of two geoms by which a step must move them to matter
 _MOST_STEPS = 4  # Steps that a fast geom takes to pass through another, at most
@@ -75,7 +76,8 @@ class Passages:
                 shape = _Wall(model, wall, float(model.geom_rbound[mover]))
                 step = _first_passage(path, float(self._least[first, second]), shape)
                 if step is not None:
-                    yield Passage(model.geom(mover).name, model.geom(wall).name, step)
+                    names = name_of(model, "geom", mover), name_of(model, "geom", wall)
+                    yield Passage(*names, step)
                     break
 
     def _fast_pairs(
@@ -123,7 +125,7 @@ def _through_flexes(
         step = _first_crossing(seen, corners - corners.mean(axis=2, keepdims=True))
         if step is not None:
             name = mujoco.mj_id2name(model, int(mujoco.mjtObj.mjOBJ_FLEX), flex)
-            yield Passage(model.geom(geom).name, name or f"flex[{flex}]", step)
+            yield Passage(name_of(model, "geom", geom), name or f"flex[{flex}]", step)
 
 
 def _faces(model: mujoco.MjModel, flex: int) -> NDArray[np.int32]:

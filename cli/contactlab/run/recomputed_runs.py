@@ -53,6 +53,8 @@ def unresolved(store: Store) -> str | None:
 def unplanned(store: Store) -> str | None:
     """Return why the plan cannot be made again here; None if it can."""
     identity, theirs = store.manifest.sweep, store.manifest.provenance.contactlab
+    if not identity.source:
+        return "the plan: the runs are of a recorded loop, which had none"
     if theirs != (ours := version("contactlab")):
         return f"the plan: contactlab {theirs} wrote it, and this is {ours}"
     if isinstance(identity.resolved.get("include"), dict):
@@ -144,7 +146,8 @@ def simulated_problems(store: Store, count: int) -> Iterator[str]:
         worker = Worker(_task(store, Path(folder)), None)
         for row in sorted(random.sample(range(columns.runs), min(count, columns.runs))):
             stored = columns.row(row)
-            if stored["status"] not in {"ok", "stopped"}:
+            # The code of a loop is not here.
+            if stored["status"] not in {"ok", "stopped"} or stored.get("loop"):
                 continue
             record = store.record(stored["run_id"])
             if isinstance(record.drive, PolicyDrive):

@@ -18,6 +18,7 @@ from contactlab.measure.pair_expectations import PAIR_LABELS
 from contactlab.plan.grid import Plan
 from contactlab.scene.compiled_scene import PreparedModel
 from contactlab.scene.effects.effect import NOT_IN_MODEL
+from contactlab.scene.model_names import name_of
 from contactlab.schema.pair_expectation import Bounds
 from contactlab.schema.sweep_schema import Expectation
 from contactlab.store.finished_store import Store
@@ -165,7 +166,7 @@ def _limit(trace: Trace, run: int, prepared: PreparedModel) -> str | None:
         if model.jnt_type[joint] >= _SLIDE_JOINT:
             place = trace.qpos[run, :, int(model.jnt_qposadr[joint])]
             steps = np.flatnonzero((place < low) | (place > high))
-            beyond += [(step, model.joint(joint).name) for step in steps[:1].tolist()]
+            beyond += [(step, name_of(model, "joint", joint)) for step in steps[:1].tolist()]
     if not beyond:
         return None
     step, name = min(beyond, key=itemgetter(0))

@@ -1,9 +1,10 @@
 """Run a sweep into a store: plan, skip what is done, run the rest, publish."""
 
 import logging
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import chain
 from pathlib import Path
+from typing import Any
 
 from pydantic_core import PydanticSerializationError
 
@@ -39,6 +40,7 @@ from contactlab.schema.evidence import (
     StoreManifest,
     SweepIdentity,
 )
+from contactlab.schema.sweep_schema import Sweep
 from contactlab.store.store_writer import open_writer
 from contactlab.store.table_layout import PLUGINS_COLUMN, REAL, Column, axis_column, struct_column
 
@@ -102,14 +104,18 @@ def run_sweep(
         _run_remaining(session)
         values, added = run_passes(session)
         columns += added
-        shared = {
-            "schema_version": RECORD_VERSION,
-            "sweep": request.name,
-            "units": {name: metric.unit for name, metric in METRICS.items()},
-            "metric_versions": identity.metric_versions,
-            "severity": list(LABELS),
-        }
-        return store.finish(columns, shared, task.provenance, values)
+        return store.finish(columns, shared_fields(identity), task.provenance, values)
+
+
+def shared_fields(identity: SweepIdentity) -> dict[str, object]:
+    """Return what the records of a store share."""
+    return {
+        "schema_version": RECORD_VERSION,
+        "sweep": identity.name,
+        "units": {name: metric.unit for name, metric in METRICS.items()},
+        "metric_versions": identity.metric_versions,
+        "severity": list(LABELS),
+    }
 
 
 def _run_remaining(session: SweepSession) -> None:
@@ -130,26 +136,16 @@ def identity_of(request: SweepRequest, index: RunIndex) -> SweepIdentity:
     timed = bool(manifest and manifest.control) or drive_word(drive) not in ("none", "hold")
     engines = {group.first.engine: engine_of(group.first) for group in index.firsts}.values()
     lacking = (each.null_fields(driven=timed).items() for each in engines)
-    identity = SweepIdentity(
-        name=request.name,
+    identity = new_identity(
+        request.name,
+        scene,
+        sweep,
         source=request.source,
         overrides=request.overrides,
-        # Sweeps of versions that knew no drives stay the same.
-        resolved=sweep.model_dump(mode="json", exclude={"drive"} if sweep.drive is None else None),
-        scene=scene.name,
-        scene_hash=scene.hash,
-        scene_model=scene.source.content.model.as_posix(),
-        engine=engine(),
-        metric_versions={name: metric.version for name, metric in METRICS.items()},
-        definitions=definitions(),
         runs_asked=len(index),
         baseline=_baseline(request),
         lacking=dict(chain.from_iterable(lacking)),
         plan_hash=index.hash,
-        plugins=tuple(
-            PluginInfo(name=each.name, version=each.version, sha256=each.sha256)
-            for each in loaded_plugins()
-        ),
     )
     try:
         identity.model_dump_json()
@@ -159,6 +155,31 @@ def identity_of(request: SweepRequest, index: RunIndex) -> SweepIdentity:
             "LC_ALL=C.UTF-8"
         ) from error
     return identity
+
+
+def new_identity(
+    name: str,
+    scene: Scene,
+    sweep: Sweep,
+    **rest: Any,  # noqa: ANN401 - fields of the identity, which checks them
+) -> SweepIdentity:
+    """Return the identity of a store of a sweep of a scene, as this version makes it."""
+    return SweepIdentity(
+        name=name,
+        # Sweeps of versions that knew no drives stay the same.
+        resolved=sweep.model_dump(mode="json", exclude={"drive"} if sweep.drive is None else None),
+        scene=scene.name,
+        scene_hash=scene.hash,
+        scene_model=scene.source.content.model.as_posix(),
+        engine=engine(),
+        metric_versions={name: metric.version for name, metric in METRICS.items()},
+        definitions=definitions(),
+        plugins=tuple(
+            PluginInfo(name=each.name, version=each.version, sha256=each.sha256)
+            for each in loaded_plugins()
+        ),
+        **rest,
+    )
 
 
 def _baseline(request: SweepRequest) -> str | None:
@@ -177,13 +198,18 @@ def _columns(request: SweepRequest, index: RunIndex) -> list[Column]:
         values |= {name: [value] for name, value in first.items()}
     values |= {axis.name: axis.values for axis in request.plan.axes if axis.name in values}
     axes = [_axis_column(request.scene, name, taken) for name, taken in values.items()]
+    return [*axes, *measured_columns(settings)]
+
+
+def measured_columns(settings: Mapping[str, object]) -> list[Column]:
+    """Return the columns of metrics, settings and effects."""
     metrics = [
         Column(m.name, REAL, m.unit, m.definition, m.better, m.resolution, m.kind == "check")
         for m in METRICS.values()
     ]
     effects = struct_column("effects", dict.fromkeys(EFFECTS, True))
     plugins = [PLUGINS_COLUMN] if loaded_plugins() else []
-    return [*axes, *metrics, struct_column("settings", settings), effects, *plugins]
+    return [*metrics, struct_column("settings", settings), effects, *plugins]
 
 
 def _axis_column(scene: Scene, name: str, values: Sequence[object]) -> Column:

@@ -2,10 +2,11 @@
 
 import hashlib
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 from pydantic_core import to_json
@@ -43,7 +44,9 @@ from contactlab.run.run_verdicts import missing_effects
 from contactlab.run.tasks import Finished, Job, PlannedRun, Task, note
 from contactlab.scene.expected_contacts import Asked
 from contactlab.scene.initial_states import InitialStates
+from contactlab.scene.model_names import name_of
 from contactlab.scene.run_setup import make_setup
+from contactlab.scene.scene_source import BINARY
 from contactlab.schema.evidence import EvidenceRecord, LabelEntry, TraceFile
 from contactlab.store.controls_file import controls_name, encode_controls
 from contactlab.store.folder_backend import backend_at
@@ -52,6 +55,9 @@ from contactlab.store.mcap.trace_writer import encode_trace
 from contactlab.store.store_files import TRACES, time_now
 from contactlab.store.table_layout import record_to_row
 
+Said = Mapping[str, object]
+"""Fields of a record that its run does not decide."""
+_NOTHING: Said = MappingProxyType({})
 _GRACE = 1.0  # how long a job's second pass may go on once the sweep should stop [s]
 # Times a run's time limit: its second pass makes six times its steps, to tighter tolerances.
 _SECOND_PASS = 10
@@ -89,12 +95,13 @@ class Worker:
         self._task = task
         self._proceed = proceed
         self._preparer = Preparer(task, marker)
-        self._scene = self._preparer.scene
+        self.scene = self._preparer.scene
         self._buffers, self._twin_buffers = Buffers(), Buffers()
         self._store = backend_at(task.store, OutputError)
         self._controls: set[str] = set()  # hashes of those that this process has stored
-        self._policy = task.policy and load_policy(task.policy.found_in(self._scene.drive))
-        self._model_xml = self._scene.source.model.read_bytes()
+        self._policy = task.policy and load_policy(task.policy.found_in(self.scene.drive))
+        source = self.scene.source
+        self._model_xml = b"" if source.model.suffix == BINARY else source.model.read_bytes()
 
     def run(self, job: Job) -> list[Finished]:
         """Do the task's purpose with the runs of a job, or with some of them if it should stop."""
@@ -119,10 +126,10 @@ class Worker:
         with self._preparer.watchdog() as start_clock:
             if purpose == "errors" and request is not None:
                 first = [(plans[0].run, plans[0].resolved)]
-                (model,) = reference_models(self._scene, self._task.sweep, first).values()
-                found = discretization_errors(self._scene, plans, model, request, watch)
+                (model,) = reference_models(self.scene, self._task.sweep, first).values()
+                found = discretization_errors(self.scene, plans, model, request, watch)
             else:
-                found = list(work_of_runs(self._scene, plans, watch))
+                found = list(work_of_runs(self.scene, plans, watch))
         return [note(purpose, run.run_id, each) for run, each in zip(job, found, strict=True)]
 
     def _record(self, job: Job) -> list[Finished]:
@@ -147,25 +154,46 @@ class Worker:
         """Roll runs out, measure and label them; fewer of them if it should stop."""
         resolved = [plan.resolved for plan in plans]
         prepared = [plan.prepared for plan in plans]
-        models = [each.model for each in prepared]
-        runs = PreparedRuns(
-            self._scene, resolved, prepared, starts, resolved[0].steps, self._policy
-        )
+        runs = PreparedRuns(self.scene, resolved, prepared, starts, resolved[0].steps, self._policy)
         engine = engine_of(resolved[0])
         with self._preparer.watchdog() as watch:
             rollout = engine.roll_out(runs, buffers, watch, proceed)
+        trace, setup = self._seen(runs, rollout, plans)
+        return rollout, self._measured_groups(runs, rollout, trace, setup)
+
+    def _seen(
+        self, runs: PreparedRuns, rollout: Rollout, plans: Sequence[RunPlan]
+    ) -> tuple[Trace, Setup]:
+        """Return what was recorded of runs, and what it is measured by."""
         done = len(rollout.steps)
-        resolved, prepared, models = resolved[:done], prepared[:done], models[:done]
-        manifest, sweep = self._scene.source.manifest, self._task.sweep
+        resolved, models = runs.resolved[:done], runs.models[:done]
+        manifest, sweep = self.scene.source.manifest, self._task.sweep
         values = [plan.run.values for plan in plans[:done]]
         asked: list[Asked] = [(each, [True] * done) for each in sweep.pairs]
         for match, each in self._task.expected:
             if each.expects:
                 asked.append((each, list(map(match.holds, values))))
         setup = make_setup(runs.base, manifest, resolved, models, sweep.thresholds, asked)
-        setup = replace(setup, recorded=self._scene.motion(resolved))
-        trace = _without_momentum(make_trace(runs.base, prepared, rollout), setup)
-        return rollout, self._measured_groups(runs, rollout, trace, setup)
+        setup = replace(setup, recorded=self.scene.motion(resolved))
+        return _without_momentum(make_trace(runs.base, runs.prepared[:done], rollout), setup), setup
+
+    def finish_loop(
+        self, plan: RunPlan, rollout: Rollout, known: Said, started: str, said: Said
+    ) -> Finished:
+        """Measure, label and store a run that somebody else's loop made.
+
+        What is known of it replaces what its setup has, and what is said fields of its record.
+        """
+        runs = PreparedRuns(
+            self.scene, [plan.resolved], [plan.prepared], plan.start, plan.resolved.steps
+        )
+        trace, setup = self._seen(runs, rollout, [plan])
+        setup = replace(setup, **known)
+        if setup.hold:  # It is known only now how long the run lasts.
+            ends = np.minimum(setup.hold.stop, setup.duration)
+            setup = replace(setup, hold=replace(setup.hold, stop=ends))
+        (group,) = self._measured_groups(runs, rollout, trace, setup)
+        return self._finish(RunOutcome(plan, group, rollout, 0, started, None), said)
 
     def _measured_groups(
         self, runs: PreparedRuns, rollout: Rollout, trace: Trace, setup: Setup
@@ -214,7 +242,7 @@ class Worker:
         if not self._task.sweep.knife_edge:
             return {}
         resolved = [plan.resolved for plan in plans]
-        nudged = self._scene.nudged(starts.rows(range(len(plans))), resolved)
+        nudged = self.scene.nudged(starts.rows(range(len(plans))), resolved)
         _, groups = self._measure(plans, nudged, self._twin_buffers, self._grace_period())
         return {
             place: group.assessment.labels[row][0].label
@@ -241,13 +269,14 @@ class Worker:
         (plan,) = self._preparer.plans((run,))
         return _finished(crash_record(self._task, plan, label))
 
-    def _finish(self, outcome: RunOutcome) -> Finished:
+    def _finish(self, outcome: RunOutcome, said: Said = _NOTHING) -> Finished:
         group, prepared = outcome.group, outcome.plan.prepared
         missing = missing_effects(group.trace, outcome.row, prepared, group.moving)
-        record = record_of(self._task, outcome).model_copy(update={"effects_missed": missing})
+        found = {"effects_missed": missing, **said}
+        record = record_of(self._task, outcome).model_copy(update=found)
         if outcome.controls is not None:
             model = outcome.plan.prepared.model
-            names = [model.actuator(each).name for each in range(model.nu)]
+            names = [name_of(model, "actuator", each) for each in range(model.nu)]
             sha256 = self._write_controls(outcome.controls, names)
             record = record.model_copy(update={"controls": sha256})
         if self._keeps_trace(outcome.plan.run, record):

@@ -26,8 +26,8 @@ from contactlab.expression import Expression, ExpressionError
 from contactlab.scene.contact_pairs import MonitoredPair
 from contactlab.scene.model_files import FileSearch, name_in_copy, parse, plain_name
 from contactlab.scene.model_names import name_by_address
-from contactlab.scene.mujoco_versions import has_batch, silence_mujoco
-from contactlab.scene.scene_source import MODEL_SUFFIXES, SceneSource
+from contactlab.scene.mujoco_versions import VERSION, has_batch, silence_mujoco
+from contactlab.scene.scene_source import BINARY, MODEL_SUFFIXES, SceneSource
 from contactlab.scene.timed_inputs import HoldSpec
 from contactlab.schema.scene_manifest import SceneManifest
 
@@ -134,6 +134,16 @@ def find_layout(model: mujoco.MjModel, pairs: Sequence[MonitoredPair]) -> Sensor
     )
 
 
+def loop_layout(
+    model: mujoco.MjModel, pairs: Sequence[MonitoredPair], holding: HoldSpec | None, *, free: bool
+) -> SensorLayout:
+    """Return the addresses in rows that are read from a loop, in the order of `add_sensors`."""
+    forces = 4 + 6 * free + 7 * bool(holding)
+    momenta, held = (4, 7) if free else (None, None), forces - 7 if holding else None
+    nowhere = (0,) * len(pairs)  # Slots are beside the rows.
+    return SensorLayout(nowhere, 0, 2, 3, *momenta, held, forces, forces + model.nu)
+
+
 _MAX_LISTED = 3
 _FOLDER_HINT = {
     False: '<compiler meshdir="FOLDER"/>, relative to the model',
@@ -145,7 +155,16 @@ _BRACES = re.compile(r"\{([^{}]*)\}")
 def compile_model(
     source: SceneSource, structure: Mapping[str, object], edit: Callable[[mujoco.MjSpec], None]
 ) -> mujoco.MjModel:
-    """Compile a scene's structure after an edit of its specification; a SceneError says why not."""
+    """Compile a scene's structure after an edit of its specification; a SceneError says why not.
+
+    What is compiled already stays as it is.
+    """
+    if source.model.suffix == BINARY:
+        try:
+            return mujoco.MjModel.from_binary_path(str(source.model))
+        except (ValueError, mujoco.FatalError) as error:
+            why = f"MuJoCo {VERSION} cannot read it; another version may have written it"
+            raise SceneError(f"{source.model}: {why}") from error
     with _model_file(source, structure) as path, _said_once(source):
         try:
             spec = mujoco.MjSpec.from_file(str(path))

@@ -9,7 +9,13 @@ import numpy as np
 
 from contactlab.errors import SceneError, did_you_mean
 from contactlab.mjcf import CONTACT, OPTIONS
-from contactlab.scene.compile_model import SensorLayout, add_sensors, compile_model, find_layout
+from contactlab.scene.compile_model import (
+    SensorLayout,
+    add_sensors,
+    compile_model,
+    find_layout,
+    loop_layout,
+)
 from contactlab.scene.contact_pairs import (
     MonitoredPair,
     declared_pairs,
@@ -29,6 +35,7 @@ from contactlab.scene.initial_states import (
 )
 from contactlab.scene.model_edits import (
     FLAGS,
+    LOOP_ENGINE,
     EditTargets,
     base_settings,
     find_targets,
@@ -36,8 +43,8 @@ from contactlab.scene.model_edits import (
     read_flags,
     write_settings,
 )
-from contactlab.scene.model_names import find_id
-from contactlab.scene.scene_source import SceneSource
+from contactlab.scene.model_names import find_id, name_of
+from contactlab.scene.scene_source import BINARY, SceneSource
 from contactlab.scene.setting_values import Settings, as_number
 from contactlab.scene.timed_inputs import HoldSpec, find_hold
 from contactlab.schema.evidence import PairRecord
@@ -96,7 +103,7 @@ class CompiledScene:
         return PreparedModel(
             model=model,
             pairs={pair.name: effective_parameters(model, pair) for pair in self.pairs},
-            edited_geoms=tuple(model.geom(index).name for index in written),
+            edited_geoms=tuple(name_of(model, "geom", index) for index in written),
             effects=effects,
         )
 
@@ -137,11 +144,14 @@ def compile_scene(
     settings = base_settings(model, pairs, subject)
     if keyframe_names(model):
         settings["keyframe"] = keyframe
-    targets = find_targets(model, pairs, subject)
+    targets, layout = find_targets(model, pairs, subject), None
+    if source.model.suffix == BINARY:
+        settings["engine"] = LOOP_ENGINE
+        layout = loop_layout(model, pairs, holding, free=free)
     return CompiledScene(
         model=model,
         pairs=pairs,
-        layout=find_layout(model, pairs),
+        layout=layout or find_layout(model, pairs),
         settings=settings,
         flags=read_flags(model),
         targets=targets,

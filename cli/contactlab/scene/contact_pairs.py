@@ -18,7 +18,7 @@ from contactlab.contact.trace_arrays import Floats
 from contactlab.errors import SceneError
 from contactlab.mjcf import CONTACT
 from contactlab.scene.initial_states import QPOS0, start_data
-from contactlab.scene.model_names import known_id, matching
+from contactlab.scene.model_names import known_id, matching, name_of
 from contactlab.scene.mujoco_versions import silence_mujoco
 from contactlab.schema.evidence import PairRecord
 from contactlab.schema.scene_manifest import PairEntry
@@ -81,7 +81,7 @@ def entry_pairs(model: mujoco.MjModel, entry: PairEntry) -> list[MonitoredPair]:
         raise SceneError("an entry of pairs takes exactly one of geoms, bodies and chain")
     if entry.bodies is not None:
         return [_body_pair(model, *entry.bodies, entry.slots)]
-    names = [model.geom(index).name for index in range(model.ngeom)]
+    names = [name_of(model, "geom", index) for index in range(model.ngeom)]
     chain = [name for part in entry.chain or () for name in matching(names, part) or [part]]
     ids = [known_id(model, "geom", name) for name in chain or entry.geoms or ()]
     if len(ids) < 2:
@@ -90,7 +90,7 @@ def entry_pairs(model: mujoco.MjModel, entry: PairEntry) -> list[MonitoredPair]:
 
 
 def _geom_pair(model: mujoco.MjModel, first: int, second: int, slots: int | None) -> MonitoredPair:
-    names = (model.geom(first).name, model.geom(second).name)
+    names = (name_of(model, "geom", first), name_of(model, "geom", second))
     slots = slots or _default_slots(int(model.geom_type[first]), int(model.geom_type[second]))
     return MonitoredPair("-".join(names), names, False, ((first,), (second,)), slots)
 

@@ -8,7 +8,7 @@ from contactlab.contact.trace_setup import ExpectedContact
 from contactlab.errors import SceneError, did_you_mean
 from contactlab.scene.compiled_scene import CompiledScene
 from contactlab.scene.contact_pairs import entry_pairs
-from contactlab.scene.model_names import matching
+from contactlab.scene.model_names import matching, name_of
 from contactlab.scene.resolution import ResolvedRun
 from contactlab.scene.timed_inputs import computed, read_formula
 from contactlab.schema.pair_expectation import ExpectedModes, PairExpectation
@@ -105,7 +105,8 @@ def _names(base: CompiledScene, entry: PairExpectation) -> dict[str, list[int]]:
     """Return what an expectation may call pairs, with their indices: bodies, or two sides."""
     names: dict[str, list[int]] = {}
     for index, pair in enumerate(base.pairs):
-        bodies = [base.model.body(base.model.geom_bodyid[side[0]]).name for side in pair.geoms]
+        owners = [base.model.geom_bodyid[side[0]] for side in pair.geoms]
+        bodies = [name_of(base.model, "body", each) for each in owners]
         sides = [pair.sides, bodies, pair.sides[::-1], bodies[::-1]]
         for name in dict.fromkeys(bodies if entry.body else map("-".join, sides)):
             names.setdefault(name, []).append(index)

@@ -250,6 +250,8 @@ def write_flags(model: mujoco.MjModel, states: Mapping[str, bool]) -> None:
 
 MODEL_ENGINE = "mujoco"
 """The engine that models are written for, and that runs a sweep that names none."""
+LOOP_ENGINE = "loop"
+"""What stands for somebody's own loop, of which a store has the compiled model."""
 
 
 def base_settings(

@@ -66,6 +66,8 @@ class FileSearch:
 
         A SceneError names it, or a model that it includes or attaches, if missing or not XML.
         """
+        if model.suffix == ".mjb":
+            return
         elements = list(self._elements(Reference(model), model.parent))
         compiler: dict[str, str] = {}
         for element, file in elements:

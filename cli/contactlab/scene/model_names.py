@@ -79,12 +79,18 @@ def find_id(model: mujoco.MjModel, kind: str, name: str) -> int:
     return _id(model, kind, f"geom[{old[1]}]") if old else found
 
 
+def name_of(model: mujoco.MjModel, kind: str, index: int) -> str:
+    """Return the name of one of a kind; its address if nobody named it, as in a binary model."""
+    return getattr(model, kind)(index).name or f"{kind}[{index}]"
+
+
 def known_id(model: mujoco.MjModel, kind: Literal["body", "geom"], name: str) -> int:
     """Return the id of a body or geom; a SceneError if there is none of this name."""
     index = find_id(model, kind, name)
     if index < 0:
-        known = [getattr(model, kind)(each).name for each in range(getattr(model, f"n{kind}"))]
-        raise SceneError(f"no {kind} '{name}' in the model{did_you_mean(name, known)}")
+        known = [name_of(model, kind, each) for each in range(getattr(model, f"n{kind}"))]
+        SceneError.unless_known(name, known, f"no {kind} '{name}' in the model")
+        return known.index(name)
     return index
 
 
@@ -136,7 +142,7 @@ def mocap_coordinates(model: mujoco.MjModel) -> dict[str, int]:
     """Return BODY.x to .z [m] and .qw to .qz of every mocap body, as MuJoCo orders poses of all."""
     found, first = dict[str, int](), part_starts(model)["mocap"]
     for body in np.flatnonzero(np.asarray(model.body_mocapid) >= 0).tolist():
-        name, place = model.body(body).name, int(model.body_mocapid[body])
+        name, place = name_of(model, "body", body), int(model.body_mocapid[body])
         starts = (*range(3 * place, 3 * place + 3), *range(4 * place, 4 * place + 4))
         for offset, (part, start) in enumerate(zip(_POSE, starts, strict=True)):
             found[name + part] = first + start + (3 * model.nmocap if offset >= 3 else 0)
@@ -158,17 +164,17 @@ def match_coordinates(model: mujoco.MjModel, pattern: str, *, mocap: bool = Fals
 def _inputs(model: mujoco.MjModel, starts: Mapping[str, int]) -> Iterator[tuple[str, int]]:
     for body in range(1, model.nbody):
         for offset, part in enumerate(_FORCE):
-            yield model.body(body).name + part, starts["applied"] + 6 * body + offset
+            yield name_of(model, "body", body) + part, starts["applied"] + 6 * body + offset
     for actuator in range(model.nu):
-        yield f"{model.actuator(actuator).name}.ctrl", starts["ctrl"] + actuator
+        yield f"{name_of(model, 'actuator', actuator)}.ctrl", starts["ctrl"] + actuator
 
 
 def _named(model: mujoco.MjModel, starts: Mapping[str, int]) -> Iterator[tuple[str, int]]:
     for index in range(model.njnt):
-        joint = model.joint(index)
+        joint, own = model.joint(index), name_of(model, "joint", index)
         positions, velocities = _COMPONENTS.get(int(joint.type[0]), (("",), (".v",)))
-        bodies = [model.body(model.jnt_bodyid[index]).name] if is_address(joint.name) else []
-        for name in (*bodies, joint.name):
+        bodies = [name_of(model, "body", model.jnt_bodyid[index])] if is_address(own) else []
+        for name in (*bodies, own):
             for offset, part in enumerate(positions):
                 yield name + part, int(joint.qposadr[0]) + offset
             for offset, part in enumerate(velocities):

@@ -32,7 +32,7 @@ from contactlab.scene.contact_pairs import (
 from contactlab.scene.expected_contacts import Asked, expected_contacts
 from contactlab.scene.initial_states import quaternions
 from contactlab.scene.model_edits import read_flag
-from contactlab.scene.model_names import is_address
+from contactlab.scene.model_names import is_address, name_of
 from contactlab.scene.resolution import ResolvedRun
 from contactlab.schema.drive import FileDrive, drive_word
 from contactlab.schema.scene_manifest import SceneManifest
@@ -119,7 +119,7 @@ def _free_bodies(models: Sequence[mujoco.MjModel]) -> dict[int, FreeBody]:
         body = int(model.jnt_bodyid[joint])
         places = int(model.jnt_qposadr[joint]), int(model.jnt_dofadr[joint])
         mass = np.array([each.body_subtreemass[body] for each in models])
-        bodies[body] = FreeBody(model.body(body).name, *places, mass)
+        bodies[body] = FreeBody(name_of(model, "body", body), *places, mass)
     return bodies
 
 
@@ -211,11 +211,17 @@ def find_mechanism(model: mujoco.MjModel) -> Mechanism:
     return Mechanism(
         joints=tuple(_joint(model, index, places[index], reach) for index in range(model.njnt)),
         tendons=tuple(
-            Part(model.tendon(index).name, "tendon", index, *lengths[index], margin=margins[index])
+            Part(
+                name_of(model, "tendon", index),
+                "tendon",
+                index,
+                *lengths[index],
+                margin=margins[index],
+            )
             for index in range(model.ntendon)
         ),
         actuators=tuple(
-            Part(model.actuator(index).name, "actuator", index, *controls[index])
+            Part(name_of(model, "actuator", index), "actuator", index, *controls[index])
             for index in range(model.nu)
         ),
         slack=np.where(springs[:, None], np.reshape(model.tendon_lengthspring, (-1, 2)), np.nan),
@@ -253,7 +259,7 @@ def _equality(
     model: mujoco.MjModel, index: int, places: Floats, reach: Floats, ends: float
 ) -> Equality:
     kind, first = int(model.eq_type[index]), int(model.eq_obj1id[index])
-    name = model.equality(index).name
+    name = name_of(model, "equality", index)
     if kind == _EQUALITY.mjEQ_TENDON:
         return Equality(name, "m", _tendon_scale(model, first))
     if kind == _EQUALITY.mjEQ_FLEX:
@@ -275,13 +281,13 @@ def _limits(limited: np.ndarray, ranges: np.ndarray) -> Floats:
 
 
 def _joint(model: mujoco.MjModel, index: int, places: Floats, reach: Floats) -> Part:
-    joint = model.joint(index)
+    joint, own = model.joint(index), name_of(model, "joint", index)
     body = int(joint.bodyid[0])
-    borrowed = is_address(joint.name) and model.body_jntnum[body] == 1
+    borrowed = is_address(own) and model.body_jntnum[body] == 1
     low, high = places.tolist()
     kind = _KINDS[int(joint.type[0])]
     return Part(
-        name=model.body(body).name if borrowed else joint.name,
+        name=name_of(model, "body", body) if borrowed else own,
         kind=kind,
         place=int(joint.qposadr[0]),
         # The only limit of a ball joint is on its angle.

@@ -76,6 +76,8 @@ def _package(reference: str) -> ModuleType:
 
 MANIFEST = "scene.yaml"
 MODEL_SUFFIXES = {".xml", ".urdf", ".mjcf"}
+BINARY = ".mjb"
+"""A compiled model, as that of a recorded loop is: no sensors can be added to it."""
 
 
 @dataclass(frozen=True)
@@ -153,6 +155,8 @@ def _folder(path: Path, name: str, copy: Path | None = None) -> SceneSource:
         )
     check_places([manifest], path, copy)
     read = read_manifest(manifest)
+    if read.model.endswith(BINARY) and copy is None:
+        raise SceneError(f"{path / read.model} is compiled; name the MJCF or URDF that it is of")
     recorded = [read.recording.file] if read.recording else []
     named = [path / file for file in (*drive_files(read.drive), *recorded)]
     return SceneSource(

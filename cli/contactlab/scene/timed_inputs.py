@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from contactlab.contact.trace_arrays import Floats
 from contactlab.errors import SceneError
 from contactlab.expression import Expression, ExpressionError
-from contactlab.scene.model_names import match_coordinates, part_starts
+from contactlab.scene.model_names import match_coordinates, name_of, part_starts
 from contactlab.schema.pair_expectation import Term
 from contactlab.schema.scene_manifest import SceneManifest
 
@@ -214,7 +214,7 @@ def find_hold(
     if subject is None:
         raise SceneError("hold needs a subject; name the held body in `subject`")
     holder = manifest.hold.relative_to or "world"
-    bodies = [model.body(each).name for each in range(model.nbody)]
+    bodies = [name_of(model, "body", each) for each in range(model.nbody)]
     message = f"hold: relative_to names '{holder}', which is not a body of the model"
     SceneError.unless_known(holder, bodies, message)
     holding = HoldSpec(

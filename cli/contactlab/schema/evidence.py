@@ -198,6 +198,22 @@ PluginInfos = Annotated[
 ]
 
 
+def _unsaid(description: str) -> Any:  # noqa: ANN401 - as `about`
+    """Return a field of recorded loops, which others leave out."""
+    return about(description, default=None, exclude_if=lambda value: value is None)
+
+
+class Loop(Model):
+    """What was noticed of an episode of a recorded loop."""
+
+    unchecked: str = about("What was not checked, and why.")
+    changed: tuple[str, ...] = about(
+        "Fields of the model that differed from the store's when the episode began.", default=()
+    )
+    changed_under_way: tuple[str, ...] = about("Fields that changed during it.", default=())
+    state_set: tuple[int, ...] = about("Steps before which code set the state.", default=())
+
+
 class EvidenceRecord(Model):
     """Everything known about one run, except its trace. Units are SI; `units` names them."""
 
@@ -255,6 +271,9 @@ class EvidenceRecord(Model):
     )
     started: str | None = about("UTC, ISO 8601.", default=None)
     finished: str | None = about("UTC, ISO 8601.", default=None)
+    success: bool | None = _unsaid("Whether a recorded loop calls its episode a success.")
+    total_reward: float | None = _unsaid("The sum of the rewards of its episode.")
+    loop: Loop | None = _unsaid("What was noticed of its episode.")
 
 
 STORE_VERSION = 2

@@ -106,11 +106,13 @@ class StoreWriter:
         shared: Mapping[str, Any],
         provenance: Provenance,
         amendments: Mapping[str, Mapping[str, Any]] = _NOTHING,
+        identity: SweepIdentity | None = None,
     ) -> StoreManifest:
         """Publish the table, then the manifest, which makes the store finished.
 
         Beside its own columns and the fields that all runs share, the table has amendments from
-        passes after the runs: run id to values by column. The manifest that is returned is another
+        passes after the runs: run id to values by column. An identity replaces the first one, where
+        nobody knew then how many runs there would be. The manifest that is returned is another
         writer's, if it has published the same sweep meanwhile.
 
         After an OutputError the store stays resumable.
@@ -120,6 +122,9 @@ class StoreWriter:
         started, finished = self.started, time_now()
         said = {"provenance": provenance.model_dump(), "started": started, "finished": finished}
         records = write_table(self.path / JOURNAL, self.path / TABLE, own, {**shared, **said})
+        if identity:
+            self.identity = identity
+            self._session.begin(identity)
         files = {name: sha256_of(self.path / name) for name in (IDENTITY, TABLE)}
         scenes = hashes_below(self.path / SCENES).items()
         manifest = StoreManifest(
@@ -132,6 +137,11 @@ class StoreWriter:
             finished=finished,
         )
         return self._session.publish(manifest)
+
+    def discard(self) -> None:
+        """Remove the store, which has no runs."""
+        self.close()
+        self._session.clear()
 
     def close(self) -> None:
         """Leave the store as it is, resumable, once all rows are stored."""

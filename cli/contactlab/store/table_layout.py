@@ -114,7 +114,15 @@ FIXED_COLUMNS = (
 )
 PLUGINS_COLUMN = Column("plugins", _TEXT, "", "plug-ins that were loaded, as JSON")
 """Only in tables of sweeps with plug-ins."""
-RESERVED_COLUMNS = frozenset(column.name for column in (*FIXED_COLUMNS, PLUGINS_COLUMN))
+LOOP_COLUMNS = (
+    Column("success", _TRUTH, "", "whether the loop calls its episode a success"),
+    Column("total_reward", REAL, "", "sum of the rewards of the episode"),
+    Column("loop", _TEXT, "", "what was noticed of the episode, as JSON"),
+)
+"""Only in tables of recorded loops."""
+RESERVED_COLUMNS = frozenset(
+    column.name for column in (*FIXED_COLUMNS, PLUGINS_COLUMN, *LOOP_COLUMNS)
+)
 
 
 def table_schema(own: Sequence[Column]) -> pa.Schema:
@@ -182,7 +190,8 @@ def _type_of(value: object) -> pa.DataType:
 SHARED_FIELDS = ("schema_version", "sweep", "units", "metric_versions")
 # Mappings of any keys, stored as JSON text, which every reader of Parquet can show.
 _JSON_TEXT = ("drive", "pairs", "warnings", "provenance", "effect_reasons", "effects_missed")
-_NESTED = ("axes", "metrics", "labels", "plugins", "coverage")
+_MODELS = ("coverage", "loop")
+_NESTED = ("axes", "metrics", "labels", "plugins", *_MODELS)
 # Columns of their own for each entry: how their names begin, and the entries.
 _PARTS = {
     "engine": ("engine_", tuple(Engine.model_fields)),
@@ -218,8 +227,9 @@ def record_to_row(record: EvidenceRecord) -> Row:
         row |= {prefix + name: getattr(found, name, None) for name in names}
     row["trace_messages"] = None if record.trace is None else _encoded(record.trace.messages)
     row["axis_names"] = tuple(record.axes)
-    covered = record.coverage
-    row["coverage"] = None if covered is None else covered.model_dump_json(exclude_defaults=True)
+    for name in _MODELS:
+        said = getattr(record, name)
+        row[name] = None if said is None else said.model_dump_json(exclude_defaults=True)
     if record.plugins:
         row["plugins"] = _encoded(record.plugins)
     return row | record.axes | record.metrics
@@ -241,8 +251,7 @@ def row_to_record(row: Mapping[str, Any], shared: Mapping[str, Any]) -> Evidence
             data[part] = found
     if "trace" in data:
         data["trace"]["messages"] = from_json(row["trace_messages"])
-    if row.get("coverage") is not None:
-        data["coverage"] = from_json(row["coverage"])
+    data |= {name: from_json(text) for name in _MODELS if (text := row.get(name)) is not None}
     if PLUGINS_COLUMN.name in row:
         data["plugins"] = from_json(row["plugins"])
     data["axes"] = {name: row[name] for name in row["axis_names"]}

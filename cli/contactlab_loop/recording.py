@@ -1,0 +1,318 @@
+"""Somebody's own loop, recorded: each episode becomes a run of a store, as one of a sweep.
+
+The scene of the store is the model as it was compiled. It does not know how long an episode will
+be, nor how many there are; so the store's identity is completed when the recording is closed.
+"""
+
+import copy
+import hashlib
+from collections.abc import Generator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from types import TracebackType
+from typing import Any, Self
+
+import mujoco
+import numpy as np
+from mujoco import mj_step, mj_step2  # by themselves, since `listening` replaces the module's
+from pydantic import ValidationError
+
+from contactlab.engines import ENGINES, PreparedRuns
+from contactlab.errors import OutputError, SceneError, in_one_line
+from contactlab.measure import METRICS
+from contactlab.plugins import load_plugins, loaded_plugins
+from contactlab.run.evidence_record import RunPlan, provenance
+from contactlab.run.sweep_runner import measured_columns, new_identity, shared_fields
+from contactlab.run.tasks import PlannedRun, Task
+from contactlab.run.worker import Worker
+from contactlab.scene.contact_pairs import colliding, declared_pairs, geom_pairs, may_touch
+from contactlab.scene.model_names import matching, name_of
+from contactlab.scene.scene import Scene
+from contactlab.scene.scene_source import BINARY, MANIFEST, stored_scene
+from contactlab.schema.evidence import Loop
+from contactlab.schema.scene_manifest import SceneManifest
+from contactlab.schema.sweep_schema import Sweep
+from contactlab.store import store_files
+from contactlab.store.store_files import time_now
+from contactlab.store.store_writer import StoreWriter, open_writer
+from contactlab.store.table_layout import LOOP_COLUMNS
+from contactlab_loop.reader import LoopReader, Since
+
+Monitored = str | Sequence[str] | Mapping[str, object]
+"""A geom or body with all that it may touch, two geoms or two bodies, or an entry of `pairs`."""
+
+_UNCHECKED = "refined copies and repeats: the code that made the steps is not in the store"
+_LONG = 1e6  # how long an episode may last [s]; a hold without an end lasts as long as its episode
+_MODEL = f"model{BINARY}"
+_USUAL = {"title": "A recorded loop", "description": "The model that a loop of one's own stepped."}
+_FOR_THE_EYE = ("vis", "tex", "mat_", "skin", "light", "cam", "name", "text")
+
+
+def record(
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
+    store: str | Path,
+    *,
+    monitor: Sequence[Monitored] | None = None,
+    scene: Mapping[str, Any] | None = None,
+    trace: str = "all",
+    fresh: bool = False,
+) -> "Recording":
+    """Record a loop of your own over MuJoCo's steps: each episode becomes a run of a store.
+
+    Within `with contactlab.record(model, data, "results/mine") as recording:`, steps are made by
+    `recording.step()`, and a reset of the data begins another episode. `monitor` has names of geoms
+    or bodies, for all that these may touch; two names, for a pair of geoms or bodies; or entries of
+    `pairs` as in a scene's manifest. Left out, what can touch is monitored, up to 64 pairs.
+    `scene` has other keys of a manifest, as `subject`, `hold`, `thresholds` and `pairs`; `trace`
+    says of which episodes traces are kept, and `fresh` replaces a store. One that was interrupted
+    goes on.
+
+    Raises:
+        SceneError: the data is of another model, or nothing that is monitored can touch.
+        OutputError: the store cannot be written, is in use, or is finished.
+    """
+    if data.model is not model:
+        raise SceneError("the data is not of this model; make it by mujoco.MjData(model)")
+    load_plugins()
+    folder = Path(store)
+    if (folder / store_files.MANIFEST).is_file() and not fresh:
+        raise OutputError(f"{folder} has a finished recording; name another, or add fresh=True")
+    name = folder.absolute().name
+    sweep, manifest = _declared(model, name, monitor, trace, scene or {})
+    with ExitStack() as opening, TemporaryDirectory() as written:
+        text = manifest.model_dump_json(indent=2, by_alias=True, exclude_defaults=True)
+        (Path(written) / MANIFEST).write_text(text, encoding="utf-8")
+        mujoco.mj_saveModel(model, str(Path(written) / _MODEL))
+        source = stored_scene(Path(written), _MODEL, name)
+        own = Scene(source, ENGINES)
+        if not own.base({}).pairs:
+            raise SceneError("no two geoms of the model can touch, so nothing is monitored")
+        unknown = {"source": "", "overrides": (), "runs_asked": 0, "plan_hash": _hash([])}
+        identity = new_identity(name, own, sweep, lacking=_lacking(), **unknown)
+        writer = opening.enter_context(open_writer(folder, identity, source.content, fresh=fresh))
+        assert isinstance(writer, StoreWriter)
+        where = writer.scene_folder.resolve()
+        task = Task(sweep, (), identity, folder.resolve(), where, provenance(), loaded_plugins())
+        worker = Worker(task, None)
+        reader = LoopReader(worker.scene.base({}), model, data)
+        return Recording(writer, worker, reader, opening.pop_all())
+
+
+class Recording:
+    """A loop over MuJoCo's steps that is recorded; made by `contactlab.record`.
+
+    Attributes:
+        store: the folder of the store.
+        episodes: how many episodes the store has.
+    """
+
+    def __init__(
+        self, writer: StoreWriter, worker: Worker, reader: LoopReader, opened: ExitStack
+    ) -> None:
+        self.store, self.episodes = writer.path, len(writer.done)
+        self._writer, self._worker, self._reader = writer, worker, reader
+        self._opened, self._closed = opened, False
+        self._before, self._set, self._started = reader.model, list[int](), ""
+
+    def step(self, count: int = 1) -> None:
+        """Make steps, as `mujoco.mj_step(model, data, count)` does, and record each."""
+        if self._closed or self._reader.look():
+            self._attend()
+        self._reader.make_steps(count)
+
+    def mj_step(self, model: mujoco.MjModel, data: mujoco.MjData, nstep: int = 1) -> None:
+        """Do what `mujoco.mj_step` does; steps of the recorded data are recorded."""
+        if data is self._reader.data:
+            self.step(nstep)
+        else:
+            mj_step(model, data, nstep)
+
+    def mj_step2(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        """Do what `mujoco.mj_step2` does, after `mj_step1`; likewise."""
+        if data is self._reader.data:
+            self._attend()
+        mj_step2(model, data)
+        if data is self._reader.data:
+            self._reader.read_step()
+
+    @contextmanager
+    def listening(self) -> Generator[None]:
+        """Record what other code steps meanwhile by `mujoco.mj_step` or `mujoco.mj_step2`."""
+        mujoco.mj_step, mujoco.mj_step2 = self.mj_step, self.mj_step2
+        try:
+            yield
+        finally:
+            mujoco.mj_step, mujoco.mj_step2 = mj_step, mj_step2
+
+    def reset(self, *, success: bool | None = None, total_reward: float | None = None) -> None:
+        """End the episode, if it has a step, and say how it went; the next step begins another.
+
+        The data is not touched. Resets of the data are noticed without it.
+        """
+        self._end(None, success=success, total_reward=total_reward)
+
+    def close(self, error: BaseException | None = None) -> None:
+        """End the episode and finish the store; an error that ended the loop is said of it."""
+        if self._closed:
+            return
+        self._closed = True
+        with self._opened:
+            self._end(error and f"the loop ended by {in_one_line(error, __file__)}")
+            if not self.episodes:
+                self._writer.discard()
+                if error is None:
+                    raise OutputError(
+                        f"nothing was recorded in {self.store}: no step was made by the "
+                        "recording's step() or mj_step()"
+                    )
+                return
+            ids = [str(row["run_id"]) for row in self._writer.rows()]
+            update = {"runs_asked": len(ids), "plan_hash": _hash(ids)}
+            identity = self._writer.identity.model_copy(update=update)
+            settings = self._worker.scene.resolve({}, 0, 1.0).values
+            columns = [*measured_columns(settings), *LOOP_COLUMNS]
+            shared = shared_fields(identity)
+            self._writer.finish(columns, shared, provenance(), identity=identity)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, _: object, error: BaseException | None, __: TracebackType | None) -> None:
+        self.close(error)
+
+    def _attend(self) -> None:
+        """Notice what happened since the last step, before the next one."""
+        if self._closed:
+            raise OutputError(f"the recording of {self.store} is closed")
+        reader = self._reader
+        while since := reader.look():
+            match since:
+                case Since.NEVER:
+                    self._before, self._set = copy.copy(reader.model), []
+                    self._started = time_now()
+                    reader.start()
+                case Since.SET:
+                    self._set.append(reader.steps)
+                    reader.start()
+                case Since.ELSEWHERE:
+                    missed = reader.data.time > reader.time
+                    self._end("the data was stepped without the recording" if missed else None)
+                case _ if reader.is_large:
+                    self._end("an episode's record takes 1 GiB at most; the next goes on from here")
+                case _:
+                    reader.grow(2 * reader.room)
+
+    def _end(
+        self,
+        cut: str | None,
+        *,
+        success: bool | None = None,
+        total_reward: float | None = None,
+    ) -> None:
+        """Store the episode, if it has a step; it may have been cut."""
+        reader, scene, model = self._reader, self._worker.scene, self._before
+        if not reader.steps:
+            reader.clear()
+            return
+        steps = reader.taken()
+        made, base = len(steps.rows), scene.base({})
+        resolved = scene.resolve({}, self.episodes, made * model.opt.timestep)
+        start = steps.starts(model)
+        prepared = scene.prepare(resolved, start, model)
+        run = PlannedRun(self.episodes, scene.run_id(resolved), {}, resolved.seed)
+        rollout = steps.rollout(PreparedRuns(scene, [resolved], [prepared], start, made))
+        # What acts from outside may give energy.
+        known = {"steered": True, "passive": False, "conservative": False}
+        said: dict[str, object] = {
+            "success": success,
+            "total_reward": total_reward,
+            "loop": Loop(
+                unchecked=_UNCHECKED,
+                changed=_changed(base.model, model),
+                changed_under_way=_changed(model, reader.model),
+                state_set=tuple(self._set),
+            ),
+        }
+        if cut:
+            said |= {"status": "stopped", "status_reason": f"cut after {made} steps: {cut}"}
+        plan = RunPlan(resolved, prepared, start, run)
+        known = known if steps.is_driven else {}
+        finished = self._worker.finish_loop(plan, rollout, known, self._started, said)
+        self._writer.append([finished.row])
+        self.episodes += 1
+        reader.clear()
+
+
+def _declared(
+    model: mujoco.MjModel,
+    name: str,
+    monitor: Sequence[Monitored] | None,
+    trace: str,
+    said: Mapping[str, Any],
+) -> tuple[Sweep, SceneManifest]:
+    """Return what a sweep file and a manifest would say; a SceneError if that is wrong."""
+    entries = [each for one in monitor or () for each in _entries(model, one)]
+    fixed = {"version": 1, "model": _MODEL, "duration": _LONG, "effects": {"base": "all"}}
+    own = {**_USUAL, **said, **fixed, "pairs": [*entries, *said.get("pairs", ())]}
+    if "hold" in said:
+        own["hold"] = {"to": _LONG, **said["hold"]}
+    try:
+        manifest = SceneManifest.model_validate(own)
+        sweep = Sweep(version=1, scene=name, effects={"base": "all"}, trace=trace)
+    except ValidationError as error:
+        first = error.errors()[0]
+        raise SceneError(f"{'.'.join(map(str, first['loc']))}: {first['msg']}") from error
+    touch = may_touch(model)
+    for pair in declared_pairs(model, manifest.pairs):
+        if not colliding(touch, pair):
+            raise SceneError(f"monitor: MuJoCo's filters keep {pair.name} from touching")
+    return sweep, manifest
+
+
+def _entries(model: mujoco.MjModel, monitored: Monitored) -> list[Mapping[str, object]]:
+    """Return what is monitored as entries of a manifest; a SceneError if nothing can touch it."""
+    if isinstance(monitored, Mapping):
+        return [monitored]
+    names = [name_of(model, "geom", each) for each in range(model.ngeom)]
+    if not isinstance(monitored, str):
+        return [{"geoms" if set(monitored) <= set(names) else "bodies": monitored}]
+    bodies = [name_of(model, "body", each) for each in model.geom_bodyid]
+    of = set(matching([*names, *bodies], monitored))
+    pairs = geom_pairs(may_touch(model))
+    found = [pair for pair in pairs if any(of & {names[each], bodies[each]} for each in pair)]
+    if not found:
+        raise SceneError(f"monitor: no geom or body '{monitored}' can touch anything")
+    return [{"geoms": tuple(names[each] for each in pair)} for pair in found]
+
+
+def _lacking() -> dict[str, str]:
+    """Return what recorded loops have not, and why."""
+    why = "the code that made the steps is not here to repeat them"
+    checks = {name: why for name, each in METRICS.items() if each.kind == "check"}
+    return {**checks, "cost": "a recorded loop takes its own time"}
+
+
+def _changed(before: mujoco.MjModel, after: mujoco.MjModel) -> tuple[str, ...]:
+    """Return the fields of a model that are not as they were, but for what is only seen."""
+    return tuple(
+        name
+        for name, old, new in _fields(before, after)
+        if np.asarray(old).tobytes() != np.asarray(new).tobytes()
+    )
+
+
+def _fields(*models: mujoco.MjModel) -> Generator[tuple[Any, ...]]:
+    first = models[0]
+    for name in dir(first):
+        seen = name.startswith(_FOR_THE_EYE) or name.endswith(("rgba", "matid", "group"))
+        if not seen and isinstance(getattr(first, name), np.ndarray):
+            yield name, *(getattr(each, name) for each in models)
+    for name in dir(first.opt):
+        if not name.startswith("_"):
+            yield f"opt.{name}", *(getattr(each.opt, name) for each in models)
+
+
+def _hash(ids: Sequence[str]) -> str:
+    return hashlib.sha256("".join(ids).encode()).hexdigest()[:32]
