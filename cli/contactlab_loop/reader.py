@@ -120,7 +120,8 @@ class LoopReader:
         """Begin an episode."""
         kernel = usable_kernel()
         sizes = 1 + self.model.nq + self.model.nv + self.model.na, _width(self._base)
-        self._arrays = {"states": np.empty((1, sizes[0])), "rows": np.empty((1, sizes[1]))}
+        shapes = {"states": sizes[0], "rows": sizes[1]}
+        self._arrays: dict[str, np.ndarray] = {x: np.empty((1, n)) for x, n in shapes.items()}
         for name, view in self._views.items():
             self._arrays[name] = np.empty((1, *view.shape), view.dtype)
         given = self._base, self.model, self.data, self._views

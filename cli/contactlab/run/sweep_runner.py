@@ -136,8 +136,9 @@ def identity_of(request: SweepRequest, index: RunIndex) -> SweepIdentity:
     timed = bool(manifest and manifest.control) or drive_word(drive) not in ("none", "hold")
     engines = {group.first.engine: engine_of(group.first) for group in index.firsts}.values()
     lacking = (each.null_fields(driven=timed).items() for each in engines)
+    name = request.name
     identity = new_identity(
-        request.name,
+        name,
         scene,
         sweep,
         source=request.source,
@@ -157,13 +158,8 @@ def identity_of(request: SweepRequest, index: RunIndex) -> SweepIdentity:
     return identity
 
 
-def new_identity(
-    name: str,
-    scene: Scene,
-    sweep: Sweep,
-    **rest: Any,  # noqa: ANN401 - fields of the identity, which checks them
-) -> SweepIdentity:
-    """Return the identity of a store of a sweep of a scene, as this version makes it."""
+def new_identity(name: str, scene: Scene, sweep: Sweep, **rest: Any) -> SweepIdentity:  # noqa: ANN401
+    """Return the identity of a store of a sweep of a scene, given the fields that differ."""
     return SweepIdentity(
         name=name,
         # Sweeps of versions that knew no drives stay the same.
