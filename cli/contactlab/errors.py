@@ -17,14 +17,14 @@ class ContactlabError(Exception):
 
     @classmethod
     def unless_known(
-        cls, name: str, known: Collection[str], message: str, otherwise: str = ""
+        cls, name: str, known: Collection[str], message: str, otherwise: str = "", rest: str = ""
     ) -> None:
         """Raise it for a name that is not known, with the closest one that is, or something else.
 
-        Both follow the message.
+        Both follow the message; the rest follows them.
         """
         if name not in known:
-            raise cls(f"{message}{did_you_mean(name, known) or otherwise}")
+            raise cls(f"{message}{did_you_mean(name, known) or otherwise}{rest}")
 
 
 class SweepFileError(ContactlabError):

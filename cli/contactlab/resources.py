@@ -9,7 +9,7 @@ import os
 from collections.abc import Sequence
 from pathlib import Path
 
-from contactlab.errors import SceneError, SweepFileError, did_you_mean
+from contactlab.errors import SceneError, SweepFileError
 
 RESULTS = Path("results")  # where results go unless a place is named
 
@@ -46,9 +46,8 @@ def sweep_names() -> list[str]:
 
 def scene_folder(name: str) -> Path:
     """Return the folder of a shipped scene; raise SceneError if there is none of this name."""
-    if name not in scene_names():
-        hint = did_you_mean(name, scene_names())
-        raise SceneError(f"no shipped scene named '{name}'{hint}\nsee `contactlab scenes`")
+    message, rest = f"no shipped scene named '{name}'", "\nsee `contactlab scenes`"
+    SceneError.unless_known(name, scene_names(), message, rest=rest)
     return MODELS / name
 
 
@@ -59,11 +58,8 @@ def sweep_index() -> dict[str, tuple[str, str, int, str]]:
 
 def sweep_file(name: str) -> Path:
     """Return the path of a shipped sweep; raise SweepFileError if there is none of this name."""
-    if name not in sweep_names():
-        hint = did_you_mean(name, sweep_names())
-        raise SweepFileError(
-            f"no sweep file and no shipped sweep named '{name}'{hint}\nsee `contactlab sweeps`"
-        )
+    message = f"no sweep file and no shipped sweep named '{name}'"
+    SweepFileError.unless_known(name, sweep_names(), message, rest="\nsee `contactlab sweeps`")
     return SWEEPS / f"{name}.yaml"
 
 

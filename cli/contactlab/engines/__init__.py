@@ -18,7 +18,7 @@ from contactlab.engines.engine import (
 from contactlab.engines.impulse import ImpulseEngine
 from contactlab.engines.loop import LoopEngine
 from contactlab.engines.mujoco_engine import MujocoEngine, OlderMujocoEngine
-from contactlab.errors import EngineError, did_you_mean
+from contactlab.errors import EngineError
 from contactlab.registry import Registry
 from contactlab.scene.mujoco_versions import has_batch
 from contactlab.scene.resolution import ResolvedRun
@@ -47,10 +47,8 @@ for _engine in adapted_engines():
 
 def find_engine(name: str) -> SimulationEngine:
     """Return the engine of this name; an EngineError if there is none here."""
-    if name not in ENGINES:
-        raise EngineError(
-            f"no engine '{name}'{did_you_mean(name, ENGINES)}; if a plug-in adds it, load that"
-        )
+    rest = "; if a plug-in adds it, load that"
+    EngineError.unless_known(name, ENGINES, f"no engine '{name}'", rest=rest)
     return ENGINES[name]
 
 

@@ -14,7 +14,7 @@ from typing import Literal, NamedTuple, TypedDict, Unpack
 import numpy as np
 
 from contactlab.contact.trace_arrays import Floats
-from contactlab.errors import PluginError, SceneError, did_you_mean
+from contactlab.errors import PluginError, SceneError
 from contactlab.measure.context import Context, runs_where
 from contactlab.registry import Registry
 from contactlab.schema.comparison import MetricRule
@@ -306,9 +306,8 @@ def _definition(function: Callable[..., object]) -> str:
 
 def limits(overrides: Mapping[str, float]) -> dict[str, float]:
     """Return the value of every threshold that has one; a SceneError if there is no such name."""
+    rest = f"; there are {', '.join(THRESHOLDS)}"
     for name in overrides:
-        if name not in THRESHOLDS:
-            hint = did_you_mean(name, THRESHOLDS)
-            raise SceneError(f"no threshold '{name}'{hint}; there are {', '.join(THRESHOLDS)}")
+        SceneError.unless_known(name, THRESHOLDS, f"no threshold '{name}'", rest=rest)
     usual = {each.name: each.default for each in THRESHOLDS.values() if each.default is not None}
     return {**usual, **overrides}

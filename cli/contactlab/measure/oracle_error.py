@@ -4,7 +4,7 @@ import numpy as np
 
 from contactlab.contact.rotations import rotate, rotate_back
 from contactlab.contact.trace_arrays import Floats
-from contactlab.errors import SceneError, did_you_mean
+from contactlab.errors import SceneError
 from contactlab.measure.context import (
     Context,
     cached,
@@ -65,9 +65,8 @@ def _result(context: Context) -> OracleResult:
     name = context.setup.oracle
     if name is None:
         return OracleResult(context.undefined(), context.undefined(), context.undefined())
-    if name not in ORACLES:
-        known = ", ".join(ORACLES)
-        raise SceneError(f"no oracle '{name}'{did_you_mean(name, ORACLES)}; there are {known}")
+    rest = f"; there are {', '.join(ORACLES)}"
+    SceneError.unless_known(name, ORACLES, f"no oracle '{name}'", rest=rest)
     return ORACLES[name].of(context)
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from contactlab.errors import StoreError, SweepFileError, did_you_mean
+from contactlab.errors import StoreError, SweepFileError
 from contactlab.schema.evidence import ERRORS
 from contactlab.schema.sweep_schema import Sweep
 from contactlab.schema.tradeoff_report import REALITY, ErrorMeasure, TimeMeasure
@@ -113,11 +113,8 @@ def _all_failed(store: Store) -> bool:
 
 def _check_number(store: Store, name: str) -> None:
     known = [each for each in store.columns.schema.names if store.columns.is_number(each)]
-    if name not in known:
-        raise SweepFileError(
-            f"no number '{name}' in the table of {store.address}{did_you_mean(name, known)}\n"
-            "see `contactlab metrics`"
-        )
+    message = f"no number '{name}' in the table of {store.address}"
+    SweepFileError.unless_known(name, known, message, rest="\nsee `contactlab metrics`")
 
 
 def _is_measured(store: Store, name: str) -> bool:

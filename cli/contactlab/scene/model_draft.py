@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import mujoco
 import numpy as np
 
-from contactlab.errors import SceneError, did_you_mean
+from contactlab.errors import SceneError
 from contactlab.mjcf import OPTIONS
 from contactlab.scene.compile_model import compile_model
 from contactlab.scene.effects.effect_table import remove
@@ -80,8 +80,8 @@ def _parts(spec: mujoco.MjSpec, kind: str) -> dict[str, Any]:
 
 
 def _part(spec: mujoco.MjSpec, kind: str, name: str) -> Any:  # noqa: ANN401 - as MjSpec has them
-    if name not in (parts := _parts(spec, kind)):
-        raise SceneError(f"no {kind} '{name}' in the model{did_you_mean(name, parts)}")
+    parts = _parts(spec, kind)
+    SceneError.unless_known(name, parts, f"no {kind} '{name}' in the model")
     return parts[name]
 
 

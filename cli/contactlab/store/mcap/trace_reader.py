@@ -19,7 +19,7 @@ from contactlab.contact.trace_arrays import (
     Integers,
     hash_of_states,
 )
-from contactlab.errors import StoreError, did_you_mean
+from contactlab.errors import StoreError
 from contactlab.schema.evidence import EvidenceRecord, TraceFile
 from contactlab.store.mcap.message_encoder import MOMENTUM_ARRAYS, PAIR_ARRAYS, STEP_ARRAYS
 from contactlab.store.mcap.stored_messages import (
@@ -122,12 +122,10 @@ class StoredTrace:
 
     def pair(self, name: str) -> StoredPair:
         """Return a pair by its name; raise StoreError if no monitored pair has it."""
-        for pair in self.pairs:
-            if pair.name == name:
-                return pair
-        known = [pair.name for pair in self.pairs]
-        hint = did_you_mean(name, known) or f"; recorded pairs: {', '.join(known) or 'none'}"
-        raise StoreError(f"no pair '{name}' was recorded{hint}")
+        pairs = {pair.name: pair for pair in self.pairs}
+        otherwise = f"; recorded pairs: {', '.join(pairs) or 'none'}"
+        StoreError.unless_known(name, pairs, f"no pair '{name}' was recorded", otherwise)
+        return pairs[name]
 
 
 _PAIR_ARRAYS = {"found": ("found", np.int32), **PAIR_ARRAYS}
