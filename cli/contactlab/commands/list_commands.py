@@ -1,6 +1,5 @@
 """Commands that list or write what comes along: scenes, metrics, engines, schemas, a sweep."""
 
-import errno
 from hashlib import sha256
 from pathlib import Path
 
@@ -110,22 +109,20 @@ def init(
     from contactlab.run.sweep_request import SceneLoader, starter_sweep
     from contactlab.scene.scene_source import reference_from
     from contactlab.schema.json_schemas import schema_texts
-    from contactlab.store.atomic_files import write_error
+    from contactlab.store.atomic_files import write_errors
 
     if path.exists():
         raise OutputError(f"{path} exists; choose another file with -o")
-    if not path.parent.is_dir():
-        raise write_error(path, FileNotFoundError(errno.ENOENT, ""))
+    with write_errors(path):
+        path.parent.stat()
     loader, reference = SceneLoader(path.parent), reference_from(path.parent, scene)
     text = starter_sweep(reference, loader)
     plan = read_sweep(text, loader.vocabulary).plan
     beside = path.parent / SCHEMA_NAME
-    try:
+    with write_errors(path):
         with path.open("x", encoding="utf-8") as file:
             file.write(text)
         beside.write_text(schema_texts()["sweep.schema.json"], encoding="utf-8")
-    except OSError as error:
-        raise write_error(path, error) from error
     say(f"wrote {path}, {plan.count} runs of {plan.sweep.duration:g} s each, and {beside}")
     say(f"next: contactlab sweep {path}")
 
@@ -136,16 +133,14 @@ def schema(
 ) -> None:
     """Print or write the JSON Schemas of the files that contactlab reads and writes."""
     from contactlab.schema.json_schemas import schema_texts
-    from contactlab.store.atomic_files import write_error
+    from contactlab.store.atomic_files import write_errors
 
     known = schema_texts()
     if write is not None:
-        try:
+        with write_errors(write):
             write.mkdir(parents=True, exist_ok=True)
             for each, text in known.items():
                 (write / each).write_text(text, encoding="utf-8")
-        except OSError as error:
-            raise write_error(write, error) from error
         say(f"wrote {', '.join(known)}")
     elif name is None:
         echo("\n".join(known))

@@ -15,7 +15,7 @@ from contactlab.run.sweep_request import SceneLoader, SweepRequest
 from contactlab.run.sweep_runner import run_sweep
 from contactlab.run.tasks import Finished, Stop
 from contactlab.schema.sweep_schema import Sweep
-from contactlab.store.atomic_files import atomic_write, write_error
+from contactlab.store.atomic_files import atomic_write, write_errors
 from contactlab.store.finished_store import Store
 from contactlab.store.store_files import read_stored
 
@@ -97,10 +97,8 @@ class Session:
 
     def write(self, files: Mapping[str, str]) -> None:
         """Write text files into the session's folder, by name; an OutputError if one cannot be."""
-        try:
+        with write_errors(self.folder):
             self.folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise write_error(self.folder, error) from error
         for name, text in files.items():
             with atomic_write(self.folder / name) as path:
                 path.write_text(text, encoding="utf-8")
