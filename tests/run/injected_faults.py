@@ -16,6 +16,7 @@ from typing import Any
 from contactlab.engines import contact_kernel, mujoco_batch
 from contactlab.engines.mujoco_batch import Batch
 from contactlab.engines.mujoco_engine import MujocoEngine
+from contactlab.run import worker as working
 from contactlab.run.planned_runs import Preparer
 from contactlab.run.worker import Worker
 
@@ -121,6 +122,9 @@ kernel.step = doomed_step
 engine: Any = MujocoEngine
 engine.check_runs = staticmethod(doomed_checks)
 Preparer.plans = spoiled_plans
+module: Any = working
+# What hangs in checks keeps nobody waiting for ten time limits.
+module._SECOND_PASS = 2
 worker: Any = Worker
 worker.run = inflated_run
 if PLAN["spare_bytes"] is not None:

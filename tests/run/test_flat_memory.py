@@ -24,8 +24,8 @@ axes:
   friction.slide: [0.5]
 """
 ONE_JOB = 32
-# The first ones fill what is kept between jobs: the models, 64, and what the engine keeps of them.
-WARM, MEASURED = 20, 40
+# The first ones fill what is kept between jobs: values of a setting, 512, and models, 64.
+WARM, MEASURED = 20, 20
 
 
 class Allocated(ctypes.Structure):
