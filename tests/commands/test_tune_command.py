@@ -82,7 +82,7 @@ def test_a_model_becomes_one_that_moves_the_same_in_fewer_steps(
         (("--budget", "1e-3s"), "--budget 0.001s is too short: 3 runs of the model"),
         (("--tolerance", "penetration_mx=1"), "did you mean 'penetration_max'?"),
         (("--tolerance", "slip"), "'slip' is not a tolerance"),
-        (("--free", "friction"), "--free friction: write one of solref"),
+        (("--free", "friction"), "--free: no 'friction'"),
         (("--drive", "push"), "push"),
     ],
 )

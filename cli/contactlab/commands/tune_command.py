@@ -32,7 +32,7 @@ def tune(
     ),
     tolerance: list[str] | None = opt.TOLERANCE,
     budget: str = opt.option("TIME", "How long it may take: 90s, 5min, 1h.", "5min"),
-    free: list[str] | None = opt.option("solref", "Contact parameters that may become softer."),
+    free: list[str] | None = opt.option("NAME", "What may go unexercised, or soften: solref."),
     drop_sensors: bool = opt.flag("--drop-sensors", "Leave the model's sensors out."),
     patch: bool = opt.flag("--patch", "Print the patch, and no more."),
     figure: Path | None = opt.FIGURE,

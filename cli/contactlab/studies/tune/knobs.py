@@ -6,14 +6,16 @@ import numpy as np
 
 from contactlab.scene.compiled_scene import CompiledScene
 from contactlab.scene.effects.effect_table import EFFECTS
+from contactlab.scene.effects.proofs import RunState, no_damping
 from contactlab.scene.parameters import WORDS
 from contactlab.scene.setting_values import as_number
-from contactlab.schema.coverage import Exercised, Feature, feature_of
+from contactlab.schema.coverage import Exercised, Feature
 from contactlab.schema.study_reports import Kept
 from contactlab.studies.effects.effect_toggles import find_toggles
 from contactlab.studies.effects.effects_request import AblationSetup
 from contactlab.studies.session import Values
 from contactlab.studies.tune.search import Knob, Space
+from contactlab.studies.tune.tune_request import SAVERS
 
 INTEGRATORS = ("Euler", "implicitfast", "implicit", "RK4")
 _LADDER = (1 / 8, 1 / 5, 1 / 4, 2 / 5, 1 / 2, 4 / 5, 1, 1.25, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10)
@@ -25,8 +27,6 @@ _OPTIONS: tuple[tuple[str, tuple[float, ...]], ...] = (
     ("ls_iterations", (50, 10)),
 )
 """Values that cost less than those above (of iterations) or below (of tolerances) them."""
-_SAVERS = ("torsional_friction", "rolling_friction", "elliptic", "noslip", "impratio", "multiccd")
-"""Effects that cost time and may not be needed; their absence is tried."""
 _SOFTER = (1.5, 2.0, 4.0)
 
 
@@ -39,8 +39,9 @@ def space_of(
     kept: list[Kept] = []
     knobs: list[Knob] = []
     for knob, features in _proposed(setup, base, written, free):
-        if lack := exercised.lack(features):
-            kept.append(Kept(name=knob.name, reason=f"not exercised: {lack}"))
+        if (lack := exercised.lack(features)) and knob.name not in free:
+            reason = f"not exercised: {lack}, or --free {knob.name}"
+            kept.append(Kept(name=knob.name, reason=reason))
         elif knob.values:
             knobs.append(knob)
     names = {name for knob in knobs for each in knob.values for name in each}
@@ -56,10 +57,21 @@ def space_of(
             name: written.get(name, True) for name in ("timestep", "integrator", *sorted(names))
         },
         timesteps=tuple(each for each in steps if each <= max(step, longest)),
-        integrators=tuple(dict.fromkeys([str(written["integrator"]), *INTEGRATORS])),
+        integrators=integrators_of(base, str(written["integrator"])),
         knobs=tuple(knobs),
     )
     return space, kept
+
+
+def integrators_of(base: CompiledScene, written: str) -> tuple[str, ...]:
+    """Return the integrators to try, that of the model first.
+
+    Where no force of joints depends on velocity, implicitfast takes the steps that Euler takes.
+    """
+    run = RunState(base.model, base.facts, straight=False)
+    same = not base.model.nu and no_damping(run)
+    others = (each for each in INTEGRATORS if not same or each != "implicitfast")
+    return tuple(dict.fromkeys([written, *others]))
 
 
 def _proposed(
@@ -77,19 +89,13 @@ def _proposed(
     if not base.flags.get("sleep", True):
         yield Knob("sleep", (EFFECTS["sleep"].on,)), []
     for toggle in find_toggles(setup):
-        if toggle.effect in _SAVERS and toggle.on and not toggle.proof:
+        if toggle.effect in SAVERS and toggle.on and not toggle.proof:
             feature = EFFECTS[toggle.effect].feature
             yield Knob(toggle.effect, (toggle.values,)), [feature] if feature else []
-    for name in free:
-        feature = feature_of(name)
-        yield _softened(name, written), [feature] if feature else []
-
-
-def _softened(name: str, written: Values) -> Knob:
-    values = written.get(name)
-    if name != "solref" or not isinstance(values, tuple) or values[0] <= 0:
-        return Knob(name, ())
-    return Knob(name, tuple({name: (values[0] * factor, values[1])} for factor in _SOFTER))
+    solref = written.get("solref")
+    if "solref" in free and isinstance(solref, tuple) and solref[0] > 0:
+        softer = ((solref[0] * factor, solref[1]) for factor in _SOFTER)
+        yield Knob("solref", tuple({"solref": each} for each in softer)), []
 
 
 def _least_time_constant(base: CompiledScene) -> float:

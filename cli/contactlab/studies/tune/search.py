@@ -2,20 +2,20 @@
 
 Integrator and timestep interact, so they are searched together: each integrator for its longest
 feasible step, by bisection, as long as it can still win, since time goes as 1 / timestep. Then come
-all other knobs, each alone, at that step and at the next longer one, and those that help together.
-Feasibility at one timestep is taken to imply it at shorter ones; what is recommended is run again.
+all other knobs, each alone, and those that help together; last what saves time and misses by
+little, with a second change. Feasibility at one timestep is taken to imply it at shorter ones; what
+is recommended is run again.
 """
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 from contactlab.scene.setting_values import as_number
 from contactlab.studies.session import Values
 
 GAIN = 0.95  # a change helps if it takes at most this share of the time; less is noise
-_WEIGHTS = {"RK4": 4.0}
-"""Times of a step over those of others, where not known: RK4 evaluates forces four times."""
+_NEAR = 2.0  # excess up to which another change may be what is missing
 _Key = tuple[tuple[str, str], ...]
 _Timed = tuple[float, Values]  # a time, over that of the best so far, and what takes it
 
@@ -54,12 +54,11 @@ class Search:
     space: Space
     judge: Judge
     clock: Clock
-    # Time of a step by integrator, in any one unit.
-    weights: Mapping[str, float] = field(default_factory=dict[str, float])
     # The excess of every configuration that was judged.
     excess: dict[_Key, float] = field(default_factory=dict[_Key, float])
     gain: float = 1.0  # by what factor the knobs that were changed change the time
     here: Values = field(default_factory=dict[str, object])
+    needed: set[str] = field(default_factory=set[str])  # what was changed to be feasible
 
     def run(self) -> None:
         """Search from the model as written; where nothing is feasible, `here` stays as it is."""
@@ -68,25 +67,20 @@ class Search:
         if start is None:
             return
         self.here = start
+        self.needed = {name for name, value in start.items() if value != self.space.written[name]}
         self._lengthen()
-        while self._improve():
+        while self._improve() or self._exchange():
             pass
 
     def sharpen(self) -> None:
         """Go to the most accurate configuration with the knobs found, at the price as written."""
-        written = self.space.written
-        time = self._cost(str(written["integrator"]), as_number(written["timestep"]))
-        tried = [
-            self._at(integrator, fast[0])
-            for integrator in self.space.integrators
-            if (
-                fast := [
-                    h for h in self.space.timesteps if self._cost(integrator, h) * self.gain <= time
-                ]
-            )
-        ]
-        excess = self._judged([self.here, *tried])
-        self.here = [self.here, *tried][excess.index(min(excess))]
+        written, tried = self.space.written, [self.here]
+        time = self._cost(str(written["integrator"]), as_number(written["timestep"])) / self.gain
+        for integrator in self.space.integrators:
+            fast = [step for step in self.space.timesteps if self._cost(integrator, step) <= time]
+            tried += [self._at(integrator, step) for step in fast[:1]]
+        excess = self._judged(tried)
+        self.here = tried[excess.index(min(excess))]
 
     def longer(self, rungs: int) -> Values:
         """Return what is found with a step that is so many rungs longer; shorter if negative."""
@@ -95,24 +89,37 @@ class Search:
         return {**self.here, "timestep": self.space.timesteps[min(max(place, 0), last)]}
 
     def _judged(self, configurations: Sequence[Values]) -> list[float]:
-        new = {key: each for each in configurations if (key := key_of(each)) not in self.excess}
+        new = {key_of(each): each for each in configurations if math.isnan(self._known(each))}
         if new:
             self.excess |= zip(new, self.judge(list(new.values())), strict=True)
-        return [self.excess[key_of(each)] for each in configurations]
+        return list(map(self._known, configurations))
+
+    def _known(self, values: Values) -> float:
+        """Return the excess of a configuration, or of the same with a shorter step that fails."""
+        steps = [each for each in self.space.timesteps if each < as_number(values["timestep"])]
+        shorter = (self.excess.get(key_of({**values, "timestep": each}), 0.0) for each in steps)
+        failed = next((each for each in shorter if each > 1), math.nan)
+        return self.excess.get(key_of(values), failed)
+
+    def _kept(self, configurations: Sequence[Values]) -> list[Values]:
+        """Return those that are feasible."""
+        judged = zip(configurations, self._judged(configurations), strict=True)
+        return [each for each, excess in judged if excess <= 1]
 
     def _feasible(self, start: Values) -> Values | None:
         """Return a feasible configuration, from a start on; None if there seems to be none.
 
-        At the shortest step, knobs are changed one by one, the one that helps most first.
+        Knobs are changed one by one, the best first, at the shortest step if that helps.
         """
         (best,) = self._judged([start])
         if best > 1:
-            start = {**start, "timestep": self.space.timesteps[0]}
-            (best,) = self._judged([start])
+            shortest = {**start, "timestep": self.space.timesteps[0]}
+            (excess,) = self._judged([shortest])
+            if excess < GAIN * best:
+                best, start = excess, shortest
         while best > 1:
-            changes = [each for _, each in self._changes(start)]
-            changes += [{"integrator": each} for each in self.space.integrators]
-            others = [{**start, **each} for each in changes]
+            others = [{**start, "integrator": each} for each in self.space.integrators]
+            others = [*self._changes(start), *others]
             excess = self._judged(others)
             least = min(excess, default=math.inf)
             if not least < best:
@@ -120,16 +127,16 @@ class Search:
             best, start = least, others[excess.index(least)]
         return start
 
-    def _changes(self, here: Values) -> Iterator[tuple[str, Values]]:
-        """Yield the values that single knobs may have beside those of a configuration."""
+    def _changes(self, here: Values) -> Iterator[Values]:
+        """Yield what differs from a configuration in one knob."""
         for knob in self.space.knobs:
             own = {name: self.space.written[name] for each in knob.values for name in each}
             for each in (*knob.values, own):
-                if any(here[name] != value for name, value in each.items()):
-                    yield knob.name, each
+                if {**here, **each} != here and not self.needed & each.keys():
+                    yield {**here, **each}
 
     def _cost(self, integrator: str, timestep: float) -> float:
-        return self.weights.get(integrator, _WEIGHTS.get(integrator, 1.0)) / timestep
+        return (4.0 if integrator == "RK4" else 1.0) / timestep  # it evaluates forces four times
 
     @property
     def _step(self) -> float:
@@ -145,8 +152,8 @@ class Search:
         is halved. `here` becomes the cheapest of them.
         """
         steps, integrators = self.space.timesteps, self.space.integrators
-        failed, begun = dict.fromkeys(integrators, len(steps)), set[str]()
-        longest = {str(self.here["integrator"]): steps.index(self._step)}
+        failed, own = dict.fromkeys(integrators, len(steps)), str(self.here["integrator"])
+        longest, begun = {own: steps.index(self._step)}, {own} if self.needed else set[str]()
         while True:
             cost = {each: self._cost(each, steps[rung]) for each, rung in longest.items()}
             best = min(cost, key=lambda each: cost[each])
@@ -165,46 +172,43 @@ class Search:
                 (longest if excess <= 1 else failed)[each] = rung
 
     def _improve(self) -> bool:
-        """Change the knobs that save time; return whether the step became longer, too."""
-        before, (helpful, jump) = self._step, self._helpful()
-        gain, together = self._together(helpful)
-        if jump[0] < GAIN * gain:
-            self.here = jump[1]
-        else:
-            self.here, self.gain = together, self.gain * gain
-        self._lengthen()
-        return self._step != before
+        """Change the knobs that save time; return whether others may save some now.
 
-    def _helpful(self) -> tuple[list[_Timed], _Timed]:
-        """Return the best change of each knob that saves time, the most helpful first.
-
-        And the configuration with one change, and the next longer step, that takes least.
+        They may after a longer step, and of half the time: a small share is twice as large then.
         """
-        changes, longer = list(self._changes(self.here)), self.longer(1)["timestep"]
-        same = [{**self.here, **each} for _, each in changes]
-        long = [{**each, "timestep": longer} for each in same if longer != self._step]
-        tried = zip([*same, *long], self._judged([*same, *long]), strict=True)
-        feasible = [each for each, excess in tried if excess <= 1]
-        if not feasible:
-            return [], (1.0, self.here)
-        now, *times = self.clock([self.here, *feasible])
-        ratio = {key_of(each): time / now for each, time in zip(feasible, times, strict=True)}
-        best: dict[str, _Timed] = {}
-        for (name, values), each in zip(changes, same, strict=True):
-            if ratio.get(key_of(each), 1.0) < best.get(name, (GAIN, values))[0]:
-                best[name] = ratio[key_of(each)], values
-        jumps = [(ratio[key_of(each)], each) for each in long if key_of(each) in ratio]
-        least = min(jumps, key=lambda each: each[0], default=(1.0, self.here))
-        return sorted(best.values(), key=lambda each: each[0]), least
+        helpful = self._faster(self._kept(list(self._changes(self.here))))
+        before, (gain, self.here) = self._step, self._together(helpful)
+        self.gain *= gain
+        self._lengthen()
+        return self._step != before or gain < 0.5
+
+    def _exchange(self) -> bool:
+        """Make two changes, of which the first saves time and misses by little; return whether."""
+        near = [self.longer(1), *self._changes(self.here)]
+        for _, first in self._faster([each for each in near if 1 < self._known(each) <= _NEAR]):
+            both = [each for each in self._changes(first) if each != self.here]
+            if faster := self._faster(self._kept(both)):
+                self.here = faster[0][1]
+                return True
+        return False
+
+    def _faster(self, configurations: Sequence[Values]) -> list[_Timed]:
+        """Return those that save time, over that of `here`, the fastest first."""
+        if not configurations:
+            return []
+        now, *times = self.clock([self.here, *configurations])
+        timed = zip((time / now for time in times), configurations, strict=True)
+        return sorted((each for each in timed if each[0] < GAIN), key=lambda each: each[0])
 
     def _together(self, helpful: Sequence[_Timed]) -> _Timed:
-        """Return a configuration with the most helpful changes that are feasible together.
+        """Return a configuration with the changes that are feasible together, of those that help.
 
         What helps no more once those before it are made is left as it is.
         """
         taken: list[Values] = []
         sums = [self.here]
-        for _, change in helpful:
+        for _, each in helpful:
+            change = {name: value for name, value in each.items() if value != self.here[name]}
             if all(sums[-1][name] == self.here[name] for name in change):
                 taken.append(change)
                 sums.append({**sums[-1], **change})

@@ -62,6 +62,9 @@ class Study:
         edits = untouched_geoms(model, [row["qpos"] for row in self.now.rows.flat])
         if self.request.drop_sensors:
             edits = replace(edits, sensors=sensors_of(model))
+        elif sensors_of(model):
+            reason = "no metric reads them; --drop-sensors leaves them out"
+            self.kept.append(Kept(name="sensors", reason=reason))
         if edits == self.savers:
             return
         try:
@@ -93,6 +96,9 @@ class Study:
             self.ended = "when it was interrupted"
             self.session = trials.session = replace(self.session, stop=None)
         trials.deadline, self.tried = last, len(search.excess)
+        why = trials.limits.broken(self.now.rows, self.now.rows)
+        if why and not self._changed(search.here):
+            self.kept.append(Kept(name="as written", reason=f"{why}, and so all that was tried"))
         return search
 
     def _judge(self, configurations: Sequence[Values]) -> list[float]:

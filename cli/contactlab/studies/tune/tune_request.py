@@ -13,7 +13,8 @@ from contactlab.studies.configuration_runs import ConfigurationRows
 from contactlab.studies.effects.effect_toggles import difference
 from contactlab.studies.effects.effects_request import AblationSetup, EffectsRequest
 
-SOFTENED = ("solref",)  # contact parameters that may become softer, on request
+SAVERS = ("torsional_friction", "rolling_friction", "elliptic", "noslip", "impratio", "multiccd")
+"""Effects that cost time and may not be needed; their absence is tried where runs exercise them."""
 BASELINE, CONTENDERS, FRESH = range(3), range(10), range(10, 20)
 """Seeds: of the model as written, of what the search finds, and of the proof."""
 
@@ -33,7 +34,8 @@ class TuneRequest:
     # Metric to largest size.
     tolerances: Mapping[str, float] = field(default_factory=dict[str, float])
     budget: float = 300.0  # wall time [s]
-    free: Sequence[str] = ()  # contact parameters that may become softer
+    # Effects that may go although no run exercised them; `solref`, which may become softer.
+    free: Sequence[str] = ()
     drop_sensors: bool = False  # whether sensors may go, which no metric reads
     # What drives the runs; an exercise of a model without a manifest, if None.
     drive: Drive | None = None
@@ -49,8 +51,7 @@ class TuneRequest:
         if not setup.scene.base({}).model.nv:
             raise SceneError(f"{self.model} has no joints: nothing moves, so nothing can be tuned")
         for name in self.free:
-            if name not in SOFTENED:
-                raise SweepFileError(f"--free {name}: write one of {', '.join(SOFTENED)}")
+            SweepFileError.unless_known(name, ("solref", *SAVERS), f"--free: no '{name}'")
         for name in self.tolerances:
             SweepFileError.unless_known(name, METRICS, f"no metric '{name}'")
         return replace(setup, seeds=tuple(BASELINE))

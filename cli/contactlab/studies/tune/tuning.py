@@ -113,15 +113,15 @@ def reported(study: Study, found: tuple[Contender, WrittenModel] | None) -> Tune
 def _candidates(study: Study, chosen: Contender | None) -> tuple[Candidate, ...]:
     """Return the model as written, what is recommended, and what is safer or more accurate."""
     excess = study.trials.limits.excess
-    rows: list[tuple[Standing, Contender]] = [("now", study.now)]
-    if chosen:
-        rows.append(("recommended", chosen))
-    others = [each for each in study.contenders if each is not chosen] if chosen else []
+    if not chosen:
+        return (study.now.reported("now", study.trials),)
+    rows: list[tuple[Standing, Contender]] = [("now", study.now), ("recommended", chosen)]
+    others = [each for each in study.contenders if each is not chosen]
     safe = [each for each in others if excess(each.rows) <= _SAFE]
-    if chosen and safe and excess(chosen.rows) > _SAFE:
+    if safe and excess(chosen.rows) > _SAFE:
         rows.append(("safer", safe[0]))
-    best = min(others, key=lambda each: excess(each.rows), default=chosen)
-    if chosen and best and excess(best.rows) < excess(chosen.rows) and best is not rows[-1][1]:
+    best = min([chosen, *others], key=lambda each: excess(each.rows))
+    if all(best is not each for _, each in rows):
         rows.append(("more accurate", best))
     return tuple(each.reported(standing, study.trials) for standing, each in rows)
 
