@@ -3,7 +3,7 @@
 Row k has the state before step k, what acted in it, and its inputs, with the bits of a sweep's run.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import IntEnum
 from functools import partial
@@ -21,11 +21,12 @@ from contactlab.engines.sampled_loads import with_loads
 from contactlab.errors import SceneError
 from contactlab.scene.compiled_scene import CompiledScene
 from contactlab.scene.contact_pairs import MonitoredPair
-from contactlab.scene.initial_states import InitialStates
+from contactlab.scene.initial_states import InitialStates, quaternions
 from contactlab.scene.model_names import known_id
 from contactlab.scene.timed_inputs import Signals
 
 _FIRST_STEPS = 1024
+_ROUNDING = 1e-12
 _MOST_BYTES = 1 << 30
 _STATE = int(STATE)
 _RK4 = int(mujoco.mjtIntegrator.mjINT_RK4)
@@ -190,12 +191,20 @@ class LoopReader:
     def _counts(self) -> np.ndarray:
         return np.array(self.data.warning.number, np.int64)
 
-    def taken(self) -> LoopSteps:
-        """Return the episode so far; raise a MemoryError if there was too little memory."""
+    def taken(self, given: Sequence[int]) -> LoopSteps:
+        """Return the episode so far; raise a MemoryError if there was too little memory.
+
+        Code gave the states before some steps. MuJoCo takes what quaternions they have as unit
+        ones, and so are they recorded.
+        """
         count, slots = self.steps, self._steps.slots()
         fields = {name: self._arrays[name][:count] for name in self._views}
         states = self._arrays["states"][: count + 1].copy()
         states[:, 0] -= states[0, 0]
+        for place in quaternions(self.model):
+            part = states[:, 1 + place : 5 + place]
+            norms = np.linalg.norm(part[[*given]], axis=1, keepdims=True)
+            part[[*given]] /= np.where((norms > 0) & (np.abs(norms - 1) > _ROUNDING), norms, 1)
         inputs = np.concatenate([fields[name].reshape(count, -1) for name in _INPUTS], axis=1)
         warned = self._counts()
         # A reset cleared the counts.

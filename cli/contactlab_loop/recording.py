@@ -116,6 +116,11 @@ class Recording:
         self._opened, self._closed = opened, False
         self._before, self._set, self._started = reader.model, list[int](), ""
 
+    @property
+    def data(self) -> mujoco.MjData:
+        """The data that is recorded."""
+        return self._reader.data
+
     def step(self, count: int = 1) -> None:
         """Make steps, as `mujoco.mj_step(model, data, count)` does, and record each."""
         if self._closed or self._reader.look():
@@ -216,7 +221,7 @@ class Recording:
         if not reader.steps:
             reader.clear()
             return
-        steps = reader.taken()
+        steps = reader.taken([0, *self._set])
         made, base = len(steps.rows), scene.base({})
         resolved = scene.resolve({}, self.episodes, made * model.opt.timestep)
         start = steps.starts(model)
