@@ -98,7 +98,7 @@ class Study:
         trials.deadline, self.tried = last, len(search.excess)
         why = trials.limits.broken(self.now.rows, self.now.rows)
         if why and not self._changed(search.here):
-            self.kept.append(Kept(name="as written", reason=f"{why}, and so all that was tried"))
+            self.kept.append(Kept(name="as written", reason=f"{why}, and nothing tried keeps it"))
         return search
 
     def _judge(self, configurations: Sequence[Values]) -> list[float]:
