@@ -47,6 +47,20 @@ def case(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Rows]:
     return rows
 
 
+@pytest.fixture(scope="session")
+def assert_expected() -> Callable[[Rows], None]:
+    """Some runs hold, some fail with the label that they must get, and none is otherwise."""
+
+    def check(rows: Rows) -> None:
+        assert {row["status"] for row in rows} <= {"ok", "stopped"}
+        assert [row["expectation_reason"] for row in rows if row["expectation_met"] is False] == []
+        judged = [row for row in rows if row["expectation_met"]]
+        assert any(row["label"] == "stable" for row in judged)
+        assert any("stable" not in (row["expected"] or ["stable"]) for row in judged)
+
+    return check
+
+
 @pytest.fixture
 def planted(tmp_path: Path) -> Callable[..., Rows]:
     """Run some of a case on a copy of its scene in which one text is replaced."""

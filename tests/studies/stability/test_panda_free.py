@@ -29,6 +29,11 @@ def test_it_swings_with_the_energy_that_was_measured_of_the_real_one() -> None:
 
 
 @pytest.mark.slow
+def test_what_is_expected_comes_out(case: Case, assert_expected: Any) -> None:
+    assert_expected(case("panda_free"))
+
+
+@pytest.mark.slow
 def test_only_rk4_keeps_what_practice_asks_for(case: Case) -> None:
     """0.1 % of the peak kinetic energy a second; known at 2 ms: RK4 1e-8, Euler 1 %."""
     for row in case("panda_free", integrator="RK4", **FREE):
