@@ -9,7 +9,7 @@ endif
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
 .PHONY: bounce test test-slow test-lowest check lint format stubs schemas picture constraints wheel
-.PHONY: attack bench verdicts clean
+.PHONY: attack bench kernel verdicts clean
 
 bounce: .venv/run
 	$(BIN)/contactlab sweep bounce
@@ -64,6 +64,11 @@ attack: .venv/dev
 # Of models whose truth is known, and of those in the wheels in the folder ROBOT_WHEELS: minutes.
 verdicts: .venv/dev
 	$(BIN)/python -m tests.verdicts --held-back
+
+# Every hard case as it is written, recorded by the kernel and by contact sensors: minutes.
+kernel: .venv/dev
+	WHOLE_CATALOGUE=1 $(BIN)/python -m pytest -n 0 -m slow -k every_case \
+	  tests/engines/test_contact_kernel.py
 
 bench: .venv/dev
 	$(BIN)/python -m bench.overhead

@@ -49,6 +49,11 @@ def hash_of_states(rows: Floats) -> str:
     return hashlib.sha256(np.ascontiguousarray(rows).data).hexdigest()[:32]
 
 
+def sum_of_slots(values: Floats, axis: int) -> Floats:
+    """Return sums along slots, one after the other, so that empty ones change no bit."""
+    return values.cumsum(axis=axis).take(-1, axis=axis)
+
+
 @dataclass(frozen=True)
 class PairTrace:
     """What one monitored contact pair did, for n runs of N steps with S contact slots."""
@@ -257,8 +262,7 @@ class SelfChecks:
 
     def only(self, run: int) -> "SelfChecks":
         """Return the checks of one of the runs."""
-        row = slice(run, run + 1)
-        arrays = {name: getattr(self, name)[row] for name in BY_RUN}
+        arrays = {name: getattr(self, name)[run : run + 1] for name in BY_RUN}
         return replace(self, refined=(self.refined[run],), **arrays)
 
 

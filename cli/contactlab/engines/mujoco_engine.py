@@ -47,11 +47,9 @@ class MujocoEngine(SimulationEngine):
         proceed: Proceed = proceed_always,
     ) -> Rollout:
         """Simulate runs one after the other, or under policies together, which share their cost."""
-        if runs.policy is not None:
-            rollout = fly(runs, buffers, watch, proceed)
-        else:
-            rollout = roll_out_by_kernel(runs, buffers, watch, proceed)
-        return self._with_cost(runs, with_loads(runs, rollout))
+        roll_out = roll_out_by_kernel if runs.policy is None else fly
+        rollout = with_loads(runs, roll_out(runs, buffers, watch, proceed))
+        return self._with_cost(runs, rollout)
 
     def _with_cost(self, runs: PreparedRuns, rollout: Rollout) -> Rollout:  # noqa: ARG002
         return rollout

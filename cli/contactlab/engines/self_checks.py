@@ -63,9 +63,8 @@ def run_checks(runs: PreparedRuns, trace: Trace, proceed: Proceed = proceed_alwa
         jacobian = _jacobian(model, trace, runs.starts, run, jacobian_steps)
         geometry = _geometry(runs.base, model, trace, run, geometry_steps)
         squeeze = _squeeze(runs.base, model, trace.qpos[run, -1])
-        repeats = _repeats(trace, run, again[int(STATE)])
-        one = _residual(model, again), jacobian, *geometry, squeeze, repeats, rest, travel
-        found.append(one)
+        others = jacobian, *geometry, squeeze, _repeats(trace, run, again), rest, travel
+        found.append((_residual(model, again), *others))
     return SelfChecks(
         jacobian_steps=jacobian_steps,
         geometry_steps=geometry_steps,
@@ -234,7 +233,7 @@ def _squeeze(base: CompiledScene, model: mujoco.MjModel, qpos: Floats) -> Floats
     return np.array([each[:, FORCE.start].sum() for each in slots])
 
 
-def _repeats(trace: Trace, run: int, again: Floats) -> bool:
-    first = [trace.time[run][:, None], trace.qpos[run], trace.qvel[run]]
-    columns = sum(part.shape[1] for part in first)
-    return bool((np.concatenate(first, axis=1)[1:] == again[:, :columns]).all())
+def _repeats(trace: Trace, run: int, again: dict[int | str, Floats]) -> bool:
+    parts = trace.time[run][:, None], trace.qpos[run], trace.qvel[run]
+    first = np.concatenate(parts, axis=1)[1:]
+    return bool((first == again[int(STATE)][:, : first.shape[1]]).all())

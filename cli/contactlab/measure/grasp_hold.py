@@ -14,6 +14,7 @@ from contactlab.contact.trace_arrays import (
     Floats,
     HeldPose,
     PairTrace,
+    sum_of_slots,
 )
 from contactlab.measure.context import (
     Context,
@@ -168,6 +169,6 @@ def _slip_velocity(pair: PairTrace, part: slice) -> Floats:
     across = np.cross(slots[..., NORMAL], tangent)
     _, first, second = np.moveaxis(slots[..., LINEAR_VELOCITY], -1, 0)
     force = slots[..., FORCE.start, None]
-    slip = (force * (first[..., None] * tangent + second[..., None] * across)).sum(axis=2)
-    total = force.sum(axis=2)
+    slip = force * (first[..., None] * tangent + second[..., None] * across)
+    slip, total = sum_of_slots(slip, axis=2), sum_of_slots(force, axis=2)
     return slip / np.where(total > 0, total, np.inf)

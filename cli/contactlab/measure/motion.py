@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from contactlab.contact.trace_arrays import DISTANCE, FORCE, Floats
+from contactlab.contact.trace_arrays import DISTANCE, FORCE, Floats, sum_of_slots
 from contactlab.contact.trace_setup import FreeBody
 from contactlab.measure.context import (
     Context,
@@ -273,7 +273,7 @@ def _stored_at_start(context: Context) -> Floats:
     stored = np.zeros(context.trace.runs) if given is None else np.nan_to_num(given[:, 3])
     for pair, thickness in zip(context.trace.pairs, context.setup.thickness, strict=True):
         distance = pair.slots[..., DISTANCE]
-        forces = (pair.slots[:, step, :, FORCE.start].sum(axis=1) for step in (0, -1))
+        forces = (sum_of_slots(pair.slots[:, step, :, FORCE.start], axis=1) for step in (0, -1))
         margin = distance.max(axis=(1, 2), initial=0)[:, None]
         depth = np.where(pair.touching[:, 0], margin - distance[:, 0], 0).max(axis=1)
         stored += np.fmin(np.maximum(*forces) * depth, most * thickness)

@@ -13,6 +13,7 @@ from contactlab.contact.trace_arrays import (
     POSITION,
     Floats,
     PairTrace,
+    sum_of_slots,
 )
 from contactlab.contact.trace_setup import Barrier
 from contactlab.measure.context import Context, cached, contact_depths, friction, gravity
@@ -103,7 +104,7 @@ def _central(context: Context, barrier: Barrier, touches: Spans) -> NDArray[np.b
         - context.trace.qpos[touches.run, touches.start][:, None, start : start + 3]
     )
     weights = slots[..., FORCE.start, None] + np.finfo(float).tiny * (slots[..., FOUND, None] > 0)
-    arm = (arms * weights).sum(axis=1)
+    arm = sum_of_slots(arms * weights, axis=1)
     across = arm - (arm @ barrier.normal)[:, None] * barrier.normal
     return np.linalg.norm(across, axis=1) <= _OFF_CENTRE * np.linalg.norm(arm, axis=1)
 
@@ -285,6 +286,6 @@ def foot_depth(context: Context) -> tuple[Floats, Floats]:
 
 def _mean_depth(pair: PairTrace, tail: slice) -> Floats:
     """Return (n,) depth [m] of a pair, averaged over its contacts and then over time."""
-    depth = np.maximum(-pair.slots[:, tail, :, DISTANCE], 0).sum(axis=2)
+    depth = sum_of_slots(np.maximum(-pair.slots[:, tail, :, DISTANCE], 0), axis=2)
     touching = np.minimum(pair.slots[:, tail, 0, FOUND], pair.slots.shape[2])
     return (depth / np.maximum(touching, 1)).mean(axis=1)

@@ -59,8 +59,7 @@ Said = Mapping[str, object]
 """Fields of a record that its run does not decide."""
 _NOTHING: Said = MappingProxyType({})
 _GRACE = 1.0  # how long a job's second pass may go on once the sweep should stop [s]
-# Times a run's time limit: its second pass makes six times its steps, to tighter tolerances.
-_SECOND_PASS = 10
+_SECOND_PASS = 10  # times a run's time limit, as six times the steps to tighter tolerances may take
 
 
 def _without_momentum(trace: Trace, setup: Setup) -> Trace:
@@ -251,10 +250,7 @@ class Worker:
         }
 
     def _grace_period(self, watch: Watch = no_limit) -> Proceed:
-        """Return what lets a second pass run on a little, so that its runs need not be dropped.
-
-        Where it does, the next run's time limit starts.
-        """
+        """Return what lets a second pass run on a little, each run of it with a new time limit."""
         end = time.monotonic() + _GRACE
 
         def proceed() -> bool:
