@@ -240,7 +240,8 @@ def _dips(context: Context, index: int, run: int, deep: slice) -> bool:
         return False
     pair = checks.refined[run].pairs[index]
     copied = np.where(pair.touching, -pair.slots[..., DISTANCE], 0).max(initial=0)
-    return bool(copied > (extent if grounded else extent / 2))
+    low, high = (extent, np.inf) if grounded else (extent / 2, _EDGEWAYS * extent)
+    return bool(low < copied < high)
 
 
 def _crossed(context: Context) -> Found:

@@ -59,6 +59,7 @@ def recommended_sweep(
         },
         "expect": [expectation],
         "trace": "none",
+        "checks": sweep.checks,
         "latency_budget": sweep.latency_budget,
     }
     head = f"# Chosen among {len(report.configurations)} configurations of {report.store}."
