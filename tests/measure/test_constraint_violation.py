@@ -72,3 +72,28 @@ def test_what_starts_apart_and_closes_gives_way_nowhere(sweeper: Any) -> None:
     row = row_of(sweeper, model)
     assert row["constraint_violation"] == 0
     assert row["labels"] == ["stable"]
+
+
+@pytest.mark.parametrize(("margin", "violated"), [(0.12, True), (0.002, False)])
+def test_a_limit_that_acts_ahead_of_its_end_keeps_off_it(
+    sweeper: Any, margin: float, violated: bool
+) -> None:
+    """It bears the weight a rest penetration into its margin, which is .2 mm."""
+    model = LIMIT.format(timeconst=0.02).replace('range="0 .3"', f'range="0 .3" margin="{margin}"')
+    model = model.replace("</mujoco>", '<keyframe><key qpos=".2"/></keyframe></mujoco>')
+    row = row_of(sweeper, model)
+    sag = float(rest_penetration(MASS * GRAVITY, 1 / MASS, (0.02, 1.0), SOLIMP))
+    assert row["limit_violation_rest"] == pytest.approx((margin - sag) / 0.3, rel=2e-3)
+    assert ("constraint_violated" in row["labels"]) == violated
+
+
+@pytest.mark.parametrize(("timestep", "violated"), [(0.03, True), (0.002, False)])
+def test_what_flies_through_a_stop_by_its_step_is_found(
+    sweeper: Any, timestep: float, violated: bool
+) -> None:
+    """A stop at speed v gives way by v tc / e, and tc is at least two steps: .13 or .009 m."""
+    model = LIMIT.format(timeconst=0.002).replace(
+        "<worldbody>", f'<option timestep="{timestep}" gravity="0 0 0"/><worldbody>'
+    )
+    model = model.replace("</mujoco>", '<keyframe><key qpos=".2" qvel="-6"/></keyframe></mujoco>')
+    assert ("constraint_violated" in row_of(sweeper, model)["labels"]) == violated

@@ -52,3 +52,18 @@ def test_what_rolls_does_not_creep(sweeper: Any) -> None:
     row = row_of(sweeper, ROLLING)
     assert row["drift"] > 3
     assert row["crept"] < 0.01
+
+
+def test_what_no_friction_holds_does_not_creep(sweeper: Any) -> None:
+    """A follower on a cam slips all the time, and condim 1 gives it nothing to stick by."""
+    row = row_of(
+        sweeper,
+        """<mujoco><option timestep=".002"/><default><geom condim="1" solref=".004 1"/></default>
+        <worldbody><body><joint name="cam" axis="0 1 0"/><geom size=".05" pos=".01 0 0" mass="1"/>
+        </body><body pos="0 0 .07"><joint type="slide" axis="0 0 1" damping="5"/>
+        <geom type="box" size=".05 .02 .02" mass="1"/></body></worldbody>
+        <actuator><velocity joint="cam" kv="1"/></actuator>
+        <keyframe><key qvel="5 0" ctrl="5"/></keyframe></mujoco>""",
+    )
+    assert row["crept"] == 0
+    assert row["labels"] == ["stable"]

@@ -3,7 +3,15 @@
 import numpy as np
 
 from contactlab.contact.trace_arrays import ACTUATORS, CONSTRAINTS, OTHERS, Floats
-from contactlab.measure.context import Context, cached, energy, first_step, peak_kinetic
+from contactlab.measure.context import (
+    Context,
+    cached,
+    energy,
+    first_step,
+    kinetic,
+    peak_kinetic,
+    potential,
+)
 from contactlab.measure.entries import Finding, Found, MeasuredRuns, Threshold, label, metric
 
 INTEGRATION_GAIN = Threshold(
@@ -15,13 +23,15 @@ _INTEGRATION_LOSS = Threshold(
 _CONSTRAINT_GAIN = Threshold(
     "constraint_gain", 0.3, "1", "Public robots reach 0.25; bounces that gain, 0.5 to 1."
 )
+_LIFT = 0.04  # Share of a body's mean size; a gain that counts lifts all by 1.2 % of it
 
 
 @cached
 def _scale(context: Context) -> Floats:
-    """Return (n,) peak kinetic energy [J], at least what lifts all by 1 mm or gives it 1 cm/s."""
-    fall = np.linalg.norm(context.setup.gravity, axis=1)
-    least = context.setup.moving_mass * (fall * 1e-3 + 0.5e-4)
+    """Return (n,) peak kinetic energy [J], at least what lifts all by 4 % of a body or by 1 mm."""
+    fall, mechanism = np.linalg.norm(context.setup.gravity, axis=1), context.setup.mechanism
+    lift = max(1e-3, _LIFT * mechanism.size if mechanism else 0)
+    least = context.setup.moving_mass * (fall * lift + 0.5e-4)
     return np.maximum(peak_kinetic(context), np.maximum(least, 1e-12))
 
 
@@ -31,10 +41,12 @@ def _unexplained(context: Context) -> Floats:
 
     Without books, it is what changed in steps without contact, if then nothing may change.
     """
-    trace, values = context.trace, energy(context)
-    change = np.diff(values, axis=1)
-    if trace.work is not None:
-        change -= trace.work[:, :-1].sum(axis=2)
+    trace, change = context.trace, np.diff(energy(context), axis=1)
+    if trace.work is not None and trace.steps > 1:
+        # Steps move with the velocity at their end: it belongs to the middle of the step before.
+        lag, (first, second) = np.diff(potential(context), axis=1) / 2, kinetic(context)[:, :2].T
+        before = lag[:, 0] * np.sqrt(first / np.maximum(second, np.finfo(float).tiny))
+        change -= np.diff(lag, axis=1, prepend=before[:, None]) + trace.work[:, :-1].sum(axis=2)
     elif context.setup.conservative:
         touching = trace.contacts > 0
         change[touching[:, :-1]] = 0
@@ -53,8 +65,8 @@ def integration_gain(context: Context) -> Floats:
 
     The change of mechanical energy since the start less the work of all other forces, each with the
     mean velocity over a step. The largest kinetic energy counts as at least what lifts all that
-    moves by 1 mm. Where nothing but gravity, springs and contacts acts, it is what changed in steps
-    without contact. Else not defined with RK4, flexes and plug-ins.
+    moves by 4 % of a body's mean size. Where nothing but gravity, springs and contacts acts, it is
+    what changed in steps without contact. Else not defined with RK4, flexes and plug-ins.
     """
     return _unexplained(context).max(axis=1)
 
@@ -88,7 +100,8 @@ def constraint_gain(context: Context) -> Floats:
     if trace.given is None or trace.work is None:
         return context.undefined()
     runs, last = np.arange(trace.runs), context.trace.steps - 1
-    first, end = (np.nan_to_num(trace.given[:, k]).astype(np.intp) for k in range(2))
+    stretch = np.minimum(np.nan_to_num(trace.given[:, :2]), last)
+    first, end = stretch.astype(np.intp).T
     after = np.minimum(end + 1, last)
     risen = energy(context)[runs, after] - energy(context)[runs, first]
     done = np.concatenate([np.zeros((trace.runs, 1, 3)), np.cumsum(trace.work, axis=1)], axis=1)

@@ -28,6 +28,7 @@ from contactlab.measure.context import (
     worst_pair,
 )
 from contactlab.measure.entries import Finding, Found, MeasuredRuns, Threshold, label, metric
+from contactlab.measure.net_contact import NetContact
 from contactlab.measure.stick_slip import HELD_USAGE, Spans, changes, spans
 
 _CREEP_SPEED = Threshold("creep_speed", None, "m/s", "Set where what sticks should stay.")
@@ -38,8 +39,9 @@ _MODE_SWITCHES = Threshold("mode_switches", 5, "1/s", "Guideline for a pad that 
 _CONTACT_LOSSES = Threshold(
     "contact_losses", 5, "1/s", "As for mode_switches; a pad that bounces on what it holds has 70."
 )
+_HUNTS = Threshold("hunts", 2, "1/s", "On constant controls, with which servos should settle.")
 _FEWEST = Threshold("mode_switch_count", 3, "1", "Fewest of chatter: a stop and a start are none.")
-_OF_SCENES = {"creep_speed", "drift", "rest_speed"}  # Thresholds that say how still is still
+_ENDS = 0.01  # Share of a range of force that is as good as its end
 _STEADILY = 0.2  # Share by which the speed of what creeps steadily may change
 _FRICTIONAL = slice(FORCE.start + 1, TORQUE.stop)  # Two forces, torsion and two rolling torques
 _IMPACT = 0.05  # Speed [m/s] from which contacts are impacts; slower ones are hops at rest
@@ -112,9 +114,10 @@ def _creeps(context: Context) -> list[Floats]:
 def crept(context: Context) -> Floats:
     """How far what friction should hold creeps in the time of the run, over its size.
 
-    Median slip of pairs that stick through the last half, below 0.9 of the friction bound, and do
-    not slow down: of each over the greatest extent of its smaller geom; of all together, as far as
-    a free body moves by as much, over twice its reach. Not defined under controls that change.
+    Median slip of pairs that stick through the last half, by less than 0.9 of the friction bound,
+    and do neither roll nor slow down: of each over the greatest extent of its smaller geom; of all
+    together, as far as a free body moves by as much, over twice its reach. Not defined under
+    controls that change.
     """
     shares = [] if context.setup.steered else [*_crept(context).values()]
     return worst_pair(context, shares)
@@ -126,15 +129,17 @@ def _crept(context: Context) -> dict[str, Floats]:
     steps, mechanism = context.trace.steps, context.setup.mechanism
     half, late = slice(steps // 2, None), slice(3 * steps // 4, None)
 
-    def way(series: PairSeries) -> Floats:
-        held = (series.mode == STICK) & (series.normal > 0) & (series.usage < HELD_USAGE)
+    def way(net: NetContact, extent: float) -> Floats:
+        series, used = net.series, net.series.usage
+        held = (series.mode == STICK) & (used > 0) & (used < HELD_USAGE)
+        held &= net.rolling * extent <= series.slip  # What rolls leaves behind where it slipped.
         speed = np.median(series.slip[:, late], axis=1)
         # What settles slows down.
         before = np.median(series.slip[:, half.start : late.start], axis=1)
         steady = (np.abs(before - speed) < _STEADILY * speed) & (held[:, half].mean(axis=1) > 0.9)
         return steady * context.seconds * speed
 
-    ways = [way(each) for each in context.series]
+    ways = [*map(way, context.net, context.setup.thickness.tolist())]
     pairs = zip(context.series, ways, context.setup.reaches, strict=True)
     shares = {series.name: own / reach for series, own, reach in pairs}
     together = sum(ways, np.zeros(context.trace.runs))
@@ -168,13 +173,12 @@ def normal_impulse(context: Context) -> Floats:
 
 @label(28, (_CREEP_SPEED, _CREPT))
 def creep(runs: MeasuredRuns) -> Found:
-    """A sticking pair slips faster than the scene accepts; or far for its size, if none says."""
+    """A sticking pair slips faster than the scene accepts, or far for its size."""
     for run, speed, limit in runs.over("creep_speed"):
         name = name_of_worst(runs.context, _creeps(runs.context), run)
         reason = f"{name} sticks, but slips at {speed:.3g} m/s (limit {limit:g} m/s)"
         yield run, Finding(reason, runs.context.last_fifth.start)
-    judged = not _OF_SCENES.isdisjoint(runs.context.setup.thresholds)
-    for run, share, limit in () if judged else runs.over(_CREPT.name):
+    for run, share, limit in runs.over(_CREPT.name):
         crept = _crept(runs.context)
         name = max(crept, key=lambda each: np.nan_to_num(crept[each][run]))
         reason = f"{name} sticks, but would creep by {share:.3g} of its size (limit {limit:g})"
@@ -194,9 +198,9 @@ def contact_losses(context: Context) -> Floats:
     return worst_pair(context, counts) / context.seconds
 
 
-@label(40, (_MODE_SWITCHES, _CONTACT_LOSSES, _FEWEST))
+@label(40, (_MODE_SWITCHES, _CONTACT_LOSSES, _FEWEST, _HUNTS))
 def chatter(runs: MeasuredRuns) -> Found:
-    """A pair keeps switching between stick and slide, or losing its contact while it sticks.
+    """A pair keeps switching between stick and slide, or losing contact; or a servo keeps hunting.
 
     Not while bodies come to rest, nor outside of the hold window of a scene that has one.
     """
@@ -213,6 +217,7 @@ def chatter(runs: MeasuredRuns) -> Found:
     for series, gaps in zip(context.series, () if held else _all_losses(context), strict=not held):
         what = f"{series.name} lost its contact {{}} times while it stuck"
         yield from _often(runs, series, (gaps.run, gaps.start), what, "contact_losses")
+    yield from _hunting(runs)
 
 
 @cached
@@ -289,6 +294,26 @@ def _ending(touch: Spans, gap: Spans) -> NDArray[np.intp]:
 def _peak(series: PairSeries, touch: Spans, places: NDArray[np.intp]) -> Floats:
     stretches = zip(touch.run[places], touch.start[places], touch.stop[places], strict=True)
     return np.array([series.normal[run, start:stop].max() for run, start, stop in stretches])
+
+
+def _hunting(runs: MeasuredRuns) -> Found:
+    """Find actuators that go from one end of their force to the other, with constant controls."""
+    context, limit = runs.context, runs.limits[_HUNTS.name]
+    trace, mechanism = context.trace, context.setup.mechanism
+    if trace.forces is None or mechanism is None or context.setup.steered:
+        return
+    (low, high), half = mechanism.forces.T, slice(trace.steps // 2, None)
+    share = (trace.forces[:, half] - low) / (high - low)
+    ends = np.where(share > 1 - _ENDS, 1, 0) - (share < _ENDS)
+    ranges = trace.control_ranges
+    still = True if ranges is None else np.ptp(ranges, axis=2) == 0
+    for run, place in np.argwhere(still & (ends != 0).any(axis=1)).tolist():
+        turns = np.count_nonzero(np.diff(ends[run, ends[run, :, place] != 0, place]))
+        rate = 2 * turns / context.seconds[run]
+        if rate > limit and turns >= runs.limits[_FEWEST.name]:
+            reason = f"{mechanism.actuators[place].name} went {turns} times from one end of its"
+            reason = f"{reason} force to the other, {rate:.3g} times a second (limit {limit:g})"
+            yield run, Finding(reason, half.start)
 
 
 def _often(

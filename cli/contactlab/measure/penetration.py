@@ -43,7 +43,9 @@ _RESTING = 0.9  # Share of the last half in which a pair must touch to count as 
 _LASTING = 0.5  # Share of the last fifth in which a steady pair must touch; sliding ones hop
 _DRIVEN = 0.75  # Share of it in which a pair under a drive must be deep to count as resting
 _LOADED = 3  # Part of the thinner's half extent that what bears many weights may be deep
+_SOFT = 1.5  # Likewise of what is soft by a solimp as wide as that
 _EDGEWAYS = 1.1  # Half extents that a geom may dip where there is no ground: it may be thin across
+_BRIEF = 2  # Steps in which it then has to turn back; what pads sink in by lasts
 _DIP = 0.1  # Longest time [s] for which a geom may dip beyond its middle into the ground
 
 
@@ -194,19 +196,19 @@ def sinking(runs: MeasuredRuns) -> Found:
 @label(48, (_STEADY,))
 def deep_penetration(runs: MeasuredRuns) -> Found:
     """The resting penetration of a pair exceeds the limit."""
-    context, limit = runs.context, runs.limits["penetration_steady"]
+    context, setup, limit = runs.context, runs.context.setup, runs.limits["penetration_steady"]
     if context.trace.steps == 0:
         return
     for index, steady in reversed([*enumerate(steady_by_pair(context))]):
         accepted = np.full(context.trace.runs, limit)
         touching = contact_depths(context)[index][1][:, context.last_fifth]
-        if "penetration_steady" not in context.setup.thresholds and context.series:
-            loaded = _borne(context)[index] > runs.limits[PRESSED.name]
-            share = context.setup.thickness[index] / np.where(loaded, _LOADED, 2)
-            accepted = np.minimum(max(limit, context.setup.widths[index]), share)
+        if "penetration_steady" not in setup.thresholds and context.series:
+            loaded, width = _borne(context)[index] > runs.limits[PRESSED.name], setup.widths[index]
+            parts = np.where(width >= limit, _SOFT, np.where(loaded, _LOADED, 2))
+            accepted = np.minimum(max(limit, width), setup.thickness[index] / parts)
         # What a drive presses down for a moment does not rest.
         lasts = (touching > accepted[:, None]).mean(axis=1)
-        lasts = lasts >= (_DRIVEN if context.setup.steered else 0)
+        lasts = lasts >= (_DRIVEN if setup.steered else 0)
         for run in runs_where((steady > accepted) & lasts):
             name = context.series[index].name if context.series else "the model"
             reason = f"{name} rests {steady[run]:.3g} m deep (limit {accepted[run]:.3g} m)"
@@ -236,12 +238,12 @@ def _dips(context: Context, index: int, run: int, deep: slice) -> bool:
     soon = (deep.stop - deep.start) * trace.timestep[run] <= _DIP
     left = deep.stop < trace.steps and depth[deep.stop] == 0
     extent, grounded = context.setup.thickness[index], context.setup.grounded[index]
-    if not checks or not soon or left or not (grounded or depth[deep].max() < _EDGEWAYS * extent):
+    brief = deep.stop - deep.start <= _BRIEF and depth[deep].max() < _EDGEWAYS * extent
+    if not checks or not soon or left or not (grounded or brief):
         return False
     pair = checks.refined[run].pairs[index]
     copied = np.where(pair.touching, -pair.slots[..., DISTANCE], 0).max(initial=0)
-    low, high = (extent, np.inf) if grounded else (extent / 2, _EDGEWAYS * extent)
-    return bool(low < copied < high)
+    return bool(copied > (extent if grounded else extent / 2))
 
 
 def _crossed(context: Context) -> Found:

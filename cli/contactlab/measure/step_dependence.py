@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import Floats, SelfChecks, motion_at_rest
+from contactlab.measure.constraint_violation import OVERSHOOT, constraint_violation
 from contactlab.measure.context import Context, cached, first_step, runs_where
 from contactlab.measure.entries import (
     Finding,
@@ -96,9 +97,9 @@ def _to_and_fro(context: Context) -> Floats:
 def suspects(context: Context) -> NDArray[np.bool_]:
     """Return (n,) which runs deserve a second look although no label says so.
 
-    It has what shakes in its steps, is pressed hard at rest, has a solver that uses all its
-    iterations, does not come to rest under constant controls, or has a body that was at rest in
-    contact and moved far.
+    It has what shakes in its steps, is pressed hard at rest or against a limit, has a solver that
+    uses all its iterations, does not come to rest under constant controls, or has a body that was
+    at rest in contact and moved far.
     """
     trace, ranges = context.trace, context.trace.control_ranges
     size = context.setup.mechanism.size if context.setup.mechanism else np.inf
@@ -106,6 +107,7 @@ def suspects(context: Context) -> NDArray[np.bool_]:
     found = unresolved_motion(context) > most[_SHAKING.name]
     found |= weights_borne(context) > most[PRESSED.name]
     found |= stuck_share(context) >= most[SATURATED.name]
+    found |= constraint_violation(context) > most[OVERSHOOT.name]
     if ranges is not None and ranges.shape[1]:
         constant = (ranges[..., 0] == ranges[..., 1]).all(axis=1)
         found |= constant & (_ends(context).total[:, 0] > _MOVING)

@@ -148,10 +148,15 @@ def _barriers(base: CompiledScene, bodies: Mapping[int, FreeBody]) -> Iterator[B
 
 
 def _thicknesses(base: CompiledScene) -> Floats:
-    """Return (P,) half the smallest extent of each pair's thinnest geom that can collide [m]."""
+    """Return (P,) half the smallest extent of each pair's thinnest geom that can collide [m].
+
+    Of geoms that differ in the width of their solimp, only the widest yield.
+    """
     touch, halves = may_touch(base.model), half_extents(base.model)
-    touching = (np.array(colliding(touch, pair), np.intp) for pair in base.pairs)
-    return np.array([halves[geoms].min(initial=np.inf) for geoms in touching])
+    widths = np.where(np.isfinite(halves), base.model.geom_solimp[:, 2], -np.inf)
+    touching = [np.array(colliding(touch, pair), np.intp).ravel() for pair in base.pairs]
+    soft = (geoms[widths[geoms] == widths[geoms].max(initial=-np.inf)] for geoms in touching)
+    return np.array([halves[geoms].min(initial=np.inf) for geoms in soft])
 
 
 def _reach(model: mujoco.MjModel, pair: MonitoredPair) -> float:
@@ -243,16 +248,24 @@ def _reaches(model: mujoco.MjModel) -> Floats:
 def equality_reach(model: mujoco.MjModel) -> Floats:
     """Return (neq,) the reach [m] of the smaller body that each connects or welds; else inf.
 
-    A mocap body pulls on all of the model.
+    Reach is from where a site holds a body. A mocap body pulls on all of the model, as by a spring.
     """
     ends = np.stack([model.eq_obj1id, model.eq_obj2id])
     sited = model.eq_objtype == int(mujoco.mjtObj.mjOBJ_SITE)
-    ends[:, sited] = np.asarray(model.site_bodyid)[ends[:, sited]]
     tied = np.isin(model.eq_type, (int(_EQUALITY.mjEQ_CONNECT), int(_EQUALITY.mjEQ_WELD)))
-    ends = np.where(tied, ends, 0)
-    reach = np.where(ends > 0, _reaches(model)[ends], np.inf).min(axis=0)
-    pulled = (np.asarray(model.body_mocapid)[ends] >= 0).any(axis=0)
-    return np.where(pulled, np.maximum(reach, model.stat.extent), reach)
+    reach = np.full(ends.shape, np.inf)
+    for end, index in np.argwhere(tied * np.ones_like(ends)).tolist():
+        body, held = int(ends[end, index]), np.zeros(3)
+        if sited[index]:
+            body, held = int(model.site_bodyid[body]), model.site_pos[body]
+        ends[end, index] = body
+        own = np.asarray(model.geom_bodyid) == body
+        away = np.linalg.norm(model.geom_pos[own] - held, axis=1) + model.geom_rbound[own]
+        if body:
+            reach[end, index] = away.max(initial=0) or model.stat.meansize
+    pulled = tied & (np.asarray(model.body_mocapid)[np.where(tied, ends, 0)] >= 0).any(axis=0)
+    least = reach.min(axis=0)
+    return np.where(pulled, np.maximum(least, 2 * model.stat.extent), least)
 
 
 def _equality(
