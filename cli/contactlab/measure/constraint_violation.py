@@ -7,14 +7,7 @@ import numpy as np
 
 from contactlab.contact.trace_arrays import Floats
 from contactlab.contact.trace_setup import DEGREES, QUARTER_TURN, Mechanism, Part
-from contactlab.measure.context import (
-    Context,
-    cached,
-    context_of,
-    first_step,
-    runs_where,
-    worst_pair,
-)
+from contactlab.measure.context import Context, cached, context_of, first_step, worst_pair
 from contactlab.measure.entries import Finding, Found, MeasuredRuns, Threshold, label, metric
 
 _PEAK = Threshold(
@@ -134,7 +127,8 @@ def _overshoots(runs: MeasuredRuns) -> Found:
     checks, limit = runs.context.checks, runs.limits[OVERSHOOT.name]
     if checks is None or runs.context.setup.steered:
         return
-    for run in runs_where(checks.compared & (runs.metrics["constraint_violation"] > limit)):
+    far = checks.compared & (runs.metrics["constraint_violation"] > limit)
+    for run in np.flatnonzero(far).tolist():
         copy = context_of(checks.refined[run], runs.context.setup.select([run]))
         for each, finer in zip(_violations(runs.context), _violations(copy), strict=False):
             most, less = each.peak[run], finer.peak[0]

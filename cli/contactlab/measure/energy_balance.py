@@ -3,15 +3,7 @@
 import numpy as np
 
 from contactlab.contact.trace_arrays import ACTUATORS, CONSTRAINTS, OTHERS, Floats
-from contactlab.measure.context import (
-    Context,
-    cached,
-    energy,
-    first_step,
-    kinetic,
-    peak_kinetic,
-    potential,
-)
+from contactlab.measure.context import Context, cached, energy, first_step, peak_kinetic
 from contactlab.measure.entries import Finding, Found, MeasuredRuns, Threshold, label, metric
 
 INTEGRATION_GAIN = Threshold(
@@ -44,7 +36,7 @@ def _unexplained(context: Context) -> Floats:
     trace, change = context.trace, np.diff(energy(context), axis=1)
     if trace.work is not None and trace.steps > 1:
         # Steps move with the velocity at their end: it belongs to the middle of the step before.
-        lag, (first, second) = np.diff(potential(context), axis=1) / 2, kinetic(context)[:, :2].T
+        lag, (first, second) = np.diff(trace.potential, axis=1) / 2, trace.kinetic[:, :2].T
         before = lag[:, 0] * np.sqrt(first / np.maximum(second, np.finfo(float).tiny))
         change -= np.diff(lag, axis=1, prepend=before[:, None]) + trace.work[:, :-1].sum(axis=2)
     elif context.setup.conservative:

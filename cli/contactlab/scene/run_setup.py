@@ -250,21 +250,17 @@ def equality_reach(model: mujoco.MjModel) -> Floats:
 
     Reach is from where a site holds a body. A mocap body pulls on all of the model, as by a spring.
     """
-    ends = np.stack([model.eq_obj1id, model.eq_obj2id])
-    sited = model.eq_objtype == int(mujoco.mjtObj.mjOBJ_SITE)
     tied = np.isin(model.eq_type, (int(_EQUALITY.mjEQ_CONNECT), int(_EQUALITY.mjEQ_WELD)))
-    reach = np.full(ends.shape, np.inf)
-    for end, index in np.argwhere(tied * np.ones_like(ends)).tolist():
-        body, held = int(ends[end, index]), np.zeros(3)
-        if sited[index]:
-            body, held = int(model.site_bodyid[body]), model.site_pos[body]
-        ends[end, index] = body
-        own = np.asarray(model.geom_bodyid) == body
-        away = np.linalg.norm(model.geom_pos[own] - held, axis=1) + model.geom_rbound[own]
-        if body:
-            reach[end, index] = away.max(initial=0) or model.stat.meansize
-    pulled = tied & (np.asarray(model.body_mocapid)[np.where(tied, ends, 0)] >= 0).any(axis=0)
-    least = reach.min(axis=0)
+    sited = model.eq_objtype == int(mujoco.mjtObj.mjOBJ_SITE)
+    ends = np.stack([model.eq_obj1id, model.eq_obj2id]) * tied
+    owners = np.asarray(model.site_bodyid)
+    away = np.linalg.norm(model.geom_pos - model.site_pos[:, None], axis=2) + model.geom_rbound
+    from_sites = (away * (model.geom_bodyid == owners[:, None])).max(axis=1, initial=0)
+    reach = _reaches(model)[np.where(sited, 0, ends)]
+    reach[:, sited] = np.where(from_sites > 0, from_sites, model.stat.meansize)[ends[:, sited]]
+    ends[:, sited] = owners[ends[:, sited]]
+    least = np.where(ends > 0, reach, np.inf).min(axis=0)
+    pulled = (np.asarray(model.body_mocapid)[ends] >= 0).any(axis=0)
     return np.where(pulled, np.maximum(least, 2 * model.stat.extent), least)
 
 
