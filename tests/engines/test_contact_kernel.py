@@ -125,25 +125,41 @@ def test_what_is_measured_beside_contacts_stays(name: str, monkeypatch: pytest.M
     assert_same_bits(PreparedRuns.of(scene, resolved), monkeypatch)
 
 
+def random_geom(rng: np.random.Generator, place: float) -> str:
+    """Return a shape, some with a margin or a gap, in which contacts bear nothing."""
+    kind = rng.choice([*_SHAPES, "mesh"])
+    size = 'mesh="cube"' if kind == "mesh" else 'size=".05 .04 .03"'
+    return (
+        f'<geom type="{kind}" {size} condim="{rng.choice([1, 3, 4, 6])}" pos="{place} 0 0" '
+        f'margin="{rng.choice([0, 0, 0.01])}" gap="{rng.choice([0, 0, 0.02])}"/>'
+    )
+
+
 def random_model(seed: int) -> str:
-    """Return shapes that fall onto each other, some of them two to a body or without a floor."""
+    """Return shapes that fall onto each other, some of them two to a body or without a floor.
+
+    Some lie where others do, so that their contacts tie; some bodies are welded to each other.
+    """
     rng = np.random.default_rng(seed)
     bodies: list[str] = []
     for number in range(rng.integers(2, 6)):
-        geoms = "".join(
-            f'<geom type="{rng.choice(_SHAPES)}" size=".05 .04 .03" '
-            f'condim="{rng.choice([1, 3, 4, 6])}" pos="{each * 0.05} 0 0"/>'
-            for each in range(rng.integers(1, 3))
-        )
-        place = " ".join(
-            f"{each:.3f}" for each in rng.uniform((-0.05, -0.05, 0), (0.05, 0.05, 0.4))
-        )
-        bodies.append(f'<body name="b{number}" pos="{place}"><freejoint/>{geoms}</body>')
-    floor = '<geom name="floor" type="plane" size="1 1 .1"/>' if rng.random() < 0.8 else ""
-    cone = rng.choice(["pyramidal", "elliptic"])
+        geoms = "".join(random_geom(rng, each * 0.05) for each in range(rng.integers(1, 3)))
+        place = rng.uniform((-0.05, -0.05, 0), (0.05, 0.05, 0.4))
+        place = np.round(place / 0.05) * 0.05 if rng.random() < 0.3 else place
+        at = " ".join(f"{each:.3f}" for each in place)
+        bodies.append(f'<body name="b{number}" pos="{at}"><freejoint/>{geoms}</body>')
+    kind = rng.choice(['plane" size="1 1 .1', 'hfield" hfield="hills'], p=[0.7, 0.3])
+    floor = f'<geom name="floor" type="{kind}"/>' if rng.random() < 0.8 else ""
+    weld = '<equality><weld body1="b0" body2="b1"/></equality>' if rng.random() < 0.2 else ""
+    hills = " ".join(f"{each:.1f}" for each in rng.random(25))
+    cube = " ".join(f"{x} {y} {z}" for x in (0, 0.08) for y in (0, 0.08) for z in (0, 0.08))
     return (
-        f'<mujoco><option cone="{cone}" timestep="0.002"/><worldbody>{floor}'
-        f"{''.join(bodies)}</worldbody></mujoco>"
+        f'<mujoco><option cone="{rng.choice(["pyramidal", "elliptic"])}" timestep="0.002" '
+        f'noslip_iterations="{rng.choice([0, 0, 3])}">'
+        f'<flag multiccd="{rng.choice(["enable", "disable"])}"/></option>'
+        f'<asset><mesh name="cube" vertex="{cube}"/><hfield name="hills" nrow="5" ncol="5" '
+        f'size="1 1 .05 .1" elevation="{hills}"/></asset>'
+        f"<worldbody>{floor}{''.join(bodies)}</worldbody>{weld}</mujoco>"
     )
 
 
@@ -153,6 +169,7 @@ def assert_same_on_random_models(
     touched = 0
     for seed in seeds:
         entries = ["bodies: [b0, b1]", "bodies: [b1, world]"] if seed % 2 else []
+        entries += ["bodies: [b1, b0]"] if seed % 4 == 3 else []
         pairs = "pairs: [" + ", ".join(f"{{{each}, slots: 3}}" for each in entries) + "]\n"
         model = random_model(seed)
         if "floor" not in model:
