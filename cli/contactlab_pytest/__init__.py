@@ -1,0 +1,1 @@
+"""A plug-in of pytest: the fixture `contact_evidence`, which records loops and judges them."""
