@@ -121,8 +121,7 @@ class FolderBackend:
 
     def temporaries(self) -> list[str]:
         """Return the names of temporary files at the top that stopped processes have left."""
-        found = self.top_names().difference(_FILES)
-        return [name for name in found if target_name(name) in _FILES]
+        return [name for name in self.top_names() - {*_FILES} if target_name(name) in _FILES]
 
     @contextmanager
     def write_session(self) -> Generator["FolderSession"]:
@@ -193,7 +192,6 @@ class FolderSession:
 
     def publish(self, manifest: StoreManifest) -> StoreManifest:
         """Store the table and, last, the manifest; return the manifest that the store now has."""
-        # Those of workers that were killed while they wrote a trace, which another wrote since.
         self.remove_temporaries()
         sync_filesystem(self.folder)
         with atomic_write(self.folder / MANIFEST, durable=True) as temporary:
@@ -211,7 +209,7 @@ class FolderSession:
         self._backend.delete([JOURNAL, NOTES, *self._backend.temporaries()])
 
     def remove_temporaries(self) -> None:
-        """Remove temporary files that stopped processes have left."""
+        """Remove temporary files that stopped processes have left, such as killed workers."""
         self._backend.delete(self._backend.temporaries())
         for name in (TRACES, CONTROLS):
             for leftover in (self.folder / name).rglob("*" + TEMPORARY_SUFFIX):

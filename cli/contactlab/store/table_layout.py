@@ -232,6 +232,9 @@ def record_to_row(record: EvidenceRecord) -> Row:
         row[name] = None if said is None else said.model_dump_json(exclude_defaults=True)
     if record.plugins:
         row["plugins"] = _encoded(record.plugins)
+    if record.loop is None:
+        for column in LOOP_COLUMNS:
+            del row[column.name]
     return row | record.axes | record.metrics
 
 
