@@ -4,11 +4,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, cast
 
-from contactlab.errors import SceneError, optional
-from contactlab_loop.recording import Recording, record
+from gymnasium import Wrapper  # pyright: ignore[reportMissingImports] - an extra
 
-with optional("gymnasium", "recording an environment"):
-    from gymnasium import Wrapper  # pyright: ignore[reportMissingImports] - an extra
+from contactlab.errors import SceneError
+from contactlab_loop.recording import Recording, record
 
 _SUCCESS = ("success", "is_success")
 

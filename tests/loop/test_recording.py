@@ -274,5 +274,5 @@ def test_its_code_is_not_here_to_replay(start: Start, tmp_path: Path) -> None:
     with start() as recording:
         recording.step(3)
     store = contactlab.open(tmp_path / "mine")
-    with pytest.raises(SceneError, match="not simulated again"):
+    with pytest.raises(SceneError, match="so it is not simulated again"):
         replay(store, next(iter(store.records())).run_id)

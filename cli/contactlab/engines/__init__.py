@@ -16,8 +16,7 @@ from contactlab.engines.engine import (
     proceed_always,
 )
 from contactlab.engines.impulse import ImpulseEngine
-from contactlab.engines.loop import LoopEngine
-from contactlab.engines.mujoco_engine import MujocoEngine, OlderMujocoEngine
+from contactlab.engines.mujoco_engine import LoopEngine, MujocoEngine, OlderMujocoEngine
 from contactlab.errors import EngineError
 from contactlab.registry import Registry
 from contactlab.scene.mujoco_versions import has_batch

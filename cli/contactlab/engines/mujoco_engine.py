@@ -22,7 +22,10 @@ from contactlab.engines.engine import (
 from contactlab.engines.sampled_loads import with_loads
 from contactlab.engines.self_checks import run_checks
 from contactlab.engines.single_run import count_work, integrate_to, time_segments, time_steps
-from contactlab.scene.model_edits import MODEL_ENGINE
+from contactlab.errors import SceneError
+from contactlab.scene.model_edits import LOOP_ENGINE, MODEL_ENGINE
+from contactlab.scene.resolution import ResolvedRun
+from contactlab.scene.scene import Scene
 
 
 class MujocoEngine(SimulationEngine):
@@ -99,3 +102,26 @@ def _native_cost(runs: PreparedRuns, run: int, steps: int) -> float:
     if steps:
         mujoco.mj_step(model, data, nstep=steps)
     return time.thread_time() - begin
+
+
+_NOT_HERE = "a loop that is not in the store made the run, so it is not simulated again; render it"
+
+
+class LoopEngine(SimulationEngine):
+    """Simulates nothing: what loops did was read from MuJoCo's data as they did it."""
+
+    name = LOOP_ENGINE
+    summary = "a recorded loop"
+
+    @property
+    def version(self) -> str:
+        """The version of MuJoCo, which loops step."""
+        return package_version("mujoco")
+
+    def refusal(self, scene: Scene, run: ResolvedRun) -> str | None:  # noqa: ARG002 - none is run
+        """Return why it runs nothing."""
+        return _NOT_HERE
+
+    def roll_out(self, *_: object, **__: object) -> Rollout:
+        """Raise a SceneError."""
+        raise SceneError(_NOT_HERE)

@@ -6,7 +6,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from types import MappingProxyType
 
 import numpy as np
 from pydantic_core import to_json
@@ -55,9 +54,7 @@ from contactlab.store.mcap.trace_writer import encode_trace
 from contactlab.store.store_files import TRACES, time_now
 from contactlab.store.table_layout import record_to_row
 
-Said = Mapping[str, object]
-"""Fields of a record that its run does not decide."""
-_NOTHING: Said = MappingProxyType({})
+Said = Mapping[str, object]  # fields of a record that its run does not decide
 _GRACE = 1.0  # how long a job's second pass may go on once the sweep should stop [s]
 _SECOND_PASS = 10  # times a run's time limit, as six times the steps to tighter tolerances may take
 
@@ -179,10 +176,7 @@ class Worker:
     def finish_loop(
         self, plan: RunPlan, rollout: Rollout, known: Said, started: str, said: Said
     ) -> Finished:
-        """Measure, label and store a run that somebody else's loop made.
-
-        What is known of it replaces what its setup has, and what is said fields of its record.
-        """
+        """Store a run of somebody's loop, given parts of its setup and fields of its record."""
         runs = PreparedRuns(
             self.scene, [plan.resolved], [plan.prepared], plan.start, plan.resolved.steps
         )
@@ -265,10 +259,10 @@ class Worker:
         (plan,) = self._preparer.plans((run,))
         return _finished(crash_record(self._task, plan, label))
 
-    def _finish(self, outcome: RunOutcome, said: Said = _NOTHING) -> Finished:
+    def _finish(self, outcome: RunOutcome, said: Said | None = None) -> Finished:
         group, prepared = outcome.group, outcome.plan.prepared
         missing = missing_effects(group.trace, outcome.row, prepared, group.moving)
-        found = {"effects_missed": missing, **said}
+        found = {"effects_missed": missing, **(said or {})}
         record = record_of(self._task, outcome).model_copy(update=found)
         if outcome.controls is not None:
             model = outcome.plan.prepared.model

@@ -26,7 +26,7 @@ from contactlab.expression import Expression, ExpressionError
 from contactlab.scene.contact_pairs import MonitoredPair
 from contactlab.scene.model_files import FileSearch, name_in_copy, parse, plain_name
 from contactlab.scene.model_names import name_by_address
-from contactlab.scene.mujoco_versions import VERSION, has_batch, silence_mujoco
+from contactlab.scene.mujoco_versions import has_batch, silence_mujoco
 from contactlab.scene.scene_source import BINARY, MODEL_SUFFIXES, SceneSource
 from contactlab.scene.timed_inputs import HoldSpec
 from contactlab.schema.scene_manifest import SceneManifest
@@ -117,14 +117,23 @@ def _add_contacts(
     return sensor
 
 
-def find_layout(model: mujoco.MjModel, pairs: Sequence[MonitoredPair]) -> SensorLayout:
-    """Return the addresses of the added sensors in a compiled model's `sensordata`."""
+def find_layout(
+    model: mujoco.MjModel, pairs: Sequence[MonitoredPair], holding: HoldSpec | None, *, free: bool
+) -> SensorLayout:
+    """Return the addresses of the added sensors in a compiled model's `sensordata`.
+
+    Without them, those in rows that are read from a loop, in the order of `add_sensors`.
+    """
     sensors = (model.sensor(index) for index in range(model.nsensor))
     found = {
         each.name.removeprefix(PREFIX): int(each.adr[0])
         for each in sensors
         if each.name.startswith(PREFIX)
     }
+    if not found:
+        forces, nowhere = 4 + 6 * free + 7 * bool(holding), (0,) * len(pairs)
+        momenta, held = (4, 7) if free else (None, None), forces - 7 if holding else None
+        return SensorLayout(nowhere, 0, 2, 3, *momenta, held, forces, forces + model.nu)
     return SensorLayout(
         pairs=tuple(found[pair.name] for pair in pairs),
         contacts=found["contacts"],
@@ -132,16 +141,6 @@ def find_layout(model: mujoco.MjModel, pairs: Sequence[MonitoredPair]) -> Sensor
         forces=found[_FORCE + model.actuator(0).name] if model.nu else 0,
         lengths=found[_LENGTH + model.tendon(0).name] if model.ntendon else 0,
     )
-
-
-def loop_layout(
-    model: mujoco.MjModel, pairs: Sequence[MonitoredPair], holding: HoldSpec | None, *, free: bool
-) -> SensorLayout:
-    """Return the addresses in rows that are read from a loop, in the order of `add_sensors`."""
-    forces = 4 + 6 * free + 7 * bool(holding)
-    momenta, held = (4, 7) if free else (None, None), forces - 7 if holding else None
-    nowhere = (0,) * len(pairs)  # Slots are beside the rows.
-    return SensorLayout(nowhere, 0, 2, 3, *momenta, held, forces, forces + model.nu)
 
 
 _MAX_LISTED = 3
@@ -159,14 +158,10 @@ def compile_model(
 
     What is compiled already stays as it is.
     """
-    if source.model.suffix == BINARY:
-        try:
-            return mujoco.MjModel.from_binary_path(str(source.model))
-        except (ValueError, mujoco.FatalError) as error:
-            why = f"MuJoCo {VERSION} cannot read it; another version may have written it"
-            raise SceneError(f"{source.model}: {why}") from error
     with _model_file(source, structure) as path, _said_once(source):
         try:
+            if path.suffix == BINARY:
+                return mujoco.MjModel.from_binary_path(str(path))
             spec = mujoco.MjSpec.from_file(str(path))
             for element in (*spec.meshes, *spec.hfields, *spec.skins, *spec.textures):
                 if found := source.content.resources.get(plain_name(element.file)):

@@ -9,13 +9,7 @@ import numpy as np
 
 from contactlab.errors import SceneError, did_you_mean
 from contactlab.mjcf import CONTACT, OPTIONS
-from contactlab.scene.compile_model import (
-    SensorLayout,
-    add_sensors,
-    compile_model,
-    find_layout,
-    loop_layout,
-)
+from contactlab.scene.compile_model import SensorLayout, add_sensors, compile_model, find_layout
 from contactlab.scene.contact_pairs import (
     MonitoredPair,
     declared_pairs,
@@ -144,14 +138,13 @@ def compile_scene(
     settings = base_settings(model, pairs, subject)
     if keyframe_names(model):
         settings["keyframe"] = keyframe
-    targets, layout = find_targets(model, pairs, subject), None
     if source.model.suffix == BINARY:
         settings["engine"] = LOOP_ENGINE
-        layout = loop_layout(model, pairs, holding, free=free)
+    targets = find_targets(model, pairs, subject)
     return CompiledScene(
         model=model,
         pairs=pairs,
-        layout=layout or find_layout(model, pairs),
+        layout=find_layout(model, pairs, holding, free=free),
         settings=settings,
         flags=read_flags(model),
         targets=targets,

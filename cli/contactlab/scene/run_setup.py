@@ -216,14 +216,8 @@ def find_mechanism(model: mujoco.MjModel) -> Mechanism:
     return Mechanism(
         joints=tuple(_joint(model, index, places[index], reach) for index in range(model.njnt)),
         tendons=tuple(
-            Part(
-                name_of(model, "tendon", index),
-                "tendon",
-                index,
-                *lengths[index],
-                margin=margins[index],
-            )
-            for index in range(model.ntendon)
+            Part(name, "tendon", index, *lengths[index], margin=margins[index])
+            for index, name in enumerate(name_of(model, "tendon", x) for x in range(model.ntendon))
         ),
         actuators=tuple(
             Part(name_of(model, "actuator", index), "actuator", index, *controls[index])
