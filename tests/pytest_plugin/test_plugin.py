@@ -6,7 +6,6 @@ from pathlib import Path
 import pytest
 
 pytest_plugins = ["pytester"]
-PLUGIN = ("-p", "contactlab_pytest.plugin", "-p", "no:cacheprovider")
 
 TESTS = '''
 import mujoco
@@ -74,7 +73,7 @@ def inner(pytester: pytest.Pytester) -> pytest.Pytester:
 
 
 def run(inner: pytest.Pytester, *options: str) -> pytest.RunResult:
-    return inner.runpytest_subprocess(*PLUGIN, *options)
+    return inner.runpytest_subprocess("-p", "no:cacheprovider", *options)
 
 
 def test_what_is_firm_is_held(inner: pytest.Pytester) -> None:
@@ -129,4 +128,4 @@ def test_a_run_that_does_not_ask_loads_nothing(inner: pytest.Pytester) -> None:
                 assert not {"contactlab", "mujoco"} & set(sys.modules)
         """
     )
-    inner.runpytest_subprocess(*PLUGIN).assert_outcomes(passed=1)
+    run(inner).assert_outcomes(passed=1)
