@@ -23,6 +23,7 @@ from tests.verdicts.deserved import deserved
 from tests.verdicts.held_back import HELD_BACK
 from tests.verdicts.held_back_2 import HELD_BACK_2
 from tests.verdicts.held_back_3 import HELD_BACK_3
+from tests.verdicts.held_back_4 import HELD_BACK_4
 from tests.verdicts.judge import NO_MODEL, Job, Verdict, judged
 from tests.verdicts.public_models import DRIVES, public_models
 
@@ -80,10 +81,11 @@ def corpus_rows(options: argparse.Namespace, folder: Path) -> list[Row]:
             "held back": HELD_BACK,
             "held back 2": HELD_BACK_2,
             "held back 3": HELD_BACK_3,
+            "held back 4": HELD_BACK_4,
         }
     asked: dict[Path, tuple[Case, str, bool]] = {}
     for part, cases in parts.items():
-        for case in cases:
+        for case in cases if options.part in {"", part} else ():
             for healthy in (False, True) if case.failing else (True,):
                 if options.only in case.name or options.only in case.kind:
                     path = folder / f"model_{len(asked)}.xml"
@@ -154,6 +156,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("table", nargs="?", choices=["corpus", "public", "all"], default="all")
     parser.add_argument("--only", default="", metavar="PATTERN", help="names or kinds with this")
     parser.add_argument("--held-back", action="store_true", help="also what rules may not know")
+    parser.add_argument("--part", default="", help="of the corpus, this part alone")
     parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="models side by side")
     parser.add_argument("--seconds", type=float, default=600, help="time limit for each model")
     parser.add_argument("--json", type=Path, default=Path("results/verdicts.json"))

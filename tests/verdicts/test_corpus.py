@@ -7,8 +7,9 @@ from tests.verdicts.corpus import Case, watch
 from tests.verdicts.held_back import HELD_BACK
 from tests.verdicts.held_back_2 import HELD_BACK_2
 from tests.verdicts.held_back_3 import HELD_BACK_3
+from tests.verdicts.held_back_4 import HELD_BACK_4
 
-ALL = [*CASES, *HELD_BACK, *HELD_BACK_2, *HELD_BACK_3]
+ALL = [*CASES, *HELD_BACK, *HELD_BACK_2, *HELD_BACK_3, *HELD_BACK_4]
 # A sweep starts its runs about as far from where the model says.
 NUDGES = (0.0, 1e-4)
 
@@ -29,6 +30,14 @@ def test_failing_is_silent_and_healthy_does_not_hang_on_the_step(case: Case) -> 
         # The engine warns, and starts the time again, where it sees a failure itself.
         assert (np.diff(watch(case.text(healthy=False), case.duration).time) > 0).all()
     assert case.truth(watch(case.text(healthy=True), case.duration, factor=2)) < case.limit / 2
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("case", HELD_BACK_4, ids=lambda case: case.name.replace(" ", "-"))
+def test_failing_never_starts_again_and_healthy_is_the_same_at_an_eighth(case: Case) -> None:
+    if case.failing:
+        assert (np.diff(watch(case.text(healthy=False), case.duration).time) > 0).all()
+    assert case.truth(watch(case.text(healthy=True), case.duration, factor=8)) < case.limit / 2
 
 
 def test_names_are_unique() -> None:
