@@ -303,8 +303,8 @@ CONTACTS = [
     ),
 ]
 
-# Constraints that do not hold: 0.1 of the part's own size or way is seen by eye, and 0.05 or 0.02 of
-# the length of a link at its joint, whose pins and cups are no larger.
+# Constraints that do not hold: 0.1 of the part's own size or way is seen by eye, and 0.05 or 0.02
+# of the length of a link at its joint, whose pins and cups are no larger.
 _DELTA = "".join(
     f"""<body pos="{0.12 * np.cos(a):.4f} {0.12 * np.sin(a):.4f} .6" euler="0 0
     {np.degrees(a):.0f}">
@@ -683,8 +683,8 @@ LOSSES = [
     ),
 ]
 
-# What is borne lies on what bears it: half a thickness in it or over it (0.4 of a wheel, 0.2 of what
-# a vice holds) is no contact, and half of a fall left, or 0.3 of a swing, is no rest.
+# What is borne lies on what bears it: half a thickness in it or over it (0.4 of a wheel, 0.2 of
+# what a vice holds) is no contact, and half of a fall left, or 0.3 of a swing, is no rest.
 _PLATES = "".join(
     f"""<body name="plate{k}" pos="{0.0005 * (-1) ** k} 0 {0.011 + 0.022 * k:.3f}"><freejoint/>
     <geom type="cylinder" size=".12 .01" mass=".6"/></body>"""
@@ -966,8 +966,8 @@ SOLVER = [
 ]
 
 
-# Where it goes hangs on the step: 0.2 of the way of the scene against eight times finer steps, or 0.1
-# of the speed of a spring's closed form, would change what is concluded from it.
+# Where it goes hangs on the step: 0.2 of the way of the scene against eight times finer steps, or
+# 0.1 of the speed of a spring's closed form, would change what is concluded from it.
 OUTCOMES = [
     case(
         "outcome",
