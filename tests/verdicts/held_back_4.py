@@ -159,7 +159,7 @@ ACTUATORS = [
         kv="6" forcerange="-20 20"/><position site="tip" refsite="port" gear="0 0 1 0 0 0"
         kp="<<kp>>" kv="6" forcerange="-20 20"/></actuator>
         <keyframe><key ctrl=".03 .04 0"/></keyframe>""",
-        {"kp": (200000, 150)},
+        {"kp": (60000, 150)},
         restless,
         0.2,
     ),
