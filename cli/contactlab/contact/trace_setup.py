@@ -27,6 +27,7 @@ class FreeBody:
     qpos: int  # index of its x coordinate in qpos (then y, z, and the quaternion w x y z)
     dof: int  # index of its x velocity in qvel (then y, z [m/s, world], and rotation [rad/s, body])
     mass: Floats  # (n,) mass of its subtree [kg]
+    share: float = 1.0  # of its mass, with which its frame resists a push from where it is lightest
 
 
 @dataclass(frozen=True)
@@ -91,6 +92,7 @@ class Equality:
     scale: float
     """What its violation is large or small against: the smaller body that it connects, a tendon's
     length, a joint's range or a quarter turn; infinite where none is known."""
+    slow: bool = False  # whether its spring takes ten times as long as by default, or longer
 
 
 @dataclass(frozen=True)

@@ -5,36 +5,20 @@ nothing compares names.
 """
 
 from contactlab.engines.adapted_engine import adapted_engines
-from contactlab.engines.engine import (
-    Buffers,
-    PreparedRuns,
-    Proceed,
-    Rollout,
-    SimulationEngine,
-    Watch,
-    no_limit,
-    proceed_always,
-)
+from contactlab.engines.engine import Buffers as Buffers
+from contactlab.engines.engine import PreparedRuns as PreparedRuns
+from contactlab.engines.engine import Proceed as Proceed
+from contactlab.engines.engine import Rollout as Rollout
+from contactlab.engines.engine import SimulationEngine as SimulationEngine
+from contactlab.engines.engine import Watch as Watch
+from contactlab.engines.engine import no_limit as no_limit
+from contactlab.engines.engine import proceed_always as proceed_always
 from contactlab.engines.impulse import ImpulseEngine
 from contactlab.engines.mujoco_engine import LoopEngine, MujocoEngine, OlderMujocoEngine
 from contactlab.errors import EngineError
 from contactlab.registry import Registry
 from contactlab.scene.mujoco_versions import has_batch
 from contactlab.scene.resolution import ResolvedRun
-
-__all__ = [
-    "ENGINES",
-    "Buffers",
-    "PreparedRuns",
-    "Proceed",
-    "Rollout",
-    "SimulationEngine",
-    "Watch",
-    "engine_of",
-    "find_engine",
-    "no_limit",
-    "proceed_always",
-]
 
 ENGINES: Registry[SimulationEngine] = Registry("engine")
 ENGINES.add(MujocoEngine() if has_batch() else OlderMujocoEngine())

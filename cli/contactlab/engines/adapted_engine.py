@@ -106,10 +106,8 @@ class AdaptedEngine(SimulationEngine):
         timesteps = np.array([model.opt.timestep for model in runs.models])
         # The clock of single precision would drift.
         arrays.state[:, :, 0] = timesteps[:, None] * np.arange(runs.steps + 1)
-        arrays.sensors[:], arrays.iterations[:, :, 0] = (
-            answer["sensors"],
-            answer.get("iterations", 0),
-        )
+        arrays.sensors[:] = answer["sensors"]
+        arrays.iterations[:, :, 0] = answer.get("iterations", 0)
         told = Rollout.completed(arrays, answer["cost"])
         full = {name: answer[name] for name in ("contactfull", "cnstrfull") if name in answer}
         warnings = [{name: 1 for name in full if full[name][run]} for run in range(count)]
@@ -178,10 +176,8 @@ def _end(process: subprocess.Popen[bytes]) -> int:
 def _request(runs: PreparedRuns) -> Mapping[str, object]:
     """Return n runs of N steps as arrays: models as MuJoCo's binaries, starts, and what drives."""
     starts, places = runs.starts, runs.starts.driven
-    steps, width = (
-        np.arange(runs.steps),
-        sum(each.shape[1] for each in (starts.ctrl, starts.applied, starts.mocap)),
-    )
+    steps = np.arange(runs.steps)
+    width = sum(each.shape[1] for each in (starts.ctrl, starts.applied, starts.mocap))
     levels = [
         starts.inputs(run, model.opt.timestep, steps, width)[:, places]
         for run, model in enumerate(runs.models)

@@ -20,6 +20,7 @@ from contactlab.scene.model_names import name_of
 
 _SLOW = 0.5  # Share of the half thickness of two geoms by which a step must move them to matter
 _MOST_STEPS = 4  # Steps that a fast geom takes to pass through another, at most
+_SOON, _APART = 0.1, 1.5  # By when [s] what passed a flex is how far off it, in half extents
 _MOST_PAIRS, _MOST_RAYS = 200, 500
 _PLANE, _HFIELD = int(mujoco.mjtGeom.mjGEOM_PLANE), int(mujoco.mjtGeom.mjGEOM_HFIELD)
 _MESH = int(mujoco.mjtGeom.mjGEOM_MESH)
@@ -70,14 +71,16 @@ class Passages:
                 if model.geom_type[mover] in (_PLANE, _HFIELD):
                     continue
                 body = int(model.geom_bodyid[wall])
-                centre = _centre(model, position, rotation, mover)
-                seen = rotate_back(rotation[:, body], centre - position[:, body])
-                path = rotate_back(model.geom_quat[wall], seen - model.geom_pos[wall])
                 shape = _Wall(model, wall, float(model.geom_rbound[mover]))
-                step = _first_passage(path, float(self._least[first, second]), shape)
-                if step is not None:
+                steps = list[int]()
+                for point in _along(model, mover):
+                    place = _place(model, position, rotation, mover, point)
+                    seen = rotate_back(rotation[:, body], place - position[:, body])
+                    path = rotate_back(model.geom_quat[wall], seen - model.geom_pos[wall])
+                    steps += _first_passage(path, float(self._least[first, second]), shape)
+                if steps:
                     names = name_of(model, "geom", mover), name_of(model, "geom", wall)
-                    yield Passage(*names, step)
+                    yield Passage(*names, min(steps))
                     break
 
     def _fast_pairs(
@@ -121,9 +124,16 @@ def _through_flexes(
         if not len(faces) or model.geom_bodyid[geom] in own:
             continue
         corners = vertices[:, first + faces]
-        seen = _centre(model, position, rotation, geom)[:, None] - corners.mean(axis=2)
+        centre = _place(model, position, rotation, geom)
+        seen = centre[:, None] - corners.mean(axis=2)
         step = _first_crossing(seen, corners - corners.mean(axis=2, keepdims=True))
-        if step is not None:
+        if step is None:
+            continue
+        # What has only rolled over an edge still lies on it soon after.
+        soon = min(step + int(_SOON / model.opt.timestep), len(position) - 1)
+        way = vertices[soon, first : first + len(own)] - centre[soon]
+        thick = half_extents(model)[geom] + model.flex_radius[flex]
+        if np.linalg.norm(way, axis=1).min() > _APART * thick:
             name = mujoco.mj_id2name(model, int(mujoco.mjtObj.mjOBJ_FLEX), flex)
             yield Passage(name_of(model, "geom", geom), name or f"flex[{flex}]", step)
 
@@ -180,14 +190,24 @@ def _lengths(model: mujoco.MjModel) -> Floats:
     return lengths
 
 
-def _centre(model: mujoco.MjModel, position: Floats, rotation: Floats, geom: int) -> Floats:
-    """Return (N, 3) the centre of a geom."""
-    body = int(model.geom_bodyid[geom])
-    return position[:, body] + rotate(rotation[:, body], model.geom_pos[geom])
+def _along(model: mujoco.MjModel, geom: int) -> Floats:
+    """Return (K, 3) the centre of a geom, and the ends of the line about which it is all round."""
+    half = model.geom_aabb[geom, 3:]
+    end = (half.max() - half.min()) * (np.arange(3) == half.argmax())
+    primitive = int(model.geom_type[geom]) != _MESH
+    return np.array([_ORIGIN, end, -end] if primitive and end.any() else [_ORIGIN])
 
 
-def _first_passage(path: Floats, least: float, wall: "_Wall") -> int | None:
-    """Return the first step after which a point has passed through a geom; None if it never does.
+def _place(
+    model: mujoco.MjModel, position: Floats, rotation: Floats, geom: int, point: Floats = _ORIGIN
+) -> Floats:
+    """Return (N, 3) where a point of a geom is, by default its centre."""
+    body, own = int(model.geom_bodyid[geom]), rotate(model.geom_quat[geom], point)
+    return position[:, body] + rotate(rotation[:, body], model.geom_pos[geom] + own)
+
+
+def _first_passage(path: Floats, least: float, wall: "_Wall") -> list[int]:
+    """Return the first step after which a point has passed through a geom, if it ever does.
 
     The path (N, 3) [m] is in the frame of the geom; steps shorter than `least` [m] do not count.
     """
@@ -195,15 +215,15 @@ def _first_passage(path: Floats, least: float, wall: "_Wall") -> int | None:
     fast = squares > least**2
     reach = wall.bound + _MOST_STEPS * np.sqrt(squares.max(initial=0))
     if not (fast & ((path[:-1] ** 2).sum(axis=1) < reach**2)).any():
-        return None
+        return []
     for steps in range(1, 1 + _MOST_STEPS):
         begin, end = path[:-steps], path[steps:]
         moving = np.convolve(fast, np.ones(steps))[steps - 1 : len(fast)] > 0
         near = np.linalg.norm(begin, axis=1) < np.linalg.norm(end - begin, axis=1) + wall.bound
         for step in np.flatnonzero(moving & near)[:_MOST_RAYS].tolist():
             if wall.passed(begin[step], end[step]):
-                return step + steps - 1
-    return None
+                return [step + steps - 1]
+    return []
 
 
 class _Wall:

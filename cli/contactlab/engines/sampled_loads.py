@@ -14,8 +14,10 @@ from contactlab.scene.run_setup import equality_reach
 
 _STEPS_OF_SAMPLE = 250  # Steps for each sample, which takes as long as three or four of them
 _FEWEST_SAMPLES, _MOST_SAMPLES = 2, 16
+_WAKING = 100  # Steps over which what was woken accelerates on average
 _HELD = 0.9  # Share of its friction loss below which what brakes should stay where it is
 _KIND, _EQUALITY = mujoco.mjtConstraint, mujoco.mjtEq
+_BRAKES = _KIND.mjCNSTR_FRICTION_DOF, _KIND.mjCNSTR_FRICTION_TENDON
 _SLEEP = int(getattr(mujoco.mjtEnableBit, "mjENBL_SLEEP", 0))
 _TORQUE_SCALE = 10  # where eq_data has the factor by which a weld weighs its rotation
 
@@ -62,8 +64,9 @@ def _sleeper(model: mujoco.MjModel, start: InitialStates, states: Floats) -> Flo
     data = mujoco.MjData(awake)
     mujoco.mj_setState(awake, data, states[last], int(STATE))
     apply_inputs(awake, data, start.inputs(0, model.opt.timestep, np.array([last]))[0])
-    mujoco.mj_forward(awake, data)
-    acceleration = np.where(stirring, -1, np.abs(data.qacc) * model.dof_length)
+    mujoco.mj_step(awake, data, nstep=_WAKING)
+    seconds = _WAKING * model.opt.timestep
+    acceleration = np.where(stirring, -1, np.abs(data.qvel) * model.dof_length / seconds)
     worst = int(acceleration.argmax())
     tree = model.dof_treeid == model.dof_treeid[worst]
     since = moving[:, tree].any(axis=1).cumsum().argmax()
@@ -99,10 +102,7 @@ class _Sampler:
             if sample:
                 np.maximum.at(loads, which, np.abs(data.efc_force[rows]))
             np.add.at(gaps[sample], which, self._gaps(model, rows, which) ** 2)
-            for kind, first in (
-                (_KIND.mjCNSTR_FRICTION_DOF, 0),
-                (_KIND.mjCNSTR_FRICTION_TENDON, model.nv),
-            ):
+            for kind, first in zip(_BRAKES, (0, model.nv), strict=True):
                 held = data.efc_type == int(kind)
                 held &= np.abs(data.efc_force) < _HELD * data.efc_frictionloss
                 creep[sample, first + data.efc_id[held]] = data.efc_vel[held]

@@ -9,67 +9,34 @@ from contactlab.measure import penetration, motion, soft_contact, friction
 from contactlab.measure import grasp_hold, solver_work, oracle_error
 
 # isort: on
-from contactlab.contact.trace_arrays import Floats
-from contactlab.measure.assessment import AppliedLabel, Assessment, assess
-from contactlab.measure.context import (
-    Context,
-    cached,
-    contact_depths,
-    context_of,
-    first_step,
-    runs_where,
-    worst_pair,
-)
-from contactlab.measure.entries import (
-    LABELS,
-    METRICS,
-    ORACLES,
-    THRESHOLDS,
-    Finding,
-    Findings,
-    Found,
-    Label,
-    MeasuredRuns,
-    Metric,
-    Requirement,
-    Threshold,
-    label,
-    limits,
-    metric,
-    oracle,
-)
-from contactlab.measure.run_integrity import STABLE
-
-__all__ = [
-    "LABELS",
-    "METRICS",
-    "ORACLES",
-    "STABLE",
-    "THRESHOLDS",
-    "AppliedLabel",
-    "Assessment",
-    "Context",
-    "Finding",
-    "Findings",
-    "Floats",
-    "Found",
-    "Label",
-    "MeasuredRuns",
-    "Metric",
-    "Requirement",
-    "Threshold",
-    "assess",
-    "cached",
-    "contact_depths",
-    "context_of",
-    "first_step",
-    "label",
-    "limits",
-    "metric",
-    "oracle",
-    "runs_where",
-    "worst_pair",
-]
+from contactlab.contact.trace_arrays import Floats as Floats
+from contactlab.measure.assessment import AppliedLabel as AppliedLabel
+from contactlab.measure.assessment import Assessment as Assessment
+from contactlab.measure.assessment import assess as assess
+from contactlab.measure.context import Context as Context
+from contactlab.measure.context import cached as cached
+from contactlab.measure.context import contact_depths as contact_depths
+from contactlab.measure.context import context_of as context_of
+from contactlab.measure.context import first_step as first_step
+from contactlab.measure.context import runs_where as runs_where
+from contactlab.measure.context import worst_pair as worst_pair
+from contactlab.measure.entries import LABELS as LABELS
+from contactlab.measure.entries import METRICS as METRICS
+from contactlab.measure.entries import ORACLES as ORACLES
+from contactlab.measure.entries import THRESHOLDS as THRESHOLDS
+from contactlab.measure.entries import Finding as Finding
+from contactlab.measure.entries import Findings as Findings
+from contactlab.measure.entries import Found as Found
+from contactlab.measure.entries import Label as Label
+from contactlab.measure.entries import MeasuredRuns as MeasuredRuns
+from contactlab.measure.entries import Metric as Metric
+from contactlab.measure.entries import Requirement as Requirement
+from contactlab.measure.entries import Threshold as Threshold
+from contactlab.measure.entries import label as label
+from contactlab.measure.entries import limits as limits
+from contactlab.measure.entries import metric as metric
+from contactlab.measure.entries import oracle as oracle
+from contactlab.measure.run_integrity import STABLE as STABLE
 
 TOPICS = penetration, motion, soft_contact, friction, grasp_hold, solver_work, oracle_error
 """Modules that declare metrics, in the order of the table's columns; others come after them."""

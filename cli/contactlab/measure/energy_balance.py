@@ -3,18 +3,27 @@
 import numpy as np
 
 from contactlab.contact.trace_arrays import ACTUATORS, CONSTRAINTS, OTHERS, Floats
-from contactlab.measure.context import Context, cached, energy, first_step, peak_kinetic
+from contactlab.measure.context import (
+    Context,
+    cached,
+    energy,
+    first_step,
+    peak_kinetic,
+    runs_where,
+    semi_implicit,
+)
 from contactlab.measure.entries import Finding, Found, MeasuredRuns, Threshold, label, metric
 
 INTEGRATION_GAIN = Threshold(
     "integration_gain", 0.3, "1", "Public robots stay below 0.26; too long steps reach 0.7."
 )
-_INTEGRATION_LOSS = Threshold(
+LOSS = Threshold(
     "integration_loss", 0.12, "1", "Public robots stay below 0.05; implicit steps reach 0.17 to 1."
 )
 _CONSTRAINT_GAIN = Threshold(
     "constraint_gain", 0.3, "1", "Public robots reach 0.25; bounces that gain, 0.5 to 1."
 )
+_LESS = 3  # Part of what constraints take that they take at most in a refined copy
 _LIFT = 0.04  # Share of a body's mean size; a gain that counts lifts all by 1.2 % of it
 
 
@@ -34,17 +43,18 @@ def _unexplained(context: Context) -> Floats:
     Without books, it is what changed in steps without contact, if then nothing may change.
     """
     trace, change = context.trace, np.diff(energy(context), axis=1)
-    if trace.work is not None and trace.steps > 1:
+    if trace.steps > 1:
         # Steps move with the velocity at their end: it belongs to the middle of the step before.
         lag, (first, second) = np.diff(trace.potential, axis=1) / 2, trace.kinetic[:, :2].T
         before = lag[:, 0] * np.sqrt(first / np.maximum(second, np.finfo(float).tiny))
-        change -= np.diff(lag, axis=1, prepend=before[:, None]) + trace.work[:, :-1].sum(axis=2)
+        change -= np.diff(lag, axis=1, prepend=before[:, None]) * semi_implicit(context)[:, None]
+    if trace.work is not None:
+        change -= trace.work[:, :-1].sum(axis=2)
     elif context.setup.conservative:
         touching = trace.contacts > 0
         change[touching[:, :-1]] = 0
         # A contact may act in the later stages of a step that begins and ends without one.
-        staged = np.array([each == "RK4" for each in context.setup.settings["integrator"]])
-        change[staged & touching.any(axis=1)] = 0
+        change[(semi_implicit(context) == 0) & touching.any(axis=1)] = 0
     else:
         change[:] = np.nan
     share = np.cumsum(change, axis=1) / _scale(context)[:, None]
@@ -63,18 +73,13 @@ def integration_gain(context: Context) -> Floats:
     return _unexplained(context).max(axis=1)
 
 
-@metric("1", "lower", 1e-9, version=2, kind="detail", requires="energy")
+@metric("1", "lower", 1e-9, version=3, kind="detail", requires="energy")
 def integration_loss(context: Context) -> Floats:
     """Energy that the integrator took for good, over the largest kinetic; see integration_gain.
 
-    The median of the last quarter, since steps give and take in turn where springs swing. What
-    half a step of free fall makes of momentum that a contact stops is no loss.
+    The median of the last quarter, since steps give and take in turn where springs swing.
     """
-    late = _unexplained(context)[:, 3 * context.trace.steps // 4 :]
-    stopped = context.trace.contacts.any(axis=1) * (context.trace.work is None)
-    speed = np.sqrt(2 * _scale(context) / np.maximum(context.setup.moving_mass, 1e-12))
-    fall = context.trace.timestep * np.linalg.norm(context.setup.gravity, axis=1) / speed
-    return -np.median(late, axis=1) - stopped * fall
+    return -np.median(_unexplained(context)[:, 3 * context.trace.steps // 4 :], axis=1)
 
 
 @metric("1", "lower", 1e-9, kind="detail", requires="energy")
@@ -103,6 +108,19 @@ def constraint_gain(context: Context) -> Floats:
     return np.where(trace.given[:, 2] > 0, held, given[:, CONSTRAINTS]) / _scale(context)
 
 
+@cached
+def constraint_loss(context: Context) -> Floats:
+    """Return (n,) the share of the largest kinetic energy that limits and equalities took.
+
+    Of passive models in which nothing touched.
+    """
+    trace, passive = context.trace, context.setup.passive
+    if trace.work is None or not passive:
+        return context.undefined()
+    taken = -trace.work[..., CONSTRAINTS].sum(axis=1) / _scale(context)
+    return np.where(trace.contacts.any(axis=1), 0, taken)
+
+
 def integration_gains(runs: MeasuredRuns) -> Found:
     """Yield the runs whose integrator added energy."""
     for run, gain, limit in runs.over("integration_gain"):
@@ -110,12 +128,18 @@ def integration_gains(runs: MeasuredRuns) -> Found:
         yield run, Finding(reason, first_step(_unexplained(runs.context)[run] > limit))
 
 
-@label(58, (_INTEGRATION_LOSS,))
+@label(58, (LOSS,))
 def energy_loss(runs: MeasuredRuns) -> Found:
-    """The integrator took energy away that no damper, friction or contact did."""
+    """The integrator, or constraints of too long a step, took energy that nothing damps."""
     for run, loss, limit in runs.over("integration_loss"):
         reason = f"the integrator took {loss:.3g} of the largest kinetic energy (limit {limit:g})"
         yield run, Finding(reason, first_step(-_unexplained(runs.context)[run] > limit))
+    taken, checks = constraint_loss(runs.context), runs.context.checks
+    for run in runs_where(taken > runs.limits[LOSS.name]) if checks else ():
+        finer = float(constraint_loss(runs.context.refined(checks, run))[0])
+        if finer < taken[run] / _LESS:
+            reason = f"constraints took {taken[run]:.3g} of the largest kinetic energy"
+            yield run, Finding(f"{reason}; at a quarter of the step, {finer:.3g}", 0)
 
 
 @label(39, (_CONSTRAINT_GAIN,), name="constraint_gain")

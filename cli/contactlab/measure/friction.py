@@ -331,9 +331,10 @@ def _often(
         touching = series.mode[run] != NO_CONTACT
         if held:
             touching &= hold_window(runs.context)[run]
-        # Parts that tumble to rest switch often, but only for a while.
+        # What meets for a moment may rattle; parts that tumble to rest switch often for a while.
+        moment = min(fewest / limit / runs.context.trace.timestep[run], len(touching) / 2)
         early, late = np.quantile(steps, (0.25, 0.75))
-        if late - early >= _SPREAD * touching.sum():
+        if late - early >= _SPREAD * touching.sum() and (held or touching.sum() >= moment):
             rate = counts[run] / seconds[run]
             reason = f"{what.format(counts[run])}, {rate:.3g} times a second (limit {limit:g})"
             yield run, Finding(reason, int(steps[0]))

@@ -33,7 +33,10 @@ _SPEED_RATIO = Threshold("speed_ratio", 1.05, "1", "5 % of speed is 10 % of ener
 _DRIFT = Threshold("drift", None, "m", "Set where bodies should stay.")
 _REST_SPEED = Threshold("rest_speed", None, "m/s", "Set where bodies should come to rest.")
 _UNSUPPORTED = Threshold(
-    "asleep_acceleration", 0.1, "1", "Share of gravity; measured: at rest up to 0.01, in mid-air 1."
+    "asleep_acceleration",
+    0.02,
+    "1",
+    "Share of gravity; measured: at rest up to 0.002, in mid-air 1.",
 )
 _SETTLED = 1e-6
 _HAIR = 0.1  # Share of the thinner body's half extent that a start may be deep
@@ -86,7 +89,7 @@ def speed_ratio(context: Context) -> Floats:
         return context.undefined()
 
     def ratio(body: FreeBody) -> Floats:
-        return np.sqrt(speed_squared(context, body).max(axis=1)) / _speed_bound(context, body.mass)
+        return np.sqrt(speed_squared(context, body).max(axis=1)) / _speed_bound(context, body)
 
     return worst_body(context, ratio)
 
@@ -192,20 +195,18 @@ def turn(context: Context) -> Floats:
 @label(60, (_ENERGY_GAIN, _SPEED_RATIO, INTEGRATION_GAIN))
 def energy_injection(runs: MeasuredRuns) -> Found:
     """A passive scene gained energy, or ejected a body too fast; or the integrator added some."""
+    context = runs.context
     for run, gain, limit in runs.over("energy_gain"):
-        values = _level_energy(runs.context)[run]
-        given = values[0] + _stored_at_start(runs.context)[run]
-        risen = values - given > limit * energy_scale(runs.context)[run]
+        values = _level_energy(context)[run]
+        given = values[0] + _stored_at_start(context)[run]
+        risen = values - given > limit * energy_scale(context)[run]
         reason = f"energy rose by {gain:.3%} of that at the start (limit {limit:.3g})"
         yield run, Finding(reason, first_step(risen))
-    over, bodies = runs.over("speed_ratio"), runs.context.setup.free_bodies
-    squares = [speed_squared(runs.context, body) for body in bodies] if over else []
-    bounds = [_speed_bound(runs.context, body.mass) for body in bodies] if over else []
-    for run, ratio, limit in over:
+    for run, ratio, limit in runs.over("speed_ratio"):
         reason = f"a body moved {ratio:.3g} times as fast as the energy at the start allows"
+        bodies = ((each, _speed_bound(context, each)) for each in context.setup.free_bodies)
         fast = [
-            square[run] > (limit * bound[run]) ** 2
-            for square, bound in zip(squares, bounds, strict=True)
+            speed_squared(context, each)[run] > (limit * most[run]) ** 2 for each, most in bodies
         ]
         yield run, Finding(f"{reason} (limit {limit:g})", max(_first_of(fast) - 1, 0))
     yield from integration_gains(runs)
@@ -285,10 +286,10 @@ def _first_of(masks: list[NDArray[np.bool_]]) -> int:
     return first_step(np.logical_or.reduce(masks))
 
 
-def _speed_bound(context: Context, mass: Floats) -> Floats:
-    """Return (n,) the speed [m/s] that a body of this mass has with all of the energy budget."""
+def _speed_bound(context: Context, body: FreeBody) -> Floats:
+    """Return (n,) the most [m/s] that a body's frame can move at with all of the energy budget."""
     energies = energy_budget(context) + _stored_at_start(context)
-    return np.maximum(np.sqrt(2 * energies / mass), _SPEED)
+    return np.maximum(np.sqrt(2 * energies / (body.share * body.mass)), _SPEED)
 
 
 def _momentum_scale(context: Context) -> Floats:

@@ -286,13 +286,15 @@ PRESSED = Threshold(
     "and motors reach thousands, and relax; wedges reach ten.",
 )
 _ALONE = 0.5
+_NO_MASS = 1e9  # Weights that only a contact bears along which no joint moves
 
 
 @cached
 def _borne(context: Context) -> list[Floats]:
     """Return for each pair (n,) the median of its normal force in the last fifth, in weights."""
     pairs = zip(context.series, context.setup.weights, strict=True)
-    return [np.median(each.normal[:, context.last_fifth], axis=1) / own for each, own in pairs]
+    borne = [np.median(each.normal[:, context.last_fifth], axis=1) / own for each, own in pairs]
+    return [each * (each < _NO_MASS) for each in borne]
 
 
 @metric("1", "lower", 1e-6, kind="detail")

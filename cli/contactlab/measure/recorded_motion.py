@@ -45,9 +45,8 @@ def _offsets(context: Context) -> dict[str, Floats]:
         apart = np.linalg.norm(there - here, axis=2)
         if part.kind == "turn":
             apart = angles_between(there.reshape(-1, 4), here.reshape(-1, 4)).reshape(apart.shape)
-        found.setdefault("position" if part.kind in ("point", "slide") else "rotation", []).append(
-            apart
-        )
+        name = "position" if part.kind in ("point", "slide") else "rotation"
+        found.setdefault(name, []).append(apart)
         found.setdefault("share", []).append(np.where(np.isnan(apart), np.nan, apart / part.size))
         if part.kind == "point":
             speeds = np.linalg.norm((qvel - recorded.qvel)[..., part.qvel], axis=2)
@@ -78,8 +77,7 @@ def _declare(name: str, unit: str, reduce: Callable[[Context, Floats], Floats], 
         return context.undefined() if values is None else reduce(context, values)
 
     measured.__doc__ = text
-    heading = "reality" if name == "reality" else ""
-    metric(unit, "lower", name=name, heading=heading)(measured)
+    metric(unit, "lower", name=name, heading=name if name == "reality" else "")(measured)
 
 
 _PLACE, _TURN = "distance of bodies and slides from", "angle of bodies and hinges to"
@@ -92,12 +90,7 @@ for _entry in (
     ("reality_rotation", "rad", _mean, f"Mean {_TURN} the recording, over time."),
     ("reality_rotation_peak", "rad", _peak, f"Largest {_TURN} the recording."),
     ("reality_rotation_end", "rad", _last, f"Final {_TURN} the recording."),
-    (
-        "reality_velocity",
-        "m/s",
-        _mean,
-        "Mean difference of velocities of bodies from recorded ones.",
-    ),
+    ("reality_velocity", "m/s", _mean, "Mean difference of bodies' velocities from recorded ones."),
 ):
     _declare(*_entry)
 

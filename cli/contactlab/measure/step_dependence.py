@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from contactlab.contact.trace_arrays import Floats, SelfChecks, motion_at_rest
 from contactlab.measure.constraint_violation import OVERSHOOT, constraint_violation
 from contactlab.measure.context import Context, cached, first_step, runs_where
+from contactlab.measure.energy_balance import LOSS, constraint_loss
 from contactlab.measure.entries import (
     Finding,
     Found,
@@ -28,7 +29,7 @@ _SHAKING = Threshold(
     "unresolved_motion", 0.6, "1", "Public robots reach 0.2; loops too tight for a step, 2 to 700."
 )
 _REST_RATIO = Threshold(
-    "rest_ratio", 8.0, "1", "Speed at the end over that of the refined copy; robots reach 1.5."
+    "rest_ratio", 3.0, "1", "Speed at the end over that of the refined copy; robots reach 1.5."
 )
 _TRAVEL = Threshold(
     "step_travel", 1.0, "1", "Body sizes moved; a tower that collapses by its step moves 15."
@@ -107,6 +108,7 @@ def suspects(context: Context) -> NDArray[np.bool_]:
     found = unresolved_motion(context) > most[_SHAKING.name]
     found |= weights_borne(context) > most[PRESSED.name]
     found |= stuck_share(context) >= most[SATURATED.name]
+    found |= constraint_loss(context) > most[LOSS.name]
     found |= constraint_violation(context) > most[OVERSHOOT.name]
     if ranges is not None and ranges.shape[1]:
         constant = (ranges[..., 0] == ranges[..., 1]).all(axis=1)

@@ -119,7 +119,9 @@ def _free_bodies(models: Sequence[mujoco.MjModel]) -> dict[int, FreeBody]:
         body = int(model.jnt_bodyid[joint])
         places = int(model.jnt_qposadr[joint]), int(model.jnt_dofadr[joint])
         mass = np.array([each.body_subtreemass[body] for each in models])
-        bodies[body] = FreeBody(name_of(model, "body", body), *places, mass)
+        # Of three inverse masses, whose mean is known, two are at least that of the whole.
+        share = 1 / float(3 * model.dof_invweight0[places[1]] * mass[0] - 2)
+        bodies[body] = FreeBody(name_of(model, "body", body), *places, mass, share)
     return bodies
 
 
@@ -195,6 +197,7 @@ def joints_of(model: mujoco.MjModel) -> Joints:
 
 _EQUALITY = mujoco.mjtEq
 _JOINT = mujoco.mjtJoint
+_SLOW = 0.2  # Time constant [s] of an equality that holds as loosely as a spring
 _KINDS: tuple[PartKind, ...] = ("free", "ball", "slide", "hinge")
 _STANDARD_GRAVITY = 9.81
 AT_JOINT = [int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT)]
@@ -270,7 +273,7 @@ def _equality(
         lengths = model.flexedge_length0[edges][: model.flex_edgenum[first]]
         return Equality(name, "m", float(lengths.mean()))
     if kind != _EQUALITY.mjEQ_JOINT:
-        return Equality(name, "m", ends)
+        return Equality(name, "m", ends, slow=float(model.eq_solref[index, 0]) >= _SLOW)
     low, high = places[first].tolist()
     if int(model.jnt_type[first]) == _JOINT.mjJNT_HINGE:
         return Equality(name, "rad", min(high - low, QUARTER_TURN))
