@@ -23,7 +23,6 @@ LOSS = Threshold(
 _CONSTRAINT_GAIN = Threshold(
     "constraint_gain", 0.3, "1", "Public robots reach 0.25; bounces that gain, 0.5 to 1."
 )
-_LESS = 3  # Part of what constraints take that they take at most in a refined copy
 _LIFT = 0.04  # Share of a body's mean size; a gain that counts lifts all by 1.2 % of it
 
 
@@ -43,11 +42,14 @@ def _unexplained(context: Context) -> Floats:
     Without books, it is what changed in steps without contact, if then nothing may change.
     """
     trace, change = context.trace, np.diff(energy(context), axis=1)
-    if trace.steps > 1:
+    if trace.work is None and not context.setup.conservative:
+        change[:] = np.nan
+    elif trace.steps > 1:
         # Steps move with the velocity at their end: it belongs to the middle of the step before.
         lag, (first, second) = np.diff(trace.potential, axis=1) / 2, trace.kinetic[:, :2].T
         before = lag[:, 0] * np.sqrt(first / np.maximum(second, np.finfo(float).tiny))
-        change -= np.diff(lag, axis=1, prepend=before[:, None]) * semi_implicit(context)[:, None]
+        lags = trace.work is not None or semi_implicit(context)[:, None]
+        change -= np.diff(lag, axis=1, prepend=before[:, None]) * lags
     if trace.work is not None:
         change -= trace.work[:, :-1].sum(axis=2)
     elif context.setup.conservative:
@@ -55,8 +57,6 @@ def _unexplained(context: Context) -> Floats:
         change[touching[:, :-1]] = 0
         # A contact may act in the later stages of a step that begins and ends without one.
         change[(semi_implicit(context) == 0) & touching.any(axis=1)] = 0
-    else:
-        change[:] = np.nan
     share = np.cumsum(change, axis=1) / _scale(context)[:, None]
     return np.concatenate([np.zeros((len(share), 1)), share], axis=1)
 
@@ -137,7 +137,7 @@ def energy_loss(runs: MeasuredRuns) -> Found:
     taken, checks = constraint_loss(runs.context), runs.context.checks
     for run in runs_where(taken > runs.limits[LOSS.name]) if checks else ():
         finer = float(constraint_loss(runs.context.refined(checks, run))[0])
-        if finer < taken[run] / _LESS:
+        if finer < taken[run] / 3:
             reason = f"constraints took {taken[run]:.3g} of the largest kinetic energy"
             yield run, Finding(f"{reason}; at a quarter of the step, {finer:.3g}", 0)
 
