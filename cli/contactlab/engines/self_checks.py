@@ -150,7 +150,7 @@ def _residual(model: mujoco.MjModel, again: dict[int | str, Floats]) -> Floats:
 
     NaN with noslip, which changes forces after the solver on purpose.
     """
-    gap = again["solver_fwdinv"][:, 0]
+    gap = again["solver_fwdinv"][:, 1]
     if model.opt.noslip_iterations:
         return np.full(len(gap), np.nan)
     force = np.linalg.norm(again["qfrc_constraint"], axis=1)

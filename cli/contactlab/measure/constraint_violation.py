@@ -130,7 +130,7 @@ def _overshoots(runs: MeasuredRuns) -> Found:
         return
     far = checks.compared & (runs.metrics["constraint_violation"] > limit)
     for run in np.flatnonzero(far).tolist():
-        copy = _violations(runs.context.refined(checks, run))
+        copy = _violations(runs.context.refined(run))
         for each, finer in zip(_violations(runs.context), copy, strict=False):
             most, less = each.peak[run], finer.peak[0]
             if each.course is not None and most > max(limit * each.scale, 2 * less):

@@ -110,12 +110,9 @@ def constraint_gain(context: Context) -> Floats:
 
 @cached
 def constraint_loss(context: Context) -> Floats:
-    """Return (n,) the share of the largest kinetic energy that limits and equalities took.
-
-    Of passive models in which nothing touched.
-    """
-    trace, passive = context.trace, context.setup.passive
-    if trace.work is None or not passive:
+    """Return (n,) share of kinetic energy that constraints took of what is passive, untouched."""
+    trace = context.trace
+    if trace.work is None or not context.setup.passive:
         return context.undefined()
     taken = -trace.work[..., CONSTRAINTS].sum(axis=1) / _scale(context)
     return np.where(trace.contacts.any(axis=1), 0, taken)
@@ -134,9 +131,9 @@ def energy_loss(runs: MeasuredRuns) -> Found:
     for run, loss, limit in runs.over("integration_loss"):
         reason = f"the integrator took {loss:.3g} of the largest kinetic energy (limit {limit:g})"
         yield run, Finding(reason, first_step(-_unexplained(runs.context)[run] > limit))
-    taken, checks = constraint_loss(runs.context), runs.context.checks
-    for run in runs_where(taken > runs.limits[LOSS.name]) if checks else ():
-        finer = float(constraint_loss(runs.context.refined(checks, run))[0])
+    taken = constraint_loss(runs.context)
+    for run in runs_where(taken > runs.limits[LOSS.name]) if runs.context.checks else ():
+        finer = float(constraint_loss(runs.context.refined(run))[0])
         if finer < taken[run] / 3:
             reason = f"constraints took {taken[run]:.3g} of the largest kinetic energy"
             yield run, Finding(f"{reason}; at a quarter of the step, {finer:.3g}", 0)
