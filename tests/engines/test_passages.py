@@ -101,11 +101,11 @@ def test_a_rod_passes_by_its_end_too(sweeper: Any, speed: float) -> None:
     """Its centre goes 0.3 m above the wall, and its end through it, by 4 cm a step or 1 mm."""
     (sweeper.folder / "model.xml").write_text(
         f"""<mujoco><option timestep=".002" gravity="0 0 0"/><worldbody>
-        <geom name="wall" type="box" size=".004 .2 .05"/><body pos="-.05 0 0">
+        <geom name="wall" type="box" size=".004 .2 .05" pos="0 .1 .01"/><body pos="-.05 0 0">
         <joint type="slide" axis="1 0 0"/><geom name="rod" type="capsule" size=".005"
         fromto="0 0 0 0 0 .6" mass=".1" solref=".004 1"/></body></worldbody>
         <keyframe><key qvel="{speed}"/></keyframe></mujoco>"""
     )
     sweeper.run(SWEEP)
     (row,) = sweeper.rows()
-    assert any("rod passed through wall" in each for each in row["label_reasons"]) == (speed > 1)
+    assert any("passed through" in each for each in row["label_reasons"]) == (speed > 1)
