@@ -108,7 +108,7 @@ def suspects(context: Context) -> NDArray[np.bool_]:
     found = unresolved_motion(context) > most[_SHAKING.name]
     found |= weights_borne(context) > most[PRESSED.name]
     found |= stuck_share(context) >= most[SATURATED.name]
-    found |= constraint_loss(context) > most[LOSS.name]
+    found |= (constraint_loss(context) > most[LOSS.name]) & (stuck_share(context) == 0)
     found |= constraint_violation(context) > most[OVERSHOOT.name]
     if ranges is not None and ranges.shape[1]:
         constant = (ranges[..., 0] == ranges[..., 1]).all(axis=1)
