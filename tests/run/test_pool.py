@@ -35,6 +35,11 @@ if "forkserver" in " ".join(sys.orig_argv):
     Worker.run = deadly
 """
 
+# A worker has its own thread and the one that waits for the command's end, and BLAS adds none.
+COUNT_THREADS = """import numpy
+            numpy.ones((999, 999)) @ numpy.ones((999, 999))
+            os._exit(len(os.listdir("/proc/self/task")))"""
+
 
 @pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSEGV])
@@ -64,6 +69,7 @@ def test_killing_workers_from_outside_loses_nothing(
         ),
         pytest.param("os.abort()", "the worker was ended by SIGABRT", marks=pytest.mark.slow),
         ("os._exit(3)", "the worker exited with code 3"),
+        pytest.param(COUNT_THREADS, "the worker exited with code 2", marks=pytest.mark.slow),
     ],
 )
 def test_only_the_culprit_is_labelled(

@@ -21,6 +21,8 @@ Value = TypeVar("Value")
 
 CONTEXT = multiprocessing.get_context("forkserver")
 STOP_SIGNALS = frozenset({signal.SIGINT, signal.SIGTERM})
+# A worker has a core: BLAS's threads would share it, and wait for ever where none can be started.
+_ENVIRONMENT = {"PYTHONSAFEPATH": "1", "OPENBLAS_NUM_THREADS": "1"}
 _PRELOADED = ["contactlab.startup", "contactlab.run.worker_pool"]
 # Of a folder's path, where 32 characters more and an end must fit into the 108 of an address.
 _MAX_FOLDER = 75
@@ -73,21 +75,21 @@ def _own_imports() -> Generator[None]:
     again in each worker.
     """
     blank = ModuleType("__main__")
-    with _replaced(os.environ, "PYTHONSAFEPATH", "1"), _replaced(sys.modules, "__main__", blank):
+    with _replaced(os.environ, **_ENVIRONMENT), _replaced(sys.modules, __main__=blank):
         yield
 
 
 @contextlib.contextmanager
-def _replaced(entries: MutableMapping[str, Value], name: str, value: Value) -> Generator[None]:
-    """Have another entry of this name for a while, here and in processes that start meanwhile."""
-    before = entries.get(name)
-    entries[name] = value
+def _replaced(entries: MutableMapping[str, Value], **others: Value) -> Generator[None]:
+    """Have other entries of these names for a while, here and in processes that start meanwhile."""
+    before = {name: entries[name] for name in others if name in entries}
+    entries.update(others)
     try:
         yield
     finally:
-        del entries[name]
-        if before is not None:
-            entries[name] = before
+        for name in others:
+            del entries[name]
+        entries.update(before)
 
 
 def _place_socket() -> None:

@@ -16,7 +16,7 @@ from contactlab.store.finished_store import Store
 from contactlab.studies.configuration_runs import ConfigurationRows, Row
 from contactlab.studies.effects.effects_request import AblationSetup
 from contactlab.studies.session import Session, Values
-from contactlab.studies.tune.savers import sensors_of, untouched_geoms
+from contactlab.studies.tune.profile import sensors_of, untouched_geoms
 from contactlab.studies.tune.search import GAIN, Search, Space, key_of
 from contactlab.studies.tune.trials import (
     PROVING,
