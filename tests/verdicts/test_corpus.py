@@ -8,8 +8,9 @@ from tests.verdicts.held_back import HELD_BACK
 from tests.verdicts.held_back_2 import HELD_BACK_2
 from tests.verdicts.held_back_3 import HELD_BACK_3
 from tests.verdicts.held_back_4 import HELD_BACK_4
+from tests.verdicts.held_back_5 import HELD_BACK_5
 
-ALL = [*CASES, *HELD_BACK, *HELD_BACK_2, *HELD_BACK_3, *HELD_BACK_4]
+ALL = [*CASES, *HELD_BACK, *HELD_BACK_2, *HELD_BACK_3, *HELD_BACK_4, *HELD_BACK_5]
 # A sweep starts its runs about as far from where the model says.
 NUDGES = (0.0, 1e-4)
 
@@ -33,7 +34,9 @@ def test_failing_is_silent_and_healthy_does_not_hang_on_the_step(case: Case) -> 
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("case", HELD_BACK_4, ids=lambda case: case.name.replace(" ", "-"))
+@pytest.mark.parametrize(
+    "case", [*HELD_BACK_4, *HELD_BACK_5], ids=lambda case: case.name.replace(" ", "-")
+)
 def test_failing_never_starts_again_and_healthy_is_the_same_at_an_eighth(case: Case) -> None:
     if case.failing:
         assert (np.diff(watch(case.text(healthy=False), case.duration).time) > 0).all()
