@@ -242,9 +242,10 @@ CONTACTS = [
         mesh="bottle" mass=".4"/></body></worldbody><actuator><motor joint="left"/>
         <motor joint="right"/></actuator><keyframe><key ctrl="20 20"
         qpos="0 0 0 0 0 .9808 0 0 .1951"/></keyframe>""",
-        {"h": (0.005, 0.0002)},
+        {"h": (0.005, 0.0001)},
         restless,
         0.05,
+        1.0,
     ),
     case(
         "contact",
@@ -284,10 +285,10 @@ CONTACTS = [
         contype="0" conaffinity="0"/><geom type="sphere" size=".02" pos=".08 0 -.02" mass=".02"/>
         <geom type="sphere" size=".02" pos="-.08 0 -.02" mass=".02"/></body></worldbody>
         <keyframe><key qpos="0 .03"/></keyframe>""",
-        {"h": (0.008, 0.0002)},
+        {"h": (0.008, 0.0001)},
         gained(0.34 * 9.81 * 0.1),
         0.1,
-        3.0,
+        1.0,
     ),
     case(
         "contact",
@@ -406,7 +407,8 @@ CONSTRAINTS = [
         <worldbody><body name="left" pos="-.3 0 1.5">{_CHAIN}<site name="last" pos=".1 0 0"/>
         {"</body>" * 8}</body><site name="anchor" pos=".3 0 1.5"/></worldbody><equality>
         <connect site1="last" site2="anchor" solref="<<T>> 1"/></equality>
-        <keyframe><key qpos="-.7 .2 .2 .2 .2 .2 .2 .2"/></keyframe>""",
+        <keyframe><key qpos="1.124 -.3211 -.3211 -.3211 -.3211 -.3211 -.3211
+        -.3211"/></keyframe>""",
         {"T": (0.8, 0.01)},
         lambda motion: opened("last", "anchor")(motion) / 0.1,
         0.2,
@@ -436,6 +438,21 @@ CONSTRAINTS = [
         <keyframe><key qpos="5 .1"/></keyframe>""",
         {"T": (0.5, 0.01)},
         lambda motion: float(motion.length.max() / 0.5 - 1),
+        0.1,
+    ),
+    case(
+        "constraint",
+        "a stretched belt of a plotter that lets its carriage sag back",
+        """<option timestep=".002" gravity="4.9 0 -8.5"/><default><geom contype="0"
+        conaffinity="0"/></default><worldbody><body><joint name="carriage" type="slide"
+        axis="1 0 0" damping="1"/><geom type="box" size=".04 .05 .03" mass="1.5"/></body>
+        <body pos="-.3 0 0"><joint name="pulley" axis="0 0 1" armature=".01"/><geom type="cylinder"
+        size=".02 .01" mass=".05"/></body></worldbody><tendon><fixed name="belt"><joint
+        joint="carriage" coef="1"/><joint joint="pulley" coef="-.02"/></fixed></tendon><equality>
+        <tendon tendon1="belt" solref="<<T>> 1"/></equality><actuator><position joint="pulley"
+        kp="40" kv="1.5"/></actuator><keyframe><key ctrl="5"/></keyframe>""",
+        {"T": (0.5, 0.01)},
+        lambda motion: slipped(0.02, "pulley", "carriage")(motion) / 0.1,
         0.1,
     ),
     case(
@@ -771,6 +788,9 @@ LOSSES = [
 
 # What rests on something touches it, within a tenth or two of its own size, at the height that its
 # shape says; what nothing holds falls, and what stands firm stands.
+_CRATER = " ".join(
+    f"{min(((x - 7) ** 2 + (y - 7) ** 2) / 60, 1):.4f}" for y in range(15) for x in range(15)
+)
 _ARCH = "".join(
     f"""<body name="stone{k}" pos="{0.5 * np.cos(a):.5f} 0 {0.5 * np.sin(a):.5f}"
     euler="0 {90 - np.degrees(a):.3f} 0"><freejoint/><geom type="mesh" mesh="stone" mass="4"/>
@@ -907,6 +927,20 @@ SUPPORT = [
     ),
     case(
         "support",
+        "a garden roller that stands in its lawn to the axle",
+        f"""<option timestep=".002"/><asset><hfield name="lawn" nrow="15" ncol="15"
+        size="1 1 .02 .6" elevation="{_CRATER}"/></asset><worldbody><geom type="hfield"
+        hfield="lawn"/><body name="roller" pos="0 0 .13"><joint type="slide" axis="0 0 1"/><geom
+        type="capsule" fromto="0 -.1 0 0 .1 0" size=".12" mass="80" solref="<<T>> 1" priority="1"/>
+        </body></worldbody>""",
+        {"T": (1.0, 0.01)},
+        # The lawn's hollow lifts it by millimetres; its own radius is 120.
+        lambda motion: rests_off("roller", 0.123)(motion) / 0.12,
+        0.3,
+        3.0,
+    ),
+    case(
+        "support",
         "an arch of mesh stones that sinks since PGS has one sweep",
         f"""<option timestep=".002" solver="PGS" iterations="<<n>>"/><asset>
         <mesh name="stone" vertex="{_STONE}"/></asset>
@@ -1028,9 +1062,6 @@ OUTCOMES = [
 # Models that do what they say, however it looks. Where no closed form or place of rest is known,
 # the way of an eighth of the step stands for it, to 0.1 or less of the scene's size where one hit
 # does not set the next one off, and to 0.2 where it does.
-_CRATER = " ".join(
-    f"{min(((x - 7) ** 2 + (y - 7) ** 2) / 60, 1):.4f}" for y in range(15) for x in range(15)
-)
 _NUGGET = "".join(
     f"{0.03 * np.cos(a) * np.cos(b):.4f} {0.03 * np.sin(a) * np.cos(b):.4f} {0.02 * np.sin(b):.4f} "
     for b in (-1.1, 0.0, 1.1)
