@@ -93,7 +93,6 @@ def make_setup(trace: Trace, **changes: Any) -> Setup:
         thickness=np.full(len(trace.pairs), np.inf),
         reaches=np.full(len(trace.pairs), np.inf),
         widths=np.zeros(len(trace.pairs)),
-        grounded=np.zeros(len(trace.pairs), np.bool_),
         weights=np.full(len(trace.pairs), np.inf),
         slots=np.array([pair.slots.shape[2] for pair in trace.pairs], dtype=np.int32),
         duration=trace.timestep * trace.steps_asked,

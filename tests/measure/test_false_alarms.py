@@ -103,6 +103,11 @@ BLADE = (
     'mass="30" solref="{solref} 1"/></body></worldbody><keyframe><key qvel="-{speed}"/></keyframe>'
     "<worldbody>"
 )
+PLATE = (
+    '<geom type="box" size=".2 .2 .002" pos="0 0 .5"/><body pos="0 0 .55">'
+    '<joint type="slide" axis="0 0 1"/><geom size=".02" mass=".05" solref="{solref} 1" '
+    'priority="1"/></body></worldbody><keyframe><key qvel="-3"/></keyframe><worldbody>'
+)
 WEIGHTLESS = '<option gravity="0 0 0"/>'
 
 # Healthy, failing, and the label of the failing one.
@@ -157,6 +162,11 @@ LOOKALIKES = {
     "a blade that meets a block with its edge": (
         world(BLADE.format(speed=6, solref=0.0032), option='<option timestep=".0005"/>'),
         world(BLADE.format(speed=400, solref=0.0032), option='<option timestep=".0005"/>'),
+        "tunneling",
+    ),
+    "a plate that a ball dents and leaves": (
+        world(PLATE.format(solref=0.005), option='<option timestep=".0005"/>'),
+        world(PLATE.format(solref=0.05), option='<option timestep=".0005"/>'),
         "tunneling",
     ),
     "a weld that turns a little": (TOOL.format(0.02), TOOL.format(0.2), "constraint_violated"),

@@ -62,7 +62,6 @@ def result(name: str, trace: Trace, bodies: int = 0, **values: object) -> list[f
         thickness=np.full(len(trace.pairs), np.inf),
         reaches=np.full(1, np.inf),
         widths=np.zeros(1),
-        grounded=np.zeros(1, np.bool_),
         weights=np.ones(1),
         slots=np.ones(len(trace.pairs), np.int32),
         duration=trace.timestep * trace.steps,

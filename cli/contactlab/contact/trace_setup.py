@@ -161,7 +161,6 @@ class Setup:
     """(P,) half the smallest extent [m] of each pair's thinnest geom; inf for planes."""
     reaches: Floats  # (P,) greatest extent of each pair's smallest geom [m]; inf for planes
     widths: Floats  # (P,) width of each pair's solimp, over which its impedance rises [m]
-    grounded: NDArray[np.bool_]  # (P,) whether one side of each pair is a plane or a height field
     weights: Floats  # (P,) weight at 9.81 m/s^2 of the lighter of what each pair presses on [N]
     slots: NDArray[np.int32]  # (P,) contact slots recorded for each pair
     duration: Floats  # (n,) requested simulated time [s]

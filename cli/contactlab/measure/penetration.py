@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contactlab.contact.rotations import rotate
-from contactlab.contact.trace_arrays import DISTANCE, FORCE, Floats
+from contactlab.contact.trace_arrays import DISTANCE, FORCE, NORMAL, Floats
 from contactlab.contact.trace_setup import Barrier
 from contactlab.measure.context import (
     Context,
@@ -44,9 +44,9 @@ _LASTING = 0.5  # Share of the last fifth in which a steady pair must touch; sli
 _DRIVEN = 0.75  # Share of it in which a pair under a drive must be deep to count as resting
 _LOADED = 3  # Part of the thinner's half extent that what bears many weights may be deep
 _SOFT = 1.5  # Likewise of what is soft by a solimp as wide as that
-_EDGEWAYS = 1.1  # Half extents that a geom may dip where there is no ground: it may be thin across
+_EDGEWAYS = 1.1  # Half extents that a geom may dip wherever it comes out: it may be thin across
 _BRIEF = 2  # Steps in which it then has to turn back; what pads sink in by lasts
-_DIP = 0.1  # Longest time [s] for which a geom may dip beyond its middle into the ground
+_DIP = 0.1  # Longest time [s] for which a geom may dip beyond its middle
 
 
 @metric("m", "lower", 1e-9, requires="depth", equivalence=True, heading="depth [m]")
@@ -233,17 +233,18 @@ def _pierced(runs: MeasuredRuns) -> Found:
 
 
 def _dips(context: Context, index: int, run: int, deep: slice) -> bool:
-    """Return whether what dips beyond its middle, far only in the ground, comes back as copies."""
+    """Return whether what dips beyond its middle turns back on its own side, as copies do."""
     trace, checks, depth = context.trace, context.checks, contact_depths(context)[index][1][run]
     soon = (deep.stop - deep.start) * trace.timestep[run] <= _DIP
     left = deep.stop < trace.steps and depth[deep.stop] == 0
-    extent, grounded = context.setup.thickness[index], context.setup.grounded[index]
+    extent, ends = context.setup.thickness[index], [deep.start, min(deep.stop, trace.steps - 1)]
+    first, last = trace.pairs[index].slots[run, ends, 0, NORMAL]
     brief = deep.stop - deep.start <= _BRIEF and depth[deep].max() < _EDGEWAYS * extent
-    if not checks or not soon or left or not (grounded or brief):
+    if not checks or not soon or left or not (brief or first @ last > 0):
         return False
     pair = checks.refined[run].pairs[index]
     copied = np.where(pair.touching, -pair.slots[..., DISTANCE], 0).max(initial=0)
-    return bool(copied > (extent if grounded else extent / 2))
+    return bool(copied > (extent / 2 if brief else extent))
 
 
 def _crossed(context: Context) -> Found:

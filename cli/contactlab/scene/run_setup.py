@@ -72,7 +72,6 @@ def make_setup(
         thickness=_thicknesses(base),
         reaches=np.array([_reach(base.model, pair) for pair in base.pairs]),
         widths=np.array([effective_parameters(models[0], pair).solimp[2] for pair in base.pairs]),
-        grounded=np.array([_is_grounded(base.model, pair) for pair in base.pairs], np.bool_),
         weights=np.array([_weight(base.model, pair) for pair in base.pairs]),
         slots=np.array([pair.slots for pair in base.pairs], np.int32),
         duration=np.array([run.duration for run in runs]),
@@ -165,11 +164,6 @@ def _reach(model: mujoco.MjModel, pair: MonitoredPair) -> float:
     """Return the diameter of the sphere about the pair's smallest geom [m]."""
     bounds = np.asarray(model.geom_rbound)[[geom for side in pair.geoms for geom in side]]
     return 2 * float(bounds.min(where=bounds > 0, initial=np.inf))
-
-
-def _is_grounded(model: mujoco.MjModel, pair: MonitoredPair) -> bool:
-    grounds = (int(_GEOM.mjGEOM_PLANE), int(_GEOM.mjGEOM_HFIELD))
-    return any(bool(np.isin(model.geom_type[[*side]], grounds).all()) for side in pair.geoms)
 
 
 def _weight(model: mujoco.MjModel, pair: MonitoredPair) -> float:
