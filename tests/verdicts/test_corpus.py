@@ -15,7 +15,7 @@ from tests.verdicts.held_back_5 import HELD_BACK_5
 ALL = [*CASES, *HELD_BACK, *HELD_BACK_2, *HELD_BACK_3, *HELD_BACK_4, *HELD_BACK_5]
 # A sweep starts its runs about as far from where the model says.
 NUDGES = (0.0, 1e-4)
-# Fine steps take minutes: every eighth case has them, and all with WHOLE_CATALOGUE in the environment.
+# Fine steps take minutes: every eighth case has them, and all where WHOLE_CATALOGUE is set.
 FINE = [*HELD_BACK_4, *HELD_BACK_5][:: 1 if "WHOLE_CATALOGUE" in os.environ else 8]
 
 

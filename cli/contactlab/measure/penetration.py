@@ -235,7 +235,7 @@ def _pierced(runs: MeasuredRuns) -> Found:
 def _dips(context: Context, index: int, run: int, deep: slice) -> bool:
     """Return whether what dips beyond its middle turns back on its own side, as copies do."""
     trace, checks, depth = context.trace, context.checks, contact_depths(context)[index][1][run]
-    soon = (deep.stop - deep.start) * trace.timestep[run] <= _DIP
+    soon = deep.start > 0 and (deep.stop - deep.start) * trace.timestep[run] <= _DIP
     left = deep.stop < trace.steps and depth[deep.stop] == 0
     extent, ends = context.setup.thickness[index], [deep.start, min(deep.stop, trace.steps - 1)]
     first, last = trace.pairs[index].slots[run, ends, 0, NORMAL]
