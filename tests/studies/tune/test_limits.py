@@ -1,6 +1,9 @@
 """What a configuration has to keep: the model's own error, at its peak and at the end."""
 
 from pathlib import Path
+from typing import Any
+
+import pytest
 
 from contactlab.run.sweep_request import SceneLoader
 from contactlab.studies.configuration_runs import ConfigurationRows
@@ -48,3 +51,21 @@ def test_a_model_that_was_never_timed_has_no_time(tmp_path: Path) -> None:
     limits = limits_of(TuneRequest("model.xml"), now)
     trials = Trials(setup, Session(tmp_path), 0.0, limits)
     assert Contender({}, now).reported("now", trials).time is None
+
+
+def test_what_is_written_anew_under_the_same_name_is_timed_anew(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where the first contender fails its proof, the second takes its place in `tuned`."""
+    timed: list[Any] = []
+    monkeypatch.setattr(Trials, "_turns", lambda *asked: timed.append(asked) or [[1.0, 2.0]])
+    now, tuned = tmp_path / "model.xml", tmp_path / "tuned.xml"
+    for damping in (1, 1, 2):
+        for path, value in ((now, 1), (tuned, damping)):
+            path.write_text(
+                f'<mujoco><worldbody><body><joint damping="{value}"/><geom size=".1"/></body>'
+                "</worldbody></mujoco>"
+            )
+        setup, other = (AblationSetup(SceneLoader(None), str(each), (0,)) for each in (now, tuned))
+        assert Trials(setup, Session(tmp_path), 0.0).costs([(other, {})])[0].ratio == 2
+    assert len(timed) == 2

@@ -102,7 +102,7 @@ class Trials:
         them that begin at eight times of each; of those that fail, it is infinite.
         """
         every: list[tuple[AblationSetup, Values]] = [(self.setup, {}), *configurations]
-        what = [[setup.reference, changed] for setup, changed in every], list(seeds), turn
+        what = [[setup.scene.hash, changed] for setup, changed in every], list(seeds), turn
         taken = self.once(what, lambda: self._turns(every, seeds, turn))
         self.pace = median(each[0] for each in taken)
         ratios = zip(*([each / first for each in rest] for first, *rest in taken), strict=True)
