@@ -201,6 +201,16 @@ def rests_off(body: str, level: float) -> Truth:
     return lambda motion: float(abs(motion.body(body)[motion.end, 2] - level).max())
 
 
+def departs(place: Callable[[Motion], np.ndarray], law: Callable[[np.ndarray], object]) -> Truth:
+    """Return what measures how far a motion leaves a law of time."""
+    return lambda motion: float(np.abs(place(motion) - law(motion.time)).max())
+
+
+def ends_off(place: Callable[[Motion], np.ndarray], end: object, size: float) -> Truth:
+    """Return what measures how far from a place a motion ends, relative to a size."""
+    return lambda motion: float(np.abs(place(motion)[motion.end] - end).max() / size)
+
+
 def slipped(ratio: float, driver: str, driven: str) -> Truth:
     """Return what measures how far two geared joints part [m, rad], as driven - ratio driver."""
     return lambda motion: float(

@@ -5,14 +5,12 @@ share of the model's own size, speed, weight or energy. A twin differs from its 
 number, or by the name of an integrator or a flag.
 """
 
-from collections.abc import Callable
-
 import numpy as np
 from tests.verdicts.corpus import (
-    Motion,
     Truth,
     beyond,
     case,
+    departs,
     gained,
     opened,
     restless,
@@ -778,11 +776,6 @@ _BOWL = " ".join(
 )
 
 
-def _departs(place: Callable[[Motion], np.ndarray], law: Callable[[np.ndarray], object]) -> Truth:
-    """Return what measures how far a motion leaves a law of time."""
-    return lambda motion: float(np.abs(place(motion) - law(motion.time)).max())
-
-
 SOUND = [
     case(
         "sound",
@@ -969,7 +962,7 @@ SOUND = [
         <actuator><velocity joint="cam" kv="2"/></actuator>
         <keyframe><key qvel="10 0" ctrl="10"/></keyframe>""",
         {"h": (0.001,)},
-        _departs(
+        departs(
             lambda motion: (motion.joint("valve") + 0.012 * np.sin(motion.joint("cam"))) / 0.024,
             lambda _: 0,
         ),

@@ -7,14 +7,12 @@ number, or by a flag. Twins and models that are sound alone have the same outcom
 the limit, at an eighth of their step.
 """
 
-from collections.abc import Callable
-
 import numpy as np
 from tests.verdicts.corpus import (
-    Motion,
-    Truth,
     beyond,
     case,
+    departs,
+    ends_off,
     gained,
     opened,
     restless,
@@ -24,17 +22,6 @@ from tests.verdicts.corpus import (
     trembles,
     unbalanced,
 )
-
-
-def _departs(place: Callable[[Motion], np.ndarray], law: Callable[[np.ndarray], object]) -> Truth:
-    """Return what measures how far a motion leaves a law of time."""
-    return lambda motion: float(np.abs(place(motion) - law(motion.time)).max())
-
-
-def _ends_off(place: Callable[[Motion], np.ndarray], end: float, size: float) -> Truth:
-    """Return what measures how far from a place a motion ends, relative to a size."""
-    return lambda motion: float(np.abs(place(motion)[motion.end] - end).max() / size)
-
 
 # Servos and speed loops: an amplitude that alternates from step to step is no mechanism's; 0.2 of
 # the speed that the machine moves at can be seen in any log.
@@ -1118,7 +1105,7 @@ SOUND = [
         <position joint="a" kp="20"/><position joint="b" kp="15"/></actuator>
         <keyframe><key ctrl=".5 .5"/></keyframe>""",
         {"h": (0.005,)},
-        _departs(lambda motion: motion.joint("b") / 0.5, lambda time: 1 - np.exp(-time / 10)),
+        departs(lambda motion: motion.joint("b") / 0.5, lambda time: 1 - np.exp(-time / 10)),
         0.1,
         4.0,
     ),
@@ -1147,7 +1134,7 @@ SOUND = [
         <velocity joint="belt" kv="2000"/></actuator>
         <keyframe><key qpos="0 0 0 .62 1 0 0 0" qvel="1.5 0 0 0 0 0 0" ctrl="1.5"/></keyframe>""",
         {"h": (0.002,)},
-        _departs(
+        departs(
             lambda motion: motion.qvel[:, 1] / 1.5,
             lambda time: np.minimum(0.4 * 9.81 * time / 1.5, 1),
         ),
@@ -1164,7 +1151,7 @@ SOUND = [
         <geom type="capsule" fromto="0 0 -.04 0 0 .04" size=".01" mass=".08"/></body></worldbody>
         """,
         {"h": (0.001,)},
-        _ends_off(lambda motion: motion.body("peg")[:, 2], 0.05, 0.05),
+        ends_off(lambda motion: motion.body("peg")[:, 2], 0.05, 0.05),
         0.2,
         1.0,
     ),
@@ -1226,7 +1213,7 @@ SOUND = [
         sidesite="top"/><site site="b"/></spatial></tendon><equality>
         <tendon tendon1="rope" solref=".004 1" solimp=".99 .999 .001"/></equality>""",
         {"h": (0.002,)},
-        _departs(lambda motion: motion.joint("up"), lambda time: 9.81 / 9 / 2 * time**2),
+        departs(lambda motion: motion.joint("up"), lambda time: 9.81 / 9 / 2 * time**2),
         0.05,
         1.0,
     ),
@@ -1285,7 +1272,7 @@ SOUND = [
         <geom type="mesh" mesh="die" mass=".05"/></body></worldbody>
         <keyframe><key qpos="0 0 .06 .99 .09 .04 0" qvel=".3 .1 0 2 4 1"/></keyframe>""",
         {"h": (0.001,)},
-        _ends_off(lambda motion: motion.body("die")[:, 2], 0.02, 0.02),
+        ends_off(lambda motion: motion.body("die")[:, 2], 0.02, 0.02),
         0.1,
     ),
     case(
@@ -1376,7 +1363,7 @@ SOUND = [
         <pair geom1="left" geom2="ice" condim="1"/><pair geom1="right" geom2="ice" condim="1"/>
         </contact><keyframe><key qvel="3 0 0 0 0 0"/></keyframe>""",
         {"h": (0.004,)},
-        _departs(lambda motion: motion.body("sled")[:, 0] / 6, lambda time: time / 2),
+        departs(lambda motion: motion.body("sled")[:, 0] / 6, lambda time: time / 2),
         0.05,
     ),
     case(
@@ -1418,7 +1405,7 @@ SOUND = [
         axis="0 1 0" stiffness="50"/><geom type="sphere" size=".05" mass="2"/></body></worldbody>
         <keyframe><key qpos=".3 0" qvel="0 .8"/></keyframe>""",
         {"h": (0.005,)},
-        _departs(lambda motion: motion.joint("x") / 0.3, lambda time: np.cos(5 * time)),
+        departs(lambda motion: motion.joint("x") / 0.3, lambda time: np.cos(5 * time)),
         0.02,
         4.0,
     ),
@@ -1444,7 +1431,7 @@ SOUND = [
         axis="0 0 1" stiffness="1e-6" armature="1e-9"/><geom type="cylinder" size=".003 .0005"
         mass="1e-5"/></body></worldbody><keyframe><key qpos="3"/></keyframe>""",
         {"h": (0.0005,)},
-        _departs(
+        departs(
             lambda motion: motion.joint("balance") / 3,
             lambda t: np.cos(30.934 * t),
         ),
@@ -1503,7 +1490,7 @@ SOUND = [
         <freejoint/><geom type="cylinder" size=".15 .4" euler="90 0 0" mass="25" friction=".9"/>
         </body></worldbody>""",
         {"h": (0.002,)},
-        _departs(lambda motion: motion.body("log")[:, 0], lambda t: 1.703 / 3 * t**2),
+        departs(lambda motion: motion.body("log")[:, 0], lambda t: 1.703 / 3 * t**2),
         0.1,
     ),
     case(
@@ -1579,7 +1566,7 @@ SOUND = [
         <velocity joint="hand" kv="5"/></actuator>
         <keyframe><key ctrl="1.4544e-4"/></keyframe>""",
         {"h": (0.005,)},
-        _departs(lambda motion: motion.joint("hand"), lambda time: 1.4544e-4 * time),
+        departs(lambda motion: motion.joint("hand"), lambda time: 1.4544e-4 * time),
         5e-5,
         4.0,
     ),
@@ -1703,7 +1690,7 @@ SOUND = [
         <geom type="box" size="2 .8 .4" mass="1200"/></body></worldbody>
         <keyframe><key qvel="-.6"/></keyframe>""",
         {"h": (0.002,)},
-        _departs(
+        departs(
             lambda motion: motion.joint("bounce") / 0.08,
             lambda t: -0.6 / 7.03957 * np.exp(-t / 1.5) * np.sin(7.03957 * t) / 0.08,
         ),

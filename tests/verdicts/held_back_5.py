@@ -6,14 +6,13 @@ its failing model by one number. Twins, and the models that are sound alone, hav
 within half of the limit, at an eighth of their step.
 """
 
-from collections.abc import Callable
-
 import numpy as np
 from tests.verdicts.corpus import (
-    Motion,
     Truth,
     beyond,
     case,
+    departs,
+    ends_off,
     gained,
     opened,
     restless,
@@ -23,16 +22,6 @@ from tests.verdicts.corpus import (
     trembles,
     unbalanced,
 )
-
-
-def _departs(place: Callable[[Motion], np.ndarray], law: Callable[[np.ndarray], object]) -> Truth:
-    """Return what measures how far a motion leaves a law of time."""
-    return lambda motion: float(np.abs(place(motion) - law(motion.time)).max())
-
-
-def _ends_off(place: Callable[[Motion], np.ndarray], end: object, size: float) -> Truth:
-    """Return what measures how far from a place a motion ends, relative to a size."""
-    return lambda motion: float(np.abs(place(motion)[motion.end] - end).max() / size)
 
 
 def _past(body: str, level: float, size: float, axis: int = 2) -> Truth:
@@ -1099,7 +1088,7 @@ SOUND = [
         axis="0 0 1" damping="9e5"/><geom type="box" size="2 .1 1" mass="4000"/></body></worldbody>
         <actuator><motor joint="gate"/></actuator><keyframe><key ctrl="42000"/></keyframe>""",
         {"h": (0.005,)},
-        _departs(lambda motion: motion.joint("gate"), lambda time: 2760 / 9e5 * time),
+        departs(lambda motion: motion.joint("gate"), lambda time: 2760 / 9e5 * time),
         2e-4,
         3.0,
     ),
@@ -1170,7 +1159,7 @@ SOUND = [
         size=".3 .3 .1" mass="12" friction=".5"/></body></worldbody>
         <keyframe><key qvel="4 0 0 0 0 0"/></keyframe>""",
         {"h": (0.002,)},
-        _ends_off(lambda motion: motion.body("crate")[:, 0], 16 / 2 / 0.5 / 9.81, 1.63),
+        ends_off(lambda motion: motion.body("crate")[:, 0], 16 / 2 / 0.5 / 9.81, 1.63),
         0.1,
     ),
     case(
@@ -1459,7 +1448,7 @@ SOUND = [
         mass=".3"/></body></worldbody><actuator><position joint="wrist" kp="200" kv="40"/>
         </actuator><keyframe><key ctrl=".5"/></keyframe>""",
         {"h": (0.004,)},
-        _departs(lambda motion: motion.joint("wrist") / 0.5, lambda t: 1 - np.exp(-5 * t)),
+        departs(lambda motion: motion.joint("wrist") / 0.5, lambda t: 1 - np.exp(-5 * t)),
         0.1,
     ),
     case(
@@ -1518,7 +1507,7 @@ SOUND = [
         size="1 1 .1" pos="0 0 2" mass="200"/></body><body name="parcel" pos="0 0 40.8">
         <freejoint/><geom type="box" size=".2 .2 .2" mass="4"/></body></worldbody>""",
         {"h": (0.002,)},
-        _departs(lambda motion: motion.body("parcel")[:, 2], lambda t: 40.8 - 9.81 / 2 * t**2),
+        departs(lambda motion: motion.body("parcel")[:, 2], lambda t: 40.8 - 9.81 / 2 * t**2),
         0.1,
     ),
     case(
@@ -1534,7 +1523,7 @@ SOUND = [
         + """<body name="ball" pos="0 0 2"><freejoint/><geom type="sphere" size=".1" mass=".4"/>
         </body></worldbody><keyframe><key qvel="15 0 .981 0 0 0"/></keyframe>""",
         {"h": (0.005,)},
-        _departs(lambda motion: motion.body("ball")[:, 0] / 15, lambda t: t),
+        departs(lambda motion: motion.body("ball")[:, 0] / 15, lambda t: t),
         0.02,
         0.4,
     ),
