@@ -26,7 +26,8 @@ from contactlab.commands.sweep_command import sweep
 from contactlab.commands.terminal import echo, say
 from contactlab.commands.tradeoff_command import tradeoff
 from contactlab.commands.tune_command import tune
-from contactlab.errors import ContactlabError, OutputError
+from contactlab.errors import ContactlabError, OutputError, in_one_line
+from contactlab.plugins import extensions
 from contactlab.printable import printable
 
 app = typer.Typer(
@@ -43,6 +44,11 @@ for command in (*_RUN, *_READ, *_LIST):
     app.command()(command)
 app.add_typer(baselines, name="baseline")
 app.add_typer(engines, name="engines")
+for name, installed in extensions("command").items():
+    try:
+        app.command(name)(installed.load())
+    except Exception as error:  # noqa: BLE001 - an installed package may raise anything
+        say(f"warning: there is no command {name}: {in_one_line(error, __file__)}")
 
 
 def _print_version(wanted: bool) -> None:
