@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from contactlab.run.sweep_request import SweepRequest
     from contactlab.run.tasks import Finished
     from contactlab.schema.evidence import StoreManifest
-    from contactlab.store.object_client import ObjectClient
     from contactlab.store.store_files import ObjectAddress
+    from contactlab_objects.client import ObjectClient
 
 # A busy machine is no defect of the code under test. HYPOTHESIS_PROFILE=thorough, as in CI's run
 # with the lowest versions, looks at twice as many examples.
@@ -216,7 +216,7 @@ def connect() -> "Callable[[ObjectAddress], ObjectClient]":
     """Return a function that makes a client of an address in object storage."""
     pytest.importorskip("obstore", reason="obstore is an extra")
     from contactlab.errors import OutputError  # noqa: PLC0415 - an extra
-    from contactlab.store.object_client import ObjectClient  # noqa: PLC0415 - an extra
+    from contactlab_objects.client import ObjectClient  # noqa: PLC0415 - an extra
 
     return lambda address: ObjectClient(address, OutputError)
 

@@ -15,13 +15,13 @@ from contactlab.errors import OutputError
 from contactlab.run.sweep_runner import run_sweep
 from contactlab.run.tasks import Job, Result, Stop, Task
 from contactlab.run.worker import Worker
-from contactlab.store import store_lease
 from contactlab.store.store_files import Address, ObjectAddress, parse_address
-from contactlab.store.store_lease import LockHolder
 from contactlab.store.verify_store import verify
+from contactlab_objects import lease
+from contactlab_objects.lease import LockHolder
 
 if TYPE_CHECKING:
-    from contactlab.store.object_client import ObjectClient
+    from contactlab_objects.client import ObjectClient
 
 Until = Callable[[Callable[[], bool]], None]
 
@@ -223,7 +223,7 @@ def test_resumed_on_another_machine(
         run_sweep(ask, lambda *_: None, die)
     theirs = LockHolder.this().model_copy(update={"machine": "another"})
     client.put(".lock", theirs.encoded())
-    monkeypatch.setattr(store_lease, "LEASE", 0.5)
+    monkeypatch.setattr(lease, "LEASE", 0.5)
     began: list[tuple[int, int]] = []
     start = time.monotonic()
     run_sweep(ask, lambda total, done: began.append((total, done)), lambda _: None)

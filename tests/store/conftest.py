@@ -37,7 +37,7 @@ from contactlab.store.table_layout import (
 )
 
 if TYPE_CHECKING:
-    from contactlab.store.object_client import ObjectClient
+    from contactlab_objects.client import ObjectClient
 
 STEPS = 4
 SCENE = "<mujoco/>"

@@ -11,10 +11,10 @@ import pytest
 
 from contactlab.errors import OutputError
 from contactlab.store.store_files import LOCK, ObjectAddress, parse_address
-from contactlab.store.store_lease import LockHolder, StoreLease, hold_lease
+from contactlab_objects.lease import LockHolder, StoreLease, hold_lease
 
 if TYPE_CHECKING:
-    from contactlab.store.object_client import ObjectClient
+    from contactlab_objects.client import ObjectClient
 
 Connect = Callable[[ObjectAddress], "ObjectClient"]
 

@@ -178,14 +178,15 @@ def _isolated_contactlab() -> Path:
 
     Another environment must not see what is installed here beside it, least of all MuJoCo.
     """
-    package = Path(resources.__file__).resolve().parent
+    packages = Path(resources.__file__).resolve().parent.parent
     own = distribution("contactlab")
     metadata = Path(str(own.locate_file(f"contactlab-{own.version}.dist-info"))).resolve()
-    name = f"contactlab-{own.version}-{resources.short_hash([str(package), str(metadata)])}"
+    name = f"contactlab-{own.version}-{resources.short_hash([str(packages), str(metadata)])}"
     folder = resources.user_cache() / name
     folder.mkdir(parents=True, exist_ok=True)
-    for target, name in ((package, "contactlab"), (metadata, metadata.name)):
+    named = {packages / entry.module.partition(".")[0] for entry in own.entry_points}
+    for target in (metadata, *named):
         # Another process may make it, too.
         with suppress(FileExistsError):
-            (folder / name).symlink_to(target, target_is_directory=True)
+            (folder / target.name).symlink_to(target, target_is_directory=True)
     return folder

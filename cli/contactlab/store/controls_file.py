@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import RecordedControls
 from contactlab.errors import SceneError, StoreError
-from contactlab.store.folder_backend import Backend
+from contactlab.store.backend import Backend
 from contactlab.store.store_files import CONTROLS
 
 Columns = dict[str, NDArray[np.float64]]

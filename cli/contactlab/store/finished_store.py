@@ -17,8 +17,9 @@ from contactlab.errors import StoreError, did_you_mean, optional
 from contactlab.schema.drive import PolicyDrive
 from contactlab.schema.evidence import EvidenceRecord, StoreManifest, TraceFile
 from contactlab.store.atomic_files import sha256_of
+from contactlab.store.backend import Backend
 from contactlab.store.controls_file import read_controls
-from contactlab.store.folder_backend import Backend, backend_at
+from contactlab.store.folder_backend import backend_at
 from contactlab.store.mcap.trace_reader import StoredTrace, read_trace
 from contactlab.store.run_columns import RunColumns
 from contactlab.store.runs_table import (

@@ -1,13 +1,13 @@
-"""What a store needs of the place it lies in, and such a place: a local folder."""
+"""A store in a local folder."""
 
 import fcntl
 import shutil
 from collections.abc import Collection, Generator, Iterable, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeAlias
 
 from contactlab.errors import ContactlabError, OutputError, optional
+from contactlab.plugins import extensions
 from contactlab.schema.evidence import StoreManifest, SweepIdentity
 from contactlab.store.atomic_files import (
     TEMPORARY_SUFFIX,
@@ -18,6 +18,7 @@ from contactlab.store.atomic_files import (
     target_name,
     write_errors,
 )
+from contactlab.store.backend import Backend
 from contactlab.store.store_files import (
     CONTROLS,
     IDENTITY,
@@ -37,18 +38,12 @@ from contactlab.store.store_files import (
     stored_size,
 )
 
-if TYPE_CHECKING:
-    from contactlab.store.object_backend import ObjectBackend, ObjectSession
-
 _FILES = (MANIFEST, IDENTITY, TABLE, JOURNAL, NOTES)
 _OWN = {SCENES, TRACES, CONTROLS, LOCK, *_FILES}
 
 
 class FolderBackend:
-    """A store in a local folder. File names are relative to it, with slashes.
-
-    Methods raise the class of error that `backend_at` was given, or OutputError on writing.
-    """
+    """See `Backend`."""
 
     def __init__(self, folder: Path, error: type[ContactlabError]) -> None:
         self.address = folder
@@ -142,10 +137,7 @@ class FolderBackend:
 
 
 class FolderSession:
-    """A store that is locked for writing.
-
-    Journal, notes, table and scene are made in a local folder, here the store itself.
-    """
+    """See `WriteSession`; the local folder is the store itself."""
 
     def __init__(self, backend: FolderBackend) -> None:
         self.folder = backend.address
@@ -216,10 +208,6 @@ class FolderSession:
                 leftover.unlink()
 
 
-Backend: TypeAlias = "FolderBackend | ObjectBackend"
-WriteSession: TypeAlias = "FolderSession | ObjectSession"
-
-
 def backend_at(address: Address, error: type[ContactlabError]) -> Backend:
     """Return the backend of a store; make it in the process that uses it.
 
@@ -228,5 +216,4 @@ def backend_at(address: Address, error: type[ContactlabError]) -> Backend:
     if isinstance(address, Path):
         return FolderBackend(address, error)
     with optional("objects", f"a store at {address.scheme}://"):
-        from contactlab.store.object_backend import ObjectBackend  # noqa: PLC0415 - an extra
-    return ObjectBackend(address, error)
+        return extensions("store")[address.scheme].load()(address, error)

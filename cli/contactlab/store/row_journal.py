@@ -21,8 +21,8 @@ from pydantic_core import from_json
 from contactlab.errors import StoreError
 from contactlab.schema.evidence import RECORD_VERSION, EvidenceRecord, Status, SweepIdentity
 from contactlab.store.atomic_files import atomic_write
+from contactlab.store.backend import Backend
 from contactlab.store.controls_file import has_controls
-from contactlab.store.folder_backend import Backend
 from contactlab.store.mcap.trace_reader import trace_problems
 from contactlab.store.store_files import JOURNAL, NOTES
 from contactlab.store.table_layout import FIXED_COLUMNS, row_to_record

@@ -17,10 +17,10 @@ from pydantic import BaseModel, ValidationError
 from pydantic_core import from_json
 
 from contactlab.errors import OutputError, StoreError
+from contactlab.plugins import extensions
 from contactlab.schema.evidence import STORE_VERSION, StoreManifest, SweepIdentity
 from contactlab.schema.strict_model import is_inner_name
 
-SCHEMES = ("s3", "gs", "az")
 # NAME:SECRET@HOST, and the parameters of signed addresses.
 _CREDENTIALS = re.compile(r"^[^/]*@|\?.*(key|secret|token|sig)", re.IGNORECASE | re.DOTALL)
 _URL = re.compile(r"(?P<scheme>[a-z][a-z0-9+.-]*)://(?P<rest>.*)", re.DOTALL)
@@ -30,7 +30,7 @@ _URL = re.compile(r"(?P<scheme>[a-z][a-z0-9+.-]*)://(?P<rest>.*)", re.DOTALL)
 class ObjectAddress:
     """A store in object storage, or an object in it."""
 
-    scheme: str  # s3, gs or az
+    scheme: str  # such as s3, gs or az
     bucket: str  # the bucket; for az, the container
     prefix: str  # key prefix in the bucket, without leading or trailing slashes; not empty
 
@@ -65,8 +65,8 @@ def parse_address(text: str | Address) -> Address:
             f"the {url['scheme']}:// address holds credentials; write it without them, and set the "
             "environment variables of the provider (see docs/stores.md)"
         )
-    if url["scheme"] not in SCHEMES:
-        known = ", ".join(f"{scheme}://" for scheme in SCHEMES)
+    if url["scheme"] not in (schemes := extensions("store")):
+        known = ", ".join(f"{scheme}://" for scheme in schemes)
         raise OutputError(f"{text}: a store is a folder or an address with {known}")
     bucket, *parts = url["rest"].rstrip("/").split("/")
     if not bucket or not parts or not all(part not in {"", ".", ".."} for part in parts):

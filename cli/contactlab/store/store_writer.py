@@ -14,7 +14,8 @@ from typing import Any, Protocol
 from contactlab.errors import OutputError, StoreError
 from contactlab.schema.evidence import Provenance, StoreManifest, SweepIdentity
 from contactlab.store.atomic_files import hashes_below, sha256_of, write_error, write_errors
-from contactlab.store.folder_backend import Backend, WriteSession, backend_at
+from contactlab.store.backend import Backend, WriteSession
+from contactlab.store.folder_backend import backend_at
 from contactlab.store.row_journal import (
     FAILED_STATUSES,
     IsPlanned,

@@ -23,7 +23,7 @@ from contactlab.store.store_files import LOCK
 if TYPE_CHECKING:
     from obstore import UpdateVersion
 
-    from contactlab.store.object_client import ObjectClient, StoredObject
+    from contactlab_objects.client import ObjectClient, StoredObject
 
 LEASE = 30.0  # how long the lock of another machine must be unchanged before it is taken over [s]
 _RENEWALS = 6  # how often a lock is renewed in that time

@@ -19,7 +19,6 @@ from tempfile import TemporaryDirectory, mkdtemp
 from contactlab.errors import OutputError, StoreError
 from contactlab.schema.evidence import StoreManifest, SweepIdentity
 from contactlab.schema.strict_model import is_inner_name
-from contactlab.store.object_client import ObjectClient
 from contactlab.store.store_files import (
     CONTROLS,
     IDENTITY,
@@ -35,7 +34,8 @@ from contactlab.store.store_files import (
     document_json,
     parse_manifest,
 )
-from contactlab.store.store_lease import StoreLease, hold_lease
+from contactlab_objects.client import ObjectClient
+from contactlab_objects.lease import StoreLease, hold_lease
 
 _BATCHES = {JOURNAL: "journal", NOTES: "notes"}
 """The folder of batches for each local file of lines."""
@@ -48,7 +48,7 @@ _fetched: dict[tuple[ObjectAddress, bytes | str], Path] = {}
 
 
 class ObjectBackend(ObjectClient):
-    """See `FolderBackend`."""
+    """See `contactlab.store.backend.Backend`."""
 
     def read(self, name: str) -> bytes | None:
         """Return the content of an object; None if there is none."""
@@ -135,7 +135,7 @@ def _take_first(coming: deque[tuple[Path, Future[bool]]]) -> Iterator[Path | Non
 
 
 class ObjectSession:
-    """See `FolderSession`; the local folder is a temporary one."""
+    """See `WriteSession`; the local folder is a temporary one."""
 
     def __init__(self, objects: ObjectBackend, lease: StoreLease, folder: Path) -> None:
         self.folder = folder

@@ -1,0 +1,118 @@
+"""What a store needs of the place it lies in."""
+
+from collections.abc import Collection, Generator, Iterable, Sequence
+from contextlib import AbstractContextManager
+from pathlib import Path
+from typing import Protocol
+
+from contactlab.schema.evidence import StoreManifest, SweepIdentity
+from contactlab.store.store_files import Address
+
+
+class WriteSession(Protocol):
+    """A store that is locked for writing.
+
+    Journal, notes, table and scene are made in a local folder.
+    """
+
+    @property
+    def folder(self) -> Path:
+        """The local folder."""
+        ...
+
+    def clear(self) -> None:
+        """Remove the whole store, the manifest first and the identity last."""
+
+    def begin(self, identity: SweepIdentity) -> None:
+        """Make a new store of the local folder's scene and the identity, which comes last."""
+
+    def fetch_journal(self) -> None:
+        """Have the rows and notes of an unfinished store in the local folder."""
+
+    def replace_journal(self) -> None:
+        """Make the local journal the store's, without the rows that it lacks."""
+
+    def add_lines(self, name: str, lines: Sequence[bytes]) -> None:
+        """Store lines that were appended to a local file, in the background."""
+
+    def flush(self) -> None:
+        """Wait until all lines are stored."""
+
+    def table(self) -> Path:
+        """Return a local file with the table of a finished store."""
+        ...
+
+    def publish(self, manifest: StoreManifest) -> StoreManifest:
+        """Store the table and, last, the manifest; return the manifest that the store now has."""
+        ...
+
+    def unpublish(self) -> None:
+        """Make a finished store an unfinished one with the rows of the local journal."""
+
+    def remove_journal(self) -> None:
+        """Remove the rows and notes of a finished store."""
+
+    def remove_temporaries(self) -> None:
+        """Remove temporary files that stopped processes have left."""
+
+
+class Backend(Protocol):
+    """Where a store lies. File names are relative to it, with slashes.
+
+    Methods raise the class of error that `backend_at` was given, or OutputError on writing.
+    """
+
+    @property
+    def address(self) -> Address:
+        """Where it is."""
+        ...
+
+    def top_names(self) -> set[str]:
+        """Return the names of the files and folders at the top."""
+        ...
+
+    def read(self, name: str) -> bytes | None:
+        """Return the content of a file; None if there is none."""
+        ...
+
+    def put(self, name: str, data: bytes) -> None:
+        """Create or replace a file as a whole."""
+
+    def delete(self, names: Iterable[str]) -> None:
+        """Delete files; missing ones are no error."""
+
+    def local_copy(self, manifest: bytes, names: Collection[str]) -> Path:
+        """Return a local folder with a manifest and its files; it exists until the process ends."""
+        ...
+
+    def local_folder(self, name: str) -> Path:
+        """Return a local folder with all files of one of the store's folders, likewise."""
+        ...
+
+    def trace_size(self, name: str) -> int | None:
+        """Return the size of a trace [bytes]; None if there is none."""
+        ...
+
+    def holds_trace(self, name: str, size: int, sha256: str) -> bool:
+        """Return whether there is a trace of this size and content."""
+        ...
+
+    def trace_names(self) -> list[str]:
+        """Return the names of all traces, sorted."""
+        ...
+
+    def local_files(self, names: Iterable[str]) -> Generator[Path | None]:
+        """Yield a local file for each trace, valid until the next one; None if it is missing."""
+        ...
+
+    def leftovers(self) -> list[str]:
+        """Return the names of what an interrupted write left, sorted."""
+        ...
+
+    def foreign_names(self) -> list[str]:
+        """Return the names of what does not belong to a store, sorted."""
+        ...
+
+    def write_session(self) -> AbstractContextManager[WriteSession]:
+        """Lock the store, until the process ends at the latest."""
+        ...
