@@ -16,7 +16,7 @@ def scenes(
     name: str | None = typer.Argument(
         None, metavar="[SCENE]", help="Scene, scene folder or model file."
     ),
-    output: opt.Format = opt.FORMAT,
+    output: opt.TableFormat = opt.FORMAT,
 ) -> None:
     """List the shipped scenes, or every axis that one scene offers."""
     if name is not None:
@@ -33,7 +33,7 @@ def scenes(
     print_rows(output, ("scene", "title", duration), rows)
 
 
-def _list_axes(name: str, output: opt.Format) -> None:
+def _list_axes(name: str, output: opt.TableFormat) -> None:
     from contactlab.run.sweep_request import SceneLoader
 
     scene = SceneLoader(None).open(name)
@@ -44,7 +44,7 @@ def _list_axes(name: str, output: opt.Format) -> None:
     print_rows(output, ("axis", "unit", "description", "values"), rows)
 
 
-def sweeps(output: opt.Format = opt.FORMAT) -> None:
+def sweeps(output: opt.TableFormat = opt.FORMAT) -> None:
     """List the shipped sweeps."""
     from contactlab import resources
 
@@ -64,7 +64,7 @@ def sweep_row(path: Path) -> tuple[str, str, int, str]:
     return path.stem, read.sweep.scene, read.plan.count, read.sweep.description or ""
 
 
-def metrics(plugin: list[Path] | None = opt.PLUGIN, output: opt.Format = opt.FORMAT) -> None:
+def metrics(plugin: list[Path] | None = opt.PLUGIN, output: opt.TableFormat = opt.FORMAT) -> None:
     """List every metric: unit, direction, version and definition."""
     from contactlab.measure import METRICS
 
@@ -76,7 +76,7 @@ def metrics(plugin: list[Path] | None = opt.PLUGIN, output: opt.Format = opt.FOR
     print_rows(output, ("metric", "unit", "better", "version", "definition"), rows)
 
 
-def labels(plugin: list[Path] | None = opt.PLUGIN, output: opt.Format = opt.FORMAT) -> None:
+def labels(plugin: list[Path] | None = opt.PLUGIN, output: opt.TableFormat = opt.FORMAT) -> None:
     """List every label, worst first: its meaning and the thresholds that it depends on."""
     from contactlab.measure import LABELS
 
@@ -88,7 +88,9 @@ def labels(plugin: list[Path] | None = opt.PLUGIN, output: opt.Format = opt.FORM
     print_rows(output, ("label", "meaning", "thresholds"), rows)
 
 
-def thresholds(plugin: list[Path] | None = opt.PLUGIN, output: opt.Format = opt.FORMAT) -> None:
+def thresholds(
+    plugin: list[Path] | None = opt.PLUGIN, output: opt.TableFormat = opt.FORMAT
+) -> None:
     """List every threshold that a scene or a sweep may set: its default, unit and source."""
     from contactlab.measure import THRESHOLDS
 
@@ -156,7 +158,7 @@ engines = typer.Typer(help="Engines that can simulate.", invoke_without_command=
 
 
 @engines.callback()
-def list_engines(context: typer.Context, output: opt.Format = opt.FORMAT) -> None:
+def list_engines(context: typer.Context, output: opt.TableFormat = opt.FORMAT) -> None:
     """List the engines: what each is, and the version that is installed."""
     if context.invoked_subcommand is not None:
         return

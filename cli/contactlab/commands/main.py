@@ -33,15 +33,45 @@ from contactlab.printable import printable
 app = typer.Typer(
     name="contactlab",
     no_args_is_help=True,
-    add_completion=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
 _RUN = (sweep, stability, effects, check, tradeoff, tune, fit)
 _READ = (show, replay, render, verify, compare, report)
 _LIST = (scenes, sweeps, metrics, labels, thresholds, init, schema)
-for command in (*_RUN, *_READ, *_LIST):
-    app.command()(command)
+_EXAMPLES = {
+    "sweep": ("sweep grasp", "sweep grid.yaml --set timestep=1e-3 --workers 4"),
+    "stability": ("stability", "stability robot.xml --duration 5"),
+    "effects": ("effects grasp_mug",),
+    "check": ("check robot.xml", "check menagerie:franka_emika_panda --format junit"),
+    "tradeoff": ("tradeoff results/bounce --tolerance oracle_error=1%",),
+    "tune": ("tune robot.xml",),
+    "fit": ("fit cube_toss",),
+    "show": (
+        "show results/grasp",
+        "show results/grasp 3ead3115",
+        "show results/grasp --format csv",
+    ),
+    "replay": ("replay results/grasp 3ead3115", "replay results/grasp 3ead3115 --view"),
+    "render": ("render results/grasp 3ead3115 -o run.mcap",),
+    "verify": ("verify results/grasp --simulate 20",),
+    "compare": ("compare results/before results/after",),
+    "report": ("report results/grasp", "report results/grasp --figures paper --format pdf"),
+    "scenes": ("scenes", "scenes grasp_mug"),
+    "init": ("init robot.xml -o robot.yaml",),
+    "schema": ("schema --write schemas",),
+}
+_EXIT_CODES = {
+    _RUN: "0 as expected, 1 not, 2 bad input, 3 bad store, 4 runs lost, 130 interrupted",
+    _READ: "0 sound or equal, 1 it differs, 2 bad input, 3 bad or damaged store",
+    _LIST: "0 printed, 2 bad input",
+}
+for commands, codes in _EXIT_CODES.items():
+    for command in commands:
+        examples = _EXAMPLES.get(command.__name__, (command.__name__,))
+        lines = "\n".join(f"  contactlab {each}" for each in examples)
+        app.command(epilog=f"\b\nExamples:\n{lines}\n\nExit codes: {codes}.")(command)
 app.add_typer(baselines, name="baseline")
 app.add_typer(engines, name="engines")
 for name, installed in extensions("command").items():

@@ -21,6 +21,7 @@ else:
     Address = str
 
 Format = Literal["text", "json"]
+TableFormat = Literal["text", "json", "csv"]
 
 
 def store_at(text: str) -> "Address":

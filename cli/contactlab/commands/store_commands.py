@@ -11,18 +11,18 @@ from typing import TYPE_CHECKING
 import typer
 
 from contactlab.commands import options as opt
-from contactlab.commands.terminal import echo, print_json, print_table, say
+from contactlab.commands.terminal import echo, print_csv, print_json, print_table, say, tell
 from contactlab.errors import ExpectationError, StoreError
 from contactlab.printable import in_one_line
 
 if TYPE_CHECKING:
+    from contactlab.reporting.report_columns import GridAxis, RunLabels
     from contactlab.run.stored_runs import ReplayResult
     from contactlab.schema.evidence import EvidenceRecord
     from contactlab.store.finished_store import Store
     from contactlab.store.run_columns import RunColumns
 
-_MOST_ROWS = 60
-_MOST_VALUES = 12
+_MOST_ROWS = 12
 _ID_DIGITS = 8
 
 
@@ -31,7 +31,7 @@ def show(
     run: str | None = typer.Argument(
         None, help="Run id, or its first digits; the whole store by default."
     ),
-    output: opt.Format = opt.FORMAT,
+    output: opt.TableFormat = opt.FORMAT,
 ) -> None:
     """Show the record of a run, or the summary of a store."""
     from contactlab.store.finished_store import Store
@@ -49,6 +49,11 @@ def show(
             say(f"warning: {error}")
     if output == "json":
         print_json(record.model_dump(mode="json"))
+    elif output == "csv":
+        print_csv(
+            ("metric", "value", "unit"),
+            [(n, v, record.units.get(n)) for n, v in record.metrics.items()],
+        )
     else:
         _print_record(store, record)
 
@@ -103,26 +108,39 @@ def _identity_lines(store: opt.Address, record: "EvidenceRecord") -> Iterator[st
     yield f"  replay     contactlab replay {store} {record.run_id}"
 
 
-def print_summary(store: "Store", output: opt.Format) -> None:
-    """Print the summary of a store: its runs if they are few, and the number of runs by label."""
+def print_summary(store: "Store", output: opt.TableFormat) -> None:
+    """Print the summary of a store: what it found, whether that is as expected, where runs fail."""
     path, manifest = store.address, store.manifest
     if output == "json":
         print_json({"store": str(path), **manifest.model_dump(mode="json", exclude={"sweep"})})
         return
     columns = store.columns
+    if output == "csv":
+        names = ["run_id", *columns.axis_names, "seed", "label", "expectation_met"]
+        values = columns.to_pydict([*dict.fromkeys(names), *columns.measured])
+        print_csv([*values], zip(*values.values(), strict=True))
+        return
+    from contactlab.reporting.finding import finding, headline
+    from contactlab.reporting.map_cells import by_importance
+    from contactlab.reporting.report_columns import read_axes, read_run_labels
+
+    axes, labels = read_axes(store), read_run_labels(store)
+    tell(f"{manifest.sweep.name}: {headline(labels)}")
+    if axes:
+        tell(finding(axes, labels))
+    met, unmet = (manifest.expectations.get(name, 0) for name in ("met", "unmet"))
+    rest = f"; {manifest.runs - met - unmet:,} have no expectation"
+    as_expected = f"{met:,} of {met + unmet:,} runs are as expected"
+    as_expected += rest if met + unmet < manifest.runs else ""
+    tell(as_expected if met + unmet else "no expectations defined")
+    _print_missing_effects(columns)
     if manifest.runs <= _MOST_ROWS:
         _print_runs(columns.axis_names, store.table.to_pylist())
-    else:
-        _print_values(columns)
-    print_table(("label", "runs"), Counter(manifest.labels).most_common())
-    met, unmet = (manifest.expectations.get(name, 0) for name in ("met", "unmet"))
-    as_expected = f"{met:,} of {met + unmet:,} runs are as expected"
-    echo(as_expected if met + unmet else "no expectations defined")
-    _print_missing_effects(columns)
+    elif axes:
+        _print_values(by_importance(axes, labels), labels)
     echo(f"{manifest.runs:,} runs, {manifest.traces:,} traces in {path}")
-    labels = columns.to_pydict(["label"])["label"]
-    flagged = next((row for row, label in enumerate(labels) if label != "stable"), 0)
-    echo(f"look closer: contactlab show {path} {str(columns.run_ids[flagged])[:_ID_DIGITS]}")
+    look = str(columns.run_ids[int(labels.codes.argmin())])[:_ID_DIGITS]
+    echo(f"look closer: contactlab show {path} {look}")
 
 
 def _print_missing_effects(columns: "RunColumns") -> None:
@@ -140,29 +158,34 @@ def _print_runs(axes: Sequence[str], rows: Sequence[Mapping[str, object]]) -> No
     headed = [(each.name, each.heading) for each in METRICS.values() if each.heading]
     shown = [name for name, _ in headed if any(row.get(name) for row in rows)]
     headings = [heading for name, heading in headed if name in shown]
-    columns = [*axes, "label", *shown, "expectation_met"]
-    cells = [[*(row[name] for name in columns), str(row["run_id"])[:_ID_DIGITS]] for row in rows]
-    print_table([*axes, "label", *headings, "as expected", "run"], cells)
+    columns = ["label", "expectation_met", *axes, *shown]
+    cells = [[str(row["run_id"])[:_ID_DIGITS], *(row[name] for name in columns)] for row in rows]
+    header = ["run", "label", "as expected", *axes, *headings]
+    print_table(header, cells, droppable=len(headings))
 
 
-def _print_values(columns: "RunColumns") -> None:
-    """Print for each value of each axis how many runs are stable, and the others' labels."""
+def _print_values(axes: "Sequence[GridAxis]", labels: "RunLabels") -> None:
+    """Print for values of axes, those that decide most first, how many runs have which label."""
     rows: list[tuple[object, ...]] = []
-    for axis in columns.axis_names:
-        runs = columns.arrow([axis, "label"]).group_by([axis, "label"], use_threads=False)
-        counts: dict[object, Counter[str]] = {}
-        for each in runs.aggregate([([], "count_all")]).to_pylist():
-            counts.setdefault(each[axis], Counter())[each["label"]] = each["count_all"]
-        if len(counts) <= _MOST_VALUES:
-            rows += [_value_row(axis, value, labels) for value, labels in counts.items()]
+    for axis in axes:
+        if len(rows) + len(axis.ticks) <= _MOST_ROWS:
+            for code, tick in enumerate(axis.ticks):
+                here = Counter(
+                    {
+                        labels.names[n]: k
+                        for n, k in Counter(labels.codes[axis.codes == code].tolist()).items()
+                    }
+                )
+                rows.append(_value_row(axis.title, tick, here))
     print_table(("axis", "value", "runs", "stable", "other labels"), rows)
+    if left := [axis.name for axis in axes if not any(row[0] == axis.title for row in rows)]:
+        tell(f"also swept: {', '.join(left)}")
 
 
-def _value_row(axis: str, value: object, labels: Counter[str]) -> tuple[object, ...]:
+def _value_row(axis: str, value: str, labels: Counter[str]) -> tuple[object, ...]:
     others = Counter({label: count for label, count in labels.items() if label != "stable"})
     most = ", ".join(f"{label} {count}" for label, count in others.most_common(2))
-    stable = f"{labels['stable'] / labels.total():.0%}"
-    return axis, format_value(value), labels.total(), stable, most
+    return axis, value, labels.total(), f"{labels['stable'] / labels.total():.0%}", most
 
 
 def format_value(value: object) -> str:

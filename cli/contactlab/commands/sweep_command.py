@@ -51,7 +51,7 @@ def sweep(
     fresh: bool = flag("--fresh", "Replace an existing store."),
     retry_failed: bool = flag("--retry-failed", "Repeat runs that crashed, timed out or failed."),
     repair: bool = flag("--repair", "Keep the sound runs of a damaged store, repeat the others."),
-    output: opt.Format = opt.FORMAT,
+    output: opt.TableFormat = opt.FORMAT,
 ) -> None:
     """Run a sweep into a store; the same command resumes an interrupted one."""
     from contactlab import resources
@@ -116,7 +116,7 @@ def _cluster(
 
 
 def _conclude(
-    target: opt.Address, manifest: "StoreManifest", plan: "Plan", output: opt.Format
+    target: opt.Address, manifest: "StoreManifest", plan: "Plan", output: opt.TableFormat
 ) -> None:
     """Print what a sweep found; fail if runs were lost, or are not as it expects."""
     from contactlab.run.run_verdicts import unmet_means
@@ -136,7 +136,7 @@ def _conclude(
         raise ExpectationError(means)
 
 
-def _print_plan(plan: "Plan", forecast: "Forecast", output: opt.Format) -> None:
+def _print_plan(plan: "Plan", forecast: "Forecast", output: opt.TableFormat) -> None:
     axes = [(axis.name, axis.role, axis.count, _range(axis.values)) for axis in plan.axes]
     if output == "json":
         keys = ("name", "role", "count", "values")

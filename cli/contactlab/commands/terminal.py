@@ -4,13 +4,16 @@ The progress display counts runs as they finish and is drawn by the clock, a few
 that its cost does not grow with the number of runs.
 """
 
+import csv
+import io
 import json
 import os
 import signal
+import textwrap
 import threading
 import time
 from collections import Counter, deque
-from collections.abc import Generator, Sequence
+from collections.abc import Generator, Iterable, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -34,6 +37,8 @@ _QUIET_SECONDS = 10.0
 _RECENT_SECONDS = 30.0
 _LEAST_SECONDS = 1.0
 _BAR = 24
+# A column of words is at least so wide.
+_LEAST_WORDS = 14
 _MOST_LABELS = 6
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 _STOPPING = b"finishing the current runs; interrupt again to stop at once\n"
@@ -44,14 +49,31 @@ def echo(text: object, *, err: bool = False) -> None:
     echo_commands(printable(str(text)), err=err)
 
 
+def tell(sentence: str) -> None:
+    """Print a sentence to stdout, in lines as wide as a terminal; words stay whole."""
+    console, text = stdout(), in_one_line(sentence)
+    echo(textwrap.fill(text, console.width, break_long_words=False, break_on_hyphens=False))
+
+
 def echo_commands(text: str, *, err: bool = False) -> None:
     """Print lines that a CI job may take for commands, as annotations are."""
-    typer.echo(text, err=err)  # noqa: TID251 - where others get it from
+    with _leaving_reader():
+        typer.echo(text, err=err)  # noqa: TID251 - where others get it from
 
 
 def echo_bytes(data: bytes) -> None:
     """Print bytes as they are, which a file is made of: line ends of a patch are its files'."""
-    typer.echo(data, nl=False)  # noqa: TID251 - `echo` shows what is in lines
+    with _leaving_reader():
+        typer.echo(data, nl=False)  # noqa: TID251 - `echo` shows what is in lines
+
+
+@contextmanager
+def _leaving_reader() -> Generator[None]:
+    """Print nothing more once the reader of a pipe has left, as `head` does; that is no error."""
+    try:
+        yield
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
 
 
 def print_json(data: object) -> None:
@@ -60,31 +82,98 @@ def print_json(data: object) -> None:
 
 
 def print_rows(output: str, keys: Sequence[str], rows: Sequence[Sequence[object]]) -> None:
-    """Print rows to stdout: as a table, or as a JSON list of objects with these keys."""
+    """Print rows to stdout: as a table, as CSV, or as a JSON list of objects by key."""
     if output == "json":
         print_json([dict(zip(keys, row, strict=True)) for row in rows])
+    elif output == "csv":
+        print_csv(keys, rows)
     else:
         print_table(keys, rows)
 
 
-def print_table(header: Sequence[str], rows: Sequence[Sequence[object]]) -> None:
+def print_csv(header: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
+    """Print rows to stdout as comma-separated values, numbers with all their digits."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(header)
+    for row in rows:
+        writer.writerow([in_one_line(each) if isinstance(each, str) else each for each in row])
+    echo(text.getvalue().removesuffix("\n"))
+
+
+def print_table(
+    header: Sequence[str], rows: Sequence[Sequence[object]], droppable: int = 0
+) -> None:
     """Print a table to stdout; columns of numbers are aligned to the right.
 
-    A column "label" has the colours of labels, which repeat what the word says.
+    What is wider than the terminal wraps between words, then leaves out some of the last columns,
+    as many as are `droppable`, and else has its cells below each other. A column "label" has the
+    colours of labels, which repeat what the word says.
     """
+    console = stdout()
+    cells = [[_text(value) for value in row] for row in rows]
+    widths = [
+        max(len(name), *(len(row[index]) for row in cells)) if cells else len(name)
+        for index, name in enumerate(header)
+    ]
+    least = [
+        min(width, max(_LEAST_WORDS, len(name))) if _has_words(cells, index) else width
+        for index, (name, width) in enumerate(zip(header, widths, strict=True))
+    ]
+    shown = len(header)
+    while droppable and sum(least[:shown]) + 2 * shown > console.width:
+        shown, droppable = shown - 1, droppable - 1
+    if sum(least[:shown]) + 2 * shown > console.width:
+        _print_blocks(console, header, cells)
+        return
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
-    for index, name in enumerate(header):
+    for index, name in enumerate(header[:shown]):
         numeric = all(isinstance(row[index], (int, float)) for row in rows)
         table.add_column(
-            Text(in_one_line(name)), justify="right" if numeric else "left", no_wrap=len(header) > 3
+            Text(in_one_line(name)),
+            justify="right" if numeric else "left",
+            no_wrap=least[index] == widths[index],
+            min_width=least[index],
         )
-    console = stdout()
     # What labels mean takes a while to load, and only a terminal has colours.
     coloured = ("label",) if console.is_terminal else ()
-    for row in rows:
-        cells = zip(header, row, strict=True)
-        table.add_row(*[_cell(value, is_label=name in coloured) for name, value in cells])
-    console.print(table, highlight=False)
+    for row in cells:
+        styled = zip(header[:shown], row, strict=False)
+        table.add_row(
+            *[Text(each, label_style(each) if n in coloured else "") for n, each in styled]
+        )
+    _print_rendered(console, table)
+    if shown < len(header):
+        echo(f"not shown: {', '.join(header[shown:])}; --format csv has all")
+
+
+def _has_words(cells: Sequence[Sequence[str]], index: int) -> bool:
+    return any(len(row[index]) > _LEAST_WORDS and " " in row[index] for row in cells)
+
+
+def _print_blocks(console: Console, header: Sequence[str], cells: Sequence[Sequence[str]]) -> None:
+    """Print each row as lines, one for each of its cells that say something."""
+    room = max(map(len, header)) + 2
+    for row in cells:
+        echo(row[0])
+        for name, value in zip(header[1:], row[1:], strict=True):
+            if value not in ("", "-"):
+                indent = f"  {in_one_line(name):<{room}}"
+                width = max(len(indent) + _LEAST_WORDS, console.width)
+                lines = textwrap.wrap(value, width - len(indent), break_long_words=False)
+                echo(
+                    "\n".join(
+                        (indent if not at else " " * len(indent)) + line
+                        for at, line in enumerate(lines)
+                    )
+                )
+
+
+def _print_rendered(console: Console, table: Table) -> None:
+    with console.capture() as rendered:
+        console.print(table, highlight=False)
+    lines = (line.rstrip() for line in rendered.get().splitlines())
+    echo_commands("\n".join(line for line in lines if line))
 
 
 def label_style(name: str) -> str:
@@ -108,13 +197,12 @@ def say(message: str) -> None:
     Console(stderr=True).print(Text(printable(message)), soft_wrap=True)
 
 
-def _cell(value: object, *, is_label: bool) -> Text:
+def _text(value: object) -> str:
     if value is None:
-        return Text("-")
+        return "-"
     if isinstance(value, bool):
-        return Text("yes" if value else "no")
-    text = f"{value:.4g}" if isinstance(value, float) else in_one_line(str(value))
-    return Text(text, label_style(text) if is_label else "")
+        return "yes" if value else "no"
+    return f"{value:.4g}" if isinstance(value, float) else in_one_line(str(value))
 
 
 class ProgressDisplay:

@@ -21,7 +21,7 @@ from contactlab.charts import (
 from contactlab.comparison.compare_stores import DEFAULT_POLICY, compare, pair_runs
 from contactlab.comparison.pairing import Pairing
 from contactlab.contact.trace_arrays import Floats
-from contactlab.palette import COLOURS, INK, STABLE_COLOUR
+from contactlab.palette import COLOURS, INK, UNCHANGED_COLOUR
 from contactlab.reporting.map_cells import (
     MapAxes,
     cell_statistic,
@@ -30,7 +30,6 @@ from contactlab.reporting.map_cells import (
 )
 from contactlab.reporting.report import ReportData
 from contactlab.reporting.report_columns import (
-    STABLE,
     Quantity,
     RunLabels,
     read_quantities,
@@ -52,6 +51,7 @@ _GAP = 0.03
 _DIVERGING = ["#1845fb", "#f4f4f4", "#ff5e02"]
 _LEAST_RATIO = 1.02
 _EDGE = 0.2
+_FENCE = 1.5
 _MOST_TEXTS = 12
 _SPANS_DECADES = 30.0
 
@@ -138,10 +138,19 @@ def label_map(
 
 
 def number_map(
-    axes: MapAxes | None, values: Floats, title: str, resolution: float = 0.0, room: Room = _ROOM
+    axes: MapAxes | None,
+    values: Floats,
+    title: str,
+    resolution: float = 0.0,
+    room: Room = _ROOM,
+    beside: Floats | None = None,
 ) -> Layered:
-    """Return the map of a number (rows, columns), NaN where there is none; empty without axes."""
-    scale = number_scale(values[np.isfinite(values)].tolist(), resolution)
+    """Return the map of a number (rows, columns), NaN where there is none; empty without axes.
+
+    It has the colours of any values `beside`, which are of another map.
+    """
+    scaled = values if beside is None else np.concatenate([values, beside])
+    scale = number_scale(scaled[np.isfinite(scaled)].tolist(), resolution)
     colour = alt.Color("value:Q").scale(scheme="cividis", **scale)
     return _number_layers(axes, room, values, colour, title)
 
@@ -165,12 +174,24 @@ def _number_layers(
 def number_scale(values: Sequence[float], resolution: float) -> dict[str, Any]:
     """Return a logarithmic scale for positive numbers that span decades, else a linear one.
 
-    Zeros take the colour of the lower end of a logarithmic scale.
+    A number beyond Tukey's fences, 1.5 interquartile ranges from the quartiles, has the colour of
+    the end, so that one outlier does not take all colours. So has a zero on a logarithmic scale.
     """
     sizes = sorted(value for value in values if value > resolution)
+    shared: dict[str, Any] = {"clamp": True, "nice": False}
     if not sizes or min(values) < 0 or sizes[-1] < _SPANS_DECADES * sizes[0]:
-        return {"type": "linear", "zero": False, "nice": False}
-    return {"type": "log", "domain": [sizes[0], sizes[-1]], "clamp": True, "nice": False}
+        return {"type": "linear", "zero": False, "domain": _within_fences(values), **shared}
+    low, high = _within_fences([math.log(size) for size in sizes])
+    return {"type": "log", "domain": [math.exp(low), math.exp(high)], **shared}
+
+
+def _within_fences(values: Sequence[float]) -> list[float]:
+    """Return the least and the greatest value that is no outlier; all count if half are equal."""
+    if not values:
+        return [0.0, 1.0]
+    first, third = np.quantile(values, (0.25, 0.75))
+    reach = _FENCE * (third - first) or math.inf
+    return [max(min(values), float(first - reach)), min(max(values), float(third + reach))]
 
 
 def _layered(
@@ -276,9 +297,9 @@ def _label_maps(axes: MapAxes, before: RunLabels, after: RunLabels) -> Spec:
     moved = np.select([after.codes < before.codes, after.codes > before.codes], [0, 1], 2)
     change = replace(
         after,
-        names=("worse", "better", STABLE),
+        names=("worse", "better", "as before"),
         letters=("W", "B", ""),
-        colours=(COLOURS[1], COLOURS[0], STABLE_COLOUR),
+        colours=(COLOURS[1], COLOURS[0], UNCHANGED_COLOUR),
         codes=moved,
     )
     return _side_by_side([label_map(axes, each, _THIRD) for each in (before, after, change)])
@@ -287,7 +308,10 @@ def _label_maps(axes: MapAxes, before: RunLabels, after: RunLabels) -> Spec:
 def _number_maps(axes: MapAxes, before: Quantity, after: Quantity) -> Spec:
     values = [cell_statistic(axes, each, "worst") for each in (before, after)]
     title, resolution = f"worst {after.title}", after.column.resolution
-    panels = [number_map(axes, each, title, resolution, _THIRD) for each in values]
+    panels = [
+        number_map(axes, each, title, resolution, _THIRD, other)
+        for each, other in (values, values[::-1])
+    ]
     with np.errstate(divide="ignore", invalid="ignore"):
         ratios = np.where(values[0] == values[1], 1.0, values[1] / values[0])
     ratios = np.where(np.isfinite(ratios) & (ratios > 0), ratios, np.nan)

@@ -103,35 +103,39 @@ def most_frequent_failure(counts: NDArray[np.int64], labels: RunLabels) -> NDArr
 
 
 def most_informative_axes(axes: Sequence[GridAxis], labels: RunLabels) -> MapAxes | None:
-    """Return the two axes that explain most of which label a run gets; None without axes.
+    """Return the two axes that part stable runs from others, and labels, best; None without axes.
 
-    The second is the one that adds most to the first. The one with more values is horizontal.
+    The one with more values is horizontal.
     """
     usable = [axis for axis in axes if axis.name != SEED] or list(axes)
-    if not usable:
-        return None
-    first = max(usable, key=lambda axis: (_explained_variance(axis.codes, labels), len(axis.ticks)))
-    others = [axis for axis in usable if axis is not first]
-    if not others:
-        return MapAxes(first, None)
-
-    def added(axis: GridAxis) -> tuple[float, int]:
-        return _explained_variance(MapAxes(axis, first).cells, labels), len(axis.ticks)
-
-    x, y = sorted((first, max(others, key=added)), key=lambda axis: -len(axis.ticks))
-    return MapAxes(x, y)
+    pairs = [
+        MapAxes(*sorted(pair, key=lambda axis: -len(axis.ticks)))
+        for pair in combinations(usable, 2)
+    ] or [MapAxes(axis, None) for axis in usable]
+    return max(pairs, key=lambda pair: (_separation(pair, labels), pair.size), default=None)
 
 
-def _explained_variance(cells: Codes, labels: RunLabels) -> float:
-    """Return the share of the variance of labels between cells, adjusted for their number."""
-    _, codes = np.unique(cells, return_inverse=True)
-    runs = np.bincount(codes)
-    count = len(labels.names)
-    counts = np.bincount(codes * count + labels.codes, minlength=len(runs) * count)
-    within = len(cells) - float((counts.reshape(-1, count) ** 2 / runs[:, None]).sum())
-    total = len(cells) - float((np.array(labels.counts) ** 2).sum()) / len(cells)
-    freedom = max(1, len(cells) - len(runs)) / max(1, len(cells) - 1)
-    return round(1 - within / total / freedom, 9) if total > 0 else 0.0
+def by_importance(axes: Sequence[GridAxis], labels: RunLabels) -> list[GridAxis]:
+    """Return axes, those first whose values part stable runs from others, and labels, best."""
+    return sorted(axes, key=lambda axis: -_separation(MapAxes(axis, None), labels))
+
+
+def _separation(axes: MapAxes, labels: RunLabels) -> float:
+    """Return how much of which runs fail, and of which label they get, cells explain."""
+    failed = _explained_variance(axes, labels.failed.astype(np.int64), 2)
+    return round(failed + _explained_variance(axes, labels.codes, len(labels.names)), 6)
+
+
+def _explained_variance(axes: MapAxes, codes: Codes, count: int) -> float:
+    """Return the share of the variance of codes below a count, adjusted for the number of cells."""
+    counts = np.bincount(axes.cells * count + codes, minlength=axes.size * count)
+    counts = counts.reshape(-1, count)
+    counts = counts[counts.any(axis=1)]
+    runs = counts.sum(axis=1)
+    within = len(codes) - float((counts**2 / runs[:, None]).sum())
+    total = len(codes) - float((counts.sum(axis=0) ** 2).sum()) / len(codes)
+    freedom = max(1, len(codes) - len(runs)) / max(1, len(codes) - 1)
+    return 1 - within / total / freedom if total > 0 else 0.0
 
 
 def aggregated_axes(axes: Sequence[GridAxis]) -> tuple[GridAxis, ...]:

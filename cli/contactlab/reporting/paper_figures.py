@@ -26,10 +26,13 @@ _MOST_BOUNCING_READ = 200
 _LEAST_PEAKS = 2
 # Peaks below this fraction of the fall are lost in the contact's own depth.
 _LEAST_PEAK = 0.02
+_MOST_RISE = 0.1
 _MOST_IMPACTS_READ = 600
 _LEAST_IMPACTS = 3
 # Bodies that approach more slowly rest on each other; it is no impact [m/s].
 _LEAST_APPROACH = 0.05
+# Labels of runs whose first contact is no impact of rigid bodies.
+_NO_IMPACT = {"diverged", "invalid", "tunneling", "missed_contact", "broken"}
 _OUTCOMES = ["sticks", "slides throughout"]
 
 
@@ -91,7 +94,8 @@ def _axis_of_restitution(
 def _bouncing_run(trace: StoredTrace, record: EvidenceRecord, setting: str) -> BouncingRun | None:
     entries = qpos_entries(trace.model_xml, trace.qpos.shape[1])
     heights = [each for each in entries if each.is_height]
-    if not heights or not trace.pairs or not len(trace.pairs[0].steps):
+    # Of a single free body only: nothing else says how high a robot or a held mug bounces.
+    if len(entries) != 3 or not heights or not trace.pairs or not len(trace.pairs[0].steps):
         return None
     pair = trace.pairs[0]
     height = trace.qpos[:, heights[0].index] - trace.qpos[pair.steps[0], heights[0].index]
@@ -101,7 +105,9 @@ def _bouncing_run(trace: StoredTrace, record: EvidenceRecord, setting: str) -> B
     peaks = np.array([height[start : end + 1].max() for start, end in flights])
     low = np.flatnonzero(peaks < _LEAST_PEAK * peaks[0])
     peaks = peaks[: low[0]] if len(low) else peaks
-    if len(peaks) < _LEAST_PEAKS:
+    # On a slope a body leaves the ground lower than it came.
+    grounds = height[pair.steps[gaps + 1]]
+    if len(peaks) < _LEAST_PEAKS or np.abs(grounds).max(initial=0.0) > _MOST_RISE * peaks[0]:
         return None
     kept = decimated(height)
     restitution = float(restitution_of(damping_ratio(record.pairs[pair.name].solref)))
@@ -116,7 +122,11 @@ def first_impacts(store: Store) -> Rows:
     """
     if store.manifest.traces_left_out or store.manifest.traces < _LEAST_IMPACTS:
         return []
-    records = (record for record in store.records() if record.trace is not None)
+    records = (
+        record
+        for record in store.records()
+        if record.trace is not None and record.label not in _NO_IMPACT
+    )
     impacts: Rows = []
     for record in islice(records, _MOST_IMPACTS_READ):
         for pair in store.trace(record).pairs[:1]:
@@ -128,6 +138,9 @@ def first_impacts(store: Store) -> Rows:
 def _first_impact(pair: StoredPair, record: EvidenceRecord) -> Rows:
     contact = record.pairs[pair.name]
     if not len(pair.points) or contact.condim < 3:
+        return []
+    # What touches from the start, as a held mug does, does not come from free flight.
+    if pair.steps[0] == 0:
         return []
     velocity = pair.points[0, LINEAR_VELOCITY]
     normal, slip = abs(float(velocity[0])), float(np.linalg.norm(velocity[1:]))

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from contactlab.contact.trace_arrays import Floats
 from contactlab.measure import LABELS, METRICS
 from contactlab.measure import STABLE as STABLE_LABEL
-from contactlab.palette import STABLE_COLOUR, failure_colour
+from contactlab.palette import LABEL_COLOURS, LABEL_LETTERS, OTHERS_COLOUR, STABLE_COLOUR
 from contactlab.schema.sweep_schema import Sweep
 from contactlab.schema.vocabulary import Role
 from contactlab.store.finished_store import Store
@@ -22,10 +22,12 @@ from contactlab.store.table_layout import Column
 Codes = NDArray[np.int64]
 
 SEED = "seed"
+SCENES_OWN = "as in the scene"
 STABLE = STABLE_LABEL.name
 _UNITLESS = {"", "1", "any"}
 _MOST_VALUES = 40  # an axis with more values than this is drawn in bins
 _BINS = 20
+_MORE_LETTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0789"
 _LOG_SPAN = 50.0
 """Bins are logarithmic where the largest value is more than so many times the least."""
 
@@ -45,6 +47,11 @@ class GridAxis:
     def title(self) -> str:
         """Its name with its unit."""
         return with_unit(self.name, self.unit)
+
+    @property
+    def is_ordered(self) -> bool:
+        """Whether its values are numbers, the least first."""
+        return self.numbers is not None or all(map(_is_number, self.ticks))
 
 
 @dataclass(frozen=True)
@@ -98,6 +105,13 @@ class RunLabels:
         return tuple(f"{letter}  {name}" if letter else name for letter, name in pairs)
 
 
+def _is_number(text: str) -> bool:
+    try:
+        return math.isfinite(float(text))
+    except ValueError:
+        return False
+
+
 def with_unit(name: str, unit: str) -> str:
     """Return a name with its unit in brackets, where it has one."""
     return name if unit in _UNITLESS else f"{name} [{unit}]"
@@ -122,7 +136,7 @@ def _axis(columns: RunColumns, name: str, kind: Role) -> GridAxis:
     if not columns.is_number(name):
         codes, strings = columns.strings(name)
         values = tuple(string.strip() for string in strings)
-        ticks = (*values, "none") if (codes < 0).any() else values
+        ticks = (*values, SCENES_OWN) if (codes < 0).any() else values
         codes = np.where(codes < 0, len(values), codes)
         return GridAxis(name, unit, kind, ticks, codes, None)
     numbers = columns.numbers(name).values
@@ -130,9 +144,9 @@ def _axis(columns: RunColumns, name: str, kind: Role) -> GridAxis:
     if len(values) > _MOST_VALUES and np.isfinite(values).all():
         return GridAxis(name, unit, kind, *_binned(numbers), numbers)
     if str(columns.schema.field(name).type) == "bool":
-        ticks = [{0.0: "false", 1.0: "true"}.get(value, "none") for value in values.tolist()]
+        ticks = [{0.0: "false", 1.0: "true"}.get(value, SCENES_OWN) for value in values.tolist()]
     else:
-        ticks = ["none" if math.isnan(value) else f"{value:.4g}" for value in values]
+        ticks = [SCENES_OWN if math.isnan(value) else f"{value:.4g}" for value in values]
     # Where they would be alike they have more digits.
     ticks = ticks if len({*ticks}) == len(ticks) else [f"{value:.10g}" for value in values]
     return GridAxis(name, unit, kind, tuple(ticks), codes, None)
@@ -180,17 +194,17 @@ def read_run_labels(store: Store, also: Sequence[str] = ()) -> RunLabels:
     unordered = dict.fromkeys((*strings, *also))
     names = sorted(unordered, key=lambda name: (name == STABLE, ranks.get(name, -1), name))
     placed = np.array([names.index(string) for string in strings], dtype=np.int64)[codes]
-    failures = [name for name in names if name != STABLE]
-    letters: dict[str, str] = {}
-    for name in failures:
-        # A letter that no name before it has; a digit where none is left.
-        own = [*name.upper().replace("_", ""), *"ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789"]
-        letters[name] = next(letter for letter in own if letter not in letters.values())
-    colours = {name: failure_colour(rank) for rank, name in enumerate(failures)}
+    letters: dict[str, str] = {STABLE: ""}
+    for name in (*LABEL_LETTERS, *sorted({*names} - {*LABEL_LETTERS})):
+        # Of a plug-in's label a letter that no other has.
+        own = [*LABEL_LETTERS.get(name, ""), *name.upper().replace("_", ""), *_MORE_LETTERS]
+        free = (each for each in own if each not in letters.values())
+        letters.setdefault(name, next(free, "?"))
+    colours = {STABLE: STABLE_COLOUR, **LABEL_COLOURS}
     return RunLabels(
         tuple(names),
-        tuple(letters.get(name, "") for name in names),
-        tuple(colours.get(name, STABLE_COLOUR) for name in names),
+        tuple(letters[name] for name in names),
+        tuple(colours.get(name, OTHERS_COLOUR) for name in names),
         placed,
         *store.columns.string_sets("labels"),
     )

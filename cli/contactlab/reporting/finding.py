@@ -1,0 +1,96 @@
+"""What a sweep found, in one sentence that its table bears out."""
+
+from collections import Counter
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contactlab.reporting.report_columns import SEED, STABLE, GridAxis, RunLabels
+
+_MOST_LISTED = 3
+_LEAST_SHARE = 0.5
+# Of a value that fewer of the runs have, a share says little.
+_FEW_RUNS = 0.05
+
+
+def headline(labels: RunLabels) -> str:
+    """Return how many runs are stable, and which other labels are most frequent."""
+    counts = Counter(dict(zip(labels.names, labels.counts, strict=True)))
+    stable = counts.pop(STABLE, 0)
+    others = [f"{count:,} {name}" for name, count in counts.most_common(_MOST_LISTED) if count]
+    rest = sum(counts.values()) - sum(count for _, count in counts.most_common(_MOST_LISTED))
+    others += [f"{rest:,} others"] if rest else []
+    text = f"{stable:,} of {len(labels.codes):,} runs are stable"
+    return f"{text}; {', '.join(others)}" if others else text
+
+
+def finding(axes: Sequence[GridAxis], labels: RunLabels) -> str:
+    """Return where runs are stable, and which axes make no difference to it.
+
+    "Only" says that no other run is stable. What is said to make no difference does so for no
+    combination of the other axes.
+    """
+    failed, runs = labels.failed, len(labels.codes)
+    if not failed.any():
+        return f"All {runs:,} runs are stable." if runs != 1 else "The run is stable."
+    if failed.all():
+        place = int(np.argmax(labels.counts))
+        return f"No run is stable; {labels.counts[place]:,} of {runs:,} are {labels.names[place]}."
+    # The rarer outcome is the easier one to name.
+    rare = ~failed if 2 * failed.sum() > runs else failed
+    verbs = ("are", "is stable", "are stable") if rare is not failed else ("do", "fails", "fail")
+    swept = [axis for axis in axes if axis.name != SEED]
+    bound = [axis for axis in swept if len(np.unique(axis.codes[rare])) < len(axis.ticks)]
+    inside = np.ones(runs, dtype=bool)
+    for axis in bound:
+        inside &= np.isin(axis.codes, axis.codes[rare])
+    if not bound or rare[inside].mean() < _LEAST_SHARE:
+        return _most_of(swept, rare, verbs[2])
+    parts = [f"{axis.name} {_values(axis, axis.codes[rare])}" for axis in bound]
+    if not rare[inside].all():
+        some = f"{rare.sum():,} of {inside.sum():,} {verbs[0]}"
+        return f"Runs {verbs[2]} only with {' and '.join(parts)}: {some}."
+    free = [axis.name for axis in swept if axis not in bound]
+    rest = f"; {_joined(free)} {'do' if len(free) > 1 else 'does'} not matter" if free else ""
+    return f"Only {' with '.join(parts)} {verbs[1]}{rest}."
+
+
+def _values(axis: GridAxis, codes: NDArray[np.int64]) -> str:
+    """Return the values of an axis that have some codes: `up to 0.002`, `a or b`."""
+    found = np.unique(codes).tolist()
+    ticks, last = axis.ticks, len(axis.ticks) - 1
+    if axis.is_ordered and len(found) > 1 and found == list(range(found[0], found[-1] + 1)):
+        low, high = ticks[found[0]].split(" to ")[0], ticks[found[-1]].split(" to ")[-1]
+        if found[0] == 0:
+            return f"up to {high}"
+        return f"from {low}" if found[-1] == last else f"{low} to {high}"
+    if len(found) > max(_MOST_LISTED, len(ticks) / 2):
+        others = [tick for code, tick in enumerate(ticks) if code not in found]
+        if len(others) <= _MOST_LISTED:
+            return f"other than {_joined(others, 'or')}"
+    listed = [ticks[code] for code in found]
+    rest = len(listed) - _MOST_LISTED
+    return _joined(listed if rest <= 0 else [*listed[:_MOST_LISTED], f"{rest} others"], "or")
+
+
+def _joined(words: Sequence[str], last: str = "and") -> str:
+    return f" {last} ".join(filter(None, (", ".join(words[:-1]), words[-1])))
+
+
+def _most_of(axes: Sequence[GridAxis], rare: NDArray[np.bool_], verb: str) -> str:
+    """Return the values of one axis with most and with fewest runs of an outcome."""
+    shares: list[NDArray[np.float64]] = []
+    for axis in axes:
+        runs = np.bincount(axis.codes, minlength=len(axis.ticks))
+        share = np.bincount(axis.codes, rare, len(axis.ticks)) / np.maximum(1, runs)
+        shares.append(np.where(runs >= _FEW_RUNS * len(rare), share, np.nan))
+    spreads = [0.0 if np.isnan(e).all() else np.nanmax(e) - np.nanmin(e) for e in shares]
+    if not any(spreads):
+        return f"{rare.sum():,} of {len(rare):,} runs {verb}."
+    axis, share = axes[int(np.argmax(spreads))], shares[int(np.argmax(spreads))]
+    most, least = int(np.nanargmax(share)), int(np.nanargmin(share))
+    return (
+        f"{share[most]:.0%} of runs {verb} with {axis.name} {axis.ticks[most]}, "
+        f"{share[least]:.0%} with {axis.ticks[least]}."
+    )

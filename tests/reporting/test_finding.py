@@ -1,0 +1,129 @@
+"""The sentence that says what a sweep found, read back and held against every run."""
+
+import re
+
+from hypothesis import given
+from hypothesis import strategies as st
+from tests.reporting.test_map_cells import axis, run_labels
+
+from contactlab.measure import LABELS
+from contactlab.palette import LABEL_COLOURS, LABEL_LETTERS
+from contactlab.reporting.finding import finding, headline
+from contactlab.reporting.report_columns import GridAxis
+
+STABLE = 2
+WORDS = ("red", "green", "blue", "grey", "white")
+
+Run = tuple[int, int, int, int]
+runs_of = st.lists(
+    st.tuples(st.integers(0, 4), st.integers(0, 4), st.integers(0, 1)), min_size=1, max_size=60
+)
+
+
+def swept(rows: list[Run]) -> tuple[GridAxis, ...]:
+    """Return a numeric axis `a`, and axes of words `b` and `c`, with values that occur only."""
+    axes: list[GridAxis] = []
+    for place, name in enumerate("abc"):
+        used = sorted({row[place] for row in rows})
+        made = axis(name, [used.index(row[place]) for row in rows], len(used))
+        ticks = tuple(str(value) if name == "a" else WORDS[value] for value in used)
+        axes.append(GridAxis(name, "", "knob", ticks, made.codes, None))
+    return tuple(each for each in axes if len(each.ticks) > 1)
+
+
+def meets(condition: str, row: Run) -> bool:
+    """Return whether a run has what a part of the sentence says of one axis."""
+    name, said = condition.split(" ", 1)
+    value = row["abc".index(name)]
+    number = [int(each) for each in re.findall(r"\d+", said)]
+    if said.startswith("up to"):
+        return value <= number[0]
+    if said.startswith("from"):
+        return value >= number[0]
+    if " to " in said:
+        return number[0] <= value <= number[1]
+    listed = re.split(r", | or ", said.removeprefix("other than "))
+    named = (str(value) if name == "a" else WORDS[value]) in listed
+    return named != said.startswith("other than")
+
+
+def check(sentence: str, rows: list[Run]) -> str:
+    """Hold a sentence against all runs, one by one; return which kind of sentence it was."""
+    stable = [row for row in rows if row[3] == STABLE]
+    failed = [row for row in rows if row[3] != STABLE]
+    if found := re.fullmatch(r"(?:All \d+ runs are|The run is) stable\.", sentence):
+        assert not failed
+        return "all"
+    if found := re.fullmatch(r"No run is stable; (\d+) of (\d+) are (\w+)\.", sentence):
+        assert not stable
+        assert int(found[2]) == len(rows)
+        return "none"
+    if found := re.fullmatch(
+        r"Only (.*?) (is stable|fails)(?:; (.*) do(?:es)? not matter)?\.", sentence
+    ):
+        own = stable if found[2] == "is stable" else failed
+        parts = found[1].split(" with ")
+        assert [row for row in rows if all(meets(each, row) for each in parts)] == own
+        assert not {each[0] for each in parts} & set(re.findall(r"\b[abc]\b", found[3] or ""))
+        return "exact"
+    if found := re.fullmatch(
+        r"Runs (are stable|fail) only with (.*): (\d+) of (\d+) (?:are|do)\.", sentence
+    ):
+        own = stable if found[1] == "are stable" else failed
+        inside = [row for row in rows if all(meets(e, row) for e in re.split(r" and ", found[2]))]
+        assert all(row in inside for row in own)
+        assert (int(found[3]), int(found[4])) == (len(own), len(inside))
+        return "part"
+    if found := re.fullmatch(
+        r"(\d+)% of runs (are stable|fail) with (. \w+), (\d+)% with (\w+)\.", sentence
+    ):
+        axis_name = found[3][0]
+        for share, condition in ((found[1], found[3]), (found[4], f"{axis_name} {found[5]}")):
+            inside = [row for row in rows if meets(condition, row)]
+            own = [row for row in inside if (row[3] == STABLE) == (found[2] == "are stable")]
+            assert f"{len(own) / len(inside):.0%}" == f"{share}%"
+        return "most"
+    found = re.fullmatch(r"(\d+) of (\d+) runs (are stable|fail)\.", sentence)
+    assert found, sentence
+    own = stable if found[3] == "are stable" else failed
+    assert (int(found[1]), int(found[2])) == (len(own), len(rows))
+    return "count"
+
+
+@given(runs_of, st.data())
+def test_the_sentence_is_true_of_any_runs(
+    given_rows: list[tuple[int, int, int]], data: st.DataObject
+) -> None:
+    size = len(given_rows)
+    codes = data.draw(st.lists(st.integers(0, 2), min_size=size, max_size=size))
+    rows = [(*row, code) for row, code in zip(given_rows, codes, strict=True)]
+    check(finding(swept(rows), run_labels(codes)), rows)
+
+
+def test_each_kind_of_sentence_is_said_of_what_calls_for_it() -> None:
+    """Planted in the product of 5, 5 and 2 values; of `most`, a stable 4."""
+    grid = [(a, b, c) for a in range(5) for b in range(5) for c in range(2)]
+    planted = {
+        "all": lambda _: True,
+        "none": lambda _: False,
+        "exact": lambda row: row[0] <= 2 and row[1] == 3,
+        "part": lambda row: row[0] <= 2 and row[1] == 3 and row != (0, 3, 0),
+        "most": lambda row: row[0] == 4 or row[1] == row[2],
+    }
+    for kind, is_stable in planted.items():
+        rows = [(*row, STABLE if is_stable(row) else 0) for row in grid]
+        sentence = finding(swept(rows), run_labels([row[3] for row in rows]))
+        assert check(sentence, rows) == kind
+        if kind == "exact":
+            assert sentence == "Only a up to 2 with b grey is stable; c does not matter."
+
+
+def test_the_headline_counts_all_runs() -> None:
+    assert headline(run_labels([0, 1, 1, 2, 2, 2])) == (
+        "3 of 6 runs are stable; 2 chatter, 1 diverged"
+    )
+
+
+def test_every_label_has_a_letter_and_a_colour_of_its_own() -> None:
+    assert {*LABEL_LETTERS} == {*LABEL_COLOURS} == {*LABELS} - {"stable"}
+    assert len({*LABEL_LETTERS.values()}) == len({*LABEL_COLOURS.values()}) == len(LABEL_LETTERS)
