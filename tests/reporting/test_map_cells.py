@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 
 from contactlab.contact.trace_arrays import Floats
 from contactlab.palette import STABLE_COLOUR
-from contactlab.reporting.heatmap import label_rows
 from contactlab.reporting.map_cells import (
     STATISTICS,
     MapAxes,
@@ -20,10 +19,11 @@ from contactlab.reporting.map_cells import (
     most_frequent_failure,
     most_informative_axes,
 )
-from contactlab.reporting.page_charts import knob_changes
 from contactlab.reporting.report_columns import GridAxis, Quantity, RunLabels
 from contactlab.reporting.run_series import decimated
 from contactlab.store.table_layout import REAL, Column
+from contactlab_page.heatmap import label_rows
+from contactlab_page.page_charts import knob_changes
 
 NAMES = ("diverged", "chatter", "stable")
 SLOW: dict[Statistic, Callable[[Floats], float]] = {

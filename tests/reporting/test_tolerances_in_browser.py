@@ -32,7 +32,7 @@ RULES = {
     "safeMargin": SAFE_MARGIN,
     "configurations": [[0, 0], *([number, number % 2] for number in range(1, 12))],
 }
-SCRIPT = resources.files("contactlab.reporting").joinpath("script/evaluation.js")
+SCRIPT = resources.files("contactlab_page").joinpath("script/evaluation.js")
 
 
 def text(page: Any, selector: str) -> str:

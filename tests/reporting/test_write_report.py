@@ -14,9 +14,9 @@ import pytest
 from contactlab.comparison.compare_stores import compare
 from contactlab.errors import OutputError, SweepFileError
 from contactlab.pareto.criteria import Criteria
-from contactlab.reporting.paper_figures import bouncing_runs, first_impacts
 from contactlab.reporting.report import PageRequest, read_report_data, write_figures, write_page
 from contactlab.store.finished_store import Store
+from contactlab_page.paper_figures import bouncing_runs, first_impacts
 
 Swept = Callable[[str], Store]
 
@@ -58,7 +58,8 @@ def test_no_engine_is_loaded(swept: Swept, tmp_path: Path) -> None:
 
 
 def test_figures_are_those_for_which_the_store_has_data(swept: Swept, tmp_path: Path) -> None:
-    written = write_figures(swept("bounce"), tmp_path, ("svg",))
+    written, missing = write_figures(swept("bounce"), tmp_path, ("svg",))
+    assert list(missing) == ["cone"]
     assert {path.stem for path in written} == {
         "labels",
         "error",
@@ -107,8 +108,8 @@ def test_a_tolerance_of_an_unknown_metric_is_refused(swept: Swept, tmp_path: Pat
 def test_a_missing_library_is_named(
     swept: Swept, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for module in ("reporting.html_page", "reporting.heatmap", "charts"):
-        monkeypatch.delitem(sys.modules, f"contactlab.{module}", raising=False)
+    for module in ("contactlab_page.html_page", "contactlab_page.heatmap", "contactlab.charts"):
+        monkeypatch.delitem(sys.modules, module, raising=False)
     monkeypatch.setitem(sys.modules, "vl_convert", None)
     with pytest.raises(OutputError, match=r"needs vl_convert, .* 'contactlab\[figures\]'"):
         write_page(swept("bounce"), tmp_path / "page.html")

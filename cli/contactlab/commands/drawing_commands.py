@@ -43,7 +43,10 @@ def report(
     criteria = opt.accuracy_criteria(error, tolerance)
     opened = Store.open(store)
     if figures is not None:
-        for path in write_figures(opened, figures, formats.split(","), criteria):
+        written, missing = write_figures(opened, figures, formats.split(","), criteria)
+        for name, why in missing.items():
+            say(f"no figure '{name}': {why}")
+        for path in written:
             echo(path)
         return
     against = Store.open(baseline) if baseline else None

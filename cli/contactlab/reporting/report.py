@@ -7,6 +7,7 @@ from pathlib import Path
 from contactlab.errors import OutputError, StoreError, optional
 from contactlab.pareto.analysis import ToleranceTable, analyse, tolerance_table
 from contactlab.pareto.criteria import Criteria
+from contactlab.plugins import extensions
 from contactlab.reporting.map_cells import MapAxes, most_informative_axes
 from contactlab.reporting.report_columns import (
     GridAxis,
@@ -93,7 +94,7 @@ def write_page(store: Store, target: Path, request: PageRequest = _DEFAULT_PAGE)
     `read_report_data`, an OutputError says that a library is missing, or what cannot be written.
     """
     with optional("figures", "a report"):
-        from contactlab.reporting.html_page import html_page  # noqa: PLC0415 - an extra
+        html_page = extensions("page")["html"].load()
     text, notes = html_page(store, request)
     with atomic_write(target) as temporary:
         temporary.write_bytes(text.encode())
@@ -102,28 +103,24 @@ def write_page(store: Store, target: Path, request: PageRequest = _DEFAULT_PAGE)
 
 def write_figures(
     store: Store, folder: Path, formats: Sequence[str], criteria: Criteria = _DEFAULT_CRITERIA
-) -> list[Path]:
-    """Write every figure for which a store has the data as png, svg or pdf; return the files.
+) -> tuple[list[Path], dict[str, str]]:
+    """Write every figure for which a store has the data as png, svg or pdf.
 
-    The same store gives the same bytes. Besides the errors of `read_report_data`, an OutputError
-    says that a format is unknown, a library is missing, or what cannot be written.
+    Returns the files, and why there is none of the other figures. The same store gives the same
+    bytes. Besides the errors of `read_report_data`, an OutputError says that a format is unknown,
+    a library is missing, or what cannot be written.
     """
     for form in formats:
         if form not in FORMATS:
             raise OutputError(f"unknown format '{form}'; choose from {', '.join(FORMATS)}")
     with optional("figures", "a report"):
-        from contactlab.charts import render_chart  # noqa: PLC0415 - an extra
-        from contactlab.reporting.paper_figures import figure_specs  # noqa: PLC0415 - an extra
-    data = read_report_data(store, criteria)
+        figure_files = extensions("page")["figures"].load()
+    files, missing = figure_files(read_report_data(store, criteria), formats)
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise OutputError(f"cannot make {folder}: {error.strerror}") from error
-    written: list[Path] = []
-    for name, spec in figure_specs(data).items():
-        for form in formats:
-            path = folder / f"{name}.{form}"
-            with atomic_write(path) as temporary:
-                temporary.write_bytes(render_chart(spec, form))
-            written.append(path)
-    return written
+    for name, content in files.items():
+        with atomic_write(folder / name) as temporary:
+            temporary.write_bytes(content)
+    return [folder / name for name in files], missing

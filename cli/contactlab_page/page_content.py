@@ -20,7 +20,6 @@ from contactlab.reporting.packing import (
     rounded_floats,
     run_id_halves,
 )
-from contactlab.reporting.page_charts import MODE_NAMES, chart_templates
 from contactlab.reporting.report import PageRequest, ReportData
 from contactlab.reporting.report_columns import Codes, GridAxis
 from contactlab.reporting.run_series import coverage_rows, run_series
@@ -28,6 +27,7 @@ from contactlab.schema.evidence import EvidenceRecord
 from contactlab.schema.tradeoff_report import TradeoffReport
 from contactlab.store.finished_store import Store
 from contactlab.store.table_layout import row_to_record
+from contactlab_page.page_charts import MODE_NAMES, chart_templates
 
 # Series of at most so many runs of a label come first, and so many in the order of the plan last.
 _SERIES_PER_LABEL = 3

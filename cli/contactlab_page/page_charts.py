@@ -19,7 +19,6 @@ from contactlab.contact.trace_arrays import NO_CONTACT, SLIDE, STICK, Floats
 from contactlab.palette import COLOURS, INK, mode_colour
 from contactlab.pareto.convergence import MethodKey, method_key
 from contactlab.pareto.tradeoff_chart import specification
-from contactlab.reporting.heatmap import Layered, label_map, number_map
 from contactlab.reporting.report import ReportData
 from contactlab.reporting.report_columns import (
     STABLE,
@@ -29,6 +28,7 @@ from contactlab.reporting.report_columns import (
     combination_codes,
 )
 from contactlab.schema.tradeoff_report import TradeoffReport
+from contactlab_page.heatmap import Layered, label_map, number_map
 
 MODE_NAMES = {NO_CONTACT: "no contact", STICK: "stick", SLIDE: "slide"}
 _BAR = 700, 26

@@ -15,11 +15,8 @@ from contactlab.pareto.recommendation import (
     setting_text,
 )
 from contactlab.printable import visible
-from contactlab.reporting.heatmap import compare_with_baseline, default_map
 from contactlab.reporting.map_cells import label_counts
 from contactlab.reporting.packing import packed_text
-from contactlab.reporting.page_charts import KnobChange, knob_changes, label_bar, tradeoff_chart
-from contactlab.reporting.page_content import page_content
 from contactlab.reporting.report import PageRequest, ReportData, read_report_data
 from contactlab.reporting.report_columns import number_with_unit, summary_metrics, with_unit
 from contactlab.schema.evidence import StoreManifest
@@ -27,6 +24,9 @@ from contactlab.schema.pair_expectation import PairExpectation
 from contactlab.schema.sweep_schema import Sweep
 from contactlab.store.finished_store import Store
 from contactlab.store.verify_store import trace_warning
+from contactlab_page.heatmap import compare_with_baseline, default_map
+from contactlab_page.page_charts import KnobChange, knob_changes, label_bar, tradeoff_chart
+from contactlab_page.page_content import page_content
 
 _PACKAGE = __name__.rpartition(".")[0]
 _MOST_UNEXPECTED = 50

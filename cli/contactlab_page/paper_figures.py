@@ -7,19 +7,19 @@ from itertools import islice
 import altair as alt
 import numpy as np
 
-from contactlab.charts import Rows, Spec, layer_of, themed, word_colours
+from contactlab.charts import Rows, Spec, layer_of, render_chart, themed, word_colours
 from contactlab.contact.contact_laws import damping_ratio, restitution_of, sticking_speed
 from contactlab.contact.trace_arrays import LINEAR_VELOCITY, STICK, Floats
 from contactlab.palette import COLOURS, INK, SHAPES
-from contactlab.reporting.heatmap import Layered, default_map, number_map
 from contactlab.reporting.map_cells import cell_statistic
-from contactlab.reporting.page_charts import change_panels, knob_changes, tradeoff_chart
 from contactlab.reporting.report import ReportData
 from contactlab.reporting.report_columns import GridAxis
 from contactlab.reporting.run_series import decimated, qpos_entries
 from contactlab.schema.evidence import EvidenceRecord
 from contactlab.store.finished_store import Store
 from contactlab.store.mcap.trace_reader import StoredPair, StoredTrace
+from contactlab_page.heatmap import Layered, default_map, number_map
+from contactlab_page.page_charts import change_panels, knob_changes, tradeoff_chart
 
 _MOST_BOUNCING = 6
 _MOST_BOUNCING_READ = 200
@@ -228,19 +228,36 @@ def cone_panel(impacts: Rows) -> Spec:
     return chart.facet(column=alt.Column("engine:N").header(title)).to_dict()
 
 
-def figure_specs(data: ReportData) -> dict[str, Spec]:
-    """Return the specification of each figure, by name, for which the store has the data."""
+def figure_files(
+    data: ReportData, formats: Sequence[str]
+) -> tuple[dict[str, bytes], dict[str, str]]:
+    """Return the figures of a store by file name, and why it has none of the others."""
+    specs = figure_specs(data)
+    files = {
+        f"{name}.{form}": render_chart(spec, form)
+        for name, spec in specs.items()
+        if not isinstance(spec, str)
+        for form in formats
+    }
+    return files, {name: spec for name, spec in specs.items() if isinstance(spec, str)}
+
+
+def figure_specs(data: ReportData) -> dict[str, Spec | str]:
+    """Return the specification of each figure, by name, or why a store has none."""
     bouncing = bouncing_runs(data.store, data.axes, ~data.labels.failed)
     impacts = first_impacts(data.store)
-    figures = {
-        "labels": default_map(data),
-        "error": _error_map(data),
-        "work-precision": tradeoff_chart(data),
-        "bounces": themed(bounce_panels(bouncing)) if bouncing else None,
-        "cone": themed(cone_panel(impacts)) if impacts else None,
-        "effects": _effects(data),
+    return {
+        "labels": default_map(data) or "the runs differ in no axis",
+        "error": _error_map(data) or data.no_tradeoff or "the runs differ in no axis",
+        "work-precision": tradeoff_chart(data) or data.no_tradeoff or "nothing was timed",
+        "bounces": themed(bounce_panels(bouncing))
+        if bouncing
+        else "no stable run with a trace is of a single free body that bounces on level ground",
+        "cone": themed(cone_panel(impacts))
+        if impacts
+        else "fewer than three runs with a trace begin with an impact that slips",
+        "effects": _effects(data) or "no two runs differ in one knob only",
     }
-    return {name: spec for name, spec in figures.items() if spec is not None}
 
 
 def _error_map(data: ReportData) -> Spec | None:

@@ -1,0 +1,1 @@
+"""The page of a store and its figures, drawn by Altair; `contactlab report` finds them here."""
