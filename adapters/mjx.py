@@ -35,10 +35,43 @@ def refusal(model: mujoco.MjModel) -> str | None:
 
 def simulate(request: dict[str, Any], tick: Callable[[], None]) -> dict[str, Any]:
     """Simulate runs one after the other."""
+    return {name: np.array(rows) for name, rows in _told(request, _run, tick).items()}
+
+
+def forward(request: dict[str, Any], tick: Callable[[], None]) -> dict[str, Any]:
+    """Tell what MJX computes of the starts before it steps."""
+    return _told(request, _forward, tick)
+
+
+def _told(
+    request: dict[str, Any], tell: Callable[..., dict[str, Any]], tick: Callable[[], None]
+) -> dict[str, Any]:
     os.environ["JAX_ENABLE_X64"] = "1"
     os.environ.setdefault("JAX_PLATFORMS", "cpu")
-    runs = [_run(request, run, tick) for run in range(len(request["models"]))]
-    return {key: np.array([each[key] for each in runs]) for key in runs[0]}
+    runs = [tell(request, run, tick) for run in range(len(request["models"]))]
+    return {key: [each[key] for each in runs] for key in runs[0]}
+
+
+_FORWARDS: dict[bytes, Any] = {}
+
+
+def _forward(request: dict[str, Any], run: int, tick: Callable[[], None]) -> dict[str, Any]:
+    import jax
+    import serve
+    from mujoco import mjx
+
+    binary = request["models"][run]
+    if binary not in _FORWARDS:
+        made = serve.model_of(request, run, *_SWITCHES)
+        made.sensor_type[serve.energy_sensors(made)] = mujoco.mjtSensor.mjSENS_CLOCK
+        _FORWARDS[binary] = made, mjx.put_model(made), jax.jit(mjx.forward)
+    model, on_device, compute = _FORWARDS[binary]
+    data = compute(on_device, mjx.put_data(model, serve.start_of(request, run, model)))
+    tick()
+    told = {name: np.array(getattr(data, name)) for name in serve.FORWARD}
+    # It has a row for every contact that there may be.
+    rows = serve.contact_rows(data._impl.contact)
+    return {**told, "contacts": rows[rows[:, 2] < rows[:, 3]]}
 
 
 def _run(request: dict[str, Any], run: int, tick: Callable[[], None]) -> dict[str, Any]:

@@ -72,6 +72,43 @@ def simulate(request: dict[str, Any], tick: Callable[[], None]) -> dict[str, Any
     return {key: np.array([each[key] for each in runs]) for key in runs[0]}
 
 
+def forward(request: dict[str, Any], tick: Callable[[], None]) -> dict[str, Any]:
+    """Tell what Pinocchio computes of the starts before it steps."""
+    runs = [_forward(request, run) for run in range(len(request["models"]))]
+    tick()
+    return {key: [each[key] for each in runs] for key in runs[0]}
+
+
+def _forward(request: dict[str, Any], run: int) -> dict[str, Any]:
+    import pinocchio
+    import serve
+
+    model = serve.model_of(request, run)
+    dynamics = _Dynamics(pinocchio, model)
+    control = serve.inputs_of(request, run, model)[0][0]
+    qpos, qvel = request["qpos"][run], request["qvel"][run]
+    inertia, bias = dynamics.of(qpos, qvel)
+    force = _forces(model, qpos, qvel, control) - dynamics.damping * qvel - bias
+    return {"qfrc_bias": bias, "qacc_smooth": np.linalg.solve(inertia, force)}
+
+
+class _Dynamics:
+    """The inertia of a model, with armatures, and the forces of its motion and of gravity."""
+
+    def __init__(self, pinocchio: Any, model: mujoco.MjModel) -> None:
+        self._pinocchio, self._model, self._twin = pinocchio, model, _twin(pinocchio, model)
+        self._data = self._twin.createData()
+        off = model.opt.disableflags & _OFF.mjDSBL_DAMPER
+        self.damping = np.zeros(model.nv) if off else model.dof_damping.copy()
+
+    def of(self, qpos: np.ndarray, qvel: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        own = _coordinates(self._model, qpos)
+        inertia = self._pinocchio.crba(self._twin, self._data, own)
+        bias = self._pinocchio.nonLinearEffects(self._twin, self._data, own, qvel)
+        whole = np.triu(inertia) + np.triu(inertia, 1).T + np.diag(self._model.dof_armature)
+        return whole, bias
+
+
 def _run(request: dict[str, Any], run: int, tick: Callable[[], None]) -> dict[str, Any]:
     import pinocchio
     import serve
@@ -80,23 +117,16 @@ def _run(request: dict[str, Any], run: int, tick: Callable[[], None]) -> dict[st
     controls, forces, _ = serve.inputs_of(request, run, model)
     if forces.any():
         raise NotImplementedError("no forces are applied to bodies here; drive by actuators")
-    twin = _twin(pinocchio, model)
-    data, step = twin.createData(), model.opt.timestep
+    dynamics, step = _Dynamics(pinocchio, model), model.opt.timestep
     qpos, qvel = request["qpos"][run].copy(), request["qvel"][run].copy()
-    damping = np.zeros(model.nv)
-    if not model.opt.disableflags & (_OFF.mjDSBL_DAMPER | _OFF.mjDSBL_EULERDAMP):
-        damping = model.dof_damping.copy()
+    explicit = bool(model.opt.disableflags & _OFF.mjDSBL_EULERDAMP)
+    implicit = step * dynamics.damping * (not explicit)
     states, begin = [np.concatenate([qpos, qvel])], time.process_time()
     for control in controls:
-        own = _coordinates(model, qpos)
-        inertia = pinocchio.crba(twin, data, own)
-        inertia = np.triu(inertia) + np.triu(inertia, 1).T
-        bias = pinocchio.nonLinearEffects(twin, data, own, qvel)
-        force = _forces(model, qpos, qvel, control) - damping * qvel - bias
+        inertia, bias = dynamics.of(qpos, qvel)
+        force = _forces(model, qpos, qvel, control) - dynamics.damping * qvel - bias
         # As MuJoCo's Euler: damping is implicit, velocities come before positions.
-        qvel = qvel + step * np.linalg.solve(
-            inertia + np.diag(model.dof_armature + step * damping), force
-        )
+        qvel = qvel + step * np.linalg.solve(inertia + np.diag(implicit), force)
         mujoco.mj_integratePos(model, qpos, qvel, step)
         states.append(np.concatenate([qpos, qvel]))
     cost = time.process_time() - begin

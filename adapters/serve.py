@@ -58,6 +58,18 @@ def mocap(row: np.ndarray, bodies: int) -> tuple[np.ndarray, np.ndarray]:
     return row[: 3 * bodies].reshape(-1, 3), row[3 * bodies :].reshape(-1, 4)
 
 
+# What a state has before it steps, as `forward` of adapters tells it, beside its contacts.
+FORWARD = ("xpos", "xquat", "qfrc_bias", "qfrc_passive", "qfrc_actuator", "qacc_smooth",
+           "qfrc_constraint", "qacc")  # fmt: skip
+_OF_CONTACTS = ("geom", "dist", "includemargin", "friction", "solref", "solimp")
+
+
+def contact_rows(contact: Any) -> np.ndarray:
+    """Return (K, 16) numbers of contacts: 2 geoms, distance, the one that counts, 12 parameters."""
+    arrays = [np.asarray(getattr(contact, name), np.float64) for name in _OF_CONTACTS]
+    return np.hstack([each if each.ndim > 1 else each[:, None] for each in arrays])
+
+
 def energy_sensors(model: mujoco.MjModel) -> list[int]:
     """Return the sensors of energy, which engines beside MuJoCo's own may lack."""
     return [each for each, kind in enumerate(model.sensor_type.tolist()) if kind in _ENERGIES]
@@ -98,7 +110,7 @@ def main(adapter: str) -> None:
         except EOFError:
             return
         try:
-            answer(module.simulate(request, lambda: answer(None)))
+            answer(getattr(module, request["operation"])(request, lambda: answer(None)))
         except BrokenPipeError:
             return
         except Exception as error:  # noqa: BLE001 - told where it is known which runs it was

@@ -17,6 +17,7 @@ _OPTIONS = ("timestep", "tolerance", "ls_tolerance", "noslip_tolerance", "ccd_to
 # What overflows of warp are called in MuJoCo's warnings; the others are of iterations.
 _CONSTRAINTS = ("NEFC", "NJMAX_NNZ", "NVMAX")
 _CONTACTS = ("BROADPHASE", "NARROWPHASE", "CCD", "HFIELD", "CONTACT_MATCH", "EPA_HORIZON")
+DEVICES = ("cpu", "cuda")
 _HEADROOM = 2  # buffers over MuJoCo's own peak, as its documentation advises
 
 
@@ -38,6 +39,18 @@ def refusal(model: mujoco.MjModel) -> str | None:
 
 def simulate(request: dict[str, Any], tick: Callable[[], None]) -> dict[str, Any]:
     """Simulate runs: as worlds of one launch where warp can tell them apart, else one by one."""
+    return {name: np.stack(rows) for name, rows in _told(request, _launch, tick).items()}
+
+
+def forward(request: dict[str, Any], tick: Callable[[], None]) -> dict[str, Any]:
+    """Tell what warp computes of the starts before it steps."""
+    return _told(request, _forward, tick)
+
+
+def _told(
+    request: dict[str, Any], launch: Callable[..., dict[str, Any]], tick: Callable[[], None]
+) -> dict[str, Any]:
+    """Return what launches tell of all runs, each of those that may be worlds of one."""
     import serve
     import warp
 
@@ -47,10 +60,11 @@ def simulate(request: dict[str, Any], tick: Callable[[], None]) -> dict[str, Any
     for run, model in enumerate(models):
         launches.setdefault(_shared(model), []).append(run)
     found: dict[int, dict[str, Any]] = {}
-    for runs in launches.values():
-        told = _launch(request, [models[run] for run in runs], runs, tick)
-        found |= {run: {key: told[key][row] for key in told} for row, run in enumerate(runs)}
-    return {key: np.stack([found[run][key] for run in range(len(models))]) for key in found[0]}
+    with warp.ScopedDevice(request["device"] or None):
+        for runs in launches.values():
+            told = launch(request, [models[run] for run in runs], runs, tick)
+            found |= {run: {key: told[key][row] for key in told} for row, run in enumerate(runs)}
+    return {key: [found[run][key] for run in range(len(models))] for key in found[0]}
 
 
 def _arrays(model: mujoco.MjModel) -> dict[str, np.ndarray]:
@@ -92,18 +106,9 @@ def _launch(
 ) -> dict[str, np.ndarray]:
     """Simulate runs as the worlds of one launch."""
     import mujoco_warp
-    import warp
 
     first, count, steps = models[0], len(models), request["steps"]
-    contacts, rows = _peaks(request, models, runs)
-    on_device = _put(mujoco_warp, warp, models)
-    data = mujoco_warp.make_data(
-        first, nworld=count, nconmax=_HEADROOM * contacts, njmax=_HEADROOM * rows
-    )
-    for name in ("qpos", "qvel", "ctrl", "act"):
-        if request[name].shape[1]:
-            getattr(data, name).assign(request[name][runs].astype(np.float32))
-    inputs = _Inputs(first, request, runs)
+    on_device, data, inputs = _worlds(request, models, runs)
     width = first.nq + first.nv + first.na
     state = np.empty((count, steps + 1, width))
     sensors = np.empty((count, steps, first.nsensordata))
@@ -134,6 +139,55 @@ def _launch(
         "contactfull": _any(overflow, _CONTACTS),
         "cnstrfull": _any(overflow, _CONSTRAINTS),
     }
+
+
+def _forward(
+    request: dict[str, Any], models: list[mujoco.MjModel], runs: list[int], tick: Callable[[], None]
+) -> dict[str, Any]:
+    """Compute the starts of runs as the worlds of one launch."""
+    import mujoco_warp
+    import serve
+    from mujoco_warp._src.types import ContactType
+
+    on_device, data, inputs = _worlds(request, models, runs)
+    inputs.set(data, 0)
+    mujoco_warp.forward(on_device, data)
+    tick()
+    told: dict[str, Any] = {name: getattr(data, name).numpy() for name in serve.FORWARD}
+    # Beyond these there is what an earlier step, or a sensor, left.
+    counted = np.arange(data.naconmax) < data.nacon.numpy()[0]
+    acting = counted & ((data.contact.type.numpy() & ~int(ContactType.SENSOR)) != 0)
+    rows, worlds = serve.contact_rows(_Numpy(data.contact)), data.contact.worldid.numpy()
+    told["contacts"] = [rows[acting & (worlds == world)] for world in range(len(models))]
+    return told
+
+
+class _Numpy:
+    """Arrays of the device, as NumPy's."""
+
+    def __init__(self, arrays: Any) -> None:
+        self._arrays = arrays
+
+    def __getattr__(self, name: str) -> np.ndarray:
+        return getattr(self._arrays, name).numpy()
+
+
+def _worlds(
+    request: dict[str, Any], models: list[mujoco.MjModel], runs: list[int]
+) -> "tuple[Any, Any, _Inputs]":
+    """Return the models and data of worlds on the device at their start, and what drives them."""
+    import mujoco_warp
+    import warp
+
+    first, (contacts, rows) = models[0], _peaks(request, models, runs)
+    on_device = _put(mujoco_warp, warp, models)
+    data = mujoco_warp.make_data(
+        first, nworld=len(models), nconmax=_HEADROOM * contacts, njmax=_HEADROOM * rows
+    )
+    for name in ("qpos", "qvel", "ctrl", "act"):
+        if request[name].shape[1]:
+            getattr(data, name).assign(request[name][runs].astype(np.float32))
+    return on_device, data, _Inputs(first, request, runs)
 
 
 def _any(overflow: np.ndarray, names: tuple[str, ...]) -> np.ndarray:

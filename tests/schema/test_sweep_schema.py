@@ -174,5 +174,8 @@ def test_schemas_of_files_that_contactlab_writes_are_sound(name: str) -> None:
 
 
 def test_the_published_schemas_are_those_of_the_models() -> None:
-    published = resources.SCHEMAS.glob("*.schema.json")
-    assert {file.name: file.read_text(encoding="utf-8") for file in published} == schema_texts()
+    files = resources.SCHEMAS.glob("*.schema.json")
+    published = {file.name: file.read_text(encoding="utf-8") for file in files}
+    # Packages beside contactlab test their own.
+    assert published.pop("parity.schema.json")
+    assert published == schema_texts()

@@ -5,7 +5,9 @@ what computes; PACKAGE is what has the version, REQUIREMENTS what pip installs, 
 this MuJoCo's version. `refusal(model)` is asked here, without the engine; `simulate(request, tick)`
 runs where it is: of n runs of N steps it returns the arrays `state` (n, N + 1, nq + nv + na),
 `sensors` (n, N, nsensordata), `cost` (n,) [s], and, if it has such, `iterations` of its solver
-(n, N), `contactfull` and `cnstrfull` (n,): that memory was short.
+(n, N), `contactfull` and `cnstrfull` (n,): that memory was short. If it has `forward(request,
+tick)`, that returns (n) quantities of the n starts, named as in MuJoCo's data. DEVICES are the
+words that the request's `device` may be, which is else empty.
 """
 
 import os
@@ -48,13 +50,13 @@ _SETUP_LIMIT = 900.0  # until a first step is compiled and made [s]
 class AdaptedEngine(SimulationEngine):
     """An engine that an adapter drives in another process."""
 
-    def __init__(self, file: Path) -> None:
+    def __init__(self, file: Path, device: str = "") -> None:
         spec = spec_from_file_location(f"contactlab_adapter_{file.stem}", file)
         assert spec is not None
         assert spec.loader is not None
         self._adapter: Any = module_from_spec(spec)
         spec.loader.exec_module(self._adapter)
-        self._file = file
+        self._file, self._device = file, device
         self.name, self.summary = file.stem, self._adapter.__doc__.rstrip(".")
 
     @property
@@ -97,7 +99,7 @@ class AdaptedEngine(SimulationEngine):
         arrays = buffers.arrays(runs.base.model, count, runs.steps)
         arrays.iterations[:] = 0
         record_starts(runs.starts, arrays)
-        answer = self._process.ask(_request(runs), watch)
+        answer = self.ask(runs, watch)
         if isinstance(answer, str):
             arrays.state[:, 1:], arrays.sensors[:] = arrays.state[:, :1], 0.0
             failed = Rollout.completed(arrays, np.full(count, np.nan))
@@ -112,6 +114,24 @@ class AdaptedEngine(SimulationEngine):
         full = {name: answer[name] for name in ("contactfull", "cnstrfull") if name in answer}
         warnings = [{name: 1 for name in full if full[name][run]} for run in range(count)]
         return replace(told, warnings=tuple(warnings))
+
+    def on(self, device: str) -> "AdaptedEngine":
+        """Return the engine as it computes on a device; an EngineError says that it cannot."""
+        devices = getattr(self._adapter, "DEVICES", ("cpu",))
+        EngineError.unless_known(device, devices, f"the {self.name} engine knows no '{device}'")
+        return type(self)(self._file, device)
+
+    @property
+    def goes_forward(self) -> bool:
+        """Whether it tells what it computes of states before it steps."""
+        return hasattr(self._adapter, "forward")
+
+    def ask(
+        self, runs: PreparedRuns, watch: Watch = no_limit, operation: str = "simulate"
+    ) -> dict[str, Any] | str:
+        """Return what the adapter's function answers of runs, or what went wrong."""
+        request = {"operation": operation, "device": self._device, **_request(runs)}
+        return self._process.ask(request, watch)
 
     @cached_property
     def _process(self) -> "_EngineProcess":

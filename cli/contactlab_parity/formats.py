@@ -1,0 +1,93 @@
+"""A parity report as text, Markdown and JUnit XML."""
+
+from collections.abc import Iterator, Sequence
+
+from contactlab.ci_output import junit, junit_case
+from contactlab.comparison.checks import format_settings
+from contactlab.printable import in_markdown, in_one_line
+from contactlab_parity.parity_report import ParityReport, RunParity
+
+_WORDS = {"failed": "FAIL", "skipped": "SKIP", "warned": "WARN", "noted": "note", "passed": "ok"}
+_MOST_RUNS = 40
+_ORDER = ("failed", "refused", "different", "ambiguous", "within floor", "same")
+_NUMBERS = ("position", "floor", "repeat", "one step")
+_HEADER = ("run", "verdict", "first difference", *_NUMBERS, "settings")
+
+
+def as_text(report: ParityReport) -> str:
+    """Return a report as plain text: headline, checks, closed form, and runs, the worst first."""
+    lines = [report.headline, "", *(f"  {each}" for each in _about(report)), ""]
+    checks = [(_WORDS[each.outcome], each.name, each.full_message) for each in report.checks]
+    lines += [*_columns(checks), "", *_columns([_HEADER, *map(_row, _shown(report))])]
+    more = len(report.runs) - _MOST_RUNS
+    lines += [f"and {more} more runs, which --format json lists"] if more > 0 else []
+    return "\n".join(in_one_line(line).rstrip() for line in lines) + "\n"
+
+
+def _columns(rows: Sequence[Sequence[str]]) -> Iterator[str]:
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    for row in rows:
+        yield "  ".join(f"{each:{width}}" for each, width in zip(row, widths, strict=True))
+
+
+def as_markdown(report: ParityReport) -> str:
+    """Return a report as Markdown, for the summary of a job."""
+    lines = [f"### {in_markdown(report.headline)}", ""]
+    lines += [f"- {in_markdown(each)}" for each in _about(report)]
+    lines += ["", "| | check | result |", "|---|---|---|"]
+    for each in report.checks:
+        cells = (_WORDS[each.outcome], each.name, each.full_message)
+        lines.append(f"| {' | '.join(map(in_markdown, cells))} |")
+    lines += ["", f"| {' | '.join(_HEADER)} |", "|---" * len(_HEADER) + "|"]
+    lines += [f"| {' | '.join(map(in_markdown, _row(each)))} |" for each in _shown(report)]
+    return "\n".join(lines) + "\n"
+
+
+def as_junit(report: ParityReport) -> str:
+    """Return a report as JUnit XML: a test case a check."""
+    cases = [
+        junit_case(
+            each,
+            ("parity", report.engine, each.kind),
+            each.verdict,
+            [f"{format_settings(pair.axes)}: {pair.candidate}" for pair in each.worst],
+        )
+        for each in report.checks
+    ]
+    return junit(f"contactlab parity {report.sweep} --against {report.engine}", cases)
+
+
+def _about(report: ParityReport) -> Iterator[str]:
+    where = f" on {report.device}" if report.device else ""
+    changed = f", with {', '.join(report.changes)}" if report.changes else ""
+    yield (
+        f"{report.sweep}: {report.scene} by MuJoCo {report.mujoco}, and by {report.engine} "
+        f"{report.version}{where}{changed}"
+    )
+    if form := report.closed_form:
+        off = {"mujoco": "MuJoCo is", "engine": f"{report.engine} is"}.get(
+            form.off, f"{form.off} is"
+        )
+        yield (
+            f"closed form: MuJoCo is within {form.mujoco:.3g}, {report.engine} within "
+            f"{form.engine:.3g}; {off} off"
+        )
+
+
+def _shown(report: ParityReport) -> list[RunParity]:
+    """Return the runs that a table shows, the worst first."""
+    order = ["failed", "refused", "different", "ambiguous", "within floor", "same"]
+    ranked = sorted(
+        report.runs, key=lambda each: (order.index(each.verdict), -(each.position or 0))
+    )
+    return ranked[:_MOST_RUNS]
+
+
+def _row(run: RunParity) -> tuple[str, ...]:
+    numbers = [
+        "" if each is None else f"{each:.2g}"
+        for each in (run.position, run.floor, run.repeat, run.step)
+    ]
+    told = str(run.first) if run.first else run.reason
+    seed = f" seed={run.seed}" if run.seed else ""
+    return run.run_id[:8], run.verdict, told, *numbers, f"{format_settings(run.axes)}{seed}"

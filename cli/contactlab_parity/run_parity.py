@@ -1,0 +1,235 @@
+"""One run by MuJoCo and by another engine, from its states to its end."""
+
+from collections.abc import Set as AbstractSet
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from contactlab.contact.trace_arrays import Floats
+from contactlab.engines import ENGINES
+from contactlab.engines.engine import PreparedRuns, Rollout, SimulationEngine
+from contactlab.scene.model_edits import MODEL_ENGINE
+from contactlab_parity.forward import FLOOR_FACTOR, ForwardStates, forward
+from contactlab_parity.panel import from_states, roll_out
+from contactlab_parity.parity_report import Finding, Verdict
+from contactlab_parity.rounding import rounded
+
+_MOST_STEPS, _MOST_FORWARD = 1_000, 24  # states of a run that step, and that are looked into
+# Allowed of an acceleration over a step, absolute and relative: as of `qacc` there.
+_ACCELERATION = (1e-1, 1e-2)
+_SAME = 1e-9  # a difference of coordinates that is none [m or rad]
+_RESOLVED = 1e-6  # and what single precision resolves of those of this size [m or rad]
+_RUN_FACTOR = 10.0  # how many times the largest of the floors so far a run may be off
+_BUFFERS = ("contactfull", "cnstrfull")
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Runs of one structure by MuJoCo, and by another engine.
+
+    The rollouts are MuJoCo's, that of rounded states, and the engine's, made twice.
+    """
+
+    engine: SimulationEngine
+    reference: SimulationEngine
+    both: tuple[PreparedRuns, PreparedRuns]
+    rollouts: tuple[Rollout, Rollout, Rollout, Rollout]
+
+    @classmethod
+    def of(cls, engine: SimulationEngine, ours: PreparedRuns, theirs: PreparedRuns) -> "Comparison":
+        """Simulate runs by both; `theirs` are the same, but for what is changed for the engine."""
+        reference = ENGINES[MODEL_ENGINE]
+        told = roll_out(reference, ours), roll_out(reference, rounded(ours))
+        return cls(
+            engine,
+            reference,
+            (ours, theirs),
+            (*told, roll_out(engine, theirs), roll_out(engine, theirs)),
+        )
+
+    def contacts(self, run: int) -> np.ndarray:
+        """Return (N,) how many contacts MuJoCo had in each step of a run."""
+        runs, (ours, *_) = self.both[0], self.rollouts
+        layout = runs.base.layout
+        return ours.sensors[
+            run, :, (layout if ours.slots is None else layout.from_contacts()).contacts
+        ]
+
+
+@dataclass(frozen=True)
+class SteppedStates:
+    """One step from K states of MuJoCo's run: velocities after it, by both and of rounded ones."""
+
+    places: np.ndarray  # (K,) steps
+    error: Floats  # (K,) greatest difference of a velocity
+    floors: Floats  # (K, nv) the same of each velocity, from rounded states
+    allowed: Floats  # (K,)
+    worst: np.ndarray  # (K,) the velocity that differs most
+    velocities: tuple[Floats, Floats]  # (K, nv) by MuJoCo, by the engine
+
+    @property
+    def floor(self) -> Floats:
+        """(K,) the greatest difference of a velocity from rounded states."""
+        return self.floors.max(axis=1, initial=0)
+
+    def sensitive_before(self, step: int, dofs: np.ndarray) -> bool:
+        """Return whether rounding a state before some step leads some velocities elsewhere."""
+        own = self.allowed - FLOOR_FACTOR * self.floor
+        moved = self.floors[:, dofs].max(axis=1, initial=0) > own
+        return bool(moved[self.places < step].any())
+
+
+def stepped(comparison: Comparison, run: int, states: Floats) -> SteppedStates:
+    """Make one step from each of the states (N + 1, nstate) of a run; from 1,000 if it has more."""
+    engine, reference, (ours, theirs) = comparison.engine, comparison.reference, comparison.both
+    last = len(states) - 1
+    places = np.unique(np.linspace(0, last - 1, min(last, _MOST_STEPS)).round().astype(int))
+    starts = from_states(ours, run, states[places], places)
+    model = ours.models[run]
+    speeds = slice(1 + model.nq, 1 + model.nq + model.nv)
+    blurred = rounded(starts)
+    by_mujoco, by_rounded, by_engine = (
+        roll_out(by, runs).state[:, 1, speeds]
+        for by, runs in (
+            (reference, starts),
+            (reference, blurred),
+            (engine, from_states(theirs, run, states[places], places)),
+        )
+    )
+    before = states[places][:, speeds]
+    change = np.abs(by_mujoco - before).max(axis=1, initial=0)
+    error, floor = np.abs(by_mujoco - by_engine), np.abs(by_mujoco - by_rounded)
+    absolute, relative = _ACCELERATION
+    allowed = model.opt.timestep * absolute + relative * change + FLOOR_FACTOR * floor.max(axis=1)
+    error = np.where(np.isfinite(error), error, np.inf)
+    return SteppedStates(
+        places, error.max(axis=1), floor, allowed, error.argmax(axis=1), (by_mujoco, by_engine)
+    )
+
+
+def looked_into(steps: SteppedStates, contacts: np.ndarray) -> np.ndarray:
+    """Return the steps (K,) whose states are worth a look, given (N,) contacts before each step.
+
+    They are those whose single steps differ most, the start, the first one with contacts, the one
+    with most, and some along the run.
+    """
+    excess = steps.error / steps.allowed
+    worst = steps.places[np.argsort(-excess, kind="stable")[: _MOST_FORWARD // 3]]
+    touching = np.flatnonzero(contacts)[:1]
+    along = np.linspace(0, len(contacts) - 1, _MOST_FORWARD // 2).astype(int)
+    return np.unique(np.concatenate([worst, touching, [int(contacts.argmax())], along]))
+
+
+def look_into(
+    comparison: Comparison, run: int, states: Floats, places: np.ndarray
+) -> ForwardStates:
+    """Return what both compute of the states of a run before some steps."""
+    engine, reference = comparison.engine, comparison.reference
+    ours, theirs = (from_states(each, run, states[places], places) for each in comparison.both)
+    sides = ((reference, ours), (engine, theirs), (reference, rounded(ours)))
+    told = [forward(by, runs) or {} for by, runs in sides]
+    return ForwardStates(ours.models[0], places.tolist(), *told)
+
+
+@dataclass(frozen=True)
+class WholeRun:
+    """A run by MuJoCo, of rounded states, and twice by the engine: (N + 1, nq) coordinates each."""
+
+    ours: Floats
+    rounded: Floats
+    theirs: Floats
+    again: Floats
+
+    def differences(self) -> tuple[Floats, Floats, Floats]:
+        """Return (N + 1,) differences from MuJoCo, of rounded states, and of the repetition."""
+        error, floor = _farthest(self.ours, self.theirs), _farthest(self.ours, self.rounded)
+        return error, floor, _farthest(self.theirs, self.again)
+
+    def finding(self) -> Finding | None:
+        """Return where a run leaves MuJoCo's farther than the floors explain."""
+        error, floor, repeat = self.differences()
+        floors = np.maximum.accumulate(np.maximum(floor, repeat))
+        beyond = np.flatnonzero(~(error <= _RESOLVED + _RUN_FACTOR * floors))
+        if not len(beyond):
+            return None
+        step = int(beyond[0])
+        place = int(np.abs(self.ours[step] - self.theirs[step]).argmax())
+        return Finding(
+            stage="whole run",
+            quantity=f"qpos[{place}]",
+            step=step,
+            mujoco=float(self.ours[step, place]),
+            engine=float(self.theirs[step, place]),
+        )
+
+
+def _farthest(first: Floats, second: Floats) -> Floats:
+    return np.abs(first - second).max(axis=1, initial=0)
+
+
+def buffers_finding(rollout: Rollout, run: int) -> Finding | None:
+    """Return that memory for contacts or constraints was too small for a run."""
+    full = next((each for each in _BUFFERS if each in rollout.warnings[run]), None)
+    return Finding(stage="buffers", quantity=full, step=0) if full else None
+
+
+def step_finding(steps: SteppedStates, ambiguous: AbstractSet[int]) -> Finding | None:
+    """Return the single step that differs most, of those that differ by more than is allowed.
+
+    From the states before some steps, rounding may lead elsewhere: these are ambiguous.
+    """
+    excess = np.where(np.isin(steps.places, list(ambiguous)), 0, steps.error / steps.allowed)
+    place = int(excess.argmax())
+    if not excess[place] > 1:
+        return None
+    index = int(steps.worst[place])
+    ours, theirs = (float(each[place, index]) for each in steps.velocities)
+    return Finding(
+        stage="one step",
+        quantity=f"qvel[{index}]",
+        step=int(steps.places[place]),
+        mujoco=ours,
+        engine=theirs,
+    )
+
+
+def _dofs_beside(model: mujoco.MjModel, finding: Finding) -> np.ndarray:
+    """Return the degrees of freedom of the kinematic tree that a coordinate belongs to."""
+    place = int(finding.quantity.removeprefix("qpos[").removesuffix("]"))
+    joint = int(np.searchsorted(model.jnt_qposadr, place, side="right")) - 1
+    return np.flatnonzero(model.dof_treeid == model.dof_treeid[model.jnt_dofadr[joint]])
+
+
+def judge(
+    comparison: Comparison, run: int
+) -> tuple[Verdict, Finding | None, dict[str, float | int]]:
+    """Return the verdict on a run, the first stage that differs, and what was measured."""
+    rollouts = comparison.rollouts
+    steps = min(each.steps[run] for each in rollouts)
+    states = rollouts[0].state[run, : steps + 1]
+    model = comparison.both[0].models[run]
+    whole = WholeRun(
+        *(each.state[run, : steps + 1, 1 : 1 + model.nq] for each in comparison.rollouts)
+    )
+    error, floor, repeat = (float(each.max()) for each in whole.differences())
+    numbers: dict[str, float | int] = {"position": error, "floor": floor, "repeat": repeat}
+    if full := buffers_finding(rollouts[2], run):
+        return "different", full, numbers
+    singles = stepped(comparison, run, states)
+    numbers |= {"step": float(singles.error.max()), "step_floor": float(singles.floor.max())}
+    places = looked_into(singles, comparison.contacts(run)[:steps])
+    looked = look_into(comparison, run, states, places)
+    ambiguous = looked.ambiguous()
+    numbers["ambiguous_states"] = len(ambiguous)
+    found = looked.first_finding() or step_finding(singles, ambiguous)
+    if found:
+        return "different", found, numbers
+    left = whole.finding()
+    if (singles.error > singles.allowed).any() or (
+        left and singles.sensitive_before(left.step, _dofs_beside(model, left))
+    ):
+        return "ambiguous", None, numbers
+    if left:
+        return "different", left, numbers
+    return ("same" if error <= _SAME else "within floor"), None, numbers
