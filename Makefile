@@ -9,7 +9,7 @@ endif
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
 .PHONY: bounce test test-slow test-lowest check lint format stubs schemas picture constraints wheel
-.PHONY: attack bench kernel verdicts clean
+.PHONY: attack bench kernel site verdicts clean
 
 bounce: .venv/run
 	$(BIN)/contactlab sweep bounce
@@ -76,6 +76,10 @@ bench: .venv/dev
 # The picture of the README, from a real run.
 picture: .venv/dev
 	$(BIN)/python -m docs.picture
+
+# The site in build/site; with FILMS=--films the gallery has films and pages, which takes a while.
+site: .venv/dev
+	$(BIN)/python -m docs.site.build $(FILMS)
 
 constraints: pyproject.toml
 	sh .ci/lock
