@@ -61,24 +61,24 @@ def compare(
     from contactlab.comparison.policies import accept as add_accepted
     from contactlab.comparison.policies import acceptance
 
-    targets = _targets(files or [])
+    targets = files_to_write(files or [])
     given = {"match": match, "baseline_digest": baseline_digest}
     timers = _timers(remeasure, baseline_python, candidate_python)
     run = partial(compare_stores, baseline, candidate, thorough=thorough, remeasure=timers)
     if accept is not None:
         if policy is None:
             raise PolicyError("--accept adds to a policy file; name it with --policy FILE")
-        before = run(_rules(policy if policy.exists() else None, given))
+        before = run(policy_of(policy if policy.exists() else None, given))
         entries = acceptance(before, accept, reason, until.date() if until else None)
         add_accepted(policy, entries)
-    rules = _rules(policy, given)
+    rules = policy_of(policy, given)
     try:
         report = run(rules)
     except StoreError as error:
-        _publish(unreadable_report(error, rules), targets)
+        publish(unreadable_report(error, rules), targets)
         raise
-    _publish(report, targets)
-    _print(report, output)
+    publish(report, targets)
+    print_report(report, output)
     if report.exit_code == ExpectationError.exit_code:
         raise ExpectationError(report.headline)
     if report.exit_code:
@@ -100,7 +100,8 @@ def _timers(
     return Remeasure(runs, *(partial(timing_process, python) for python in pythons))
 
 
-def _rules(policy: Path | None, given: Mapping[str, str | None]) -> "ComparePolicy":
+def policy_of(policy: Path | None, given: Mapping[str, str | None]) -> "ComparePolicy":
+    """Return the policy of a file, or the default one, with what options say."""
     from contactlab.comparison.compare_stores import DEFAULT_POLICY
     from contactlab.plan.sweep_file import read_yaml_as
     from contactlab.schema.comparison import ComparePolicy
@@ -109,14 +110,15 @@ def _rules(policy: Path | None, given: Mapping[str, str | None]) -> "ComparePoli
     return read.model_copy(update={name: value for name, value in given.items() if value})
 
 
-def _targets(files: Sequence[Path]) -> list[tuple[Path, ReportFormat]]:
+def files_to_write(files: Sequence[Path]) -> list[tuple[Path, ReportFormat]]:
+    """Return the files of `-o`, each with the format of its suffix."""
     unknown = [path for path in files if path.suffix not in _FORMATS]
     if unknown:
         raise OutputError(f"{unknown[0]}: write a name that ends in {', '.join(_FORMATS)}")
     return [(path, _FORMATS[path.suffix]) for path in files]
 
 
-def _publish(report: "ComparisonReport", targets: Sequence[tuple[Path, ReportFormat]]) -> None:
+def publish(report: "ComparisonReport", targets: Sequence[tuple[Path, ReportFormat]]) -> None:
     """Write the files of `-o` and, in a GitHub job, its annotations and summary."""
     from contactlab.store.atomic_files import atomic_write, write_error
 
@@ -132,10 +134,11 @@ def _publish(report: "ComparisonReport", targets: Sequence[tuple[Path, ReportFor
     except OSError as error:
         raise write_error(Path(error.filename), error) from error
     if os.environ.get("GITHUB_ACTIONS") == "true":
-        _print(report, "github", err=True)
+        print_report(report, "github", err=True)
 
 
-def _print(report: "ComparisonReport", format_: ReportFormat, *, err: bool = False) -> None:
+def print_report(report: "ComparisonReport", format_: ReportFormat, *, err: bool = False) -> None:
+    """Print a comparison."""
     show = echo_commands if format_ == "github" else echo
     show(_rendered(report, format_).removesuffix("\n"), err=err)
 

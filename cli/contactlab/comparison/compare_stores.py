@@ -156,13 +156,13 @@ def _report(paired: PairedStores, remeasure: Remeasure | None) -> ComparisonRepo
     if remeasure is not None:
         checks.append(remeasured_check(paired, remeasure))
     checks = apply_acceptances(checks, policy.accept, paired.today)
-    verdict, exit_code, headline = _conclusion(checks)
+    verdict, exit_code, headline = conclusion(checks)
     return ComparisonReport(
         verdict=verdict,
         exit_code=exit_code,
         headline=headline,
-        baseline=_described(before),
-        candidate=_described(after),
+        baseline=described(before),
+        candidate=described(after),
         match=policy.match,
         pairs=_counts(paired),
         differences=tuple(found for _, found in sameness if found),
@@ -172,7 +172,7 @@ def _report(paired: PairedStores, remeasure: Remeasure | None) -> ComparisonRepo
     )
 
 
-def _described(store: Store) -> ComparedStore:
+def described(store: Store) -> ComparedStore:
     """Return how a report describes a store."""
     manifest, origin = store.manifest, store.manifest.provenance
     return ComparedStore(
@@ -240,7 +240,7 @@ def _counts(paired: PairedStores) -> PairCounts:
     )
 
 
-def _conclusion(checks: Sequence[Check]) -> tuple[Verdict, int, str]:
+def conclusion(checks: Sequence[Check]) -> tuple[Verdict, int, str]:
     """Return verdict, exit code and headline.
 
     Stores that differ in what must be the same come first: no other check means anything then.

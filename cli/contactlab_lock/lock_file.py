@@ -1,0 +1,228 @@
+"""A lock: what a sweep gave, frozen in a small file of one line for each group of runs.
+
+The runs of a group have the same axis values; they differ by seed, or are a loop's episodes.
+"""
+
+import hashlib
+import io
+import json
+import math
+import statistics
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
+
+import numpy as np
+from pydantic import Field, model_validator
+from pydantic_core import PydanticCustomError
+from ruamel.yaml import YAML
+
+from contactlab.comparison.pairing import engine_of
+from contactlab.comparison.policies import effective_rule, kind_of
+from contactlab.errors import SweepFileError
+from contactlab.measure import METRICS
+from contactlab.plan.sweep_file import read_yaml_as
+from contactlab.schema.comparison import ComparePolicy, Count
+from contactlab.schema.evidence import Setting
+from contactlab.schema.strict_model import Flag, Model, Number, Whole, Word
+from contactlab.store.atomic_files import atomic_write, write_errors
+from contactlab.store.finished_store import Store
+from contactlab.store.table_layout import REAL, Column
+
+_OF_LOOPS = (
+    Column("total_reward", REAL, "", "sum of the rewards of an episode", "none"),
+    Column("steps", REAL, "1", "steps that were made", "none"),
+)
+_COUNTED = {"success": "success", "expectation_met": "as expected"}
+_DIGITS = 7  # of a number that is written; compare accepts changes of 1 %
+_ROUNDING = 1e-12  # of a mean: less is no spread
+_HEAD = """\
+# What `contactlab lock` froze; `contactlab lock {source} --check` fails where it changed.
+# A line for each group of runs: how many had each outcome; and of each metric the mean, the
+# standard deviation if it is not 0, and the number of values where not all runs have one.
+"""
+
+
+class Group(Model):
+    """The outcomes of the runs that have the same axis values."""
+
+    at: dict[str, Setting]
+    runs: Count
+    trajectories: Word
+    outcomes: dict[Word, Count]
+    metrics: dict[Word, Annotated[tuple[Number, ...], Field(min_length=1, max_length=3)]]
+
+    @property
+    def key(self) -> str:
+        """What it is found by."""
+        return _key(self.at)
+
+    def measured(self, metric: str) -> tuple[float, float, int]:
+        """Return mean, spread and number of the values of a metric; NaN, 0 and 0 without any."""
+        mean, *rest = self.metrics.get(metric, (math.nan, 0.0, 0))
+        spread, *count = rest or (0.0,)
+        return mean, spread, int(count[0]) if count else self.runs
+
+
+class Lock(Model):
+    """What the file has; runs of the same starts repeat each other, unless they are chaotic."""
+
+    version: Literal[1] = 1
+    sweep: Word
+    scene_hash: Word
+    engine: Word
+    seeds: tuple[Whole, ...]
+    starts: Word
+    chaotic: Flag = False
+    metric_versions: dict[Word, Whole]
+    groups: tuple[Group, ...]
+
+    @model_validator(mode="after")
+    def _names_no_group_twice(self) -> Self:
+        if len(self.by_key) < len(self.groups):
+            raise PydanticCustomError("group_twice", "has two groups of the same axis values")
+        return self
+
+    @property
+    def by_key(self) -> dict[str, Group]:
+        """The groups by their keys."""
+        return {each.key: each for each in self.groups}
+
+
+def lock_of(store: Store, metrics: Sequence[str], *, chaotic: bool = False) -> Lock:
+    """Return what a store gave, by these metrics; runs on a knife edge are left out."""
+    known = store.columns.schema.names
+    always = ["seed", "labels", "trajectory_hash", "initial_qpos", "initial_qvel"]
+    rows = store.columns.to_pydict([*always, *(x for x in _COUNTED if x in known), *metrics])
+    groups = [_group(axes, rows, metrics, own) for axes, own in members(store).values()]
+    identity = store.manifest.sweep
+    versions = identity.metric_versions
+    return Lock(
+        sweep=identity.name,
+        scene_hash=identity.scene_hash,
+        engine=engine_of(store),
+        seeds=tuple(sorted(set(rows["seed"]))),
+        starts=_digest([rows["initial_qpos"], rows["initial_qvel"]]),
+        chaotic=chaotic,
+        metric_versions={name: versions[name] for name in metrics if name in versions},
+        groups=tuple(groups),
+    )
+
+
+def members(store: Store) -> dict[str, tuple[dict[str, Any], list[int]]]:
+    """Return the values of the axes that differ, and the rows of each group, by its key."""
+    columns, found = store.columns, dict[str, tuple[dict[str, Any], list[int]]]()
+    names = [
+        each
+        for each in columns.axis_names
+        if len(set(map(str, columns.to_pydict([each])[each]))) > 1
+    ]
+    axes = columns.arrow(names).to_pylist() if names else [dict[str, Any]()] * columns.runs
+    for row in np.flatnonzero(columns.numbers("knife_edge").values != 1).tolist():
+        given = {name: _rounded(each) for name, each in axes[row].items() if each is not None}
+        found.setdefault(_key(given), (given, []))[1].append(row)
+    return found
+
+
+def is_loop(store: Store) -> bool:
+    """Return whether a store has the episodes of a loop, whose seeds only number them."""
+    return "loop" in store.columns.schema.names
+
+
+def metric_columns(store: Store) -> dict[str, Column]:
+    """Return what may be locked, by name: all that the physics gave."""
+    return {
+        **{name: each for name, each in store.columns.measured.items() if _is_physical(name)},
+        **({each.name: each for each in _OF_LOOPS} if is_loop(store) else {}),
+    }
+
+
+def gated_metrics(store: Store, policy: ComparePolicy) -> list[str]:
+    """Return the metrics that a policy gates, where a run has a value."""
+    known = metric_columns(store).items()
+    gated = [name for name, each in known if effective_rule(each, policy).level == "gate"]
+    return [name for name in gated if store.columns.numbers(name).valid.any()]
+
+
+def write(path: Path, lock: Lock, source: str) -> None:
+    """Write the lock of a sweep or a store in one step; an OutputError says that it cannot be."""
+    data = lock.model_dump(mode="json")
+    groups = "".join(f"- {_yaml(each, in_one_line=True)}" for each in data.pop("groups"))
+    text = f"{_HEAD.format(source=source)}{_yaml(data)}groups:\n{groups}"
+    with write_errors(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
+    with atomic_write(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+
+
+def read(path: Path) -> Lock:
+    """Read a lock; a SweepFileError lists what is wrong with it, or says that there is none."""
+    if not path.is_file():
+        raise SweepFileError(f"there is no lock {path}; write it by `contactlab lock` first")
+    return read_yaml_as(path, Lock)
+
+
+def _is_physical(name: str) -> bool:
+    """Return whether a metric is neither a time nor a count of work, and explains no other."""
+    physical = METRICS[name].kind == "physics" if name in METRICS else not name.startswith("work_")
+    return physical and kind_of(name) == "metrics"
+
+
+def _group(
+    axes: dict[str, Any], rows: Mapping[str, list[Any]], metrics: Sequence[str], own: list[int]
+) -> Group:
+    outcomes = Counter(label for row in own for label in rows["labels"][row])
+    said = {
+        word: [rows[name][row] for row in own] for name, word in _COUNTED.items() if name in rows
+    }
+    outcomes.update(
+        {word: sum(map(bool, each)) for word, each in said.items() if set(each) != {None}}
+    )
+    found = {name: _measured([rows[name][row] for row in own]) for name in metrics}
+    return Group(
+        at=axes,
+        runs=len(own),
+        trajectories=_digest([rows["trajectory_hash"][row] for row in own]),
+        outcomes=dict(outcomes),
+        metrics={name: each for name, each in found.items() if each},
+    )
+
+
+def _measured(values: Sequence[float | None]) -> tuple[float, ...]:
+    """Return mean, spread and number of values, as far as they say something."""
+    finite = [each for each in values if each is not None and math.isfinite(each)]
+    if not finite:
+        return ()
+    spread = statistics.stdev(finite) if len(finite) > 1 else 0.0
+    said = [float(f"{each:.{_DIGITS}g}") for each in (statistics.fmean(finite), spread)]
+    return (
+        (*said, len(finite))
+        if len(finite) < len(values)
+        else tuple(said[: 1 + (spread > _ROUNDING * abs(said[0]))])
+    )
+
+
+def _digest(data: object) -> str:
+    return hashlib.sha256(json.dumps(data).encode()).hexdigest()[:16]
+
+
+def _key(axes: Mapping[str, object]) -> str:
+    return json.dumps({name: _rounded(value) for name, value in sorted(axes.items())})
+
+
+def _rounded(value: object) -> object:
+    """Return a value of an axis to nine digits, since computed ones differ in the last."""
+    if isinstance(value, list | tuple):
+        return [_rounded(each) for each in value]
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    return float(f"{value:.9g}") if is_number else value
+
+
+def _yaml(data: Mapping[str, object], *, in_one_line: bool = False) -> str:
+    yaml, text = YAML(typ="safe", pure=True), io.StringIO()
+    yaml.default_flow_style = in_one_line or None
+    yaml.width = 1 << 30
+    yaml.sort_base_mapping_type_on_output = False  # pyright: ignore[reportAttributeAccessIssue]
+    yaml.dump(data, text)
+    return text.getvalue()

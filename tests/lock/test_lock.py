@@ -1,0 +1,232 @@
+"""What a lock accepts, and what turns it red."""
+
+import json
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import typer
+from typer.testing import CliRunner
+
+import contactlab
+from contactlab.comparison.compare_stores import DEFAULT_POLICY
+from contactlab.errors import ContactlabError, SweepFileError
+from contactlab.schema.comparison import ComparePolicy, ComparisonReport
+from contactlab.store.finished_store import Store
+from contactlab_lock.commands import bisect, lock
+from contactlab_lock.judgement import change_by_chance, judge
+from contactlab_lock.lock_file import Lock, gated_metrics, lock_of, read, write
+
+SLIDE: dict[str, Any] = {
+    "version": 1,
+    "scene": "box_slide",
+    "duration": 0.6,
+    "seeds": 3,
+    "axes": {"cone": ["pyramidal", "elliptic"]},
+}
+DROP: dict[str, Any] = {
+    "version": 1,
+    "scene": "ball_drop",
+    "duration": 0.3,
+    "seeds": 8,
+    "axes": {"timestep": [1e-3, 2e-3], "drop_height": [0.02]},
+}
+Swept = Callable[..., Store]
+
+
+@pytest.fixture(scope="module")
+def swept(tmp_path_factory: pytest.TempPathFactory) -> Swept:
+    """Run a sweep with settings of its own."""
+
+    def run(sweep: Mapping[str, Any], **settings: Any) -> Store:
+        folder = tmp_path_factory.mktemp("store") / "store"
+        return contactlab.sweep({**sweep, **settings}, output=folder, workers=0)
+
+    return run
+
+
+@pytest.fixture(scope="module")
+def slid(swept: Swept) -> Store:
+    return swept(SLIDE)
+
+
+@pytest.fixture(scope="module")
+def dropped(swept: Swept) -> Store:
+    return swept(DROP)
+
+
+def frozen(store: Store, **how: Any) -> Lock:
+    return lock_of(store, gated_metrics(store, DEFAULT_POLICY), **how)
+
+
+def judged(lock: Lock, store: Store, policy: ComparePolicy = DEFAULT_POLICY) -> ComparisonReport:
+    return judge(lock, "the lock", store, policy)
+
+
+def failing(report: ComparisonReport) -> set[str]:
+    return {each.name for each in report.checks if each.outcome == "failed"}
+
+
+def axes(sweep: Mapping[str, Any], **more: Any) -> dict[str, Any]:
+    return {"axes": {**sweep["axes"], **more}}
+
+
+def test_a_lock_is_read_as_it_was_written(slid: Store, tmp_path: Path) -> None:
+    made = frozen(slid)
+    write(tmp_path / "locks" / "slide.lock.yaml", made, "slide")
+    assert read(tmp_path / "locks" / "slide.lock.yaml") == made
+    lines = (tmp_path / "locks" / "slide.lock.yaml").read_text().splitlines()
+    groups = [line for line in lines if line.startswith("- ")]
+    assert len(groups) == len(SLIDE["axes"]["cone"])
+    assert all("slip_distance" in line and "stable: 3" in line for line in groups)
+
+
+def test_repeated_runs_are_as_locked_bit_for_bit(slid: Store, swept: Swept) -> None:
+    report = judged(frozen(slid), swept(SLIDE))
+    assert report.exit_code == 0
+    assert report.pairs.bitwise_equal == report.pairs.paired == 6
+    assert "by repetition" in report.headline
+
+
+def test_more_friction_is_seen(slid: Store, swept: Swept) -> None:
+    more = swept(SLIDE, **axes(SLIDE, **{"friction.slide": [0.5 * 1.2]}))
+    report = judged(frozen(slid), more)
+    assert report.exit_code == 1
+    assert "slip_distance as locked" in failing(report)
+    slip = next(each for each in report.checks if each.name == "slip_distance as locked")
+    # Run ids name the runs that show it.
+    assert slip.worst[0].candidate_run in set(more.table["run_id"].to_pylist())
+
+
+def test_another_integrator_is_seen_where_it_matters(dropped: Store, swept: Swept) -> None:
+    report = judged(frozen(dropped), swept(DROP, **axes(DROP, integrator=["RK4"])))
+    assert report.exit_code == 1
+
+
+def test_other_seeds_are_as_locked(dropped: Store, swept: Swept) -> None:
+    others = swept(DROP, seeds=list(range(100, 112)))
+    report = judged(frozen(dropped), others)
+    assert report.exit_code == 0
+    assert "by the spread" in report.headline
+    assert report.pairs.bitwise_equal == 0
+
+
+def test_other_seeds_of_another_environment_are_not(dropped: Store, swept: Swept) -> None:
+    others = swept(DROP, seeds=list(range(100, 108)), **axes(DROP, drop_height=[0.1]))
+    assert judged(frozen(dropped), others).exit_code == 1
+
+
+def test_locked_seeds_of_what_is_chaotic_are_judged_by_spread(dropped: Store) -> None:
+    made = frozen(dropped)
+    (first, *rest) = made.groups
+    (name, (mean, spread, *_)) = next(x for x in first.metrics.items() if len(x[1]) > 1 and x[1][0])
+    moved = {**first.metrics, name: (mean + 0.02 * abs(mean) + 0.1 * spread, spread)}
+    groups = (first.model_copy(update={"metrics": moved}), *rest)
+    assert judged(made.model_copy(update={"groups": groups}), dropped).exit_code == 1
+    chaotic = made.model_copy(update={"groups": groups, "chaotic": True})
+    assert judged(chaotic, dropped).exit_code == 0
+
+
+def test_a_policy_says_what_counts(slid: Store, swept: Swept) -> None:
+    policy = ComparePolicy.model_validate(
+        {"version": 1, "metrics": {"*": {"level": "note"}, "slip_*": {"level": "gate", "rel": 0.5}}}
+    )
+    assert gated_metrics(slid, policy) == ["slip_distance"]
+    more = swept(SLIDE, **axes(SLIDE, **{"friction.slide": [0.6]}))
+    assert judged(frozen(slid), more, policy).exit_code == 0
+
+
+def test_lost_groups_and_labels_are_seen(slid: Store) -> None:
+    made = frozen(slid)
+    added = made.groups[0].model_copy(update={"at": {"cone": "round"}})
+    lost = made.model_copy(update={"groups": (*made.groups, added)})
+    assert failing(judged(lost, slid)) == {"no missing groups"}
+    (first, *rest) = made.groups
+    moved = first.model_copy(update={"outcomes": {"stable": 2, "chatter": 1}})
+    labels = made.model_copy(update={"groups": (moved, *rest)})
+    report = judged(labels, slid)
+    assert failing(report) == {"outcomes as locked"}
+    (pair,) = next(each.worst for each in report.checks if each.name == "outcomes as locked")
+    assert (pair.baseline, pair.candidate) == (
+        "stable 2 of 3, chatter 1 of 3",
+        "stable 3 of 3, chatter 0 of 3",
+    )
+
+
+def test_single_runs_of_other_starts_cannot_be_judged(swept: Swept) -> None:
+    one, other = (swept(DROP, seeds=[seed]) for seed in (0, 1))
+    report = judged(frozen(one), other)
+    assert report.exit_code == 3
+    assert "not comparable" in report.headline
+
+
+def test_chance_alone_exceeds_a_tolerance_as_often_as_stated() -> None:
+    """Of normal values, in a share alpha of checks; the count is within 4 standard deviations."""
+    rng, rounds, n, m, alpha = np.random.default_rng(1), 4_000, 5, 9, 0.05
+    changed = 0
+    for row in rng.normal(3.0, 1.0, (rounds, n + m)):
+        old, new = row[:n], row[n:]
+        before, after = ((float(each.std(ddof=1)), len(each)) for each in (old, new))
+        changed += abs(new.mean() - old.mean()) > change_by_chance(before, after, alpha)
+    expected = alpha * rounds
+    assert abs(changed - expected) < 4 * np.sqrt(expected * (1 - alpha))
+
+
+@pytest.fixture
+def command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Any]:
+    """Run a command of the package in an empty folder, and raise what it raises."""
+    monkeypatch.chdir(tmp_path)
+    app = typer.Typer()
+    app.command()(lock)
+    app.command()(bisect)
+
+    def run(*words: str) -> Any:
+        done = CliRunner().invoke(app, words)
+        if isinstance(done.exception, ContactlabError):
+            raise done.exception
+        assert done.exit_code == 0, done.output
+        return done.stdout
+
+    return run
+
+
+def test_a_store_is_locked_and_checked(slid: Store, command: Callable[..., Any]) -> None:
+    out = command("lock", str(slid.address), "--file", "here.lock.yaml")
+    assert "check them: contactlab lock" in out
+    told = command("lock", str(slid.address), "--file", "here.lock.yaml", "--check", "-o", "a.xml")
+    assert told.startswith("same: ")
+    assert "<testsuites>" in Path("a.xml").read_text()
+    report = command(
+        "lock", str(slid.address), "--file", "here.lock.yaml", "--check", "--format", "json"
+    )
+    assert json.loads(report)["verdict"] == "same"
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["lock", "nothing", "--check"], "there is no lock nothing.lock.yaml"),
+        (["lock", "STORE", "--set", "timestep=1e-3"], "is a store; --set, --workers"),
+        (["lock", "STORE", "--file", "damaged.yaml", "--check"], "damaged.yaml"),
+        (["lock", "nothing"], "the sweep cannot be run"),
+        (["bisect", "slide", "--good", "3.9", "--bad", "3.10.0", "--versions", "3.9.0"], "3.9"),
+    ],
+)
+def test_bad_use_is_said(
+    words: list[str], message: str, slid: Store, command: Callable[..., Any]
+) -> None:
+    Path("damaged.yaml").write_text("version: 1\ngroups: [{at: {}}]\n")
+    given = [str(slid.address) if each == "STORE" else each for each in words]
+    with pytest.raises(ContactlabError, match=message):
+        command(*given)
+    assert not list(Path().glob("*.lock.yaml"))
+
+
+def test_a_group_stands_once(slid: Store, tmp_path: Path) -> None:
+    made = frozen(slid)
+    twice = made.model_copy(update={"groups": (*made.groups, made.groups[0])})
+    write(tmp_path / "twice.yaml", twice, "slide")
+    with pytest.raises(SweepFileError, match="two groups of the same axis values"):
+        read(tmp_path / "twice.yaml")
