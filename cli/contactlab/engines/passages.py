@@ -1,8 +1,9 @@
 """What passed through what between steps, whether or not a step had a contact.
 
 Seen from one geom, the centre of another moves along a line from step to step. Where a ray along it
-enters the geom and leaves it again, or gets under a surface, the other has passed through; and a
-flex, where the centre crosses its mid-surface.
+enters the geom and leaves it again, or gets under a surface, the other has passed through; so do
+vertices and edges of a rope, and a flex where the centre crosses its mid-surface. What turns far
+in a step is followed within it.
 """
 
 from collections.abc import Iterator
@@ -20,7 +21,9 @@ from contactlab.scene.model_names import name_of
 
 _SLOW = 0.5  # Share of the half thickness of two geoms by which a step must move them to matter
 _MOST_STEPS = 4  # Steps that a fast geom takes to pass through another, at most
+_MOST_PLACES = 200  # Places within a step at which two geoms are looked at, at most
 _SOON, _APART = 0.1, 1.5  # By when [s] what passed a flex is how far off it, in half extents
+_THROUGH = 0.5  # How deep in each other those geoms are, in half extents of the thinner
 _MOST_PAIRS, _MOST_RAYS = 200, 500
 _PLANE, _HFIELD = int(mujoco.mjtGeom.mjGEOM_PLANE), int(mujoco.mjtGeom.mjGEOM_HFIELD)
 _MESH = int(mujoco.mjtGeom.mjGEOM_MESH)
@@ -58,40 +61,101 @@ class Passages:
         if model.nflex or fastest @ self._lengths * model.opt.timestep > _SLOW * self._thinnest:
             acting = starts.inputs(run, model.opt.timestep, np.arange(len(states) - 1))
             position, rotation, vertices = _poses(model, states[:-1, 1:positions], acting)
-            found = [*self._passages(model, position, rotation)]
+            moved = self._moved(position, rotation)[:, model.geom_bodyid]
+            pairs = self._fast_pairs(moved)
+            found = [*self._passages(model, pairs, position, rotation)]
+            within = _Within(model, states[:, 1 : positions + model.nv], acting)
+            for pair in pairs:
+                apart = np.subtract(*(_place(model, position, rotation, each) for each in pair))
+                found += within.passages(
+                    pair, apart[:-1], moved[:, pair].sum(axis=1), least=float(self._least[pair])
+                )
             found += _through_flexes(model, position, rotation, vertices)
             self.found[run] = tuple(sorted(found, key=lambda each: each.step))
 
     def _passages(
-        self, model: mujoco.MjModel, position: Floats, rotation: Floats
+        self,
+        model: mujoco.MjModel,
+        pairs: list[tuple[int, int]],
+        position: Floats,
+        rotation: Floats,
     ) -> Iterator[Passage]:
         """Yield the first passage of each fast pair of geoms; poses are (N, nbody, 3 and 4)."""
-        for first, second in self._fast_pairs(model, position, rotation):
+        for first, second in pairs:
             for mover, wall in ((first, second), (second, first)):
                 if model.geom_type[mover] in (_PLANE, _HFIELD):
                     continue
-                body = int(model.geom_bodyid[wall])
                 shape = _Wall(model, wall, float(model.geom_rbound[mover]))
-                steps = list[int]()
-                for point in _along(model, mover):
-                    place = _place(model, position, rotation, mover, point)
-                    seen = rotate_back(rotation[:, body], place - position[:, body])
-                    path = rotate_back(model.geom_quat[wall], seen - model.geom_pos[wall])
-                    steps += _first_passage(path, float(self._least[first, second]), shape)
-                if steps:
+                along = (
+                    _place(model, position, rotation, mover, point)
+                    for point in _along(model, mover)
+                )
+                paths = (_seen(model, position, rotation, wall, place) for place in along)
+                least = float(self._least[first, second])
+                if steps := [step for path in paths for step in _first_passage(path, least, shape)]:
                     names = name_of(model, "geom", mover), name_of(model, "geom", wall)
                     yield Passage(*names, min(steps))
                     break
 
-    def _fast_pairs(
-        self, model: mujoco.MjModel, position: Floats, rotation: Floats
-    ) -> list[tuple[int, int]]:
+    def _moved(self, position: Floats, rotation: Floats) -> Floats:
+        """Return (N - 1, nbody) how far each step moves any point of a body, at most [m]."""
+        shift = np.linalg.norm(np.diff(position, axis=0), axis=2)
+        cosine = np.abs((rotation[1:] * rotation[:-1]).sum(axis=2))
+        return shift + 2 * np.arccos(np.minimum(cosine, 1)) * self._reach
+
+    def _fast_pairs(self, moved: Floats) -> list[tuple[int, int]]:
         """Return pairs of geoms that can touch, and that a step may carry through each other."""
-        shift = np.sqrt((np.diff(position, axis=0) ** 2).sum(axis=2).max(axis=0, initial=0))
-        cosine = np.abs((rotation[1:] * rotation[:-1]).sum(axis=2)).min(axis=0, initial=1)
-        moved = shift + 2 * np.arccos(np.minimum(cosine, 1)) * self._reach
-        moved = moved[model.geom_bodyid]
-        return geom_pairs(moved[:, None] + moved > self._least)[:_MOST_PAIRS]
+        most = moved.max(axis=0, initial=0)
+        return geom_pairs(most[:, None] + most > self._least)[:_MOST_PAIRS]
+
+
+class _Within:
+    """Looks for geoms that pass through each other within one step of a run."""
+
+    def __init__(self, model: mujoco.MjModel, states: Floats, acting: Floats) -> None:
+        """Look at states (N + 1, nq + nv) and the inputs (N, ...) that act on each step."""
+        self._model, self._data = model, mujoco.MjData(model)
+        self._states, self._acting = states, acting
+
+    def passages(
+        self, pair: tuple[int, int], apart: Floats, moved: Floats, *, least: float
+    ) -> list[Passage]:
+        """Return the first passage of two geoms whose centres are `apart` (N - 1, 3) [m], if any.
+
+        Each step moves them by at most `moved` (N - 1,) [m]; less than `least` does not matter.
+        """
+        model = self._model
+        if np.isin(model.geom_type[[*pair]], (_PLANE, _HFIELD)).any():
+            return []
+        bound = float(model.geom_rbound[[*pair]].sum())
+        near = np.linalg.norm(apart, axis=1) < bound + moved
+        for step in np.flatnonzero(near & (moved > least))[:_MOST_RAYS].tolist():
+            if self._overlaps(pair, step, float(moved[step]), least):
+                return [Passage(*(name_of(model, "geom", each) for each in pair), step)]
+        return []
+
+    def _overlaps(self, pair: tuple[int, int], step: int, moved: float, least: float) -> bool:
+        """Return whether geoms apart before and after a step are half through each other in it."""
+        model, data = self._model, self._data
+        if model.nmocap:
+            apply_inputs(model, data, self._acting[step])
+        velocity = self._states[step + 1, model.nq :]
+        ahead = max(least / 2, moved / _MOST_PLACES)
+        share, deepest = 0.0, 0.0
+        while share < 1:
+            data.qpos[:] = self._states[step, : model.nq]
+            mujoco.mj_integratePos(model, data.qpos, velocity, share * model.opt.timestep)
+            distance = self._distance(pair)
+            if distance <= 0 and share == 0:
+                return False
+            deepest = max(deepest, -distance)
+            share += max(distance, ahead) / moved
+        data.qpos[:] = self._states[step + 1, : model.nq]
+        return deepest > _THROUGH * half_extents(model)[[*pair]].min() and self._distance(pair) > 0
+
+    def _distance(self, pair: tuple[int, int]) -> float:
+        mujoco.mj_kinematics(self._model, self._data)
+        return mujoco.mj_geomDistance(self._model, self._data, *pair, 1e3, None)
 
 
 def _poses(model: mujoco.MjModel, path: Floats, acting: Floats) -> tuple[Floats, Floats, Floats]:
@@ -121,7 +185,17 @@ def _through_flexes(
         first = model.flex_vertadr[flex]
         own = model.flex_vertbodyid[first : first + model.flex_vertnum[flex]]
         faces = _faces(model, flex)
-        if not len(faces) or model.geom_bodyid[geom] in own:
+        if model.geom_bodyid[geom] in own:
+            continue
+        name = mujoco.mj_id2name(model, int(mujoco.mjtObj.mjOBJ_FLEX), flex) or f"flex[{flex}]"
+        thick = float(half_extents(model)[geom] + model.flex_radius[flex])
+        if not len(faces):
+            wall, steps = _Wall(model, geom, float(model.flex_radius[flex])), list[int]()
+            for place in _of_rope(model, flex, vertices):
+                path = _seen(model, position, rotation, geom, place)
+                steps += _first_passage(path, _SLOW * thick, wall)
+            if steps:
+                yield Passage(name, name_of(model, "geom", geom), min(steps))
             continue
         corners = vertices[:, first + faces]
         centre = _place(model, position, rotation, geom)
@@ -132,10 +206,16 @@ def _through_flexes(
         # What has only rolled over an edge still lies on it soon after.
         soon = min(step + int(_SOON / model.opt.timestep), len(position) - 1)
         way = vertices[soon, first : first + len(own)] - centre[soon]
-        thick = half_extents(model)[geom] + model.flex_radius[flex]
         if np.linalg.norm(way, axis=1).min() > _APART * thick:
-            name = mujoco.mj_id2name(model, int(mujoco.mjtObj.mjOBJ_FLEX), flex)
-            yield Passage(name_of(model, "geom", geom), name or f"flex[{flex}]", step)
+            yield Passage(name_of(model, "geom", geom), name, step)
+
+
+def _of_rope(model: mujoco.MjModel, flex: int, vertices: Floats) -> Iterator[Floats]:
+    """Yield (N, 3) where each vertex of a rope is, and the middle of each of its edges."""
+    first, edges = model.flex_vertadr[flex], model.flex_edgeadr[flex]
+    yield from np.moveaxis(vertices[:, first : first + model.flex_vertnum[flex]], 1, 0)
+    for ends in model.flex_edge[edges : edges + model.flex_edgenum[flex]]:
+        yield vertices[:, first + ends].mean(axis=1)
 
 
 def _faces(model: mujoco.MjModel, flex: int) -> NDArray[np.int32]:
@@ -204,6 +284,15 @@ def _place(
     """Return (N, 3) where a point of a geom is, by default its centre."""
     body, own = int(model.geom_bodyid[geom]), rotate(model.geom_quat[geom], point)
     return position[:, body] + rotate(rotation[:, body], model.geom_pos[geom] + own)
+
+
+def _seen(
+    model: mujoco.MjModel, position: Floats, rotation: Floats, wall: int, place: Floats
+) -> Floats:
+    """Return (N, 3) where a place (N, 3) is in the frame of a geom."""
+    body = int(model.geom_bodyid[wall])
+    seen = rotate_back(rotation[:, body], place - position[:, body])
+    return rotate_back(model.geom_quat[wall], seen - model.geom_pos[wall])
 
 
 def _first_passage(path: Floats, least: float, wall: "_Wall") -> list[int]:
