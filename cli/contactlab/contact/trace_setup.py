@@ -92,7 +92,7 @@ class Equality:
     scale: float
     """What its violation is large or small against: the smaller body that it connects, a tendon's
     length, a joint's range or a quarter turn; infinite where none is known."""
-    slow: bool = False  # whether its spring takes ten times as long as by default, or longer
+    constant: float = 0.0  # time constant of its spring [s]
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 
+from contactlab.contact.contact_laws import stiffness_damping
 from contactlab.contact.trace_arrays import Floats
 from contactlab.engines.engine import PreparedRuns, Rollout
 from contactlab.engines.mujoco_batch import STATE
@@ -86,7 +87,8 @@ class _Sampler:
         """Return largest forces of equalities (neq,), their violations, and what creeps.
 
         Violations (neq, 2) are the largest beyond that at the start, and the median of the last
-        quarter, as are the speeds (nv + ntendon,) of what friction loss could hold.
+        quarter beyond what its spring has left of that, (1 + t / T) exp(-t / T) of it. The speeds
+        (nv + ntendon,) are of what friction loss could hold, medians too.
         """
         data, steps = self._data, np.append(0, sampled_steps(len(states) - 1))
         acting = start.inputs(0, model.opt.timestep, steps)
@@ -108,7 +110,10 @@ class _Sampler:
                 creep[sample, first + data.efc_id[held]] = data.efc_vel[held]
         gaps = np.sqrt(gaps)
         late = steps >= min(0.75 * (len(states) - 1), steps[-1])
-        gaps = np.stack([gaps.max(axis=0) - gaps[0], np.median(gaps[late], axis=0)], axis=1)
+        passed = np.median(steps[late]) * model.opt.timestep
+        passed = passed * np.sqrt(stiffness_damping(model.eq_solref)[0])
+        rest = np.median(gaps[late], axis=0) - gaps[0] * (1 + passed) * np.exp(-passed)
+        gaps = np.stack([gaps.max(axis=0) - gaps[0], np.maximum(rest, 0)], axis=1)
         return loads, gaps, np.abs(np.median(creep[late], axis=0))
 
     def _gaps(self, model: mujoco.MjModel, rows: np.ndarray, which: np.ndarray) -> Floats:

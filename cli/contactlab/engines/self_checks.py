@@ -24,6 +24,7 @@ from contactlab.scene.compiled_scene import CompiledScene
 from contactlab.scene.contact_pairs import colliding, may_touch
 from contactlab.scene.initial_states import InitialStates, apply_inputs
 from contactlab.scene.model_edits import read_flag
+from contactlab.scene.run_setup import lighter_weight
 
 _JACOBIAN_SAMPLES = 16
 _GEOMETRY_SAMPLES = 128
@@ -44,6 +45,7 @@ _BUT_CONTACTS = sum(
     for each in ("ACTUATION", "EQUALITY", "FRICTIONLOSS", "GRAVITY", "LIMIT", "SPRING")
 )
 _RELAXING = 200  # Steps in which what only loads press together parts
+_MOVES = 0.01  # Least mass of the lighter over that which a contact moves; 3 at the end of a rod
 _NATIVE_CCD = int(getattr(mujoco.mjtDisableBit, "mjDSBL_NATIVECCD", 0))
 _FIELDS = (int(mujoco.mjtGeom.mjGEOM_HFIELD), int(mujoco.mjtGeom.mjGEOM_SDF))
 
@@ -220,7 +222,10 @@ def _geometry(
 
 
 def _squeeze(base: CompiledScene, model: mujoco.MjModel, qpos: Floats) -> Floats:
-    """Return (P,) what each monitored pair bears [N] once nothing but contact acts for a while."""
+    """Return (P,) what each monitored pair bears [N] once nothing but contact acts for a while.
+
+    NaN where that could move nothing: contacts at a hinge press its bearing, and not their bodies.
+    """
     alone = copy.copy(model)
     alone.opt.disableflags |= _BUT_CONTACTS
     data = mujoco.MjData(alone)
@@ -230,7 +235,17 @@ def _squeeze(base: CompiledScene, model: mujoco.MjModel, qpos: Floats) -> Floats
         data.sensordata[address : address + pair.slots * SLOT_WIDTH].reshape(-1, SLOT_WIDTH)
         for pair, address in zip(base.pairs, base.layout.pairs, strict=True)
     )
-    return np.array([each[:, FORCE.start].sum() for each in slots])
+    borne = np.array([each[:, FORCE.start].sum() for each in slots])
+    owners = data.contact.geom[data.efc_id] if data.ncon else np.zeros((0, 2))
+    for index in np.flatnonzero(borne).tolist():
+        pair, generalized, moved = base.pairs[index], np.zeros(model.nv), np.zeros((1, model.nv))
+        own = np.isin(owners, [geom for side in pair.geoms for geom in side]).all(axis=1)
+        mujoco.mj_mulJacTVec(alone, data, generalized, data.efc_force * own)
+        mujoco.mj_solveM(alone, data, moved, generalized[None])
+        mass = lighter_weight(model, pair) / 9.81
+        if mass * float(moved[0] @ generalized) < _MOVES * borne[index] ** 2:
+            borne[index] = np.nan
+    return borne
 
 
 def _repeats(trace: Trace, run: int, again: dict[int | str, Floats]) -> bool:

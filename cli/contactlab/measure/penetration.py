@@ -209,7 +209,7 @@ def deep_penetration(runs: MeasuredRuns) -> Found:
         # What a drive presses down for a moment does not rest.
         lasts = (touching > accepted[:, None]).mean(axis=1)
         lasts = lasts >= (_DRIVEN if setup.steered else 0)
-        for run in runs_where((steady > accepted) & lasts):
+        for run in runs_where((steady > accepted) & lasts & ~_idle(context, index)):
             name = context.series[index].name if context.series else "the model"
             reason = f"{name} rests {steady[run]:.3g} m deep (limit {accepted[run]:.3g} m)"
             step = context.last_fifth.start + first_step(touching[run] > accepted[run])
@@ -228,8 +228,17 @@ def _pierced(runs: MeasuredRuns) -> Found:
         where = f"{limit:.3g} m" if given else f"its middle, {limit:.3g} m from the surface"
         deep = spans(depth > limit)
         for run, start, stop in np.transpose((deep.run, deep.start, deep.stop)).tolist():
-            if given or not _dips(context, index, run, slice(start, stop)):
+            dips = _idle(context, index)[run] or _dips(context, index, run, slice(start, stop))
+            if given or not dips:
                 yield run, Finding(f"{series.name} is deeper than {where}", start)
+
+
+def _idle(context: Context, index: int) -> NDArray[np.bool_]:
+    """Return (n,) whether a pair presses where that can move neither side, as at a hinge."""
+    checks = context.checks
+    return (
+        np.zeros(context.trace.runs, bool) if checks is None else np.isnan(checks.squeeze[:, index])
+    )
 
 
 def _dips(context: Context, index: int, run: int, deep: slice) -> bool:

@@ -11,7 +11,14 @@ from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import Floats, SelfChecks, motion_at_rest
 from contactlab.measure.constraint_violation import OVERSHOOT, constraint_violation
-from contactlab.measure.context import Context, cached, first_step, runs_where
+from contactlab.measure.context import (
+    Context,
+    cached,
+    first_step,
+    kinetic,
+    peak_kinetic,
+    runs_where,
+)
 from contactlab.measure.energy_balance import LOSS, constraint_loss
 from contactlab.measure.entries import (
     Finding,
@@ -39,6 +46,9 @@ _UNRESOLVED = 0.15  # Amplitude of what alternates from step to step over speed
 _MOVING, _NO_SPEED = 0.1, 1 / 80
 # Factor within which a run and a copy are as fast; share of a run's travel that is none.
 _LIKE, _STAYS = 3.0, 0.1
+# Share of the way that parts run and copy, and within which what is not chaotic ends.
+_PARTED, _SAME = 0.2, 1e-6
+_RATTLES = 0.1  # Share of the first half's steps in which the number of contacts changes
 # Whether degrees of freedom move along, by kind of joint.
 _ALONG = {"free": [True] * 3 + [False] * 3, "ball": [False] * 3, "slide": [True], "hinge": [False]}
 
@@ -99,8 +109,8 @@ def suspects(context: Context) -> NDArray[np.bool_]:
     """Return (n,) which runs deserve a second look although no label says so.
 
     It has what shakes in its steps, is pressed hard at rest or against a limit, has a solver that
-    uses all its iterations, does not come to rest under constant controls, or has a body that was
-    at rest in contact and moved far.
+    uses all its iterations, does not come to rest under constant controls, loses half of its
+    kinetic energy in a step, or has a body that moved far from where it rested or rattled.
     """
     trace, ranges = context.trace, context.trace.control_ranges
     size = context.setup.mechanism.size if context.setup.mechanism else np.inf
@@ -113,13 +123,25 @@ def suspects(context: Context) -> NDArray[np.bool_]:
     if ranges is not None and ranges.shape[1]:
         constant = (ranges[..., 0] == ranges[..., 1]).all(axis=1)
         found |= constant & (_ends(context).total[:, 0] > _MOVING)
+    found |= _abrupt(context)
+    rattles = (np.diff(trace.contacts[:, : trace.steps // 2]) != 0).mean(axis=1) > _RATTLES
     for body in context.setup.free_bodies:
         speed = np.linalg.norm(context.velocity(body), axis=2)
         # What falls or rolls from the start was not at rest.
         rested = speed[:, : 1 + trace.steps // 10].max(axis=1) < 0.01 * speed.max(axis=1)
         far = np.linalg.norm(context.displacement(body), axis=1) > size
-        found |= rested & far & (trace.contacts[:, :1] > 0).any(axis=1)
+        found |= (rested | rattles) & far & (trace.contacts[:, :1] > 0).any(axis=1)
     return found
+
+
+def _abrupt(context: Context) -> NDArray[np.bool_]:
+    """Return (n,) whether a step that begins without contact takes half of the kinetic energy.
+
+    Of at least a quarter of the largest, so that turning points do not count.
+    """
+    moving = kinetic(context)
+    fast = (moving >= peak_kinetic(context)[:, None] / 4) & (context.trace.contacts == 0)
+    return (fast[:, :-1] & (moving[:, 1:] < moving[:, :-1] / 2)).any(axis=1)
 
 
 @label(38, (_SHAKING, _REST_RATIO, _TRAVEL))
@@ -127,13 +149,14 @@ def step_dependent(runs: MeasuredRuns) -> Found:
     """The outcome depends on the step, and that is not chaos.
 
     A copy at a quarter of the step comes to rest, stays where it was, or does not shake from step
-    to step; a copy from a start 1e-9 away does as the run.
+    to step, or goes another way where steps brake too hard; a copy 1e-9 away does as the run.
     """
     checks = runs.context.checks
     if checks is None:
         return
     for run in runs_where(checks.compared):
         reason = _shakes(runs, run) or _moves(runs, checks, run) or _rests(runs, run)
+        reason = reason or _brakes(runs.context, checks, run)
         if reason:
             yield run, Finding(reason, _parting(runs.context, checks, run))
 
@@ -166,6 +189,23 @@ def _rests(runs: MeasuredRuns, run: int) -> str:
     parted, chaos = np.abs(logs[0] - logs[1:])
     found = parted > np.log(runs.limits[_REST_RATIO.name]) and chaos < parted / 2
     return _said("all moves", *total[:2]) if found else ""
+
+
+def _brakes(context: Context, checks: SelfChecks, run: int) -> str:
+    """Say what goes another way in the refined copy, where one step brakes it at once."""
+    own, refined, perturbed = checks.travel[run]
+    if not _abrupt(context)[run] or (np.abs(perturbed - own) > _SAME * own).any():
+        return ""
+    paths = context.trace.qvel[run], checks.refined[run].qvel[0]
+    ways = [np.abs(each.sum(axis=0)) * context.trace.timestep[run] for each in paths]
+    own, refined = (each / _degrees(context)[1] for each in ways)
+    parted = np.abs(own - refined) / np.maximum(np.maximum(own, refined), 1)
+    worst = int(parted.argmax())
+    went = (
+        f"{_degrees(context)[0][worst]}, braked at once, ended {own[worst]:.3g} rad or body sizes"
+    )
+    copied = f"{went} from its start; at a quarter of the step, {refined[worst]:.3g}"
+    return copied if parted[worst] > _PARTED else ""
 
 
 def _said(what: str, speed: float, refined: float) -> str:

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import mujoco
 import numpy as np
 
+from contactlab.contact.contact_laws import stiffness_damping
 from contactlab.contact.rotations import rotate_back
 from contactlab.contact.trace_arrays import Floats
 from contactlab.contact.trace_setup import (
@@ -72,7 +73,7 @@ def make_setup(
         thickness=_thicknesses(base),
         reaches=np.array([_reach(base.model, pair) for pair in base.pairs]),
         widths=np.array([effective_parameters(models[0], pair).solimp[2] for pair in base.pairs]),
-        weights=np.array([_weight(base.model, pair) for pair in base.pairs]),
+        weights=np.array([lighter_weight(base.model, pair) for pair in base.pairs]),
         slots=np.array([pair.slots for pair in base.pairs], np.int32),
         duration=np.array([run.duration for run in runs]),
         limits_act=np.array([read_flag(model, "limit") for model in models]),
@@ -166,7 +167,7 @@ def _reach(model: mujoco.MjModel, pair: MonitoredPair) -> float:
     return 2 * float(bounds.min(where=bounds > 0, initial=np.inf))
 
 
-def _weight(model: mujoco.MjModel, pair: MonitoredPair) -> float:
+def lighter_weight(model: mujoco.MjModel, pair: MonitoredPair) -> float:
     """Return the weight of the lighter of the trees of bodies that a pair's sides are of [N]."""
     bodies = np.asarray(model.geom_bodyid)[[side[0] for side in pair.geoms]]
     masses = model.body_subtreemass[model.body_rootid[bodies]]
@@ -191,7 +192,6 @@ def joints_of(model: mujoco.MjModel) -> Joints:
 
 _EQUALITY = mujoco.mjtEq
 _JOINT = mujoco.mjtJoint
-_SLOW = 0.2  # Time constant [s] of an equality that holds as loosely as a spring
 _KINDS: tuple[PartKind, ...] = ("free", "ball", "slide", "hinge")
 _STANDARD_GRAVITY = 9.81
 AT_JOINT = [int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT)]
@@ -259,19 +259,25 @@ def _equality(
     model: mujoco.MjModel, index: int, places: Floats, reach: Floats, ends: float
 ) -> Equality:
     kind, first = int(model.eq_type[index]), int(model.eq_obj1id[index])
-    name = name_of(model, "equality", index)
+    name, stiffness = (
+        name_of(model, "equality", index),
+        stiffness_damping(model.eq_solref[index])[0],
+    )
+    constant = float(1 / np.sqrt(stiffness)) if stiffness else np.inf
     if kind == _EQUALITY.mjEQ_TENDON:
-        return Equality(name, "m", _tendon_scale(model, first))
+        return Equality(name, "m", _tendon_scale(model, first, reach), constant=constant)
     if kind == _EQUALITY.mjEQ_FLEX:
         edges = slice(model.flex_edgeadr[first], None)
         lengths = model.flexedge_length0[edges][: model.flex_edgenum[first]]
         return Equality(name, "m", float(lengths.mean()))
     if kind != _EQUALITY.mjEQ_JOINT:
-        return Equality(name, "m", ends, slow=float(model.eq_solref[index, 0]) >= _SLOW)
+        return Equality(name, "m", ends, constant=constant)
     low, high = places[first].tolist()
     if int(model.jnt_type[first]) == _JOINT.mjJNT_HINGE:
-        return Equality(name, "rad", min(high - low, QUARTER_TURN))
-    return Equality(name, "m", min(high - low, float(reach[model.jnt_bodyid[first]])))
+        return Equality(name, "rad", min(high - low, QUARTER_TURN), constant=constant)
+    return Equality(
+        name, "m", min(high - low, float(reach[model.jnt_bodyid[first]])), constant=constant
+    )
 
 
 def _limits(limited: np.ndarray, ranges: np.ndarray) -> Floats:
@@ -309,12 +315,18 @@ def _force_limits(model: mujoco.MjModel) -> Floats:
     return limits
 
 
-def _tendon_scale(model: mujoco.MjModel, tendon: int) -> float:
-    """Return a spatial tendon's length [m]; of a fixed one, what a quarter turn makes of it."""
+def _tendon_scale(model: mujoco.MjModel, tendon: int, reach: Floats) -> float:
+    """Return a spatial tendon's length [m]; of a fixed one, the most that a joint makes of it.
+
+    A hinge does so in a quarter turn, and a slide by as much as its body reaches.
+    """
     wraps = slice(model.tendon_adr[tendon], model.tendon_adr[tendon] + model.tendon_num[tendon])
     if model.wrap_type[wraps.start] != int(mujoco.mjtWrap.mjWRAP_JOINT):
         return float(model.tendon_length0[tendon])
-    return float(np.abs(model.wrap_prm[wraps]).max() * QUARTER_TURN)
+    joints = model.wrap_objid[wraps]
+    slides = model.jnt_type[joints] == int(_JOINT.mjJNT_SLIDE)
+    ways = np.where(slides, reach[model.jnt_bodyid[joints]], QUARTER_TURN)
+    return float(np.abs(model.wrap_prm[wraps] * ways).max())
 
 
 def actuated_limbs(model: mujoco.MjModel) -> dict[str, int]:
