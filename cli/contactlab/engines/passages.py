@@ -26,8 +26,9 @@ _SOON, _APART = 0.1, 1.5  # By when [s] what passed a flex is how far off it, in
 _THROUGH = 0.5  # How deep in each other those geoms are, in half extents of the thinner
 _MOST_PAIRS, _MOST_RAYS = 200, 500
 _PLANE, _HFIELD = int(mujoco.mjtGeom.mjGEOM_PLANE), int(mujoco.mjtGeom.mjGEOM_HFIELD)
-_MESH = int(mujoco.mjtGeom.mjGEOM_MESH)
+_MESH, _SPHERE = int(mujoco.mjtGeom.mjGEOM_MESH), int(mujoco.mjtGeom.mjGEOM_SPHERE)
 _TRANSLATIONS = {int(mujoco.mjtJoint.mjJNT_FREE): 3, int(mujoco.mjtJoint.mjJNT_SLIDE): 1}
+_FAR_ROUND = 1.0  # Angle [rad] beyond which the way of a point is no line
 _ROUNDING = 1e-9
 _UP, _ORIGIN, _AXES = np.array([0.0, 0.0, 1.0]), np.zeros(3), np.eye(3).ravel()
 
@@ -61,7 +62,9 @@ class Passages:
         if model.nflex or fastest @ self._lengths * model.opt.timestep > _SLOW * self._thinnest:
             acting = starts.inputs(run, model.opt.timestep, np.arange(len(states) - 1))
             position, rotation, vertices = _poses(model, states[:-1, 1:positions], acting)
-            moved = self._moved(position, rotation)[:, model.geom_bodyid]
+            turned = _turns(rotation)
+            shift = np.linalg.norm(np.diff(position, axis=0), axis=2)
+            moved = (shift + turned * self._reach)[:, model.geom_bodyid]
             pairs = self._fast_pairs(moved)
             found = [*self._passages(model, pairs, position, rotation)]
             within = _Within(model, states[:, 1 : positions + model.nv], acting)
@@ -81,27 +84,24 @@ class Passages:
         rotation: Floats,
     ) -> Iterator[Passage]:
         """Yield the first passage of each fast pair of geoms; poses are (N, nbody, 3 and 4)."""
+        none = np.zeros((model.nbody, 1))
+        turned = np.concatenate([none, _turns(rotation).cumsum(axis=0).T], axis=1)
         for first, second in pairs:
             for mover, wall in ((first, second), (second, first)):
                 if model.geom_type[mover] in (_PLANE, _HFIELD):
                     continue
                 shape = _Wall(model, wall, float(model.geom_rbound[mover]))
-                along = (
-                    _place(model, position, rotation, mover, point)
-                    for point in _along(model, mover)
-                )
-                paths = (_seen(model, position, rotation, wall, place) for place in along)
-                least = float(self._least[first, second])
-                if steps := [step for path in paths for step in _first_passage(path, least, shape)]:
+                steps, least = list[int](), float(self._least[first, second])
+                for point in _along(model, mover):
+                    place = _place(model, position, rotation, mover, point)
+                    path = _seen(model, position, rotation, wall, place)
+                    own = turned[model.geom_bodyid[mover]] * point.any()
+                    turns = own + turned[model.geom_bodyid[wall]] * shape.turns
+                    steps += _first_passage(path, least, shape, turns)
+                if steps:
                     names = name_of(model, "geom", mover), name_of(model, "geom", wall)
                     yield Passage(*names, min(steps))
                     break
-
-    def _moved(self, position: Floats, rotation: Floats) -> Floats:
-        """Return (N - 1, nbody) how far each step moves any point of a body, at most [m]."""
-        shift = np.linalg.norm(np.diff(position, axis=0), axis=2)
-        cosine = np.abs((rotation[1:] * rotation[:-1]).sum(axis=2))
-        return shift + 2 * np.arccos(np.minimum(cosine, 1)) * self._reach
 
     def _fast_pairs(self, moved: Floats) -> list[tuple[int, int]]:
         """Return pairs of geoms that can touch, and that a step may carry through each other."""
@@ -156,6 +156,12 @@ class _Within:
     def _distance(self, pair: tuple[int, int]) -> float:
         mujoco.mj_kinematics(self._model, self._data)
         return mujoco.mj_geomDistance(self._model, self._data, *pair, 1e3, None)
+
+
+def _turns(rotation: Floats) -> Floats:
+    """Return (N - 1, nbody) by which angle each step turns each body, at most [rad]."""
+    cosine = np.abs((rotation[1:] * rotation[:-1]).sum(axis=2))
+    return 2 * np.arccos(np.minimum(cosine, 1))
 
 
 def _poses(model: mujoco.MjModel, path: Floats, acting: Floats) -> tuple[Floats, Floats, Floats]:
@@ -289,16 +295,21 @@ def _place(
 def _seen(
     model: mujoco.MjModel, position: Floats, rotation: Floats, wall: int, place: Floats
 ) -> Floats:
-    """Return (N, 3) where a place (N, 3) is in the frame of a geom."""
+    """Return (N, 3) where a place (N, 3) is in the frame of a geom, which does not turn if round."""
     body = int(model.geom_bodyid[wall])
+    if model.geom_type[wall] == _SPHERE:
+        return place - _place(model, position, rotation, wall)
     seen = rotate_back(rotation[:, body], place - position[:, body])
     return rotate_back(model.geom_quat[wall], seen - model.geom_pos[wall])
 
 
-def _first_passage(path: Floats, least: float, wall: "_Wall") -> list[int]:
+def _first_passage(
+    path: Floats, least: float, wall: "_Wall", turned: Floats | None = None
+) -> list[int]:
     """Return the first step after which a point has passed through a geom, if it ever does.
 
-    The path (N, 3) [m] is in the frame of the geom; steps shorter than `least` [m] do not count.
+    The path (N, 3) [m] is in the frame of the geom; steps shorter than `least` [m] do not count,
+    nor what turns by more than a radian: by `turned` (N,) since the start.
     """
     squares = (np.diff(path, axis=0) ** 2).sum(axis=1)
     fast = squares > least**2
@@ -309,6 +320,8 @@ def _first_passage(path: Floats, least: float, wall: "_Wall") -> list[int]:
         begin, end = path[:-steps], path[steps:]
         moving = np.convolve(fast, np.ones(steps))[steps - 1 : len(fast)] > 0
         near = np.linalg.norm(begin, axis=1) < np.linalg.norm(end - begin, axis=1) + wall.bound
+        if turned is not None:
+            near &= turned[steps:] - turned[:-steps] < _FAR_ROUND
         for step in np.flatnonzero(moving & near)[:_MOST_RAYS].tolist():
             if wall.passed(begin[step], end[step]):
                 return [step + steps - 1]
@@ -321,6 +334,7 @@ class _Wall:
     def __init__(self, model: mujoco.MjModel, geom: int, size: float) -> None:
         self._model, self._geom, self._size = model, geom, size
         self._kind = int(model.geom_type[geom])
+        self.turns = self._kind != _SPHERE
         self.bound = np.inf if self._kind == _PLANE else float(model.geom_rbound[geom])
         self._data = mujoco.MjData(model) if self._kind in (_MESH, _HFIELD) else None
         if self._data is not None:

@@ -55,13 +55,9 @@ def _violations(context: Context) -> list[_Violation]:
     found = [_of_limit(context, part, _places(context, part)) for part in mechanism.joints]
     if trace.lengths is not None:
         of_tendons = zip(mechanism.tendons, np.moveaxis(trace.lengths, 2, 0), strict=True)
-        found += [_of_limit(context, part, length) for part, length in of_tendons]
-    if trace.equality_gaps is not None:
-        of_equalities = zip(mechanism.equalities, trace.equality_gaps.T.swapaxes(0, 1), strict=True)
-        found += [
-            _Violation(one.name, one.unit, one.scale, *gaps, constant=one.constant)
-            for one, gaps in of_equalities
-        ]
+        for one, (peak, rest) in of_equalities:
+            peak = peak * np.nan if one.elastic else peak
+            found += [_Violation(one.name, one.unit, one.scale, peak, rest, constant=one.constant)]
     found += _of_brakes(context, mechanism)
     return [each for each in found if each is not None and np.isfinite(each.scale)]
 

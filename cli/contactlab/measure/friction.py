@@ -47,6 +47,7 @@ _STEADILY = 0.2  # Share by which the speed of what creeps steadily may change
 _FRICTIONAL = slice(FORCE.start + 1, TORQUE.stop)  # Two forces, torsion and two rolling torques
 _IMPACT = 0.05  # Speed [m/s] from which contacts are impacts; slower ones are hops at rest
 _AS_HARD = 0.99  # Share of the last peak force that the next contact must have; bounces lose more
+_SLIPS = 0.02  # Half extents between two switches of what chatters; what only trembles, 0.003
 _SPREAD = 0.25  # Least share of the time in contact that the middle half of chatter's events spans
 Events = tuple[NDArray[np.intp], NDArray[np.intp]]
 """Runs and steps of events, in order of run and time."""
@@ -215,7 +216,8 @@ def chatter(runs: MeasuredRuns) -> Found:
         # What tumbles is held and slides in turn as it meets with one point after another.
         run, step = np.nonzero(mask & ~(net.rolling * extent > series.slip)[:, 1:])
         what = f"{series.name} switched {{}} times between {between}"
-        yield from _often(runs, series, (run, step + 1), what, "mode_switches")
+        least = 0.0 if held else _SLIPS * float(extent)
+        yield from _often(runs, series, (run, step + 1), what, "mode_switches", least)
     for series, gaps in zip(context.series, () if held else _all_losses(context), strict=not held):
         what = f"{series.name} lost its contact {{}} times while it stuck"
         yield from _often(runs, series, (gaps.run, gaps.start), what, "contact_losses")
@@ -319,15 +321,26 @@ def _hunting(runs: MeasuredRuns) -> Found:
 
 
 def _often(
-    runs: MeasuredRuns, series: PairSeries, events: Events, what: str, threshold: str
+    runs: MeasuredRuns,
+    series: PairSeries,
+    events: Events,
+    what: str,
+    threshold: str,
+    least: float = 0.0,
 ) -> Found:
-    """Find runs with too many events a second that do not end as the run settles."""
+    """Find runs with too many events a second that do not end as the run settles.
+
+    From one to the next it has to slip by as much as `least` [m], in the median.
+    """
     limit, fewest = runs.limits[threshold], runs.limits["mode_switch_count"]
     held = runs.context.setup.hold is not None
     seconds = hold_seconds(runs.context) if held else runs.context.seconds
     counts = np.bincount(events[0], minlength=runs.context.trace.runs)
     for run in runs_where((counts / seconds > limit) & (counts >= fewest)):
         steps = events[1][events[0] == run]
+        slips = np.add.reduceat(series.slip[run], steps) * runs.context.trace.timestep[run]
+        if np.median(slips) < least:
+            continue
         touching = series.mode[run] != NO_CONTACT
         if held:
             touching &= hold_window(runs.context)[run]

@@ -33,8 +33,8 @@ _STEADY = Threshold(
     5e-3,
     "m",
     "Grasps over 5 mm count as broken. Unless set, contacts may be as deep as the width of their "
-    "solimp, but at most a quarter of the smallest extent of the pair's thinnest geom, or a sixth "
-    "of it where one bears more than `weights_borne`.",
+    "solimp, but at most a quarter of the smallest extent of the pair's thinnest geom, or down to "
+    "a sixth of it where one bears one to ten times `weights_borne`.",
 )
 _STANDOFF = Threshold(
     "standoff", 0.6, "1", "Public robots reach 0.28; a margin of half a box's width gives 1."
@@ -42,8 +42,7 @@ _STANDOFF = Threshold(
 _RESTING = 0.9  # Share of the last half in which a pair must touch to count as resting
 _LASTING = 0.5  # Share of the last fifth in which a steady pair must touch; sliding ones hop
 _DRIVEN = 0.75  # Share of it in which a pair under a drive must be deep to count as resting
-_LOADED = 3  # Part of the thinner's half extent that what bears many weights may be deep
-_SOFT = 1.5  # Likewise of what is soft by a solimp as wide as that
+_SOFT = 1.5  # Part of the half extent that what is soft by a solimp as wide as that may be deep
 _EDGEWAYS = 1.1  # Half extents that a geom may dip wherever it comes out: it may be thin across
 _BRIEF = 2  # Steps in which it then has to turn back; what pads sink in by lasts
 _DIP = 0.1  # Longest time [s] for which a geom may dip beyond its middle
@@ -203,8 +202,8 @@ def deep_penetration(runs: MeasuredRuns) -> Found:
         accepted = np.full(context.trace.runs, limit)
         touching = contact_depths(context)[index][1][:, context.last_fifth]
         if "penetration_steady" not in setup.thresholds and context.series:
-            loaded, width = _borne(context)[index] > runs.limits[PRESSED.name], setup.widths[index]
-            parts = np.where(width >= limit, _SOFT, np.where(loaded, _LOADED, 2))
+            loads, width = _borne(context)[index] / runs.limits[PRESSED.name], setup.widths[index]
+            parts = 2 + np.log10(np.clip(loads, 1, 10)) if width < limit else _SOFT
             accepted = np.minimum(max(limit, width), setup.thickness[index] / parts)
         # What a drive presses down for a moment does not rest.
         lasts = (touching > accepted[:, None]).mean(axis=1)
@@ -235,10 +234,9 @@ def _pierced(runs: MeasuredRuns) -> Found:
 
 def _idle(context: Context, index: int) -> NDArray[np.bool_]:
     """Return (n,) whether a pair presses where that can move neither side, as at a hinge."""
-    checks = context.checks
-    return (
-        np.zeros(context.trace.runs, bool) if checks is None else np.isnan(checks.squeeze[:, index])
-    )
+    if context.checks is None or not context.series:
+        return np.zeros(context.trace.runs, bool)
+    return np.isnan(context.checks.squeeze[:, index])
 
 
 def _dips(context: Context, index: int, run: int, deep: slice) -> bool:

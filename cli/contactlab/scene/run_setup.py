@@ -269,7 +269,7 @@ def _equality(
     if kind == _EQUALITY.mjEQ_FLEX:
         edges = slice(model.flex_edgeadr[first], None)
         lengths = model.flexedge_length0[edges][: model.flex_edgenum[first]]
-        return Equality(name, "m", float(lengths.mean()))
+        return Equality(name, "m", float(lengths.mean()), constant=constant, elastic=True)
     if kind != _EQUALITY.mjEQ_JOINT:
         return Equality(name, "m", ends, constant=constant)
     low, high = places[first].tolist()
