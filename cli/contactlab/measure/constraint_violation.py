@@ -55,9 +55,12 @@ def _violations(context: Context) -> list[_Violation]:
     found = [_of_limit(context, part, _places(context, part)) for part in mechanism.joints]
     if trace.lengths is not None:
         of_tendons = zip(mechanism.tendons, np.moveaxis(trace.lengths, 2, 0), strict=True)
-        for one, (peak, rest) in of_equalities:
-            peak = peak * np.nan if one.elastic else peak
-            found += [_Violation(one.name, one.unit, one.scale, peak, rest, constant=one.constant)]
+        gaps = np.moveaxis(trace.equality_gaps, 0, 2)
+        for one, (peak, rest) in zip(mechanism.equalities, gaps, strict=True):
+            most = peak * np.nan if one.elastic else peak
+            found.append(
+                _Violation(one.name, one.unit, one.scale, most, rest, constant=one.constant)
+            )
     found += _of_brakes(context, mechanism)
     return [each for each in found if each is not None and np.isfinite(each.scale)]
 
