@@ -55,6 +55,8 @@ def _violations(context: Context) -> list[_Violation]:
     found = [_of_limit(context, part, _places(context, part)) for part in mechanism.joints]
     if trace.lengths is not None:
         of_tendons = zip(mechanism.tendons, np.moveaxis(trace.lengths, 2, 0), strict=True)
+        found += [_of_limit(context, part, length) for part, length in of_tendons]
+    if trace.equality_gaps is not None:
         gaps = np.moveaxis(trace.equality_gaps, 0, 2)
         for one, (peak, rest) in zip(mechanism.equalities, gaps, strict=True):
             most = peak * np.nan if one.elastic else peak
