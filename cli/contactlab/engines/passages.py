@@ -295,7 +295,7 @@ def _place(
 def _seen(
     model: mujoco.MjModel, position: Floats, rotation: Floats, wall: int, place: Floats
 ) -> Floats:
-    """Return (N, 3) where a place (N, 3) is in the frame of a geom, which does not turn if round."""
+    """Return (N, 3) where a place (N, 3) is in the frame of a geom, not turned of a sphere."""
     body = int(model.geom_bodyid[wall])
     if model.geom_type[wall] == _SPHERE:
         return place - _place(model, position, rotation, wall)

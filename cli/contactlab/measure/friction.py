@@ -216,7 +216,7 @@ def chatter(runs: MeasuredRuns) -> Found:
         # What tumbles is held and slides in turn as it meets with one point after another.
         run, step = np.nonzero(mask & ~(net.rolling * extent > series.slip)[:, 1:])
         what = f"{series.name} switched {{}} times between {between}"
-        least = 0.0 if held else _SLIPS * float(extent)
+        least = 0.0 if held or np.isinf(extent) else _SLIPS * float(extent)
         yield from _often(runs, series, (run, step + 1), what, "mode_switches", least)
     for series, gaps in zip(context.series, () if held else _all_losses(context), strict=not held):
         what = f"{series.name} lost its contact {{}} times while it stuck"

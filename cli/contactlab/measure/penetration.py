@@ -203,7 +203,7 @@ def deep_penetration(runs: MeasuredRuns) -> Found:
         touching = contact_depths(context)[index][1][:, context.last_fifth]
         if "penetration_steady" not in setup.thresholds and context.series:
             loads, width = _borne(context)[index] / runs.limits[PRESSED.name], setup.widths[index]
-            parts = 2 + np.log10(np.clip(loads, 1, 10)) if width < limit else _SOFT
+            parts = np.where(width < limit, 2 + np.log10(np.clip(loads, 1, 10)), _SOFT)
             accepted = np.minimum(max(limit, width), setup.thickness[index] / parts)
         # What a drive presses down for a moment does not rest.
         lasts = (touching > accepted[:, None]).mean(axis=1)

@@ -124,7 +124,8 @@ def suspects(context: Context) -> NDArray[np.bool_]:
         constant = (ranges[..., 0] == ranges[..., 1]).all(axis=1)
         found |= constant & (_ends(context).total[:, 0] > _MOVING)
     found |= _abrupt(context)
-    rattles = (np.diff(trace.contacts[:, : trace.steps // 2]) != 0).mean(axis=1) > _RATTLES
+    changes = (np.diff(trace.contacts[:, : trace.steps // 2]) != 0).sum(axis=1)
+    rattles = changes > _RATTLES * trace.steps / 2
     for body in context.setup.free_bodies:
         speed = np.linalg.norm(context.velocity(body), axis=2)
         # What falls or rolls from the start was not at rest.
