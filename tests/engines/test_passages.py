@@ -109,3 +109,53 @@ def test_a_rod_passes_by_its_end_too(sweeper: Any, speed: float) -> None:
     sweeper.run(SWEEP)
     (row,) = sweeper.rows()
     assert any("passed through" in each for each in row["label_reasons"]) == (speed > 1)
+
+
+@pytest.mark.parametrize(("far", "step", "passes"), [(0.25, 0.02, True), (0.35, 0.02, False)])
+def test_what_turns_far_in_a_step_is_followed_within_it(
+    sweeper: Any, far: float, step: float, passes: bool
+) -> None:
+    """At 90 rad/s a step turns the blade, .32 m long, by 1.8 rad: past a bar that is near enough.
+
+    The bar lies across, and neither its centre nor its ends are where the blade goes.
+    """
+    (sweeper.folder / "model.xml").write_text(
+        f"""<mujoco><option timestep="{step}"/><worldbody><body>
+        <joint axis="1 0 0"/><geom name="blade" type="box" size=".004 .16 .015" pos="0 .16 0"
+        mass=".1"/></body><geom name="bar" type="capsule" size=".008"
+        fromto="-.1 0 {far} .05 0 {far}"/></worldbody><keyframe><key qvel="90"/></keyframe>
+        </mujoco>"""
+    )
+    sweeper.run(SWEEP)
+    (row,) = sweeper.rows()
+    assert any("passed through" in each for each in row["label_reasons"]) == passes
+
+
+def test_a_ball_that_spins_fast_passes_nothing(sweeper: Any) -> None:
+    """It grazes a bar and spins away: seen from what turns, the bar swirls through the ball."""
+    (sweeper.folder / "model.xml").write_text(
+        """<mujoco><option timestep=".005" gravity="0 0 0"/><worldbody>
+        <geom type="capsule" size=".02 .3"/><body pos="-.5 .0385 0"><freejoint/>
+        <geom size=".02" mass=".1" solref=".01 1"/></body></worldbody>
+        <keyframe><key qvel="20 0 0 0 0 0"/></keyframe></mujoco>"""
+    )
+    sweeper.run(SWEEP)
+    (row,) = sweeper.rows()
+    assert row["labels"] == ["stable"]
+
+
+@pytest.mark.parametrize(("speed", "passes"), [(60, True), (0.2, False)])
+@pytest.mark.parametrize("place", [0.0, 0.02], ids=["vertex", "edge"])
+def test_a_bar_is_passed_by_a_rope(sweeper: Any, place: float, speed: float, passes: bool) -> None:
+    """It falls across the bar, which meets a vertex of it or the middle of an edge."""
+    velocity = f" 0 0 -{speed}" * 5
+    (sweeper.folder / "model.xml").write_text(
+        f"""<mujoco><option timestep=".002" gravity="0 0 0"/><worldbody><geom name="bar"
+        type="box" size=".01 .3 .01" pos="{place} 0 -.2"/><flexcomp name="rope" type="grid" dim="1"
+        count="5 1 1" spacing=".04 .04 .04" mass=".1" radius=".005"><edge equality="true"/>
+        <contact selfcollide="none"/></flexcomp></worldbody>
+        <keyframe><key qvel="{velocity}"/></keyframe></mujoco>"""
+    )
+    sweeper.run(SWEEP)
+    (row,) = sweeper.rows()
+    assert ("rope passed through bar" in " ".join(row["label_reasons"])) == passes

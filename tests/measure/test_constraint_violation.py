@@ -2,10 +2,12 @@
 
 from typing import Any
 
+import mujoco
 import numpy as np
 import pytest
 
 from contactlab.contact.contact_laws import rest_penetration
+from contactlab.scene.run_setup import find_mechanism
 
 MASS, GRAVITY, SOLIMP = 2.0, 9.81, (0.9, 0.95, 0.001, 0.5, 2.0)
 # A mass that gravity pulls against the end of its slide, or from the point that it is tied to.
@@ -97,3 +99,34 @@ def test_what_flies_through_a_stop_by_its_step_is_found(
     )
     model = model.replace("</mujoco>", '<keyframe><key qpos=".2" qvel="-6"/></keyframe></mujoco>')
     assert ("constraint_violated" in row_of(sweeper, model)["labels"]) == violated
+
+
+@pytest.mark.parametrize("timeconst", [0.5, 2.0])
+def test_what_a_mocap_body_draws_near_in_time_gives_way_nowhere(
+    sweeper: Any, timeconst: float
+) -> None:
+    """A critically damped spring leaves (1 + t / T) exp(-t / T) of the gap at the start."""
+    row = row_of(
+        sweeper,
+        f"""<mujoco><option gravity="0 0 0"/><worldbody><body name="hand" mocap="true"
+        pos="3 0 0"/><body name="load"><freejoint/><geom size=".05"/></body></worldbody>
+        <equality><connect body1="hand" body2="load" anchor="0 0 0" solref="{timeconst} 1"/>
+        </equality></mujoco>""",
+    )
+    assert row["constraint_violation_rest"] < 0.02
+    assert row["labels"] == ["stable"]
+
+
+def test_a_belt_is_judged_by_what_it_moves() -> None:
+    """A cart that reaches .05 m, and a pulley .02 m round: .031 m in a quarter turn."""
+    model = mujoco.MjModel.from_xml_string(
+        """<mujoco><worldbody><body><joint name="cart" type="slide"/><geom size=".05"/></body>
+        <body><joint name="pulley"/><geom size=".02"/></body></worldbody><tendon>
+        <fixed name="belt"><joint joint="cart" coef="1"/><joint joint="pulley" coef="-.02"/></fixed>
+        <fixed name="cord"><joint joint="pulley" coef="-.02"/></fixed></tendon><equality>
+        <tendon tendon1="belt" solref="-25 -5"/><tendon tendon1="cord"/></equality></mujoco>"""
+    )
+    belt, cord = find_mechanism(model).equalities
+    assert (belt.scale, cord.scale) == pytest.approx((0.05, 0.02 * np.pi / 2))
+    # -25 1/s^2 is the stiffness of a time constant of 0.2 s at critical damping.
+    assert (belt.constant, cord.constant) == pytest.approx((0.2, 0.02))

@@ -108,6 +108,11 @@ PLATE = (
     '<joint type="slide" axis="0 0 1"/><geom size=".02" mass=".05" solref="{solref} 1" '
     'priority="1"/></body></worldbody><keyframe><key qvel="-3"/></keyframe><worldbody>'
 )
+HUB = (
+    '<geom type="box" size=".05 .05 .05" pos="0 0 1"/><body pos="0 0 {height}">'
+    '<joint type="hinge" axis="0 1 0" damping=".1"/><geom type="capsule" size=".02" '
+    'fromto="{fromto}" mass="1"/></body>'
+)
 WEIGHTLESS = '<option gravity="0 0 0"/>'
 
 # Healthy, failing, and the label of the failing one.
@@ -175,6 +180,11 @@ LOOKALIKES = {
         world(WEDGED.format(height=2, press=PRESS)),
         world(WEDGED.format(height=0.114, press="")),
         "squeezed",
+    ),
+    "a rod on a hub that it lies in": (
+        world(HUB.format(height=1, fromto="0 0 0 0 0 -.3")),
+        world(WEDGED.format(height=0.1, press="")),
+        "deep_penetration",
     ),
     "a start a hair deep": (
         deep(0.002, 0.05, ".02 1"),

@@ -149,3 +149,19 @@ def test_switches_that_the_control_causes_are_no_chatter(
 ) -> None:
     drive = {"noise": 1.0, "rate": 20}
     assert checked(SHOVED, 2.0, checks, drive=drive).label == label
+
+
+@pytest.mark.parametrize(("step", "label"), [(0.02, "step_dependent"), (0.0005, "stable")])
+def test_what_one_step_brakes_ends_elsewhere(checked: Checked, step: float, label: str) -> None:
+    """Drag c v at the start takes c h = 1.4 of the speed in a step of .02 s, which turns it about.
+
+    For a ball of 5 g, 5 cm in radius, at 90 m/s in air: c = rho pi r^2 Cd v / 2 / m, about 70 1/s.
+    """
+    record = checked(
+        f"""<mujoco><option timestep="{step}" density="1.2"/><worldbody><body pos="0 0 3">
+        <freejoint/><geom size=".05" mass=".005" fluidshape="ellipsoid"/></body></worldbody>
+        <keyframe><key qvel="90 0 10 0 0 0"/></keyframe></mujoco>""",
+        1,
+        "flagged",
+    )
+    assert record.label == label

@@ -131,7 +131,8 @@ class _Within:
         near = np.linalg.norm(apart, axis=1) < bound + moved
         for step in np.flatnonzero(near & (moved > least))[:_MOST_RAYS].tolist():
             if self._overlaps(pair, step, float(moved[step]), least):
-                return [Passage(*(name_of(model, "geom", each) for each in pair), step)]
+                mover, wall = (name_of(model, "geom", each) for each in pair)
+                return [Passage(mover, wall, step)]
         return []
 
     def _overlaps(self, pair: tuple[int, int], step: int, moved: float, least: float) -> bool:

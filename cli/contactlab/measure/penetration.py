@@ -45,6 +45,7 @@ _DRIVEN = 0.75  # Share of it in which a pair under a drive must be deep to coun
 _SOFT = 1.5  # Part of the half extent that what is soft by a solimp as wide as that may be deep
 _EDGEWAYS = 1.1  # Half extents that a geom may dip wherever it comes out: it may be thin across
 _BRIEF = 2  # Steps in which it then has to turn back; what pads sink in by lasts
+_SAME = 0.9  # Share of its depth at which such a pair was from the start
 _DIP = 0.1  # Longest time [s] for which a geom may dip beyond its middle
 
 
@@ -233,10 +234,11 @@ def _pierced(runs: MeasuredRuns) -> Found:
 
 
 def _idle(context: Context, index: int) -> NDArray[np.bool_]:
-    """Return (n,) whether a pair presses where that can move neither side, as at a hinge."""
+    """Return (n,) whether a pair always lay where it can move neither side, as at a hinge."""
     if context.checks is None or not context.series:
         return np.zeros(context.trace.runs, bool)
-    return np.isnan(context.checks.squeeze[:, index])
+    depth = contact_depths(context)[index][1]
+    return np.isnan(context.checks.squeeze[:, index]) & (depth[:, 0] > _SAME * depth.max(axis=1))
 
 
 def _dips(context: Context, index: int, run: int, deep: slice) -> bool:
