@@ -47,7 +47,8 @@ _STEADILY = 0.2  # Share by which the speed of what creeps steadily may change
 _FRICTIONAL = slice(FORCE.start + 1, TORQUE.stop)  # Two forces, torsion and two rolling torques
 _IMPACT = 0.05  # Speed [m/s] from which contacts are impacts; slower ones are hops at rest
 _AS_HARD = 0.99  # Share of the last peak force that the next contact must have; bounces lose more
-_SLIPS = 0.02  # Half extents between two switches of what chatters; what only trembles, 0.003
+_SLIPS = 0.02  # Half extents between two switches of what chatters as it hops; trembling, 0.003
+_BEARS = 0.9  # Share of the time in contact, below which it hops
 _SPREAD = 0.25  # Least share of the time in contact that the middle half of chatter's events spans
 Events = tuple[NDArray[np.intp], NDArray[np.intp]]
 """Runs and steps of events, in order of run and time."""
@@ -330,7 +331,7 @@ def _often(
 ) -> Found:
     """Find runs with too many events a second that do not end as the run settles.
 
-    From one to the next it has to slip by as much as `least` [m], in the median.
+    What hops has to slip by as much as `least` [m] from one to the next, in the median.
     """
     limit, fewest = runs.limits[threshold], runs.limits["mode_switch_count"]
     held = runs.context.setup.hold is not None
@@ -339,9 +340,10 @@ def _often(
     for run in runs_where((counts / seconds > limit) & (counts >= fewest)):
         steps = events[1][events[0] == run]
         slips = np.add.reduceat(series.slip[run], steps) * runs.context.trace.timestep[run]
-        if np.median(slips) < least:
-            continue
         touching = series.mode[run] != NO_CONTACT
+        hops = (series.normal[run] > 0).sum() < _BEARS * touching.sum()
+        if hops and np.median(slips) < least:
+            continue
         if held:
             touching &= hold_window(runs.context)[run]
         # What meets for a moment may rattle; parts that tumble to rest switch often for a while.
