@@ -35,12 +35,7 @@ class Evidence(Wrapper):  # pyright: ignore[reportUntypedBaseClass] - likewise
         """Reset the environment, and begin another episode."""
         self._end()
         answer = self.env.reset(**how)
-        _, data = _simulation(self.env.unwrapped)
-        if data is not self.recording.data:
-            raise SceneError(
-                "the environment made another simulation when it was reset, which is not recorded; "
-                "have it keep one, as hard_reset=False does in robosuite"
-            )
+        self.recording.follow(*_simulation(self.env.unwrapped))
         return answer
 
     def step(self, action: Any) -> Any:  # noqa: ANN401 - likewise

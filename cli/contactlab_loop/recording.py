@@ -46,6 +46,7 @@ _UNCHECKED = "refined copies and repeats: the code that made the steps is not in
 _LONG = 1e6  # how long an episode may last [s]; a hold without an end lasts as long as its episode
 _MODEL = f"model{BINARY}"
 _USUAL = {"title": "A recorded loop", "description": "The model that a loop of one's own stepped."}
+_PARTS = ("nq", "nv", "na", "nu", "nbody", "njnt", "ngeom", "ntendon", "nmocap", "names")
 _FOR_THE_EYE = ("vis", "tex", "mat_", "skin", "light", "cam", "name", "text")
 
 
@@ -120,6 +121,23 @@ class Recording:
     def data(self) -> mujoco.MjData:
         """The data that is recorded."""
         return self._reader.data
+
+    def follow(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        """End the episode and record another simulation, as environments make when they are reset.
+
+        What differs in its model stands in the records. Raises a SceneError if the model has other
+        parts, or names them otherwise.
+        """
+        if data is self._reader.data:
+            return
+        self._end(None)
+        base = self._worker.scene.base({})
+        if differing := [x for x in _PARTS if getattr(model, x) != getattr(base.model, x)]:
+            raise SceneError(
+                f"the model has other parts than that of {self.store} ({', '.join(differing)}); "
+                "record it in a store of its own"
+            )
+        self._reader = LoopReader(base, model, data)
 
     def step(self, count: int = 1) -> None:
         """Make steps, as `mujoco.mj_step(model, data, count)` does, and record each."""

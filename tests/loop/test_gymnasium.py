@@ -89,12 +89,37 @@ def test_each_episode_is_a_run(tmp_path: Path, kind: str) -> None:
     assert first.trajectory_hash == third.trajectory_hash != second.trajectory_hash
 
 
-def test_an_environment_must_keep_its_simulation(tmp_path: Path) -> None:
+def _anew(path: Path, *models: str) -> list[EvidenceRecord]:
+    """Record an episode of each model, which its environment makes when it is reset."""
     from contactlab.gymnasium import Evidence  # noqa: PLC0415 - likewise
 
-    env = Evidence(make_env("anew"), tmp_path / "store")
-    with pytest.raises(SceneError, match="made another simulation"):
+    inner = make_env("anew")
+    env = Evidence(inner, path)
+    for model in models:
+        inner.mine = inner.model = mujoco.MjModel.from_xml_string(model)
         env.reset()
+        for _ in range(3):
+            env.step(np.array([30.0]))
+    env.close()
+    return _records(path)
+
+
+def test_another_simulation_is_followed_and_its_changes_are_said(tmp_path: Path) -> None:
+    heavier = PUSHED.replace('mass="1"', 'mass="2"')
+    first, second, third = _anew(tmp_path / "store", PUSHED, heavier, PUSHED)
+    assert [each.steps for each in (first, second, third)] == [3 * SKIP] * 3
+    assert first.loop is not None
+    assert second.loop is not None
+    assert not first.loop.changed
+    assert "body_mass" in second.loop.changed
+    assert first.trajectory_hash == third.trajectory_hash != second.trajectory_hash
+    assert first.metrics == third.metrics
+
+
+def test_another_model_is_refused(tmp_path: Path) -> None:
+    other = PUSHED.replace('name="puck" pos', 'name="disc" pos')
+    with pytest.raises(SceneError, match=r"other parts than that of .*store \(names\)"):
+        _anew(tmp_path / "store", PUSHED, other)
 
 
 def test_an_environment_without_mujoco_is_refused(tmp_path: Path) -> None:

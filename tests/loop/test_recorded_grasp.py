@@ -4,8 +4,10 @@ import runpy
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
 import contactlab
+from contactlab.commands.main import app
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "recorded_grasp.py"
 
@@ -20,3 +22,12 @@ def test_success_by_sinking_in_is_caught(
     records = [next(iter(store.records())) for store in stores]
     assert [each.success for each in records] == [True, True]
     assert [each.label for each in records] == ["stable", "exploited"]
+
+    # One table has the question's answer, and nothing offers to run the loop again.
+    table = CliRunner().invoke(app, ["show", "results/grasp_soft"]).stdout
+    assert all(
+        each in table for each in ("success", "hold depth [m]", "hold slip [m]", "exploited")
+    )
+    run = CliRunner().invoke(app, ["show", "results/grasp_soft", records[1].run_id]).stdout
+    assert "episode 0, success" in run
+    assert "contactlab replay" not in run

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 _MOST_ROWS = 12
 _ID_DIGITS = 8
+_OF_LOOPS = {"seed": "episode", "success": "success", "total_reward": "return"}
 
 
 def show(
@@ -105,7 +106,13 @@ def _identity_lines(store: opt.Address, record: "EvidenceRecord") -> Iterator[st
     if record.trace is not None:
         yield f"  trace      {store / record.trace.file}"
         yield f"  see it     contactlab render {store} {record.run_id} -o run.mcap"
-    yield f"  replay     contactlab replay {store} {record.run_id}"
+    if record.loop is None:
+        yield f"  replay     contactlab replay {store} {record.run_id}"
+        return
+    success = "" if record.success is None else f", {'' if record.success else 'no '}success"
+    reward = "" if record.total_reward is None else f", return {record.total_reward:.6g}"
+    yield f"  loop       episode {record.seed}{success}{reward}"
+    yield f"  unchecked  {record.loop.unchecked}"
 
 
 def print_summary(store: "Store", output: opt.TableFormat) -> None:
@@ -158,9 +165,10 @@ def _print_runs(axes: Sequence[str], rows: Sequence[Mapping[str, object]]) -> No
     headed = [(each.name, each.heading) for each in METRICS.values() if each.heading]
     shown = [name for name, _ in headed if any(row.get(name) for row in rows)]
     headings = [heading for name, heading in headed if name in shown]
-    columns = ["label", "expectation_met", *axes, *shown]
+    said = _OF_LOOPS if "loop" in rows[0] else {"expectation_met": "as expected"}
+    columns = ["label", *said, *axes, *shown]
     cells = [[str(row["run_id"])[:_ID_DIGITS], *(row[name] for name in columns)] for row in rows]
-    header = ["run", "label", "as expected", *axes, *headings]
+    header = ["run", "label", *said.values(), *axes, *headings]
     print_table(header, cells, droppable=len(headings))
 
 

@@ -53,13 +53,13 @@ def hold_switches(context: Context) -> Floats:
     return worst_pair(context, counts) / hold_seconds(context)
 
 
-@metric("m", "lower", 1e-9, requires="depth", equivalence=True)
+@metric("m", "lower", 1e-9, requires="depth", equivalence=True, heading="hold depth [m]")
 def hold_penetration(context: Context) -> Floats:
     """Penetration as in penetration_mean, and with its bands, over the hold window alone."""
     return worst_pair(context, mean_depths(context, hold_window(context)))
 
 
-@metric("m", "lower", 1e-9, equivalence=True)
+@metric("m", "lower", 1e-9, equivalence=True, heading="hold slip [m]")
 def hold_slip(context: Context) -> Floats:
     """Farthest that a pair slips within the hold window, worst pair.
 
