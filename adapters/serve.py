@@ -30,6 +30,13 @@ def model_of(request: dict[str, Any], run: int, *without: str) -> mujoco.MjModel
     return model
 
 
+def models_of(request: dict[str, Any], *without: str) -> list[mujoco.MjModel]:
+    """Return the models of all runs, as `model_of` does; equal ones are one."""
+    places = {id(binary): run for run, binary in enumerate(request["models"])}
+    made = {key: model_of(request, run, *without) for key, run in places.items()}
+    return [made[id(binary)] for binary in request["models"]]
+
+
 def start_of(request: dict[str, Any], run: int, model: mujoco.MjModel) -> mujoco.MjData:
     """Return the data of a run at its start."""
     data = mujoco.MjData(model)
@@ -61,11 +68,15 @@ def mocap(row: np.ndarray, bodies: int) -> tuple[np.ndarray, np.ndarray]:
 # What a state has before it steps, as `forward` of adapters tells it, beside its contacts.
 FORWARD = ("xpos", "xquat", "qfrc_bias", "qfrc_passive", "qfrc_actuator", "qacc_smooth",
            "qfrc_constraint", "qacc")  # fmt: skip
-_OF_CONTACTS = ("geom", "dist", "includemargin", "friction", "solref", "solimp")
+_OF_CONTACTS = ("geom", "dist", "includemargin", "friction", "solref", "solimp", "pos")
 
 
 def contact_rows(contact: Any) -> np.ndarray:
-    """Return (K, 16) numbers of contacts: 2 geoms, distance, the one that counts, 12 parameters."""
+    """Return (K, 19) numbers of contacts.
+
+    They are two geoms, distance, the one below which it acts, friction (5), solref (2), solimp (5)
+    and position (3).
+    """
     arrays = [np.asarray(getattr(contact, name), np.float64) for name in _OF_CONTACTS]
     return np.hstack([each if each.ndim > 1 else each[:, None] for each in arrays])
 

@@ -55,16 +55,21 @@ def _told(
     import warp
 
     warp.config.quiet = True
-    models = [serve.model_of(request, run, *_SWITCHES) for run in range(len(request["models"]))]
+    models = serve.models_of(request, *_SWITCHES)
+    shared = {id(model): _shared(model) for model in _distinct(models)}
     launches: dict[bytes, list[int]] = {}
     for run, model in enumerate(models):
-        launches.setdefault(_shared(model), []).append(run)
+        launches.setdefault(shared[id(model)], []).append(run)
     found: dict[int, dict[str, Any]] = {}
     with warp.ScopedDevice(request["device"] or None):
         for runs in launches.values():
             told = launch(request, [models[run] for run in runs], runs, tick)
             found |= {run: {key: told[key][row] for key in told} for row, run in enumerate(runs)}
     return {key: [found[run][key] for run in range(len(models))] for key in found[0]}
+
+
+def _distinct(models: list[mujoco.MjModel]) -> list[mujoco.MjModel]:
+    return list({id(model): model for model in models}.values())
 
 
 def _arrays(model: mujoco.MjModel) -> dict[str, np.ndarray]:
@@ -199,11 +204,12 @@ def _any(overflow: np.ndarray, names: tuple[str, ...]) -> np.ndarray:
 
 def _put(mujoco_warp: Any, warp: Any, models: list[mujoco.MjModel]) -> Any:
     """Return models on the device as one, with what they differ in for each world."""
-    count, arrays = len(models), [_arrays(each) for each in models]
+    count, arrays = len(models), {id(each): _arrays(each) for each in _distinct(models)}
+    first = arrays[id(models[0])]
     differing = {
-        name: np.stack([each[name] for each in arrays])
-        for name in _batched() & arrays[0].keys()
-        if any((each[name] != arrays[0][name]).any() for each in arrays)
+        name: np.stack([arrays[id(each)][name] for each in models])
+        for name in _batched() & first.keys()
+        if any((each[name] != first[name]).any() for each in arrays.values())
     }
     made = mujoco_warp.put_model(models[0], batch_sizes=dict.fromkeys(differing, count))
     for name, values in differing.items():

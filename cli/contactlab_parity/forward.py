@@ -38,11 +38,11 @@ _ALLOWED = {
     "qacc": (1e-1, 1e-2),
 }
 FLOOR_FACTOR = 8.0  # how many times what rounding the state changes is allowed beside
-GRAZING = 1e-5  # from the distance at which contacts begin to act, where rounding decides [m]
+GRAZING = 1e-5  # from where contacts begin to act, or lie, that rounding decides about [m]
 _PARAMETERS = 1e-4  # relative difference of a contact's parameters that single precision explains
-_NONE = np.empty((0, 16))
+_NONE = np.empty((0, 19))
 _GEOMS, _DISTANCE, _MARGIN, _FRICTION = slice(0, 2), 2, 3, slice(4, 9)
-_SOLREF, _SOLIMP = slice(9, 11), slice(11, 16)
+_SOLREF, _SOLIMP, _POSITION = slice(9, 11), slice(11, 16), slice(16, 19)
 _OF_CONTACT = {"friction": _FRICTION, "solref": _SOLREF, "solimp": _SOLIMP}
 
 
@@ -72,7 +72,7 @@ def _forward_by_mujoco(runs: PreparedRuns) -> Forward:
 
 def _contact_rows(contact: Any) -> Floats:  # noqa: ANN401 - MuJoCo's view of its contacts
     arrays = (contact.geom, contact.dist, contact.includemargin)
-    arrays = (*arrays, contact.friction, contact.solref, contact.solimp)
+    arrays = (*arrays, contact.friction, contact.solref, contact.solimp, contact.pos)
     return np.hstack([each if each.ndim > 1 else each[:, None] for each in arrays])
 
 
@@ -146,7 +146,7 @@ _Pair = tuple[int, int]
 
 
 def _by_pair(rows: Floats) -> dict[_Pair, Floats]:
-    """Return contacts (K, 16) by their pair of geoms, whichever is first, the deepest first."""
+    """Return contacts (K, 19) by their pair of geoms, whichever is first, the deepest first."""
     found: dict[_Pair, list[Floats]] = defaultdict(list)
     for row in rows[np.argsort(rows[:, _DISTANCE], kind="stable")] if len(rows) else rows:
         first, second = sorted(row[_GEOMS].astype(int).tolist())
@@ -171,7 +171,7 @@ class _MatchedContacts:
             pair
             for pair in pairs
             if any(map(_grazes, self._rows(pair)))
-            or _acting(self.ours.get(pair)) != _acting(self.rounded.get(pair))
+            or _apart(self.ours.get(pair), self.rounded.get(pair)) > GRAZING
         }
 
     def _rows(self, pair: _Pair) -> list[Floats]:
@@ -196,6 +196,8 @@ class _MatchedContacts:
                     float(depths[0]),
                     float(depths[1]),
                 )
+            if (apart := _apart(ours, theirs)) > GRAZING:
+                return apart / GRAZING, f"points of {self._named(pair)}", 0.0, apart
             for name, columns in _OF_CONTACT.items():
                 both = ours[0, columns], theirs[0, columns]
                 shares = np.abs(both[0] - both[1]) / (_PARAMETERS * (np.abs(both[0]) + 1e-6))
@@ -213,6 +215,16 @@ class _MatchedContacts:
 
 def _acting(rows: Floats | None) -> int:
     return 0 if rows is None else int((rows[:, _DISTANCE] < rows[:, _MARGIN]).sum())
+
+
+def _apart(first: Floats | None, second: Floats | None) -> float:
+    """Return how far the farthest point that acts is from any that the other side has [m]."""
+    if _acting(first) != _acting(second):
+        return np.inf
+    if first is None or second is None or not _acting(first):
+        return 0.0
+    ours, theirs = (each[: _acting(each), _POSITION] for each in (first, second))
+    return float(np.linalg.norm(ours[:, None] - theirs, axis=2).min(axis=1).max())
 
 
 def _grazes(rows: Floats) -> bool:

@@ -1,6 +1,7 @@
 """The panel: the runs of a sweep, and each as it is for MuJoCo and for another engine."""
 
 import json
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
@@ -72,19 +73,21 @@ class Panel:
                 drive=drive,
             )  # fmt: skip
 
-        request = read(())
+        request, changed = read(()), read(changes)
         scene, duration = request.scene, request.plan.sweep.duration
-        pairs = zip(request.plan.runs(), read(changes).plan.runs(), strict=False)
+        sizes = {math.prod(axis.count for axis in x.plan.axes) for x in (request, changed)}
+        if len(sizes) > 1:
+            raise SweepFileError(f"--with {' '.join(changes)}: give one value to each")
         runs: dict[str, PanelRun] = {}
-        for ours, theirs in pairs:
-            both = [scene.resolve(each.values, each.seed, duration) for each in (ours, theirs)]
-            run_id = scene.run_id(both[0])
-            runs.setdefault(run_id, PanelRun(ours, run_id, *both))
-            if both[0].structure != both[1].structure or both[0].steps != both[1].steps:
+        for pair in zip(request.plan.runs(), changed.plan.runs(), strict=True):
+            ours, theirs = (scene.resolve(each.values, each.seed, duration) for each in pair)
+            if (ours.structure, ours.steps) != (theirs.structure, theirs.steps):
                 raise SweepFileError(
                     f"--with {' '.join(changes)}: the engine must have the same bodies and steps; "
                     "change what acts between them"
                 )
+            run_id = scene.run_id(ours)
+            runs.setdefault(run_id, PanelRun(pair[0], run_id, ours, theirs))
         if not runs:
             raise SweepFileError(f"sweep '{path.stem}' has no runs")
         return cls(request, scene, tuple(runs.values()))

@@ -40,21 +40,15 @@ class Comparison:
     def of(cls, engine: SimulationEngine, ours: PreparedRuns, theirs: PreparedRuns) -> "Comparison":
         """Simulate runs by both; `theirs` are the same, but for what is changed for the engine."""
         reference = ENGINES[MODEL_ENGINE]
-        told = roll_out(reference, ours), roll_out(reference, rounded(ours))
-        return cls(
-            engine,
-            reference,
-            (ours, theirs),
-            (*told, roll_out(engine, theirs), roll_out(engine, theirs)),
-        )
+        by_mujoco = roll_out(reference, ours), roll_out(reference, rounded(ours))
+        twice = roll_out(engine, theirs), roll_out(engine, theirs)
+        return cls(engine, reference, (ours, theirs), (*by_mujoco, *twice))
 
     def contacts(self, run: int) -> np.ndarray:
         """Return (N,) how many contacts MuJoCo had in each step of a run."""
-        runs, (ours, *_) = self.both[0], self.rollouts
-        layout = runs.base.layout
-        return ours.sensors[
-            run, :, (layout if ours.slots is None else layout.from_contacts()).contacts
-        ]
+        ours, layout = self.rollouts[0], self.both[0].base.layout
+        layout = layout if ours.slots is None else layout.from_contacts()
+        return ours.sensors[run, :, layout.contacts]
 
 
 @dataclass(frozen=True)
@@ -88,14 +82,13 @@ def stepped(comparison: Comparison, run: int, states: Floats) -> SteppedStates:
     starts = from_states(ours, run, states[places], places)
     model = ours.models[run]
     speeds = slice(1 + model.nq, 1 + model.nq + model.nv)
-    blurred = rounded(starts)
+    sides = (
+        (reference, starts),
+        (reference, rounded(starts)),
+        (engine, from_states(theirs, run, states[places], places)),
+    )
     by_mujoco, by_rounded, by_engine = (
-        roll_out(by, runs).state[:, 1, speeds]
-        for by, runs in (
-            (reference, starts),
-            (reference, blurred),
-            (engine, from_states(theirs, run, states[places], places)),
-        )
+        roll_out(by, runs).state[:, 1, speeds] for by, runs in sides
     )
     before = states[places][:, speeds]
     change = np.abs(by_mujoco - before).max(axis=1, initial=0)
@@ -207,6 +200,8 @@ def judge(
     """Return the verdict on a run, the first stage that differs, and what was measured."""
     rollouts = comparison.rollouts
     steps = min(each.steps[run] for each in rollouts)
+    if not steps:
+        return "ambiguous", None, {}  # what is not even one step says nothing
     states = rollouts[0].state[run, : steps + 1]
     model = comparison.both[0].models[run]
     whole = WholeRun(

@@ -7,6 +7,7 @@ from xml.etree import ElementTree as ET
 import pytest
 from jsonschema import Draft202012Validator
 
+from contactlab.errors import SweepFileError
 from contactlab.resources import SCHEMAS
 from contactlab_parity.formats import as_junit, as_markdown, as_text
 from contactlab_parity.parity_report import ParityReport
@@ -66,6 +67,16 @@ def test_what_is_set_for_the_engine_alone_is_found_as_if_it_were_planted(parity:
     # g (sin 35 - .525 cos 35) / g (sin 35 - .5 cos 35) is 12 % less: who is off is the engine.
     assert report.closed_form is not None
     assert report.closed_form.off == "engine"
+
+
+@pytest.mark.parametrize(
+    ("change", "word"), [("friction.slide=0.5,0.6", "one value"), ("timestep=0.001", "same bodies")]
+)
+def test_what_cannot_be_set_for_the_engine_alone_is_refused(
+    parity: Parity, change: str, word: str
+) -> None:
+    with pytest.raises(SweepFileError, match=word):
+        parity(INCLINE, "", change)
 
 
 def test_a_refused_run_is_neither_good_nor_bad(parity: Parity) -> None:

@@ -203,8 +203,10 @@ def _request(runs: PreparedRuns) -> Mapping[str, object]:
         for run, model in enumerate(runs.models)
     ]
     arrays = ("qpos", "qvel", "ctrl", "applied", "act", "mocap")
+    # Of runs of one model it is written once.
+    binaries = {id(model): _binary(model) for model in {id(x): x for x in runs.models}.values()}
     return {
-        "models": [_binary(model) for model in runs.models],
+        "models": [binaries[id(model)] for model in runs.models],
         "steps": runs.steps,
         "places": places,
         "levels": np.array(levels),
