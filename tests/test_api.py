@@ -55,8 +55,8 @@ def test_reading_loads_no_engine(store: Store, again: Store) -> None:
 
 
 def test_its_functions_are_named_after_commands() -> None:
-    commands = {"check", "compare", "effects", "report", "stability", "sweep", "tradeoff", "tune"}
-    assert set(FUNCTIONS) == {*commands, "open", "record"}
+    runs = {"check", "effects", "fit", "stability", "sweep", "tradeoff", "tune"}
+    assert set(FUNCTIONS) == {*runs, "compare", "report", "open", "record"}
     assert all(callable(getattr(contactlab, name)) for name in FUNCTIONS)
     assert set(FUNCTIONS) <= set(dir(contactlab))
     with pytest.raises(AttributeError, match="no attribute 'sweeps'"):

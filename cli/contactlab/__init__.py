@@ -16,7 +16,15 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from contactlab.api.reading_functions import compare, open, report
-    from contactlab.api.running_functions import check, effects, stability, sweep, tradeoff, tune
+    from contactlab.api.running_functions import (
+        check,
+        effects,
+        fit,
+        stability,
+        sweep,
+        tradeoff,
+        tune,
+    )
     from contactlab_loop.recording import record
 
     __version__: str
@@ -26,6 +34,7 @@ __all__ = [
     "check",
     "compare",
     "effects",
+    "fit",
     "open",
     "record",
     "report",

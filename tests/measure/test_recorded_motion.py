@@ -11,7 +11,7 @@ from contactlab.measure import assess
 
 STEP, STEPS, RUNS = 2e-3, 50, 3
 LENGTHS = (40, 31, 12)  # frames of each recording, 3 ms apart: the first ends after the run
-WIDTH, RANGE = 0.2, 2.5
+WIDTH, RANGE, MASS = 0.2, 2.5, 0.7
 PARTS = (
     RecordedPart("box", 1, "point", slice(0, 3), slice(0, 3), WIDTH),
     RecordedPart("box", 1, "turn", slice(3, 7), slice(3, 6), np.inf),
@@ -41,8 +41,10 @@ def runs(trace_of: Any, setup_of: Any) -> tuple[Any, Any]:
     for run, length in enumerate(LENGTHS):
         for array in (times, there, speeds):
             array[run, length:] = np.nan
-    motion = RecordedMotion(PARTS, times, there, speeds, np.full(RUNS, 0.01))
-    body = FreeBody("box", 0, 0, np.ones(RUNS))
+    touched, impact = np.full(RUNS, 0.01), np.array([[3, 20], [3, 25], [-1, -1]])
+    lost = np.array([0.3, 0.1, np.nan])
+    motion = RecordedMotion(PARTS, times, there, speeds, touched, impact, lost)
+    body = FreeBody("box", 0, 0, np.full(RUNS, MASS))
     return trace, setup_of(trace, free_bodies=(body,), recorded=motion)
 
 
@@ -89,6 +91,29 @@ def test_metrics_equal_a_loop_over_frames(runs: tuple[Any, Any]) -> None:
         assert found == pytest.approx(expected, rel=1e-6)
 
 
+def test_the_first_contact_is_what_changes_between_two_rows(runs: tuple[Any, Any]) -> None:
+    """Impulse and energy are those of a plain difference of two interpolated states."""
+    trace, setup = runs
+    metrics, recorded = assess(trace, setup).metrics, setup.recorded
+    times = np.arange(STEPS + 1) * STEP
+    for run, (before, after) in enumerate(recorded.impact[:2]):
+
+        def at(values: Floats, frame: int, run: int = run) -> float:
+            count = len(values)  # energies have no value after the last step
+            return float(np.interp(recorded.times[run, frame], times[:count], values))
+
+        here = [
+            at(trace.qvel[run, :, k], after) - at(trace.qvel[run, :, k], before) for k in (0, 1, 2)
+        ]
+        there = recorded.qvel[run, after, :3] - recorded.qvel[run, before, :3]
+        impulse = MASS * float(np.linalg.norm(np.array(here) - there))
+        assert metrics["reality_impulse"][run] == pytest.approx(impulse, rel=1e-9)
+        energy = trace.kinetic[run] + trace.potential[run]
+        lost = at(energy, before) - at(energy, after)
+        assert metrics["reality_energy"][run] == pytest.approx(lost - recorded.lost[run], rel=1e-9)
+    assert np.isnan([metrics[name][2] for name in ("reality_impulse", "reality_energy")]).all()
+
+
 def test_a_run_that_ended_early_has_no_distance(runs: tuple[Any, Any]) -> None:
     trace, setup = runs
     cut = trace.select([1], 20)
@@ -102,7 +127,10 @@ def test_the_side_that_is_down(trace_of: Any, setup_of: Any, tilt: float, same: 
     """A quarter of a right angle more or less tells the sides apart."""
     trace = trace_of(1, STEPS, STEP)
     qpos = np.array([[[0, 0, 0, np.cos(tilt / 2), np.sin(tilt / 2), 0, 0]]] * 1)
-    motion = RecordedMotion(PARTS[:2], np.array([[0.05]]), qpos, np.zeros((1, 1, 6)), np.zeros(1))
+    none = np.full((1, 2), -1)
+    motion = RecordedMotion(
+        PARTS[:2], np.array([[0.05]]), qpos, np.zeros((1, 1, 6)), np.zeros(1), none, np.zeros(1)
+    )
     gravity = np.array([[0, 0, -9.81]])
     body = FreeBody("box", 0, 0, np.ones(1))
     setup = setup_of(trace, free_bodies=(body,), recorded=motion, gravity=gravity)

@@ -113,6 +113,21 @@ def test_a_simulation_repeats_its_own_recording(tmp_path: Path, seed: int) -> No
     assert state[: 5 * 300 : 5, 1:8] == pytest.approx(motion.qpos[0], abs=1e-7)
 
 
+def test_energy_that_the_first_contact_takes(tmp_path: Path) -> None:
+    """It is that of weight, motion and turning between the rows around the touch, 50 ms apart."""
+    scene, columns = written(tmp_path, thrown()), thrown()
+    motion, model = scene.motion([scene.resolve({}, 0, None)]), scene.base({}).model
+    assert motion is not None
+    before, after = motion.impact[0]
+    assert columns["time"][before] < motion.touched[0] <= columns["time"][before + 1]
+    assert 0.05 <= columns["time"][after] - motion.touched[0] < 0.05 + 1 / RATE
+    mass, inertia = model.body_mass[1], model.body_inertia[1]
+    speed, spin = (np.array([columns[x] for x in RATES[k : k + 3]]) for k in (0, 3))
+    energy = mass * (9.81 * columns["brick.z"] + (speed**2).sum(axis=0) / 2)
+    energy += inertia @ spin**2 / 2
+    assert motion.lost[0] == pytest.approx(energy[before] - energy[after], rel=1e-9)
+
+
 def test_velocities_are_those_of_the_poses_where_none_are_recorded(tmp_path: Path) -> None:
     """In free fall the mean of two differences is exact but for rotation, to second order."""
     columns = thrown()

@@ -2,51 +2,16 @@
 
 from pathlib import Path
 
-import mujoco
 import numpy as np
 import pytest
+from tests.planted_recordings import TRIALS, plant
 
 from contactlab.errors import SceneError, SweepFileError
 from contactlab.schema.study_reports import FIT_REPORT, FitReport
 from contactlab.studies.fit import FitRequest, run
 from contactlab.studies.session import Session
 
-MODEL = """<mujoco><option timestep="0.004" cone="elliptic"/>
-<default><geom friction="{friction}"/></default><worldbody>
-<geom name="floor" type="plane" size="3 3 .1"/>
-<body name="puck" pos="0 0 .03"><freejoint name="puck"/>
-<geom name="puck" type="box" size=".06 .04 .03"/></body></worldbody></mujoco>"""
-SCENE = """\
-version: 1
-title: t
-description: d
-duration: 1.0
-subject: puck
-pairs: [{geoms: [floor, puck], slots: 4}]
-recording: {file: motion.csv, run: trial, units: {length: m, angle: rad, time: s}}
-"""
-PARTS = ("x", "y", "z", "qw", "qx", "qy", "qz", "vx", "vy", "vz", "wx", "wy", "wz")
-NOISE = np.array([3e-4] * 3 + [0] * 4 + [5e-3] * 3 + [0.02] * 3)  # of a good motion capture
-TRIALS, FITTED = 18, 12
-
-
-def plant(folder: Path, friction: float, seed: int) -> str:
-    """Write a scene of friction 1 with recordings of another, with noise, at 125 Hz."""
-    folder.mkdir()
-    (folder / "scene.xml").write_text(MODEL.format(friction=1.0))
-    (folder / "scene.yaml").write_text(SCENE)
-    model = mujoco.MjModel.from_xml_string(MODEL.format(friction=friction))
-    names = ["trial", "time", *(f"puck.{part}" for part in PARTS)]
-    rng, lines = np.random.default_rng(seed), [",".join(names)]
-    for trial in range(TRIALS):
-        data = mujoco.MjData(model)
-        data.qvel[:] = rng.normal(size=6) * [1, 1, 0, 0, 0, 3]
-        for frame in range(50):
-            state = np.concatenate([data.qpos, data.qvel]) + NOISE * rng.normal(size=13)
-            lines.append(",".join(map(repr, [trial, frame / 125, *state.tolist()])))
-            mujoco.mj_step(model, data, nstep=2)
-    (folder / "motion.csv").write_text("\n".join(lines) + "\n")
-    return f"{folder}/"
+FITTED = 12
 
 
 @pytest.mark.slow

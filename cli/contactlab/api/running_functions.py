@@ -15,14 +15,16 @@ from contactlab.run.sweep_request import read_request
 from contactlab.run.worker_pool import worker_count
 from contactlab.schema.check_report import CheckReport, StabilityReport, TaskKind
 from contactlab.schema.comparison import AcceptedCheck
-from contactlab.schema.study_reports import EffectsReport, Goal, TuneReport
+from contactlab.schema.study_reports import EffectsReport, FitReport, Goal, TuneReport
 from contactlab.schema.tradeoff_report import TradeoffReport
 from contactlab.store.finished_store import Store
 from contactlab.store.store_files import Address, parse_address
+from contactlab.studies import fit as fitting
 from contactlab.studies import stability_cases, tradeoff_sweep
 from contactlab.studies.check import model_check
 from contactlab.studies.effects import ablation
 from contactlab.studies.effects.effects_request import EffectsRequest
+from contactlab.studies.fit import FREE, FitRequest
 from contactlab.studies.session import Session, model_name
 from contactlab.studies.tune import tune_request, tuning
 
@@ -232,6 +234,32 @@ def tune(
         str(model), goal, error, limits, budget, free, drop_sensors, driven
     )
     return tuning.run(request, session)
+
+
+def fit(
+    scene: str | Path,
+    *,
+    free: Sequence[str] = FREE,
+    set: Settings = (),
+    fitted: int = 120,
+    seed: int = 0,
+    error: str = "reality",
+    output: str | Path | None = None,
+    **options: Unpack[RunOptions],
+) -> FitReport:
+    """Fit settings to recorded motion, with intervals, and try them on runs that were held out.
+
+    The scene has a `recording`; `free` names what to fit, `NAME` or `NAME=LOW:HIGH`, `set` what all
+    runs have, and `seed` draws which recorded runs are fitted, so many at most, so that the error,
+    a metric, gets small. Everything goes to `results/fit/NAME` if `output` is left out.
+
+    Raises:
+        SceneError: the scene has no recording, or too few runs.
+        SweepFileError: a setting or its bounds are wrong.
+        ExpectationError: no run can be measured.
+    """
+    session = _session(output or RESULTS / "fit" / model_name(str(scene)), **options)
+    return fitting.run(FitRequest(str(scene), free, _assigned(set), fitted, seed, error), session)
 
 
 def _session(

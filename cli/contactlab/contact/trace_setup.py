@@ -134,10 +134,12 @@ class RecordedMotion:
     qpos: Floats  # (n, M, nq)
     qvel: Floats  # (n, M, nv)
     touched: Floats  # (n,) when a free body first touched anything [s]
+    impact: NDArray[np.intp]  # (n, 2) its rows before and after that contact; -1 without one
+    lost: Floats  # (n,) energy that the model has less of in the latter row [J]; NaN if not known
 
     def select(self, rows: list[int]) -> "RecordedMotion":
         """Return the motion of some of the runs."""
-        arrays = (self.times, self.qpos, self.qvel, self.touched)
+        arrays = (self.times, self.qpos, self.qvel, self.touched, self.impact, self.lost)
         return RecordedMotion(self.parts, *(each[rows] for each in arrays))
 
 

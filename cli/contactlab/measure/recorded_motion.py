@@ -6,7 +6,7 @@ import numpy as np
 
 from contactlab.contact.rotations import angles_between, rotate_back
 from contactlab.contact.trace_arrays import Floats
-from contactlab.measure.context import Context, cached, contact_depths, down
+from contactlab.measure.context import Context, cached, contact_depths, down, energy, worst_body
 from contactlab.measure.entries import metric
 
 _ROUNDING = 1e-6  # share of a step by which a recorded time may be after the last one
@@ -104,6 +104,34 @@ def reality_delay(context: Context) -> Floats:
     touching = np.logical_or.reduce([each for each, _ in contact_depths(context)])
     first = np.where(touching.any(axis=1), touching.argmax(axis=1), np.nan)
     return first * context.trace.timestep - recorded.touched
+
+
+@metric("N s", "lower")
+def reality_impulse(context: Context) -> Floats:
+    """Difference of the impulse of the first contact from the recorded one, to 50 ms after it."""
+    recorded = context.setup.recorded
+    if recorded is None or not _offsets(context):
+        return context.undefined()
+    apart, rows = _simulated(context)[1] - recorded.qvel, np.arange(context.trace.runs)
+    before, after = (apart[rows, each] for each in recorded.impact.T)
+    hit = np.where(recorded.impact[:, :1] >= 0, after - before, np.nan)
+    return worst_body(
+        context, lambda body: body.mass * np.linalg.norm(hit[:, body.dof : body.dof + 3], axis=1)
+    )
+
+
+@metric("J")
+def reality_energy(context: Context) -> Floats:
+    """Energy that the first contact takes, to 50 ms after it, less what it takes as recorded."""
+    recorded = context.setup.recorded
+    if recorded is None or not _offsets(context):
+        return context.undefined()
+    steps = np.take_along_axis(recorded.times, recorded.impact, axis=1)
+    steps /= context.trace.timestep[:, None]
+    every = np.arange(context.trace.steps)
+    rows = zip(steps, energy(context), strict=True)
+    before, after = np.array([np.interp(at, every, each) for at, each in rows]).T
+    return before - after - recorded.lost
 
 
 @metric("1", "higher")

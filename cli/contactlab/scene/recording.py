@@ -6,6 +6,7 @@ from functools import cached_property
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import Floats
 from contactlab.contact.trace_setup import RecordedMotion, RecordedPart
@@ -21,6 +22,7 @@ _AFLOAT = 0.05  # how far above or within what carries it a body may rest, in wi
 _STILL = 0.05  # how far what rests may move in the last rows, in widths
 _GRAIN = 0.1  # durations are whole multiples of it [s], so that runs of like length share jobs
 _FAR = 10.0  # distance beyond which none is measured [m]
+_IMPACT = 0.05  # how long after touch the first contact counts [s]
 
 
 class RecordedRuns:
@@ -71,7 +73,25 @@ class RecordedRuns:
         rows = self._rows
         times = padded(rows.times) - rows.times[[each.start for each in runs]][:, None]
         touched = np.array([self._touched(each) for each in runs])
-        return RecordedMotion(rows.parts, times, padded(rows.qpos), padded(rows.qvel), touched)
+        within = times - touched[:, None] >= np.array([0, _IMPACT])[:, None, None]
+        impact = np.where(within.any(axis=2), within.argmax(axis=2) - [[1], [0]], -1)
+        impact = np.where((impact >= 0).all(axis=0), impact, -1).T
+        lost = [self._lost(each.start + two) for each, two in zip(runs, impact, strict=True)]
+        known = np.where(impact[:, 0] >= 0, lost, np.nan)
+        qpos, qvel = padded(rows.qpos), padded(rows.qvel)
+        return RecordedMotion(rows.parts, times, qpos, qvel, touched, impact, known)
+
+    def _lost(self, rows: NDArray[np.intp]) -> float:
+        """Return how much less energy the model has in the second of two rows [J]."""
+        energies, data = list[float](), mujoco.MjData(self._model)
+        for row in rows.tolist():
+            data.qpos[:], data.qvel[:] = self._rows.qpos[row], self._rows.qvel[row]
+            if not np.isfinite([*data.qpos, *data.qvel]).all():
+                return np.nan
+            for compute in (mujoco.mj_fwdPosition, mujoco.mj_energyPos, mujoco.mj_energyVel):
+                compute(self._model, data)
+            energies.append(float(data.energy.sum()))
+        return energies[0] - energies[1]
 
     def _from_start(self, number: float) -> slice:
         return slice(self._starts[number], self._rows.runs[number].stop)

@@ -20,6 +20,8 @@ from contactlab.schema.sweep_schema import Sample
 from contactlab.schema.vocabulary import RECORDED_RUN, AxisSpec
 from contactlab.studies.session import Session, Values, read_settings
 
+FREE = ("friction.slide", "solref", "impratio", "cone")
+"""What is fitted if nothing is named."""
 _PARTS = {"solref": ("solref.timeconst", "solref.dampratio")}  # what is fitted by its parts
 _BOUNDS: Mapping[str, tuple[float, float]] = {
     "friction.slide": (0.02, 2.0),
@@ -40,7 +42,7 @@ class FitRequest:
     """What of which scene to fit."""
 
     scene: str
-    free: Sequence[str]  # axes: NAME, or NAME=LOW:HIGH; axes of words take any of them
+    free: Sequence[str] = FREE  # axes: NAME, or NAME=LOW:HIGH; axes of words take any of them
     assign: Sequence[str] = ()  # settings of all runs, NAME=VALUE
     fitted: int = 120  # recorded runs to fit; at most two of three
     seed: int = 0  # which runs are fitted
