@@ -1,33 +1,77 @@
 """How often the intervals of a fit have the settings that recordings were made with.
 
-Run: python -m bench.planted_truth [FIRST CASES]
+Run: python -m bench.planted_truth [FIRST CASES [sweeps]]
 
 Half of the cases slide a puck, which tells friction only; the others toss it, which tells a little
-of the time constant too. Settings are drawn by the number of the case.
+of the time constant too. Settings are drawn by the number of the case. Runs are those of a plain
+rollout, which takes an eighth of the time, unless `sweeps` asks for those that `fit` makes.
 """
 
 import sys
 import tempfile
 from collections import defaultdict
+from collections.abc import Sequence
+from contextlib import nullcontext
 from pathlib import Path
+from unittest import mock
 
+import mujoco
 import numpy as np
-from tests.planted_recordings import plant
+from mujoco import rollout
+from tests.planted_recordings import MODEL, WIDTH, plant
 
-from contactlab.studies.fit import FitRequest, run
-from contactlab.studies.session import Session
+from contactlab.contact.trace_arrays import Floats
+from contactlab.run.sweep_request import SceneLoader
+from contactlab.studies import fit
+from contactlab.studies.session import Session, Values
 
 FREE = ("friction.slide", "solref.timeconst=0.005:0.06")
 
 
-def fitted(case: int, folder: Path) -> dict[str, tuple[bool, float, bool]]:
+class PlainRuns:
+    """The errors of a planted scene by MuJoCo's own rollout, in place of sweeps."""
+
+    def __init__(self, scene: str) -> None:
+        recorded = SceneLoader(Path()).open(scene).recorded
+        assert recorded is not None
+        self._recorded = recorded
+
+    def __call__(self, name: str, settings: Sequence[Values], runs: Sequence[float]) -> Floats:
+        """Return (points, runs) mean distances, in widths."""
+        del name
+        return np.array([self._errors(each, runs) for each in settings])
+
+    def _errors(self, values: Values, runs: Sequence[float]) -> Floats:
+        friction = values.get("friction.slide", 1.0)
+        timeconst = values.get("solref.timeconst", 0.02)
+        text = MODEL.format(friction=friction, timeconst=timeconst, height=0.03)
+        model, motion = mujoco.MjModel.from_xml_string(text), self._recorded.motion(runs)
+        step = model.opt.timestep
+        starts = [np.array([0.0, *self._recorded.start(each)]) for each in runs]
+        steps = round(max(map(self._recorded.lasts, runs)) / step)
+        states, _ = rollout.rollout(model, mujoco.MjData(model), np.array(starts), nstep=steps)
+        states = np.concatenate([np.array(starts)[:, None], states], axis=1)
+        times = np.arange(steps + 1) * step
+        found = list[float]()
+        for state, at, qpos in zip(states, motion.times, motion.qpos, strict=True):
+            known = np.isfinite(at)
+            here = [np.interp(at[known], times, state[:, 1 + axis]) for axis in range(3)]
+            apart = np.linalg.norm(np.transpose(here) - qpos[known, :3], axis=1)
+            found.append(float(apart.mean()) / WIDTH)
+        return np.array(found)
+
+
+def fitted(case: int, folder: Path, *, sweeps: bool) -> dict[str, tuple[bool, float, bool]]:
     """Return of each setting whether its interval has the truth, its ratio, and if identified."""
     rng = np.random.default_rng([case, 1])
     truth = [float(np.exp(rng.uniform(*np.log(each)))) for each in ((0.1, 0.6), (0.008, 0.03))]
     friction, timeconst = truth
     tossed = case % 2 == 1
     scene = plant(folder / "puck", friction, case, timeconst=timeconst, tossed=tossed, trials=12)
-    report = run(FitRequest(scene, FREE, fitted=8), Session(folder / "fit"))
+    request, session = fit.FitRequest(scene, FREE, fitted=8), Session(folder / "fit")
+    plain = mock.patch("contactlab.studies.fit._Trials.run", PlainRuns(scene))
+    with nullcontext() if sweeps else plain:
+        report = fit.run(request, session)
     found = dict[str, tuple[bool, float, bool]]()
     for true, each in zip(truth, report.settings, strict=True):
         assert each.interval is not None
@@ -37,12 +81,12 @@ def fitted(case: int, folder: Path) -> dict[str, tuple[bool, float, bool]]:
     return found
 
 
-def main(first: int = 0, cases: int = 100) -> None:
+def main(first: int = 0, cases: int = 100, how: str = "") -> None:
     """Print how often each setting was within its interval."""
     kept = defaultdict[str, list[tuple[bool, float, bool]]](list)
     for case in range(first, first + cases):
         with tempfile.TemporaryDirectory() as folder:
-            for name, each in fitted(case, Path(folder)).items():
+            for name, each in fitted(case, Path(folder), sweeps=how == "sweeps").items():
                 kept[f"{('slid', 'tossed')[case % 2]} {name}"].append(each)
     for name, every in kept.items():
         within, ratios, known = map(np.array, zip(*every, strict=True))
@@ -53,4 +97,4 @@ def main(first: int = 0, cases: int = 100) -> None:
 
 
 if __name__ == "__main__":
-    main(*map(int, sys.argv[1:]))
+    main(*map(int, sys.argv[1:3]), *sys.argv[3:])

@@ -25,7 +25,7 @@ recording:
 PARTS = ("x", "y", "z", "qw", "qx", "qy", "qz", "vx", "vy", "vz", "wx", "wy", "wz")
 NOISE = np.array([3e-4] * 3 + [2e-3] * 3 + [5e-3] * 3 + [0.02] * 3)
 """Of a good motion capture: positions [m], turns [rad], velocities [m/s], rates [rad/s]."""
-TRIALS, _FRAMES = 18, 40
+TRIALS, WIDTH, _FRAMES = 18, 0.06, 40
 
 
 def plant(

@@ -337,8 +337,8 @@ def _no_scene(_: str) -> Any:
     ("line", "hint"),
     [
         ("timestep: 2ms", "write [0.002]"),
-        ("timestep: [500 us]", "write 0.0005, without a unit"),
-        ("drop_height: [1e1cm]", "write 0.1, without a unit"),
+        ("timestep: [5 mm]", "write a number in s"),
+        ("drop_height: [5 ms]", "write a number in m"),
         ("timestep: [2 parsec]", "write a number above 0"),
         ("cone: [2ms]", "write one of pyramidal, elliptic"),
     ],
@@ -346,6 +346,16 @@ def _no_scene(_: str) -> Any:
 def test_a_number_with_a_unit_is_told_without(line: str, hint: str, vocabulary: Any) -> None:
     (diagnostic,) = found(f"version: 1\nscene: ball\naxes: {{{line}}}\n", vocabulary).diagnostics
     assert diagnostic.hint == hint
+
+
+def test_a_number_may_have_a_unit_of_its_axis(vocabulary: Any) -> None:
+    """It is the same value as in the axis' own unit, to the last bit."""
+    text = (
+        "version: 1\nscene: ball\naxes: {timestep: [500 us, 2ms, 0.003 s], drop_height: [1e1cm]}\n"
+    )
+    rows = [run.values for run in read_sweep(text, vocabulary).plan.runs()]
+    assert [row["timestep"] for row in rows] == [0.0005, 0.002, 0.003]
+    assert {row["drop_height"] for row in rows} == {0.1}
 
 
 def test_a_merge_of_what_is_no_mapping_is_told(mistakes: Mistakes) -> None:

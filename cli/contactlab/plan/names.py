@@ -38,15 +38,17 @@ class SweepContext(Draft):
         if isinstance(value, float) and not math.isfinite(value):
             self.document.add("not-finite", place, f"'{name}' must be finite")
             return UNREADABLE
+        measured = without_unit(value, spec.unit) if spec.unit else None
         try:
-            return spec.parse(value)
+            return spec.parse(value if measured is None else measured)
         except ValueError as error:
             close = did_you_mean(value, spec.choices) if isinstance(value, str) else ""
             written = list(cast("tuple[object]", value)) if isinstance(value, tuple) else value
             message = f"{written!r} is not a value of '{name}'"
-            plain = without_unit(value)
-            fits = plain is not None and spec.accepts(plain)
-            hint = f"write {plain:g}, without a unit" if fits else str(error)
+            other = spec.unit and measured is None and without_unit(value) is not None
+            hint = (
+                "write a number" + f" in {spec.unit}" * (spec.unit != "1") if other else str(error)
+            )
             self.document.add("bad-value", place, message, f"{hint}{close}")
             return UNREADABLE
 

@@ -3,6 +3,7 @@
 What is valid is kept as a draft for further checks, so that one pass finds all mistakes.
 """
 
+import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -102,14 +103,31 @@ def _add_axis_form(document: Document, path: KeyPath) -> None:
         document.add("wrong-type", path, f"axis '{name}' takes a list", f"write [{value}]")
 
 
-_UNITS = {"us": 1e-6, "µs": 1e-6, "ms": 1e-3, "s": 1.0, "mm": 1e-3, "cm": 1e-2, "m": 1.0, "kg": 1.0}
+_KINDS = {
+    "s": {"us": 1e-6, "µs": 1e-6, "ms": 1e-3, "s": 1.0},
+    "m": {"um": 1e-6, "µm": 1e-6, "mm": 1e-3, "cm": 1e-2, "m": 1.0},
+    "kg": {"g": 1e-3, "kg": 1.0},
+    "rad": {"deg": math.pi / 180, "rad": 1.0},
+    "m/s": {"mm/s": 1e-3, "cm/s": 1e-2, "m/s": 1.0},
+    "rad/s": {"deg/s": math.pi / 180, "rad/s": 1.0},
+    "N": {"mN": 1e-3, "N": 1.0, "kN": 1e3},
+    "N/m": {"N/m": 1.0, "kN/m": 1e3, "N/mm": 1e3},
+}
+_UNITS = {unit: (kind, size) for kind, units in _KINDS.items() for unit, size in units.items()}
 _WITH_UNIT = re.compile(rf"([-+]?\d*\.?\d+(?:e[-+]?\d+)?)\s*({'|'.join(_UNITS)})")
 
 
-def without_unit(value: object) -> float | None:
-    """Return the number in s, m or kg that a text such as `2ms` means; None if it is no such."""
-    parts = _WITH_UNIT.fullmatch(value) if isinstance(value, str) else None
-    return float(f"{float(parts[1]) * _UNITS[parts[2]]:.12g}") if parts else None
+def without_unit(value: object, unit: str = "") -> float | None:
+    """Return the number, in a unit or else in SI, that a text such as `2ms` means.
+
+    None if it is no such text, or measures something else.
+    """
+    parts = _WITH_UNIT.fullmatch(value.strip()) if isinstance(value, str) else None
+    if parts is None:
+        return None
+    kind, size = _UNITS[parts[2]]
+    wanted, scale = _UNITS.get(unit, ("", 1.0)) if unit else (kind, 1.0)
+    return float(f"{float(parts[1]) * size / scale:.12g}") if kind == wanted else None
 
 
 def _add_length(document: Document, kind: str, path: KeyPath) -> None:

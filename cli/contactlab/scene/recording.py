@@ -83,11 +83,12 @@ class RecordedRuns:
 
     def _lost(self, rows: NDArray[np.intp]) -> float:
         """Return how much less energy the model has in the second of two rows [J]."""
-        energies, data = list[float](), mujoco.MjData(self._model)
-        for row in rows.tolist():
-            data.qpos[:], data.qvel[:] = self._rows.qpos[row], self._rows.qvel[row]
-            if not np.isfinite([*data.qpos, *data.qvel]).all():
-                return np.nan
+        qpos, qvel, data = self._rows.qpos[rows], self._rows.qvel[rows], self._data
+        if np.isnan(qpos).any() or np.isnan(qvel).any():
+            return np.nan
+        energies = list[float]()
+        for place, rates in zip(qpos, qvel, strict=True):
+            data.qpos[:], data.qvel[:] = place, rates
             for compute in (mujoco.mj_fwdPosition, mujoco.mj_energyPos, mujoco.mj_energyVel):
                 compute(self._model, data)
             energies.append(float(data.energy.sum()))

@@ -1,0 +1,1 @@
+"""What contactlab's words and MuJoCo's contact settings mean: `contactlab explain`."""

@@ -1,0 +1,109 @@
+"""Contact settings in units of the world: the laws backwards, and what a run shows of them."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from contactlab.contact.contact_laws import damping_ratio, restitution_of
+from contactlab.errors import ContactlabError, ExpectationError, SceneError, SweepFileError
+from contactlab.studies.session import Session
+from contactlab_explain.command import explain
+from contactlab_explain.contact_words import RestingPair, explain_contacts, read_words
+
+BALL = """<mujoco><option cone="{cone}" impratio="{impratio}"/><worldbody>
+<geom name="floor" type="plane" size="1 1 .1" friction="{friction}"/>
+<body name="ball" pos="0 0 .0499"><freejoint/>
+<geom name="ball" size=".05" mass="2" condim="{condim}" friction="{friction}"/></body>
+</worldbody></mujoco>"""
+
+
+def resting(**changes: Any) -> RestingPair:
+    given = {"softness": 1.0, "radius": 0.05, "restitution": None, "contacts": 1.0, "load": 20.0}
+    solimp = (0.9, 0.95, 0.001, 0.5, 2.0)
+    return RestingPair("a-b", (0.02, 1.0), solimp, 0.5, **{**given, **changes})
+
+
+@pytest.mark.parametrize("depth", [1e-6, 3e-4, 2e-3])
+@pytest.mark.parametrize("softness", [1.0, 0.3])
+def test_a_depth_is_solved_for_as_the_law_has_it(depth: float, softness: float) -> None:
+    """The law of rest, at the solref that it was solved for, gives the depth back."""
+    pair = resting(softness=softness)
+    solref = pair.solved({"depth_at_rest": depth, "restitution": 0.4})
+    again = RestingPair("a-b", solref, pair.solimp, 0.5, softness, 0.05, None, 1.0, 20.0)
+    assert again.expected_depth == pytest.approx(depth, rel=1e-9)
+    assert float(restitution_of(damping_ratio(solref))) == pytest.approx(0.4, rel=1e-9)
+    assert pair.solved({"stiffness": 20 / depth, "restitution": 0.4}) == pytest.approx(solref)
+
+
+@pytest.mark.parametrize(
+    ("cone", "condim", "friction", "impratio"),
+    [
+        ("elliptic", 3, 0.5, 1),
+        ("pyramidal", 1, 0.5, 1),
+        ("pyramidal", 3, 0.5, 1),
+        ("pyramidal", 3, 1.3, 4),
+        ("pyramidal", 4, 0.8, 1),
+    ],
+)
+def test_a_run_is_as_deep_as_the_law_says(
+    tmp_path: Path, cone: str, condim: int, friction: float, impratio: float
+) -> None:
+    """Of every cone; the impedance at the depth that a pyramid leaves is the law's within 2 %."""
+    model = tmp_path / "ball.xml"
+    text = BALL.format(cone=cone, condim=condim, friction=friction, impratio=impratio)
+    model.write_text(text)
+    words = {"depth_at_rest": 2e-4}
+    lines, missed = explain_contacts(str(model), [], words, Session(tmp_path / "explain"))
+    assert not missed
+    (line,) = (each for each in lines if each.startswith("depth_at_rest"))
+    assert float(line.split("measured ")[1].split()[0]) == pytest.approx(0.2, rel=0.02)
+    assert "19.62 N on each of 1 contacts" in line
+
+
+def test_what_does_not_rest_has_no_depth(tmp_path: Path) -> None:
+    with pytest.raises(SceneError, match="no pair rests at the end of the run"):
+        explain_contacts("ball_drop", [], {"depth_at_rest": 1e-4}, Session(tmp_path))
+
+
+def test_too_long_a_step_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A stiffness that the timestep does not resolve is not shown, and said so."""
+    (tmp_path / "ball.xml").write_text(
+        BALL.format(cone="elliptic", condim=3, friction=1, impratio=1)
+    )
+    with pytest.raises(ExpectationError, match="is too long for it"):
+        explain(["stiffness=1e9 N/m", "refsafe=false", str(tmp_path / "ball.xml")])
+    assert "timestep       at most " in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("text", "value"), [(".1 mm", 1e-4), ("0.1mm", 1e-4), ("1e-4", 1e-4), ("2 cm", 0.02)]
+)
+def test_words_are_read_in_their_units(text: str, value: float) -> None:
+    assert read_words({"depth_at_rest": text}) == {"depth_at_rest": pytest.approx(value)}
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ({"stiffness": "2e4 N"}, "stiffness=2e4 N: write a number above 0 in N/m"),
+        ({"stiffness": "-3"}, "above 0 in N/m"),
+        ({"depth_at_rest": "nan"}, "above 0 in m"),
+        ({"restitution": "1.2"}, "above 0, at most 1"),
+        ({"stiffness": "1e3 N/m", "depth_at_rest": "1 mm"}, "set the same thing"),
+    ],
+)
+def test_what_is_no_amount_is_refused(words: dict[str, str], message: str) -> None:
+    with pytest.raises(SweepFileError, match=message):
+        read_words(words)
+
+
+def test_a_depth_beyond_the_geom_is_refused() -> None:
+    with pytest.raises(SceneError, match="60 mm is deeper than the smaller geom"):
+        resting().solved({"depth_at_rest": 0.06})
+
+
+@pytest.mark.parametrize("words", [["nothing"], ["solref=0.005 1"], ["stiffnes=3", "box_slide"]])
+def test_what_is_not_known_is_refused_in_one_line(words: list[str]) -> None:
+    with pytest.raises(ContactlabError):
+        explain(words)

@@ -1,0 +1,32 @@
+"""Every published word is explained, as it is published."""
+
+import pytest
+
+from contactlab.errors import SweepFileError
+from contactlab.measure import LABELS, METRICS, THRESHOLDS
+from contactlab.scene.effects.effect_table import EFFECTS
+from contactlab.scene.parameters import PARAMETERS
+from contactlab_explain.definitions import CHANGES, define
+
+
+def test_every_word_has_its_own_definition() -> None:
+    for each in LABELS.values():
+        assert each.meaning in define(each.name)
+        assert all(limit.source in define(each.name) for limit in each.thresholds)
+    for each in METRICS.values():
+        if each.name not in LABELS:
+            assert each.definition in define(each.name)
+    for each in THRESHOLDS.values():
+        if each.name not in LABELS:
+            assert each.source in define(each.name)
+    assert all(each.description in define(name) for name, each in PARAMETERS.items())
+    assert all(define(name).startswith(name) for name in EFFECTS)
+
+
+def test_every_label_says_what_to_change() -> None:
+    assert CHANGES.keys() == {*LABELS}
+
+
+def test_an_unknown_word_is_met_with_the_closest() -> None:
+    with pytest.raises(SweepFileError, match="did you mean 'chatter'"):
+        define("chater")
