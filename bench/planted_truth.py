@@ -21,6 +21,7 @@ from mujoco import rollout
 from tests.planted_recordings import MODEL, WIDTH, plant
 
 from contactlab.contact.trace_arrays import Floats
+from contactlab.errors import SceneError
 from contactlab.run.sweep_request import SceneLoader
 from contactlab.studies import fit
 from contactlab.studies.session import Session, Values
@@ -49,16 +50,17 @@ class PlainRuns:
         step = model.opt.timestep
         starts = [np.array([0.0, *self._recorded.start(each)]) for each in runs]
         steps = round(max(map(self._recorded.lasts, runs)) / step)
-        states, _ = rollout.rollout(model, mujoco.MjData(model), np.array(starts), nstep=steps)
-        states = np.concatenate([np.array(starts)[:, None], states], axis=1)
+        found = rollout.rollout(model, mujoco.MjData(model), np.array(starts), nstep=steps)[0]
+        assert found is not None
+        states = np.concatenate([np.array(starts)[:, None], np.asarray(found)], axis=1)
         times = np.arange(steps + 1) * step
-        found = list[float]()
+        errors = list[float]()
         for state, at, qpos in zip(states, motion.times, motion.qpos, strict=True):
             known = np.isfinite(at)
             here = [np.interp(at[known], times, state[:, 1 + axis]) for axis in range(3)]
             apart = np.linalg.norm(np.transpose(here) - qpos[known, :3], axis=1)
-            found.append(float(apart.mean()) / WIDTH)
-        return np.array(found)
+            errors.append(float(apart.mean()) / WIDTH)
+        return np.array(errors)
 
 
 def fitted(case: int, folder: Path, *, sweeps: bool) -> dict[str, tuple[bool, float, bool]]:
@@ -69,7 +71,12 @@ def fitted(case: int, folder: Path, *, sweeps: bool) -> dict[str, tuple[bool, fl
     tossed = case % 2 == 1
     scene = plant(folder / "puck", friction, case, timeconst=timeconst, tossed=tossed, trials=12)
     request, session = fit.FitRequest(scene, FREE, fitted=8), Session(folder / "fit")
-    plain = mock.patch("contactlab.studies.fit._Trials.run", PlainRuns(scene))
+    try:
+        plain = mock.patch("contactlab.studies.fit._Trials.run", PlainRuns(scene))
+    except SceneError as error:
+        # Some pucks rock faster than frames show: their velocities are not those of the poses.
+        print(case, error, flush=True)
+        return {}
     with nullcontext() if sweeps else plain:
         report = fit.run(request, session)
     found = dict[str, tuple[bool, float, bool]]()
@@ -81,12 +88,12 @@ def fitted(case: int, folder: Path, *, sweeps: bool) -> dict[str, tuple[bool, fl
     return found
 
 
-def main(first: int = 0, cases: int = 100, how: str = "") -> None:
+def main(first: int = 0, cases: int = 100, *, sweeps: bool = False) -> None:
     """Print how often each setting was within its interval."""
     kept = defaultdict[str, list[tuple[bool, float, bool]]](list)
     for case in range(first, first + cases):
         with tempfile.TemporaryDirectory() as folder:
-            for name, each in fitted(case, Path(folder), sweeps=how == "sweeps").items():
+            for name, each in fitted(case, Path(folder), sweeps=sweeps).items():
                 kept[f"{('slid', 'tossed')[case % 2]} {name}"].append(each)
     for name, every in kept.items():
         within, ratios, known = map(np.array, zip(*every, strict=True))
@@ -97,4 +104,5 @@ def main(first: int = 0, cases: int = 100, how: str = "") -> None:
 
 
 if __name__ == "__main__":
-    main(*map(int, sys.argv[1:3]), *sys.argv[3:])
+    numbers = [int(each) for each in sys.argv[1:] if each.isdecimal()]
+    main(*numbers, sweeps="sweeps" in sys.argv)

@@ -1,5 +1,6 @@
 """Contact settings in units of the world: the laws backwards, and what a run shows of them."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,9 +20,9 @@ BALL = """<mujoco><option cone="{cone}" impratio="{impratio}"/><worldbody>
 
 
 def resting(**changes: Any) -> RestingPair:
-    given = {"softness": 1.0, "radius": 0.05, "restitution": None, "contacts": 1.0, "load": 20.0}
     solimp = (0.9, 0.95, 0.001, 0.5, 2.0)
-    return RestingPair("a-b", (0.02, 1.0), solimp, 0.5, **{**given, **changes})
+    pair = RestingPair("a-b", (0.02, 1.0), solimp, 0.5, 1.0, 0.05, None, 1.0, 20.0)
+    return replace(pair, **changes)
 
 
 @pytest.mark.parametrize("depth", [1e-6, 3e-4, 2e-3])
@@ -30,8 +31,7 @@ def test_a_depth_is_solved_for_as_the_law_has_it(depth: float, softness: float) 
     """The law of rest, at the solref that it was solved for, gives the depth back."""
     pair = resting(softness=softness)
     solref = pair.solved({"depth_at_rest": depth, "restitution": 0.4})
-    again = RestingPair("a-b", solref, pair.solimp, 0.5, softness, 0.05, None, 1.0, 20.0)
-    assert again.expected_depth == pytest.approx(depth, rel=1e-9)
+    assert replace(pair, solref=solref).expected_depth == pytest.approx(depth, rel=1e-9)
     assert float(restitution_of(damping_ratio(solref))) == pytest.approx(0.4, rel=1e-9)
     assert pair.solved({"stiffness": 20 / depth, "restitution": 0.4}) == pytest.approx(solref)
 

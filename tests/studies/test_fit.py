@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from tests.planted_recordings import TRIALS, plant
 
+import contactlab
 from contactlab.errors import SceneError, SweepFileError
 from contactlab.schema.study_reports import FIT_REPORT, FitReport
 from contactlab.studies.fit import FitRequest, run
@@ -42,6 +43,24 @@ def test_planted_friction_is_found_and_stiffness_is_not(tmp_path: Path, true: fl
     begun.clear()
     assert run(request, session) == report
     assert all(total == done for total, done in begun)
+
+
+@pytest.mark.slow
+def test_intervals_have_what_recordings_were_made_with(tmp_path: Path) -> None:
+    """Of four intervals of 95 % two miss by chance in one of 70 such tests.
+
+    With the noise of sensors, of few runs; bench/planted_truth.py counts a hundred cases.
+    """
+    true, free, within = (0.3, 0.012), ["friction.slide", "solref.timeconst=0.005:0.06"], 0
+    for name, tossed in (("slid", False), ("tossed", True)):
+        scene = plant(tmp_path / name, true[0], 3, timeconst=true[1], tossed=tossed, trials=9)
+        output = tmp_path / f"fit-{name}"
+        report = contactlab.fit(scene, free=free, fitted=6, output=output, workers=0)
+        assert len(report.fitted_runs) == 6
+        for value, each in zip(true, report.settings, strict=True):
+            assert each.interval is not None
+            within += each.interval[0] <= value <= each.interval[1]
+    assert within >= 3
 
 
 @pytest.mark.slow

@@ -18,9 +18,7 @@ _GAP = 1.5  # time between rows, over the usual one, from which rows are missing
 _OFF_NORM = 0.01  # what rounding leaves of a quaternion's norm, at most
 _BEYOND = 0.05  # share of its range by which a joint may be beyond it
 _FASTEST = 100.0  # speed that nothing recorded has [m/s or rad/s]
-# Share by which recorded velocities may differ from those of the poses, which miss what a contact
-# does between two rows.
-_AGREE = 0.5
+_AGREE = 0.25  # share by which recorded velocities may differ from those of the poses
 WINDOW = 10  # rows over which noise of single ones does not count
 _SHOWN = 3  # places of one kind of mistake that are named
 
@@ -163,7 +161,7 @@ class RecordedRows:
             if off > _AGREE * typical:
                 self._mistakes.append(
                     f"{part.joint}: its {what} is {off:.3g} off that of its poses, which is "
-                    f"{typical:.3g} (root mean squares): another unit or frame"
+                    f"{typical:.3g} (root mean squares): another unit or frame; or leave it out"
                 )
         total, count = np.zeros_like(self.qvel), np.zeros((len(self.qvel), 1))
         for rows in (self.within, self.within + 1):

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import Floats
 from contactlab.errors import ExpectationError, SceneError, SweepFileError
@@ -201,13 +202,17 @@ def _setting(trials: _Trials, best: Floats, place: int, minima: Floats) -> Fitte
     points = np.where(np.arange(len(best)) == place, along[:, None], best)
     settings = list({x[name]: x for x in map(trials.values, points)}.values())
     errors = trials.run(f"profile-{name}", settings, trials.fitted[: 2 * _SCREENING])
-    worse = errors - errors[0]
-    # Less than a tenth, or than twice the standard error of the mean of paired differences.
-    noise = 2 * worse.std(axis=1) / math.sqrt(worse.shape[1])
-    alike = worse.mean(axis=1) <= np.maximum(noise, _FLAT * errors[0].mean())
+    alike = errors.mean(axis=1) <= (1 + _FLAT) * errors[0].mean()
+    alike |= _as_good(errors)
     values = [as_written(each[name]) for each in settings]
-    ends = map(knob.value, np.percentile(minima[:, place], [2.5, 97.5]))
-    known = [*ends, *(x for x, same in zip(values, alike, strict=True) if same)]
+    points, every = trials.best(len(trials.points))
+    middle, *ends = np.percentile(minima[:, place], [50, 2.5, 97.5])
+    # Resampling so few runs as a fit may have makes intervals too narrow.
+    runs = every.shape[1]
+    wider = _student(runs) / _student(math.inf) * math.sqrt(runs / (runs - 1))
+    places = [*(middle + wider * (each - middle) for each in ends), *points[_as_good(every), place]]
+    known = [knob.value(min(max(each, 0), 1)) for each in places]
+    known += [x for x, same in zip(values, alike, strict=True) if same]
     numbers = [each for each in known if isinstance(each, float)]
     return FittedSetting(
         name=name,
@@ -216,6 +221,17 @@ def _setting(trials: _Trials, best: Floats, place: int, minima: Floats) -> Fitte
         profile=dict(zip(map(str, values), errors.mean(axis=1).tolist(), strict=True)),
         identified=bool(alike[1:].mean() < 0.5),
     )
+
+
+def _as_good(errors: Floats) -> NDArray[np.bool_]:
+    """Return which of errors (m, runs) are not worse than the first by more than runs scatter."""
+    worse, runs = errors - errors[0], errors.shape[1]
+    return worse.mean(axis=1) <= _student(runs) * worse.std(axis=1, ddof=1) / math.sqrt(runs)
+
+
+def _student(runs: float) -> float:
+    """Return the 97.5 % quantile of Student's t for a mean of runs, by Cornish and Fisher."""
+    return 1.96 + 2.372 / (runs - 1) + 2.823 / (runs - 1) ** 2
 
 
 def _minima(trials: _Trials) -> Floats:

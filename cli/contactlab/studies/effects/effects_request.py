@@ -14,6 +14,7 @@ from contactlab.run.sweep_request import SceneLoader
 from contactlab.scene.effects.effect_table import EFFECTS
 from contactlab.scene.scene import Scene
 from contactlab.schema.drive import Drive
+from contactlab.schema.vocabulary import RECORDED_RUN
 from contactlab.studies.session import Values, read_settings
 
 _SWEEPS = {".yaml", ".yml"}
@@ -131,7 +132,7 @@ def _half_way(first: Values, second: Values) -> dict[str, object]:
     middle = dict(first)
     for name, value in first.items():
         other = second.get(name)
-        if isinstance(value, float) and isinstance(other, float):
+        if name != RECORDED_RUN and isinstance(value, float) and isinstance(other, float):
             # Whole numbers count or choose, and have nothing between.
             whole = value.is_integer() and other.is_integer() and abs(value - other) <= 1
             middle[name] = value if whole else (value + other) / 2
