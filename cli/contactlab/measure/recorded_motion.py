@@ -120,7 +120,7 @@ def reality_impulse(context: Context) -> Floats:
     )
 
 
-@metric("J")
+@metric("J", requires="energy")
 def reality_energy(context: Context) -> Floats:
     """Energy that the first contact takes, to 50 ms after it, less what it takes as recorded."""
     recorded = context.setup.recorded
