@@ -23,8 +23,8 @@ from tests.planted_recordings import MODEL, WIDTH, plant
 from contactlab.contact.trace_arrays import Floats
 from contactlab.errors import SceneError
 from contactlab.run.sweep_request import SceneLoader
-from contactlab.studies import fit
 from contactlab.studies.session import Session, Values
+from contactlab_fit.fitting import FitRequest, run
 
 FREE = ("friction.slide", "solref.timeconst=0.005:0.06")
 
@@ -70,15 +70,15 @@ def fitted(case: int, folder: Path, *, sweeps: bool) -> dict[str, tuple[bool, fl
     friction, timeconst = truth
     tossed = case % 2 == 1
     scene = plant(folder / "puck", friction, case, timeconst=timeconst, tossed=tossed, trials=12)
-    request, session = fit.FitRequest(scene, FREE, fitted=8), Session(folder / "fit")
+    request, session = FitRequest(scene, FREE, fitted=8), Session(folder / "fit")
     try:
-        plain = mock.patch("contactlab.studies.fit._Trials.run", PlainRuns(scene))
+        plain = mock.patch("contactlab_fit.fitting._Trials.run", PlainRuns(scene))
     except SceneError as error:
         # Some pucks rock faster than frames show: their velocities are not those of the poses.
         print(case, error, flush=True)
         return {}
     with nullcontext() if sweeps else plain:
-        report = fit.run(request, session)
+        report = run(request, session)
     found = dict[str, tuple[bool, float, bool]]()
     for true, each in zip(truth, report.settings, strict=True):
         assert each.interval is not None

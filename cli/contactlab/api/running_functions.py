@@ -15,16 +15,14 @@ from contactlab.run.sweep_request import read_request
 from contactlab.run.worker_pool import worker_count
 from contactlab.schema.check_report import CheckReport, StabilityReport, TaskKind
 from contactlab.schema.comparison import AcceptedCheck
-from contactlab.schema.study_reports import EffectsReport, FitReport, Goal, TuneReport
+from contactlab.schema.study_reports import EffectsReport, Goal, TuneReport
 from contactlab.schema.tradeoff_report import TradeoffReport
 from contactlab.store.finished_store import Store
 from contactlab.store.store_files import Address, parse_address
-from contactlab.studies import fit as fitting
 from contactlab.studies import stability_cases, tradeoff_sweep
 from contactlab.studies.check import model_check
 from contactlab.studies.effects import ablation
 from contactlab.studies.effects.effects_request import EffectsRequest
-from contactlab.studies.fit import FREE, FitRequest
 from contactlab.studies.session import Session, model_name
 from contactlab.studies.tune import tune_request, tuning
 
@@ -72,7 +70,7 @@ def sweep(
         StoreError: the store is another sweep's.
         StoppedError: the sweep was interrupted; the same call resumes it.
     """
-    session = _session(Path(), **options)
+    session = session_in(Path(), **options)
     if isinstance(source, Mapping):
         name, text, folder = "sweep", source, Path()
     else:
@@ -84,7 +82,7 @@ def sweep(
         RESULTS / name if output is None else parse_address(output),
         folder=folder,
         workers=session.workers,
-        overrides=Overrides(_assigned(set), _assigned(only), limit),
+        overrides=Overrides(assigned(set), assigned(only), limit),
         drive=drive_option(drive),
     )
     how = {"fresh": fresh, "retry_failed": retry_failed, "repair": repair}
@@ -118,11 +116,11 @@ def check(
         SweepFileError: a setting, or the name of a check or a limit, is wrong.
         PolicyError: what is accepted is not a finding of any check.
     """
-    session = _session(output or RESULTS / "check" / model_name(str(model)), **options)
+    session = session_in(output or RESULTS / "check" / model_name(str(model)), **options)
     start = [f"keyframe={keyframe}"] if keyframe else []
     request = model_check.CheckRequest(
         model=str(model),
-        assign=[*_assigned(set), *start],
+        assign=[*assigned(set), *start],
         only=only,
         kind=None if kind == "auto" else kind,
         drive=drive_option(drive),
@@ -151,8 +149,8 @@ def effects(
         SceneError: there is no such scene.
         SweepFileError: the sweep or a setting is wrong.
     """
-    session = _session(output or RESULTS / "effects" / model_name(str(source)), **options)
-    request = EffectsRequest(str(source), _assigned(set), seeds, drive=drive_option(drive))
+    session = session_in(output or RESULTS / "effects" / model_name(str(source)), **options)
+    request = EffectsRequest(str(source), assigned(set), seeds, drive=drive_option(drive))
     return ablation.run(request, session)
 
 
@@ -170,7 +168,7 @@ def stability(
     Raises:
         SweepFileError: there is no such case.
     """
-    session = _session(output, **options)
+    session = session_in(output, **options)
     request = stability_cases.StabilityRequest([str(each) for each in names], drive_option(drive))
     return stability_cases.run(request, session)
 
@@ -195,7 +193,7 @@ def tradeoff(
         SweepFileError: the sweep holds mistakes, or a tolerance names what it does not measure.
         StoreError: the store has no error to evaluate.
     """
-    session = _session(RESULTS / "tradeoff", **options)
+    session = session_in(RESULTS / "tradeoff", **options)
     request = tradeoff_sweep.TradeoffRequest(
         str(address_of(source)),
         Criteria(error, tolerance or {}),
@@ -228,7 +226,7 @@ def tune(
         SweepFileError: a tolerance is of no metric, or the budget is too short for a proof.
         ExpectationError: runs of the model as written fail.
     """
-    session = _session(output or RESULTS / "tune" / model_name(str(model)), **options)
+    session = session_in(output or RESULTS / "tune" / model_name(str(model)), **options)
     limits, driven = tolerance or {}, drive_option(drive)
     request = tune_request.TuneRequest(
         str(model), goal, error, limits, budget, free, drop_sensors, driven
@@ -236,33 +234,7 @@ def tune(
     return tuning.run(request, session)
 
 
-def fit(
-    scene: str | Path,
-    *,
-    free: Sequence[str] = FREE,
-    set: Settings = (),
-    fitted: int = 120,
-    seed: int = 0,
-    error: str = "reality",
-    output: str | Path | None = None,
-    **options: Unpack[RunOptions],
-) -> FitReport:
-    """Fit settings to recorded motion, with intervals, and try them on runs that were held out.
-
-    The scene has a `recording`; `free` names what to fit, `NAME` or `NAME=LOW:HIGH`, `set` what all
-    runs have, and `seed` draws which recorded runs are fitted, so many at most, so that the error,
-    a metric, gets small. Everything goes to `results/fit/NAME` if `output` is left out.
-
-    Raises:
-        SceneError: the scene has no recording, or too few runs.
-        SweepFileError: a setting or its bounds are wrong.
-        ExpectationError: no run can be measured.
-    """
-    session = _session(output or RESULTS / "fit" / model_name(str(scene)), **options)
-    return fitting.run(FitRequest(str(scene), free, _assigned(set), fitted, seed, error), session)
-
-
-def _session(
+def session_in(
     folder: str | Path,
     *,
     workers: int | None = None,
@@ -288,7 +260,7 @@ def _session(
     return Session(Path(folder), worker_count(workers), begin, add, allow_code=allow_code)
 
 
-def _assigned(settings: Settings) -> list[str]:
+def assigned(settings: Settings) -> list[str]:
     """Return settings as the command line has them: `NAME=VALUE,VALUE`."""
     if not isinstance(settings, Mapping):
         return list(settings)

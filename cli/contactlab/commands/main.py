@@ -21,7 +21,7 @@ from contactlab.commands.list_commands import (
 )
 from contactlab.commands.options import option
 from contactlab.commands.store_commands import replay, show, verify
-from contactlab.commands.study_commands import check, effects, fit, stability
+from contactlab.commands.study_commands import check, effects, stability
 from contactlab.commands.sweep_command import sweep
 from contactlab.commands.terminal import echo, say
 from contactlab.commands.tradeoff_command import tradeoff
@@ -37,7 +37,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-_RUN = (sweep, stability, effects, check, tradeoff, tune, fit)
+_RUN = (sweep, stability, effects, check, tradeoff, tune)
 _READ = (show, replay, render, verify, compare, report)
 _LIST = (scenes, sweeps, metrics, labels, thresholds, init, schema)
 _EXAMPLES = {

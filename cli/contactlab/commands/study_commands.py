@@ -21,7 +21,7 @@ from contactlab.resources import RESULTS
 
 if TYPE_CHECKING:
     from contactlab.schema.check_report import CheckReport, StabilityResult
-    from contactlab.schema.study_reports import EffectFinding, EffectsReport, FittedSetting, Ratio
+    from contactlab.schema.study_reports import EffectFinding, EffectsReport, Ratio
 
 CheckFormat = Literal["text", "json", "junit", "github"]
 
@@ -266,51 +266,3 @@ def _print_cases(done: "Sequence[StabilityResult]") -> None:
     seconds = sum(each.seconds for each in done)
     met = sum(each.passed for each in done)
     echo(f"{met} of {len(done)} cases are as expected, in {seconds:.0f} s")
-
-
-def fit(
-    scene: str = typer.Argument(..., help="A scene with a recording."),
-    folder: Path | None = opt.STUDY_FOLDER,
-    *,
-    free: str = opt.option(
-        "NAME,NAME=LOW:HIGH", "What to fit.", "friction.slide,solref,impratio,cone"
-    ),
-    assign: list[str] | None = opt.SET,
-    fitted: int = opt.option("N", "Recorded runs to fit; the others are held out.", 120, min=2),
-    seed: int = opt.option("N", "Which runs are fitted.", 0, min=0),
-    error: str = opt.option("METRIC", "What is made small.", "reality"),
-    workers: int | None = opt.WORKERS,
-    plugin: list[Path] | None = opt.PLUGIN,
-    output: opt.Format = opt.FORMAT,
-) -> None:
-    """Fit settings to recorded motion, with intervals, and try them on runs that were held out."""
-    from contactlab.schema.study_reports import FITTED
-    from contactlab.studies.fit import FitRequest, run
-    from contactlab.studies.session import model_name
-
-    opt.load_plugins(plugin)
-    request = FitRequest(scene, free.split(","), assign or (), fitted, seed, error)
-    target = folder or RESULTS / "fit" / model_name(scene)
-    with study_session(target, workers) as session:
-        report = run(request, session)
-    if output == "json":
-        echo(report.model_dump_json(indent=2))
-        return
-    low, high = report.held_out_interval
-    echo(
-        f"{scene}: {error} {report.held_out_error:.3g} ({low:.3g} to {high:.3g}) on "
-        f"{len(report.held_out)} runs held out, as written {report.written_error:.3g}; "
-        f"{report.fitted_error:.3g} on {len(report.fitted_runs)} fitted"
-    )
-    print_table(
-        ("setting", "fitted", "95 %", "identified"), [_fitted_row(x) for x in report.settings]
-    )
-    worst = sorted(report.held_out.items(), key=lambda item: -item[1])[:5]
-    echo(f"least explained: {', '.join(f'run {run} ({x:.3g})' for run, x in worst)}")
-    echo(f"wrote {target / 'fitted' / FITTED}, after {report.runs:,} runs")
-
-
-def _fitted_row(each: "FittedSetting") -> tuple[object, ...]:
-    interval = f"{each.interval[0]:.3g} to {each.interval[1]:.3g}" if each.interval else ""
-    value = f"{each.value:.4g}" if isinstance(each.value, float) else each.value
-    return each.name, value, interval, "yes" if each.identified else "no: the error is flat"

@@ -9,8 +9,8 @@ from tests.planted_recordings import TRIALS, plant
 import contactlab
 from contactlab.errors import SceneError, SweepFileError
 from contactlab.schema.study_reports import FIT_REPORT, FitReport
-from contactlab.studies.fit import FitRequest, run
 from contactlab.studies.session import Session
+from contactlab_fit.fitting import FitRequest, run
 
 FITTED = 12
 

@@ -1,0 +1,1 @@
+"""Settings that explain recorded motion: `contactlab fit`, and `contactlab.fit`."""
