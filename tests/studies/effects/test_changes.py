@@ -1,5 +1,7 @@
 """When a change of a metric or a label is an effect, and when it is the scene's own spread."""
 
+import json
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -93,3 +95,11 @@ def test_the_scenario_that_changes_most_is_told(setup: AblationSetup) -> None:
     (change,) = found.changes
     assert change.scenario == {"speed": 2.0}
     assert change.times == pytest.approx(10)
+
+
+def test_nothing_is_between_two_recorded_runs(tmp_path: Path) -> None:
+    """What is verified on new scenarios keeps to runs that were recorded."""
+    sweep = {"version": 1, "scene": "cube_toss", "axes": {"recorded_run": [5, 17, 42]}}
+    (tmp_path / "toss.yaml").write_text(json.dumps(sweep))
+    setup = EffectsRequest(str(tmp_path / "toss.yaml")).setup
+    assert {each["recorded_run"] for each in setup.fresh_scenarios} <= {5.0, 17.0, 42.0}
