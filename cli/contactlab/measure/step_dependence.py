@@ -195,7 +195,11 @@ def _rests(runs: MeasuredRuns, run: int) -> str:
 def _brakes(context: Context, checks: SelfChecks, run: int) -> str:
     """Say what goes another way in the refined copy, where one step brakes it at once."""
     own, refined, perturbed = checks.travel[run]
-    if not _abrupt(context)[run] or (np.abs(perturbed - own) > _SAME * own).any():
+    if (
+        context.setup.steered
+        or not _abrupt(context)[run]
+        or (np.abs(perturbed - own) > _SAME * own).any()
+    ):
         return ""
     paths = context.trace.qvel[run], checks.refined[run].qvel[0]
     ways = [np.abs(each.sum(axis=0)) * context.trace.timestep[run] for each in paths]
