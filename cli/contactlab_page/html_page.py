@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from importlib import resources
 from itertools import islice
 
+import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from contactlab.charts import static_svg, vega_bundle
@@ -15,6 +16,7 @@ from contactlab.pareto.recommendation import (
     setting_text,
 )
 from contactlab.printable import visible
+from contactlab.reporting.finding import finding
 from contactlab.reporting.map_cells import label_counts
 from contactlab.reporting.packing import packed_text
 from contactlab.reporting.report import PageRequest, ReportData, read_report_data
@@ -25,14 +27,19 @@ from contactlab.schema.sweep_schema import Sweep
 from contactlab.store.finished_store import Store
 from contactlab.store.verify_store import trace_warning
 from contactlab_page.heatmap import compare_with_baseline, default_map
-from contactlab_page.page_charts import KnobChange, knob_changes, label_bar, tradeoff_chart
-from contactlab_page.page_content import page_content
+from contactlab_page.page_charts import KnobChange, knob_changes, tradeoff_chart
+from contactlab_page.page_content import listed_metrics, page_colours, page_content
+from contactlab_page.paper_figures import physical_figures
 
 _PACKAGE = __name__.rpartition(".")[0]
 _MOST_UNEXPECTED = 50
 _MOST_CELLS = 400
 _MOST_RATIOS = 5
-_SCRIPTS = ("data", "state", "elements", "heatmap", "evaluation", "run", "main")
+_SCRIPTS = (
+    *("data", "state", "elements", "heatmap", "evaluation", "plots", "timeline", "run"),
+    *("runs_table", "parallel", "tabs", "main"),
+)
+_MOST_LISTED = 24
 
 
 def html_page(store: Store, request: PageRequest) -> tuple[str, tuple[str, ...]]:
@@ -73,7 +80,16 @@ def html_page(store: Store, request: PageRequest) -> tuple[str, tuple[str, ...]]
         ratios=ratio_names(data, changes),
         expectations=expectations(data.store.manifest),
         unexpected=unexpected_runs(data.store),
-        bar=static_svg(label_bar(data.labels), "All runs by label"),
+        finding=finding(data.axes, data.labels),
+        first=first_look(data),
+        listed=listed_runs(data),
+        short=lambda settings, names: ", ".join(
+            f"{name} {setting_text(settings[name])}" for name in names
+        ),
+        colours=page_colours(data.labels),
+        physics={
+            name: static_svg(spec, name) for name, spec in physical_figures(data).items() if spec
+        },
         heatmap=static_svg(default_map(data), f"Labels over {axes}"),
         chart=static_svg(chart, "Error against time of each configuration"),
         script="\n".join(_read(f"script/{name}.js") for name in _SCRIPTS),
@@ -122,6 +138,35 @@ def unexpected_runs(store: Store) -> list[tuple[str, str, str]]:
     rows = zip(*columns.values(), strict=True)
     unmet = ((run, label, reason or "") for run, label, met, reason in rows if met is False)
     return list(islice(unmet, _MOST_UNEXPECTED))
+
+
+def first_look(data: ReportData) -> tuple[str, str] | None:
+    """Return id and label of the run to look at first: not as expected, or else the worst."""
+    labels = data.labels
+    met, given = data.store.columns.numbers("expectation_met")
+    candidates = np.flatnonzero(given & (np.nan_to_num(met) == 0))
+    candidates = candidates if len(candidates) else np.flatnonzero(labels.failed)
+    if not len(candidates):
+        return None
+    row = int(candidates[labels.codes[candidates].argmin()])
+    return str(data.store.columns.run_ids[row]), labels.names[labels.codes[row]]
+
+
+def listed_runs(data: ReportData) -> tuple[list[str], list[list[str]]]:
+    """Return header and rows of a table of some runs, the worst first."""
+    quantities = data.quantities_named(*listed_metrics(data))
+    header = ["run", "label", *(each.title for each in (*data.axes, *quantities))]
+    ids = data.store.columns.run_ids
+    rows = [
+        [
+            str(ids[row]),
+            data.labels.names[data.labels.codes[row]],
+            *(axis.ticks[axis.codes[row]] for axis in data.axes),
+            *(f"{each.values[row]:.4g}" for each in quantities),
+        ]
+        for row in np.argsort(data.labels.codes, kind="stable")[:_MOST_LISTED].tolist()
+    ]
+    return header, rows
 
 
 def map_rows(data: ReportData) -> list[tuple[str, list[str]]]:

@@ -9,19 +9,16 @@ import numpy as np
 from contactlab.charts import (
     Rows,
     Spec,
-    haloed,
     layer_of,
     themed,
     with_page_colours,
-    word_colours,
 )
 from contactlab.contact.trace_arrays import NO_CONTACT, SLIDE, STICK, Floats
-from contactlab.palette import COLOURS, INK, mode_colour
+from contactlab.palette import COLOURS, INK
 from contactlab.pareto.convergence import MethodKey, method_key
 from contactlab.pareto.tradeoff_chart import specification
 from contactlab.reporting.report import ReportData
 from contactlab.reporting.report_columns import (
-    STABLE,
     GridAxis,
     Quantity,
     RunLabels,
@@ -31,13 +28,9 @@ from contactlab.schema.tradeoff_report import TradeoffReport
 from contactlab_page.heatmap import Layered, label_map, number_map
 
 MODE_NAMES = {NO_CONTACT: "no contact", STICK: "stick", SLIDE: "slide"}
-_BAR = 700, 26
-_LEAST_WITH_TEXT = 0.03
 _MOST_CONFIGURATIONS = 600
 _MOST_VALUES = 12
 _ROOM = 3.0
-_TIMELINE_WIDTH = 620
-_TIMELINE_HEIGHTS = {"motion": 120, "force": 120, "depth": 90}
 
 
 def chart_templates(data: ReportData, tradeoff: Spec | None) -> dict[str, Spec]:
@@ -45,31 +38,9 @@ def chart_templates(data: ReportData, tradeoff: Spec | None) -> dict[str, Spec]:
     templates = {
         "labels": themed(label_map(None, data.labels).to_dict()),
         "number": themed(number_map(None, np.empty((0, 0)), "").to_dict()),
-        "timeline": themed(timeline_chart()),
         "tradeoff": tradeoff,
     }
     return {name: with_page_colours(spec) for name, spec in templates.items() if spec is not None}
-
-
-def label_bar(labels: RunLabels) -> Spec:
-    """Return all runs as one bar, split by label."""
-    rows: Rows = []
-    before, total = 0, max(1, sum(labels.counts))
-    for index, count in enumerate(labels.counts):
-        start, stop = before / total, (before + count) / total
-        text = (labels.letters[index] or STABLE) if count > _LEAST_WITH_TEXT * total else ""
-        row = {"x": start, "x2": stop, "label": labels.legend[index], "text": text}
-        rows.append({**row, "middle": (start + stop) / 2, "runs": count})
-        before += count
-    x = alt.X("x:Q").scale(domain=[0, 1]).axis(None)
-    colour = word_colours("label", labels.legend, labels.colours).legend(None)
-    base = layer_of("bar", rows)
-    bar = base.mark_rect(stroke="white", strokeWidth=1).encode(x, colour, x2="x2:Q")
-    middle = alt.X("middle:Q").scale(domain=[0, 1]).axis(None)
-    bold = haloed(base, fontWeight="bold", fontSize=13)
-    texts = [each.encode(middle, text="text:N") for each in bold]
-    chart = alt.layer(bar, *texts).properties(width=_BAR[0], height=_BAR[1])
-    return themed(chart.configure_view(stroke=None).to_dict())
 
 
 def tradeoff_chart(data: ReportData) -> Spec | None:
@@ -100,38 +71,6 @@ def _drawn_places(report: TradeoffReport) -> set[int]:
         if len(places) < _MOST_CONFIGURATIONS:
             places += by_method[key]
     return set(places)
-
-
-def timeline_chart() -> Spec:
-    """Return charts of a run below each other: motion, force, depth, stick and slide."""
-    panels = [_time_series(name, height) for name, height in _TIMELINE_HEIGHTS.items()]
-    chart = alt.vconcat(*panels, _contact_modes(), spacing=8).resolve_scale(color="independent")
-    return chart.to_dict()
-
-
-def _time_series(name: str, height: int) -> alt.Chart:
-    x = alt.X("time:Q").scale(nice=False).axis(title=None, labels=False, ticks=False)
-    y = alt.Y("value:Q").scale(zero=name != "motion").axis(title=name, format="~g", tickCount=4)
-    colour = alt.Color("name:N").scale(range=[COLOURS[0], COLOURS[1]]).legend(title=None)
-    return (
-        layer_of(name, [])
-        .mark_line(strokeWidth=1.4)
-        .encode(x, y, colour, order="order:Q")
-        .properties(width=_TIMELINE_WIDTH, height=height)
-    )
-
-
-def _contact_modes() -> alt.Chart:
-    x = alt.X("time:Q").scale(nice=False).axis(title="simulated time [s]", format="~g")
-    y = alt.Y("pair:N").axis(title=None, labelLimit=120)
-    colours = [mode_colour(mode) for mode in MODE_NAMES]
-    colour = word_colours("mode", list(MODE_NAMES.values()), colours).legend(title="contact")
-    return (
-        layer_of("modes", [])
-        .mark_bar(height=16, stroke=INK, strokeWidth=0)
-        .encode(x, y, colour, x2="end:Q")
-        .properties(width=_TIMELINE_WIDTH, height={"step": 22})
-    )
 
 
 @dataclass(frozen=True)

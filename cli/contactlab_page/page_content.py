@@ -7,8 +7,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from contactlab.charts import Spec
+from contactlab.charts import Spec, with_page_colours
 from contactlab.errors import StoreError
+from contactlab.measure import LABELS
+from contactlab.palette import mode_colour
 from contactlab.pareto.analysis import ToleranceTable
 from contactlab.pareto.recommendation import EQUALLY_FAST, MORE_ACCURATE, SAFE_MARGIN
 from contactlab.reporting.map_cells import aggregated_axes, aggregated_columns
@@ -21,7 +23,7 @@ from contactlab.reporting.packing import (
     run_id_halves,
 )
 from contactlab.reporting.report import PageRequest, ReportData
-from contactlab.reporting.report_columns import Codes, GridAxis
+from contactlab.reporting.report_columns import Codes, GridAxis, RunLabels, summary_metrics
 from contactlab.reporting.run_series import coverage_rows, run_series
 from contactlab.schema.evidence import EvidenceRecord
 from contactlab.schema.tradeoff_report import TradeoffReport
@@ -34,6 +36,7 @@ _SERIES_PER_LABEL = 3
 _SERIES_OF_OTHERS = 60
 _SERIES_IF_AGGREGATED = 12
 _RUNS_PER_LABEL = 50
+_MOST_LISTED = 5
 # Up to so many runs, numbers have all bits of single precision; above, those of three digits.
 _FEW_RUNS = 5_000
 _ALL_BITS, _FEW_BITS = 23, 11
@@ -79,8 +82,10 @@ def page_content(
         ],
         "labels": {
             name: getattr(data.labels, name) for name in ("names", "letters", "legend", "every")
-        },
-        "modes": list(MODE_NAMES.values()),
+        }
+        | {"colours": page_colours(data.labels)},
+        "modes": [[name, mode_colour(mode)] for mode, name in MODE_NAMES.items()],
+        "listed": listed_metrics(data),
         "quantities": [
             [each.name, column.unit, column.better, column.resolution, column.description]
             for each in data.quantities
@@ -102,6 +107,20 @@ def page_content(
         "series": as_json(packed_series(data.store, records)),
     }
     return content, (note,) if is_aggregated else ()
+
+
+def page_colours(labels: RunLabels) -> list[str]:
+    """Return the colours of labels as the page's style sheet has them, light or dark."""
+    return with_page_colours({"colours": list(labels.colours)})["colours"]
+
+
+def listed_metrics(data: ReportData) -> list[str]:
+    """Return the metrics that lists of runs show: the error, the time, and what is summarized."""
+    report = data.tradeoff
+    first = (report.error.name, report.time.name, *report.tolerances) if report else ()
+    known = {each.name for each in data.quantities}
+    wanted = dict.fromkeys((*first, *summary_metrics()))
+    return [name for name in wanted if name in known][:_MOST_LISTED]
 
 
 def _selected_runs(data: ReportData, with_series: Sequence[int]) -> Codes:
@@ -196,6 +215,15 @@ def _details(record: EvidenceRecord) -> dict[str, Any]:
         "steps": record.steps,
         "engine": f"{record.engine.name} {record.engine.version}",
         "trace": record.trace.file if record.trace else None,
+        "breaching": [
+            threshold.name
+            for each in record.labels
+            if each.label in LABELS
+            for threshold in LABELS[each.label].thresholds
+        ],
+        "friction": {
+            name: pair.friction[0] for name, pair in record.pairs.items() if pair.condim > 1
+        },
     }
 
 

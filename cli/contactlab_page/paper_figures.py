@@ -33,6 +33,8 @@ _LEAST_IMPACTS = 3
 _LEAST_APPROACH = 0.05
 # Labels of runs whose first contact is no impact of rigid bodies.
 _NO_IMPACT = {"diverged", "invalid", "tunneling", "missed_contact", "broken"}
+_NO_BOUNCE = "no stable run with a trace is of a single free body that bounces on level ground"
+_NO_CONE = "fewer than three runs with a trace begin with an impact that slips"
 _OUTCOMES = ["sticks", "slides throughout"]
 
 
@@ -244,19 +246,24 @@ def figure_files(
 
 def figure_specs(data: ReportData) -> dict[str, Spec | str]:
     """Return the specification of each figure, by name, or why a store has none."""
-    bouncing = bouncing_runs(data.store, data.axes, ~data.labels.failed)
-    impacts = first_impacts(data.store)
+    physical = physical_figures(data)
     return {
         "labels": default_map(data) or "the runs differ in no axis",
         "error": _error_map(data) or data.no_tradeoff or "the runs differ in no axis",
         "work-precision": tradeoff_chart(data) or data.no_tradeoff or "nothing was timed",
-        "bounces": themed(bounce_panels(bouncing))
-        if bouncing
-        else "no stable run with a trace is of a single free body that bounces on level ground",
-        "cone": themed(cone_panel(impacts))
-        if impacts
-        else "fewer than three runs with a trace begin with an impact that slips",
+        "bounces": physical["Height over time"] or _NO_BOUNCE,
+        "cone": physical["Impacts and the friction cone"] or _NO_CONE,
         "effects": _effects(data) or "no two runs differ in one knob only",
+    }
+
+
+def physical_figures(data: ReportData) -> dict[str, Spec | None]:
+    """Return what bodies do, by title: bounces and impacts; None where the store has none."""
+    bouncing = bouncing_runs(data.store, data.axes, ~data.labels.failed)
+    impacts = first_impacts(data.store)
+    return {
+        "Height over time": themed(bounce_panels(bouncing)) if bouncing else None,
+        "Impacts and the friction cone": themed(cone_panel(impacts)) if impacts else None,
     }
 
 

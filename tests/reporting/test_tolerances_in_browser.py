@@ -52,7 +52,7 @@ def recommended_settings(page: Any) -> dict[str, str]:
 def test_tolerances_are_evaluated_as_tradeoff_does(
     visit: Visit, reported: Reported, swept: Swept
 ) -> None:
-    page = visit(reported("tradeoff")).page
+    page = visit(reported("tradeoff"), "#tab=tradeoff").page
     outcomes: set[bool] = set()
     for error, depth in product((0.5, 0.08, 0.05, 0.03, 0.012, 1e-6), (0.03, 0.01)):
         page.fill("tr[data-name=oracle_error] input", str(error))
@@ -152,7 +152,7 @@ def test_a_tolerance_of_any_metric_can_be_added(
     visit: Visit, reported: Reported, swept: Swept
 ) -> None:
     store = swept("tradeoff")
-    seen = visit(reported("tradeoff"))
+    seen = visit(reported("tradeoff"), "#tab=tradeoff")
     seen.page.select_option("select[aria-label='add a tolerance']", "solver_iterations_mean")
     seen.page.fill("tr[data-name=solver_iterations_mean] input", "nonsense")
     assert seen.page.get_attribute("tr[data-name=solver_iterations_mean] input", "aria-invalid")
@@ -164,7 +164,7 @@ def test_a_tolerance_of_any_metric_can_be_added(
 
 
 def test_a_point_of_the_chart_leads_to_its_runs(visit: Visit, reported: Reported) -> None:
-    page = visit(reported("tradeoff")).page
+    page = visit(reported("tradeoff"), "#tab=tradeoff").page
     page.locator("#chart-picture .mark-symbol path").nth(3).click(force=True)
-    heads = page.locator("#run-list table tbody tr")
+    heads = page.locator("#run-list li")
     assert heads.count() == 4, "two scenarios and two seeds"

@@ -39,8 +39,7 @@ def run_series(trace: StoredTrace) -> tuple[dict[str, Any], dict[str, NDArray[An
     """
     columns: dict[str, NDArray[Any]] = {}
     signals: list[tuple[str, str, str]] = []
-    for index, (name, unit, panel, values) in enumerate(_signals(trace)):
-        kept = decimated(values)
+    for index, (name, unit, panel, values, kept) in enumerate(_signals(trace)):
         columns[f"t{index}"] = rounded_floats(trace.time[kept], _BITS)
         columns[f"v{index}"] = rounded_floats(values[kept], _BITS)
         signals.append((name, unit, panel))
@@ -53,17 +52,26 @@ def run_series(trace: StoredTrace) -> tuple[dict[str, Any], dict[str, NDArray[An
     return {"signals": signals, "bands": bands}, columns
 
 
-def _signals(trace: StoredTrace) -> Iterator[tuple[str, str, str, Floats]]:
-    """Yield name, unit, panel and values of the motion, the forces and the depths of a run."""
+def _signals(
+    trace: StoredTrace,
+) -> Iterator[tuple[str, str, str, Floats, NDArray[np.intp]]]:
+    """Yield name, unit, panel, values and places to keep of motion, forces and depths of a run.
+
+    Both forces of a pair are kept at the same times, so that one can be drawn over the other.
+    """
     for each in _most_active(qpos_entries(trace.model_xml, trace.qpos.shape[1]), trace.qpos):
-        yield each.name, each.unit, "motion", trace.qpos[:, each.index]
+        values = trace.qpos[:, each.index]
+        yield each.name, each.unit, "motion", values, decimated(values)
     for pair in trace.pairs:
-        for name, unit, panel, values in (
-            ("normal", "N", "force", pair.normal),
-            ("tangential", "N", "force", pair.tangential),
-            ("depth", "m", "depth", np.maximum(-pair.distance, 0.0)),
-        ):
-            yield f"{pair.name} {name}", unit, panel, pair.over(len(trace.contacts), values)
+        normal, tangential, depth = (
+            pair.over(len(trace.contacts), values)
+            for values in (pair.normal, pair.tangential, np.maximum(-pair.distance, 0.0))
+        )
+        kept = np.union1d(decimated(normal, _POINTS // 2), decimated(tangential, _POINTS // 2))
+        kept = kept[np.isfinite(normal[kept]) & np.isfinite(tangential[kept])]
+        yield f"{pair.name} normal", "N", "force", normal, kept
+        yield f"{pair.name} tangential", "N", "force", tangential, kept
+        yield f"{pair.name} depth", "m", "depth", depth, decimated(depth)
 
 
 def decimated(values: Floats, points: int = _POINTS) -> NDArray[np.intp]:

@@ -2,16 +2,22 @@
 
 const GAP = 0.03;
 const EDGE = 0.2;
-const WIDEST = 560;
+const WIDEST = 920;
+const HIGHEST = 420;
+const FENCE = 1.5;
 
 const axisCodes = (columns, name) => columns[`axis:${name}`];
 
-function selectedRows(columns, state, facet) {
-  const filters = Object.entries(state.only).filter(([name]) => ![state.x, state.y, state.facet].includes(name));
+// A table lists what every chip chooses; on a map, an axis that it shows is not filtered by.
+function selectedRows(columns, state, facet, everywhere = false) {
+  const mapped = everywhere ? [] : [state.x, state.y, state.facet];
+  const filters = Object.entries(state.only).filter(([name]) => !mapped.includes(name));
+  const labels = new Set(state.labels);
   if (facet !== null) filters.push([state.facet, facet]);
   const tests = filters.map(([name, place]) => [axisCodes(columns, name), place]);
   const rows = [];
   for (let row = 0; row < metadata.runs; row++) {
+    if (labels.size && !labels.has(columns.label[row])) continue;
     if (tests.every(([codes, place]) => codes[row] === place)) rows.push(row);
   }
   return rows;
@@ -149,8 +155,8 @@ function ticked(axis, ticks) {
 function filled(template, panel, layers, room) {
   const spec = structuredClone(template);
   const ups = panel.y ? panel.y.ticks : [""];
-  const width = Math.min(Math.max(Math.min(room, WIDEST) / panel.across, 8), 112);
-  const height = Math.min(Math.max(340 / panel.up, 13), 56);
+  const width = Math.min(Math.max(Math.min(room, WIDEST) / panel.across, 8), 210);
+  const height = Math.min(Math.max(HIGHEST / panel.up, 13), 84);
   const widest = Math.max(...panel.x.ticks.map((tick) => tick.length));
   for (const layer of spec.layer) {
     const name = layer.data.name;
@@ -165,16 +171,28 @@ function filled(template, panel, layers, room) {
   return { ...spec, width: width * panel.across, height: height * panel.up };
 }
 
+// As number_scale in heatmap.py.
+function withinFences(values) {
+  const sorted = Float64Array.from(values).sort();
+  const quantile = (share) => {
+    const at = share * (sorted.length - 1);
+    const low = Math.floor(at);
+    return sorted[low] + (at - low) * ((sorted[low + 1] ?? sorted[low]) - sorted[low]);
+  };
+  const [first, third] = [quantile(0.25), quantile(0.75)];
+  const reach = FENCE * (third - first) || Infinity;
+  return [Math.max(sorted[0], first - reach), Math.min(sorted.at(-1), third + reach)];
+}
+
 function scaled(spec, layers, state) {
   const values = layers.flatMap((each) => each.cells.map((cell) => cell.value));
   const [name, unit, , resolution] = quantityOf(state.what);
   const sizes = values.filter((value) => value > resolution).sort((a, b) => a - b);
   const decades = sizes.length && Math.min(...values) >= 0 && sizes.at(-1) >= 30 * sizes[0];
   const { color } = spec.layer[0].encoding;
-  const domain = decades ? [sizes[0], sizes.at(-1)] : [Math.min(...values), Math.max(...values)];
-  color.scale = { scheme: "cividis", type: decades ? "log" : "linear", domain, clamp: true, zero: false, nice: false };
-  if (!decades) delete color.scale.clamp;
-  if (decades) delete color.scale.zero;
+  const domain = decades ? withinFences(sizes.map(Math.log)).map(Math.exp) : values.length ? withinFences(values) : [0, 1];
+  color.scale = { scheme: "cividis", type: decades ? "log" : "linear", domain, clamp: true, nice: false };
+  if (!decades) color.scale.zero = false;
   color.legend.title = `${state.stat} ${withUnit(name, unit)}`;
 }
 
@@ -188,7 +206,7 @@ function mapSpec(columns, state, room) {
   const perRow = Math.max(1, Math.min(3, facets.length, Math.floor(room / 260)));
   const parts = panels.map((panel, index) => filled(template, panel, layers[index], room / perRow - 90));
   for (const part of parts) {
-    if (isLabel) part.layer[0].encoding.color.legend.values = usedLabels(layers);
+    if (isLabel) part.layer[0].encoding.color.legend = null;
     else scaled(part, layers, state);
   }
   if (facets.length === 1) return { spec: parts[0], panels };
@@ -197,11 +215,6 @@ function mapSpec(columns, state, room) {
     ...part, title: `${axisOf(state.facet).title} ${axisOf(state.facet).ticks[index]}`,
   }));
   return { spec: { $schema, config, concat, columns: perRow, spacing: 24 }, panels };
-}
-
-function usedLabels(layers) {
-  const used = new Set(layers.flatMap((each) => each.cells.map((cell) => cell.label)));
-  return metadata.labels.legend.filter((name) => used.has(name));
 }
 
 function cellText(state, panel, place) {

@@ -1,6 +1,6 @@
 // Joins the parts: the page follows the state, and the state follows the reader.
 
-const MOST_FIRST = 12;
+const MOST_FIRST = 4;
 const find = (id) => document.getElementById(id);
 
 async function start() {
@@ -10,20 +10,46 @@ async function start() {
   await drawing();
   const page = { columns, series, state: readState(), panels: [], focus: null, view: null };
   document.body.classList.add("live");
-  if (find("map")) await startMap(page);
-  if (find("tolerances")) await startEvaluation(page);
+  document.querySelector("#labels details").open = false;
   for (const each of document.querySelectorAll("code[data-run]")) {
     each.replaceWith(element("button", { class: "plain", onclick: () => openRun(page, rowOf(columns, each.dataset.run)) }, each.dataset.run));
   }
+  for (const each of document.querySelectorAll("[data-open]")) {
+    each.addEventListener("click", (event) => { event.preventDefault(); openRun(page, rowOf(columns, each.dataset.open)); });
+  }
+  const drawn = {
+    map: find("map") && once(() => startMap(page)),
+    tradeoff: find("tolerances") && once(() => startEvaluation(page)),
+    runs: () => { page.table = startTable(page); },
+    parallel: () => showParallel(page),
+  };
+  const wanted = page.state.tab;
+  const open = startTabs(page, drawn);
+  page.refresh = async () => {
+    writeState(page.state);
+    if (page.state.tab === "parallel") showParallel(page);
+    else if (page.state.tab === "runs") page.table();
+    else if (page.picture) await showMap(page);
+  };
+  showLabelChips(page, page.refresh);
+  const { run } = page.state;
   if (!page.state.cell) showFirst(page);
-  if (page.state.run) openRun(page, rowOf(columns, page.state.run), false);
+  await open(wanted);
+  if (run) openRun(page, rowOf(columns, run), false);
   document.body.dataset.ready = "yes";
+}
+
+// What is drawn by the first call stays.
+function once(make) {
+  let made = null;
+  return () => (made ??= make());
 }
 
 // The map.
 
 async function startMap(page) {
   const picture = find("map-picture");
+  page.picture = picture;
   picture.tabIndex = 0;
   picture.setAttribute("role", "application");
   picture.setAttribute("aria-label", "Map of runs; arrow keys move between cells, Enter opens one");
@@ -46,7 +72,7 @@ function showControls(page) {
   const names = (without) => metadata.axes.filter((axis) => !without.includes(axis.name)).map((axis) => [axis.name, axis.title]);
   const none = [["", "none"]];
   const others = metadata.axes.filter((axis) => !metadata.aggregated && ![state.x, state.y, state.facet].includes(axis.name));
-  const focused = document.activeElement?.closest?.("#map-controls label")?.dataset.key;
+  const focused = document.activeElement?.closest?.("#map [data-key]")?.dataset.key;
   const made = {
     what: choice("colour", [["label", "labels"], ...metadata.quantities.map(([name, unit]) => [name, withUnit(name, unit)])], state.what, change("what")),
     stat: state.what === "label" ? null : choice("statistic", [["worst", "worst"], ["median", "median"], ["mean", "mean"]], state.stat, change("stat")),
@@ -55,21 +81,27 @@ function showControls(page) {
     facet: metadata.axes.length > 2 && !metadata.aggregated ? choice("one map per value of", [...none, ...names([state.x, state.y])], state.facet, change("facet")) : null,
   };
   for (const axis of others) {
-    made[`only.${axis.name}`] = slider(axis, state.only[axis.name] ?? -1, (place) => {
+    const key = `only.${axis.name}`;
+    const choose = (place) => {
       if (place < 0) delete state.only[axis.name];
       else state.only[axis.name] = place;
-      showMap(page);
-    });
+      if (axis.ticks.length <= MOST_CHIPS) showControls(page);
+      page.refresh();
+    };
+    const place = state.only[axis.name] ?? -1;
+    made[key] = axis.ticks.length <= MOST_CHIPS ? valueChips(axis, place, choose) : slider(axis, place, choose);
   }
   const controls = Object.entries(made).filter(([, each]) => each);
   for (const [key, each] of controls) each.dataset.key = key;
-  find("map-controls").replaceChildren(...controls.map(([, each]) => each));
-  if (focused) find("map-controls").querySelector(`[data-key="${CSS.escape(focused)}"] :is(select, input)`)?.focus();
+  const filters = controls.filter(([key]) => key.startsWith("only."));
+  find("map-controls").replaceChildren(...controls.filter((each) => !filters.includes(each)).map(([, each]) => each));
+  find("map-filters").replaceChildren(...filters.map(([, each]) => each));
+  if (focused) find("map").querySelector(`[data-key="${CSS.escape(focused)}"] :is(select, input, [aria-pressed=true])`)?.focus();
 }
 
 async function showMap(page) {
   const picture = find("map-picture");
-  const { spec, panels } = mapSpec(page.columns, page.state, picture.clientWidth - (picture.clientWidth < NARROW ? 0 : 160));
+  const { spec, panels } = mapSpec(page.columns, page.state, picture.clientWidth);
   find("map-data").querySelector(".scroll").replaceChildren(...mapTable(page.state, panels));
   writeState(page.state);
   const view = await draw(picture, legendBelow(spec, picture.clientWidth));
@@ -153,11 +185,16 @@ function showRuns(page, rows, title) {
   find("run-list").replaceChildren(...[element("h3", {}, title), few, ...list].filter(Boolean));
 }
 
-// Before the reader selects anything: a few runs, the worst labels first.
+// Before the reader selects anything: some runs that fail, the worst labels first.
 function showFirst(page) {
+  const stable = metadata.labels.names.indexOf("stable");
   const rows = Array.from({ length: metadata.runs }, (_, row) => row);
-  const worst = rows.sort((a, b) => page.columns.label[a] - page.columns.label[b] || a - b).slice(0, MOST_FIRST);
-  showRuns(page, worst, worst.length < metadata.runs ? `The worst ${worst.length} of ${metadata.total} runs` : "All runs");
+  const failed = rows.filter((row) => page.columns.label[row] !== stable);
+  const worst = failed.sort((a, b) => page.columns.label[a] - page.columns.label[b] || a - b).slice(0, MOST_FIRST);
+  const first = find("first") ?? document.querySelector("[data-open]");
+  if (!page.state.run) openRun(page, rowOf(page.columns, first?.dataset.open ?? idOf(page.columns, 0)), false, true);
+  if (worst.length) showRuns(page, worst, worst.length < failed.length ? `The worst ${worst.length} of ${failed.length} runs that fail` : "Runs that fail");
+  else showRuns(page, rows.slice(0, MOST_FIRST), "All runs are stable; the first of them");
 }
 
 function closeRun(page) {
@@ -166,15 +203,17 @@ function closeRun(page) {
   writeState(page.state);
 }
 
-function openRun(page, row, move = true) {
+// The run that is shown before the reader chose any is no part of the address.
+function openRun(page, row, move = true, unasked = false) {
   if (row < 0) return;
-  page.state.run = idOf(page.columns, row);
-  find("run").replaceChildren(...runPanel(page.columns, row));
+  if (!unasked) page.state.run = idOf(page.columns, row);
+  find("run").replaceChildren(...runPanel(page.columns, row, (other) => openRun(page, other)));
   showTimeline(page.series, row);
   writeState(page.state);
   if (move) {
     find("run").focus({ preventScroll: true });
-    find("run").scrollIntoView({ block: "start", behavior: "instant" });
+    // Beside the map only the drawer scrolls; below it, the page.
+    find("run").scrollIntoView({ block: "nearest", behavior: "instant" });
   }
 }
 
@@ -261,7 +300,7 @@ function onPoint(page, datum) {
   const title = configurationOf(datum.place).map(([name, value]) => `${name} ${value}`).join(", ");
   showRuns(page, rows, title || "All runs");
   closeRun(page);
-  find("run-list").scrollIntoView({ block: "start", behavior: "instant" });
+  find("run-list").scrollIntoView({ block: "nearest", behavior: "instant" });
   find("run-list").querySelector("button")?.focus({ preventScroll: true });
 }
 

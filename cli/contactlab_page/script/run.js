@@ -1,6 +1,8 @@
 // One run: its record, its numbers, its time series, and the commands that show it.
 
-const MOST_LISTED = 200;
+// As in report_columns.py.
+const SCENES_OWN = "as in the scene";
+const MOST_LISTED = 60;
 
 function idOf(columns, row) {
   const half = (at) => columns.id[at].toString(16).padStart(8, "0");
@@ -16,20 +18,28 @@ function axisText(columns, axis, row) {
   return axis.binned ? number(columns[`number:${axis.name}`][row]) : axis.ticks[columns[`axis:${axis.name}`][row]];
 }
 
-function listOf(columns, state, rows, open) {
+// The letter of a label on its colour.
+function swatch(code) {
+  return svg("svg", { class: "swatch", width: 20, height: 17, "aria-hidden": "true" },
+    svg("rect", { width: 20, height: 17, rx: 3, fill: metadata.labels.colours[code] }),
+    word(10, 13, metadata.labels.letters[code], { "text-anchor": "middle", class: "letter" }));
+}
+
+// Runs as lines of a list: label and id, then what distinguishes them.
+function listOf(columns, state, rows, open, most = MOST_LISTED) {
   const extra = state.what === "label" ? [] : [state.what];
-  const header = ["run", ...metadata.axes.map((axis) => axis.title), "label", ...extra];
-  const lines = rows.slice(0, MOST_LISTED).map((row) => {
+  const items = rows.slice(0, most).map((row) => {
     const run = idOf(columns, row);
-    return [
+    const told = metadata.axes.filter((axis) => axisText(columns, axis, row) !== SCENES_OWN);
+    const settings = told.map((axis) => `${axis.name} ${axisText(columns, axis, row)}`);
+    const values = extra.map((name) => `${name} ${number(columns[`value:${name}`][row])}`);
+    return element("li", {},
       element("button", { class: "plain", "data-run": run, onclick: () => open(row) }, run.slice(0, 8)),
-      ...metadata.axes.map((axis) => axisText(columns, axis, row)),
-      metadata.labels.legend[columns.label[row]],
-      ...extra.map((name) => number(columns[`value:${name}`][row])),
-    ];
+      " ", element("span", { class: "nowrap" }, swatch(columns.label[row]), ` ${metadata.labels.names[columns.label[row]]}`),
+      element("span", { class: "caption" }, ` ${[...values, ...settings].join(" · ")}`));
   });
-  const more = rows.length > MOST_LISTED ? element("p", {}, `and ${rows.length - MOST_LISTED} more`) : null;
-  return [element("div", { class: "scroll" }, table(header, lines)), more].filter(Boolean);
+  const more = rows.length > most ? element("p", { class: "caption" }, `and ${rows.length - most} more`) : null;
+  return [element("ul", { class: "list" }, ...items), more].filter(Boolean);
 }
 
 function labelsOf(columns, row) {
@@ -63,68 +73,68 @@ function commandsOf(columns, row) {
   return element("pre", { class: "code", "aria-label": "Commands" }, lines.join("\n"));
 }
 
-function runPanel(columns, row) {
+// Metrics that limits of the run's labels read, or that exceed a tolerance, come first.
+function metricLists(columns, row) {
+  const breaching = new Set(metadata.details[row]?.breaching ?? []);
+  for (const [name, limit] of Object.entries(metadata.tradeoff?.tolerances ?? {})) {
+    if (columns[`value:${name}`]?.[row] > limit) breaching.add(name);
+  }
+  const all = numbersOf(columns, row);
+  const isFirst = ([name]) => breaching.has(name.split(" ")[0]);
+  return [all.filter(isFirst), all];
+}
+
+// The stable run that differs in fewest settings, of equals by the nearest values, and what it has instead.
+function nearestStable(columns, row) {
+  const stable = metadata.labels.names.indexOf("stable");
+  if (metadata.aggregated || columns.label[row] === stable) return null;
+  const codes = metadata.axes.map((axis) => axisCodes(columns, axis.name));
+  let [best, least] = [null, Infinity];
+  const most = 1 + metadata.axes.reduce((sum, axis) => sum + axis.ticks.length, 0);
+  for (let other = 0; other < metadata.runs; other++) {
+    if (columns.label[other] !== stable) continue;
+    const ways = codes.map((code) => Math.abs(code[other] - code[row]));
+    const distance = ways.reduce((sum, way) => sum + (way ? most + way : 0), 0);
+    if (distance < least) [best, least] = [other, distance];
+  }
+  if (best === null) return { row: null };
+  const changes = metadata.axes.filter((_, at) => codes[at][best] !== codes[at][row]);
+  return { row: best, changes: changes.map((axis) => `${axis.title} ${axisText(columns, axis, row)} → ${axisText(columns, axis, best)}`) };
+}
+
+function changePart(columns, row, open) {
+  const nearest = nearestStable(columns, row);
+  if (!nearest) return null;
+  if (nearest.row === null) {
+    return element("p", { class: "change" }, element("strong", {}, "What to change: "), "no run of this sweep is stable; ",
+      element("code", {}, "contactlab tune"), " looks for settings that are.");
+  }
+  const what = nearest.changes.length ? nearest.changes.join(", ") : "nothing but the seed";
+  return element("p", { class: "change" }, element("strong", {}, "What to change: "), `the nearest stable run has ${what}. `,
+    element("button", { class: "plain", onclick: () => open(nearest.row) }, `Open ${idOf(columns, nearest.row).slice(0, 8)}`));
+}
+
+function runPanel(columns, row, open) {
   const run = idOf(columns, row);
   const details = metadata.details[row];
   const code = columns.label[row];
   const labels = labelsOf(columns, row);
   const trace = details?.trace;
+  const [first, all] = metricLists(columns, row);
   return [
-    element("h3", {}, `Run ${run}: ${metadata.labels.legend[code]}`),
-    labels.length ? element("ul", {}, ...labels.map((each) => element("li", {}, each))) : null,
+    element("h3", {}, swatch(code), ` ${metadata.labels.names[code]}: run `, element("span", { class: "id" }, run)),
+    labels.length ? element("ul", { class: "reasons" }, ...labels.map((each) => element("li", {}, each))) : null,
+    changePart(columns, row, open),
     pairsOf(recordOf(columns, row)),
-    details?.coverage.length ? table(["exercised", "not at all", "share of range or time"], details.coverage) : null,
-    element("div", { id: "timeline", class: "picture", role: "img", "aria-label": `Run ${run} over time` }),
-    commandsOf(columns, row),
-    trace ? element("p", { class: "caption" }, "Its trace, for Foxglove, PlotJuggler or Rerun: ", element("code", {}, `${metadata.store}/${trace}`)) : null,
-    element("h3", {}, "Metrics"),
-    pairsOf(numbersOf(columns, row)),
+    first.length ? element("h4", {}, "Metrics that its labels are about") : null,
+    first.length ? pairsOf(first) : null,
+    element("div", { id: "timeline", class: "picture", role: "group", "aria-label": `Run ${run} over time` }),
+    details?.coverage.length ? element("details", {}, element("summary", {}, "What it exercised"),
+      element("div", { class: "scroll" }, table(["exercised", "not at all", "share of range or time"], details.coverage))) : null,
+    element("details", { open: !first.length }, element("summary", {}, `All ${all.length} metrics`), element("div", { id: "metrics" }, pairsOf(all))),
     details ? element("details", {}, element("summary", {}, "All settings"),
       pairsOf(Object.entries(details.settings).map(([name, value]) => [name, setting(value)]))) : null,
+    commandsOf(columns, row),
+    trace ? element("p", { class: "caption" }, "Its trace, for Foxglove, PlotJuggler or Rerun: ", element("code", {}, `${metadata.store}/${trace}`)) : null,
   ].filter(Boolean);
-}
-
-function timelineSpec(series, row, chosen) {
-  const run = series.runs[row];
-  const data = { motion: [], force: [], depth: [], modes: [] };
-  run.signals.forEach(([name, unit, panel], index) => {
-    if (panel === "motion" ? name !== chosen.motion : !name.startsWith(`${chosen.pair} `)) return;
-    const times = series.columns[`${row}:t${index}`];
-    const values = series.columns[`${row}:v${index}`];
-    const short = panel === "motion" ? name : name.slice(chosen.pair.length + 1);
-    times.forEach((time, order) => data[panel].push({ time, value: values[order], order, name: withUnit(short, unit) }));
-  });
-  run.bands.forEach(([pair, end], index) => {
-    const starts = series.columns[`${row}:s${index}`];
-    const modes = series.columns[`${row}:m${index}`];
-    starts.forEach((time, at) => data.modes.push({ time, end: starts[at + 1] ?? end, pair, mode: metadata.modes[modes[at]] }));
-  });
-  const spec = structuredClone(metadata.specs.timeline);
-  const end = Math.max(...run.bands.map((each) => each[1]), ...data.motion.map((each) => each.time), 0);
-  spec.vconcat = spec.vconcat.filter((panel) => data[panel.data.name].length);
-  for (const panel of spec.vconcat) {
-    panel.data.values = data[panel.data.name];
-    panel.encoding.x.scale = { domain: [0, end], nice: false };
-    panel.width = Math.min(620, document.getElementById("run").clientWidth - 190);
-  }
-  return spec;
-}
-
-async function showTimeline(series, row) {
-  const target = document.getElementById("timeline");
-  if (!series.runs[row]) {
-    const why = metadata.details[row]?.trace === null ? "No trace of this run was kept." : "The page does not hold its time series; see --traces, or the commands below.";
-    target.replaceChildren(element("p", { class: "caption" }, why));
-    return;
-  }
-  const { signals, bands } = series.runs[row];
-  const motions = signals.filter((each) => each[2] === "motion").map((each) => each[0]);
-  const chosen = { motion: motions[0], pair: bands[0]?.[0] ?? "" };
-  const box = element("div", {});
-  const redraw = () => draw(box, timelineSpec(series, row, chosen));
-  const controls = element("div", { class: "controls" },
-    motions.length > 1 ? choice("coordinate", motions.map((name) => [name, name]), chosen.motion, (name) => { chosen.motion = name; redraw(); }) : null,
-    bands.length > 1 ? choice("contact", bands.map(([name]) => [name, name]), chosen.pair, (name) => { chosen.pair = name; redraw(); }) : null);
-  target.replaceChildren(controls, box);
-  await redraw();
 }
