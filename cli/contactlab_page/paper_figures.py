@@ -96,8 +96,12 @@ def _axis_of_restitution(
 def _bouncing_run(trace: StoredTrace, record: EvidenceRecord, setting: str) -> BouncingRun | None:
     entries = qpos_entries(trace.model_xml, trace.qpos.shape[1])
     heights = [each for each in entries if each.is_height]
-    # Of a single free body only: nothing else says how high a robot or a held mug bounces.
-    if len(entries) != 3 or not heights or not trace.pairs or not len(trace.pairs[0].steps):
+    if (
+        not heights
+        or not _is_single_body(trace)
+        or not trace.pairs
+        or not len(trace.pairs[0].steps)
+    ):
         return None
     pair = trace.pairs[0]
     height = trace.qpos[:, heights[0].index] - trace.qpos[pair.steps[0], heights[0].index]
@@ -116,6 +120,12 @@ def _bouncing_run(trace: StoredTrace, record: EvidenceRecord, setting: str) -> B
     return BouncingRun(setting, trace.time[kept], height[kept], peaks, restitution)
 
 
+def _is_single_body(trace: StoredTrace) -> bool:
+    """Return whether one body moves freely, and nothing else: no robot, no held mug."""
+    entries = qpos_entries(trace.model_xml, trace.qpos.shape[1])
+    return [each.unit for each in entries] == ["m", "m", "m"]
+
+
 def first_impacts(store: Store) -> Rows:
     """Return the first impacts of traced runs; none unless at least three of them slip.
 
@@ -131,8 +141,10 @@ def first_impacts(store: Store) -> Rows:
     )
     impacts: Rows = []
     for record in islice(records, _MOST_IMPACTS_READ):
-        for pair in store.trace(record).pairs[:1]:
-            impacts += _first_impact(pair, record)
+        trace = store.trace(record)
+        if _is_single_body(trace):
+            for pair in trace.pairs[:1]:
+                impacts += _first_impact(pair, record)
     slipping = [each for each in impacts if each["slip"] > 0]
     return impacts if len(slipping) >= _LEAST_IMPACTS else []
 
@@ -140,9 +152,6 @@ def first_impacts(store: Store) -> Rows:
 def _first_impact(pair: StoredPair, record: EvidenceRecord) -> Rows:
     contact = record.pairs[pair.name]
     if not len(pair.points) or contact.condim < 3:
-        return []
-    # What touches from the start, as a held mug does, does not come from free flight.
-    if pair.steps[0] == 0:
         return []
     velocity = pair.points[0, LINEAR_VELOCITY]
     normal, slip = abs(float(velocity[0])), float(np.linalg.norm(velocity[1:]))

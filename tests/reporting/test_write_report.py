@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.reporting.conftest import run
 
 from contactlab.comparison.compare_stores import compare
 from contactlab.errors import OutputError, SweepFileError
@@ -81,6 +82,31 @@ def test_bounces_are_as_high_as_restitution_says(swept: Swept) -> None:
 
 def test_a_vertical_drop_has_no_cone(swept: Swept) -> None:
     assert first_impacts(swept("bounce")) == []
+
+
+OBLIQUE = """
+version: 1
+scene: oblique_impact
+trace: all
+checks: none
+axes:
+  angle: {values: [20, 45, 60, 70], role: scenario}
+"""
+
+
+def test_impacts_of_a_sphere_lie_on_their_side_of_the_cone(tmp_path: Path) -> None:
+    """One that slips by less than mu (1 + e) v_n before it sticks at some step; others slide."""
+    impacts = first_impacts(run(OBLIQUE, tmp_path))
+    assert len(impacts) == 4
+    for each in impacts:
+        if abs(each["slip"] / each["bound"] - 1) > 0.2:
+            assert (each["contact"] == "sticks") == (each["slip"] < each["bound"])
+
+
+def test_a_held_mug_neither_bounces_nor_hits(swept: Swept) -> None:
+    data = read_report_data(swept("grasp"))
+    assert bouncing_runs(data.store, data.axes, ~data.labels.failed) == []
+    assert first_impacts(data.store) == []
 
 
 @pytest.mark.parametrize("formats", [("gif",), ("png", "jpg")])
