@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from contactlab.comparison.compare_stores import compare
-from contactlab.errors import ContactlabError, ExpectationError, PolicyError
+from contactlab.errors import ContactlabError, ExpectationError, PolicyError, StoppedError
 from contactlab.schema.comparison import Check, ComparePolicy, ComparisonReport
 from contactlab.store.atomic_files import atomic_write, sha256_of
 
@@ -47,6 +47,8 @@ def bisect(
         version, steps = versions[middle], steps + 1
         try:
             is_other = differs(version)
+        except StoppedError:
+            raise
         except ContactlabError as error:
             skipped[version] = str(error).partition("\n")[0]
             notify(f"{version}: left out, since {skipped[version]}")

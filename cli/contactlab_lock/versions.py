@@ -8,7 +8,7 @@ import sysconfig
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from contactlab.errors import EngineError, SweepFileError
+from contactlab.errors import EngineError, StoppedError, SweepFileError
 from contactlab.run.mujoco_environment import find_interpreter
 from contactlab.store.atomic_files import write_errors
 
@@ -21,8 +21,10 @@ def releases(first: str, last: str, given: Sequence[str] = ()) -> list[str]:
     """Return the releases of MuJoCo from one to another, in the order that leads there.
 
     They are those that pip finds wheels of for this Python, or the given ones. Raises an
-    EngineError if they cannot be listed, or the first or the last is none of them.
+    EngineError if they cannot be listed, or the first or the last is none of them, or both are one.
     """
+    if first == last:
+        raise EngineError(f"{first} is both ends; name two releases")
     known = sorted({*given} or _listed(), key=_numbers)
     for each in (first, last):
         EngineError.unless_known(each, known, f"no release {each} of MuJoCo for this Python")
@@ -80,10 +82,13 @@ def run_sweep(
 ) -> None:
     """Run a sweep into a store, or what is left of it.
 
-    Raises a SweepFileError if it cannot be run, after its own message.
+    Raises a SweepFileError if it cannot be run, after its own message; a StoppedError if it was
+    interrupted.
     """
     arguments = ["contactlab", "sweep", source, "-o", str(store), *given]
     code = run_python(arguments, version, notify).returncode
+    if code == StoppedError.exit_code:
+        raise StoppedError("interrupted; run the same command again to resume")
     if code not in _RAN:
         raise SweepFileError(f"the sweep cannot be run, as it says above (exit code {code})")
 

@@ -2,6 +2,7 @@
 
 import math
 import shutil
+import subprocess
 from pathlib import Path
 
 import pytest
@@ -10,8 +11,9 @@ from hypothesis import strategies as st
 
 import contactlab
 from contactlab.comparison.compare_stores import DEFAULT_POLICY
-from contactlab.errors import EngineError, ExpectationError, PolicyError
+from contactlab.errors import EngineError, ExpectationError, PolicyError, StoppedError
 from contactlab.resources import MODELS
+from contactlab_lock import versions
 from contactlab_lock.bisection import SweepOutcomes, bisect, remembered
 from contactlab_lock.versions import releases, run_sweep
 
@@ -38,19 +40,33 @@ def test_one_change_is_found_in_log2_steps(case: tuple[int, int]) -> None:
 @given(st.lists(st.sampled_from(["as", "other", "broken"]), max_size=30))
 def test_neighbours_differ_whatever_lies_between(middle: list[str]) -> None:
     gives = ["as", *middle, "other"]
-    versions = [str(each) for each in range(len(gives))]
+    numbers = [str(each) for each in range(len(gives))]
 
     def differs(version: str) -> bool:
         if gives[int(version)] == "broken":
             raise EngineError("no such wheel\nand more")
         return gives[int(version)] == "other"
 
-    found = bisect(versions, differs, ignore)
+    found = bisect(numbers, differs, ignore)
     before, after = int(found.before), int(found.after)
     assert (gives[before], gives[after]) == ("as", "other")
     assert {int(each) for each in found.skipped} == {*range(before + 1, after)}
     assert set(gives[before + 1 : after]) <= {"broken"}
     assert set(found.skipped.values()) <= {"no such wheel"}
+
+
+def test_an_interrupted_sweep_is_no_release_to_leave_out(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    ended = subprocess.CompletedProcess[str]([], StoppedError.exit_code, "")
+    monkeypatch.setattr(versions, "run_python", lambda *_: ended)
+
+    def differs(version: str) -> bool:
+        run_sweep("slide", tmp_path / version, version, [], ignore)
+        return True
+
+    with pytest.raises(StoppedError, match="again to resume"):
+        bisect(["1.0", "1.1", "1.2"], differs, ignore)
 
 
 SLIDE = {"version": 1, "duration": 0.6, "axes": {"cone": ["elliptic"]}}
@@ -130,6 +146,8 @@ def test_releases_lead_from_the_one_to_the_other() -> None:
     assert releases("3.10.0", "3.3.0", listed) == ["3.10.0", "3.9.0", "3.3.0"]
     with pytest.raises(EngineError, match=r"no release 3\.8\.0"):
         releases("3.8.0", "4.0.0", listed)
+    with pytest.raises(EngineError, match="name two releases"):
+        releases("4.0.0", "4.0.0", listed)
     with pytest.raises(EngineError, match="'new' is not a release"):
         releases("3.9.0", "4.0.0", [*listed, "new"])
 
@@ -153,10 +171,10 @@ def test_a_change_of_a_real_release_is_found(tmp_path: Path) -> None:
 
     subject = SweepOutcomes(tmp_path / "stores", run, DEFAULT_POLICY)
     try:
-        versions = releases("3.10.0", "3.13.0")
-        subject.begin(versions[0], versions[-1])
+        listed = releases("3.10.0", "3.13.0")
+        subject.begin(listed[0], listed[-1])
     except EngineError as error:
         pytest.skip(str(error))
-    found = bisect(versions, subject.differs, ignore)
+    found = bisect(listed, subject.differs, ignore)
     assert (found.before, found.after) == ("3.10.0", "3.11.0")
     assert "no new energy_loss" in {each.name for each in subject.shown(found).checks}
