@@ -4,6 +4,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
@@ -227,6 +228,24 @@ def test_without_a_compiler_sensors_record(tmp_path: Path, monkeypatch: pytest.M
         compiled_kernel()
     assert_same_bits(runs_of(Scene.open("ball_drop"), {}), monkeypatch, read=False)
     assert [*(tmp_path / "contactlab").iterdir()] == []
+
+
+def test_a_sweep_says_once_that_sensors_record(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.setenv("CC", "")
+    monkeypatch.setattr("importlib.util.find_spec", lambda _name: None)
+    case = resources.SWEEPS / "stability" / "free_fall.yaml"
+    said: list[int] = []
+    for way, name in (("", "kernel"), ("", "kernel"), ("off", "sensors")):
+        monkeypatch.setenv(SWITCH, way)
+        ask = replace(request(case, tmp_path / name, *SHORT, "duration=0.01"), workers=1)
+        run_sweep(ask, lambda _total, _done: None, lambda _finished: None)
+        said.append(caplog.text.count("install cc or contactlab[fast]"))
+    # The second has nothing left to run; in the third they were asked for.
+    assert said == [1, 1, 1]
 
 
 def test_a_compiler_that_fails_is_left_aside(

@@ -168,6 +168,17 @@ def usable_kernel() -> Kernel | None:
     return None if kernel is None or kernel.failed else kernel
 
 
+def reason_for_sensors() -> str | None:
+    """Return why sensors record although nobody asked for them; None if the kernel can."""
+    if not has_batch() or os.environ.get("CONTACTLAB_KERNEL") == "off":
+        return None
+    try:
+        compiled_kernel()
+    except (EngineError, OSError) as error:
+        return str(error)
+    return None
+
+
 @cache
 def load_kernel() -> Kernel | None:
     """Return the kernel, compiled if it is not in the user's cache; None if it cannot be had."""
@@ -213,4 +224,4 @@ def _compiler() -> list[str]:
         return [found]
     if importlib.util.find_spec("ziglang"):
         return [sys.executable, "-m", "ziglang", "cc"]
-    raise EngineError("no C compiler: there is no cc, and no ziglang")
+    raise EngineError("no C compiler; install cc or contactlab[fast], or set CONTACTLAB_KERNEL=off")

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contactlab.contact.rotations import rotate, rotate_back
-from contactlab.contact.trace_arrays import Floats, Passage
+from contactlab.contact.trace_arrays import Floats, Passage, squared_lengths
 from contactlab.scene.contact_pairs import geom_pairs, half_extents, may_touch, reaches
 from contactlab.scene.initial_states import InitialStates, apply_inputs
 from contactlab.scene.model_edits import read_flag
@@ -58,12 +58,12 @@ class Passages:
             return
         positions, velocities = 1 + model.nq, 1 + model.nq + model.nv
         # Farther than this no point can move in a step: a bound that is found quickly.
-        fastest = np.abs(states[:, positions:velocities]).max(axis=0)
+        fastest = np.abs(states.T[positions:velocities].copy()).max(axis=1)
         if model.nflex or fastest @ self._lengths * model.opt.timestep > _SLOW * self._thinnest:
             acting = starts.inputs(run, model.opt.timestep, np.arange(len(states) - 1))
             position, rotation, vertices = _poses(model, states[:-1, 1:positions], acting)
             turned = _turns(rotation)
-            shift = np.linalg.norm(np.diff(position, axis=0), axis=2)
+            shift = np.sqrt(squared_lengths(np.diff(position, axis=0)))
             moved = (shift + turned * self._reach)[:, model.geom_bodyid]
             pairs = self._fast_pairs(moved)
             found = [*self._passages(model, pairs, position, rotation)]

@@ -8,7 +8,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from contactlab.contact.trace_arrays import Floats, PairSeries, SelfChecks, Trace
+from contactlab.contact.trace_arrays import Floats, PairSeries, SelfChecks, Trace, squared_lengths
 from contactlab.contact.trace_setup import FreeBody, Setup
 from contactlab.measure.net_contact import NetContact, net_contact
 
@@ -168,8 +168,7 @@ def peak_kinetic(context: Context) -> Floats:
 
 def speed_squared(context: Context, body: FreeBody) -> Floats:
     """Return (n, N + 1) the squared speed of a free body's frame [m^2/s^2]."""
-    x, y, z = np.moveaxis(context.velocity(body), -1, 0)
-    return x * x + y * y + z * z
+    return squared_lengths(context.velocity(body))
 
 
 def down(context: Context) -> Floats:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from contactlab.contact.trace_arrays import Floats
+from contactlab.contact.trace_arrays import Floats, squared_lengths
 from contactlab.contact.trace_setup import FreeBody
 from contactlab.measure.context import Context, distance_from_rest, friction, gravity, semi_implicit
 from contactlab.measure.entries import oracle
@@ -222,12 +222,12 @@ def rolling_plate(context: Context) -> tuple[Floats, Floats]:
 
 def _speed(context: Context) -> Floats:
     """Return (n, N + 1) the first free body's speed [m/s]."""
-    return np.linalg.norm(context.velocity(context.setup.free_bodies[0]), axis=2)
+    return np.sqrt(squared_lengths(context.velocity(context.setup.free_bodies[0])))
 
 
 def _spin(context: Context) -> Floats:
     """Return (n, N + 1) the first free body's angular speed [rad/s]."""
-    return np.linalg.norm(context.turning(context.setup.free_bodies[0]), axis=2)
+    return np.sqrt(squared_lengths(context.turning(context.setup.free_bodies[0])))
 
 
 def _velocity_error(context: Context, body: FreeBody, acceleration: Floats) -> Floats:

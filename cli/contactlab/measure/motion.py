@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from contactlab.contact.trace_arrays import DISTANCE, FORCE, Floats, sum_of_slots
+from contactlab.contact.trace_arrays import DISTANCE, FORCE, Floats, squared_lengths, sum_of_slots
 from contactlab.contact.trace_setup import FreeBody
 from contactlab.measure.context import (
     Context,
@@ -114,7 +114,7 @@ def spin_drift(context: Context) -> Floats:
     momentum = context.trace.angular_momentum
     if momentum is None:
         return context.undefined()
-    largest = np.sqrt((momentum**2).sum(axis=2).max(axis=1))
+    largest = np.sqrt(squared_lengths(momentum).max(axis=1))
     return _largest_change(momentum) / np.maximum(largest, _momentum_scale(context) * _LENGTH)
 
 
@@ -186,8 +186,7 @@ def turn(context: Context) -> Floats:
     """Angular speed summed over time of the free body that turns most."""
 
     def angle(body: FreeBody) -> Floats:
-        rate = context.turning(body)[:, 1:]
-        return np.sqrt((rate * rate).sum(axis=2)).sum(axis=1)
+        return np.sqrt(squared_lengths(context.turning(body)[:, 1:])).sum(axis=1)
 
     return worst_body(context, angle) * context.trace.timestep
 
@@ -272,11 +271,13 @@ def _stored_at_start(context: Context) -> Floats:
     """
     most, given = _HAIR * context.setup.moving_mass * gravity(context), context.trace.given
     stored = np.zeros(context.trace.runs) if given is None else np.nan_to_num(given[:, 3])
-    for pair, thickness in zip(context.trace.pairs, context.setup.thickness, strict=True):
-        distance = pair.slots[..., DISTANCE]
-        forces = (sum_of_slots(pair.slots[:, step, :, FORCE.start], axis=1) for step in (0, -1))
-        margin = distance.max(axis=(1, 2), initial=0)[:, None]
-        depth = np.where(pair.touching[:, 0], margin - distance[:, 0], 0).max(axis=1)
+    pairs = zip(context.trace.pairs, context.net, context.setup.thickness, strict=True)
+    for pair, net, thickness in pairs:
+        first, last = pair.slots[:, 0], pair.slots[:, -1]
+        forces = (sum_of_slots(each[..., FORCE.start], axis=1) for each in (first, last))
+        depth = (net.farthest[:, None] - first[..., DISTANCE]).max(
+            axis=1, where=first.any(axis=2), initial=0
+        )
         stored += np.fmin(np.maximum(*forces) * depth, most * thickness)
     return stored
 
@@ -300,7 +301,7 @@ def _momentum_scale(context: Context) -> Floats:
 
 
 def _largest_change(vectors: Floats) -> Floats:
-    return np.sqrt(((vectors - vectors[:, :1]) ** 2).sum(axis=2).max(axis=1))
+    return np.sqrt(squared_lengths(vectors - vectors[:, :1]).max(axis=1))
 
 
 def _across(vectors: Floats, below: Floats) -> Floats:

@@ -40,11 +40,13 @@ class NetContact:
 
     series: PairSeries  # the net quantities over time
     found: NDArray[np.int32]  # (n, N) contacts that matched, recorded or not
+    hardest: Floats  # (n, N) largest normal force of one contact [N]
     grip: Floats  # (n, N) share of the bound that the contacts use, each by itself
     rolling: Floats  # (n, N) relative angular speed of the first contact about its tangents [rad/s]
     spinning: Floats  # (n, N) the same about its normal
     excess: Floats  # (n,) most that one contact's tangential force exceeds its bound, as a share
     detached: Floats  # (n,) most that one contact's normal force times its positive distance is [J]
+    farthest: Floats  # (n,) largest distance of a contact [m]; 0 if all overlap
     standoff: Floats  # (n,) mean positive distance of contacts, weighted by normal force [m]
 
 
@@ -88,9 +90,9 @@ def net_contact(pair: PairTrace, elliptic: NDArray[np.bool_], timestep: Floats) 
     if not found.any():
         none, apart = np.zeros((runs, steps)), np.full((runs, steps), NO_CONTACT, np.int8)
         shown = PairSeries(pair.name, found, none, none, none, none, none, apart)
-        return NetContact(shown, found, none, none, none, *np.zeros((3, runs)))
+        return NetContact(shown, found, none, none, none, none, *np.zeros((4, runs)))
     contacts = np.minimum(found, slots)
-    series, worst = np.empty((8, runs, steps)), np.empty((3, runs))
+    series, worst = np.empty((9, runs, steps)), np.empty((4, runs))
     first, second = pair.friction[:, 0], pair.friction[:, 1]
     stretch = np.where(first == second, 1, first / second)
     cones = map(_Cone, first.tolist(), stretch.tolist(), elliptic.tolist())
@@ -105,17 +107,19 @@ def net_contact(pair: PairTrace, elliptic: NDArray[np.bool_], timestep: Floats) 
             _ratio(used, bound),
             slip,
             _least(columns.distance, contacts[run]),
+            columns.normal.max(axis=0),
             _ratio(each, bound),
             np.sqrt(along * along + across * across),
             np.abs(spin),
         )
+        farthest = columns.distance.max(initial=0)
         apart = columns.normal * np.maximum(columns.distance, 0)
         standoff = apart.sum() / max(columns.normal.sum(), np.finfo(float).tiny)
-        worst[:, run] = _excess(columns, cone), apart.max(initial=0), standoff
-    normal, tangential, usage, slip, distance, grip, rolling, spinning = series
+        worst[:, run] = _excess(columns, cone), apart.max(initial=0), farthest, standoff
+    normal, tangential, usage, slip, distance, hardest, grip, rolling, spinning = series
     mode = modes(normal > 0, usage, grip, slip, timestep)
     shown = PairSeries(pair.name, contacts, normal, tangential, usage, slip, distance, mode)
-    return NetContact(shown, found, grip, rolling, spinning, *worst)
+    return NetContact(shown, found, hardest, grip, rolling, spinning, *worst)
 
 
 def _gather(slots: Floats) -> _SlotColumns:

@@ -3,7 +3,7 @@
 import numpy as np
 
 from contactlab.contact.rotations import rotate, rotate_back
-from contactlab.contact.trace_arrays import Floats
+from contactlab.contact.trace_arrays import Floats, squared_lengths
 from contactlab.errors import SceneError
 from contactlab.measure.context import (
     Context,
@@ -87,7 +87,7 @@ def free_fall(context: Context) -> tuple[Floats, Floats]:
     place = context.position(body)
     drifted = context.velocity(body)[:, :1] * (trace.timestep[:, None] * steps)[:, :, None]
     fallen = context.setup.gravity[:, None] * distance_from_rest(context, steps)[:, :, None]
-    off = np.linalg.norm(place - place[:, :1] - drifted - fallen, axis=2)
+    off = np.sqrt(squared_lengths(place - place[:, :1] - drifted - fallen))
     return np.zeros(trace.runs), off.max(axis=1)
 
 

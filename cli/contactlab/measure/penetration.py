@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contactlab.contact.rotations import rotate
-from contactlab.contact.trace_arrays import DISTANCE, FORCE, NORMAL, Floats
+from contactlab.contact.trace_arrays import DISTANCE, NORMAL, Floats
 from contactlab.contact.trace_setup import Barrier
 from contactlab.measure.context import (
     Context,
@@ -128,7 +128,7 @@ def _gains(context: Context) -> list[Floats]:
         before, after = medians(depth)
         if context.series:
             # Contacts do not soften with depth: twice the load makes them at most twice as deep.
-            load, later = medians(context.trace.pairs[index].slots[..., FORCE.start].max(axis=2))
+            load, later = medians(context.net[index].hardest)
             before = before * np.where(later > load, later / np.where(load > 0, load, later), 1)
         return np.where(resting, after - before, np.nan)
 

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 
 from contactlab.contact.rotations import angles_between, rotate_back
-from contactlab.contact.trace_arrays import Floats
+from contactlab.contact.trace_arrays import Floats, squared_lengths
 from contactlab.measure.context import Context, cached, contact_depths, down, energy, worst_body
 from contactlab.measure.entries import metric
 
@@ -42,7 +42,7 @@ def _offsets(context: Context) -> dict[str, Floats]:
     qpos, qvel = _simulated(context)
     for part in recorded.parts:
         there, here = qpos[..., part.qpos], recorded.qpos[..., part.qpos]
-        apart = np.linalg.norm(there - here, axis=2)
+        apart = np.sqrt(squared_lengths(there - here))
         if part.kind == "turn":
             apart = angles_between(there.reshape(-1, 4), here.reshape(-1, 4)).reshape(apart.shape)
         name = "position" if part.kind in ("point", "slide") else "rotation"

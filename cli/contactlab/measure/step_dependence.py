@@ -18,6 +18,7 @@ from contactlab.measure.context import (
     kinetic,
     peak_kinetic,
     runs_where,
+    speed_squared,
 )
 from contactlab.measure.energy_balance import LOSS, constraint_loss
 from contactlab.measure.entries import (
@@ -127,7 +128,7 @@ def suspects(context: Context) -> NDArray[np.bool_]:
     changes = (np.diff(trace.contacts[:, : trace.steps // 2]) != 0).sum(axis=1)
     rattles = changes > _RATTLES * trace.steps / 2
     for body in context.setup.free_bodies:
-        speed = np.linalg.norm(context.velocity(body), axis=2)
+        speed = np.sqrt(speed_squared(context, body))
         # What falls or rolls from the start was not at rest.
         rested = speed[:, : 1 + trace.steps // 10].max(axis=1) < 0.01 * speed.max(axis=1)
         far = np.linalg.norm(context.displacement(body), axis=1) > size

@@ -7,7 +7,7 @@ import platform
 import subprocess
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cache, cached_property, partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -61,8 +61,8 @@ class MeasuredGroup:
 
     @cached_property
     def moving(self) -> Moving:
-        """Which runs move as friction would oppose."""
-        return moving_runs(self.trace)
+        """Which runs move as an effect would oppose."""
+        return cache(partial(moving_runs, self.trace))
 
 
 @dataclass(frozen=True)
@@ -147,7 +147,8 @@ def _record(
     effects = {name: off.get(name, each) for name, each in plan.prepared.effects.items()}
     selected = [each for match, each in task.expected if match.holds(run.values)]
     expected, met, missed = judge(selected, [entry.label for entry in labels], metrics)
-    return EvidenceRecord(
+    # Of the right types as it is made; to check them would take longer than all else of a short run.
+    return EvidenceRecord.model_construct(
         run_id=run.run_id,
         index=run.index,
         sweep=identity.name,
@@ -192,7 +193,7 @@ def with_cost(task: Task, record: EvidenceRecord, outcome: RunOutcome) -> Eviden
 
 def _initial(start: InitialStates) -> InitialState:
     applied = start.applied[0]
-    return InitialState(
+    return InitialState.model_construct(
         qpos=tuple(start.qpos[0].tolist()),
         qvel=tuple(start.qvel[0].tolist()),
         ctrl=tuple(start.ctrl[0].tolist()),

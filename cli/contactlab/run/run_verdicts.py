@@ -1,6 +1,6 @@
 """What a run's outcome means: expectations, tolerances, and effects that it turned out to need."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from operator import itemgetter
 
 import numpy as np
@@ -13,6 +13,7 @@ from contactlab.contact.trace_arrays import (
     Floats,
     PairTrace,
     Trace,
+    squared_lengths,
 )
 from contactlab.measure.pair_expectations import PAIR_LABELS
 from contactlab.plan.grid import Plan
@@ -89,7 +90,7 @@ def unmet_means(plan: Plan, store: Store) -> Iterator[str]:
             yield from _outside(f"a mean {name}", mean, bounds)
 
 
-Moving = Mapping[str, NDArray[np.bool_]]
+Moving = Callable[[str], NDArray[np.bool_]]
 # Slower motion is the creep and the rocking of soft contact.
 _SLIDE = 5e-3
 _TURN = 0.1
@@ -103,11 +104,11 @@ def missing_effects(
 
     Only effects that the model has and that were turned off are considered: friction that would
     oppose motion in contacts, and limits that joints exceed. The trace is of a group of runs, and
-    `moving` is what `moving_runs` returns of it.
+    `moving` returns what `moving_runs` does of it.
     """
     off = {name for name, each in prepared.effects.items() if not each.on}
     left_out = {name for name in off if prepared.effects[name].reason != NOT_IN_MODEL}
-    moved = [name for name in moving if name in left_out and moving[name][run]]
+    moved = [name for name in _MOTIONS if name in left_out and moving(name)[run]]
     seen = {name: _motion(trace, run, name) for name in moved}
     if "limit" in left_out:
         seen["limit"] = _limit(trace, run, prepared)
@@ -128,24 +129,19 @@ def _motion(trace: Trace, run: int, name: str) -> str | None:
     return f"{pair_name} {word} from step {step}, at up to {fastest:.3g} {unit}"
 
 
-def moving_runs(trace: Trace) -> Moving:
-    """Return (n,) for each friction effect which runs have motion in a contact that it opposes."""
-    every = slice(None)
-    return {
-        name: np.logical_or.reduce(
-            [(_speed(pair, name, every) > least).any(axis=1) for pair in trace.pairs]
-        )
-        | np.zeros(trace.runs, bool)
-        for name, (_, _, least, *_) in _MOTIONS.items()
-    }
+def moving_runs(trace: Trace, name: str) -> NDArray[np.bool_]:
+    """Return (n,) which runs have motion in a contact that a friction effect opposes."""
+    least = _MOTIONS[name][2]
+    fast = [(_speed(pair, name, slice(None)) > least).any(axis=1) for pair in trace.pairs]
+    return np.logical_or.reduce([np.zeros(trace.runs, bool), *fast])
 
 
 def _speed(pair: PairTrace, name: str, runs: slice) -> Floats:
     """Return (n, N) the fastest motion that an effect would oppose, in contacts that bear."""
-    _, _, _, velocity, parts = _MOTIONS[name]
-    bearing = pair.touching[runs] & (pair.slots[runs, ..., FORCE.start] > 0)
-    speeds = np.linalg.norm(pair.slots[runs, ..., velocity][..., parts], axis=-1)
-    return np.where(bearing, speeds, 0.0).max(axis=-1, initial=0.0)
+    *_, velocity, parts = _MOTIONS[name]
+    slots = pair.slots[runs]
+    speeds = np.sqrt(squared_lengths(slots[..., velocity][..., parts]))
+    return np.where(slots[..., FORCE.start] > 0, speeds, 0.0).max(axis=-1, initial=0.0)
 
 
 # What moves how, in which unit, from which speed on: which velocities, and which parts of them.

@@ -10,6 +10,7 @@ from pydantic_core import PydanticSerializationError
 
 from contactlab.engines import engine_of
 from contactlab.engines.closed_loop import allowed_policy
+from contactlab.engines.contact_kernel import reason_for_sensors
 from contactlab.errors import SweepFileError
 from contactlab.measure import LABELS, METRICS
 from contactlab.plugins import loaded_plugins
@@ -31,6 +32,7 @@ from contactlab.run.tasks import (
 from contactlab.run.worker import Worker
 from contactlab.run.worker_pool import LocalPool
 from contactlab.scene.effects.effect_table import EFFECTS
+from contactlab.scene.model_edits import MODEL_ENGINE
 from contactlab.scene.scene import Scene
 from contactlab.schema.drive import drive_word
 from contactlab.schema.evidence import (
@@ -122,6 +124,10 @@ def _run_remaining(session: SweepSession) -> None:
     index, store, executor = session.index, session.store, session.executor
     done = index.count(store.done)
     session.begin(len(index), done)
+    by_mujoco = any(group.first.engine == MODEL_ENGINE for group in index.firsts)
+    local = isinstance(executor, LocalPool) and session.task.policy is None
+    if by_mujoco and local and done < len(index) and (reason := reason_for_sensors()):
+        _LOG.warning("contacts are read by sensors, which takes longer: %s", reason)
     rest = index.runs(store.done)
     jobs = pack_jobs(rest, len(index) - done, session.scene, executor.workers)
     for finished in run_all_jobs(session.task, jobs, executor, session.stop):
