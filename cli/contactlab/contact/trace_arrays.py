@@ -52,7 +52,10 @@ def hash_of_states(rows: Floats) -> str:
 def squared_lengths(vectors: Floats) -> Floats:
     """Return (...) squared lengths of vectors (..., k); sums along short axes take far longer."""
     first, *others = np.moveaxis(vectors, -1, 0)
-    return sum((each * each for each in others), first * first)
+    square = first * first
+    for each in others:
+        square += each * each
+    return square
 
 
 def sum_of_slots(values: Floats, axis: int) -> Floats:

@@ -164,28 +164,23 @@ def _agrees(runs: PreparedRuns, rollout: Rollout) -> bool:
 
 def usable_kernel() -> Kernel | None:
     """Return the kernel, unless it is turned off, cannot be had, or failed in this process."""
-    kernel = None if os.environ.get("CONTACTLAB_KERNEL") == "off" else load_kernel()
-    return None if kernel is None or kernel.failed else kernel
-
-
-def reason_for_sensors() -> str | None:
-    """Return why sensors record although nobody asked for them; None if the kernel can."""
-    if not has_batch() or os.environ.get("CONTACTLAB_KERNEL") == "off":
-        return None
-    try:
-        compiled_kernel()
-    except (EngineError, OSError) as error:
-        return str(error)
-    return None
+    kernel = "" if os.environ.get("CONTACTLAB_KERNEL") == "off" else load_kernel()
+    return None if isinstance(kernel, str) or kernel.failed else kernel
 
 
 @cache
-def load_kernel() -> Kernel | None:
-    """Return the kernel, compiled if it is not in the user's cache; None if it cannot be had."""
+def load_kernel() -> Kernel | str:
+    """Return the kernel, compiled if it is not in the user's cache, or why it cannot be had."""
     try:
-        return Kernel() if has_batch() else None
-    except (EngineError, OSError):
-        return None
+        return Kernel() if has_batch() else ""
+    except (EngineError, OSError) as error:
+        return str(error)
+
+
+def reason_for_sensors() -> str:
+    """Return why sensors record although a kernel could; empty if one does, or is turned off."""
+    kernel = "" if os.environ.get("CONTACTLAB_KERNEL") == "off" else load_kernel()
+    return kernel if isinstance(kernel, str) else ""
 
 
 def compiled_kernel() -> Path:

@@ -8,7 +8,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from contactlab.contact.trace_arrays import Floats, PairSeries, SelfChecks, Trace, squared_lengths
+from contactlab.contact.trace_arrays import Floats, PairSeries, SelfChecks, Trace
 from contactlab.contact.trace_setup import FreeBody, Setup
 from contactlab.measure.net_contact import NetContact, net_contact
 
@@ -164,11 +164,6 @@ def least_energy(context: Context) -> Floats:
 def peak_kinetic(context: Context) -> Floats:
     """Return (n,) the largest kinetic energy of the run [J]."""
     return kinetic(context).max(axis=1)
-
-
-def speed_squared(context: Context, body: FreeBody) -> Floats:
-    """Return (n, N + 1) the squared speed of a free body's frame [m^2/s^2]."""
-    return squared_lengths(context.velocity(body))
 
 
 def down(context: Context) -> Floats:

@@ -20,7 +20,6 @@ from contactlab.measure.context import (
     potential,
     runs_where,
     semi_implicit,
-    speed_squared,
     worst_body,
 )
 from contactlab.measure.energy_balance import INTEGRATION_GAIN, integration_gains
@@ -89,7 +88,8 @@ def speed_ratio(context: Context) -> Floats:
         return context.undefined()
 
     def ratio(body: FreeBody) -> Floats:
-        return np.sqrt(speed_squared(context, body).max(axis=1)) / _speed_bound(context, body)
+        fastest = squared_lengths(context.velocity(body)).max(axis=1)
+        return np.sqrt(fastest) / _speed_bound(context, body)
 
     return worst_body(context, ratio)
 
@@ -157,7 +157,9 @@ def rest_speed(context: Context) -> Floats:
     """Largest speed of a free body in the last fifth of the run; bodies at rest still creep."""
     last = slice(context.last_fifth.start + 1, None)
     return np.sqrt(
-        worst_body(context, lambda body: speed_squared(context, body)[:, last].max(axis=1))
+        worst_body(
+            context, lambda body: squared_lengths(context.velocity(body))[:, last].max(axis=1)
+        )
     )
 
 
@@ -205,7 +207,8 @@ def energy_injection(runs: MeasuredRuns) -> Found:
         reason = f"a body moved {ratio:.3g} times as fast as the energy at the start allows"
         bodies = ((each, _speed_bound(context, each)) for each in context.setup.free_bodies)
         fast = [
-            speed_squared(context, each)[run] > (limit * most[run]) ** 2 for each, most in bodies
+            squared_lengths(context.velocity(each))[run] > (limit * most[run]) ** 2
+            for each, most in bodies
         ]
         yield run, Finding(f"{reason} (limit {limit:g})", max(_first_of(fast) - 1, 0))
     yield from integration_gains(runs)
@@ -242,7 +245,9 @@ def unsettled(runs: MeasuredRuns) -> Found:
     bodies, start = runs.context.setup.free_bodies, runs.context.last_fifth.start
     for run, speed, limit in runs.over("rest_speed"):
         reason = f"a body moved at {speed:.3g} m/s in the last fifth (limit {limit:g} m/s)"
-        squares = [speed_squared(runs.context, body)[run, start + 1 :] for body in bodies]
+        squares = [
+            squared_lengths(runs.context.velocity(body))[run, start + 1 :] for body in bodies
+        ]
         yield run, Finding(reason, start + _first_of([each > limit**2 for each in squares]))
 
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from contactlab.contact.trace_arrays import Floats, SelfChecks, motion_at_rest
+from contactlab.contact.trace_arrays import Floats, SelfChecks, motion_at_rest, squared_lengths
 from contactlab.measure.constraint_violation import OVERSHOOT, constraint_violation
 from contactlab.measure.context import (
     Context,
@@ -18,7 +18,6 @@ from contactlab.measure.context import (
     kinetic,
     peak_kinetic,
     runs_where,
-    speed_squared,
 )
 from contactlab.measure.energy_balance import LOSS, constraint_loss
 from contactlab.measure.entries import (
@@ -128,7 +127,7 @@ def suspects(context: Context) -> NDArray[np.bool_]:
     changes = (np.diff(trace.contacts[:, : trace.steps // 2]) != 0).sum(axis=1)
     rattles = changes > _RATTLES * trace.steps / 2
     for body in context.setup.free_bodies:
-        speed = np.sqrt(speed_squared(context, body))
+        speed = np.sqrt(squared_lengths(context.velocity(body)))
         # What falls or rolls from the start was not at rest.
         rested = speed[:, : 1 + trace.steps // 10].max(axis=1) < 0.01 * speed.max(axis=1)
         far = np.linalg.norm(context.displacement(body), axis=1) > size

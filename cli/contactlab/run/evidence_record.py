@@ -147,7 +147,7 @@ def _record(
     effects = {name: off.get(name, each) for name, each in plan.prepared.effects.items()}
     selected = [each for match, each in task.expected if match.holds(run.values)]
     expected, met, missed = judge(selected, [entry.label for entry in labels], metrics)
-    # Of the right types as it is made; to check them would take longer than all else of a short run.
+    # Of the right types as it is made: to check them takes longer than all else of a short run.
     return EvidenceRecord.model_construct(
         run_id=run.run_id,
         index=run.index,
@@ -181,14 +181,11 @@ def _record(
     )
 
 
-def with_cost(task: Task, record: EvidenceRecord, outcome: RunOutcome) -> EvidenceRecord:
-    """Return a record with the run's cost and times of day."""
-    clock = {"started": outcome.started, "finished": time_now()}
-    cpu = float(outcome.rollout.cost[outcome.place])
-    if math.isnan(cpu):
-        return record.model_copy(update=clock)
-    cost = Cost.of(cpu, outcome.steps, outcome.plan.resolved.timestep, task.sweep.latency_budget)
-    return record.model_copy(update={"cost": cost, **clock})
+def cost_and_times(task: Task, outcome: RunOutcome) -> dict[str, object]:
+    """Return fields of the record of a run that just ended: its cost and times of day."""
+    cpu, timestep = float(outcome.rollout.cost[outcome.place]), outcome.plan.resolved.timestep
+    known = None if math.isnan(cpu) else (cpu, outcome.steps, timestep, task.sweep.latency_budget)
+    return {"started": outcome.started, "finished": time_now(), "cost": known and Cost.of(*known)}
 
 
 def _initial(start: InitialStates) -> InitialState:

@@ -37,7 +37,7 @@ from contactlab.store.store_files import SCENES, Address
 # Runs of a job at most: of short ones as many as have so many steps, so that they share more.
 MAX_RUNS, _FEW_RUNS, _SHORT_STEPS = 512, 32, 1 << 13
 # Recorded states and sensors of a job; with temporary arrays a worker needs three times as much.
-JOB_BYTES = 32 << 20
+JOB_BYTES = 64 << 20
 RUN_BYTES = 1 << 30
 # Compiled models of a worker; one with meshes may take tens of MiB.
 MODEL_BYTES = 256 << 20

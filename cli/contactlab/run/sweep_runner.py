@@ -124,9 +124,9 @@ def _run_remaining(session: SweepSession) -> None:
     index, store, executor = session.index, session.store, session.executor
     done = index.count(store.done)
     session.begin(len(index), done)
-    by_mujoco = any(group.first.engine == MODEL_ENGINE for group in index.firsts)
-    local = isinstance(executor, LocalPool) and session.task.policy is None
-    if by_mujoco and local and done < len(index) and (reason := reason_for_sensors()):
+    native = session.task.policy is None and isinstance(executor, LocalPool)
+    native &= MODEL_ENGINE in {group.first.engine for group in index.firsts}
+    if native and done < len(index) and (reason := reason_for_sensors()):
         _LOG.warning("contacts are read by sensors, which takes longer: %s", reason)
     rest = index.runs(store.done)
     jobs = pack_jobs(rest, len(index) - done, session.scene, executor.workers)

@@ -7,6 +7,7 @@ from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
+import mujoco
 import numpy as np
 from pydantic_core import to_json
 
@@ -34,9 +35,9 @@ from contactlab.run.evidence_record import (
     MeasuredGroup,
     RunOutcome,
     RunPlan,
+    cost_and_times,
     crash_record,
     record_of,
-    with_cost,
 )
 from contactlab.run.planned_runs import Preparer, reference_models
 from contactlab.run.run_verdicts import missing_effects
@@ -263,15 +264,13 @@ class Worker:
         group, prepared = outcome.group, outcome.plan.prepared
         missing = missing_effects(group.trace, outcome.row, prepared, group.moving)
         found = {"effects_missed": missing, **(said or {})}
-        record = record_of(self._task, outcome).model_copy(update=found)
         if outcome.controls is not None:
-            model = outcome.plan.prepared.model
-            names = [name_of(model, "actuator", each) for each in range(model.nu)]
-            sha256 = self._write_controls(outcome.controls, names)
-            record = record.model_copy(update={"controls": sha256})
-        if self._keeps_trace(outcome.plan.run, record):
-            record = record.model_copy(update={"trace": self._write_trace(record, outcome)})
-        return _finished(with_cost(self._task, record, outcome))
+            found["controls"] = self._write_controls(outcome.controls, prepared.model)
+        record = record_of(self._task, outcome).model_copy(update=found)
+        kept = self._keeps_trace(outcome.plan.run, record)
+        trace = self._write_trace(record, outcome) if kept else None
+        found = {"trace": trace, **cost_and_times(self._task, outcome)}
+        return _finished(record.model_copy(update=found))
 
     def _keeps_trace(self, run: PlannedRun, record: EvidenceRecord) -> bool:
         rule = self._task.sweep.trace
@@ -280,11 +279,12 @@ class Worker:
             return run.index * wanted % self._task.identity.runs_asked < wanted
         return rule == "all" or (rule == "flagged" and record.label != "stable")
 
-    def _write_controls(self, controls: RecordedControls, actuators: Sequence[str]) -> str:
-        """Store what a policy did to (nu) named actuators, unless it is there; return its hash."""
+    def _write_controls(self, controls: RecordedControls, model: mujoco.MjModel) -> str:
+        """Store what a policy did to actuators, unless it is there; return its hash."""
         sha256 = controls.sha256
         if sha256 not in self._controls:
-            self._store.put(controls_name(sha256), encode_controls(controls, actuators))
+            names = [name_of(model, "actuator", each) for each in range(model.nu)]
+            self._store.put(controls_name(sha256), encode_controls(controls, names))
             self._controls.add(sha256)
         return sha256
 
