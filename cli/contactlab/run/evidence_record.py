@@ -7,7 +7,7 @@ import platform
 import subprocess
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cache, cached_property, partial
+from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -21,7 +21,7 @@ from contactlab.engines.engine import Rollout
 from contactlab.engines.rollout_trace import trajectory_hash
 from contactlab.measure import METRICS, Assessment
 from contactlab.plugins import hash_of_packages
-from contactlab.run.run_verdicts import Moving, judge, moving_runs, within_tolerances
+from contactlab.run.run_verdicts import judge, within_tolerances
 from contactlab.run.tasks import PlannedRun, Task
 from contactlab.scene.effects.effect import EffectState
 from contactlab.scene.initial_states import InitialStates
@@ -58,11 +58,6 @@ class MeasuredGroup:
     rows: Mapping[int, int]
     trace: Trace
     assessment: Assessment
-
-    @cached_property
-    def moving(self) -> Moving:
-        """Which runs move as an effect would oppose."""
-        return cache(partial(moving_runs, self.trace))
 
 
 @dataclass(frozen=True)

@@ -1,17 +1,15 @@
 """What a run's outcome means: expectations, tolerances, and effects that it turned out to need."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from operator import itemgetter
 
 import numpy as np
-from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import (
     ANGULAR_VELOCITY,
     FORCE,
     LINEAR_VELOCITY,
     Floats,
-    PairTrace,
     Trace,
     squared_lengths,
 )
@@ -90,26 +88,21 @@ def unmet_means(plan: Plan, store: Store) -> Iterator[str]:
             yield from _outside(f"a mean {name}", mean, bounds)
 
 
-Moving = Callable[[str], NDArray[np.bool_]]
 # Slower motion is the creep and the rocking of soft contact.
 _SLIDE = 5e-3
 _TURN = 0.1
 _SLIDE_JOINT = 2  # as the engine numbers kinds of joints: free, ball, slide, hinge
 
 
-def missing_effects(
-    trace: Trace, run: int, prepared: PreparedModel, moving: Moving
-) -> dict[str, str]:
+def missing_effects(trace: Trace, run: int, prepared: PreparedModel) -> dict[str, str]:
     """Return the effects that the run needed although they were off, each with the evidence.
 
     Only effects that the model has and that were turned off are considered: friction that would
-    oppose motion in contacts, and limits that joints exceed. The trace is of a group of runs, and
-    `moving` returns what `moving_runs` does of it.
+    oppose motion in contacts, and limits that joints exceed. The trace is of a group of runs.
     """
     off = {name for name, each in prepared.effects.items() if not each.on}
     left_out = {name for name in off if prepared.effects[name].reason != NOT_IN_MODEL}
-    moved = [name for name in _MOTIONS if name in left_out and moving(name)[run]]
-    seen = {name: _motion(trace, run, name) for name in moved}
+    seen = {name: _motion(trace, run, name) for name in _MOTIONS if name in left_out}
     if "limit" in left_out:
         seen["limit"] = _limit(trace, run, prepared)
     return {name: text for name, text in seen.items() if text is not None}
@@ -120,7 +113,7 @@ def _motion(trace: Trace, run: int, name: str) -> str | None:
     word, unit, least, *_ = _MOTIONS[name]
     found: list[tuple[int, str, float]] = []
     for pair in trace.pairs:
-        speed = _speed(pair, name, slice(run, run + 1))[0]
+        speed = _speed(pair.slots[run], name)
         steps = np.flatnonzero(speed > least)
         found += [(step, pair.name, float(speed.max())) for step in steps[:1].tolist()]
     if not found:
@@ -129,17 +122,9 @@ def _motion(trace: Trace, run: int, name: str) -> str | None:
     return f"{pair_name} {word} from step {step}, at up to {fastest:.3g} {unit}"
 
 
-def moving_runs(trace: Trace, name: str) -> NDArray[np.bool_]:
-    """Return (n,) which runs have motion in a contact that a friction effect opposes."""
-    least = _MOTIONS[name][2]
-    fast = [(_speed(pair, name, slice(None)) > least).any(axis=1) for pair in trace.pairs]
-    return np.logical_or.reduce([np.zeros(trace.runs, bool), *fast])
-
-
-def _speed(pair: PairTrace, name: str, runs: slice) -> Floats:
-    """Return (n, N) the fastest motion that an effect would oppose, in contacts that bear."""
+def _speed(slots: Floats, name: str) -> Floats:
+    """Return (N,) the fastest motion that an effect would oppose, in contacts that bear."""
     *_, velocity, parts = _MOTIONS[name]
-    slots = pair.slots[runs]
     speeds = np.sqrt(squared_lengths(slots[..., velocity][..., parts]))
     return np.where(slots[..., FORCE.start] > 0, speeds, 0.0).max(axis=-1, initial=0.0)
 

@@ -262,7 +262,7 @@ class Worker:
 
     def _finish(self, outcome: RunOutcome, said: Said | None = None) -> Finished:
         group, prepared = outcome.group, outcome.plan.prepared
-        missing = missing_effects(group.trace, outcome.row, prepared, group.moving)
+        missing = missing_effects(group.trace, outcome.row, prepared)
         found = {"effects_missed": missing, **(said or {})}
         if outcome.controls is not None:
             found["controls"] = self._write_controls(outcome.controls, prepared.model)
