@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from contactlab.pareto.analysis import analyse
-from contactlab.run.sweep_request import SceneLoader
+from contactlab.run.planned_runs import stored_sweep_scene
 from contactlab.schema.tradeoff_report import Configuration, TradeoffReport
 from contactlab.store.finished_store import Store
 from contactlab.studies.session import Values
@@ -37,7 +37,7 @@ def space_of(store: Store, report: TradeoffReport, written: Values) -> Space:
     options = [[{name: row[name] for name in block} for row in rows] for block in blocks]
     distinct = [tuple({str(each): each for each in every}.values()) for every in options]
     own = str(written["integrator"])
-    base = SceneLoader(Path()).open(report.scene).base({})
+    base = stored_sweep_scene(store.manifest.sweep, store.scene_folder).base({})
     tried = {row["integrator"] for row in rows}
     return Space(
         written=written,

@@ -81,6 +81,18 @@ def test_a_model_that_is_not_good_enough_is_left_for_one_that_is() -> None:
     assert law.excess(search.here) <= 1
 
 
+def test_of_what_makes_a_model_good_enough_the_cheapest_is_taken() -> None:
+    """Two knobs do, of which one that does more than enough takes half as long again."""
+    law = Law(5)
+    law.constants = {"Euler": 20.0, "implicitfast": 1e9, "RK4": 1e9}
+    law.errors = {"cone": 0.01, "solver": 0.02, "noslip": 1e9}
+    law.costs = {"cone": 1.5, "solver": 1.0, "noslip": 1.0}
+    search = searched(law)
+    assert search.here["solver"] is True
+    assert search.here["cone"] is False
+    assert law.excess(search.here) <= 1
+
+
 def test_where_nothing_is_feasible_the_model_stays_as_it_is() -> None:
     law = Law(1)
     law.constants = dict.fromkeys(ORDERS, 1e9)

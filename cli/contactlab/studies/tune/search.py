@@ -109,7 +109,8 @@ class Search:
     def _feasible(self, start: Values) -> Values | None:
         """Return a feasible configuration, from a start on; None if there seems to be none.
 
-        Knobs are changed one by one, the best first, at the shortest step if that helps.
+        Knobs are changed one by one, the best first, at the shortest step if that helps; last
+        that which makes it feasible and takes the least time.
         """
         (best,) = self._judged([start])
         if best > 1:
@@ -120,6 +121,9 @@ class Search:
         while best > 1:
             others = [{**start, "integrator": each} for each in self.space.integrators]
             others = [*self._changes(start), *others]
+            if kept := self._kept(others):
+                times = self.clock(kept)
+                return kept[times.index(min(times))]
             excess = self._judged(others)
             least = min(excess, default=math.inf)
             if not least < best:

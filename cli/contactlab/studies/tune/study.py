@@ -187,8 +187,8 @@ class Study:
         setup = self.trials.setup.written(written.reference, contender.changed)
         (file,) = self.trials.run("tuned-runs", [{}], FRESH, setup=setup)
         (cost,) = self.trials.costs([(setup, {})], FRESH)
-        limits = self.trials.limits = limits_of(self.request, now)
-        why = limits.broken(rows, now) if contender.changed else ""
+        trials = replace(self.trials, limits=limits_of(self.request, now))
+        why = trials.limits.broken(rows, now) if contender.changed else ""
         same = _same_runs(rows, file)
         if not why and same < len(FRESH):
             why = f"{len(FRESH) - same} runs of the file are others than those of the settings"
@@ -198,8 +198,8 @@ class Study:
             holds=not why,
             reason=why or "every run is within the limits",
             same_runs=same,
-            now=Contender({}, now).reported("now", self.trials),
-            tuned=replace(contender, rows=rows, cost=cost).reported("recommended", self.trials),
+            now=Contender({}, now).reported("now", trials),
+            tuned=replace(contender, rows=rows, cost=cost).reported("recommended", trials),
         )
 
 

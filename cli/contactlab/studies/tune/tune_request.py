@@ -57,8 +57,7 @@ class TuneRequest:
         return replace(setup, seeds=tuple(BASELINE))
 
 
-_LEAST_ERROR = 1e-6  # errors up to this count as none [m]
-_LEAST_FINAL = 5e-6  # such errors in the final state count as none [m]
+_LEAST_ERROR = 5e-6  # errors up to this count as none [m]
 _LATE = 1.5  # ratio of errors in the final state up to which both are as good
 _EQUAL = 1.05  # ratio of errors up to which both are as good
 _CHAOTIC = 2.0
@@ -122,7 +121,7 @@ def limits_of(request: TuneRequest, now: ConfigurationRows) -> Limits:
     chaotic = divergence > error
     sizes = {"error_peak": _CHAOTIC * divergence if chaotic else error}
     if request.error is None and not chaotic:
-        sizes["error_final"] = max(_LEAST_FINAL, *(_LATE * row["error_final"] for row in now.flat))
+        sizes["error_final"] = max(_LEAST_ERROR, *(_LATE * row["error_final"] for row in now.flat))
     return Limits(
         sizes={**sizes, **request.tolerances},
         labels=frozenset({"stable", *(row["label"] for row in now.flat)}),
