@@ -2,8 +2,8 @@
 
 Run: python -m bench.planted FOLDER
 
-writes NAME.xml and NAME_slow.xml of each. `contactlab tune NAME_slow.xml` ought to come back to what
-NAME.xml costs, and end where NAME_slow.xml does; `python -m bench.tune_cost` measures both.
+writes NAME.xml and NAME_slow.xml of each. `contactlab tune NAME_slow.xml` ought to come back to
+what NAME.xml costs, and end where NAME_slow.xml does; `python -m bench.tune_cost` measures both.
 """
 
 import sys
@@ -39,6 +39,7 @@ _LEG = """<body pos="{x} {y} 0">
 
 
 def quadruped(option: str = "", geom: str = "") -> str:
+    """Return a robot on four legs."""
     places = [(x, y) for x in (-0.17, 0.17) for y in (-0.13, 0.13)]
     legs = "".join(_LEG.format(x=x, y=y, n=n) for n, (x, y) in enumerate(places))
     motors = "".join(
@@ -75,16 +76,19 @@ GRIPPER = """<mujoco>
     <body name="palm" pos="0 0 .5">
       <joint name="lift" type="slide" axis="0 0 1" damping="20" range="-.1 .1"/>
       <geom type="box" size=".02 .1 .02" contype="0" conaffinity="0" mass="1"/>
-      <body pos="0 -.07 -.08"><joint name="left" type="slide" axis="0 1 0" damping="5" range="0 .04"/>
+      <body pos="0 -.07 -.08">
+        <joint name="left" type="slide" axis="0 1 0" damping="5" range="0 .04"/>
         <geom type="box" size=".02 .01 .06" mass=".1"/></body>
-      <body pos="0 .07 -.08"><joint name="right" type="slide" axis="0 -1 0" damping="5" range="0 .04"/>
+      <body pos="0 .07 -.08">
+        <joint name="right" type="slide" axis="0 -1 0" damping="5" range="0 .04"/>
         <geom type="box" size=".02 .01 .06" mass=".1"/></body>
     </body>
     <body pos="0 0 .42"><freejoint/><geom type="box" size=".03 .0595 .03" mass=".2"/></body>
   </worldbody>
   <actuator>
     <position joint="lift" kp="600" kv="40" ctrlrange="-.05 .05"/>
-    <motor joint="left" gear="20" ctrlrange=".8 1"/><motor joint="right" gear="20" ctrlrange=".8 1"/>
+    <motor joint="left" gear="20" ctrlrange=".8 1"/>
+    <motor joint="right" gear="20" ctrlrange=".8 1"/>
   </actuator>
   <keyframe><key qpos="0 0 0 0 0 .42 1 0 0 0" ctrl="0 1 1"/></keyframe>
 </mujoco>"""
@@ -99,18 +103,20 @@ STACK = """<mujoco>
   </worldbody>
 </mujoco>"""
 VEHICLE = """<mujoco>
-  <option timestep="{h}" {option}/>
+  <option timestep="0.002" {option}/>
   <default><geom {geom}/></default>
   <worldbody>
     <geom type="plane" size="50 50 .1"/>
-    <body pos="0 0 .1"><freejoint/><geom type="box" size=".25 .1 .04" pos="0 0 .05" mass="5"/>{wheels}
+    <body pos="0 0 .1">
+      <freejoint/><geom type="box" size=".25 .1 .04" pos="0 0 .05" mass="5"/>{wheels}
     </body>
   </worldbody>
   <actuator>{motors}</actuator>
 </mujoco>"""
 
 
-def vehicle(h: float = 0.002, option: str = "", geom: str = "") -> str:
+def vehicle(option: str = "", geom: str = "") -> str:
+    """Return a body on four driven wheels."""
     places = [(x, y) for x in (-0.18, 0.18) for y in (-0.15, 0.15)]
     wheels = "".join(
         f'<body pos="{x} {y} 0"><joint name="w{n}" axis="0 1 0" damping=".05"/>'
@@ -118,7 +124,7 @@ def vehicle(h: float = 0.002, option: str = "", geom: str = "") -> str:
         for n, (x, y) in enumerate(places)
     )
     motors = "".join(f'<velocity joint="w{n}" kv=".3" ctrlrange="-6 6"/>' for n in range(4))
-    return VEHICLE.format(h=h, option=option, geom=geom, wheels=wheels, motors=motors)
+    return VEHICLE.format(option=option, geom=geom, wheels=wheels, motors=motors)
 
 
 FOUR_BAR = """<mujoco>
@@ -155,6 +161,7 @@ SHELLS = """<mujoco>
 
 
 def shells(bits: str) -> str:
+    """Return an arm with meshes around its links."""
     meshes = _mesh("ab", 0.05) + _mesh("abc", 0.045) + _mesh("abcd", 0.035)
 
     def on(mesh: str, *places: str) -> str:

@@ -2,9 +2,9 @@
 
 Run: python -m bench.tune_cost FOLDER [ORIGINAL]
 
-The folder is that of the study. Whole runs of the proof's drive, from seeds that nobody has run, take
-turns; of each turn, the ratio of CPU times. ORIGINAL is the model that was made slow on purpose, if
-it was: then also what the slow and the tuned model cost beside that one.
+The folder is that of the study. Whole runs of the proof's drive, from seeds that nobody has run,
+take turns; of each turn, the ratio of CPU times. ORIGINAL is what the model was made slow of, if
+that was done on purpose: then also what the slow and the tuned model cost beside that one.
 """
 
 import json
@@ -29,7 +29,7 @@ _STATE = mujoco.mjtState.mjSTATE_FULLPHYSICS
 
 
 class Run(NamedTuple):
-    """A run that needs nothing of contactlab: a model, where it starts, and its controls (T, nu)."""
+    """A run without contactlab: a model, where it starts, and its controls (T, nu)."""
 
     model: mujoco.MjModel
     start: np.ndarray

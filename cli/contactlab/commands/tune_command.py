@@ -1,8 +1,7 @@
 """`contactlab tune`: from a model to the settings to use, written and proven."""
 
 import math
-import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -17,7 +16,9 @@ from contactlab.resources import RESULTS
 if TYPE_CHECKING:
     from contactlab.schema.study_reports import Candidate, TuneReport
 
+_NONE: Mapping[str, float] = {}
 _SECONDS = {"s": 1.0, "min": 60.0, "h": 3600.0}
+_NUMBER, _TIME = "a number above 0, such as 1e-3", "a time, such as 90s, 5min or 1h"
 
 
 def tune(
@@ -54,9 +55,9 @@ def tune(
     request = TuneRequest(
         model=model,
         goal=goal,
-        error=None if error is None else _read_positive("--error", error, "1e-3"),
+        error=None if error is None else _read_positive("--error", error, _NUMBER),
         tolerances=dict(opt.read_limit(each, "tolerance") for each in tolerance or ()),
-        budget=_read_budget(budget),
+        budget=_read_positive("--budget", budget, _TIME, _SECONDS),
         free=free or (),
         drop_sensors=drop_sensors,
         drive=drive_option(drive),
@@ -94,22 +95,16 @@ def _draw(report: "TuneReport", folder: Path, figure: Path) -> None:
         say(f"drew {figure}")
 
 
-def _read_positive(option: str, text: str, like: str) -> float:
+def _read_positive(option: str, text: str, like: str, units: Mapping[str, float] = _NONE) -> float:
+    """Return a number above 0; with units, one in any of them."""
+    number = text.rstrip("".join(units) + " ")
     try:
-        value = float(text)
-    except ValueError:
+        value = float(number) * {"": 1.0, **units}[text.removeprefix(number).strip()]
+    except (ValueError, KeyError):
         value = math.nan
     if not 0 < value < math.inf:
-        raise SweepFileError(f"{option} {text}: write a number above 0, such as {like}")
+        raise SweepFileError(f"{option} {text}: write {like}")
     return value
-
-
-def _read_budget(text: str) -> float:
-    """Return the seconds of `90s`, `5min` or `1h`; of a plain number, as many seconds."""
-    parts = re.fullmatch(r"([0-9.eE+-]+) *(s|min|h)?", text)
-    if parts is None:
-        raise SweepFileError(f"--budget {text}: write a time, such as 90s, 5min or 1h")
-    return _read_positive("--budget", parts[1], "5min") * _SECONDS[parts[2] or "s"]
 
 
 def _head(report: "TuneReport") -> Iterator[str]:

@@ -1,6 +1,6 @@
 """What may be changed in a model to make it cheaper, and what its runs cannot say anything of."""
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 
 import numpy as np
 
@@ -21,11 +21,12 @@ INTEGRATORS = ("Euler", "implicitfast", "implicit", "RK4")
 _LADDER = (1 / 8, 1 / 5, 1 / 4, 2 / 5, 1 / 2, 4 / 5, 1, 1.25, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10)
 """Timesteps that are tried, over that of the model."""
 _FEWEST_STEPS = 50
-_OPTIONS: tuple[tuple[str, tuple[float, ...]], ...] = (
-    ("iterations", (100, 20, 5)),
-    ("tolerance", (1e-8, 1e-6, 1e-4)),
-    ("ls_iterations", (50, 10)),
-)
+_OPTIONS: Mapping[str, tuple[float, ...]] = {
+    "iterations": (100, 20, 5),
+    "tolerance": (1e-8, 1e-6, 1e-4),
+    "ls_iterations": (50, 10),
+    "noslip_iterations": (10, 3),
+}
 """Values that cost less than those above (of iterations) or below (of tolerances) them."""
 _SOFTER = (1.5, 2.0, 4.0)
 
@@ -81,17 +82,22 @@ def _proposed(
     for name in ("solver", "jacobian"):
         others = [word for word in WORDS[name] if word not in (written[name], "auto")]
         yield Knob(name, tuple({name: word} for word in others)), []
-    for name, values in _OPTIONS:
-        own, sign = as_number(written[name]), -1 if name == "tolerance" else 1
-        fewer = [value for value in values if sign * value < sign * own]
-        yield Knob(name, tuple({name: value} for value in fewer)), []
+    fewer = {
+        name: tuple({name: each} for each in values if (each < own) != (name == "tolerance"))
+        for name, values in _OPTIONS.items()
+        for own in [as_number(written[name])]
+    }
+    fewer_noslip = fewer.pop("noslip_iterations")
+    for name, values in fewer.items():
+        yield Knob(name, values), []
     yield Knob("island", ({"island": not base.flags["island"]},)), []
     if not base.flags.get("sleep", True):
         yield Knob("sleep", (EFFECTS["sleep"].on,)), []
     for toggle in find_toggles(setup):
         if toggle.effect in SAVERS and toggle.on and not toggle.proof:
             feature = EFFECTS[toggle.effect].feature
-            yield Knob(toggle.effect, (toggle.values,)), [feature] if feature else []
+            values = (toggle.values, *(fewer_noslip if toggle.effect == "noslip" else ()))
+            yield Knob(toggle.effect, values), [feature] if feature else []
     solref = written.get("solref")
     if "solref" in free and isinstance(solref, tuple) and solref[0] > 0:
         softer = ((solref[0] * factor, solref[1]) for factor in _SOFTER)

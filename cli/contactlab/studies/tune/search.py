@@ -180,8 +180,11 @@ class Search:
 
         They may after a longer step, and of half the time: a small share is twice as large then.
         """
-        helpful = self._faster(self._kept(list(self._changes(self.here))))
-        before, (gain, self.here) = self._step, self._together(helpful)
+        before, base = self._step, self.here
+        helpful = self._faster(self._kept(list(self._changes(base))))
+        if helpful:  # as far as it gets, should the search end now
+            self.here = helpful[0][1]
+        gain, self.here = self._together(base, helpful)
         self.gain *= gain
         self._lengthen()
         return self._step != before or gain < 0.5
@@ -204,25 +207,25 @@ class Search:
         timed = zip((time / now for time in times), configurations, strict=True)
         return sorted((each for each in timed if each[0] < GAIN), key=lambda each: each[0])
 
-    def _together(self, helpful: Sequence[_Timed]) -> _Timed:
-        """Return a configuration with the changes that are feasible together, of those that help.
+    def _together(self, base: Values, helpful: Sequence[_Timed]) -> _Timed:
+        """Return a base with the changes that are feasible together, of those that help.
 
         What helps no more once those before it are made is left as it is.
         """
         taken: list[Values] = []
-        sums = [self.here]
+        sums = [base]
         for _, each in helpful:
-            change = {name: value for name, value in each.items() if value != self.here[name]}
-            if all(sums[-1][name] == self.here[name] for name in change):
+            change = {name: value for name, value in each.items() if value != base[name]}
+            if all(sums[-1][name] == base[name] for name in change):
                 taken.append(change)
                 sums.append({**sums[-1], **change})
         while taken and self._judged(sums[-1:])[0] > 1:
             taken.pop()
             sums.pop()
         if not taken:
-            return 1.0, self.here
+            return 1.0, base
         times = [1.0, helpful[0][0]] if len(taken) == 1 else self.clock(sums)
-        gain, here = 1.0, self.here
+        gain, here = 1.0, base
         for change, before, after in zip(taken, times, times[1:], strict=False):
             if after < GAIN * before:
                 gain, here = gain * after / before, {**here, **change}

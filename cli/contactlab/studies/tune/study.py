@@ -120,11 +120,12 @@ class Study:
         return {name: value for name, value in values.items() if value != written[name]}
 
     def compare(self, search: Search) -> None:
-        """Run what was found, and the same with shorter steps, from as many seeds as time allows.
+        """Run what was found, from as many seeds as time allows, and the same with shorter steps.
 
-        The best comes first.
+        And with the model's own step and integrator. The best comes first.
         """
-        found = [search.here, *(search.longer(rungs) for rungs in (-1, -2))]
+        own = {name: self.space.written[name] for name in ("timestep", "integrator")}
+        found = [search.here, *(search.longer(rungs) for rungs in (-1, -2)), {**search.here, **own}]
         changes = [self._changed(each) for each in found if self._changed(search.here)]
         changes = [each for each in changes if each] + [{}] * (self.savers != ModelEdits())
         distinct = list({json.dumps(each, default=str): each for each in changes}.values())

@@ -15,6 +15,7 @@ from contactlab.studies.effects.effects_request import AblationSetup, EffectsReq
 
 SAVERS = ("torsional_friction", "rolling_friction", "elliptic", "noslip", "impratio", "multiccd")
 """Effects that cost time and may not be needed; their absence is tried where runs exercise them."""
+FREE = ("solref", *SAVERS)
 BASELINE, CONTENDERS, FRESH = range(3), range(10), range(10, 20)
 """Seeds: of the model as written, of what the search finds, and of the proof."""
 
@@ -51,7 +52,8 @@ class TuneRequest:
         if not setup.scene.base({}).model.nv:
             raise SceneError(f"{self.model} has no joints: nothing moves, so nothing can be tuned")
         for name in self.free:
-            SweepFileError.unless_known(name, ("solref", *SAVERS), f"--free: no '{name}'")
+            rest = f"; write one of {', '.join(FREE)}"
+            SweepFileError.unless_known(name, FREE, f"--free: no '{name}'", rest=rest)
         for name in self.tolerances:
             SweepFileError.unless_known(name, METRICS, f"no metric '{name}'")
         return replace(setup, seeds=tuple(BASELINE))
