@@ -76,3 +76,33 @@ def test_runs_that_differ_in_numerics_alone_have_the_same_error_either_way(fall:
         expected = pytest.approx(WRITTEN * own["timestep"] / 2, rel=1e-6)
         assert own["error_final"] == expected
         assert written["error_final"] == expected
+
+
+# RK4 multiplies the speed by 1 + z + z^2/2 + z^3/6 + z^4/24, of z = -damping h / mass: 5 at the
+# coarse step of 4 ms, and so by 2e8 in 48 ms, which is no failure; 1/3 at the fine step of 2 ms.
+DAMPER = """<mujoco>
+  <option timestep="0.008" integrator="implicitfast" gravity="0 0 0"/>
+  <worldbody>
+    <body><joint type="slide" damping="1000"/><geom size="0.1" mass="1"/></body>
+  </worldbody>
+  <keyframe><key name="pushed" qvel="1"/></keyframe>
+</mujoco>
+"""
+
+
+def test_a_reference_that_flies_away_is_none(sweeper: Any) -> None:
+    """Steps of the speed alone take no body further than one of them at its first speed."""
+    (sweeper.folder / "damper.xml").write_text(DAMPER)
+    sweeper.run("""
+version: 1
+scene: damper.xml
+duration: 0.048
+axes: {timestep: [0.008]}
+accuracy: {error: trajectory, refine: 2}
+trace: none
+checks: none
+""")
+    (row,) = sweeper.rows()
+    assert row["reference_integrator"] == "implicitfast"
+    assert row["error_peak"] <= 0.008
+    assert row["error_estimate"] <= 0.004

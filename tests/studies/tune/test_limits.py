@@ -37,6 +37,14 @@ def test_an_error_that_was_asked_for_holds_at_any_time() -> None:
     assert excess(rows(1e-3, 1e-5), rows(2.1e-3, 1e-5), 2e-3) > 1
 
 
+def test_no_error_is_known_better_than_its_reference() -> None:
+    """Half the step of the reference moves the runs by more than the model is off."""
+    now = rows(1e-3, 1e-5)
+    unsure = [[{**row, "error_estimate": 3e-3} for row in now.flat]]
+    assert excess(ConfigurationRows([{}], unsure), rows(3.1e-3, 1e-5)) <= 1
+    assert excess(ConfigurationRows([{}], unsure), rows(3.2e-3, 1e-5)) > 1
+
+
 def test_where_a_nudged_start_parts_further_that_is_the_limit() -> None:
     """Twice as far, at any time: where runs end is luck then."""
     now = rows(1e-3, 1e-5, divergence=0.1)

@@ -117,13 +117,19 @@ def limits_of(request: TuneRequest, now: ConfigurationRows) -> Limits:
                 f"{request.model} as written ends as {row['label']} ({row['label_reason']}), so "
                 f"there is nothing to compare with; contactlab check {request.model} says more"
             )
-    own = max(_LEAST_ERROR, *(_EQUAL * row["error_peak"] for row in now.flat))
+
+    def largest(name: str, uncertainty: str) -> float:
+        # No error is known better than its reference.
+        return max(max(row[name], row.get(uncertainty) or 0.0) for row in now.flat)
+
+    own = max(_LEAST_ERROR, _EQUAL * largest("error_peak", "error_estimate"))
     error = own if request.error is None else request.error
     divergence = max(row["divergence"] or 0.0 for row in now.flat)
     chaotic = divergence > error
     sizes = {"error_peak": _CHAOTIC * divergence if chaotic else error}
     if request.error is None and not chaotic:
-        sizes["error_final"] = max(_LEAST_ERROR, *(_LATE * row["error_final"] for row in now.flat))
+        late = _LATE * largest("error_final", "error_final_estimate")
+        sizes["error_final"] = max(_LEAST_ERROR, late)
     return Limits(
         sizes={**sizes, **request.tolerances},
         labels=frozenset({"stable", *(row["label"] for row in now.flat)}),
