@@ -152,7 +152,8 @@ def _details(report: "TuneReport", folder: Path) -> Iterator[str]:
     kept = [f"{each.name}: {each.reason}" for each in report.kept]
     yield from (f"kept: {each}" for each in shortened(kept, 6, REPORT))
     if report.file:
-        yield f"wrote {folder / report.file}, {PATCH}, {PROOF} and {REPORT}"
+        patch = f", {PATCH}" if (folder / PATCH).is_file() else ""
+        yield f"wrote {folder / report.file}{patch}, {PROOF} and {REPORT}"
         yield f"next: contactlab sweep {folder / PROOF}"
     else:
         yield f"evidence and {REPORT} in {folder}"

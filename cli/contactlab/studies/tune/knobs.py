@@ -60,6 +60,7 @@ def space_of(
         timesteps=tuple(each for each in steps if each <= max(step, longest)),
         integrators=integrators_of(base, str(written["integrator"])),
         knobs=tuple(knobs),
+        first=() if written["solver"] == "Newton" else (Knob("solver", ({"solver": "Newton"},)),),
     )
     return space, kept
 

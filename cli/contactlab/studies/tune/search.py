@@ -36,6 +36,8 @@ class Space:
     timesteps: tuple[float, ...]  # ascending, that of the model among them [s]
     integrators: tuple[str, ...]  # that of the model among them
     knobs: tuple[Knob, ...]  # all others
+    # What is changed before the timestep is, since it makes all that follows slow.
+    first: tuple[Knob, ...] = ()
 
 
 Judge = Callable[[Sequence[Values]], Sequence[float]]
@@ -68,8 +70,8 @@ class Search:
             return
         self.here = start
         self.needed = {name for name, value in start.items() if value != self.space.written[name]}
-        self._lengthen()
-        while self._improve() or self._exchange():
+        self._improve(self.space.first)
+        while self._improve(self.space.knobs) or self._exchange():
             pass
 
     def sharpen(self) -> None:
@@ -120,7 +122,7 @@ class Search:
                 best, start = excess, shortest
         while best > 1:
             others = [{**start, "integrator": each} for each in self.space.integrators]
-            others = [*self._changes(start), *others]
+            others = [*self._changes(start, self.space.knobs), *others]
             if kept := self._kept(others):
                 times = self.clock(kept)
                 return kept[times.index(min(times))]
@@ -131,9 +133,9 @@ class Search:
             best, start = least, others[excess.index(least)]
         return start
 
-    def _changes(self, here: Values) -> Iterator[Values]:
+    def _changes(self, here: Values, knobs: Sequence[Knob]) -> Iterator[Values]:
         """Yield what differs from a configuration in one knob."""
-        for knob in self.space.knobs:
+        for knob in knobs:
             own = {name: self.space.written[name] for each in knob.values for name in each}
             for each in (*knob.values, own):
                 if {**here, **each} != here and not self.needed & each.keys():
@@ -175,13 +177,13 @@ class Search:
             for (each, rung), excess in zip(probes.items(), self._judged(tried), strict=True):
                 (longest if excess <= 1 else failed)[each] = rung
 
-    def _improve(self) -> bool:
-        """Change the knobs that save time; return whether others may save some now.
+    def _improve(self, knobs: Sequence[Knob]) -> bool:
+        """Change the knobs that save time, then the step; return whether others may save some now.
 
         They may after a longer step, and of half the time: a small share is twice as large then.
         """
         before, base = self._step, self.here
-        helpful = self._faster(self._kept(list(self._changes(base))))
+        helpful = self._faster(self._kept(list(self._changes(base, knobs))))
         if helpful:  # as far as it gets, should the search end now
             self.here = helpful[0][1]
         gain, self.here = self._together(base, helpful)
@@ -191,9 +193,9 @@ class Search:
 
     def _exchange(self) -> bool:
         """Make two changes, of which the first saves time and misses by little; return whether."""
-        near = [self.longer(1), *self._changes(self.here)]
+        near = [self.longer(1), *self._changes(self.here, self.space.knobs)]
         for _, first in self._faster([each for each in near if 1 < self._known(each) <= _NEAR]):
-            both = [each for each in self._changes(first) if each != self.here]
+            both = [each for each in self._changes(first, self.space.knobs) if each != self.here]
             if faster := self._faster(self._kept(both)):
                 self.here = faster[0][1]
                 return True
