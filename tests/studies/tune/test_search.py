@@ -3,6 +3,7 @@
 import itertools
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -91,6 +92,23 @@ def test_of_what_makes_a_model_good_enough_the_cheapest_is_taken() -> None:
     assert search.here["solver"] is True
     assert search.here["cone"] is False
     assert law.excess(search.here) <= 1
+
+
+def test_what_makes_all_that_follows_slow_is_changed_before_the_step() -> None:
+    law = Law(6)
+    law.constants["Euler"] = 0.5
+    law.errors["solver"], law.costs["solver"] = 1.0, 0.2
+    space = replace(searched(law).space, first=(Knob("solver", ({"solver": True},)),))
+    judged: list[Values] = []
+
+    def judge(configurations: Sequence[Values]) -> list[float]:
+        judged.extend(configurations)
+        return law.judge(configurations)
+
+    Search(space, judge, law.clock).run()
+    steps = [each for each in judged if each["timestep"] != space.written["timestep"]]
+    assert steps
+    assert all(each["solver"] for each in steps)
 
 
 def test_where_nothing_is_feasible_the_model_stays_as_it_is() -> None:

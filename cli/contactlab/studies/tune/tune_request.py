@@ -59,7 +59,7 @@ class TuneRequest:
         return replace(setup, seeds=tuple(BASELINE))
 
 
-_LEAST_ERROR = 5e-6  # errors up to this count as none [m]
+_LEAST_ERROR, _LEAST_FINAL = 1e-5, 5e-6  # errors up to these count as none [m]
 _LATE = 1.5  # ratio of errors in the final state up to which both are as good
 _EQUAL = 1.05  # ratio of errors up to which both are as good
 _CHAOTIC = 2.0
@@ -129,7 +129,7 @@ def limits_of(request: TuneRequest, now: ConfigurationRows) -> Limits:
     sizes = {"error_peak": _CHAOTIC * divergence if chaotic else error}
     if request.error is None and not chaotic:
         late = _LATE * largest("error_final", "error_final_estimate")
-        sizes["error_final"] = max(_LEAST_ERROR, late)
+        sizes["error_final"] = max(_LEAST_FINAL, late)
     return Limits(
         sizes={**sizes, **request.tolerances},
         labels=frozenset({"stable", *(row["label"] for row in now.flat)}),
