@@ -37,16 +37,17 @@ class Run(NamedTuple):
 
     def go(self) -> tuple[float, np.ndarray]:
         """Return the CPU time [s], and the origins and axes of bodies at the end."""
+        states, taken, before = np.empty(0), 0.0, 0.0
         data = mujoco.MjData(self.model)
-        # The first steps pay for memory that was never touched.
-        rollout(self.model, data, self.start, self.controls[:_WARM])
-        begin = time.thread_time()
-        states, _ = rollout(self.model, data, self.start, self.controls)
-        taken = time.thread_time() - begin
-        mujoco.mj_setState(self.model, data, states[0, -1], _STATE)
+        # The first steps pay for memory that was never touched, a single one for the call.
+        for steps in (_WARM, 1, len(self.controls)):
+            begin, before = time.thread_time(), taken
+            states, _ = rollout(self.model, data, self.start, self.controls[:steps])
+            taken = time.thread_time() - begin
+        mujoco.mj_setState(self.model, data, np.asarray(states)[0, -1], _STATE)
         mujoco.mj_kinematics(self.model, data)
         axes = 0.05 * data.xmat.reshape(-1, 3, 3).swapaxes(1, 2)
-        return taken, (data.xpos[:, None] + axes).ravel()
+        return taken - before, (data.xpos[:, None] + axes).ravel()
 
 
 def runs_of(reference: str, drive: Drive | None, seconds: float) -> list[Run]:
@@ -83,9 +84,10 @@ def measure(folder: Path, original: str = "") -> str:
     if report.file is None or report.proof is None or report.proof.tuned.cost is None:
         return f"{folder.name}: kept as it is"
     asked, given = drive_of(folder / "proof"), drive_of(folder / "tuned-runs")
-    models = [(report.model, asked), (str(folder / report.file), given)]
-    models += [(original, asked)] if original else []
-    every = [runs_of(*each, report.duration) for each in models]
+    every = [runs_of(report.model, asked, report.duration)]
+    every.append(runs_of(str(folder / report.file), given, report.duration))
+    if original:
+        every.append(runs_of(original, asked, report.duration))
     turn(every)
     turns, begin = [turn(every)], time.monotonic()
     while len(turns) < LEAST or (len(turns) < 31 and time.monotonic() < begin + LONGEST / 4):
