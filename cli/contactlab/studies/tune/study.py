@@ -92,7 +92,7 @@ class Study:
                 search.sharpen()
         except OutOfTimeError:
             self.ended = f"after {self.request.budget:g} s"
-        except StoppedError:
+        except (StoppedError, KeyboardInterrupt):
             self.ended = "when it was interrupted"
             self.session = trials.session = replace(self.session, stop=None)
         trials.deadline, self.tried = last, len(search.excess)
