@@ -25,6 +25,7 @@ from tests.verdicts.held_back_2 import HELD_BACK_2
 from tests.verdicts.held_back_3 import HELD_BACK_3
 from tests.verdicts.held_back_4 import HELD_BACK_4
 from tests.verdicts.held_back_5 import HELD_BACK_5
+from tests.verdicts.held_back_6 import HELD_BACK_6
 from tests.verdicts.judge import NO_MODEL, Job, Verdict, judged
 from tests.verdicts.public_models import DRIVES, public_models
 
@@ -84,6 +85,7 @@ def corpus_rows(options: argparse.Namespace, folder: Path) -> list[Row]:
             "held back 3": HELD_BACK_3,
             "held back 4": HELD_BACK_4,
             "held back 5": HELD_BACK_5,
+            "held back 6": HELD_BACK_6,
         }
     asked: dict[Path, tuple[Case, str, bool]] = {}
     for part, cases in parts.items():
