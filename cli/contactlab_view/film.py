@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import chain, repeat
 from pathlib import Path
+from types import MappingProxyType
 
 import av
 import mujoco
@@ -19,6 +20,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from contactlab.contact.trace_arrays import Floats
+from contactlab.contact.trace_setup import RecordedMotion
 from contactlab.errors import SceneError, did_you_mean
 from contactlab.palette import MODE_COLOURS
 from contactlab.run.stored_runs import PreparedReplay
@@ -38,6 +40,7 @@ _SHADOW = 2048
 _BACKGROUND = (0.74, 0.79, 0.86, 1.0)
 # The background's distance as a fraction of the farthest visible one.
 _WALL = 0.5
+_GHOST = (0.95, 0.45, 0.1, 0.35)  # what was recorded
 _ARROW = mujoco.mjtGeom.mjGEOM_ARROW
 _PLACING = (mujoco.mj_kinematics, mujoco.mj_comPos, mujoco.mj_camlight, mujoco.mj_tendon)
 # The values of MUJOCO_GL, each with its system library.
@@ -79,8 +82,11 @@ def draw_pictures(
     frames: Mapping[int, Floats],
     size: tuple[int, int],
     camera: str | None = None,
+    recorded: Mapping[int, Floats] = MappingProxyType({}),
 ) -> Iterator[Picture]:
     """Yield a picture (height, width, 3) of some frames of a motion, by configuration (nq,).
+
+    What was `recorded` of bodies (nq,), NaN for others, is drawn as a ghost beside them.
 
     The model's off-screen buffer is set to the size, width and height [pixels]. Without the name
     of one of its cameras, one sees the whole motion. A SceneError says that there is no OpenGL, or
@@ -104,17 +110,43 @@ def draw_pictures(
         for frame, configuration in frames.items():
             # Contacts were stored: without collision detection, all else is placed.
             data.qpos[:] = configuration
-            for place in _PLACING:
-                place(model, data)
+            _place(model, data)
             everything = mujoco.mjtCatBit.mjCAT_ALL.value
             mujoco.mjv_updateScene(model, data, option, None, view, everything, scene)
             if not has_sky:
                 _draw_background(scene)
             _draw_forces(scene, motion, frame)
+            if frame in recorded:
+                _draw_ghost(scene, model, data, recorded[frame], option)
             mujoco.mjr_render(area, scene, context)
             mujoco.mjr_readPixels(picture, None, area, context)
             yield picture[::-1].copy()
         context.free()
+
+
+def _place(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+    for place in _PLACING:
+        place(model, data)
+
+
+def _draw_ghost(
+    scene: mujoco.MjvScene,
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
+    recorded: Floats,
+    option: mujoco.MjvOption,
+) -> None:
+    """Add the geoms that what was recorded (nq,) places elsewhere, NaN for what was not."""
+    before, first = data.geom_xpos.copy(), scene.ngeom
+    turned = data.geom_xmat.copy()
+    data.qpos[:] = np.where(np.isnan(recorded), data.qpos, recorded)
+    _place(model, data)
+    moved = (data.geom_xpos != before).any(axis=1) | (data.geom_xmat != turned).any(axis=1)
+    moving = mujoco.mjtCatBit.mjCAT_DYNAMIC.value
+    mujoco.mjv_addGeoms(model, data, option, mujoco.MjvPerturb(), moving, scene)
+    for geom in scene.geoms[first : scene.ngeom]:
+        is_geom = geom.objtype == mujoco.mjtObj.mjOBJ_GEOM.value
+        geom.rgba[:] = _GHOST if is_geom and moved[geom.objid] else 0
 
 
 def _draw_background(scene: mujoco.MjvScene) -> None:
@@ -206,9 +238,19 @@ class RunPictures:
         scale = f"   1 N is {self.motion.scale:g} m" if len(self.motion.forces.frame) else ""
         run = f"{record.scene} {record.run_id[:8]}: {record.label}{scale}"
         model = self.replay.prepared.model
-        drawn = draw_pictures(model, self.motion, chosen, self.size, self.camera)
+        runs = self.replay.runs
+        recorded = recorded_poses(runs.scene.motion(runs.resolved), self.motion.time)
+        drawn = draw_pictures(model, self.motion, chosen, self.size, self.camera, recorded)
         for frame, picture in zip(frames, drawn, strict=True):
             yield captioned(picture, f"{self.motion.time[frame]:.3f} s   {run}")
+
+
+def recorded_poses(motion: RecordedMotion | None, times: Floats) -> dict[int, Floats]:
+    """Return what was recorded of a run (nq,) nearest to some times (F,) [s], by their index."""
+    if motion is None:
+        return {}
+    rows: list[int] = nearest(motion.times[0][np.isfinite(motion.times[0])], times).tolist()
+    return {frame: motion.qpos[0, row] for frame, row in enumerate(rows)}
 
 
 def write_mp4(target: Path, pictures: Iterator[Picture], rate: int) -> None:

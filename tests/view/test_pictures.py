@@ -11,9 +11,10 @@ import pytest
 from PIL import Image
 
 from contactlab.contact.trace_arrays import STICK
+from contactlab.contact.trace_setup import RecordedMotion
 from contactlab.errors import OutputError, SceneError
 from contactlab_view.drawn_motion import read_motion
-from contactlab_view.film import Picture, draw_pictures
+from contactlab_view.film import Picture, draw_pictures, recorded_poses
 from contactlab_view.render import PictureOptions, render
 
 SIZE = (160, 120)
@@ -85,6 +86,35 @@ def test_arrows_show_only_during_contact(drawn: Draw) -> None:
     assert greenish(resting).sum() > 20
     [falling] = take(drawn("ball"), [0])
     assert not greenish(falling).any()
+
+
+def test_what_was_recorded_is_a_ghost_where_it_is_elsewhere(drawn: Draw) -> None:
+    """Where it is as simulated, or was not recorded, the picture is the same to the last bit."""
+    run = drawn("ball")
+    motion = read_motion(run.start.prepared, run.trace, 60)
+    here = run.trace.qpos[motion.rows[0]]
+    beside = here + np.eye(len(here))[0] * 0.1
+
+    def picture(recorded: dict[int, Any]) -> Picture:
+        return next(draw_pictures(run.model, motion, {0: here}, SIZE, None, recorded))
+
+    def orange(shown: Picture) -> int:
+        return int((shown[..., 0].astype(int) - shown[..., 2] > 45).sum())
+
+    plain = picture({})
+    assert orange(plain) == 0
+    assert orange(picture({0: beside})) > 20
+    for same in (here, np.full(len(here), np.nan)):
+        assert (picture({0: same}) == plain).all()
+
+
+def test_ghosts_are_at_the_nearest_row() -> None:
+    times, qpos = np.array([[0.0, 0.1, 0.2, np.nan]]), np.arange(4.0).reshape(1, 4, 1)
+    none = np.full((1, 2), -1)
+    motion = RecordedMotion((), times, qpos, qpos, np.zeros(1), none, np.zeros(1))
+    found = recorded_poses(motion, np.array([0.0, 0.12, 0.19, 5.0]))
+    assert {frame: row.item() for frame, row in found.items()} == {0: 0, 1: 1, 2: 2, 3: 2}
+    assert recorded_poses(None, np.zeros(3)) == {}
 
 
 def test_an_unknown_camera_is_refused(drawn: Draw) -> None:
