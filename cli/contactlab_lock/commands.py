@@ -84,6 +84,7 @@ def bisect(
     output: opt.Format = opt.FORMAT,
 ) -> None:
     """Find the release of MuJoCo that changed an outcome; the same command resumes."""
+    from contactlab.comparison.checks import plural
     from contactlab_lock import bisection
     from contactlab_lock.versions import releases, run_sweep, run_test
 
@@ -110,7 +111,8 @@ def bisect(
         compared = report and report.model_dump(mode="json")
         print_json({**asdict(found), "comparison": compared, "folder": str(place)})
         return
-    echo(f"MuJoCo {found.after} changed it, after {found.before} ({found.steps} releases tried)")
+    tried = plural(found.steps, "release")
+    echo(f"MuJoCo {found.after} changed it, after {found.before} ({tried} between the ends tried)")
     for version, reason in found.skipped.items():
         echo(f"or {version}, which cannot be run: {reason}")
     if report is not None:

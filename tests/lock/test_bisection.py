@@ -5,17 +5,24 @@ import shutil
 import subprocess
 from pathlib import Path
 
+import mujoco
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 import contactlab
 from contactlab.comparison.compare_stores import DEFAULT_POLICY
-from contactlab.errors import EngineError, ExpectationError, PolicyError, StoppedError
+from contactlab.errors import (
+    EngineError,
+    ExpectationError,
+    PolicyError,
+    StoppedError,
+    SweepFileError,
+)
 from contactlab.resources import MODELS
 from contactlab_lock import versions
 from contactlab_lock.bisection import SweepOutcomes, bisect, remembered
-from contactlab_lock.versions import releases, run_sweep
+from contactlab_lock.versions import releases, run_sweep, run_test
 
 
 def ignore(_: str) -> None:
@@ -138,6 +145,20 @@ def test_a_test_runs_once_until_its_file_changes(tmp_path: Path) -> None:
     assert [asked("test_b"), asked("test_b")] == [False, False]
     file.write_text("second")
     assert asked("test_b")
+
+
+def test_pytest_says_whether_a_test_passes(tmp_path: Path) -> None:
+    file = tmp_path / "test_it.py"
+    file.write_text("def test_a(): pass\n\ndef test_b(): raise ValueError('why')\n")
+
+    def passes(name: str) -> bool:
+        return run_test(f"{file}::{name}", tmp_path / name, mujoco.__version__, ignore)
+
+    assert passes("test_a")
+    assert not passes("test_b")
+    assert "ValueError: why" in (tmp_path / "test_b" / "pytest.txt").read_text()
+    with pytest.raises(SweepFileError, match=r"exit code 4; see .*test_c/pytest\.txt"):
+        passes("test_c")
 
 
 def test_releases_lead_from_the_one_to_the_other() -> None:
