@@ -29,7 +29,7 @@ SECTIONS = {
         "python",
     ),
     "In a team": ("compare", "ci", "upgrading", "report", "viewing", "stores", "clusters"),
-    "Beyond": ("engines", "parity", "plugins"),
+    "Beyond": ("engines", "lock", "parity", "plugins"),
     "Concepts": ("evidence", "accuracy", "timestep", "speed", "design"),
 }
 """The pages of docs, each in one section."""

@@ -237,7 +237,7 @@ class ProgressDisplay:
     def line(self) -> Text:
         """Return the current state as one line: bar, counts, rate, time left, labels."""
         if not self._total:
-            return Text()
+            return Text("compiling models, starting workers", "dim")
         filled, rate = _BAR * self._done // self._total, self._rate()
         line = Text(no_wrap=True, overflow="ellipsis")
         line.append("█" * filled, "green").append("░" * (_BAR - filled), "dim")
