@@ -1,5 +1,8 @@
 """The models of public wheels, as their authors wrote them, and robosuite's arms with grippers.
 
+The robots of example-robot-data are URDF: what MuJoCo cannot compile of them is named, and left
+out. The Panda of MENAGERIE_ROOT is among the models where that folder is known.
+
 Nothing depends on these packages. They are looked for where ROBOT_WHEELS says, or among those that
 are installed. Files that repeat another's text are left out; a mere part of a model has no verdict.
 """
@@ -7,6 +10,7 @@ are installed. Files that repeat another's text are left out; a mere part of a m
 import hashlib
 import importlib.util
 import os
+import re
 import shutil
 import sys
 import warnings
@@ -18,6 +22,9 @@ import mujoco
 
 PACKAGES = ("mujoco", "gymnasium", "gymnasium_robotics", "dm_control", "robosuite")
 DRIVES = ("hold", "noise=0.3,rate=10", "exercise")
+_URDF = "cmeel.prefix/share/example-robot-data"
+_AS_URDF = """<mujoco><compiler strippath="false" discardvisual="true" balanceinertia="true"/>
+</mujoco>"""
 _ARMS = "robosuite/models/assets/robots"
 _GRIPPERS = "robosuite/models/assets/grippers"
 # As robosuite pairs them, but for grippers that this MuJoCo refuses to compile.
@@ -45,8 +52,8 @@ class PublicModel:
 
 def public_models(folder: Path, pattern: str) -> list[PublicModel]:
     """Return the models whose name has a pattern; those that are put together go into a folder."""
-    found = [model for model in _found() if pattern in model.name]
-    return [*found, *_with_grippers(folder, pattern)]
+    found = [model for model in (*_found(), *_menagerie()) if pattern in model.name]
+    return [*found, *_with_grippers(folder, pattern), *_from_urdf(folder, pattern)]
 
 
 def moves(path: Path) -> bool:
@@ -81,6 +88,41 @@ def _found() -> Iterator[PublicModel]:
             if digest not in seen:
                 seen.add(digest)
                 yield PublicModel(f"{package}/{path.relative_to(place)}", path)
+
+
+def _menagerie() -> Iterator[PublicModel]:
+    root = os.environ.get("MENAGERIE_ROOT")
+    for path in sorted(Path(root).rglob("*.xml")) if root else ():
+        yield PublicModel(f"menagerie/{path.relative_to(root or '.')}", path)
+
+
+def _from_urdf(folder: Path, pattern: str) -> Iterator[PublicModel]:
+    """Yield the robots of example-robot-data, written as MJCF; their base is fixed."""
+    share = Path(os.environ.get("ROBOT_WHEELS", ".")) / _URDF
+    if not share.is_dir():
+        _say("example-robot-data is left out: not in the folder ROBOT_WHEELS")
+    for path in sorted(share.rglob("*.urdf")):
+        robot = path.parent.parent.name.removesuffix("_description")
+        name = f"example-robot-data/{robot}/{path.name}"
+        if pattern in name:
+            written = folder / f"{robot}_{path.stem}.xml"
+            try:
+                _write_urdf(path, share, written)
+            except ValueError as error:
+                _say(f"{name} cannot be compiled: {' '.join(str(error).split())}")
+            else:
+                yield PublicModel(name, written)
+
+
+def _write_urdf(path: Path, share: Path, written: Path) -> None:
+    text = path.read_text(encoding="utf-8")
+    text = re.sub("package:/+example-robot-data", str(share), text)
+    text = re.sub(r"(<robot\b[^>]*>)", rf"\1{_AS_URDF}", text, count=1)
+    model = mujoco.MjModel.from_xml_string(text)
+    mujoco.mj_saveLastXML(str(written), model)
+    saved = written.read_text(encoding="utf-8")
+    balanced = saved.replace("<compiler ", '<compiler balanceinertia="true" ', 1)
+    written.write_text(balanced, encoding="utf-8")
 
 
 def _with_grippers(folder: Path, pattern: str) -> Iterator[PublicModel]:
