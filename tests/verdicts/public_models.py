@@ -108,7 +108,7 @@ def _from_urdf(folder: Path, pattern: str) -> Iterator[PublicModel]:
             written = folder / f"{robot}_{path.stem}.xml"
             try:
                 _write_urdf(path, share, written)
-            except ValueError as error:
+            except (OSError, ValueError) as error:
                 _say(f"{name} cannot be compiled: {' '.join(str(error).split())}")
             else:
                 yield PublicModel(name, written)
@@ -123,6 +123,9 @@ def _write_urdf(path: Path, share: Path, written: Path) -> None:
     saved = written.read_text(encoding="utf-8")
     balanced = saved.replace("<compiler ", '<compiler balanceinertia="true" ', 1)
     written.write_text(balanced, encoding="utf-8")
+    spec = _spec(written, written.with_suffix(""))
+    spec.compile()
+    written.write_text(spec.to_xml(), encoding="utf-8")
 
 
 def _with_grippers(folder: Path, pattern: str) -> Iterator[PublicModel]:
