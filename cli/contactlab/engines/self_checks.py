@@ -30,7 +30,7 @@ _JACOBIAN_SAMPLES = 16
 _GEOMETRY_SAMPLES = 128
 # Forces and accelerations below this share of the run's largest may be rounding.
 _LEAST_SHARE = 1e-3
-_NO_ACCELERATION = 1e-5  # m/s^2 or rad/s^2: a millionth of gravity.
+_NO_ACCELERATION = 1e-2  # m/s^2 or rad/s^2: a thousandth of gravity.
 _TIGHT = 1e-12
 _MOST_ITERATIONS = 1000
 # How the solver of a refined copy is tightened, and how far off a perturbed one starts.

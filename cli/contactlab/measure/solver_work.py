@@ -148,13 +148,13 @@ def _cut_by_pair(context: Context) -> list[NDArray[np.bool_]]:
     return [net.found > most for net, most in zip(context.net, slots, strict=True)]
 
 
-@metric("1", "lower", 1e-12, kind="check", version=3)
+@metric("1", "lower", 1e-12, kind="check", version=4)
 def solver_residual(context: Context) -> Floats:
     """Difference between forward and inverse dynamics over the run's largest constraint force.
 
     By the flag fwdinv, in constraint space; 99th percentile of the steps with constraints. Not
     defined with noslip, which changes forces after the solver. The largest force counts as at least
-    what accelerates the model by 1e-5 m/s^2 or rad/s^2.
+    what accelerates the model by 0.01 m/s^2 or rad/s^2.
     """
     return sustained_residual(context, np.ones(context.trace.contacts.shape, dtype=np.bool_))
 
