@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
+from scipy.ndimage import maximum_filter1d
 
 from contactlab.contact.trace_arrays import Floats
 from contactlab.engines import ENGINES
@@ -13,11 +14,12 @@ from contactlab.scene.model_edits import MODEL_ENGINE
 from contactlab_parity.forward import FLOOR_FACTOR, ForwardStates, forward
 from contactlab_parity.panel import from_states, roll_out
 from contactlab_parity.parity_report import Finding, Verdict
-from contactlab_parity.rounding import rounded
+from contactlab_parity.rounding import cold, rounded
 
 _MOST_STEPS, _MOST_FORWARD = 1_000, 24  # states of a run that step, and that are looked into
 # Allowed of an acceleration over a step, absolute and relative: as of `qacc` there.
 _ACCELERATION = (1e-1, 1e-2)
+_AROUND = 33  # states about one from which the solver ends as far from where it should
 _SAME = 1e-9  # a difference of coordinates that is none [m or rad]
 _RESOLVED = 1e-6  # and what single precision resolves of those of this size [m or rad]
 _RUN_FACTOR = 10.0  # how many times the largest of the floors so far a run may be off
@@ -40,7 +42,7 @@ class Comparison:
     def of(cls, engine: SimulationEngine, ours: PreparedRuns, theirs: PreparedRuns) -> "Comparison":
         """Simulate runs by both; `theirs` are the same, but for what is changed for the engine."""
         reference = ENGINES[MODEL_ENGINE]
-        by_mujoco = roll_out(reference, ours), roll_out(reference, rounded(ours))
+        by_mujoco = roll_out(reference, ours), roll_out(reference, cold(rounded(ours)))
         twice = roll_out(engine, theirs), roll_out(engine, theirs)
         return cls(engine, reference, (ours, theirs), (*by_mujoco, *twice))
 
@@ -58,6 +60,7 @@ class SteppedStates:
     places: np.ndarray  # (K,) steps
     error: Floats  # (K,) greatest difference of a velocity
     floors: Floats  # (K, nv) the same of each velocity, from rounded states
+    plain: Floats  # (K,) what is allowed without floors
     allowed: Floats  # (K,)
     worst: np.ndarray  # (K,) the velocity that differs most
     velocities: tuple[Floats, Floats]  # (K, nv) by MuJoCo, by the engine
@@ -69,8 +72,7 @@ class SteppedStates:
 
     def sensitive_before(self, step: int, dofs: np.ndarray) -> bool:
         """Return whether rounding a state before some step leads some velocities elsewhere."""
-        own = self.allowed - FLOOR_FACTOR * self.floor
-        moved = self.floors[:, dofs].max(axis=1, initial=0) > own
+        moved = self.floors[:, dofs].max(axis=1, initial=0) > self.plain
         return bool(moved[self.places < step].any())
 
 
@@ -90,15 +92,17 @@ def stepped(comparison: Comparison, run: int, states: Floats) -> SteppedStates:
     by_mujoco, by_rounded, by_engine = (
         roll_out(by, runs).state[:, 1, speeds] for by, runs in sides
     )
-    before = states[places][:, speeds]
+    before, after = states[places][:, speeds], states[places + 1][:, speeds]
     change = np.abs(by_mujoco - before).max(axis=1, initial=0)
-    error, floor = np.abs(by_mujoco - by_engine), np.abs(by_mujoco - by_rounded)
+    error, floors = np.abs(by_mujoco - by_engine), np.abs(by_mujoco - by_rounded)
+    # In the run the solver started from the step before: it ended elsewhere within its tolerance.
+    noise = np.maximum(floors, np.abs(by_mujoco - after)).max(axis=1, initial=0)
     absolute, relative = _ACCELERATION
-    allowed = model.opt.timestep * absolute + relative * change + FLOOR_FACTOR * floor.max(axis=1)
+    plain = model.opt.timestep * absolute + relative * change
+    allowed = plain + FLOOR_FACTOR * maximum_filter1d(noise, _AROUND)
     error = np.where(np.isfinite(error), error, np.inf)
-    return SteppedStates(
-        places, error.max(axis=1), floor, allowed, error.argmax(axis=1), (by_mujoco, by_engine)
-    )
+    worst, velocities = error.argmax(axis=1), (by_mujoco, by_engine)
+    return SteppedStates(places, error.max(axis=1), floors, plain, allowed, worst, velocities)
 
 
 def looked_into(steps: SteppedStates, contacts: np.ndarray) -> np.ndarray:

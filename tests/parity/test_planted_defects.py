@@ -35,9 +35,10 @@ axes: {timestep: [0.002], shape: [2]}
         (INCLINE, "friction", "contacts", "friction of floor - box"),
         (INCLINE, "contact", "contacts", "count of floor - box"),
         (INCLINE, "buffer", "buffers", "contactfull"),
-        (GRASP, "gravity", "forces", "qfrc_bias"),
-        (GRASP, "late", "whole run", "qpos"),
+        pytest.param(GRASP, "gravity", "forces", "qfrc_bias", marks=pytest.mark.slow),
+        pytest.param(GRASP, "late", "whole run", "qpos", marks=pytest.mark.slow),
     ],
+    ids=["friction", "contact", "buffer", "gravity", "late"],
 )
 def test_a_defect_is_found_at_its_stage(
     parity: Parity, sweep: str, defect: str, stage: str, quantity: str
@@ -50,7 +51,9 @@ def test_a_defect_is_found_at_its_stage(
     assert report.exit_code == 1
 
 
-@pytest.mark.parametrize("sweep", [INCLINE, GRASP])
+@pytest.mark.parametrize(
+    "sweep", [INCLINE, pytest.param(GRASP, marks=pytest.mark.slow)], ids=["incline", "grasp"]
+)
 def test_without_a_defect_every_number_is_the_same(parity: Parity, sweep: str) -> None:
     report = parity(sweep)
     (run,) = report.runs
