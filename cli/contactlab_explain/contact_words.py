@@ -215,6 +215,7 @@ def _resting(
             )
         )
         if last.sum() >= _RESTING * fifth:
-            means = float(count.mean()), float((loads / count).mean()), float(-points.mean())
+            depth = used.margin - used.gap - float(points.mean())  # force begins at the margin
+            means = float(count.mean()), float((loads / count).mean()), depth
             rests[-1] = replace(rests[-1], **dict(zip(_AT_REST, means, strict=True)))
     return rests, timestep

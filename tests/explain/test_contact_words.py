@@ -61,6 +61,15 @@ def test_a_run_is_as_deep_as_the_law_says(
     assert "19.62 N on each of 1 contacts" in line
 
 
+def test_force_begins_at_the_margin(tmp_path: Path) -> None:
+    """A ball that its margin keeps 3 mm away is as deep in it as the law says."""
+    text = BALL.format(cone="elliptic", condim=3, friction=1, impratio=1)
+    model = tmp_path / "ball.xml"
+    model.write_text(text.replace('name="ball" size', 'margin="0.003" name="ball" size'))
+    _, missed = explain_contacts(str(model), [], {"depth_at_rest": 2e-4}, Session(tmp_path / "e"))
+    assert not missed
+
+
 def test_what_does_not_rest_has_no_depth(tmp_path: Path) -> None:
     with pytest.raises(SceneError, match="no pair rests at the end of the run"):
         explain_contacts("ball_drop", [], {"depth_at_rest": 1e-4}, Session(tmp_path))
