@@ -120,12 +120,14 @@ class Study:
         return {name: value for name, value in values.items() if value != written[name]}
 
     def compare(self, search: Search) -> None:
-        """Run what was found, from as many seeds as time allows, and the same with shorter steps.
+        """Run what was found, from as many seeds as time allows, and the same with other steps.
 
-        And with the model's own step and integrator. The best comes first.
+        Shorter ones, as one seed may be lucky; longer ones of the most accurate, which may take
+        longer than now; and the model's own, with its integrator. The best comes first.
         """
+        others = (1, 2) if self.request.goal == "most-accurate" else (-1, -2)
         own = {name: self.space.written[name] for name in ("timestep", "integrator")}
-        found = [search.here, *(search.longer(rungs) for rungs in (-1, -2)), {**search.here, **own}]
+        found = [search.here, *map(search.longer, others), {**search.here, **own}]
         changes = [self._changed(each) for each in found if self._changed(search.here)]
         changes = [each for each in changes if each] + [{}] * (self.savers != ModelEdits())
         distinct = list({json.dumps(each, default=str): each for each in changes}.values())
