@@ -51,7 +51,7 @@ def hash_of_states(rows: Floats) -> str:
 
 def squared_lengths(vectors: Floats) -> Floats:
     """Return (...) squared lengths of vectors (..., k); sums along short axes take far longer."""
-    first, *others = np.moveaxis(vectors, -1, 0)
+    first, *others = (vectors[..., k] for k in range(vectors.shape[-1]))
     square = first * first
     for each in others:
         square += each * each
