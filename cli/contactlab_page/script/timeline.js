@@ -7,7 +7,7 @@ function eventsOf(row, end) {
   const details = metadata.details[row];
   const step = details?.settings.timestep;
   if (!Number.isFinite(step)) return [];
-  const found = details.labels.filter(([, , at]) => at !== null && at !== undefined).map(([label, , at]) => ({ label, time: at * step }));
+  const found = details.labels.filter(([label, , at]) => label !== "stable" && Number.isFinite(at)).map(([label, , at]) => ({ label, time: at * step }));
   return found.filter((each) => each.time <= end);
 }
 
