@@ -74,12 +74,26 @@ _DESERVED = {
         "the particle, which weighs 41 N and cannot rise, presses on the ground with 838 N for 2 s"
     ),
     # Their fixed base is of the world, so that contacts between it and the next body count.
+    ("example-robot-data/alex/*.urdf", _ANY): "wrists start 46 mm inside the arms, 105 mm thick",
+    ("example-robot-data/allegro_hand/*.urdf", _ANY): "the thumb starts 37 mm inside the palm",
+    ("example-robot-data/bolt/bolt.urdf", _ANY): "its shoulders start 39 mm inside the trunk",
+    ("example-robot-data/centauro/centauro.urdf", _ANY): "an arm starts 89 mm inside a hip",
     ("example-robot-data/double_pendulum/double_pendulum_simple.urdf", _ANY): (
         "its arm, 25 mm thick, starts and stays 12 mm inside its base, pressed by 1,077 N"
+    ),
+    ("example-robot-data/g1/g1_29dof_with_hand_rev_1_0.urdf", _ANY): (
+        "undamped, it gains 0.22 J, and none at a quarter of its step; fingers get 23 mm deep"
     ),
     ("example-robot-data/iris/iris.urdf", _ANY): "rotors of 5 mm start 34 mm inside the base",
     ("example-robot-data/laikago/laikago.urdf", _ANY): "its hips start 60 mm inside the trunk",
     ("example-robot-data/panda/panda_collision.urdf", _ANY): "link 1 starts 120 mm inside link 0",
+    ("example-robot-data/panda/panda.urdf", _ANY): "link 5 starts 41 mm inside link 7",
+    ("example-robot-data/pr2/pr2.urdf", _ANY): "the torso starts 343 mm inside the base",
+    ("example-robot-data/so_arm/*.urdf", _ANY): "the shoulder starts 28 mm inside the base",
+    ("example-robot-data/solo/solo12.urdf", _ANY): "its shoulders start 44 mm inside the trunk",
+    ("example-robot-data/talos_data/talos_left_arm.urdf", _ANY): "link 2 starts 66 mm in link 1",
+    ("example-robot-data/talos_data/*.urdf", _ANY): "its hips start 93 mm inside its thighs",
+    ("example-robot-data/tiago_pro/*.urdf", _ANY): "the torso starts 252 mm inside its column",
     ("example-robot-data/quadruped/quadruped.urdf", _ANY): (
         "its upper legs start and stay 25 mm inside the trunk"
     ),
