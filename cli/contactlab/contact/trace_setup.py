@@ -139,8 +139,15 @@ class RecordedMotion:
 
     def select(self, rows: list[int]) -> "RecordedMotion":
         """Return the motion of some of the runs."""
-        arrays = (self.times, self.qpos, self.qvel, self.touched, self.impact, self.lost)
-        return RecordedMotion(self.parts, *(each[rows] for each in arrays))
+        return replace(
+            self,
+            times=self.times[rows],
+            qpos=self.qpos[rows],
+            qvel=self.qvel[rows],
+            touched=self.touched[rows],
+            impact=self.impact[rows],
+            lost=self.lost[rows],
+        )
 
 
 @dataclass(frozen=True)
