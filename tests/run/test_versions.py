@@ -7,7 +7,7 @@ import stat
 import subprocess
 import sys
 from collections.abc import Callable
-from importlib.metadata import version
+from importlib.metadata import distribution, version
 from pathlib import Path
 
 import pytest
@@ -123,9 +123,10 @@ def test_the_other_one_takes_over(option: list[str], notes: Path, tmp_path: Path
     assert arguments == f"arguments: sweep bounce --limit 2 -o results/bounce-{OTHER}"
     assert done.stderr.endswith("to stderr\n")
     linked = Path(path.removeprefix("path: "))
-    # Nothing but this very code can be imported from there.
-    own = {"contactlab", f"contactlab-{version('contactlab')}.dist-info"}
-    assert {each.name for each in linked.iterdir()} == own
+    # Nothing but this very code can be imported from there, with the packages beside it.
+    own = {each.module.partition(".")[0] for each in distribution("contactlab").entry_points}
+    metadata = f"contactlab-{version('contactlab')}.dist-info"
+    assert {each.name for each in linked.iterdir()} == {*own, metadata}
     assert (linked / "contactlab" / "py.typed").is_file()
     assert notes.is_file()
 

@@ -34,7 +34,7 @@ _STEADY = Threshold(
     "m",
     "Grasps over 5 mm count as broken. Unless set, contacts may be as deep as the width of their "
     "solimp, but at most a quarter of the smallest extent of the pair's thinnest geom, or down to "
-    "a sixth of it where one bears one to ten times `weights_borne`.",
+    "a sixth of it where one bears one to two times `weights_borne`.",
 )
 _STANDOFF = Threshold(
     "standoff", 0.6, "1", "Public robots reach 0.28; a margin of half a box's width gives 1."
@@ -204,7 +204,7 @@ def deep_penetration(runs: MeasuredRuns) -> Found:
         touching = contact_depths(context)[index][1][:, context.last_fifth]
         if "penetration_steady" not in setup.thresholds and context.series:
             loads, width = _borne(context)[index] / runs.limits[PRESSED.name], setup.widths[index]
-            parts = np.where(width < limit, 2 + np.log10(np.clip(loads, 1, 10)), _SOFT)
+            parts = np.where(width < limit, 2 + np.log2(np.clip(loads, 1, 2)), _SOFT)
             accepted = np.minimum(max(limit, width), setup.thickness[index] / parts)
         # What a drive presses down for a moment does not rest.
         lasts = (touching > accepted[:, None]).mean(axis=1)
