@@ -135,6 +135,15 @@ def finer(motion: Motion, factor: int = 16) -> Motion:
     return _film(model, data, len(motion.time) - 1, every=factor)
 
 
+def awake(motion: Motion) -> Motion:
+    """Step the same from the same state with sleep switched off; its rows are as many."""
+    model = copy.copy(motion.model)
+    model.opt.enableflags &= ~int(mujoco.mjtEnableBit.mjENBL_SLEEP)
+    data = mujoco.MjData(model)
+    data.qpos[:], data.qvel[:] = motion.qpos[0], motion.qvel[0]
+    return _film(model, data, len(motion.time) - 1)
+
+
 def _started(model: mujoco.MjModel) -> mujoco.MjData:
     data = mujoco.MjData(model)
     if model.nkey:
@@ -194,6 +203,16 @@ def beyond(joint: str, low: float, high: float) -> Truth:
 def below(body: str, level: float, axis: int = 2) -> Truth:
     """Return what measures how far a body gets below a level along an axis [m]."""
     return lambda motion: float(max((level - motion.body(body)[:, axis]).max(), 0.0))
+
+
+def past(body: str, level: float, size: float, axis: int = 2) -> Truth:
+    """Return what measures how far a body gets above a level along an axis, relative to a size."""
+    return lambda motion: float(max((motion.body(body)[:, axis] - level).max(), 0.0) / size)
+
+
+def under(body: str, level: float, size: float, axis: int = 2) -> Truth:
+    """Return what measures how far a body gets below a level along an axis, relative to a size."""
+    return lambda motion: float(max((level - motion.body(body)[:, axis]).max(), 0.0) / size)
 
 
 def rests_off(body: str, level: float) -> Truth:

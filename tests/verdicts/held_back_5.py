@@ -8,31 +8,21 @@ within half of the limit, at an eighth of their step.
 
 import numpy as np
 from tests.verdicts.corpus import (
-    Truth,
     beyond,
     case,
     departs,
     ends_off,
     gained,
     opened,
+    past,
     restless,
     rests_off,
     slipped,
     strays,
     trembles,
     unbalanced,
+    under,
 )
-
-
-def _past(body: str, level: float, size: float, axis: int = 2) -> Truth:
-    """Return what measures how far a body gets above a level along an axis, relative to a size."""
-    return lambda motion: float(max((motion.body(body)[:, axis] - level).max(), 0.0) / size)
-
-
-def _under(body: str, level: float, size: float, axis: int = 2) -> Truth:
-    """Return what measures how far a body gets below a level along an axis, relative to a size."""
-    return lambda motion: float(max((level - motion.body(body)[:, axis]).max(), 0.0) / size)
-
 
 # A speed that alternates from step to step is of no mechanism: 0.2 of the speed that the machine
 # works at stands out in any log of it.
@@ -567,7 +557,7 @@ PASSING = [
         mass=".01"/></body></worldbody><keyframe><key qpos=".1 .1 3.03 1 0 0 0"
         qvel="0 0 -24 0 0 0"/></keyframe>""",
         {"h": (0.006, 0.00005)},
-        _under("hail", 1.0, 0.02),
+        under("hail", 1.0, 0.02),
         0.5,
         0.3,
     ),
@@ -595,7 +585,7 @@ PASSING = [
         type="box" size=".03 .03 .02" mass=".4"/></body></worldbody>
         <keyframe><key qvel="26"/></keyframe>""",
         {"h": (0.007, 0.0002)},
-        _past("shuttle", 0.8, 0.06, 0),
+        past("shuttle", 0.8, 0.06, 0),
         0.5,
         0.2,
     ),
@@ -612,7 +602,7 @@ PASSING = [
         <connect body1="spoon" body2="call" anchor="0 0 0" solref=".15 1" active="true"/>
         </equality><keyframe><key qpos="0 0" qvel="-12 0"/></keyframe>""",
         {"h": (0.004, 0.0001)},
-        _under("spoon", 0.0, 0.012, 0),
+        under("spoon", 0.0, 0.012, 0),
         0.5,
         0.3,
     ),
@@ -629,7 +619,7 @@ PASSING = [
         + """<body name="ball" pos="-.5 0 1"><freejoint/><geom type="sphere" size=".033"
         mass=".058"/></body></worldbody><keyframe><key qvel="52 0 0 0 0 0"/></keyframe>""",
         {"h": (0.004, 0.00002)},
-        _past("ball", 0.0, 0.066, 0),
+        past("ball", 0.0, 0.066, 0),
         0.5,
         0.06,
     ),
@@ -643,7 +633,7 @@ PASSING = [
         size=".3 .15" pos="4.15 -.9 -.5" euler="0 90 0" mass="100"/></body></worldbody>
         <keyframe><key qvel="40"/></keyframe>""",
         {"h": (0.02, 0.001)},
-        _past("wagon", 12 - 4.3, 0.6, 0),
+        past("wagon", 12 - 4.3, 0.6, 0),
         0.5,
         0.5,
     ),
@@ -675,7 +665,7 @@ PASSING = [
         type="slide" axis="1 0 0"/><geom type="sphere" size=".04" mass="2"/></body></worldbody>
         <keyframe><key qvel="70"/></keyframe>""",
         {"h": (0.01, 0.00004)},
-        _past("board", -1.4, 0.08, 0),
+        past("board", -1.4, 0.08, 0),
         0.5,
         0.05,
     ),
@@ -704,7 +694,7 @@ PASSING = [
         stiffness="4000" springref=".25"/><geom type="cylinder" size=".01 .02" mass=".12"/></body>
         </worldbody>""",
         {"h": (0.004, 0.0001)},
-        _past("pin", 0.3, 0.04),
+        past("pin", 0.3, 0.04),
         0.5,
         0.3,
     ),

@@ -6,32 +6,26 @@ model is beyond three times its limit; its twin differs as a user would mend it.
 models that are sound alone, keep within a third of the limit, also at an eighth of their step.
 """
 
-import copy
 from collections.abc import Callable
-from dataclasses import replace
 
-import mujoco
 import numpy as np
 from tests.verdicts.corpus import (
     Motion,
     Truth,
+    awake,
     below,
     beyond,
     case,
     departs,
     gained,
     opened,
+    past,
     rests_off,
     slipped,
     strays,
     trembles,
     unbalanced,
 )
-
-
-def _past(body: str, level: float, size: float, axis: int = 2) -> Truth:
-    """Return what measures how far a body gets above a level along an axis, relative to a size."""
-    return lambda motion: float(max((motion.body(body)[:, axis] - level).max(), 0.0) / size)
 
 
 def _drops(body: str, size: float) -> Truth:
@@ -58,23 +52,7 @@ def _stretches(tendon: int, length: float, size: float) -> Truth:
 
 def _off_awake(place: Callable[[Motion], np.ndarray], size: float) -> Truth:
     """Return what measures how far a motion is from that of the same model that never sleeps."""
-
-    def measure(motion: Motion) -> float:
-        model = copy.copy(motion.model)
-        model.opt.enableflags &= ~int(mujoco.mjtEnableBit.mjENBL_SLEEP)
-        data = mujoco.MjData(model)
-        data.qpos[:] = motion.qpos[0]
-        data.qvel[:] = motion.qvel[0]
-        qpos, xpos = [], []
-        for _ in range(len(motion.time)):
-            mujoco.mj_forward(model, data)
-            qpos.append(data.qpos.copy())
-            xpos.append(data.xpos.copy())
-            mujoco.mj_step(model, data)
-        awake = replace(motion, qpos=np.array(qpos), xpos=np.array(xpos))
-        return float(np.abs(place(motion) - place(awake)).max() / size)
-
-    return measure
+    return lambda motion: float(np.abs(place(motion) - place(awake(motion))).max() / size)
 
 
 # An alternation of a tenth of the speed a machine works at is seen in any log of it; where it is to
@@ -233,7 +211,7 @@ ENERGY = [
         solref="<<k>> 0" solimp=".99 .99 .001"/></body></worldbody>""",
         {"h": (0.008, 0.001), "k": (-200000, -10000)},
         # The spring of a contact holds energy that the engine does not count: judged at the top.
-        _past("ball", 1.0, 0.97),
+        past("ball", 1.0, 0.97),
         0.2,
         1.5,
     ),
@@ -471,7 +449,7 @@ PASSING = [
         size=".004" mass=".022"/></body></worldbody><keyframe><key qvel="<<v>> 0 0 0 0 0"/>
         </keyframe>""",
         {"h": (0.005, 0.0005), "soft": (0.02, 0.002), "v": (60, 18)},
-        _past("dart", 1.0, 0.02, 0),
+        past("dart", 1.0, 0.02, 0),
         1.0,
         0.5,
     ),
@@ -1544,7 +1522,7 @@ THINGS = [
         pos="0 0 .5"><freejoint/><geom type="sphere" size=".05" mass=".2" solref="-8000 -12"
         priority="1"/></body></worldbody>""",
         {},
-        _past("ball", 0.5, 0.45),
+        past("ball", 0.5, 0.45),
         0.1,
         2.0,
     ),

@@ -47,7 +47,6 @@ _EXAMPLES = {
     "check": ("check robot.xml", "check menagerie:franka_emika_panda --format junit"),
     "tradeoff": ("tradeoff results/bounce --tolerance oracle_error=1%",),
     "tune": ("tune robot.xml",),
-    "fit": ("fit cube_toss",),
     "show": (
         "show results/grasp",
         "show results/grasp 3ead3115",

@@ -66,7 +66,7 @@ class Passages:
             shift = np.sqrt(squared_lengths(np.diff(position, axis=0)))
             moved = (shift + turned * self._reach)[:, model.geom_bodyid]
             pairs = self._fast_pairs(moved)
-            found = [*self._passages(model, pairs, position, rotation)]
+            found = [*self._passages(model, pairs, position, rotation, turned)]
             within = _Within(model, states[:, 1 : positions + model.nv], acting)
             for pair in pairs:
                 apart = np.subtract(*(_place(model, position, rotation, each) for each in pair))
@@ -82,10 +82,16 @@ class Passages:
         pairs: list[tuple[int, int]],
         position: Floats,
         rotation: Floats,
+        turned: Floats,
     ) -> Iterator[Passage]:
-        """Yield the first passage of each fast pair of geoms; poses are (N, nbody, 3 and 4)."""
+        """Yield the first passage of each fast pair of geoms.
+
+        Poses are (N, nbody, 3 and 4); steps turn bodies by at most `turned` (N - 1, nbody) [rad].
+        """
+        if not pairs:
+            return
         none = np.zeros((model.nbody, 1))
-        turned = np.concatenate([none, _turns(rotation).cumsum(axis=0).T], axis=1)
+        turned = np.concatenate([none, turned.cumsum(axis=0).T], axis=1)
         for first, second in pairs:
             for mover, wall in ((first, second), (second, first)):
                 if model.geom_type[mover] in (_PLANE, _HFIELD):

@@ -206,9 +206,8 @@ def _brakes(context: Context, checks: SelfChecks, run: int) -> str:
     own, refined = (each / _degrees(context)[1] for each in ways)
     parted = np.abs(own - refined) / np.maximum(np.maximum(own, refined), 1)
     worst = int(parted.argmax())
-    went = (
-        f"{_degrees(context)[0][worst]}, braked at once, ended {own[worst]:.3g} rad or body sizes"
-    )
+    name = _degrees(context)[0][worst]
+    went = f"{name}, braked at once, ended {own[worst]:.3g} rad or body sizes"
     copied = f"{went} from its start; at a quarter of the step, {refined[worst]:.3g}"
     return copied if parted[worst] > _PARTED else ""
 

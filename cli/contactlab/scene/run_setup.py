@@ -259,10 +259,8 @@ def _equality(
     model: mujoco.MjModel, index: int, places: Floats, reach: Floats, ends: float
 ) -> Equality:
     kind, first = int(model.eq_type[index]), int(model.eq_obj1id[index])
-    name, stiffness = (
-        name_of(model, "equality", index),
-        stiffness_damping(model.eq_solref[index])[0],
-    )
+    name = name_of(model, "equality", index)
+    stiffness, _ = stiffness_damping(model.eq_solref[index])
     constant = float(1 / np.sqrt(stiffness)) if stiffness else np.inf
     if kind == _EQUALITY.mjEQ_TENDON:
         return Equality(name, "m", _tendon_scale(model, first, reach), constant=constant)
