@@ -182,9 +182,10 @@ def _worlds(
 ) -> "tuple[Any, Any, _Inputs]":
     """Return the models and data of worlds on the device at their start, and what drives them."""
     import mujoco_warp
+    import serve
     import warp
 
-    first, (contacts, rows) = models[0], _peaks(request, models, runs)
+    first, (contacts, rows) = models[0], serve.peaks(request, models, runs)
     on_device = _put(mujoco_warp, warp, models)
     data = mujoco_warp.make_data(
         first, nworld=len(models), nconmax=_HEADROOM * contacts, njmax=_HEADROOM * rows
@@ -254,19 +255,3 @@ class _Inputs:
             positions, turns = values[:, places:split], values[:, split:]
             data.mocap_pos.assign(np.ascontiguousarray(positions.reshape(count, -1, 3)))
             data.mocap_quat.assign(np.ascontiguousarray(turns.reshape(count, -1, 4)))
-
-
-def _peaks(
-    request: dict[str, Any], models: list[mujoco.MjModel], runs: list[int]
-) -> tuple[int, int]:
-    """Return the most contacts and constraint rows that MuJoCo itself has in these runs."""
-    import serve
-
-    contacts, rows = 8, 32
-    for model, run in zip(models, runs, strict=True):
-        data = serve.start_of(request, run, model)
-        for controls in serve.inputs_of(request, run, model)[0]:
-            data.ctrl[:] = controls
-            mujoco.mj_step(model, data)
-            contacts, rows = max(contacts, data.ncon), max(rows, data.nefc)
-    return contacts, rows

@@ -28,6 +28,11 @@ REFUSED = [
     ("mjx", {"option": 'integrator="implicit"'}, "implicitfast"),
     ("mjx", {"option": 'noslip_iterations="3"'}, "noslip"),
     ("mjx", {"flag": '<flag sleep="enable"/>'}, "sleep"),
+    ("newton", {"option": 'gravity="1 0 -9"'}, "tilt the scene"),
+    ("newton", {"option": 'integrator="RK4"'}, "implicitfast"),
+    ("newton", {"flag": '<flag contact="disable"/>'}, "flags"),
+    ("newton", {"extra": '<body><joint type="ball"/><geom size=".1"/></body>'}, "ball"),
+    ("newton", {"extra": '<body mocap="true"/>'}, "mocap"),
     ("pinocchio", {}, "contact"),
     ("pinocchio", {"option": 'integrator="RK4"'}, "Euler"),
     ("pinocchio", {"option": 'density="1"', "flag": '<flag contact="disable"/>'}, "medium"),
@@ -59,6 +64,24 @@ TREE = """
     <position joint="elbow" kp="5" kv=".1"/></actuator>
 </mujoco>"""
 
+# A free body that turns about a centre of mass beside its origin, and joints off their references.
+THROWN = """
+<mujoco>
+  <option timestep="0.002" integrator="implicitfast"/>
+  <worldbody>
+    <body name="thrown" pos="0 0 2" quat=".8 .6 0 0"><freejoint/>
+      <geom type="box" size=".1 .2 .3" pos=".05 .1 0" mass="2"/></body>
+    <body name="arm" pos="2 0 1" euler="0 10 0">
+      <joint name="turn" axis="1 2 0" pos=".1 0 0" ref="20" armature=".1" damping=".3"/>
+      <geom type="capsule" size=".03 .2" mass="1" pos="0 .1 .2"/>
+      <body pos="0 .1 .2"><joint name="shift" type="slide" axis="0 1 1" ref=".1" damping="1"/>
+        <geom type="capsule" size=".03 .1" mass=".3"/></body>
+    </body>
+  </worldbody>
+  <actuator><motor joint="turn" gear="2"/><position joint="shift" kp="5" kv=".1"/></actuator>
+  <keyframe><key qpos="0 0 2 .8 .6 0 0 .5 .2" qvel="1 0 2 3 2 1 -1 .2" ctrl=".3 .2"/></keyframe>
+</mujoco>"""
+
 
 @pytest.mark.parametrize(("name", "differing", "word"), REFUSED)
 def test_what_an_engine_cannot_do_is_refused_by_name(
@@ -69,7 +92,7 @@ def test_what_an_engine_cannot_do_is_refused_by_name(
     assert word in str(refusal_of(name, model))
 
 
-@pytest.mark.parametrize("name", ["warp", "mjx"])
+@pytest.mark.parametrize("name", ["warp", "mjx", "newton"])
 def test_what_it_can_do_is_not(name: str) -> None:
     blanks = dict.fromkeys(("option", "flag", "extra", "end"), "")
     assert refusal_of(name, mujoco.MjModel.from_xml_string(BALL.format(**blanks))) is None
@@ -138,6 +161,21 @@ def test_double_precision_agrees_to_the_solvers_tolerance(tmp_path: Path) -> Non
     assert len(found) == 4
     # The solvers end at tolerance 1e-8, each somewhere else below it.
     assert max(far for _, far in found) < 1e-7
+
+
+@pytest.mark.slow
+@installed("newton")
+def test_what_newton_imports_moves_as_it_does_in_mujoco(tmp_path: Path) -> None:
+    (tmp_path / "thrown.xml").write_text(THROWN)
+    text = """
+version: 1
+scene: thrown.xml
+duration: 0.2
+axes: {engine: [mujoco, newton], timestep: [0.002]}
+"""
+    found = differences(tmp_path, "newton", text)
+    # Single precision resolves 6e-8 of 2 m, in each of 100 steps at most.
+    assert max(far for _, far in found) < 100 * 6e-8 * 2
 
 
 @pytest.mark.slow

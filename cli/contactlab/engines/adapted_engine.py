@@ -43,19 +43,26 @@ from contactlab.resources import ADAPTERS, short_hash, user_cache
 from contactlab.scene.resolution import ResolvedRun
 from contactlab.scene.scene import Scene
 
-_SERVER = "serve.py"
+SERVER = ADAPTERS / "serve.py"
+"""What runs adapters, and has what they share."""
 _SETUP_LIMIT = 900.0  # until a first step is compiled and made [s]
+
+
+def load_adapter(file: Path) -> Any:  # noqa: ANN401 - a module that is known by its path only
+    """Return an adapter, or what adapters share, as a module."""
+    spec = spec_from_file_location(f"contactlab_adapter_{file.stem}", file)
+    assert spec is not None
+    assert spec.loader is not None
+    module = module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
 
 
 class AdaptedEngine(SimulationEngine):
     """An engine that an adapter drives in another process."""
 
     def __init__(self, file: Path, device: str = "") -> None:
-        spec = spec_from_file_location(f"contactlab_adapter_{file.stem}", file)
-        assert spec is not None
-        assert spec.loader is not None
-        self._adapter: Any = module_from_spec(spec)
-        spec.loader.exec_module(self._adapter)
+        self._adapter = load_adapter(file)
         self._file, self._device = file, device
         self.name, self.summary = file.stem, self._adapter.__doc__.rstrip(".")
 
@@ -83,6 +90,10 @@ class AdaptedEngine(SimulationEngine):
                 f"the {self.name} engine is not installed; do so once with "
                 f"`contactlab engines add {self.name}`"
             )
+        return self.refusal_anywhere(scene, run)
+
+    def refusal_anywhere(self, scene: Scene, run: ResolvedRun) -> str | None:
+        """Return why it could not simulate a run if it were installed; None if it could."""
         if why := self._adapter.refusal(scene.base_of(run).prepare(run.edits()).model):
             return f"the {self.name} engine cannot simulate this: {why}"
         return super().refusal(scene, run)
@@ -138,7 +149,7 @@ class AdaptedEngine(SimulationEngine):
         python = self.environment / "bin" / "python"
         if not python.exists():
             raise EngineError(f"the {self.name} engine is not installed in {self.environment}")
-        command = [str(python), "-P", str(ADAPTERS / _SERVER), str(self._file)]
+        command = [str(python), "-P", str(SERVER), str(self._file)]
         return _EngineProcess(self.name, command)
 
 
@@ -222,4 +233,4 @@ def _binary(model: mujoco.MjModel) -> bytes:
 def adapted_engines() -> list[AdaptedEngine]:
     """Return an engine for each adapter, whether or not it is installed."""
     files = sorted(ADAPTERS.glob("*.py"))
-    return [AdaptedEngine(file) for file in files if file.name != _SERVER]
+    return [AdaptedEngine(file) for file in files if file != SERVER]
