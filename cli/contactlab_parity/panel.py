@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
 from pathlib import Path
@@ -92,13 +92,13 @@ class Panel:
             raise SweepFileError(f"sweep '{path.stem}' has no runs")
         return cls(request, scene, tuple(runs.values()))
 
-    def refused(self, engine: SimulationEngine) -> dict[str, str]:
-        """Return why an engine cannot simulate runs, by run id."""
+    def refused(self, refusal: Callable[[Scene, ResolvedRun], str | None]) -> dict[str, str]:
+        """Return why runs cannot be simulated, by run id, as an engine's `refusal` says."""
         found: dict[str, str] = {}
         for each in self.runs:
             if isinstance(each.ours.drive, PolicyDrive):
                 found[each.run_id] = "a policy drives it; drive it by a file of recorded controls"
-            elif why := engine.refusal(self.scene, each.theirs):
+            elif why := refusal(self.scene, each.theirs):
                 found[each.run_id] = why
         return found
 

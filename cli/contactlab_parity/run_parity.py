@@ -48,9 +48,13 @@ class Comparison:
 
     def contacts(self, run: int) -> np.ndarray:
         """Return (N,) how many contacts MuJoCo had in each step of a run."""
-        ours, layout = self.rollouts[0], self.both[0].base.layout
-        layout = layout if ours.slots is None else layout.from_contacts()
-        return ours.sensors[run, :, layout.contacts]
+        return contact_counts(self.both[0], self.rollouts[0])[run]
+
+
+def contact_counts(runs: PreparedRuns, rollout: Rollout) -> np.ndarray:
+    """Return (n, N) how many contacts there were in each step of each run."""
+    layout = runs.base.layout if rollout.slots is None else runs.base.layout.from_contacts()
+    return rollout.sensors[:, :, layout.contacts]
 
 
 @dataclass(frozen=True)
@@ -76,11 +80,16 @@ class SteppedStates:
         return bool(moved[self.places < step].any())
 
 
+def stepped_places(steps: int) -> np.ndarray:
+    """Return the steps (K,) of a run that are made by themselves: all, or 1,000 of more."""
+    return np.unique(np.linspace(0, steps - 1, min(steps, _MOST_STEPS)).round().astype(int))
+
+
 def stepped(comparison: Comparison, run: int, states: Floats) -> SteppedStates:
     """Make one step from each of the states (N + 1, nstate) of a run; from 1,000 if it has more."""
     engine, reference, (ours, theirs) = comparison.engine, comparison.reference, comparison.both
     last = len(states) - 1
-    places = np.unique(np.linspace(0, last - 1, min(last, _MOST_STEPS)).round().astype(int))
+    places = stepped_places(last)
     starts = from_states(ours, run, states[places], places)
     model = ours.models[run]
     speeds = slice(1 + model.nq, 1 + model.nq + model.nv)
@@ -140,8 +149,8 @@ class WholeRun:
 
     def differences(self) -> tuple[Floats, Floats, Floats]:
         """Return (N + 1,) differences from MuJoCo, of rounded states, and of the repetition."""
-        error, floor = _farthest(self.ours, self.theirs), _farthest(self.ours, self.rounded)
-        return error, floor, _farthest(self.theirs, self.again)
+        error, floor = farthest(self.ours, self.theirs), farthest(self.ours, self.rounded)
+        return error, floor, farthest(self.theirs, self.again)
 
     def finding(self) -> Finding | None:
         """Return where a run leaves MuJoCo's farther than the floors explain."""
@@ -161,7 +170,8 @@ class WholeRun:
         )
 
 
-def _farthest(first: Floats, second: Floats) -> Floats:
+def farthest(first: Floats, second: Floats) -> Floats:
+    """Return (K,) the greatest difference in each of K rows."""
     return np.abs(first - second).max(axis=1, initial=0)
 
 

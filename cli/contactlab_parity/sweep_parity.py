@@ -59,7 +59,7 @@ def run(
     """Compare an engine with MuJoCo in all runs of a panel, telling how many, then each."""
     panel, engine, policy = request.panel, request.engine, request.policy
     rules = _rules(policy)
-    refused = panel.refused(engine)
+    refused = panel.refused(engine.refusal)
     told = {
         each.run_id: _described(each, verdict="refused", reason=refused[each.run_id])
         for each in panel.runs
