@@ -88,7 +88,7 @@ def _forward(request: dict[str, Any], run: int) -> dict[str, Any]:
     control = serve.inputs_of(request, run, model)[0][0]
     qpos, qvel = request["qpos"][run], request["qvel"][run]
     inertia, bias = dynamics.of(qpos, qvel)
-    force = _forces(model, qpos, qvel, control) - dynamics.damping * qvel - bias
+    force = joint_forces(model, qpos, qvel, control) - dynamics.damping * qvel - bias
     return {"qfrc_bias": bias, "qacc_smooth": np.linalg.solve(inertia, force)}
 
 
@@ -124,7 +124,7 @@ def _run(request: dict[str, Any], run: int, tick: Callable[[], None]) -> dict[st
     states, begin = [np.concatenate([qpos, qvel])], time.process_time()
     for control in controls:
         inertia, bias = dynamics.of(qpos, qvel)
-        force = _forces(model, qpos, qvel, control) - dynamics.damping * qvel - bias
+        force = joint_forces(model, qpos, qvel, control) - dynamics.damping * qvel - bias
         # As MuJoCo's Euler: damping is implicit, velocities come before positions.
         qvel = qvel + step * np.linalg.solve(inertia + np.diag(implicit), force)
         mujoco.mj_integratePos(model, qpos, qvel, step)
@@ -198,7 +198,7 @@ def _coordinates(model: mujoco.MjModel, qpos: np.ndarray) -> np.ndarray:
     return own
 
 
-def _forces(
+def joint_forces(
     model: mujoco.MjModel, qpos: np.ndarray, qvel: np.ndarray, control: np.ndarray
 ) -> np.ndarray:
     """Return (nv,) forces of springs and actuators."""

@@ -1,6 +1,7 @@
 """Adapters refuse what their engines cannot do, and those that are installed agree with MuJoCo."""
 
 import importlib.util
+import re
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +34,7 @@ REFUSED = [
     ("newton", {"flag": '<flag contact="disable"/>'}, "flags"),
     ("newton", {"extra": '<body><joint type="ball"/><geom size=".1"/></body>'}, "ball"),
     ("newton", {"extra": '<body mocap="true"/>'}, "mocap"),
+    ("drake", {}, "hinges and slides"),
     ("pinocchio", {}, "contact"),
     ("pinocchio", {"option": 'integrator="RK4"'}, "Euler"),
     ("pinocchio", {"option": 'density="1"', "flag": '<flag contact="disable"/>'}, "medium"),
@@ -64,6 +66,9 @@ TREE = """
     <position joint="elbow" kp="5" kv=".1"/></actuator>
 </mujoco>"""
 
+# The same without free and ball joints, and with a body for each joint.
+ARM = re.sub(r'<body name="flying".*?(?=<body name="arm")', "", TREE, flags=re.DOTALL)
+ARM = re.sub(r'<joint name="shift"[^>]*/>', "", ARM)
 # A free body that turns about a centre of mass beside its origin, and joints off their references.
 THROWN = """
 <mujoco>
@@ -100,6 +105,7 @@ def test_what_it_can_do_is_not(name: str) -> None:
 
 def test_a_tree_in_free_motion_is_for_all() -> None:
     assert refusal_of("pinocchio", mujoco.MjModel.from_xml_string(TREE)) is None
+    assert refusal_of("drake", mujoco.MjModel.from_xml_string(ARM)) is None
 
 
 def refusal_of(name: str, model: mujoco.MjModel) -> str | None:
@@ -179,18 +185,25 @@ axes: {engine: [mujoco, newton], timestep: [0.002]}
 
 
 @pytest.mark.slow
-@installed("pinocchio")
-def test_free_motion_is_that_of_other_dynamics(tmp_path: Path) -> None:
-    (tmp_path / "tree.xml").write_text(TREE)
+@pytest.mark.parametrize(
+    ("name", "tree"),
+    [
+        pytest.param("pinocchio", TREE, marks=installed("pinocchio")),
+        pytest.param("drake", ARM, marks=installed("drake")),
+    ],
+    ids=["pinocchio", "drake"],
+)
+def test_free_motion_is_that_of_other_dynamics(tmp_path: Path, name: str, tree: str) -> None:
+    (tmp_path / "tree.xml").write_text(tree)
     text = """
 version: 1
 scene: tree.xml
 duration: 1.0
 seeds: 3
 drive: {noise: 0.5, rate: 5}
-axes: {engine: [mujoco, pinocchio], timestep: [0.0005, 0.001]}
+axes: {engine: [mujoco, NAME], timestep: [0.0005, 0.001]}
 """
-    found = differences(tmp_path, "pinocchio", text)
+    found = differences(tmp_path, name, text.replace("NAME", name))
     # Rounding of 2e-16 in each of 2,000 steps, that this motion makes 20 times larger.
     assert [far < 1e-11 for _, far in found] == [True] * 6
     assert all(ours.metrics["joint_travel"] for ours, _ in found)

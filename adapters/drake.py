@@ -1,0 +1,156 @@
+"""Drake's importer of MJCF and its discrete multibody plant, in free motion."""
+
+import time
+from collections.abc import Callable
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+
+PACKAGE = "drake"
+REQUIREMENTS = ("drake>=1.51,<2", "mujoco=={mujoco}", "numpy")
+
+
+def _beside(name: str) -> Any:
+    """Return another adapter, of which this one needs what does not need its engine."""
+    spec = spec_from_file_location(f"adapter_{name}", Path(__file__).with_name(f"{name}.py"))
+    assert spec is not None
+    assert spec.loader is not None
+    module = module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+_FREE_MOTION = _beside("pinocchio")
+
+
+def refusal(model: mujoco.MjModel) -> str | None:
+    """Return why it cannot simulate a model; None if it can.
+
+    Its law of contact is another one: what has contacts is none of its business here.
+    """
+    scalar = (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE)
+    if not np.isin(model.jnt_type, [int(each) for each in scalar]).all():
+        return (
+            "it turns free and ball joints along the tangent, not the arc; take hinges and slides"
+        )
+    if (model.body_jntnum > 1).any():
+        return "it moves several joints of one body in another order; give each a body of its own"
+    if model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_EULERDAMP:
+        return "its damping is implicit; leave eulerdamp on"
+    return _FREE_MOTION.refusal(model)
+
+
+def simulate(request: dict[str, Any], tick: Callable[[], None]) -> dict[str, Any]:
+    """Simulate runs one after the other."""
+    runs = [_run(request, run, tick) for run in range(len(request["models"]))]
+    return {key: np.array([each[key] for each in runs]) for key in runs[0]}
+
+
+def forward(request: dict[str, Any], tick: Callable[[], None]) -> dict[str, Any]:
+    """Tell what Drake computes of the starts before it steps."""
+    runs = [_forward(request, run) for run in range(len(request["models"]))]
+    tick()
+    return {key: [each[key] for each in runs] for key in runs[0]}
+
+
+def _run(request: dict[str, Any], run: int, tick: Callable[[], None]) -> dict[str, Any]:
+    import serve
+
+    model = serve.model_of(request, run)
+    controls, applied, _ = serve.inputs_of(request, run, model)
+    if applied.any():
+        raise NotImplementedError("no forces are applied to bodies here; drive by actuators")
+    twin = _Twin(model)
+    qpos, qvel = request["qpos"][run], request["qvel"][run]
+    states, begin = [np.concatenate([qpos, qvel])], time.process_time()
+    for control in controls:
+        qpos, qvel = twin.step(qpos, qvel, control)
+        states.append(np.concatenate([qpos, qvel]))
+    cost = time.process_time() - begin
+    tick()
+    state, sensors = np.array(states), np.zeros((len(controls), model.nsensordata))
+    serve.add_energies(model, state, sensors)
+    return {"state": state, "sensors": sensors, "cost": cost}
+
+
+def _forward(request: dict[str, Any], run: int) -> dict[str, Any]:
+    import serve
+
+    model = serve.model_of(request, run)
+    control = serve.inputs_of(request, run, model)[0][0]
+    return _Twin(model).forward(request["qpos"][run], request["qvel"][run], control)
+
+
+class _Twin:
+    """A model as Drake imports it; its joints are in the same order, whatever Drake's is."""
+
+    def __init__(self, model: mujoco.MjModel) -> None:
+        import serve
+        from pydrake.multibody.parsing import Parser
+        from pydrake.multibody.plant import MultibodyPlant
+
+        self._model, self._plant = model, MultibodyPlant(model.opt.timestep)
+        joints = [model.joint(each).name or f"joint_{each}" for each in range(model.njnt)]
+        Parser(self._plant).AddModelsFromString(serve.mjcf_of(_moving(model)), "xml")
+        off = model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_GRAVITY
+        gravity = np.zeros(3) if off else np.array(model.opt.gravity)
+        self._plant.mutable_gravity_field().set_gravity_vector(gravity)
+        for name, dof in zip(joints, model.jnt_dofadr, strict=True):
+            # Without an actuator, Drake drops armature.
+            actuator = self._plant.AddJointActuator(name, self._plant.GetJointByName(name))
+            actuator.set_default_rotor_inertia(float(model.dof_armature[dof]))
+            actuator.set_default_gear_ratio(1.0)
+        self._plant.SetUseSampledOutputPorts(False)
+        self._plant.Finalize()
+        self._context = self._plant.CreateDefaultContext()
+        found = [self._plant.GetJointByName(name) for name in joints]
+        self._places = [each.position_start() for each in found]
+        self._speeds = [each.velocity_start() for each in found]
+        self._plant.get_actuation_input_port().FixValue(self._context, np.zeros(model.njnt))
+
+    def _set(self, qpos: np.ndarray, qvel: np.ndarray) -> None:
+        q, v = np.zeros(self._model.nq), np.zeros(self._model.nv)
+        q[self._places], v[self._speeds] = qpos - self._model.qpos0, qvel
+        self._plant.SetPositions(self._context, q)
+        self._plant.SetVelocities(self._context, v)
+
+    def step(
+        self, qpos: np.ndarray, qvel: np.ndarray, control: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the coordinates and velocities one step later."""
+        self._set(qpos, qvel)
+        forces = np.zeros(self._model.nv)
+        forces[self._speeds] = _FREE_MOTION.joint_forces(self._model, qpos, qvel, control)
+        port = self._plant.get_applied_generalized_force_input_port()
+        port.FixValue(self._context, forces)
+        after = self._plant.EvalUniquePeriodicDiscreteUpdate(self._context).get_vector(0)
+        q, v = np.split(np.array(after.get_value()), [self._model.nq])
+        return q[self._places] + self._model.qpos0, v[self._speeds]
+
+    def forward(self, qpos: np.ndarray, qvel: np.ndarray, control: np.ndarray) -> dict[str, Any]:
+        """Return forces of motion and gravity, and the acceleration."""
+        self._set(qpos, qvel)
+        plant, context, order = self._plant, self._context, np.ix_(self._speeds, self._speeds)
+        gravity = plant.CalcGravityGeneralizedForces(context)
+        bias = (plant.CalcBiasTerm(context) - gravity)[self._speeds]
+        off = self._model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_DAMPER
+        damping = self._model.dof_damping * (not off)
+        force = _FREE_MOTION.joint_forces(self._model, qpos, qvel, control) - damping * qvel - bias
+        inertia = plant.CalcMassMatrix(context)[order]
+        return {"qfrc_bias": bias, "qacc_smooth": np.linalg.solve(inertia, force)}
+
+
+def _moving(model: mujoco.MjModel) -> mujoco.MjModel:
+    """Return a model of what Drake has to move: no shapes, and nothing that acts beside damping."""
+    import copy
+
+    plain = copy.copy(model)
+    plain.jnt_limited[:], plain.jnt_stiffness[:], plain.dof_frictionloss[:] = 0, 0, 0
+    plain.qpos0[:] = 0  # coordinates count from there
+    if model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_DAMPER:
+        plain.dof_damping[:] = 0
+    mujoco.mj_setConst(plain, mujoco.MjData(plain))
+    return plain
