@@ -25,8 +25,8 @@ from contactlab.plan.overrides import Overrides, drive_option
 from contactlab.resources import ADAPTERS, short_hash
 from contactlab.scene.model_edits import MODEL_ENGINE
 from contactlab.scene.model_files import relative_path
-from contactlab.schema.strict_model import Model
-from contactlab_parity.panel import Panel, from_states, roll_out
+from contactlab.schema.strict_model import InnerName, Model
+from contactlab_parity.panel import Panel, roll_out
 from contactlab_parity.rounding import cold, rounded
 from contactlab_parity.run_parity import contact_counts, farthest, stepped_places
 
@@ -51,7 +51,7 @@ class Bundle(Model):
     """What a folder has, and by which options its sweep makes these runs."""
 
     version: int = 1
-    sweep: str
+    sweep: InnerName
     mujoco: str
     assign: tuple[str, ...]
     only: tuple[str, ...]
@@ -131,7 +131,8 @@ def _write_runs(panel: Panel, folder: Path) -> tuple[list[BundledRun], dict[str,
         rollouts = roll_out(reference, ours), roll_out(reference, cold(rounded(ours)))
         peaks = contact_counts(ours, rollouts[0])
         for run, each in enumerate(group):
-            model = _plain(ours.models[run])
+            model = copy.copy(ours.models[run])
+            model.opt.disableflags = 0  # those that recording needs; with others, it is refused
             try:
                 mjcf = serve.mjcf_of(model)
                 arrays = _arrays(ours, run, rollouts)
@@ -143,52 +144,31 @@ def _write_runs(panel: Panel, folder: Path) -> tuple[list[BundledRun], dict[str,
             np.savez(folder / "runs" / f"{each.run_id}.npz", allow_pickle=False, **arrays)
             contacts = _HEADROOM * max(4, int(peaks[run].max()))
             room = contacts, _ROWS * contacts + 2 * model.nv
-            step, solver = float(model.opt.timestep), {"enable_multiccd": _has_multiccd()}
+            # Several contacts of convex shapes: on by default in MuJoCo 4, off in Newton.
+            solver = {"enable_multiccd": hasattr(mujoco.mjtDisableBit, "mjDSBL_MULTICCD")}
+            step = float(model.opt.timestep)
             told.append(
                 BundledRun(id=each.run_id, model=name, timestep=step, room=room, solver=solver)
             )
     return told, refused
 
 
-def _has_multiccd() -> bool:
-    """Return whether MuJoCo finds several contacts of convex shapes by default, as Newton not."""
-    return hasattr(mujoco.mjtDisableBit, "mjDSBL_MULTICCD")
-
-
-def _plain(model: mujoco.MjModel) -> mujoco.MjModel:
-    """Return a model without the flags that recording needs; of others, it is refused."""
-    plain = copy.copy(model)
-    plain.opt.disableflags = 0
-    return plain
-
-
 def _arrays(ours: PreparedRuns, run: int, rollouts: Sequence[Rollout]) -> Mapping[str, Floats]:
-    """Return what a run's file has: MuJoCo's run, its floors, controls, and single steps."""
+    """Return what a run's file has: MuJoCo's run, its floor, controls, and steps to make singly."""
     model, steps = ours.models[run], min(each.steps[run] for each in rollouts)
     inputs = ours.starts.inputs(run, model.opt.timestep, np.arange(steps))
     if inputs[:, model.nu :].any():
         raise ValueError("forces on bodies drive it; drive it by actuators")
-    states = rollouts[0].state[run, : steps + 1]
-    qpos, qvel = _coordinates(model, states)
-    around, _ = _coordinates(model, rollouts[1].state[run, : steps + 1])
-    places = stepped_places(steps)
-    starts = from_states(ours, run, states[places], places)
-    reference = ENGINES[MODEL_ENGINE]
-    singles = [
-        _coordinates(model, roll_out(reference, each).state[:, 1])[1]
-        for each in (starts, rounded(starts))
-    ]
+    if not steps:
+        raise ValueError("MuJoCo makes no step of it")
+    (qpos, qvel), (around, _) = (
+        np.split(each.state[run, : steps + 1, 1:], [model.nq, model.nq + model.nv], axis=1)[:2]
+        for each in rollouts
+    )
     return {
         "qpos": qpos,
         "qvel": qvel,
         "floor": farthest(qpos, around),
         "ctrl": inputs[:, : model.nu],
-        "places": places,
-        "step_qvel": singles[0],
-        "step_floor": farthest(*singles),
+        "places": stepped_places(steps),
     }
-
-
-def _coordinates(model: mujoco.MjModel, states: Floats) -> Sequence[Floats]:
-    """Return (K, nq) coordinates and (K, nv) velocities of (K, nstate) states."""
-    return np.split(states[:, 1:], [model.nq, model.nq + model.nv], axis=1)[:2]

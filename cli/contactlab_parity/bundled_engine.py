@@ -2,41 +2,32 @@
 
 import json
 from collections import Counter
-from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
 
-from contactlab.engines.adapted_engine import SERVER, load_adapter
-from contactlab.engines.engine import (
-    Buffers,
-    PreparedRuns,
-    Proceed,
-    Rollout,
-    SimulationEngine,
-    Watch,
-    no_limit,
-    proceed_always,
-)
-from contactlab.engines.mujoco_batch import record_starts
+from contactlab.engines.adapted_engine import SERVER, AdaptedEngine, load_adapter
+from contactlab.engines.engine import PreparedRuns, Watch, no_limit
 from contactlab.errors import StoreError
+from contactlab.resources import ADAPTERS
 from contactlab.scene.resolution import ResolvedRun
 from contactlab.scene.scene import Scene
-from contactlab_parity.bundle import Bundle
+from contactlab_parity.bundle import ENGINE, Bundle
 
 _SAME = 1e-9  # difference of MuJoCo's own coordinates from those in the bundle [m or rad]
 
 
-class BundledEngine(SimulationEngine):
-    """Results of a bundle, which it gives for the runs in it: of each run twice, and single steps.
+class BundledEngine(AdaptedEngine):
+    """Results of a bundle, instead of a process: of each run twice, then of its single steps.
 
     What sensors measure, MuJoCo measures in its states.
     """
 
     def __init__(self, folder: Path, bundle: Bundle) -> None:
+        super().__init__(ADAPTERS / f"{ENGINE}.py")
         self._folder, self._bundle, self._asked = folder, bundle, Counter[str]()
-        self._results: dict[str, dict[str, np.ndarray]] = {}
         try:
             about = json.loads((folder / "results" / "engine.json").read_text(encoding="utf-8"))
             names = [str(about[name]) for name in ("engine", "version", "device")]
@@ -45,7 +36,7 @@ class BundledEngine(SimulationEngine):
                 f"{folder} has no results yet; run its check_newton.py where Newton is"
             ) from error
         self.name, self._version, self.device = names
-        self.summary = f"results in {folder}"
+        self._read: dict[tuple[str, str], dict[str, np.ndarray]] = {}
 
     @property
     def version(self) -> str:
@@ -56,63 +47,60 @@ class BundledEngine(SimulationEngine):
         """Return why the bundle is without a run."""
         return self._bundle.refused.get(scene.run_id(run))
 
-    def roll_out(
+    def ask(
         self,
         runs: PreparedRuns,
-        buffers: Buffers,
         watch: Watch = no_limit,  # noqa: ARG002 - nothing is simulated
-        proceed: Proceed = proceed_always,  # noqa: ARG002 - as above
-    ) -> Rollout:
+        operation: str = "simulate",
+    ) -> dict[str, Any] | str:
         """Return the results of whole runs, at first and once more, then of single steps of one."""
+        if operation != "simulate":
+            return "a bundle has no more than states"
         ids = [runs.scene.run_id(each) for each in runs.resolved]
-        asked = min(self._asked[ids[0]], 2)
+        prefix = ("", "again_", "step_")[min(self._asked[ids[0]], 2)]
         self._asked.update(set(ids))
-        arrays = buffers.arrays(runs.base.model, len(ids), runs.steps)
-        arrays.iterations[:], arrays.sensors[:], arrays.state[:] = 0, 0.0, 0.0
-        record_starts(runs.starts, arrays)
-        ends: list[tuple[int, dict[str, int], str | None]] = []
+        told: dict[str, list[Any]] = {"state": [], "sensors": [], "cnstrfull": []}
         for row, run_id in enumerate(ids):
+            expected = self._arrays("runs", run_id)
+            step = int(expected["places"][row]) if prefix == "step_" else 0
+            self._check_start(run_id, expected["qpos"][step], runs.starts.qpos[row])
             try:
-                told = self._result(run_id)
-                self._check_start(run_id, runs.starts.qpos[row], row if asked == 2 else None)
-                if asked == 2:
-                    after = np.concatenate([told["step_qpos"][row], told["step_qvel"][row]])
-                    arrays.state[row, 1, 1:] = after
-                    steps = 1
-                else:
-                    prefix = ("", "again_")[asked]
-                    states = np.hstack([told[f"{prefix}qpos"], told[f"{prefix}qvel"]])
-                    steps = len(states) - 1
-                    arrays.state[row, : steps + 1, 1:] = states
-                    arrays.sensors[row, :steps] = _measured(runs, row, states)
-                ends.append((steps, {"cnstrfull": 1} if told["full"] else {}, None))
+                found = self._arrays("results", run_id)
+                states = np.hstack([found[f"{prefix}qpos"], found[f"{prefix}qvel"]])
+                told["cnstrfull"].append(bool(found["full"]))
             except (OSError, ValueError, LookupError) as error:
-                ends.append((0, {}, f"no result of it: {' '.join(str(error).split())}"))
-        timesteps = np.array([model.opt.timestep for model in runs.models])
-        arrays.state[:, :, 0] = timesteps[:, None] * np.arange(runs.steps + 1)
-        made, warnings, errors = zip(*ends, strict=True)
-        completed = Rollout.completed(arrays, np.full(len(ids), np.nan))
-        return replace(completed, steps=made, warnings=warnings, errors=errors)
+                return f"no result of run {run_id[:8]}: {' '.join(str(error).split())}"
+            if prefix == "step_":
+                told["state"].append(np.stack([states[row], states[row]]))
+                told["sensors"].append(np.zeros((1, runs.base.model.nsensordata)))
+                continue
+            # Of a run that MuJoCo did not complete, no more is compared.
+            rest = np.repeat(states[-1:], runs.steps + 1 - len(states), axis=0)
+            states = np.concatenate([states, rest])
+            told["state"].append(states)
+            told["sensors"].append(_measured(runs, row, states))
+        return {name: np.array(each) for name, each in told.items()} | {
+            "cost": np.full(len(ids), np.nan)
+        }
 
-    def _result(self, run_id: str) -> dict[str, np.ndarray]:
-        if run_id not in self._results:
-            with np.load(self._folder / "results" / f"{run_id}.npz") as told:
-                self._results = {run_id: dict(told)}
-        return self._results[run_id]
+    def _arrays(self, part: str, run_id: str) -> dict[str, np.ndarray]:
+        key = part, run_id
+        if key not in self._read:
+            with np.load(self._folder / part / f"{run_id}.npz") as arrays:
+                self._read[key] = dict(arrays)
+        return self._read[key]
 
-    def _check_start(self, run_id: str, qpos: np.ndarray, place: int | None) -> None:
-        """Refuse to judge single steps, or a run, from other states than MuJoCo has here."""
-        with np.load(self._folder / "runs" / f"{run_id}.npz") as expected:
-            step = 0 if place is None else int(expected["places"][place])
-            if np.abs(expected["qpos"][step] - qpos).max(initial=0) <= _SAME:
-                return
-        raise StoreError(
-            f"MuJoCo {mujoco.__version__} here makes another run {run_id[:8]} than MuJoCo "
-            f"{self._bundle.mujoco} did where the bundle was written; judge it there"
-        )
+    def _check_start(self, run_id: str, written: np.ndarray, here: np.ndarray) -> None:
+        """Refuse to judge what started from another state than MuJoCo has here."""
+        if np.abs(written - here).max(initial=0) > _SAME:
+            raise StoreError(
+                f"MuJoCo {mujoco.__version__} here makes another run {run_id[:8]} than MuJoCo "
+                f"{self._bundle.mujoco} did where the bundle was written; judge it there"
+            )
 
 
 def _measured(runs: PreparedRuns, run: int, states: np.ndarray) -> np.ndarray:
+    """Return (N, nsensordata) what sensors measure before each step of a run."""
     model = runs.models[run]
-    inputs = runs.starts.inputs(run, model.opt.timestep, np.arange(len(states) - 1))
+    inputs = runs.starts.inputs(run, model.opt.timestep, np.arange(runs.steps))
     return load_adapter(SERVER).measured(model, states, inputs[:, : model.nu])
