@@ -14,7 +14,7 @@ from contactlab.scene.model_edits import MODEL_ENGINE
 from contactlab_parity.forward import FLOOR_FACTOR, ForwardStates, forward
 from contactlab_parity.panel import from_states, roll_out
 from contactlab_parity.parity_report import Finding, Verdict
-from contactlab_parity.rounding import cold, rounded
+from contactlab_parity.rounding import cold, converged, rounded, rounded_at_each_step
 
 _MOST_STEPS, _MOST_FORWARD = 1_000, 24  # states of a run that step, and that are looked into
 # Allowed of an acceleration over a step, absolute and relative: as of `qacc` there.
@@ -97,15 +97,17 @@ def stepped(comparison: Comparison, run: int, states: Floats) -> SteppedStates:
         (reference, starts),
         (reference, rounded(starts)),
         (engine, from_states(theirs, run, states[places], places)),
+        (reference, converged(starts)),
     )
-    by_mujoco, by_rounded, by_engine = (
+    by_mujoco, by_rounded, by_engine, by_converged = (
         roll_out(by, runs).state[:, 1, speeds] for by, runs in sides
     )
     before, after = states[places][:, speeds], states[places + 1][:, speeds]
     change = np.abs(by_mujoco - before).max(axis=1, initial=0)
     error, floors = np.abs(by_mujoco - by_engine), np.abs(by_mujoco - by_rounded)
     # In the run the solver started from the step before: it ended elsewhere within its tolerance.
-    noise = np.maximum(floors, np.abs(by_mujoco - after)).max(axis=1, initial=0)
+    ends = np.maximum(np.abs(by_mujoco - after), np.abs(by_mujoco - by_converged))
+    noise = np.maximum(floors, ends).max(axis=1, initial=0)
     absolute, relative = _ACCELERATION
     plain = model.opt.timestep * absolute + relative * change
     allowed = plain + FLOOR_FACTOR * maximum_filter1d(noise, _AROUND)
@@ -143,13 +145,15 @@ class WholeRun:
     """A run by MuJoCo, of rounded states, and twice by the engine: (N + 1, nq) coordinates each."""
 
     ours: Floats
-    rounded: Floats
+    single: Floats  # every state is rounded
+    rounded: Floats  # the start is, and the solver starts from nothing
     theirs: Floats
     again: Floats
 
     def differences(self) -> tuple[Floats, Floats, Floats]:
         """Return (N + 1,) differences from MuJoCo, of rounded states, and of the repetition."""
-        error, floor = farthest(self.ours, self.theirs), farthest(self.ours, self.rounded)
+        error = farthest(self.ours, self.theirs)
+        floor = np.maximum(farthest(self.ours, self.rounded), farthest(self.ours, self.single))
         return error, floor, farthest(self.theirs, self.again)
 
     def finding(self) -> Finding | None:
@@ -218,9 +222,8 @@ def judge(
         return "ambiguous", None, {}  # what is not even one step says nothing
     states = rollouts[0].state[run, : steps + 1]
     model = comparison.both[0].models[run]
-    whole = WholeRun(
-        *(each.state[run, : steps + 1, 1 : 1 + model.nq] for each in comparison.rollouts)
-    )
+    ours, *others = (each.state[run, : steps + 1, 1 : 1 + model.nq] for each in comparison.rollouts)
+    whole = WholeRun(ours, rounded_at_each_step(comparison.both[0], run, steps), *others)
     error, floor, repeat = (float(each.max()) for each in whole.differences())
     numbers: dict[str, float | int] = {"position": error, "floor": floor, "repeat": repeat}
     if full := buffers_finding(rollouts[2], run):
