@@ -20,14 +20,14 @@ from contactlab.contact.trace_arrays import Floats
 from contactlab.engines import ENGINES
 from contactlab.engines.adapted_engine import SERVER, AdaptedEngine, load_adapter
 from contactlab.engines.engine import PreparedRuns, Rollout
-from contactlab.errors import OutputError, StoreError
+from contactlab.errors import EngineError, OutputError, StoreError
 from contactlab.plan.overrides import Overrides, drive_option
 from contactlab.resources import ADAPTERS, short_hash
 from contactlab.scene.model_edits import MODEL_ENGINE
 from contactlab.scene.model_files import relative_path
 from contactlab.schema.strict_model import InnerName, Model
 from contactlab_parity.panel import Panel, roll_out
-from contactlab_parity.rounding import cold, rounded
+from contactlab_parity.rounding import cold, rounded, rounded_at_each_step
 from contactlab_parity.run_parity import contact_counts, farthest, stepped_places
 
 ENGINE = "newton"
@@ -76,7 +76,10 @@ class Bundle(Model):
 
 
 def write_bundle(panel: Panel, overrides: Overrides, drive: str | None, folder: Path) -> Bundle:
-    """Write a panel into a new folder; an OutputError says that it cannot be."""
+    """Write a panel into a new folder; an OutputError says that it cannot be.
+
+    An EngineError says that Newton can simulate none of its runs.
+    """
     if folder.exists():
         raise OutputError(f"{folder} exists; name a new folder")
     with TemporaryDirectory(prefix="contactlab-") as temporary:
@@ -85,6 +88,8 @@ def write_bundle(panel: Panel, overrides: Overrides, drive: str | None, folder: 
             (made / part).mkdir(parents=True)
         _write_sweep(panel, made)
         runs, refused = _write_runs(panel, made)
+        if not runs:
+            raise EngineError(f"no run can go elsewhere: {next(iter(refused.values()))}")
         bundle = Bundle(
             sweep=panel.request.name,
             mujoco=mujoco.__version__,
@@ -165,10 +170,11 @@ def _arrays(ours: PreparedRuns, run: int, rollouts: Sequence[Rollout]) -> Mappin
         np.split(each.state[run, : steps + 1, 1:], [model.nq, model.nq + model.nv], axis=1)[:2]
         for each in rollouts
     )
+    single = rounded_at_each_step(ours, run, steps)
     return {
         "qpos": qpos,
         "qvel": qvel,
-        "floor": farthest(qpos, around),
+        "floor": np.maximum(farthest(qpos, around), farthest(qpos, single)),
         "ctrl": inputs[:, : model.nu],
         "places": stepped_places(steps),
     }

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from contactlab.engines.adapted_engine import SERVER, load_adapter
-from contactlab.errors import OutputError, StoreError
+from contactlab.errors import EngineError, OutputError, StoreError
 from contactlab.plan.overrides import Overrides
 from contactlab.schema.comparison import ComparePolicy
 from contactlab_parity.bundle import ENGINE, Bundle, write_bundle
@@ -103,6 +103,13 @@ def test_what_newton_cannot_do_is_left_out_by_name(tmp_path: Path) -> None:
     assert (len(bundle.runs), len(bundle.refused)) == (2, 2)
     assert all("PGS" in why for why in bundle.refused.values())
     assert judged(folder).verdicts == {"same": 2, "refused": 2}
+
+
+def test_nothing_is_written_if_newton_can_do_none_of_it(tmp_path: Path) -> None:
+    text = SLIDE.replace("timestep: [0.002]", "timestep: [0.002], solver: [PGS]")
+    with pytest.raises(EngineError, match="PGS"):
+        bundled(tmp_path, text)
+    assert not (tmp_path / "bundle").exists()
 
 
 def test_a_run_without_a_result_has_failed(tmp_path: Path) -> None:
