@@ -14,6 +14,7 @@ from mcap.records import Chunk, MessageIndex
 from mcap.stream_reader import StreamReader
 
 from contactlab.contact.trace_arrays import PairSeries, Trace
+from contactlab.schema.vocabulary import TraceFormat
 from contactlab.store.atomic_files import atomic_write
 from contactlab.store.mcap.trace_writer import encode_trace
 
@@ -35,10 +36,15 @@ class Written(NamedTuple):
 
 
 def write_trace(
-    path: Path, trace: Trace, run: int, series: Sequence[PairSeries], extras: TraceExtras
+    path: Path,
+    trace: Trace,
+    run: int,
+    series: Sequence[PairSeries],
+    extras: TraceExtras,
+    form: TraceFormat = "messages",
 ) -> Written:
     """Write one run of a trace."""
-    content, messages = encode_trace(trace, run, series, *extras)
+    content, messages = encode_trace(trace, run, series, *extras, form=form)
     with atomic_write(path) as temporary:
         temporary.write_bytes(content)
     return Written(hashlib.sha256(content).hexdigest(), len(content), messages)

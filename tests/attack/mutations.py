@@ -376,7 +376,7 @@ def _write_changed(path: Path, chance: random.Random) -> int:
     place = chance.randrange(int(stream.sizes[row, column]) - HEADER_SIZE)
     data = stream.data.copy()
     data[stream.offsets[row, column] + HEADER_SIZE + place] ^= 1 << chance.randrange(8)
-    path.write_bytes(encode_file(start_of(file), replace(stream, data=data))[0])
+    path.write_bytes(encode_file(start_of(file), replace(stream, data=data)))
     return place
 
 

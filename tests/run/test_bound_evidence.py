@@ -158,7 +158,7 @@ def edit_messages(store: Path, change: Callable[[bytes], bytes]) -> None:
     for start, size in zip(stream.offsets[used].tolist(), stream.sizes[used].tolist(), strict=True):
         message = slice(start + HEADER_SIZE, start + size)
         data[message] = np.frombuffer(change(data[message].tobytes()), np.uint8)
-    trace.write_bytes(encode_file(start_of(file), replace(stream, data=data))[0])
+    trace.write_bytes(encode_file(start_of(file), replace(stream, data=data)))
     ids = pq.read_table(store / "runs.parquet")["run_id"].to_pylist()
     edit(store, "trace_sha256", lambda _: sha256_of(trace), ids.index(trace.stem))
     edit(store, "trace_bytes", lambda _: trace.stat().st_size, ids.index(trace.stem))

@@ -11,6 +11,7 @@ from contactlab.schema.pair_expectation import PairExpectation
 from contactlab.schema.strict_model import Model, Number, Positive, Value, Whole, about
 
 Role = Literal["knob", "scenario"]
+TraceFormat = Literal["messages", "compact"]
 RECORDED_RUN = "recorded_run"
 """The axis of recorded runs, each of which is a scenario."""
 MOST_VALUES = 1_000_000

@@ -21,6 +21,7 @@ from tests.written_traces import TraceExtras, write_trace
 
 from contactlab.contact.trace_arrays import FOUND, PairSeries, Trace
 from contactlab.errors import OutputError, StoreError
+from contactlab.schema.vocabulary import TraceFormat
 from contactlab.store.mcap import file_parts
 from contactlab.store.mcap.trace_reader import StoredTrace, read_trace
 
@@ -69,19 +70,24 @@ def assert_stored(stored: StoredTrace, trace: Trace, run: int, series: list[Pair
 
 
 @settings(max_examples=60, deadline=None)
-@given(sizes=SIZES, chunk_size=st.sampled_from([1, 700, file_parts.CHUNK_SIZE]))
+@given(
+    sizes=SIZES,
+    chunk_size=st.sampled_from([1, 700, file_parts.CHUNK_SIZE]),
+    form=st.sampled_from(["messages", "compact"]),
+)
 def test_what_is_read_is_what_was_written(
     tmp_path_factory: pytest.TempPathFactory,
     make_trace: MakeTrace,
     extras: TraceExtras,
     sizes: dict[str, Any],
     chunk_size: int,
+    form: TraceFormat,
 ) -> None:
     trace, series = make_trace(**sizes)
     run = sizes["runs"] - 1
     path = tmp_path_factory.getbasetemp() / "round_trip.mcap"
     with patch.object(file_parts, "CHUNK_SIZE", chunk_size):
-        summary = write_trace(path, trace, run, series, extras)
+        summary = write_trace(path, trace, run, series, extras, form)
     stored = read_trace(path)
     assert_stored(stored, trace, run, series)
     assert stored.record_json == extras.record_json
@@ -209,16 +215,17 @@ def test_a_foreign_file_is_refused(tmp_path: Path) -> None:
 
 
 @settings(max_examples=200, deadline=None)
-@given(data=st.data())
+@given(data=st.data(), form=st.sampled_from(["messages", "compact"]))
 def test_every_flipped_byte_and_every_cut_is_noticed(
     tmp_path_factory: pytest.TempPathFactory,
     make_trace: MakeTrace,
     extras: TraceExtras,
     data: st.DataObject,
+    form: TraceFormat,
 ) -> None:
     path = tmp_path_factory.getbasetemp() / "damaged.mcap"
     trace, series = make_trace(steps=3)
-    write_trace(path, trace, 0, series, extras)
+    write_trace(path, trace, 0, series, extras, form)
     file = path.read_bytes()
     place = data.draw(st.integers(0, len(file) - 1))
     flip = data.draw(st.integers(0, 255))

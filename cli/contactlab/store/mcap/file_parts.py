@@ -118,11 +118,8 @@ def interleave(groups: Sequence[MessageGroup], channels: int, times: Times) -> M
     data = SCRATCH.take("stream", int(ends[-1]))
     for group in groups:
         span, size = span_of(group.rows), group.layout.size
-        items = group.layout.fill(SCRATCH.take("records", len(group.rows) * size))
-        items["channel"] = group.channel
-        items["log_time"] = items["publish_time"] = times[span]
-        group.fill(items)
-        overlapping(data, size)[offsets[span, group.channel - 1]] = items.view(f"V{size}")
+        items = group.records(times).view(f"V{size}")
+        overlapping(data, size)[offsets[span, group.channel - 1]] = items
     return MessageStream(data, offsets, sizes, times)
 
 
@@ -133,8 +130,8 @@ def overlapping(data: NDArray[np.uint8], size: int) -> NDArray[np.void]:
 
 def encode_file(
     start: FileStart, stream: MessageStream, packed: Mapping[int, bytes] = _NOT_YET
-) -> tuple[bytes, Mapping[str, int]]:
-    """Return a file, and the number of its messages by topic.
+) -> bytes:
+    """Return a file.
 
     Its chunks may be packed already, each by its first row: another zstd may pack them otherwise.
     """
@@ -150,7 +147,7 @@ def encode_file(
         crc = zlib.crc32(part, crc)
     counts = np.count_nonzero(stream.sizes, axis=0).tolist()
     parts.append(_file_tail(start, chunks, counts, position, crc))
-    return b"".join(parts), dict(zip(start.topics, counts, strict=True))
+    return b"".join(parts)
 
 
 def _chunk(

@@ -21,6 +21,7 @@ from contactlab.store.mcap.trace_messages import (
     MessageLayout,
     contacts_record,
     last_state_record,
+    message_record,
     state_record,
 )
 
@@ -95,6 +96,20 @@ class MessageGroup:
     # Writes the values into (m,) records that hold the layout's template.
     fill: Callable[[Items], None]
 
+    def records(self, times: NDArray[np.uint64]) -> Items:
+        """Return the records, given the log time of each state row; valid until the next call."""
+        items = self.layout.fill(SCRATCH.take("records", len(self.rows) * self.layout.size))
+        items["channel"] = self.channel
+        items["log_time"] = items["publish_time"] = times[span_of(self.rows)]
+        self.fill(items)
+        return items
+
+
+def single_message(channel: int, row: int, content: bytes) -> MessageGroup:
+    """Return one message with this content."""
+    record = message_record(MessageLayout(content))
+    return MessageGroup(channel, np.array([row]), record, lambda _: None)
+
 
 def span_of(rows: Rows) -> Rows | slice:
     """Return rows as a slice where they are consecutive, which indexes without a copy."""
@@ -152,9 +167,14 @@ def contact_groups(
 def _fill_net(series: PairSeries, run: int, rows: Rows, timestep: float, items: Items) -> None:
     for name, (field, _) in PAIR_ARRAYS.items():
         items[field] = getattr(series, name)[run, rows]
-    items["normal_impulse"] = series.normal[run, rows] * timestep
-    items["tangential_impulse"] = series.tangential[run, rows] * timestep
-    items["penetration"] = np.maximum(0.0 - series.distance[run, rows], 0.0)
+    fill_derived(items, timestep)
+
+
+def fill_derived(items: Items, timestep: float) -> None:
+    """Write what follows from other values of contacts."""
+    items["normal_impulse"] = items["normal_force"] * timestep
+    items["tangential_impulse"] = items["tangential_force"] * timestep
+    items["penetration"] = np.maximum(0.0 - items["distance"], 0.0)
 
 
 def _fill_points(slots: Floats, items: Items) -> None:

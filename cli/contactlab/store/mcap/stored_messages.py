@@ -7,7 +7,7 @@ of its messages.
 
 import struct
 import zlib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from io import BytesIO
 
@@ -16,8 +16,7 @@ import zstandard
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.reader import SeekingReader
-from mcap.records import Attachment, Metadata
-from mcap.summary import Summary
+from mcap.records import Attachment, Channel, Metadata, Schema
 from mcap.writer import MCAP0_MAGIC
 from numpy.typing import NDArray
 
@@ -114,20 +113,21 @@ class ChannelMessages:
             raise ValueError("a message has other fields than its schema")
         return items.view(layout.dtype)
 
-    def content(self) -> bytes:
-        """Return the content of the one message."""
-        [start], [size] = self.offsets.tolist(), self.sizes.tolist()
-        return self.data[start + HEAD.itemsize : start + size].tobytes()
+    def contents(self) -> Iterator[bytes]:
+        """Yield the content of each message."""
+        for start, size in zip(self.offsets.tolist(), self.sizes.tolist(), strict=True):
+            yield self.data[start + HEAD.itemsize : start + size].tobytes()
 
 
 @dataclass(frozen=True)
 class StoredFile:
     """A trace file, by its own summary and indexes."""
 
-    summary: Summary
+    schemas: Sequence[Schema]
+    channels: Sequence[Channel]
     metadata: Metadata
     model: Attachment
-    chunks: tuple[bytes, ...]  # compressed, in order of time
+    packed: Mapping[int, bytes]  # compressed chunks, by the time of their first message
     messages: Mapping[int, ChannelMessages]  # by the id of their channel
 
 
@@ -144,24 +144,25 @@ def stored_file(data: bytes) -> StoredFile:
     if sum(chunk.uncompressed_size for chunk in summary.chunk_indexes) > MOST_TRACE:
         raise ValueError("its chunks claim to hold more than any run records")
     offsets: dict[int, list[NDArray[np.int64]]] = {channel: [] for channel in summary.channels}
-    chunks: list[bytes] = []
+    packed: dict[int, bytes] = {}
     base = 0
     for chunk in summary.chunk_indexes:
         start = chunk.chunk_start_offset + CHUNK_HEAD.size
-        chunks.append(data[start : start + chunk.compressed_size])
+        packed[chunk.message_start_time] = data[start : start + chunk.compressed_size]
         for channel, start in chunk.message_index_offsets.items():
             *_, length = INDEX_HEAD.unpack_from(data, start)
             entries = np.frombuffer(data, "<u8", length // 8, start + INDEX_HEAD.size)
             offsets[channel].append(entries[1::2].astype(np.int64) + base)
         base += chunk.uncompressed_size
     sizes = (chunk.uncompressed_size for chunk in summary.chunk_indexes)
-    stream = np.frombuffer(b"".join(map(unpacked, chunks, sizes)), np.uint8)
+    stream = np.frombuffer(b"".join(map(unpacked, packed.values(), sizes)), np.uint8)
     none = np.empty(0, np.int64)
     messages = {
         channel: ChannelMessages(stream, np.concatenate((none, *parts)))
         for channel, parts in offsets.items()
     }
-    return StoredFile(summary, metadata, model, tuple(chunks), messages)
+    described = [*summary.schemas.values()], [*summary.channels.values()]
+    return StoredFile(*described, metadata, model, packed, messages)
 
 
 def unpacked(compressed: bytes, size: int) -> bytes:
@@ -185,15 +186,14 @@ def find_defect(data: bytes) -> str | None:
 def written_again(file: StoredFile) -> bytes:
     """Return the file that stored messages give, whose chunks are compressed as they were."""
     stream = message_stream(file)
-    begins = [chunk.message_start_time for chunk in file.summary.chunk_indexes]
-    rows = np.searchsorted(stream.times, np.array(begins, np.uint64)).tolist()
-    return encode_file(start_of(file), stream, dict(zip(rows, file.chunks, strict=True)))[0]
+    rows = np.searchsorted(stream.times, np.array([*file.packed], np.uint64)).tolist()
+    packed = dict(zip(rows, file.packed.values(), strict=True))
+    return encode_file(start_of(file), stream, packed)
 
 
 def start_of(file: StoredFile) -> FileStart:
     """Return how a file begins that has these schemas, channels, model and metadata."""
-    schemas, channels = file.summary.schemas.values(), file.summary.channels.values()
-    start = file_start([*schemas], [*channels], file.model)
+    start = file_start(file.schemas, file.channels, file.model)
     return with_metadata(start, file.metadata.name, file.metadata.metadata)
 
 

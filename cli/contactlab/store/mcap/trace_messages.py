@@ -12,7 +12,7 @@ the numbers in schemas, https://mcap.dev/spec for Message records.
 import math
 import re
 import struct
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from functools import cache, cached_property
@@ -25,6 +25,7 @@ from numpy.typing import DTypeLike, NDArray
 from contactlab.resources import SCHEMAS
 
 PACKAGE = "contactlab"
+PROTOBUF = "protobuf"
 STATE_TOPIC = "/state"
 EVIDENCE_TOPIC = "/evidence"
 _CONTACTS_TOPIC = "/contacts/"
@@ -36,6 +37,9 @@ _TYPE_MESSAGE, _TYPE_ENUM = 11, 14
 _FRAME = struct.Struct("<BQ")
 _HEADER = (("channel", "<u2", 9), ("log_time", "<u8", 15), ("publish_time", "<u8", 23))
 HEADER_SIZE = 31  # length of a Message record before its content
+# What follows from other fields of a record, from its channel or the timestep.
+_IMPULSES = ("normal_impulse", "tangential_impulse")
+_DERIVED = ("channel", "publish_time", *_IMPULSES, "penetration")
 
 
 def contacts_topic(pair: str) -> str:
@@ -183,6 +187,17 @@ class MessageLayout:
             constant[values] = False
         return constant
 
+    @cached_property
+    def values(self) -> Sequence[tuple[int, NDArray[np.intp]]]:
+        """Widths of values [bytes], and where those of each start, but for what is derived."""
+        fields = self.dtype.fields or {}
+        derived = {fields[name][1] for name in _DERIVED if name in fields}
+        spans = [span for span in _value_spans(self.dtype) if span.start not in derived]
+        starts = {span.stop - span.start: list[int]() for span in spans}
+        for span in spans:
+            starts[span.stop - span.start].append(span.start)
+        return [(width, np.array(places)) for width, places in starts.items()]
+
     def after(self, head: bytes) -> "MessageLayout":
         """Return this layout with constant bytes before it."""
         moved = tuple((name, form, offset + len(head)) for name, form, offset in self.columns)
@@ -239,6 +254,15 @@ def contacts_record(points: int) -> MessageLayout:
     """Return the record of one pair's contacts in one step."""
     vectors = (field.name for field in POINT.fields if field.repeated)
     return message_record(_message_layout(CONTACTS, dict.fromkeys(vectors, 3) | {"points": points}))
+
+
+def point_counts(sizes: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the number of contact points of messages, by the length of their records."""
+    none = contacts_record(0).size
+    counts, rest = np.divmod(sizes - none, contacts_record(1).size - none)
+    if np.any(rest) or np.any(counts < 1):
+        raise ValueError("a contact message has another layout")
+    return counts
 
 
 def _message_layout(message: MessageType, counts: Mapping[str, int]) -> MessageLayout:

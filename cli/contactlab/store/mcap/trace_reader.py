@@ -3,7 +3,7 @@
 import hashlib
 import json
 from collections import Counter
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, TypeVar
@@ -21,6 +21,7 @@ from contactlab.contact.trace_arrays import (
 )
 from contactlab.errors import StoreError
 from contactlab.schema.evidence import EvidenceRecord, TraceFile
+from contactlab.store.mcap.compact_blocks import expanded, in_messages
 from contactlab.store.mcap.message_encoder import MOMENTUM_ARRAYS, PAIR_ARRAYS, STEP_ARRAYS
 from contactlab.store.mcap.stored_messages import (
     UNREADABLE,
@@ -36,12 +37,14 @@ from contactlab.store.mcap.trace_messages import (
     contacts_topic,
     last_state_record,
     pair_of_topic,
+    point_counts,
     state_record,
 )
 
 ACTIVATIONS = "activations"
 """Entry of a trace's metadata: actuator activations, which are hashed but not in the trace."""
 
+_Content = TypeVar("_Content")
 _Number = TypeVar("_Number", bound=np.generic)
 
 
@@ -133,6 +136,15 @@ _PAIR_ARRAYS = {"found": ("found", np.int32), **PAIR_ARRAYS}
 
 def read_trace(path: Path, shown_path: object = None) -> StoredTrace:
     """Return the run that a trace file holds; a StoreError names it by the shown path."""
+    return _read(path, shown_path, _decode)
+
+
+def read_messages(path: Path, shown_path: object = None) -> bytes:
+    """Return a trace file in the message form; a StoreError names it by the shown path."""
+    return _read(path, shown_path, expanded)
+
+
+def _read(path: Path, shown_path: object, form: Callable[[bytes], _Content]) -> _Content:
     shown_path = shown_path or path
     try:
         data = path.read_bytes()
@@ -141,7 +153,7 @@ def read_trace(path: Path, shown_path: object = None) -> StoredTrace:
     if damage := find_damage(data):
         raise StoreError(f"{shown_path}: {damage}; the run has to be repeated")
     try:
-        return _decode(data)
+        return form(data)
     except UNREADABLE as error:
         raise StoreError(
             f"{shown_path} is no trace that this version of contactlab can read: {error}"
@@ -149,12 +161,12 @@ def read_trace(path: Path, shown_path: object = None) -> StoredTrace:
 
 
 def _decode(data: bytes) -> StoredTrace:
-    file = stored_file(data)
-    channels = file.summary.channels.values()
-    messages = {channel.topic: file.messages[channel.id] for channel in channels}
-    [state] = [each for each in channels if each.topic == STATE_TOPIC]
+    file = in_messages(stored_file(data))
+    messages = {channel.topic: file.messages[channel.id] for channel in file.channels}
+    [state] = [each for each in file.channels if each.topic == STATE_TOPIC]
     sizes = int(state.metadata["nq"]), int(state.metadata["nv"])
     arrays, times = _state_arrays(messages[STATE_TOPIC], *sizes)
+    [record_json] = messages[EVIDENCE_TOPIC].contents()
     return StoredTrace(
         **arrays,
         pairs=tuple(
@@ -162,7 +174,7 @@ def _decode(data: bytes) -> StoredTrace:
             for topic, each in messages.items()
             if (pair := pair_of_topic(topic)) is not None
         ),
-        record_json=messages[EVIDENCE_TOPIC].content(),
+        record_json=record_json,
         metadata=file.metadata.metadata,
         model_xml=file.model.data,
     )
@@ -191,7 +203,7 @@ def _state_arrays(
 
 def _stored_pair(name: str, messages: ChannelMessages, times: NDArray[Any]) -> StoredPair:
     """Return a pair's contacts, given the (N + 1,) log times of the states."""
-    counts = _point_counts(messages.sizes)
+    counts = point_counts(messages.sizes)
     log_times = np.empty(len(counts), np.uint64)
     arrays: dict[str, NDArray[Any]] = {
         array: np.empty(len(counts), kind) for array, (_, kind) in _PAIR_ARRAYS.items()
@@ -215,15 +227,6 @@ def _stored_pair(name: str, messages: ChannelMessages, times: NDArray[Any]) -> S
         points=points,
         **arrays,
     )
-
-
-def _point_counts(sizes: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return the number of contact points of messages, by their length."""
-    none = contacts_record(0).size
-    counts, rest = np.divmod(sizes - none, contacts_record(1).size - none)
-    if np.any(rest) or np.any(counts < 1):
-        raise ValueError("a contact message has another layout")
-    return counts
 
 
 def _slots(items: NDArray[np.void]) -> Floats:

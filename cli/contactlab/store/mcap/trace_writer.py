@@ -18,7 +18,9 @@ from mcap.writer import Writer
 
 from contactlab.contact.trace_arrays import Floats, PairSeries, PairTrace, Trace
 from contactlab.errors import OutputError
+from contactlab.schema.vocabulary import TraceFormat
 from contactlab.store.atomic_files import atomic_write
+from contactlab.store.mcap.compact_blocks import BLOCKS, compacted, expanded
 from contactlab.store.mcap.file_parts import (
     LIBRARY,
     FileStart,
@@ -32,18 +34,18 @@ from contactlab.store.mcap.message_encoder import (
     STATE_CHANNEL,
     MessageGroup,
     contact_groups,
+    single_message,
     state_groups,
 )
 from contactlab.store.mcap.trace_messages import (
     CONTACTS,
     EVIDENCE_TOPIC,
     PACKAGE,
+    PROTOBUF,
     STATE,
     STATE_TOPIC,
-    MessageLayout,
     contacts_topic,
     file_descriptor_set,
-    message_record,
 )
 
 _METADATA_NAME = "contactlab.run"
@@ -56,15 +58,19 @@ _CACHED_PREFIXES = 4  # scenes whose file prefixes are cached; a job is of one s
 _MAX_LOG_TIME = 2.0**63
 
 
-def encode_trace(
+def encode_trace(  # noqa: PLR0913 - one argument a part of the file
     trace: Trace,
     run: int,
     series: Sequence[PairSeries],
     record_json: bytes,
     metadata: Mapping[str, str],
     model_xml: bytes,
+    *,
+    form: TraceFormat = "messages",
 ) -> tuple[bytes, Mapping[str, int]]:
     """Return one run of a trace as an MCAP file, and the number of its messages by topic.
+
+    In the compact form blocks stand for the messages, which are counted as in the other form.
 
     The series are the net quantities of the trace's pairs, in the same order. With them go the
     run's record, the one message of `/evidence`; its identity, the metadata `contactlab.run`; and
@@ -74,9 +80,18 @@ def encode_trace(
     times = _log_times(trace.time[run])
     pairs = tuple(pair.name for pair in trace.pairs)
     sizes = trace.qpos.shape[2], trace.qvel.shape[2]
-    start = with_metadata(_scene_start(pairs, sizes, model_xml), _METADATA_NAME, metadata)
-    groups = [*_groups(trace, run, series, record_json)]
-    return encode_file(start, interleave(groups, len(start.topics), times))
+    encoding = BLOCKS if form == "compact" else PROTOBUF
+    start = _scene_start(pairs, sizes, model_xml, encoding)
+    start = with_metadata(start, _METADATA_NAME, metadata)
+    groups = [*_groups(trace, run, series)]
+    counts = dict.fromkeys(start.topics, 0)
+    for group in groups:
+        counts[start.topics[group.channel - 1]] += len(group.rows)
+    counts[EVIDENCE_TOPIC] = 1
+    if form == "compact":
+        groups, times = compacted(groups, times, float(trace.timestep[run]))
+    groups.append(single_message(len(start.topics), len(times) - 1, record_json))
+    return encode_file(start, interleave(groups, len(start.topics), times)), counts
 
 
 def _log_times(time: Floats) -> Times:
@@ -92,32 +107,30 @@ def _log_times(time: Floats) -> Times:
 
 
 @lru_cache(maxsize=_CACHED_PREFIXES)
-def _scene_start(pairs: tuple[str, ...], sizes: tuple[int, int], model_xml: bytes) -> FileStart:
+def _scene_start(
+    pairs: tuple[str, ...], sizes: tuple[int, int], model_xml: bytes, encoding: str
+) -> FileStart:
     state, contacts, evidence = (
-        Schema(1, file_descriptor_set(STATE), "protobuf", f"{PACKAGE}.{STATE.name}"),
-        Schema(2, file_descriptor_set(CONTACTS), "protobuf", f"{PACKAGE}.{CONTACTS.name}"),
+        Schema(1, file_descriptor_set(STATE), PROTOBUF, f"{PACKAGE}.{STATE.name}"),
+        Schema(2, file_descriptor_set(CONTACTS), PROTOBUF, f"{PACKAGE}.{CONTACTS.name}"),
         Schema(3, _RECORD_SCHEMA, "jsonschema", f"{PACKAGE}.EvidenceRecord"),
     )
     nq, nv = map(str, sizes)
-    channels = [Channel(1, STATE_TOPIC, "protobuf", {"nq": nq, "nv": nv}, state.id)]
+    channels = [Channel(1, STATE_TOPIC, encoding, {"nq": nq, "nv": nv}, state.id)]
     for number, name in enumerate(pairs, start=2):
         topic = contacts_topic(name)
-        channels.append(Channel(number, topic, "protobuf", {"pair": name}, contacts.id))
+        channels.append(Channel(number, topic, encoding, {"pair": name}, contacts.id))
     channels.append(Channel(len(channels) + 1, EVIDENCE_TOPIC, "json", {}, evidence.id))
     model = Attachment(0, 0, _MODEL_NAME, "application/xml", model_xml)
     return file_start([state, contacts, evidence], channels, model)
 
 
-def _groups(
-    trace: Trace, run: int, series: Sequence[PairSeries], record_json: bytes
-) -> Iterator[MessageGroup]:
+def _groups(trace: Trace, run: int, series: Sequence[PairSeries]) -> Iterator[MessageGroup]:
     yield from state_groups(trace, run)
     timestep = float(trace.timestep[run])
     pairs: Iterator[tuple[PairTrace, PairSeries]] = zip(trace.pairs, series, strict=True)
     for channel, (pair, net) in enumerate(pairs, start=STATE_CHANNEL + 1):
         yield from contact_groups(channel, pair, net, run, timestep)
-    record = message_record(MessageLayout(record_json))
-    yield MessageGroup(len(trace.pairs) + 2, np.array([trace.steps]), record, lambda _: None)
 
 
 @dataclass(frozen=True)
@@ -131,8 +144,11 @@ class AddedChannel:
 
 
 def copy_trace(source: Path, target: Path, added: Sequence[AddedChannel]) -> None:
-    """Write a sound trace file again with further channels; its own messages keep their bytes."""
-    reader = SeekingReader(BytesIO(source.read_bytes()))
+    """Write a sound trace file again with further channels; its own messages keep their bytes.
+
+    One in the compact form becomes one of messages.
+    """
+    reader = SeekingReader(BytesIO(expanded(source.read_bytes())))
     summary = reader.get_summary()
     assert summary is not None, "a sound file has a summary"
     stored = [(channel, each) for _, channel, each in reader.iter_messages()]

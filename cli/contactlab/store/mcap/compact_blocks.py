@@ -1,0 +1,186 @@
+"""The compact form of a trace: its messages column by column, in blocks.
+
+A block is what one channel says in a stretch of time: its messages grouped by their length, each
+group as a head and the values of its messages. Values of one width lie together, as their second
+differences from message to message: integers of that width that wrap around, signs folded in
+(zigzag), first the lowest byte of all values, column by column, then the next byte. What follows
+from other values is left out, so nothing is lost: blocks give every message again, byte for byte.
+"""
+
+import struct
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+from mcap.records import Channel
+from numpy.typing import NDArray
+
+from contactlab.store.mcap.file_parts import Times, encode_file, interleave
+from contactlab.store.mcap.message_encoder import (
+    Items,
+    MessageGroup,
+    fill_derived,
+    single_message,
+)
+from contactlab.store.mcap.stored_messages import (
+    ChannelMessages,
+    StoredFile,
+    message_stream,
+    start_of,
+    stored_file,
+)
+from contactlab.store.mcap.trace_messages import (
+    PROTOBUF,
+    STATE_TOPIC,
+    MessageLayout,
+    contacts_record,
+    last_state_record,
+    point_counts,
+    state_record,
+)
+
+BLOCKS = "contactlab.blocks"
+"""The message encoding of the channels whose messages are blocks."""
+BLOCK_SIZE = 8 << 20
+"""Bytes of messages in the blocks of one stretch of time, but for what one step adds."""
+_HEAD = struct.Struct("<IId")  # messages of a group, length of each, and the run's timestep [s]
+# No message has so many times the bytes of the values that are stored of it.
+_MOST_GROWTH = 4
+
+Values = NDArray[np.unsignedinteger]
+
+
+def compacted(
+    groups: Sequence[MessageGroup], times: Times, timestep: float
+) -> tuple[list[MessageGroup], Times]:
+    """Return the messages of (N + 1,) times as blocks, and the (B,) times at which these start."""
+    sizes = np.zeros(len(times), np.int64)
+    for group in groups:
+        sizes[group.rows] += group.layout.size
+    starts = np.flatnonzero(np.diff(np.cumsum(sizes) // BLOCK_SIZE, prepend=-1))
+    parts: dict[tuple[int, int], list[bytes]] = defaultdict(list)
+    for group in groups:
+        items = group.records(times)
+        ends = np.searchsorted(group.rows, np.append(starts, len(times))).tolist()
+        for block, (first, last) in enumerate(pairwise(ends)):
+            if first < last:
+                head = _HEAD.pack(last - first, group.layout.size, timestep)
+                parts[group.channel, block] += head, *_columns(items[first:last], group.layout)
+    return [single_message(*key, b"".join(part)) for key, part in parts.items()], times[starts]
+
+
+def expanded(data: bytes) -> bytes:
+    """Return a trace file in the message form, byte for byte as it would have been written.
+
+    One that has that form is returned as it is. Raises what is in `UNREADABLE`.
+    """
+    stored = stored_file(data)
+    file = in_messages(stored)
+    return data if file is stored else encode_file(start_of(file), message_stream(file))
+
+
+def in_messages(file: StoredFile) -> StoredFile:
+    """Return a file in the compact form as one of messages, and any other as it is."""
+    blocks = [channel for channel in file.channels if channel.message_encoding == BLOCKS]
+    if not blocks:
+        return file
+    found = [
+        (channel, *group)
+        for channel in blocks
+        for content in file.messages[channel.id].contents()
+        for group in _read_block(channel, content)
+    ]
+    times = np.concatenate(
+        [items["log_time"] for channel, _, items in found if channel.topic == STATE_TOPIC]
+    )
+    if np.any(times[1:] <= times[:-1]):
+        raise ValueError("its states are not in order of time")
+    groups = [_group(*each, times) for each in found]
+    for channel in file.channels:
+        if channel not in blocks:
+            [content] = file.messages[channel.id].contents()
+            groups.append(single_message(channel.id, len(times) - 1, content))
+    stream = interleave(groups, len(file.channels), times)
+    if np.count_nonzero(stream.sizes) != sum(len(group.rows) for group in groups):
+        raise ValueError("a channel has two messages of one time")
+    data = stream.data.copy()
+    messages = {
+        number: ChannelMessages(data, starts[stream.sizes[:, number - 1] > 0])
+        for number, starts in enumerate(stream.offsets.T, start=1)
+    }
+    channels = [
+        replace(each, message_encoding=PROTOBUF) if each in blocks else each
+        for each in file.channels
+    ]
+    return replace(file, channels=channels, packed={}, messages=messages)
+
+
+def _group(channel: Channel, layout: MessageLayout, items: Items, times: Times) -> MessageGroup:
+    rows = np.searchsorted(times, items["log_time"])
+    if np.any(np.diff(rows) <= 0) or np.any(times[rows] != items["log_time"]):
+        raise ValueError(f"messages of {channel.topic} are out of order, or have no state")
+    whole = f"V{layout.size}"  # NumPy copies records field by field, and bytes at once.
+    return MessageGroup(
+        channel.id, rows, layout, lambda out: np.copyto(out.view(whole), items.view(whole))
+    )
+
+
+def _read_block(channel: Channel, content: bytes) -> Iterator[tuple[MessageLayout, Items]]:
+    """Yield the groups of messages of a block."""
+    start = 0
+    while start < len(content):
+        count, size, timestep = _HEAD.unpack_from(content, start)
+        start += _HEAD.size
+        if not count or count * size > _MOST_GROWTH * (len(content) - start):
+            raise ValueError(f"a block of {channel.topic} claims more messages than it holds")
+        layout = _layout(channel, size)
+        items = layout.fill(np.empty(count * size, np.uint8))
+        for width, places in layout.values:
+            length = width * len(places) * count
+            planes = np.frombuffer(content, np.uint8, length, start)
+            _view(items, width, size)[:, places] = _undone(planes, width, count)
+            start += length
+        items["channel"] = channel.id
+        items["publish_time"] = items["log_time"]
+        if channel.topic != STATE_TOPIC:
+            fill_derived(items, timestep)
+        yield layout, items
+
+
+def _layout(channel: Channel, size: int) -> MessageLayout:
+    """Return the layout of messages of a length, in a channel."""
+    if channel.topic != STATE_TOPIC:
+        return contacts_record(int(point_counts(np.array(size))))
+    sizes = int(channel.metadata["nq"]), int(channel.metadata["nv"])
+    known = last_state_record(*sizes), state_record(*sizes, 0), state_record(*sizes, 3)
+    return {layout.size: layout for layout in known}[size]
+
+
+def _columns(items: Items, layout: MessageLayout) -> Iterator[bytes]:
+    """Yield the values of records, width by width."""
+    for width, places in layout.values:
+        values = _view(items, width, layout.size)[:, places]
+        for _ in range(2):
+            values[1:] -= values[:-1].copy()
+        signed = values.view(f"<i{width}")
+        folded = (signed << 1) ^ (signed >> (8 * width - 1))
+        planes = np.ascontiguousarray(folded.T).view(np.uint8).reshape(-1, width)
+        yield planes.T.tobytes()
+
+
+def _undone(planes: NDArray[np.uint8], width: int, count: int) -> Values:
+    """Return the (count, k) values of the bytes that `_columns` made of them."""
+    folded = np.ascontiguousarray(planes.reshape(width, -1).T).view(f"<u{width}")
+    values = np.bitwise_xor(folded >> 1, np.negative(folded & 1))
+    values = values.reshape(-1, count).T
+    for _ in range(2):
+        values = np.cumsum(values, axis=0, dtype=values.dtype)
+    return values
+
+
+def _view(items: Items, width: int, size: int) -> Values:
+    """Return a view of which item (i, j) is the number from byte j of record i on."""
+    shape = len(items), size - width + 1
+    return np.ndarray(shape, f"<u{width}", items.view(np.uint8), strides=(size, 1))
