@@ -51,7 +51,7 @@ def report(
         return
     against = Store.open(baseline) if baseline else None
     request = PageRequest(criteria, _count(traces), int(max_mb * 1e6), against)
-    page = target or _beside(store)
+    page = target or opt.beside(store, ".html")
     if page.is_dir() or page.suffix not in {".html", ".htm"}:
         raise OutputError(f"{page}: write a name that ends in .html")
     if not page.parent.is_dir():
@@ -60,13 +60,6 @@ def report(
         say(f"note: {note}")
     say(f"{page.stat().st_size / 1e6:.2g} MB")
     echo(page)
-
-
-def _beside(store: opt.Address) -> Path:
-    if not isinstance(store, Path):
-        return Path(f"{store.name}.html")
-    named = store if store.name else store.resolve()
-    return named.with_name(f"{named.name}.html")
 
 
 def _count(text: str) -> int:

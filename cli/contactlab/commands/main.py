@@ -24,6 +24,7 @@ from contactlab.commands.store_commands import replay, show, verify
 from contactlab.commands.study_commands import check, effects, stability
 from contactlab.commands.sweep_command import sweep
 from contactlab.commands.terminal import echo, say
+from contactlab.commands.trace_commands import traces
 from contactlab.commands.tradeoff_command import tradeoff
 from contactlab.commands.tune_command import tune
 from contactlab.errors import ContactlabError, OutputError, in_one_line
@@ -73,6 +74,7 @@ for commands, codes in _EXIT_CODES.items():
         app.command(epilog=f"\b\nExamples:\n{lines}\n\nExit codes: {codes}.")(command)
 app.add_typer(baselines, name="baseline")
 app.add_typer(engines, name="engines")
+app.add_typer(traces, name="traces")
 for name, installed in extensions("command").items():
     try:
         app.command(name)(installed.load())

@@ -102,6 +102,14 @@ FIGURE = option("FILE", "Draw the result: a .png or .svg file.")
 FORMAT = typer.Option("text", "--format", help="How results are printed.")
 
 
+def beside(store: Address, ending: str) -> Path:
+    """Return a path beside a store, of its name and an ending; for a bucket, in this folder."""
+    if not isinstance(store, Path):
+        return Path(f"{store.name}{ending}")
+    named = store if store.name else store.resolve()
+    return named.with_name(f"{named.name}{ending}")
+
+
 def load_plugins(files: Sequence[Path] | None) -> None:
     """Load installed plug-ins and those of `--plugin`; raise PluginError for one that cannot be."""
     from contactlab import plugins

@@ -151,8 +151,10 @@ def _print_plan(plan: "Plan", forecast: "Forecast", output: opt.TableFormat) -> 
     for name, seconds in passes.items():
         if seconds:
             echo(f"       {_seconds(seconds)} of it for {name}")
-    least, most = (size / 1e6 for size in forecast.bytes)
-    echo(f"disk   {least:.3g} to {most:.3g} MB of traces")
+    echo(f"disk   {_megabytes(forecast.bytes)} of traces")
+    for form, size in forecast.bytes_by_format.items():
+        if form != plan.sweep.trace_format and size[1]:
+            echo(f"       {_megabytes(size)} with trace_format: {form}")
     for warning in forecast.warnings:
         echo(f"warning: {warning}")
 
@@ -160,6 +162,10 @@ def _print_plan(plan: "Plan", forecast: "Forecast", output: opt.TableFormat) -> 
 def _range(values: tuple[object, ...]) -> str:
     shown = values if len(values) <= 6 else (*values[:2], "...", values[-1])
     return ", ".join(format_value(value) for value in shown)
+
+
+def _megabytes(size: tuple[float, float]) -> str:
+    return f"{size[0] / 1e6:.3g} to {size[1] / 1e6:.3g} MB"
 
 
 def _seconds(seconds: float) -> str:

@@ -1,6 +1,6 @@
 """What a sweep will cost, before it runs: runs, time, disk; and settings that look wrong."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache, lru_cache
 
@@ -25,8 +25,8 @@ _SAMPLE_STEPS = 200
 _MAX_CACHED = 1 << 12
 # Recording, metrics and traces take so many times what stepping takes, least and most.
 _OVERHEAD = (1.2, 2.5)
-# Size of a compressed trace, least and most, as a share of the recorded arrays.
-_COMPRESSED = (0.1, 0.6)
+# Size of a trace, least and most, as a share of the recorded arrays.
+_COMPRESSED = {"messages": (0.1, 0.6), "compact": (0.03, 0.2)}
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,8 @@ class Forecast:
     """The expected cost of a sweep of distinct runs, and warnings of settings that look wrong.
 
     Wall time [s] and size of the traces are estimated from below and above; of the time, some is
-    for references and errors, some for times and work.
+    for references and errors, some for times and work. The size is told for every `trace_format`
+    too, and is 0 where no trace is kept.
     """
 
     runs: int
@@ -43,6 +44,7 @@ class Forecast:
     accuracy_seconds: float
     timing_seconds: float
     bytes: tuple[float, float]
+    bytes_by_format: Mapping[str, tuple[float, float]]
     warnings: tuple[str, ...]
 
 
@@ -81,13 +83,15 @@ def forecast(plan: Plan, scene: Scene, workers: int) -> Forecast:
             # What is counted is run once more by the workers, before the clock runs.
             timing = likely * share + timing_seconds(sweep.timing, steps, likely)
     size, passes = sums.bytes * _traced(sweep.trace, len(index)), accuracy + timing
+    sizes = {form: (size * low, size * high) for form, (low, high) in _COMPRESSED.items()}
     return Forecast(
         runs=len(index),
         steps=sums.steps,
         seconds=(least * share * _OVERHEAD[0] + passes, most * share * _OVERHEAD[1] + passes),
         accuracy_seconds=accuracy,
         timing_seconds=timing,
-        bytes=(size * _COMPRESSED[0], size * _COMPRESSED[1]),
+        bytes=sizes[sweep.trace_format],
+        bytes_by_format=sizes,
         warnings=tuple(_warnings(plan, len(index), sums)),
     )
 

@@ -155,7 +155,9 @@ class TraceFile(Model):
     )
     sha256: Sha256
     bytes: int
-    messages: dict[str, int] = about("Messages by topic.")
+    messages: dict[str, int] = about(
+        "Messages by topic; of a compact trace, those that it stands for."
+    )
 
 
 class Host(Model):

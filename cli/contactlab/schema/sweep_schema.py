@@ -29,7 +29,7 @@ from contactlab.schema.strict_model import (
     Words,
     about,
 )
-from contactlab.schema.vocabulary import RECORDED_RUN, Axis, Ranged, Role
+from contactlab.schema.vocabulary import RECORDED_RUN, Axis, Ranged, Role, TraceFormat
 
 EffectsBase = Literal["auto", "all"]
 _BASE = "base"
@@ -247,6 +247,12 @@ class Sweep(Model):
     expect: tuple[Expectation, ...] = about("expected outcomes; makes the sweep a test", default=())
     trace: Annotated[str, Field(pattern=r"^(all|flagged|none|sample:[1-9][0-9]*)$")] = about(
         "runs whose trace is kept: all, flagged, none or sample:N", default="all"
+    )
+    trace_format: TraceFormat = about(
+        "messages: files that viewers open as they are; compact: a third of the size, which every "
+        "command reads and `contactlab traces expand` turns into messages",
+        default="messages",
+        exclude_if=lambda form: form == "messages",
     )
     checks: Literal["all", "flagged", "none"] = about(
         "runs that a second pass checks: all, those not stable, or none", default="flagged"

@@ -1,12 +1,12 @@
 """Read a finished store."""
 
-from collections.abc import Generator, Iterable, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from html import escape
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import pyarrow as pa
@@ -20,7 +20,7 @@ from contactlab.store.atomic_files import sha256_of
 from contactlab.store.backend import Backend
 from contactlab.store.controls_file import read_controls
 from contactlab.store.folder_backend import backend_at
-from contactlab.store.mcap.trace_reader import StoredTrace, read_trace
+from contactlab.store.mcap.trace_reader import StoredTrace, read_messages, read_trace
 from contactlab.store.run_columns import RunColumns
 from contactlab.store.runs_table import (
     OUTCOME_COLUMNS,
@@ -44,6 +44,7 @@ from contactlab.store.table_layout import row_to_record
 _MAX_SIMILAR = 32
 _SHOWN = ("run_id", "label", "label_reason")
 _MOST_ROWS = 20
+_Content = TypeVar("_Content")
 
 
 @dataclass(frozen=True, repr=False)
@@ -228,6 +229,15 @@ class Store:
         Raises a StoreError if there is no such run, its trace was not kept, or the trace is
         damaged.
         """
+        return self._read_trace(run, read_trace)
+
+    def trace_messages(self, run: EvidenceRecord | str) -> bytes:
+        """Return the trace of a run as a file of messages, which viewers open; raises likewise."""
+        return self._read_trace(run, read_messages)
+
+    def _read_trace(
+        self, run: EvidenceRecord | str, read: Callable[[Path, object], _Content]
+    ) -> _Content:
         record = self.record(run) if isinstance(run, str) else run
         if record.trace is None:
             raise StoreError(
@@ -244,7 +254,7 @@ class Store:
                     f"{self.address / record.trace.file}: changed since it was written; the run "
                     "has to be repeated"
                 )
-            return read_trace(path, self.address / record.trace.file)
+            return read(path, self.address / record.trace.file)
 
     @contextmanager
     def trace_file(self, trace: TraceFile) -> Generator[Path]:
