@@ -1,4 +1,4 @@
-"""What a message costs: our trace writer against the mcap package's writer with JSON.
+"""What a message costs: our writer, of both forms, against the mcap package's writer with JSON.
 
 Run: python bench/mcap_cost.py [repeats]
 
@@ -151,17 +151,26 @@ def cpu(action: Callable[[], object]) -> float:
 def compare(name: str, case: Case, repeats: int, folder: Path) -> None:
     """Print what one run costs each way."""
     trace, series = case
-    ours, theirs = folder / f"{name}.mcap", folder / f"{name}.json.mcap"
+    ours, theirs, small = (folder / f"{name}{kind}" for kind in (".mcap", ".json.mcap", ".blocks"))
     content, counts = encode_trace(trace, 0, series, *EXTRAS)
+    blocks, _ = encode_trace(trace, 0, series, *EXTRAS, form="compact")
     rounds = [
         (
             cpu(lambda: ours.write_bytes(encode_trace(trace, 0, series, *EXTRAS)[0])),
             cpu(lambda: write_json(theirs, trace, series)),
             cpu(lambda: read_trace(ours)),
+            cpu(
+                lambda: small.write_bytes(
+                    encode_trace(trace, 0, series, *EXTRAS, form="compact")[0]
+                )
+            ),
+            cpu(lambda: read_trace(small)),
         )
         for _ in range(repeats)
     ]
-    write, loop, read = (median(column) for column in zip(*rounds, strict=True))
+    write, loop, read, write_blocks, read_blocks = (
+        median(column) for column in zip(*rounds, strict=True)
+    )
     points = sum(int(pair.touching.sum()) for pair in trace.pairs)
     count = sum(counts.values())
     share = len(content) / theirs.stat().st_size
@@ -169,6 +178,10 @@ def compare(name: str, case: Case, repeats: int, folder: Path) -> None:
     print(f"  ours       {write:8.2f} ms  {write / count * 1e3:6.2f} us a message")
     print(f"  mcap, JSON {loop:8.2f} ms  {loop / count * 1e3:6.2f} us a message")
     print(f"  ratio      {loop / write:8.1f} x   {share:.2f} of the size; read in {read:.2f} ms")
+    print(
+        f"  compact    {write_blocks:8.2f} ms  {len(blocks) / 1e3:.0f} kB; "
+        f"read in {read_blocks:.2f} ms"
+    )
 
 
 def main() -> None:

@@ -68,7 +68,7 @@ def compacted(
             if first < last:
                 head = _HEAD.pack(last - first, group.layout.size, timestep)
                 parts[group.channel, block] += head, *_columns(items[first:last], group.layout)
-    return [single_message(*key, b"".join(part)) for key, part in parts.items()], times[starts]
+    return [single_message(*key, *part) for key, part in parts.items()], times[starts]
 
 
 def expanded(data: bytes) -> bytes:
@@ -165,8 +165,10 @@ def _columns(items: Items, layout: MessageLayout) -> Iterator[bytes]:
         for _ in range(2):
             values[1:] -= values[:-1].copy()
         signed = values.view(f"<i{width}")
-        folded = (signed << 1) ^ (signed >> (8 * width - 1))
-        planes = np.ascontiguousarray(folded.T).view(np.uint8).reshape(-1, width)
+        signs = signed >> (8 * width - 1)
+        signed <<= 1
+        signed ^= signs
+        planes = np.ascontiguousarray(signed.T).view(np.uint8).reshape(-1, width)
         yield planes.T.tobytes()
 
 

@@ -19,9 +19,9 @@ from contactlab.contact.trace_arrays import (
 )
 from contactlab.store.mcap.trace_messages import (
     MessageLayout,
+    constant_record,
     contacts_record,
     last_state_record,
-    message_record,
     state_record,
 )
 
@@ -105,10 +105,9 @@ class MessageGroup:
         return items
 
 
-def single_message(channel: int, row: int, content: bytes) -> MessageGroup:
-    """Return one message with this content."""
-    record = message_record(MessageLayout(content))
-    return MessageGroup(channel, np.array([row]), record, lambda _: None)
+def single_message(channel: int, row: int, *parts: bytes) -> MessageGroup:
+    """Return one message, of which these are the bytes, one part after the other."""
+    return MessageGroup(channel, np.array([row]), constant_record(parts), lambda _: None)
 
 
 def span_of(rows: Rows) -> Rows | slice:

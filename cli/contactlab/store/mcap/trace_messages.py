@@ -231,9 +231,19 @@ HEAD = MessageLayout(
 
 def message_record(body: MessageLayout) -> MessageLayout:
     """Return the layout of the Message record around a message; its sequence number is zero."""
-    head = _FRAME.pack(Opcode.MESSAGE, HEADER_SIZE - _FRAME.size + body.size)
-    framed = body.after(head.ljust(HEADER_SIZE, b"\0"))
+    framed = body.after(_message_head(body.size))
     return MessageLayout(framed.template, (*_HEADER, *framed.columns))
+
+
+def constant_record(parts: Sequence[bytes]) -> MessageLayout:
+    """Return the layout of the Message record around a message of these bytes."""
+    head = _message_head(sum(map(len, parts)))
+    return MessageLayout(b"".join((head, *parts)), _HEADER)
+
+
+def _message_head(size: int) -> bytes:
+    head = _FRAME.pack(Opcode.MESSAGE, HEADER_SIZE - _FRAME.size + size)
+    return head.ljust(HEADER_SIZE, b"\0")
 
 
 @cache
