@@ -15,6 +15,7 @@ import pyarrow.parquet as pq
 from mcap.writer import MCAP0_MAGIC, Writer
 from tests.attack.attack import MODEL, SWEEP, make_store
 from tests.attack.mutations import reseal
+from tests.random_traces import random_trace
 
 from contactlab.contact.trace_arrays import RecordedControls
 from contactlab.plan.sweep_file import read_sweep, read_yaml_as
@@ -25,6 +26,7 @@ from contactlab.store.controls_file import encode_controls, read_control_table
 from contactlab.store.finished_store import Store
 from contactlab.store.mcap.stored_messages import find_defect
 from contactlab.store.mcap.trace_reader import read_trace
+from contactlab.store.mcap.trace_writer import encode_trace
 from contactlab.store.row_journal import write_journal
 from contactlab.store.runs_table import iterate_rows
 from contactlab.store.store_files import parse_identity, parse_manifest
@@ -112,6 +114,9 @@ def readers(folder: Path) -> dict[str, Reader]:
         "identity": Reader((store / "sweep.json").read_bytes(), lambda d: parse_identity(d, store)),
         "trace": Reader(trace.read_bytes(), in_file("a.mcap", read_traces)),
         "trace with checksums": Reader(trace.read_bytes(), in_file("b.mcap", read_sealed_traces)),
+        "compact trace with checksums": Reader(
+            _compact_trace(), in_file("c.mcap", read_sealed_traces)
+        ),
         "table": Reader((store / "runs.parquet").read_bytes(), _TableReader(store).read),
         **{
             f"drive {ending}": Reader(data, in_file(f"drive.{ending}", read_control_table))
@@ -119,6 +124,11 @@ def readers(folder: Path) -> dict[str, Reader]:
         },
         **_journal_readers(make_store(folder / "unfinished")),
     }
+
+
+def _compact_trace() -> bytes:
+    trace, series = random_trace(pairs=("a-b", "c-d"), steps=40)
+    return encode_trace(trace, 0, series, b"{}", {"seed": "0"}, b"<mujoco/>", form="compact")[0]
 
 
 def _drives(folder: Path) -> dict[str, bytes]:

@@ -17,6 +17,7 @@ NAMES = (
     "identity",
     "trace",
     "trace with checksums",
+    "compact trace with checksums",
     "table",
     "drive csv",
     "drive npz",

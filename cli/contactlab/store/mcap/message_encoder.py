@@ -171,9 +171,10 @@ def _fill_net(series: PairSeries, run: int, rows: Rows, timestep: float, items: 
 
 def fill_derived(items: Items, timestep: float) -> None:
     """Write what follows from other values of contacts."""
-    items["normal_impulse"] = items["normal_force"] * timestep
-    items["tangential_impulse"] = items["tangential_force"] * timestep
-    items["penetration"] = np.maximum(0.0 - items["distance"], 0.0)
+    with np.errstate(over="ignore", invalid="ignore"):
+        items["normal_impulse"] = items["normal_force"] * timestep
+        items["tangential_impulse"] = items["tangential_force"] * timestep
+        items["penetration"] = np.maximum(0.0 - items["distance"], 0.0)
 
 
 def _fill_points(slots: Floats, items: Items) -> None:
