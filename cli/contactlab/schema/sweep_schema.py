@@ -249,8 +249,8 @@ class Sweep(Model):
         "runs whose trace is kept: all, flagged, none or sample:N", default="all"
     )
     trace_format: TraceFormat = about(
-        "messages: files that viewers open as they are; compact: a third of the size, which every "
-        "command reads and `contactlab traces expand` turns into messages",
+        "messages: files that viewers open as they are; compact: 1.5 to 8 times smaller, "
+        "which every command reads and `contactlab traces expand` turns into messages",
         default="messages",
         exclude_if=lambda form: form == "messages",
     )
