@@ -293,13 +293,8 @@ class Worker:
         group, name = outcome.group, _trace_name(record.run_id)
         metadata = _metadata(record, outcome.plan.prepared.model.na)
         said = record.model_dump_json().encode(), metadata, self._model_xml
-        content, messages = encode_trace(
-            group.trace,
-            outcome.row,
-            group.assessment.series,
-            *said,
-            form=self._task.sweep.trace_format,
-        )
+        run = group.trace, outcome.row, group.assessment.series
+        content, messages = encode_trace(*run, *said, form=self._task.sweep.trace_format)
         self._store.put(name, content)
         sha256 = hashlib.sha256(content).hexdigest()
         return TraceFile(file=name, sha256=sha256, bytes=len(content), messages=dict(messages))

@@ -155,9 +155,7 @@ class TraceFile(Model):
     )
     sha256: Sha256
     bytes: int
-    messages: dict[str, int] = about(
-        "Messages by topic; of a compact trace, those that it stands for."
-    )
+    messages: dict[str, int] = about("Messages by topic; of a compact trace, those it stands for.")
 
 
 class Host(Model):

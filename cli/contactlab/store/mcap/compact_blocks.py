@@ -18,12 +18,7 @@ from mcap.records import Channel
 from numpy.typing import NDArray
 
 from contactlab.store.mcap.file_parts import Times, encode_file, interleave
-from contactlab.store.mcap.message_encoder import (
-    Items,
-    MessageGroup,
-    fill_derived,
-    single_message,
-)
+from contactlab.store.mcap.message_encoder import Items, MessageGroup, fill_derived, single_message
 from contactlab.store.mcap.stored_messages import (
     ChannelMessages,
     StoredFile,
@@ -84,6 +79,7 @@ def expanded(data: bytes) -> bytes:
 def in_messages(file: StoredFile) -> StoredFile:
     """Return a file in the compact form as one of messages, and any other as it is."""
     blocks = [channel for channel in file.channels if channel.message_encoding == BLOCKS]
+    others = [channel for channel in file.channels if channel not in blocks]
     if not blocks:
         return file
     found = [
@@ -98,10 +94,9 @@ def in_messages(file: StoredFile) -> StoredFile:
     if np.any(times[1:] <= times[:-1]):
         raise ValueError("its states are not in order of time")
     groups = [_group(*each, times) for each in found]
-    for channel in file.channels:
-        if channel not in blocks:
-            [content] = file.messages[channel.id].contents()
-            groups.append(single_message(channel.id, len(times) - 1, content))
+    for channel in others:
+        [content] = file.messages[channel.id].contents()
+        groups.append(single_message(channel.id, len(times) - 1, content))
     stream = interleave(groups, len(file.channels), times)
     if np.count_nonzero(stream.sizes) != sum(len(group.rows) for group in groups):
         raise ValueError("a channel has two messages of one time")
@@ -110,10 +105,7 @@ def in_messages(file: StoredFile) -> StoredFile:
         number: ChannelMessages(data, starts[stream.sizes[:, number - 1] > 0])
         for number, starts in enumerate(stream.offsets.T, start=1)
     }
-    channels = [
-        replace(each, message_encoding=PROTOBUF) if each in blocks else each
-        for each in file.channels
-    ]
+    channels = [*(replace(each, message_encoding=PROTOBUF) for each in blocks), *others]
     return replace(file, channels=channels, packed={}, messages=messages)
 
 

@@ -84,10 +84,9 @@ def encode_trace(  # noqa: PLR0913 - one argument a part of the file
     start = _scene_start(pairs, sizes, model_xml, encoding)
     start = with_metadata(start, _METADATA_NAME, metadata)
     groups = [*_groups(trace, run, series)]
-    counts = dict.fromkeys(start.topics, 0)
+    counts = dict.fromkeys(start.topics, 0) | {EVIDENCE_TOPIC: 1}
     for group in groups:
         counts[start.topics[group.channel - 1]] += len(group.rows)
-    counts[EVIDENCE_TOPIC] = 1
     if form == "compact":
         groups, times = compacted(groups, times, float(trace.timestep[run]))
     groups.append(single_message(len(start.topics), len(times) - 1, record_json))
