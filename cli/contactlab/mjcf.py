@@ -13,6 +13,9 @@ OPTIONS = (
 CONTACT = ("solref", "solimp", "friction", "condim", "margin", "gap")
 """Attributes of both <geom> and <pair>."""
 
+AT_REST = {"stiffness": "N/m", "depth_at_rest": "m"}
+"""What contacts are at rest, in units: no attributes, but settings that decide solref of pairs."""
+
 
 def attribute_of(axis: str) -> str:
     """Return the attribute that an axis sets: `solref` for `solref.timeconst`, or its own name."""

@@ -1,10 +1,4 @@
-"""Contact settings in units of the world, and back: laws of rest and impact, shown by a run.
-
-At rest, depth r of a contact carries F with ``r = s F A (1 - d) dwidth^2 / (K d^2)``: d is the
-impedance at r, A = 1/m1 + 1/m2 as the engine has it, and s = 1 or, of a pyramidal cone, whose
-2 (condim - 1) edges share the load, ``mu^2 (1 + mu^2) / ((condim - 1) impratio)``.
-Source: MuJoCo's documentation, Computation, "Parameters", and mj_makeImpedance.
-"""
+"""Contact settings in units of the world, and back: laws of rest and impact, shown by a run."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -14,26 +8,27 @@ from pathlib import Path
 import numpy as np
 
 from contactlab.contact.contact_laws import (
+    RESOLVED_STEP,
+    STABLE_STEP,
     damping_ratio,
     damping_ratio_of,
-    impedance,
+    largest_step,
     refsafe_solref,
-    rest_penetration,
     restitution_of,
     stiffness_damping,
 )
 from contactlab.contact.trace_arrays import DISTANCE
 from contactlab.errors import SceneError, SweepFileError
+from contactlab.mjcf import AT_REST
 from contactlab.plan.validation import without_unit
 from contactlab.run.evidence_record import as_written
 from contactlab.run.sweep_request import SceneLoader
+from contactlab.scene.contact_at_rest import ContactAtRest, law_of_rest
 from contactlab.scene.setting_values import as_number
 from contactlab.studies.session import Session, read_settings
 
-WORDS = {"stiffness": "N/m", "depth_at_rest": "m", "restitution": ""}
-_STABLE = 0.8  # largest step, times the contact's rate, by which no impact gains energy
-_RESOLVED = 0.2  # likewise by which restitution is right within some percent
-_AT_REST = ("contacts", "load", "depth")
+WORDS = {**AT_REST, "restitution": ""}
+_MEANS = ("contacts", "load", "depth")
 _RESTING = 0.9  # share of the last fifth of a run in which a pair at rest touches
 _AGREE = 0.1  # share by which what is measured may miss what is asked for
 
@@ -42,33 +37,22 @@ _AGREE = 0.1  # share by which what is measured may miss what is asked for
 class RestingPair:
     """A pair of contacts, what it bears at the end of a run, and how deep it is."""
 
-    name: str
-    solref: tuple[float, ...]
-    solimp: tuple[float, ...]
-    inverse_mass: float  # of both sides [1/kg], as the engine has it
-    softness: float  # what its friction cone multiplies its depth by
-    radius: float  # of the smaller geom [m]
+    law: ContactAtRest
     restitution: float | None  # measured in the run
     contacts: float = 0.0  # mean number in the last fifth of the run, if the pair rests then
     load: float = 0.0  # that one contact bears [N]
     depth: float = 0.0  # mean of the contacts, measured [m]
 
     @property
-    def expected_depth(self) -> float:
-        """The depth at which it bears its load, by the law [m]."""
-        weight = self.softness * self.load
-        return float(rest_penetration(weight, self.inverse_mass, self.solref, self.solimp))
-
-    @property
-    def largest_step(self) -> float:
-        """The largest timestep that resolves it [s]: no gain of energy, and refsafe leaves it."""
-        stable = _STABLE / float(np.sqrt(stiffness_damping(self.solref)[0]))
-        return min(stable, self.solref[0] / 2) if self.solref[0] > 0 else stable
+    def name(self) -> str:
+        """The pair's name."""
+        return self.law.name
 
     def lines(self, timestep: float) -> list[str]:
         """Say its settings in units of the world."""
-        (rate, drag), mass = stiffness_damping(self.solref), 1 / self.inverse_mass
-        depth, zeta = self.expected_depth, damping_ratio(self.solref)
+        solref, mass = self.law.solref, 1 / self.law.inverse_mass
+        (rate, drag), zeta = stiffness_damping(solref), damping_ratio(solref)
+        depth = self.law.depth_under(self.load)
         rest = {"depth_at_rest": "it does not rest at the end of the run"}
         if self.load:
             bears = f"{self.load:.4g} N on each of {self.contacts:.3g} contacts"
@@ -77,9 +61,9 @@ class RestingPair:
                 "stiffness": f"{self.load / depth:.4g} N/m at rest, load over depth",
                 "depth_at_rest": f"{depth * 1e3:.4g} mm under {bears}; {measured}",
             }
-        most, now = self.largest_step * 1e3, timestep * 1e3
+        most, now = largest_step(solref) * 1e3, timestep * 1e3
         said = {
-            f"{self.name}:": f'solref="{" ".join(f"{each:.6g}" for each in self.solref)}"',
+            f"{self.name}:": f'solref="{" ".join(f"{each:.6g}" for each in solref)}"',
             **rest,
             "in an impact": f"{rate * mass:.4g} N/m, {drag * mass:.4g} N s/m, ratio {zeta:.4g}",
             "restitution": f"{restitution_of(zeta):.3g}, without gravity",
@@ -89,20 +73,13 @@ class RestingPair:
 
     def solved(self, words: Mapping[str, float]) -> tuple[float, float]:
         """Return the solref, in standard form, that has what is asked for; refused with why not."""
-        stiffness, zeta = float(stiffness_damping(self.solref)[0]), damping_ratio(self.solref)
+        zeta = float(damping_ratio(self.law.solref))
         if "restitution" in words:
-            zeta = damping_ratio_of(words["restitution"])
-        if words.keys() & {"stiffness", "depth_at_rest"}:
-            depth = words.get("depth_at_rest") or self.load / words["stiffness"]
-            if depth >= self.radius:
-                raise SceneError(
-                    f"{self.name}: {depth * 1e3:.3g} mm is deeper than the smaller geom, which "
-                    f"reaches {self.radius * 1e3:.3g} mm"
-                )
-            d, end = float(impedance(depth, self.solimp)), self.solimp[1]
-            weight = self.softness * self.load * self.inverse_mass
-            stiffness = weight * (1 - d) * end**2 / (depth * d**2)
-        return 1 / (float(zeta) * stiffness**0.5), float(zeta)
+            zeta = float(damping_ratio_of(words["restitution"]))
+        if not words.keys() & AT_REST.keys():
+            return 1 / (zeta * float(stiffness_damping(self.law.solref)[0]) ** 0.5), zeta
+        depth = words.get("depth_at_rest") or self.load / words["stiffness"]
+        return self.law.solref_of(depth, self.load, zeta)
 
 
 def read_words(assigned: Mapping[str, str]) -> dict[str, float]:
@@ -136,7 +113,7 @@ def explain_contacts(
     pairs, timestep = _resting(model, assign, scenes, session)
     if not words:
         return [line for pair in pairs for line in pair.lines(timestep)], []
-    if words.keys() & {"stiffness", "depth_at_rest"}:
+    if words.keys() & AT_REST.keys():
         pairs = [each for each in pairs if each.load]
     if not pairs:
         raise SceneError(
@@ -155,7 +132,8 @@ def explain_contacts(
 
 def _missed(pair: RestingPair, words: Mapping[str, float], timestep: float) -> Iterator[str]:
     """Say what a run does not show of what is asked for."""
-    if timestep > pair.largest_step * (1 + 1e-9):
+    most = largest_step(pair.law.solref)
+    if timestep > most * (1 + 1e-9):
         yield f"{pair.name}: a timestep of {timestep:g} s is too long for it"
     found = {
         "stiffness": pair.load / pair.depth if pair.depth else 0.0,
@@ -169,7 +147,7 @@ def _missed(pair: RestingPair, words: Mapping[str, float], timestep: float) -> I
         if size is None:
             yield f"{pair.name}: nothing bounces in the run, so restitution was not measured"
         elif abs(size - asked) > _AGREE * asked:
-            why = f"; an impact takes a step of {_RESOLVED / _STABLE * pair.largest_step:.2g} s"
+            why = f"; an impact takes a step of {RESOLVED_STEP / STABLE_STEP * most:.2g} s"
             unit = f" {WORDS[name]}".rstrip()
             yield (
                 f"{pair.name}: {name} is {size:.4g}{unit}, not {asked:.4g}{unit}"
@@ -189,33 +167,18 @@ def _resting(
     trace, rests = store.trace(record), list[RestingPair]()
     fifth = (len(trace.time) - 1) // 5
     timestep = as_number(record.settings["timestep"])
+    edited = base.prepare(scenes.open(model).resolve(values, 0, None).edits()).model
     for pair in base.pairs:
         stored, used = trace.pair(pair.name), record.pairs[pair.name]
         last = stored.steps >= len(trace.time) - 1 - fifth
         count, loads = stored.contacts[last], stored.normal[last]
         points = stored.points[np.repeat(last, stored.contacts), DISTANCE]
-        geoms = [side[0] for side in pair.geoms]
-        inverse = float(base.model.body_invweight0[base.model.geom_bodyid[geoms], 0].sum())
-        if not inverse:
-            raise SceneError(f"{pair.name}: neither side can move, so that nothing is stiff")
-        square, softness = used.friction[0] ** 2, 1.0
-        if record.settings["cone"] == "pyramidal" and used.condim > 1:
-            softness = square * (1 + square) / (used.condim - 1)
-            softness /= as_number(record.settings["impratio"])
-        safe, reach = record.effects.get("refsafe", True), base.model.geom_rbound[geoms]
-        rests.append(
-            RestingPair(
-                name=pair.name,
-                solref=refsafe_solref(used.solref, timestep) if safe else used.solref,
-                solimp=used.solimp,
-                inverse_mass=inverse,
-                softness=softness,
-                radius=float(np.where(reach > 0, reach, np.inf).min()),
-                restitution=record.metrics.get("restitution_measured"),
-            )
-        )
+        safe = record.effects.get("refsafe", True)
+        solref = refsafe_solref(used.solref, timestep) if safe else used.solref
+        law = replace(law_of_rest(edited, pair, used), solref=solref)
+        rests.append(RestingPair(law, record.metrics.get("restitution_measured")))
         if last.sum() >= _RESTING * fifth:
             depth = used.margin - used.gap - float(points.mean())  # force begins at the margin
             means = float(count.mean()), float((loads / count).mean()), depth
-            rests[-1] = replace(rests[-1], **dict(zip(_AT_REST, means, strict=True)))
+            rests[-1] = replace(rests[-1], **dict(zip(_MEANS, means, strict=True)))
     return rests, timestep

@@ -2,12 +2,12 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 from contactlab.contact.contact_laws import damping_ratio, restitution_of
 from contactlab.errors import ContactlabError, ExpectationError, SceneError, SweepFileError
+from contactlab.scene.contact_at_rest import ContactAtRest
 from contactlab.studies.session import Session
 from contactlab_explain.command import explain
 from contactlab_explain.contact_words import RestingPair, explain_contacts, read_words
@@ -19,10 +19,10 @@ BALL = """<mujoco><option cone="{cone}" impratio="{impratio}"/><worldbody>
 </worldbody></mujoco>"""
 
 
-def resting(**changes: Any) -> RestingPair:
+def resting(softness: float = 1.0) -> RestingPair:
     solimp = (0.9, 0.95, 0.001, 0.5, 2.0)
-    pair = RestingPair("a-b", (0.02, 1.0), solimp, 0.5, 1.0, 0.05, None, 1.0, 20.0)
-    return replace(pair, **changes)
+    law = ContactAtRest("a-b", (0.02, 1.0), solimp, 0.5, softness, 0.05)
+    return RestingPair(law, None, 1.0, 20.0)
 
 
 @pytest.mark.parametrize("depth", [1e-6, 3e-4, 2e-3])
@@ -31,7 +31,7 @@ def test_a_depth_is_solved_for_as_the_law_has_it(depth: float, softness: float) 
     """The law of rest, at the solref that it was solved for, gives the depth back."""
     pair = resting(softness=softness)
     solref = pair.solved({"depth_at_rest": depth, "restitution": 0.4})
-    assert replace(pair, solref=solref).expected_depth == pytest.approx(depth, rel=1e-9)
+    assert replace(pair.law, solref=solref).depth_under(20) == pytest.approx(depth, rel=1e-9)
     assert float(restitution_of(damping_ratio(solref))) == pytest.approx(0.4, rel=1e-9)
     assert pair.solved({"stiffness": 20 / depth, "restitution": 0.4}) == pytest.approx(solref)
 

@@ -17,6 +17,8 @@ _BISECTIONS = 60
 IMPEDANCE_RANGE = (1e-4, 0.9999)
 """Bounds that MuJoCo holds an impedance to."""
 _REFSAFE_STEPS = 2
+STABLE_STEP, RESOLVED_STEP = 0.8, 0.2
+"""Steps, over 1 / sqrt(K), up to which no impact gains energy, and restitution is nearly right."""
 
 
 def stiffness_damping(solref: ArrayLike) -> tuple[Floats, Floats]:
@@ -36,6 +38,12 @@ def stiffness_damping(solref: ArrayLike) -> tuple[Floats, Floats]:
 def refsafe_solref(solref: tuple[float, ...], timestep: float) -> tuple[float, ...]:
     """Return a solref as refsafe has it: with a time constant [s] of at least two timesteps [s]."""
     return (max(solref[0], _REFSAFE_STEPS * timestep), solref[1]) if solref[0] > 0 else solref
+
+
+def largest_step(solref: tuple[float, ...]) -> float:
+    """Return the largest timestep [s] that resolves a solref: stable, and refsafe leaves it."""
+    stable = STABLE_STEP / float(np.sqrt(stiffness_damping(solref)[0]))
+    return min(stable, solref[0] / _REFSAFE_STEPS) if solref[0] > 0 else stable
 
 
 def damping_ratio(solref: ArrayLike) -> Floats:
@@ -113,6 +121,30 @@ def rest_penetration(
     # d grows with r, so that the right side falls, from its value at the surface to the last one.
     low, high = carried(np.full_like(scale, np.inf)), carried(np.zeros_like(scale))
     return _bisected(low, high, lambda depth: carried(depth) > depth)
+
+
+def stiffness_at_rest(
+    depth: ArrayLike, load: ArrayLike, inverse_mass: ArrayLike, solimp: ArrayLike
+) -> Floats:
+    """Return the K [1/s^2] whose `rest_penetration` under a load [N] is a depth [m] above 0.
+
+    Where the impedance d is constant, load / depth is ``K / (A (1 - d))`` whatever the load: a
+    linear spring.
+    """
+    end = np.clip(np.asarray(solimp, dtype=np.float64)[..., 1], *IMPEDANCE_RANGE)
+    d, weight = impedance(depth, solimp), np.asarray(load) * np.asarray(inverse_mass)
+    return weight * (1 - d) * end**2 / (np.asarray(depth) * d**2)
+
+
+def pyramid_softness(friction: float, condim: int, impratio: float) -> float:
+    """Return what a pyramidal cone multiplies the load by in the law of rest.
+
+    The 2 (condim - 1) edges of the pyramid share the load:
+    ``mu^2 (1 + mu^2) / ((condim - 1) impratio)``, and 1 without friction.
+    Source: MuJoCo's mj_makeImpedance.
+    """
+    square = friction**2
+    return square * (1 + square) / ((condim - 1) * impratio) if condim > 1 else 1.0
 
 
 def _impedance_curve(solimp: ArrayLike) -> Callable[[Floats], Floats]:

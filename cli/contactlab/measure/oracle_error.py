@@ -19,6 +19,7 @@ from contactlab.measure.entries import (
     Found,
     MeasuredRuns,
     OracleResult,
+    Threshold,
     label,
     metric,
     oracle,
@@ -47,9 +48,17 @@ def oracle_error(context: Context) -> Floats:
     return _result(context).error
 
 
-@label(16)
+_AT_REST = Threshold(
+    "at_rest_error", 0.1, "1", "A share by which a stiffness or a depth may miss what is asked for."
+)
+
+
+@label(16, (_AT_REST,))
 def oracle_miss(runs: MeasuredRuns) -> Found:
-    """The error against the scene's closed form exceeds the limit, or nothing could be measured."""
+    """The error against the scene's closed form exceeds the limit, or nothing could be measured.
+
+    Or pairs at rest are not as stiff, or deep, as is asked for.
+    """
     setup, last = runs.context.setup, runs.context.trace.steps - 1
     names = "oracle_expected", "oracle_measured", "oracle_error"
     expected, measured, error = (runs.metrics[name] for name in names)
@@ -57,6 +66,9 @@ def oracle_miss(runs: MeasuredRuns) -> Found:
     for run in runs_where(unmet | (error > setup.oracle_tolerance)):
         found = f"{setup.oracle}: expected {expected[run]:.4g}, measured {measured[run]:.4g}"
         reason = f"{found}, error {error[run]:.3g} (limit {setup.oracle_tolerance:g})"
+        yield run, Finding(reason, last)
+    for run, error, limit in runs.over("at_rest_error"):
+        reason = f"at rest, what is asked for is missed by {error:.3g} of it (limit {limit:g})"
         yield run, Finding(reason, last)
 
 

@@ -20,12 +20,14 @@ from contactlab.measure.context import Context, cached, contact_depths, friction
 from contactlab.measure.entries import metric, oracle
 from contactlab.measure.penetration import steady_by_pair
 from contactlab.measure.stick_slip import Rows, Spans, spans
+from contactlab.mjcf import AT_REST
 
 _IMPACTS = 5
 _WEAKEST = 0.3
 _SLOWEST = 0.05  # Approach speed [m/s] below which a contact is rest or a hop, not an impact
 _OFF_CENTRE = 0.1  # Share of a lever arm that may lie across the surface in a central impact
 _CORNERS = 4  # Contacts between two boxes, or a box and the floor, that meet face to face
+_RESTING = 0.9  # Share of the last fifth in which a pair at rest touches
 _TRUNK = 10.0
 _BALL = 2 / 7  # 1 / (1 + 5 / 2): what a hit at a ball's surface has to overcome sideways
 
@@ -113,6 +115,41 @@ def _height(context: Context, barrier: Barrier, run: Rows, step: Rows | int) -> 
     """Return signed heights [m] of the body's origin above the barrier's mid-plane."""
     start = barrier.body.qpos
     return (context.trace.qpos[run, step, start : start + 3] - barrier.point) @ barrier.normal
+
+
+@metric("1", "lower", 1e-9, requires="depth")
+def at_rest_error(context: Context) -> Floats:
+    """Share by which resting pairs miss the `stiffness` or `depth_at_rest` that is asked for.
+
+    In the last fifth of the run: load over depth of all contacts of a pair, or their mean depth,
+    from where force begins; worst of the pairs that touch in 90 % of it.
+    """
+    errors = [context.undefined()]
+    for name in (each for each in AT_REST if each in context.setup.settings):
+        asked = context.setting(name)
+        for depth, load, count in _at_rest(context):
+            found = depth / count if name == "depth_at_rest" else load / depth
+            errors.append(np.abs(found / asked - 1))
+    return np.fmax.reduce(errors)
+
+
+@cached
+def _at_rest(context: Context) -> list[tuple[Floats, Floats, Floats]]:
+    """Return for each pair (n,) the sums of depths [m], loads [N] and contacts in the last fifth.
+
+    NaN in runs in which it does not rest.
+    """
+    found = list[tuple[Floats, Floats, Floats]]()
+    begin = context.setting("margin") - context.setting("gap") if context.trace.pairs else 0.0
+    for pair in context.trace.pairs:
+        slots = pair.slots[:, context.last_fifth]
+        touching = slots[..., FOUND] > 0
+        rests = np.where(touching.any(axis=2).mean(axis=1) >= _RESTING, 1.0, np.nan)
+        depths = (np.reshape(begin, (-1, 1, 1)) - slots[..., DISTANCE]) * touching
+        every = depths, slots[..., FORCE.start] * touching, touching.astype(np.float64)
+        depth, load, count = (sum_of_slots(each, axis=2).sum(axis=1) * rests for each in every)
+        found.append((depth, load, count))
+    return found
 
 
 def restitution_of_solref(context: Context) -> Floats:

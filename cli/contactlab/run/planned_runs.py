@@ -15,6 +15,7 @@ import numpy as np
 from contactlab.engines import ENGINES, engine_of
 from contactlab.engines.engine import Watch, bytes_of_run, no_limit
 from contactlab.errors import OutputError, SceneError, StoreError, SweepFileError
+from contactlab.mjcf import AT_REST
 from contactlab.plan.grid import Plan
 from contactlab.run.evidence_record import RunPlan
 from contactlab.run.tasks import Job, PlannedRun, Task
@@ -155,6 +156,9 @@ class _Check:
             )
         if not engine.accepts_every_run and (why := engine.refusal(self._scene, row.resolved(0))):
             raise SceneError(why)
+        if row.group.first.changed & AT_REST.keys():
+            run = row.resolved(0)
+            self._scene.base_of(run).prepare(run.edits())
         driven = row.group.first.drive not in ("none", "hold")
         key = (*row.start, row.timestep) if driven else row.start
         if (driven or self._scene.is_timed) and key not in self._checked:

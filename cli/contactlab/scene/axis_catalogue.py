@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Protocol
 
 from contactlab.errors import SceneError, did_you_mean
-from contactlab.mjcf import CONTACT
+from contactlab.mjcf import AT_REST, CONTACT
 from contactlab.scene.compiled_scene import CompiledScene
 from contactlab.scene.drive.located_drive import DRIVE_AXES
 from contactlab.scene.effects.effect_table import EFFECTS
@@ -86,7 +86,7 @@ def _missing_flag(name: str) -> AxisSpec | None:
 
 def _axes(base: CompiledScene, manifest: SceneManifest | None, engines: Engines) -> list[AxisSpec]:
     axes: list[AxisSpec] = [
-        each for each in PARAMETERS.values() if each.sets not in CONTACT or base.pairs
+        each for each in PARAMETERS.values() if each.sets not in (*CONTACT, *AT_REST) or base.pairs
     ]
     names = tuple(engines) or (MODEL_ENGINE,)
     summaries = [engine.summary for engine in engines.values()] or ["MuJoCo"]

@@ -8,8 +8,9 @@ import mujoco
 import numpy as np
 
 from contactlab.errors import SceneError, did_you_mean
-from contactlab.mjcf import CONTACT, OPTIONS
+from contactlab.mjcf import AT_REST, CONTACT, OPTIONS
 from contactlab.scene.compile_model import SensorLayout, add_sensors, compile_model, find_layout
+from contactlab.scene.contact_at_rest import write_at_rest
 from contactlab.scene.contact_pairs import (
     MonitoredPair,
     declared_pairs,
@@ -81,19 +82,22 @@ class CompiledScene:
         model = copy.copy(self.model)
         if servos is not None:
             servos.write(model)
-        place_mocap(model, str({**self.settings, **edits}.get("keyframe", QPOS0)))
+        keyframe = str({**self.settings, **edits}.get("keyframe", QPOS0))
+        place_mocap(model, keyframe)
         derived = write_settings(model, edits, self.targets)
         for name in (each for each in edits if each in EFFECTS and each not in (*FLAGS, *OPTIONS)):
             EFFECTS[name].switch.write(model, bool(edits[name]))
         if derived:
             mujoco.mj_setConst(model, mujoco.MjData(model))
+        for name in edits.keys() & AT_REST.keys():
+            write_at_rest(model, self.pairs, name, as_number(edits[name]), keyframe)
         effects: dict[str, EffectState] = {}
         if effect_request is not None:
             straight = start is not None and is_straight(model, start)
             run = RunState(model, self.facts, straight)
             effects = choose(run, effect_request)
             leave_out(run, effects)
-        written = self.targets.geoms if edits.keys() & set(CONTACT) else ()
+        written = self.targets.geoms if edits.keys() & {*CONTACT, *AT_REST} else ()
         return PreparedModel(
             model=model,
             pairs={pair.name: effective_parameters(model, pair) for pair in self.pairs},

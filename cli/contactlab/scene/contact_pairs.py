@@ -230,7 +230,7 @@ def _explicit(model: mujoco.MjModel, index: int) -> PairRecord:
 
 def _mixed(model: mujoco.MjModel, first: int, second: int) -> PairRecord:
     both, deciding = [first, second], _deciding(model, first, second)
-    weight = _weight(model, first, second)
+    weight = mixing_weight(model, first, second)
     (one, two), (solimp, other) = model.geom_solref[both], model.geom_solimp[both]
     mean = len(deciding) == 1 or (one[0] > 0 and two[0] > 0)
     return PairRecord(
@@ -255,8 +255,8 @@ def _friction(model: mujoco.MjModel, first: int, second: int) -> tuple[float, ..
     return slide, slide, torsion, roll, roll
 
 
-def _weight(model: mujoco.MjModel, first: int, second: int) -> float:
-    """Return the first geom's weight in the mean."""
+def mixing_weight(model: mujoco.MjModel, first: int, second: int) -> float:
+    """Return the first geom's weight in the mean of solref, and of solimp."""
     deciding = _deciding(model, first, second)
     if len(deciding) == 1:
         return float(deciding == [first])

@@ -11,7 +11,7 @@ from functools import cache, partial
 import mujoco
 
 from contactlab.contact.contact_laws import damping_ratio_of, stiffness_damping
-from contactlab.mjcf import attribute_of
+from contactlab.mjcf import AT_REST, attribute_of
 from contactlab.registry import Registry
 from contactlab.scene.mujoco_versions import enum_members
 from contactlab.scene.setting_values import (
@@ -267,6 +267,20 @@ for each in (
     _part("friction.roll", "m", "rolling friction", _NOT_NEGATIVE, 3, 4),
     Parameter("condim", "1", "contact dimensions: 1, 3, 4 or 6", _parse_condim),
     Parameter("margin", "m", "distance at which contact begins", _NOT_NEGATIVE),
+    Parameter(
+        "stiffness",
+        AT_REST["stiffness"],
+        "load over depth of one contact, of any load: sets solref, and dmin of solimp to dmax",
+        _POSITIVE,
+        conflicts=("solref", _STANDARD[0], *_DIRECT, "solimp.dmin", "depth_at_rest"),
+    ),
+    Parameter(
+        "depth_at_rest",
+        AT_REST["depth_at_rest"],
+        "depth of contacts under what they bear where the model is written: sets solref",
+        _POSITIVE,
+        conflicts=("solref", _STANDARD[0], *_DIRECT),
+    ),
     Parameter(
         "gap",
         "m",

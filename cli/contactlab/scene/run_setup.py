@@ -21,6 +21,7 @@ from contactlab.contact.trace_setup import (
     PartKind,
     Setup,
 )
+from contactlab.mjcf import AT_REST
 from contactlab.scene.compiled_scene import CompiledScene
 from contactlab.scene.contact_pairs import (
     MonitoredPair,
@@ -53,13 +54,14 @@ def make_setup(
 ) -> Setup:
     """Return the setup of n runs of one structure, with thresholds and pairs of their sweep."""
     bodies, holding = _free_bodies(models), base.holding
-    values = [run.values for run in runs]
+    values = [_values(base, run, model) for run, model in zip(runs, models, strict=True)]
+    names = {name: None for each in values for name in each}
     windows = [holding.window(run.initial) for run in runs] if holding else []
     oracle = manifest.oracle if manifest else None
     distinct = list({id(model): model for model in models}.values())
     passive = all(map(is_passive, distinct)) and not _is_pushed(manifest, runs)
     return Setup(
-        settings={name: [each[name] for each in values] for name in values[0]},
+        settings={name: [each.get(name, np.nan) for each in values] for name in names},
         elliptic=np.array([model.opt.cone == mujoco.mjtCone.mjCONE_ELLIPTIC for model in models]),
         iterations=np.array([model.opt.iterations for model in models], np.int32),
         gravity=np.array([model.opt.gravity * read_flag(model, "gravity") for model in models]),
@@ -86,6 +88,21 @@ def make_setup(
         mechanism=find_mechanism(base.model),
         springs=any(each.jnt_stiffness.any() or each.tendon_stiffness.any() for each in distinct),
     )
+
+
+def _values(base: CompiledScene, run: ResolvedRun, model: mujoco.MjModel) -> dict[str, object]:
+    """Return a run's values, with the solref and solimp that follow from what it asks at rest.
+
+    They are NaN where pairs have others.
+    """
+    values = run.values
+    if run.changed & AT_REST.keys():
+        used = [effective_parameters(model, pair) for pair in base.pairs]
+        for name in ("solref", "solimp"):
+            every = np.array([getattr(each, name) for each in used])
+            same = np.isclose(every, every[0], rtol=1e-9).all()
+            values[name] = tuple((every[0] if same else np.full(every.shape[1], np.nan)).tolist())
+    return values
 
 
 def is_passive(model: mujoco.MjModel) -> bool:

@@ -1,0 +1,184 @@
+"""Contacts by what they are at rest: the solref of each pair that the law of rest asks for.
+
+At rest, depth r of a contact carries F with ``r = s F A (1 - d) dwidth^2 / (K d^2)``: d is the
+impedance at r, A = 1/m1 + 1/m2 as the engine has it, and s what a pyramidal cone makes of the load.
+"""
+
+import copy
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import mujoco
+import numpy as np
+
+from contactlab.contact.contact_laws import (
+    IMPEDANCE_RANGE,
+    damping_ratio,
+    largest_step,
+    pyramid_softness,
+    rest_penetration,
+    stiffness_at_rest,
+)
+from contactlab.contact.trace_arrays import Floats
+from contactlab.errors import SceneError
+from contactlab.mjcf import AT_REST
+from contactlab.scene.contact_pairs import (
+    MonitoredPair,
+    colliding,
+    effective_parameters,
+    explicit_pair,
+    may_touch,
+    mixing_weight,
+)
+from contactlab.scene.initial_states import start_data
+from contactlab.scene.model_names import name_of
+from contactlab.schema.evidence import PairRecord
+
+_NEAR = 1e-3  # gap of what counts as touching where loads are found [m]
+_LOADED = 1e-6  # share of the greatest load from which a contact bears one
+_MICROMETRE = 1e-6
+_EXACT = 1e-9
+
+
+@dataclass(frozen=True)
+class ContactAtRest:
+    """What the law of rest takes of a pair, besides its load."""
+
+    name: str
+    solref: tuple[float, ...]
+    solimp: tuple[float, ...]
+    inverse_mass: float  # of both sides [1/kg], as the engine has it
+    softness: float  # what its friction cone multiplies its load by
+    radius: float  # of the smaller geom [m]
+
+    def depth_under(self, load: float) -> float:
+        """Return the depth at which one contact bears a load [N], in metres."""
+        weight = self.softness * load
+        return float(rest_penetration(weight, self.inverse_mass, self.solref, self.solimp))
+
+    def solref_of(self, depth: float, load: float, zeta: float) -> tuple[float, float]:
+        """Return the solref of a damping ratio with which a load [N] makes it so deep [m].
+
+        In standard form. A SceneError says that the geom is not as thick, or nothing is damped.
+        """
+        if depth >= self.radius:
+            raise SceneError(
+                f"{self.name}: {depth * 1e3:.3g} mm is deeper than the smaller geom, which "
+                f"reaches {self.radius * 1e3:.3g} mm"
+            )
+        if not 0 < zeta < np.inf:
+            raise SceneError(
+                f"{self.name}: solref has no damping ratio above 0, so that it never comes to rest"
+            )
+        weight = self.softness * load
+        rate = float(stiffness_at_rest(depth, weight, self.inverse_mass, self.solimp)) ** 0.5
+        return 1 / (zeta * rate), zeta
+
+
+def law_of_rest(model: mujoco.MjModel, pair: MonitoredPair, used: PairRecord) -> ContactAtRest:
+    """Return what the law of rest takes of a pair of effective parameters, of a run's model.
+
+    A SceneError says that neither side can move.
+    """
+    geoms = [side[0] for side in pair.geoms]
+    inverse = float(model.body_invweight0[model.geom_bodyid[geoms], 0].sum())
+    if not inverse:
+        raise SceneError(f"{pair.name}: neither side can move, so that nothing is stiff")
+    pyramidal = model.opt.cone == mujoco.mjtCone.mjCONE_PYRAMIDAL
+    softness = (
+        pyramid_softness(used.friction[0], used.condim, model.opt.impratio) if pyramidal else 1.0
+    )
+    reach = model.geom_rbound[geoms]
+    radius = float(np.where(reach > 0, reach, np.inf).min())
+    return ContactAtRest(pair.name, used.solref, used.solimp, inverse, softness, radius)
+
+
+def write_at_rest(
+    model: mujoco.MjModel, pairs: Sequence[MonitoredPair], name: str, size: float, keyframe: str
+) -> None:
+    """Write a stiffness [N/m] or a depth at rest [m] of every monitored pair into a model.
+
+    Damping ratios stay. For a stiffness, the impedance becomes constant, so that contacts are
+    linear springs; for a depth, loads are those where a keyframe, or qpos0, is held still.
+    A SceneError says of which pair it has no meaning, or that the timestep is too long for it.
+    """
+    touch, deep = may_touch(model), name == "depth_at_rest"
+    colliding_pairs = {pair: colliding(touch, pair) for pair in pairs}
+    loads = _loads(model, keyframe) if deep else {}
+    rows = dict[tuple[int, int], Floats]()
+    for pair, every in colliding_pairs.items():
+        law = law_of_rest(model, pair, effective_parameters(model, pair))
+        borne = [load for geoms in every for load in loads.get(frozenset(geoms), ())]
+        if deep and every and not borne:
+            raise SceneError(
+                f"{pair.name}: it bears no load where the model is written, so that {name} has no "
+                "meaning there; give a stiffness, a keyframe at rest, or other pairs"
+            )
+        if not deep:  # of any load: that of a micrometre, with constant impedance
+            law = replace(law, solimp=(law.solimp[1], *law.solimp[1:]))
+        depth, load = (size, float(np.mean(borne))) if deep else (_MICROMETRE, size * _MICROMETRE)
+        solref = law.solref_of(depth, load, float(damping_ratio(law.solref)))
+        if model.opt.timestep > (1 + _EXACT) * largest_step(solref):
+            raise SceneError(
+                f"{pair.name}: {name} {size:g} {AT_REST[name]} takes a timestep of at most "
+                f"{largest_step(solref):.3g} s; it is {model.opt.timestep:g} s"
+            )
+        rows |= dict.fromkeys(every, np.array([*solref, *law.solimp]))
+    _write(model, rows)
+
+
+def _loads(model: mujoco.MjModel, keyframe: str) -> dict[frozenset[int], list[float]]:
+    """Return the loads [N] of the contacts of each two geoms where the model is held still.
+
+    Contacts without spring and damping, of the hardest impedance, leave no acceleration: their
+    forces are those of rest, wherever the solver's least ones are as good as any.
+    """
+    rigid = copy.copy(model)
+    rigid.geom_solref[:] = rigid.pair_solref[:] = 0
+    rigid.geom_solimp[:, :2] = rigid.pair_solimp[:, :2] = IMPEDANCE_RANGE[1]
+    rigid.geom_margin += _NEAR / 2
+    rigid.pair_margin += _NEAR
+    mujoco.mj_setConst(rigid, mujoco.MjData(rigid))
+    data, force = start_data(rigid, keyframe), np.zeros(6)
+    data.qvel[:] = 0
+    mujoco.mj_forward(rigid, data)
+    loads = dict[frozenset[int], list[float]]()
+    for index, geoms in enumerate(data.contact.geom.tolist()):
+        mujoco.mj_contactForce(rigid, data, index, force)
+        loads.setdefault(frozenset(geoms), []).append(float(force[0]))
+    least = _LOADED * max((load for each in loads.values() for load in each), default=0.0)
+    return {
+        geoms: kept for geoms, each in loads.items() if (kept := [x for x in each if x > least])
+    }
+
+
+def _write(model: mujoco.MjModel, rows: Mapping[tuple[int, int], Floats]) -> None:
+    """Write solref and solimp (7,) of pairs of geoms, so that they mix to what each should have.
+
+    A SceneError says that geoms in several pairs cannot have both.
+    """
+    mixed = {each: want for each, want in rows.items() if explicit_pair(model, *each) is None}
+    for geoms in rows.keys() - mixed.keys():
+        index = explicit_pair(model, *geoms)
+        model.pair_solref[index], model.pair_solimp[index] = np.split(rows[geoms], [2])
+    if not mixed:
+        return
+    ids = np.unique(list(mixed))
+    weights, wanted = np.zeros((len(mixed), len(ids))), np.array(list(mixed.values()))
+    for row, (first, second) in enumerate(mixed):
+        share = mixing_weight(model, first, second)
+        weights[row] = share * (ids == first) + (1 - share) * (ids == second)
+    # The values nearest to the mean of what each geom's pairs should have.
+    used = weights > 0
+    mean = used.T @ wanted / np.maximum(used.sum(axis=0), 1)[:, None]
+    values = mean + np.linalg.pinv(weights) @ (wanted - weights @ mean)
+    apart = ~np.isclose(weights @ values, wanted, rtol=_EXACT, atol=0).all(axis=1)
+    if apart.any() or (values[used.any(axis=0)] <= 0)[:, :2].any():
+        names = ", ".join(sorted({name_of(model, "geom", each) for each in ids[:4].tolist()}))
+        raise SceneError(
+            f"the geoms {names} are in several pairs, and no solref of geoms mixes to what each "
+            "pair takes; write <pair> elements, or monitor fewer pairs"
+        )
+    for place, geom in enumerate(ids.tolist()):
+        if used[:, place].any():
+            model.geom_solref[geom], model.geom_solimp[geom] = np.split(values[place], [2])
