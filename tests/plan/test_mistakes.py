@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from contactlab.errors import SweepFileError
 from contactlab.plan.diagnostics import SweepMistakesError
 from contactlab.plan.grid import Plan
+from contactlab.plan.overrides import Overrides
 from contactlab.plan.sweep_file import read_sweep
 from contactlab.schema.sweep_schema import Sweep
 
@@ -356,6 +357,53 @@ def test_a_number_may_have_a_unit_of_its_axis(vocabulary: Any) -> None:
     rows = [run.values for run in read_sweep(text, vocabulary).plan.runs()]
     assert [row["timestep"] for row in rows] == [0.0005, 0.002, 0.003]
     assert {row["drop_height"] for row in rows} == {0.1}
+
+
+@pytest.mark.parametrize(
+    ("axis", "values"),
+    [
+        ("1..3 ms", [0.001, 0.002, 0.003]),
+        ("0.5 .. 2 ms", None),
+        ("{linspace: [.5 ms, 2 ms, 4]}", [0.0005, 0.001, 0.0015, 0.002]),
+        ("{linspace: [500 us, 2ms, 4], role: scenario}", [0.0005, 0.001, 0.0015, 0.002]),
+        ("{range: [3 ms, 1 ms, -1 ms]}", [0.003, 0.002, 0.001]),
+        ("{logspace: [1 ms, 4 ms, 3]}", [0.001, 0.002, 0.004]),
+    ],
+)
+def test_forms_may_have_units(axis: str, values: list[float] | None, vocabulary: Any) -> None:
+    """They are the same values as in the axis' own unit, to the last bit; in files and options."""
+    head = "version: 1\nscene: ball\n"
+    if values is None:
+        assert found(f"{head}axes: {{timestep: {axis}}}\n", vocabulary).diagnostics
+        return
+    read = read_sweep(f"{head}axes: {{timestep: {axis}}}\n", vocabulary)
+    assert [run.values["timestep"] for run in read.plan.runs()] == values
+    assert read.plan.axes[0].role == ("scenario" if "role" in axis else "knob")
+    zipped = read_sweep(f"{head}zip: [{{timestep: {axis}}}]\n", vocabulary)
+    assert [run.values["timestep"] for run in zipped.plan.runs()] == values
+
+
+@pytest.mark.parametrize("option", ["timestep=1..3 ms", "timestep=linspace(1 ms, 3 ms, 3)"])
+def test_options_may_have_units(option: str, vocabulary: Any) -> None:
+    text = "version: 1\nscene: ball\naxes: {timestep: {values: [0.1], role: scenario}}\n"
+    read = read_sweep(text, vocabulary, Overrides([option]))
+    assert [run.values["timestep"] for run in read.plan.runs()] == [0.001, 0.002, 0.003]
+    assert read.plan.axes[0].role == "scenario"
+
+
+@pytest.mark.parametrize(
+    ("axis", "message"),
+    [
+        ("{linspace: [1 N, 3 N, 2]}", "'1 N' is not a value of 'timestep'"),
+        ("{linspace: [1 ms, 3 mm, 2]}", "'linspace' takes a number, not '1 ms'"),
+        ("{linspace: [1, 3 ms, 2]}", "'linspace' takes a number, not '3 ms'"),
+        ("{range: [1 ms, 3 ms, -1 ms]}", "a step that leads from the first value to the last"),
+        ("3..1 ms", "a step that leads from the first value to the last"),
+    ],
+)
+def test_units_that_do_not_fit_are_told(axis: str, message: str, vocabulary: Any) -> None:
+    text = f"version: 1\nscene: ball\naxes: {{timestep: {axis}}}\n"
+    assert message in found(text, vocabulary).diagnostics[0].message
 
 
 def test_a_merge_of_what_is_no_mapping_is_told(mistakes: Mistakes) -> None:

@@ -109,9 +109,12 @@ def test_what_bears_no_load_has_no_depth(tmp_path: Path) -> None:
     )
     (record,) = store.records()
     assert (record.metrics["at_rest_error"] or 0) < 1e-3
-    with pytest.raises(SceneError, match="heavy: it bears no load where the model is written"):
+    high = written(
+        tmp_path, BALL.format(cone="elliptic", condim=3, friction=1, impratio=1, height=1)
+    )
+    with pytest.raises(SceneError, match="no pair bears a load where the model is written"):
         contactlab.sweep(
-            {"version": 1, "scene": str(tmp_path / "model.xml"), "axes": {"depth_at_rest": [1e-4]}},
+            {"version": 1, "scene": high, "axes": {"depth_at_rest": [1e-4]}},
             output=tmp_path / "deep",
             workers=0,
         )

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from contactlab.contact.contact_laws import damping_ratio, restitution_of, stiffness_damping
-from contactlab.mjcf import CONTACT, OPTIONS
+from contactlab.mjcf import AT_REST, CONTACT, OPTIONS
 from contactlab.scene.model_edits import FLAGS, non_default, read_flags, write_flags
 from contactlab.scene.parameters import PARAMETERS
 from contactlab.scene.scene import Scene
@@ -18,7 +18,9 @@ from contactlab.scene.scene import Scene
 BALL = Scene.open("ball_drop")
 SLIDE = Scene.open("box_slide")
 OPTION_NAMES = [
-    name for name, each in PARAMETERS.items() if name == each.sets and name not in CONTACT
+    name
+    for name, each in PARAMETERS.items()
+    if name == each.sets and name not in (*CONTACT, *AT_REST)
 ]
 
 
@@ -185,7 +187,7 @@ def test_a_model_without_contact_has_no_contact_axes(make_scene: Any) -> None:
 
 
 def test_mjcf_has_a_place_for_every_parameter() -> None:
-    assert {parameter.sets for parameter in PARAMETERS.values()} <= {*OPTIONS, *CONTACT}
+    assert {parameter.sets for parameter in PARAMETERS.values()} <= {*OPTIONS, *CONTACT, *AT_REST}
 
 
 @pytest.mark.parametrize("name", ["solimp", "friction"])

@@ -24,6 +24,7 @@ OTHER: dict[str, Any] = {
     "solimp.dmin": 0.7, "solimp.dmax": 0.7, "solimp.width": 0.7, "solimp.midpoint": 0.7,
     "solimp.power": 7.0, "friction": (0.7, 0.07, 0.007), "friction.slide": 0.7,
     "friction.torsion": 0.7, "friction.roll": 0.7, "condim": 6, "margin": 0.007, "gap": 0.007,
+    "stiffness": 7.0, "depth_at_rest": 0.007,
     "mass": 7.0, "drop_height": 0.7, "geom_friction[ball,1]": 0.7, "geom_priority[ball]": 7,
 }  # fmt: skip
 

@@ -10,6 +10,7 @@ from pydantic import ValidationError
 from contactlab.errors import SweepFileError, suggestion
 from contactlab.plan.diagnostics import Place, SourceText
 from contactlab.plan.names import SweepContext, add_not_swept, zip_blocks
+from contactlab.plan.rows import span
 from contactlab.plan.yaml_document import Document, KeyPath, read_argument
 from contactlab.schema.drive import Drive, read_drive
 from contactlab.schema.sweep_schema import Sweep
@@ -98,6 +99,8 @@ def _axis_value(document: Document, option: ParsedOption, path: KeyPath, role: o
     call, place = _CALL.fullmatch(option.value), option.place
     if option.value == "all":
         return "all"
+    if form := span(option.value):
+        return {**form, **kept}
     if call is None:
         values = _listed(document, option, (*path, "values") if kept else path)
         return {"values": values, **kept} if kept else values

@@ -11,17 +11,27 @@ from collections.abc import Iterator, Mapping, Sequence
 from decimal import Decimal
 from fractions import Fraction
 from pathlib import Path
+from typing import cast
 
 import numpy as np
+from pydantic import ValidationError
 
 from contactlab.contact.trace_arrays import Floats
 from contactlab.errors import SweepFileError
 from contactlab.plan.diagnostics import Place, SourceText
 from contactlab.plan.grid import Block, RowValues
-from contactlab.plan.names import UNREADABLE, SweepContext, check_axis, check_conflicts
+from contactlab.plan.names import (
+    UNREADABLE,
+    SweepContext,
+    check_axis,
+    check_conflicts,
+    zip_blocks,
+)
+from contactlab.plan.validation import SI_UNITS, split_unit, without_unit
 from contactlab.plan.yaml_document import Document, KeyPath, read_text
 from contactlab.schema.sweep_schema import IncludeFile, Sample
 from contactlab.schema.vocabulary import (
+    FORMS,
     Axis,
     AxisSpec,
     Drawn,
@@ -36,6 +46,8 @@ from contactlab.schema.vocabulary import (
 )
 
 _Sampled = Uniform | Loguniform
+_LISTED = {"linspace": 2, "logspace": 2, "range": 3}  # how many amounts each form begins with
+_SPAN = re.compile(r"([-+.\de]+?)\.\.([-+.\de]+)\s*(\S+)")
 _DIGITS = 12
 # One cell and what ends it: a quoted text, in which "" stands for a quote, or what has no comma.
 _CELL = re.compile(r'\s*(?:"((?:[^"]|"")*)"|([^,]*?))\s*(,|$)')
@@ -67,6 +79,47 @@ def listed_values(axis: Axis, known: Sequence[object] = ()) -> Sequence[object]:
             return axis
         case _:
             raise TypeError(f"{type(axis).__name__} is sampled")
+
+
+def write_out_units(document: Document) -> None:
+    """Write out the values of axes in units: `1..5 N`, and {linspace: [1 N, 5 N, 5]} and its like.
+
+    What is no such thing stays, for others to say what is wrong with it.
+    """
+    blocks = [document.mapping("axes"), *(block for _, block in zip_blocks(document))]
+    for block in blocks:
+        for name, data in block.items():
+            form = span(data) if isinstance(data, str) else data
+            if isinstance(form, dict):
+                block[name] = _written_out(cast("dict[str, object]", form))
+
+
+def span(text: str) -> dict[str, object] | None:
+    """Return the form of an axis that a text such as `1..5 N`, in steps of one, means; or None."""
+    if (parts := _SPAN.fullmatch(text.strip())) is None:
+        return None
+    first, last, unit = parts.groups()
+    return {"range": [f"{first} {unit}", f"{last} {unit}", f"1 {unit}"]}
+
+
+def _written_out(form: dict[str, object]) -> dict[str, object]:
+    """Return a form of an axis, with values in its unit listed; itself if it has none."""
+    name = next((each for each in _LISTED if each in form), "")
+    parts = form.get(name)
+    amounts = cast("list[object]", parts)[: _LISTED[name]] if isinstance(parts, list) else []
+    units = {split_unit(each)[1] for each in amounts}
+    kinds = {SI_UNITS.get(unit, ("",))[0] for unit in units}
+    if len(kinds) != 1 or "" in kinds:
+        return form
+    unit = (units if len(units) == 1 else kinds).pop()
+    numbers = [without_unit(each, unit) for each in amounts]
+    plain = {name: [*numbers, *cast("list[object]", parts)[_LISTED[name] :]]}
+    try:
+        values = listed_values(cast("Axis", FORMS[name].model_validate(plain)))
+    except ValidationError:
+        return {**form, **plain}
+    rest = {key: value for key, value in form.items() if key != name}
+    return {"values": [f"{each!r} {unit}" for each in values], **rest}
 
 
 def sample_points(sample: Sample, dimensions: int) -> Floats:

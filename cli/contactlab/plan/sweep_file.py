@@ -15,7 +15,7 @@ from contactlab.plan.diagnostics import Diagnostic, Place, SourceText, SweepMist
 from contactlab.plan.grid import MOST_RUNS, Grid, Match, Plan, SweptAxis
 from contactlab.plan.names import SweepContext, check_names, read_condition
 from contactlab.plan.overrides import Filter, Overrides, apply_settings, check_values, read_filters
-from contactlab.plan.rows import read_blocks, read_rows
+from contactlab.plan.rows import read_blocks, read_rows, write_out_units
 from contactlab.plan.validation import Draft, add_validation_errors, read_draft
 from contactlab.plan.yaml_document import Document, data_document, read_document, read_text
 from contactlab.schema.sweep_schema import Sweep, switches
@@ -58,6 +58,7 @@ def read_sweep(
         raise SweepMistakesError(document.mistakes)
     if isinstance(document.data, dict):
         apply_settings(document, overrides.assign)
+        write_out_units(document)
     draft = read_draft(document)
     plan = _checked(draft, vocabulary, overrides, path.parent if path else Path())
     if plan is None or document.has_errors:

@@ -113,8 +113,9 @@ _KINDS = {
     "N": {"mN": 1e-3, "N": 1.0, "kN": 1e3},
     "N/m": {"N/m": 1.0, "kN/m": 1e3, "N/mm": 1e3},
 }
-_UNITS = {unit: (kind, size) for kind, units in _KINDS.items() for unit, size in units.items()}
-_WITH_UNIT = re.compile(rf"([-+]?\d*\.?\d+(?:e[-+]?\d+)?)\s*({'|'.join(_UNITS)})")
+SI_UNITS = {unit: (kind, size) for kind, units in _KINDS.items() for unit, size in units.items()}
+"""The SI unit that each unit measures the same as, and its size in it."""
+_WITH_UNIT = re.compile(rf"([-+]?\d*\.?\d+(?:e[-+]?\d+)?)\s*({'|'.join(SI_UNITS)})")
 
 
 def without_unit(value: object, unit: str = "") -> float | None:
@@ -122,12 +123,16 @@ def without_unit(value: object, unit: str = "") -> float | None:
 
     None if it is no such text, or measures something else.
     """
+    number, own = split_unit(value)
+    kind, size = SI_UNITS.get(own, ("", 1.0))
+    wanted, scale = SI_UNITS.get(unit, ("", 1.0)) if unit else (kind, 1.0)
+    return float(f"{number * size / scale:.12g}") if own and kind == wanted else None
+
+
+def split_unit(value: object) -> tuple[float, str]:
+    """Return number and unit of a text such as `2ms`; not a number, and no unit, of others."""
     parts = _WITH_UNIT.fullmatch(value.strip()) if isinstance(value, str) else None
-    if parts is None:
-        return None
-    kind, size = _UNITS[parts[2]]
-    wanted, scale = _UNITS.get(unit, ("", 1.0)) if unit else (kind, 1.0)
-    return float(f"{float(parts[1]) * size / scale:.12g}") if kind == wanted else None
+    return (float(parts[1]), parts[2]) if parts else (math.nan, "")
 
 
 def _add_length(document: Document, kind: str, path: KeyPath) -> None:

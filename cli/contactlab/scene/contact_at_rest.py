@@ -99,21 +99,19 @@ def write_at_rest(
     """Write a stiffness [N/m] or a depth at rest [m] of every monitored pair into a model.
 
     Damping ratios stay. For a stiffness, the impedance becomes constant, so that contacts are
-    linear springs; for a depth, loads are those where a keyframe, or qpos0, is held still.
+    linear springs; for a depth, loads are those where a keyframe, or qpos0, is held still, and
+    pairs that bear none there are left as they are.
     A SceneError says of which pair it has no meaning, or that the timestep is too long for it.
     """
     touch, deep = may_touch(model), name == "depth_at_rest"
-    colliding_pairs = {pair: colliding(touch, pair) for pair in pairs}
     loads = _loads(model, keyframe) if deep else {}
     rows = dict[tuple[int, int], Floats]()
-    for pair, every in colliding_pairs.items():
-        law = law_of_rest(model, pair, effective_parameters(model, pair))
+    for pair in pairs:
+        every = colliding(touch, pair)
         borne = [load for geoms in every for load in loads.get(frozenset(geoms), ())]
-        if deep and every and not borne:
-            raise SceneError(
-                f"{pair.name}: it bears no load where the model is written, so that {name} has no "
-                "meaning there; give a stiffness, a keyframe at rest, or other pairs"
-            )
+        if not (borne if deep else every):
+            continue
+        law = law_of_rest(model, pair, effective_parameters(model, pair))
         if not deep:  # of any load: that of a micrometre, with constant impedance
             law = replace(law, solimp=(law.solimp[1], *law.solimp[1:]))
         depth, load = (size, float(np.mean(borne))) if deep else (_MICROMETRE, size * _MICROMETRE)
@@ -124,6 +122,11 @@ def write_at_rest(
                 f"{largest_step(solref):.3g} s; it is {model.opt.timestep:g} s"
             )
         rows |= dict.fromkeys(every, np.array([*solref, *law.solimp]))
+    if not rows:
+        raise SceneError(
+            f"no pair bears a load where the model is written, so that {name} has no meaning; "
+            "give a stiffness, or a keyframe at rest"
+        )
     _write(model, rows)
 
 

@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Literal, TypeGuard, cast
 
-from pydantic import AfterValidator, Discriminator, Field, Tag
+from pydantic import AfterValidator, Discriminator, Field, Tag, WithJsonSchema
 from pydantic_core import PydanticCustomError
 
 from contactlab.schema.pair_expectation import PairExpectation
@@ -16,6 +16,11 @@ RECORDED_RUN = "recorded_run"
 """The axis of recorded runs, each of which is a scenario."""
 MOST_VALUES = 1_000_000
 Count = Annotated[Whole, Field(ge=2, le=MOST_VALUES)]
+# Numbers, or texts with a unit, which are written out before.
+_MEASURED = {"type": ["number", "string"]}
+_WORD = {"type": "string", "pattern": r"^all$|\.\."}
+_Amount = Annotated[Number, WithJsonSchema(_MEASURED)]
+_Above = Annotated[Positive, WithJsonSchema({**_MEASURED, "exclusiveMinimum": 0})]
 
 
 @dataclass(frozen=True)
@@ -77,7 +82,7 @@ def _ordered(bounds: tuple[float, float]) -> tuple[float, float]:
     return bounds
 
 
-_Steps = Annotated[tuple[Number, Number, Number], AfterValidator(_reaching)]
+_Steps = Annotated[tuple[_Amount, _Amount, _Amount], AfterValidator(_reaching)]
 _Span = AfterValidator(_ordered)
 
 
@@ -103,7 +108,7 @@ class Values(Ranged):
 class Linspace(Ranged):
     """Evenly spaced values."""
 
-    linspace: tuple[Number, Number, Count] = about(
+    linspace: tuple[_Amount, _Amount, Count] = about(
         "[first, last, count]: evenly spaced, both ends included"
     )
 
@@ -111,7 +116,7 @@ class Linspace(Ranged):
 class Logspace(Ranged):
     """Geometrically spaced values."""
 
-    logspace: tuple[Positive, Positive, Count] = about(
+    logspace: tuple[_Above, _Above, Count] = about(
         "[first, last, count]: values, not exponents; both ends included"
     )
 
@@ -160,7 +165,9 @@ def _form(data: object) -> str | None:
 # Tags start with @ so that an error's path never mistakes one for a key of the file.
 Axis = Annotated[
     Annotated[tuple[Value, ...], Field(min_length=1), Tag("@list")]
-    | Annotated[Literal["all"], Tag("@all")]
+    | Annotated[
+        Literal["all"], WithJsonSchema({"type": "string", "pattern": r"^all$|\.\."}), Tag("@all")
+    ]
     | Annotated[Values, Tag("@values")]
     | Annotated[Linspace, Tag("@linspace")]
     | Annotated[Logspace, Tag("@logspace")]
