@@ -47,6 +47,8 @@ def fit(
         f"{len(report.held_out)} runs held out, as written {report.written_error:.3g}; "
         f"{report.fitted_error:.3g} on {len(report.fitted_runs)} fitted"
     )
+    if report.noise_floor is not None:
+        echo(f"the start noise of the scene moves the error of a run by {report.noise_floor:.3g}")
     print_table(
         ("setting", "fitted", "95 %", "identified"), [_fitted_row(x) for x in report.settings]
     )

@@ -189,9 +189,22 @@ def _reported(trials: _Trials, scene: Scene, held_out: Sequence[float]) -> FitRe
         held_out_error=float(there.mean()),
         held_out_interval=tuple(np.percentile(drawn, [2.5, 97.5]).tolist()),
         written_error=float(written.mean()),
+        noise_floor=_noise_floor(trials, scene, chosen, held_out),
         lines=write_model(scene, edits, trials.session.folder / "fitted", FITTED).lines,
         runs=trials.runs,
     )
+
+
+def _noise_floor(
+    trials: _Trials, scene: Scene, chosen: Values, runs: Sequence[float]
+) -> float | None:
+    """Return by how much the start noise that a scene declares moves the error of a run."""
+    manifest = scene.source.manifest
+    if manifest is None or manifest.perturb is None:
+        return None
+    both = [{**chosen, "perturbation": factor} for factor in (0.0, 1.0)]
+    calm, noisy = trials.run("noise", both, runs)
+    return float(np.abs(noisy - calm).mean())
 
 
 def _setting(trials: _Trials, best: Floats, place: int, minima: Floats) -> FittedSetting:

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.planted_recordings import TRIALS, plant
+from tests.planted_recordings import TRIALS, WIDTH, plant
 
 import contactlab
 from contactlab.errors import SceneError, SweepFileError
@@ -52,10 +52,16 @@ def test_intervals_have_what_recordings_were_made_with(tmp_path: Path) -> None:
     With the noise of sensors, of few runs; bench/planted_truth.py counts a hundred cases.
     """
     true, free, within = (0.3, 0.012), ["friction.slide", "solref.timeconst=0.005:0.06"], 0
+    noise = "perturb: {coordinates: [puck.x], scale: 1.0e-4}\n"
     for name, tossed in (("slid", False), ("tossed", True)):
         scene = plant(tmp_path / name, true[0], 3, timeconst=true[1], tossed=tossed, trials=9)
         output = tmp_path / f"fit-{name}"
+        manifest = tmp_path / name / "scene.yaml"
+        manifest.write_text(manifest.read_text() + noise)
         report = contactlab.fit(scene, free=free, fitted=6, output=output, workers=0)
+        # A start 0.1 mm off moves the mean distance by as much, and by what an impact adds.
+        assert report.noise_floor is not None
+        assert 0 < report.noise_floor <= 3 * 1e-4 / WIDTH
         assert len(report.fitted_runs) == 6
         for value, each in zip(true, report.settings, strict=True):
             assert each.interval is not None

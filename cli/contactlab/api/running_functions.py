@@ -207,7 +207,7 @@ def tune(
     model: str | Path,
     *,
     goal: Goal = "fastest",
-    error: float | None = None,
+    error: float | Literal["reality"] | None = None,
     tolerance: Mapping[str, float] | None = None,
     budget: float = 300.0,
     free: Sequence[str] = (),
@@ -218,8 +218,9 @@ def tune(
 ) -> TuneReport:
     """Find the settings to use, write the model that has them, and prove that it is as good.
 
-    The model is as for `check`, or a sweep file; error [m] and tolerances are its limits, the
-    budget is wall time [s]. Everything goes to `results/tune/NAME` if `output` is left out.
+    The model is as for `check`, or a sweep file; error [m], or `reality`, and tolerances are its
+    limits, the budget is wall time [s]. Everything goes to `results/tune/NAME` if `output` is left
+    out.
 
     Raises:
         SceneError: there is no such model, or nothing in it moves.

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 _NONE: Mapping[str, float] = {}
 _SECONDS = {"s": 1.0, "min": 60.0, "h": 3600.0}
+_REALITY = "reality"
 _NUMBER, _TIME = "a number above 0, such as 1e-3", "a time, such as 90s, 5min or 1h"
 
 
@@ -29,7 +30,7 @@ def tune(
         "fastest", help="The fastest, or the most accurate that takes no longer than now."
     ),
     error: str | None = opt.option(
-        "METRES", "Largest distance from the model as written; by default what it has itself."
+        "METRES", "Largest distance from the model as written, by default its own; or reality."
     ),
     tolerance: list[str] | None = opt.TOLERANCE,
     budget: str = opt.option("TIME", "How long it may take: 90s, 5min, 1h.", "5min"),
@@ -55,7 +56,9 @@ def tune(
     request = TuneRequest(
         model=model,
         goal=goal,
-        error=None if error is None else _read_positive("--error", error, _NUMBER),
+        error=error
+        if error is None or error == _REALITY
+        else _read_positive("--error", error, _NUMBER),
         tolerances=dict(opt.read_limit(each, "tolerance") for each in tolerance or ()),
         budget=_read_positive("--budget", budget, _TIME, _SECONDS),
         free=free or (),
@@ -71,7 +74,9 @@ def tune(
         echo(report.model_dump_json(indent=2))
     elif not patch:
         echo("\n".join(_head(report)))
-        header = ("", "settings", "final error", "peak error", "CPU s per s", "time", "labels")
+        real = report.candidates[0].reality is not None
+        errors = ("reality",) if real else ("final error", "peak error")
+        header = ("", "settings", *errors, "CPU s per s", "time", "labels")
         print_table(header, [_row(each) for each in report.candidates])
         echo("\n".join(_details(report, target)))
     elif (target / PATCH).is_file():
@@ -91,7 +96,8 @@ def _draw(report: "TuneReport", folder: Path, figure: Path) -> None:
 
     if COMPARED in report.stores:
         store = Store.open(folder / COMPARED)
-        save_figure(specification(analyse(store, Criteria("error_peak", report.limits))), figure)
+        error = _REALITY if _REALITY in report.limits else "error_peak"
+        save_figure(specification(analyse(store, Criteria(error, report.limits))), figure)
         say(f"drew {figure}")
 
 
@@ -114,8 +120,10 @@ def _head(report: "TuneReport") -> Iterator[str]:
     else:
         cost, tuned = proof.tuned.cost, proof.tuned
         ratio = 1 / cost.ratio if cost else math.nan
-        error = f"error {_number(tuned.error_peak)} m (now {_number(proof.now.error_peak)} m)"
-        yield f"{name}: {ratio:.2f} times as fast, {error}, in {len(proof.seeds)} fresh runs"
+        name_of_error, unit = ("error", " m") if tuned.reality is None else (_REALITY, "")
+        before, after = (_number(_error(each)) + unit for each in (proof.now, tuned))
+        error, runs = f"{name_of_error} {after} (now {before})", sum(tuned.labels.values())
+        yield f"{name}: {ratio:.2f} times as fast, {error}, in {runs} fresh runs"
     limits = ", ".join(f"{name} <= {limit:.3g}" for name, limit in report.limits.items())
     source = "as asked" if report.asked else "as good as now"
     yield f"  drive    {report.drive}, {report.duration:g} s"
@@ -129,8 +137,13 @@ def _row(each: "Candidate") -> tuple[object, ...]:
     labels = ", ".join(f"{label} {count}" for label, count in each.labels.items())
     time = "" if each.time is None else f"{each.time:.3g}"
     ratio = "" if each.cost is None else f"x{each.cost.ratio:.2f}"
-    errors = _number(each.error_final), _number(each.error_peak)
+    errors = (_number(each.error_final),) if each.reality is None else ()
+    errors += (_number(_error(each)),)
     return each.standing, settings or "as written", *errors, time, ratio, labels
+
+
+def _error(each: "Candidate") -> float | None:
+    return each.error_peak if each.reality is None else each.reality
 
 
 def _number(value: float | None) -> str:

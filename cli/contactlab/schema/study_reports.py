@@ -141,6 +141,9 @@ class Candidate(Model):
     error_peak: float | None = about("m")
     error_velocity: float | None = about("m/s, mean over time")
     error_energy: float | None = about("As a ratio, mean over time.")
+    reality: float | None = about(
+        "Mean distance from what was recorded, in widths or ranges.", default=None
+    )
     labels: dict[str, int] = about("Runs by worst label.")
     time: float | None = about("CPU seconds per simulated second.")
     cost: Ratio | None = about("Time over that of the model as written.")
@@ -244,5 +247,10 @@ class FitReport(Model):
     held_out_error: float
     held_out_interval: tuple[float, float] = about("95 %, over resampled runs.")
     written_error: float = about("Of the model as written, over the runs held out.")
+    noise_floor: float | None = about(
+        "By how much the start noise that the scene declares, its `perturb`, moves the error of a "
+        "run, on average; null if it declares none.",
+        default=None,
+    )
     lines: tuple[str, ...] = about("What changes in the files of the model.")
     runs: int = about("Simulated in all.")

@@ -1,16 +1,19 @@
 """What a configuration has to keep: the model's own error, at its peak and at the end."""
 
+import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from contactlab.errors import ExpectationError, SceneError
 from contactlab.run.sweep_request import SceneLoader
 from contactlab.studies.configuration_runs import ConfigurationRows
 from contactlab.studies.effects.effects_request import AblationSetup
 from contactlab.studies.session import Session
 from contactlab.studies.tune.trials import Contender, Trials
-from contactlab.studies.tune.tune_request import TuneRequest, limits_of
+from contactlab.studies.tune.tune_request import BASELINE, FRESH, TuneRequest, by_seeds, limits_of
 
 
 def rows(peak: float, final: float, divergence: float = 0.0) -> ConfigurationRows:
@@ -30,6 +33,42 @@ def test_an_error_that_stays_is_worse_than_one_that_passes() -> None:
     assert excess(now, rows(1.04e-3, 1.4e-5)) <= 1
     assert excess(now, rows(1.06e-3, 1e-5)) > 1
     assert excess(now, rows(1e-3, 1e-4)) > 1
+
+
+def off(*reality: float | None) -> ConfigurationRows:
+    rows = [[{"reality": each, "label": "stable", "seed": 0}] for each in reality]
+    return ConfigurationRows([{}] * len(rows), rows)
+
+
+def test_of_reality_the_mean_over_recorded_runs_counts() -> None:
+    """Single runs may be worse; 5 % more on average is as good, a tolerance is taken as it is."""
+    now, request = off(0.1, 0.3), TuneRequest("scene", error="reality")
+    limits = limits_of(request, now)
+    assert limits.sizes == {"reality": pytest.approx(1.05 * 0.2)}
+    assert limits.excess(off(0.4, 0.0)) == pytest.approx(0.2 / 0.21)
+    assert limits.broken(off(0.3, 0.3), now) == "reality is 0.3 over 2 runs (limit 0.21)"
+    assert limits.excess(off(0.1, None)) == math.inf
+    asked = limits_of(replace(request, tolerances={"reality": 0.5}), now)
+    assert asked.sizes == {"reality": 0.5}
+    with pytest.raises(ExpectationError, match="not every run has a distance from reality"):
+        limits_of(request, off(0.1, None))
+
+
+def test_seeds_stand_for_other_recorded_runs() -> None:
+    """What proves a model was recorded apart from what the search saw, in every scenario."""
+    setup = AblationSetup(SceneLoader(None), "cube_toss", (0,), scenarios=({"gravity": 9.8}, {}))
+    sets = [by_seeds(setup, seeds, "reality") for seeds in (BASELINE, FRESH, range(20, 30))]
+    runs = [{each["recorded_run"] for each in found.scenarios} for found in sets]
+    assert [len(each) for each in runs] == [36, 120, 120]
+    assert len(set.union(*runs)) == 276
+    assert [len(each.scenarios) for each in sets] == [72, 240, 240]
+    assert {each.seeds for each in sets} == {(0,)}
+    assert by_seeds(setup, FRESH, None).seeds == tuple(FRESH)
+
+
+def test_reality_needs_recorded_runs() -> None:
+    with pytest.raises(SceneError, match="error reality needs a `recording` of 30 runs or more"):
+        _ = TuneRequest("box_slide", error="reality").setup
 
 
 def test_an_error_that_was_asked_for_holds_at_any_time() -> None:

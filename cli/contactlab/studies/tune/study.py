@@ -74,7 +74,7 @@ class Study:
         except SceneError as error:
             self.kept.append(Kept(name=_NEVER, reason=str(error)))
             return
-        if _same_runs(self.now.rows, rows) < len(BASELINE):
+        if _same_runs(self.now.rows, rows) < len(rows.flat):
             self.kept.append(Kept(name=_NEVER, reason="runs differ"))
             return
         self.savers, self.lighter = edits, lighter
@@ -193,8 +193,8 @@ class Study:
         trials = replace(self.trials, limits=limits_of(self.request, now))
         why = trials.limits.broken(rows, now) if contender.changed else ""
         same = _same_runs(rows, file)
-        if not why and same < len(FRESH):
-            why = f"{len(FRESH) - same} runs of the file are others than those of the settings"
+        if not why and same < len(file.flat):
+            why = f"{len(file.flat) - same} runs of the file are others than those of the settings"
         why = why or self._slow(cost)
         return Proof(
             seeds=tuple(FRESH),

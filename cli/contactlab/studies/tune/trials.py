@@ -16,11 +16,12 @@ from contactlab.engines.single_run import time_segments
 from contactlab.errors import StoppedError
 from contactlab.run.evidence_record import as_written
 from contactlab.schema.study_reports import Candidate, Ratio, Standing
+from contactlab.schema.tradeoff_report import REALITY
 from contactlab.studies.configuration_runs import ConfigurationRows, Measure, run_configurations
 from contactlab.studies.effects.effects_request import AblationSetup
 from contactlab.studies.session import Session, Values
 from contactlab.studies.tune.profile import costs_without
-from contactlab.studies.tune.tune_request import BASELINE, Limits
+from contactlab.studies.tune.tune_request import BASELINE, Limits, by_seeds, mean_of
 
 PRUNING, PROVING = 2, 4
 """By how much references refine the timestep: by RK4 twice, as much work as 16 times as many steps.
@@ -49,6 +50,7 @@ class Trials:
     limits: Limits = field(default_factory=lambda: Limits({}, frozenset()))
     runs: int = 0  # how many runs the stores have
     stores: list[str] = field(default_factory=list[str])
+    error: object = None  # the request's
     pace: float | None = None  # of the model as written [CPU s per simulated s], once it is timed
     _longest: float = 0.0
 
@@ -67,8 +69,9 @@ class Trials:
 
         Where references refine the timestep, errors against the model as written are measured.
         """
-        setup, asked = replace(setup or self.setup, seeds=tuple(seeds)), {"trace": "none", **asked}
-        if refine:
+        setup = by_seeds(setup or self.setup, seeds, self.error)
+        asked = {"trace": "none", **asked}
+        if refine and self.error != REALITY:
             asked["accuracy"] = self.accuracy(refine)
         found = run_configurations(self.session, setup, name, configurations, asked, measure)
         self.stores.append(name)
@@ -81,12 +84,16 @@ class Trials:
         return {"error": "trajectory", "against": "written", "refine": refine, "scenario": scenario}
 
     def judge(self, configurations: Sequence[Values]) -> list[float]:
-        """Return the excess of configurations, from one seed; an OutOfTimeError without time."""
+        """Return the excess of configurations; an OutOfTimeError without time.
+
+        From one seed, but from all if compared with reality, whose mean takes many runs.
+        """
         begin = time.monotonic()
         if begin + self._longest > self.deadline:
             raise OutOfTimeError("the budget is spent")
         name = f"search-{len(self.stores):02}"
-        rows = self.run(name, configurations, BASELINE[:1], refine=PRUNING)
+        seeds = BASELINE if self.error == REALITY else BASELINE[:1]
+        rows = self.run(name, configurations, seeds, refine=PRUNING)
         self._longest = max(self._longest, time.monotonic() - begin)
         return [self.limits.excess(each) for each in rows]
 
@@ -190,6 +197,7 @@ class Contender:
             standing=standing,
             settings={name: as_written(value) for name, value in self.changed.items()},
             **{name: _largest(self.rows, name) for name in _ERRORS},
+            reality=mean_of(self.rows, REALITY),
             labels=dict(Counter(row["label"] for row in self.rows.flat)),
             time=trials.pace and trials.pace * (self.cost.ratio if self.cost else 1.0),
             cost=self.cost,

@@ -1,14 +1,19 @@
 """What is tuned, how well, how long that may take, and what configurations must keep."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Literal
+
+import numpy as np
 
 from contactlab.errors import ExpectationError, SceneError, SweepFileError
 from contactlab.measure import METRICS
 from contactlab.schema.drive import Drive
 from contactlab.schema.study_reports import Goal, MetricChange
+from contactlab.schema.tradeoff_report import REALITY
+from contactlab.schema.vocabulary import RECORDED_RUN
 from contactlab.studies.configuration_runs import ConfigurationRows
 from contactlab.studies.effects.effect_toggles import difference
 from contactlab.studies.effects.effects_request import AblationSetup, EffectsRequest
@@ -30,8 +35,8 @@ class TuneRequest:
     # The fastest model within the limits, or the most accurate at no more than its price.
     goal: Goal = "fastest"
     # Largest distance from the model as written at a much finer timestep, at any time [m]; None for
-    # what the model as written has itself.
-    error: float | None = None
+    # what the model as written has itself; or `reality`, for its mean distance from a recording.
+    error: float | Literal["reality"] | None = None
     # Metric to largest size.
     tolerances: Mapping[str, float] = field(default_factory=dict[str, float])
     budget: float = 300.0  # wall time [s]
@@ -51,12 +56,40 @@ class TuneRequest:
         setup = EffectsRequest(self.model, drive=self.drive).setup
         if not setup.scene.base({}).model.nv:
             raise SceneError(f"{self.model} has no joints: nothing moves, so nothing can be tuned")
+        if self.error == REALITY and len(recorded_runs(setup)) < _LEAST_RECORDED:
+            raise SceneError(
+                f"{self.model}: error {REALITY} needs a `recording` of {_LEAST_RECORDED} runs or "
+                "more, since it is proven by others than the search saw"
+            )
         for name in self.free:
             rest = f"; write one of {', '.join(FREE)}"
             SweepFileError.unless_known(name, FREE, f"--free: no '{name}'", rest=rest)
         for name in self.tolerances:
             SweepFileError.unless_known(name, METRICS, f"no metric '{name}'")
         return replace(setup, seeds=tuple(BASELINE))
+
+
+_LEAST_RECORDED, _MOST_RECORDED = 30, 12  # recorded runs, and how many a seed stands for
+
+
+def recorded_runs(setup: AblationSetup) -> Sequence[float]:
+    """Return the numbers of the recorded runs of a setup's scene."""
+    recorded = setup.scene.recorded
+    return recorded.numbers if recorded else ()
+
+
+def by_seeds(setup: AblationSetup, seeds: Sequence[int], error: object) -> AblationSetup:
+    """Return a setup with seeds; compared with reality, each stands for recorded runs of its own.
+
+    So what a proof sees, from fresh seeds, was recorded apart from what the search saw.
+    """
+    if error != REALITY:
+        return replace(setup, seeds=tuple(seeds))
+    numbers = np.random.default_rng(0).permutation(recorded_runs(setup)).tolist()
+    size = min(_MOST_RECORDED, len(numbers) // _LEAST_RECORDED)
+    drawn = [number for seed in seeds for number in numbers[size * seed : size * (seed + 1)]]
+    every = [{**each, RECORDED_RUN: number} for each in setup.scenarios for number in drawn]
+    return replace(setup, seeds=(0,), scenarios=tuple(every))
 
 
 _LEAST_ERROR, _LEAST_FINAL = 1e-5, 5e-6  # errors up to these count as none [m]
@@ -83,20 +116,26 @@ class Limits:
             return math.inf
         return max(
             math.inf if size is None else abs(size) / limit if limit else math.inf * bool(size)
-            for size, limit in (
-                (row[name], self.sizes[name]) for row in rows.flat for name in self.sizes
-            )
+            for _, size, limit, _ in self._sizes(rows)
         )
+
+    def _sizes(self, rows: ConfigurationRows) -> Iterator[tuple[str, float | None, float, str]]:
+        """Yield name, size, limit and run of what is limited; the mean counts of reality."""
+        for name, limit in self.sizes.items():
+            if name == REALITY:
+                yield name, mean_of(rows, name), limit, f"over {len(rows.flat)} runs"
+            else:
+                for row in rows.flat:
+                    yield name, row[name], limit, f"with seed {row['seed']}"
 
     def broken(self, rows: ConfigurationRows, now: ConfigurationRows) -> str:
         """Say why runs are not as good as those of the model as written; empty if they are."""
         if why := self.failed(rows):
             return why
-        for row in rows.flat:
-            for name, limit in self.sizes.items():
-                if row[name] is None or abs(row[name]) > limit:
-                    size = "unknown" if row[name] is None else f"{abs(row[name]):.3g}"
-                    return f"{name} is {size} with seed {row['seed']} (limit {limit:.3g})"
+        for name, size, limit, where in self._sizes(rows):
+            if size is None or abs(size) > limit:
+                said = "unknown" if size is None else f"{abs(size):.3g}"
+                return f"{name} is {said} {where} (limit {limit:.3g})"
         change = difference({}, now, rows)
         worse = replace(change, changes=tuple(filter(_is_worse, change.changes)), labels={})
         return worse.reason if self.chaotic and worse.matters else ""
@@ -111,6 +150,11 @@ class Limits:
 
 def limits_of(request: TuneRequest, now: ConfigurationRows) -> Limits:
     """Return what configurations must keep, from what runs of the model as written do."""
+    labels = frozenset({"stable", *(row["label"] for row in now.flat)})
+    if request.error == REALITY:
+        if (mean := mean_of(now, REALITY)) is None:
+            raise ExpectationError(f"{request.model}: not every run has a distance from reality")
+        return Limits({REALITY: _EQUAL * mean, **request.tolerances}, labels)
     for row in now.flat:
         if row["error_peak"] is None:
             raise ExpectationError(
@@ -132,10 +176,17 @@ def limits_of(request: TuneRequest, now: ConfigurationRows) -> Limits:
         sizes["error_final"] = max(_LEAST_FINAL, late)
     return Limits(
         sizes={**sizes, **request.tolerances},
-        labels=frozenset({"stable", *(row["label"] for row in now.flat)}),
+        labels=labels,
         divergence=divergence,
         chaotic=chaotic,
     )
+
+
+def mean_of(rows: ConfigurationRows, name: str) -> float | None:
+    """Return the mean of a metric over all runs; None unless every run has one."""
+    values = [math.nan if row.get(name) is None else row[name] for row in rows.flat]
+    mean = sum(values) / len(values)
+    return None if math.isnan(mean) else mean
 
 
 def _is_worse(change: MetricChange) -> bool:

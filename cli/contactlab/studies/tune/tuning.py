@@ -19,12 +19,13 @@ from contactlab.schema.study_reports import (
     Standing,
     TuneReport,
 )
+from contactlab.schema.tradeoff_report import REALITY
 from contactlab.studies.configuration_runs import sweep_of
 from contactlab.studies.session import Session, Values
 from contactlab.studies.tune.knobs import space_of
 from contactlab.studies.tune.study import Study, motion_of
 from contactlab.studies.tune.trials import PROVING, PRUNING, Contender, Trials
-from contactlab.studies.tune.tune_request import BASELINE, FRESH, TuneRequest, limits_of
+from contactlab.studies.tune.tune_request import BASELINE, FRESH, TuneRequest, by_seeds, limits_of
 
 _SAFE = 0.8  # largest share of its limits that the safer choice takes
 
@@ -54,7 +55,7 @@ def run(request: TuneRequest, session: Session) -> TuneReport:
 def _begun(request: TuneRequest, session: Session) -> Study:
     """Run the model as written, and see what its runs allow to say."""
     begin, setup = time.monotonic(), request.setup
-    trials = Trials(setup, session, begin + request.budget)
+    trials = Trials(setup, session, begin + request.budget, error=request.error)
     session.notify(f"running {request.model} as written")
     (now,) = trials.run("baseline", [{}], BASELINE, measure=motion_of, refine=PRUNING, trace="all")
     trials.limits = limits_of(request, now)
@@ -86,7 +87,7 @@ def reported(study: Study, found: tuple[Contender, WrittenModel] | None) -> Tune
         drive=drive_text(scene.drive.drive),
         duration=setup.duration or scene.duration,
         limits=dict(trials.limits.sizes),
-        asked=study.request.error is not None,
+        asked=study.request.error not in (None, REALITY),
         divergence=trials.limits.divergence,
         engine=engine(),
         provenance=provenance(),
@@ -135,12 +136,13 @@ def _proof_sweep(study: Study, changed: Values) -> str:
     asked: dict[str, object] = {
         "description": f"What `contactlab tune` recommends for {setup.reference}",
         "drive": drive_data(setup.scene.drive.drive),
-        "accuracy": trials.accuracy(PROVING),
+        "accuracy": None if trials.error == REALITY else trials.accuracy(PROVING),
         "timing": {"rounds": 3},
         "tolerances": dict(trials.limits.sizes),
         "expect": [{"label": sorted(trials.limits.labels)}],
         "trace": "none",
     }
-    sweep = sweep_of(replace(setup, reference=reference, seeds=seeds), rows, asked)
+    setup = by_seeds(replace(setup, reference=reference), seeds, trials.error)
+    sweep = sweep_of(setup, rows, asked)
     # JSON is YAML, too.
     return json.dumps(sweep, indent=2) + "\n"
