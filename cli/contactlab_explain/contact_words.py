@@ -14,6 +14,7 @@ from contactlab.contact.contact_laws import (
     damping_ratio_of,
     largest_step,
     refsafe_solref,
+    rest_penetration,
     restitution_of,
     stiffness_damping,
 )
@@ -48,11 +49,17 @@ class RestingPair:
         """The pair's name."""
         return self.law.name
 
+    @property
+    def expected_depth(self) -> float:
+        """The depth at which it bears its load, by the law [m]."""
+        law, weight = self.law, self.law.softness * self.load
+        return float(rest_penetration(weight, law.inverse_mass, law.solref, law.solimp))
+
     def lines(self, timestep: float) -> list[str]:
         """Say its settings in units of the world."""
         solref, mass = self.law.solref, 1 / self.law.inverse_mass
         (rate, drag), zeta = stiffness_damping(solref), damping_ratio(solref)
-        depth = self.law.depth_under(self.load)
+        depth = self.expected_depth
         rest = {"depth_at_rest": "it does not rest at the end of the run"}
         if self.load:
             bears = f"{self.load:.4g} N on each of {self.contacts:.3g} contacts"
@@ -176,6 +183,8 @@ def _resting(
         safe = record.effects.get("refsafe", True)
         solref = refsafe_solref(used.solref, timestep) if safe else used.solref
         law = replace(law_of_rest(edited, pair, used), solref=solref)
+        if not law.inverse_mass:
+            raise SceneError(f"{pair.name}: neither side can move, so that nothing is stiff")
         rests.append(RestingPair(law, record.metrics.get("restitution_measured")))
         if last.sum() >= _RESTING * fifth:
             depth = used.margin - used.gap - float(points.mean())  # force begins at the margin

@@ -124,32 +124,20 @@ def at_rest_error(context: Context) -> Floats:
     In the last fifth of the run: load over depth of all contacts of a pair, or their mean depth,
     from where force begins; worst of the pairs that touch in 90 % of it.
     """
-    errors = [context.undefined()]
-    for name in (each for each in AT_REST if each in context.setup.settings):
-        asked = context.setting(name)
-        for depth, load, count in _at_rest(context):
-            found = depth / count if name == "depth_at_rest" else load / depth
-            errors.append(np.abs(found / asked - 1))
+    errors, tail = [context.undefined()], context.last_fifth
+    asked = [name for name in AT_REST if name in context.setup.settings]
+    for pair in context.trace.pairs if asked else ():
+        begin = (context.setting("margin") - context.setting("gap"))[:, None, None]
+        slots = pair.slots[:, tail]
+        rests = pair.touching[:, tail].any(axis=2).mean(axis=1) >= _RESTING
+        depth = _mean_of_contacts(pair, tail, begin - slots[..., DISTANCE])
+        found = {
+            "stiffness": _mean_of_contacts(pair, tail, slots[..., FORCE.start]) / depth,
+            "depth_at_rest": depth,
+        }
+        sizes = (np.abs(found[name] / context.setting(name) - 1) for name in asked)
+        errors += [np.where(rests, size, np.nan) for size in sizes]
     return np.fmax.reduce(errors)
-
-
-@cached
-def _at_rest(context: Context) -> list[tuple[Floats, Floats, Floats]]:
-    """Return for each pair (n,) the sums of depths [m], loads [N] and contacts in the last fifth.
-
-    NaN in runs in which it does not rest.
-    """
-    found = list[tuple[Floats, Floats, Floats]]()
-    begin = context.setting("margin") - context.setting("gap") if context.trace.pairs else 0.0
-    for pair in context.trace.pairs:
-        slots = pair.slots[:, context.last_fifth]
-        touching = slots[..., FOUND] > 0
-        rests = np.where(touching.any(axis=2).mean(axis=1) >= _RESTING, 1.0, np.nan)
-        depths = (np.reshape(begin, (-1, 1, 1)) - slots[..., DISTANCE]) * touching
-        every = depths, slots[..., FORCE.start] * touching, touching.astype(np.float64)
-        depth, load, count = (sum_of_slots(each, axis=2).sum(axis=1) * rests for each in every)
-        found.append((depth, load, count))
-    return found
 
 
 def restitution_of_solref(context: Context) -> Floats:
@@ -323,6 +311,11 @@ def foot_depth(context: Context) -> tuple[Floats, Floats]:
 
 def _mean_depth(pair: PairTrace, tail: slice) -> Floats:
     """Return (n,) depth [m] of a pair, averaged over its contacts and then over time."""
-    depth = sum_of_slots(np.maximum(-pair.slots[:, tail, :, DISTANCE], 0), axis=2)
+    return _mean_of_contacts(pair, tail, np.maximum(-pair.slots[:, tail, :, DISTANCE], 0))
+
+
+def _mean_of_contacts(pair: PairTrace, tail: slice, values: Floats) -> Floats:
+    """Return (n,) what values (n, T, S) are, averaged over a pair's contacts and then over time."""
+    total = sum_of_slots(values * pair.touching[:, tail], axis=2)
     touching = np.minimum(pair.slots[:, tail, 0, FOUND], pair.slots.shape[2])
-    return (depth / np.maximum(touching, 1)).mean(axis=1)
+    return (total / np.maximum(touching, 1)).mean(axis=1)

@@ -16,7 +16,6 @@ from contactlab.contact.contact_laws import (
     damping_ratio,
     largest_step,
     pyramid_softness,
-    rest_penetration,
     stiffness_at_rest,
 )
 from contactlab.contact.trace_arrays import Floats
@@ -51,11 +50,6 @@ class ContactAtRest:
     softness: float  # what its friction cone multiplies its load by
     radius: float  # of the smaller geom [m]
 
-    def depth_under(self, load: float) -> float:
-        """Return the depth at which one contact bears a load [N], in metres."""
-        weight = self.softness * load
-        return float(rest_penetration(weight, self.inverse_mass, self.solref, self.solimp))
-
     def solref_of(self, depth: float, load: float, zeta: float) -> tuple[float, float]:
         """Return the solref of a damping ratio with which a load [N] makes it so deep [m].
 
@@ -76,18 +70,12 @@ class ContactAtRest:
 
 
 def law_of_rest(model: mujoco.MjModel, pair: MonitoredPair, used: PairRecord) -> ContactAtRest:
-    """Return what the law of rest takes of a pair of effective parameters, of a run's model.
-
-    A SceneError says that neither side can move.
-    """
+    """Return what the law of rest takes of a pair of effective parameters, of a run's model."""
     geoms = [side[0] for side in pair.geoms]
     inverse = float(model.body_invweight0[model.geom_bodyid[geoms], 0].sum())
-    if not inverse:
-        raise SceneError(f"{pair.name}: neither side can move, so that nothing is stiff")
-    pyramidal = model.opt.cone == mujoco.mjtCone.mjCONE_PYRAMIDAL
-    softness = (
-        pyramid_softness(used.friction[0], used.condim, model.opt.impratio) if pyramidal else 1.0
-    )
+    softness, cone = 1.0, model.opt.cone
+    if cone == mujoco.mjtCone.mjCONE_PYRAMIDAL:
+        softness = pyramid_softness(used.friction[0], used.condim, model.opt.impratio)
     reach = model.geom_rbound[geoms]
     radius = float(np.where(reach > 0, reach, np.inf).min())
     return ContactAtRest(pair.name, used.solref, used.solimp, inverse, softness, radius)
