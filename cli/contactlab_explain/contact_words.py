@@ -187,7 +187,7 @@ def _resting(
             raise SceneError(f"{pair.name}: neither side can move, so that nothing is stiff")
         rests.append(RestingPair(law, record.metrics.get("restitution_measured")))
         if last.sum() >= _RESTING * fifth:
-            depth = used.margin - used.gap - float(points.mean())  # force begins at the margin
+            depth = used.margin - float(points.mean())  # force begins at the margin
             means = float(count.mean()), float((loads / count).mean()), depth
             rests[-1] = replace(rests[-1], **dict(zip(_MEANS, means, strict=True)))
     return rests, timestep

@@ -153,6 +153,22 @@ def test_two_words_for_one_thing_are_refused(tmp_path: Path) -> None:
         )
 
 
+def test_force_begins_at_the_margin(tmp_path: Path) -> None:
+    """A ball that its margin of 3 mm carries is as stiff there; a gap adds no force."""
+    text = BALL.format(cone="pyramidal", condim=3, friction=1, impratio=1, height=0.053)
+    text = text.replace('name="ball" size', 'margin="0.003" gap="0.001" name="ball" size')
+    axes = {"stiffness": ["20 kN/m"]}
+    store = contactlab.sweep(
+        {"version": 1, "scene": written(tmp_path, text), "axes": axes, "trace": "all"},
+        output=tmp_path / "store",
+        workers=0,
+    )
+    (record,) = store.records()
+    height = float(store.trace(record).qpos[-1, 2])
+    assert height == pytest.approx(0.05 + 0.003 - 2 * GRAVITY / 2e4, abs=1e-7)
+    assert (record.metrics["at_rest_error"] or 0) < 1e-3
+
+
 def test_what_does_not_come_out_is_said(tmp_path: Path) -> None:
     """A box of 1 kg, and another that lands on it once it is weighed: twice as deep as asked."""
     written(tmp_path, BEAMS.format(place="0 0 .16", mass=1))

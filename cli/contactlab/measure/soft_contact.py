@@ -127,7 +127,7 @@ def at_rest_error(context: Context) -> Floats:
     errors, tail = [context.undefined()], context.last_fifth
     asked = [name for name in AT_REST if name in context.setup.settings]
     for pair in context.trace.pairs if asked else ():
-        begin = (context.setting("margin") - context.setting("gap"))[:, None, None]
+        begin = context.setting("margin")[:, None, None]
         slots = pair.slots[:, tail]
         rests = pair.touching[:, tail].any(axis=2).mean(axis=1) >= _RESTING
         depth = _mean_of_contacts(pair, tail, begin - slots[..., DISTANCE])

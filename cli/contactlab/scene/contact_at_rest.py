@@ -168,7 +168,7 @@ def _write(model: mujoco.MjModel, rows: Mapping[tuple[int, int], Floats]) -> Non
         names = ", ".join(sorted({name_of(model, "geom", each) for each in ids[:4].tolist()}))
         raise SceneError(
             f"the geoms {names} are in several pairs, and no solref of geoms mixes to what each "
-            "pair takes; write <pair> elements, or monitor fewer pairs"
+            "pair takes; name fewer `pairs` in a scene, or write <pair> elements"
         )
     for place, geom in enumerate(ids.tolist()):
         if used[:, place].any():
