@@ -6,8 +6,8 @@ from typing import Any, cast
 
 from gymnasium import Wrapper  # pyright: ignore[reportMissingImports] - an extra
 
-from contactlab.errors import SceneError
 from contactlab_loop.recording import Recording, record
+from contactlab_loop.simulation import simulation
 
 _SUCCESS = ("success", "is_success")
 
@@ -27,7 +27,7 @@ class Evidence(Wrapper):  # pyright: ignore[reportUntypedBaseClass] - likewise
 
     def __init__(self, env: Any, store: str | Path, **how: Any) -> None:  # noqa: ANN401 - as given
         super().__init__(env)
-        model, data = _simulation(env.unwrapped)
+        model, data = simulation(env.unwrapped)
         self.recording: Recording = record(model, data, store, **how)
         self._begin()
 
@@ -35,7 +35,7 @@ class Evidence(Wrapper):  # pyright: ignore[reportUntypedBaseClass] - likewise
         """Reset the environment, and begin another episode."""
         self._end()
         answer = self.env.reset(**how)
-        self.recording.follow(*_simulation(self.env.unwrapped))
+        self.recording.follow(*simulation(self.env.unwrapped))
         return answer
 
     def step(self, action: Any) -> Any:  # noqa: ANN401 - likewise
@@ -67,23 +67,3 @@ class Evidence(Wrapper):  # pyright: ignore[reportUntypedBaseClass] - likewise
     def _end(self) -> None:
         self.recording.reset(success=self._success, total_reward=self._reward)
         self._begin()
-
-
-def _simulation(env: Any) -> tuple[Any, Any]:  # noqa: ANN401 - whatever environments are
-    """Return the model and data of MuJoCo that an environment steps; a SceneError if it has none.
-
-    Those of dm_control and robosuite are wrapped once more.
-    """
-    for holder in (env, *(getattr(env, name, None) for name in ("physics", "sim", "_physics"))):
-        model, data = (getattr(holder, name, None) for name in ("model", "data"))
-        if model is not None and data is not None:
-            return _bare(model, "_model"), _bare(data, "_data")
-    raise SceneError(
-        f"{type(env).__name__} has no MuJoCo model and data; give those that it steps to "
-        "contactlab.record"
-    )
-
-
-def _bare(wrapped: Any, own: str) -> Any:  # noqa: ANN401 - likewise
-    """Return what dm_control and robosuite wrap."""
-    return getattr(wrapped, "ptr", getattr(wrapped, own, wrapped))

@@ -4,18 +4,15 @@ The scene of the store is the model as it was compiled. It does not know how lon
 be, nor how many there are; so the store's identity is completed when the recording is closed.
 """
 
-import copy
 import hashlib
-from collections.abc import Generator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from types import TracebackType
 from typing import Any, Self
 
 import mujoco
-import numpy as np
-from mujoco import mj_step, mj_step2  # by themselves, since `listening` replaces the module's
 from pydantic import ValidationError
 
 from contactlab.engines import ENGINES, PreparedRuns
@@ -30,14 +27,14 @@ from contactlab.scene.contact_pairs import colliding, declared_pairs, geom_pairs
 from contactlab.scene.model_names import matching, name_of
 from contactlab.scene.scene import Scene
 from contactlab.scene.scene_source import BINARY, MANIFEST, stored_scene
-from contactlab.schema.evidence import Loop
 from contactlab.schema.scene_manifest import SceneManifest
 from contactlab.schema.sweep_schema import Sweep
 from contactlab.store import store_files
-from contactlab.store.store_files import time_now
 from contactlab.store.store_writer import StoreWriter, open_writer
 from contactlab.store.table_layout import LOOP_COLUMNS
-from contactlab_loop.reader import LoopReader, Since
+from contactlab_loop.listener import Episode, Listener, known_of
+from contactlab_loop.reader import LoopReader
+from contactlab_loop.simulation import other_parts
 
 Monitored = str | Sequence[str] | Mapping[str, object]
 """A geom or body with all that it may touch, two geoms or two bodies, or an entry of `pairs`."""
@@ -46,8 +43,6 @@ _UNCHECKED = "refined copies and repeats: the code that made the steps is not in
 _LONG = 1e6  # how long an episode may last [s]; a hold without an end lasts as long as its episode
 _MODEL = f"model{BINARY}"
 _USUAL = {"title": "A recorded loop", "description": "The model that a loop of one's own stepped."}
-_PARTS = ("nq", "nv", "na", "nu", "nbody", "njnt", "ngeom", "ntendon", "nmocap", "names")
-_FOR_THE_EYE = ("vis", "tex", "mat_", "skin", "light", "cam", "name", "text")
 
 
 def record(
@@ -91,7 +86,7 @@ def record(
         if not own.base({}).pairs:
             raise SceneError("no two geoms of the model can touch, so nothing is monitored")
         unknown = {"source": "", "overrides": (), "runs_asked": 0, "plan_hash": _hash([])}
-        identity = new_identity(name, own, sweep, lacking=_lacking(), **unknown)
+        identity = new_identity(name, own, sweep, lacking=lacking_checks(), **unknown)
         writer = opening.enter_context(open_writer(folder, identity, source.content, fresh=fresh))
         assert isinstance(writer, StoreWriter)
         where = writer.scene_folder.resolve()
@@ -101,7 +96,7 @@ def record(
         return Recording(writer, worker, reader, opening.pop_all())
 
 
-class Recording:
+class Recording(Listener):
     """A loop over MuJoCo's steps that is recorded; made by `contactlab.record`.
 
     Attributes:
@@ -112,15 +107,9 @@ class Recording:
     def __init__(
         self, writer: StoreWriter, worker: Worker, reader: LoopReader, opened: ExitStack
     ) -> None:
+        super().__init__(reader)
         self.store, self.episodes = writer.path, len(writer.done)
-        self._writer, self._worker, self._reader = writer, worker, reader
-        self._opened, self._closed = opened, False
-        self._before, self._set, self._started = reader.model, list[int](), ""
-
-    @property
-    def data(self) -> mujoco.MjData:
-        """The data that is recorded."""
-        return self._reader.data
+        self._writer, self._worker, self._opened = writer, worker, opened
 
     def follow(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         """End the episode and record another simulation, as environments make when they are reset.
@@ -132,42 +121,12 @@ class Recording:
             return
         self._end(None)
         base = self._worker.scene.base({})
-        if differing := [x for x in _PARTS if getattr(model, x) != getattr(base.model, x)]:
+        if differing := other_parts(model, base.model):
             raise SceneError(
-                f"the model has other parts than that of {self.store} ({', '.join(differing)}); "
+                f"the model has other parts than that of {self.store} ({differing}); "
                 "record it in a store of its own"
             )
         self._reader = LoopReader(base, model, data)
-
-    def step(self, count: int = 1) -> None:
-        """Make steps, as `mujoco.mj_step(model, data, count)` does, and record each."""
-        if self._closed or self._reader.look():
-            self._attend()
-        self._reader.make_steps(count)
-
-    def mj_step(self, model: mujoco.MjModel, data: mujoco.MjData, nstep: int = 1) -> None:
-        """Do what `mujoco.mj_step` does; steps of the recorded data are recorded."""
-        if data is self._reader.data:
-            self.step(nstep)
-        else:
-            mj_step(model, data, nstep)
-
-    def mj_step2(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        """Do what `mujoco.mj_step2` does, after `mj_step1`; likewise."""
-        if data is self._reader.data:
-            self._attend()
-        mj_step2(model, data)
-        if data is self._reader.data:
-            self._reader.read_step()
-
-    @contextmanager
-    def listening(self) -> Generator[None]:
-        """Record what other code steps meanwhile by `mujoco.mj_step` or `mujoco.mj_step2`."""
-        mujoco.mj_step, mujoco.mj_step2 = self.mj_step, self.mj_step2
-        try:
-            yield
-        finally:
-            mujoco.mj_step, mujoco.mj_step2 = mj_step, mj_step2
 
     def reset(self, *, success: bool | None = None, total_reward: float | None = None) -> None:
         """End the episode, if it has a step, and say how it went; the next step begins another.
@@ -178,9 +137,9 @@ class Recording:
 
     def close(self, error: BaseException | None = None) -> None:
         """End the episode and finish the store; an error that ended the loop is said of it."""
-        if self._closed:
+        if self.closed:
             return
-        self._closed = True
+        self.closed = f"the recording of {self.store} is closed"
         with self._opened:
             self._end(error and f"the loop ended by {in_one_line(error, __file__)}")
             if not self.episodes:
@@ -205,27 +164,8 @@ class Recording:
     def __exit__(self, _: object, error: BaseException | None, __: TracebackType | None) -> None:
         self.close(error)
 
-    def _attend(self) -> None:
-        """Notice what happened since the last step, before the next one."""
-        if self._closed:
-            raise OutputError(f"the recording of {self.store} is closed")
-        reader = self._reader
-        while since := reader.look():
-            match since:
-                case Since.NEVER:
-                    self._before, self._set = copy.copy(reader.model), []
-                    self._started = time_now()
-                    reader.start()
-                case Since.SET:
-                    self._set.append(reader.steps)
-                    reader.start()
-                case Since.ELSEWHERE:
-                    missed = reader.data.time > reader.time
-                    self._end("the data was stepped without the recording" if missed else None)
-                case _ if reader.is_large:
-                    self._end("an episode's record takes 1 GiB at most; the next goes on from here")
-                case _:
-                    reader.grow(2 * reader.room)
+    def _cut(self, why: str | None) -> None:
+        self._end(why)
 
     def _end(
         self,
@@ -239,30 +179,23 @@ class Recording:
         if not reader.steps:
             reader.clear()
             return
-        steps = reader.taken([0, *self._set])
+        steps = self._taken()
         made, base = len(steps.rows), scene.base({})
         resolved = scene.resolve({}, self.episodes, made * model.opt.timestep)
         start = steps.starts(model)
         prepared = scene.prepare(resolved, start, model)
         run = PlannedRun(self.episodes, scene.run_id(resolved), {}, resolved.seed)
         rollout = steps.rollout(PreparedRuns(scene, [resolved], [prepared], start, made))
-        # What acts from outside may give energy.
-        known = {"steered": True, "passive": False, "conservative": False}
         said: dict[str, object] = {
             "success": success,
             "total_reward": total_reward,
-            "loop": Loop(
-                unchecked=_UNCHECKED,
-                changed=_changed(base.model, model),
-                changed_under_way=_changed(model, reader.model),
-                state_set=tuple(self._set),
-            ),
+            "loop": self._noticed(base.model, _UNCHECKED),
         }
         if cut:
             said |= {"status": "stopped", "status_reason": f"cut after {made} steps: {cut}"}
         plan = RunPlan(resolved, prepared, start, run)
-        known = known if steps.is_driven else {}
-        finished = self._worker.finish_loop(plan, rollout, known, self._started, said)
+        episode = Episode(plan, rollout, known_of(steps), self._started, said)
+        finished = self._worker.finish_loop(*episode)
         self._writer.append([finished.row])
         self.episodes += 1
         reader.clear()
@@ -310,31 +243,11 @@ def _entries(model: mujoco.MjModel, monitored: Monitored) -> list[Mapping[str, o
     return [{"geoms": tuple(names[each] for each in pair)} for pair in found]
 
 
-def _lacking() -> dict[str, str]:
+def lacking_checks() -> dict[str, str]:
     """Return what recorded loops have not, and why."""
     why = "the code that made the steps is not here to repeat them"
     checks = {name: why for name, each in METRICS.items() if each.kind == "check"}
     return {**checks, "cost": "a recorded loop takes its own time"}
-
-
-def _changed(before: mujoco.MjModel, after: mujoco.MjModel) -> tuple[str, ...]:
-    """Return the fields of a model that are not as they were, but for what is only seen."""
-    return tuple(
-        name
-        for name, old, new in _fields(before, after)
-        if np.asarray(old).tobytes() != np.asarray(new).tobytes()
-    )
-
-
-def _fields(*models: mujoco.MjModel) -> Generator[tuple[Any, ...]]:
-    first = models[0]
-    for name in dir(first):
-        seen = name.startswith(_FOR_THE_EYE) or name.endswith(("rgba", "matid", "group"))
-        if not seen and isinstance(getattr(first, name), np.ndarray):
-            yield name, *(getattr(each, name) for each in models)
-    for name in dir(first.opt):
-        if not name.startswith("_"):
-            yield f"opt.{name}", *(getattr(each.opt, name) for each in models)
 
 
 def _hash(ids: Sequence[str]) -> str:

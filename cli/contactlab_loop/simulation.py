@@ -1,0 +1,34 @@
+"""Where environments keep the model and data of MuJoCo that they step."""
+
+from typing import Any
+
+import mujoco
+
+from contactlab.errors import SceneError
+
+_PARTS = ("nq", "nv", "na", "nu", "nbody", "njnt", "ngeom", "ntendon", "nmocap", "names")
+
+
+def simulation(env: Any) -> tuple[mujoco.MjModel, mujoco.MjData]:  # noqa: ANN401 - any environment
+    """Return the model and data of MuJoCo that an environment steps; a SceneError if it has none.
+
+    Those of dm_control and robosuite are wrapped once more.
+    """
+    for holder in (env, *(getattr(env, name, None) for name in ("physics", "sim", "_physics"))):
+        model, data = (getattr(holder, name, None) for name in ("model", "data"))
+        if model is not None and data is not None:
+            return _bare(model, "_model"), _bare(data, "_data")
+    raise SceneError(
+        f"{type(env).__name__} has no MuJoCo model and data; give those that it steps to "
+        "contactlab.record"
+    )
+
+
+def other_parts(model: mujoco.MjModel, known: mujoco.MjModel) -> str:
+    """Return which parts of a model are not those of another; empty if all are."""
+    return ", ".join(x for x in _PARTS if getattr(model, x) != getattr(known, x))
+
+
+def _bare(wrapped: Any, own: str) -> Any:  # noqa: ANN401 - likewise
+    """Return what dm_control and robosuite wrap."""
+    return getattr(wrapped, "ptr", getattr(wrapped, own, wrapped))
