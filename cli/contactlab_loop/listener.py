@@ -85,6 +85,7 @@ class Listener(ABC):
         while since := reader.look():
             match since:
                 case Since.NEVER:
+                    reader.clear()
                     self._before, self._set = copy.copy(reader.model), []
                     self._started = time_now()
                     reader.start()

@@ -112,13 +112,13 @@ class LoopReader:
         if model.opt.enableflags & PERSISTENT:
             raise SceneError("contacts of what sleeps cannot be read; turn the flag `sleep` off")
         self.model, self.data, self._base = model, data, base
-        forces = Recorder([model], 0, 1).fields
-        names = (*_INPUTS, "qfrc_applied", "solver_niter", *forces)
-        self._views = {name: np.asarray(getattr(data, name)) for name in names}
         self.clear()
 
     def clear(self) -> None:
-        """Begin an episode."""
+        """Begin an episode, of which is read what the model needs as it is now."""
+        forces = Recorder([self.model], 0, 1).fields
+        names = (*_INPUTS, "qfrc_applied", "solver_niter", *forces)
+        self._views = {name: np.asarray(getattr(self.data, name)) for name in names}
         kernel = usable_kernel()
         sizes = 1 + self.model.nq + self.model.nv + self.model.na, _width(self._base)
         shapes = {"states": sizes[0], "rows": sizes[1]}

@@ -17,11 +17,16 @@ def simulation(env: Any) -> tuple[mujoco.MjModel, mujoco.MjData]:  # noqa: ANN40
     for holder in (env, *(getattr(env, name, None) for name in ("physics", "sim", "_physics"))):
         model, data = (getattr(holder, name, None) for name in ("model", "data"))
         if model is not None and data is not None:
-            return _bare(model, "_model"), _bare(data, "_data")
+            return _unwrapped(model, "_model"), _unwrapped(data, "_data")
     raise SceneError(
         f"{type(env).__name__} has no MuJoCo model and data; give those that it steps to "
         "contactlab.record"
     )
+
+
+def bare(env: Any) -> Any:  # noqa: ANN401 - likewise
+    """Return an environment without the wrappers of Gymnasium."""
+    return getattr(env, "unwrapped", env)
 
 
 def other_parts(model: mujoco.MjModel, known: mujoco.MjModel) -> str:
@@ -29,6 +34,6 @@ def other_parts(model: mujoco.MjModel, known: mujoco.MjModel) -> str:
     return ", ".join(x for x in _PARTS if getattr(model, x) != getattr(known, x))
 
 
-def _bare(wrapped: Any, own: str) -> Any:  # noqa: ANN401 - likewise
+def _unwrapped(wrapped: Any, own: str) -> Any:  # noqa: ANN401 - likewise
     """Return what dm_control and robosuite wrap."""
     return getattr(wrapped, "ptr", getattr(wrapped, own, wrapped))

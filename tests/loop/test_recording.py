@@ -276,3 +276,14 @@ def test_its_code_is_not_here_to_replay(start: Start, tmp_path: Path) -> None:
     store = contactlab.open(tmp_path / "mine")
     with pytest.raises(SceneError, match="so it is not simulated again"):
         replay(store, next(iter(store.records())).run_id)
+
+
+def test_damping_may_begin_after_the_recording_does(
+    model: mujoco.MjModel, start: Start, tmp_path: Path
+) -> None:
+    with start() as recording:
+        model.dof_damping[:] = 0.1
+        recording.step(20)
+    (record,) = _records(tmp_path)
+    assert record.loop is not None
+    assert record.loop.changed == ("dof_damping",)

@@ -39,7 +39,7 @@ class RunOptions(TypedDict, total=False):
     workers: int | None  # worker processes, 0 for none; one for each core if left out
     # Files that add metrics, labels, oracles or engines. They are executed.
     plugins: Sequence[str | Path]
-    allow_code: bool  # whether a policy that drives the runs may be executed
+    allow_code: bool  # whether a policy, or an environment, may be executed
     progress: Progress | None  # called as runs finish
 
 
@@ -84,6 +84,7 @@ def sweep(
         workers=session.workers,
         overrides=Overrides(assigned(set), assigned(only), limit),
         drive=drive_option(drive),
+        allow_code=session.allow_code,
     )
     how = {"fresh": fresh, "retry_failed": retry_failed, "repair": repair}
     return session.run(replace(request, **how))

@@ -90,7 +90,7 @@ MUJOCO = option(
 DRIVE = option(
     "DRIVE", "What drives the runs: none, hold, exercise, noise=0.3,rate=10, or a file of controls."
 )
-ALLOW_CODE = flag("--allow-code", "Let a drive run a policy, which is Python code: trust its file.")
+ALLOW_CODE = flag("--allow-code", "Run policies and environments, which are code: trust them.")
 PLUGIN = option(
     "FILE", "Python file that adds metrics, labels, oracles or engines; may be repeated."
 )

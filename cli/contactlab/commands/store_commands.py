@@ -208,6 +208,7 @@ def verify(
     simulate: int = typer.Option(
         0, min=0, metavar="N", help="Simulate N runs again, drawn at random."
     ),
+    allow_code: bool = opt.ALLOW_CODE,
     output: opt.Format = opt.FORMAT,
 ) -> None:
     """Check every file of a store against its hash, and recompute what its content gives."""
@@ -233,7 +234,8 @@ def verify(
     if not problems and unresolved(opened) is None:
         # What is damaged need not be run, nor compiled.
         problems = list(islice(recomputed_problems(opened), MOST_PROBLEMS))
-        problems += simulated_problems(opened, simulate) if simulate and not problems else ()
+        again = simulated_problems(opened, simulate, allow_code=allow_code)
+        problems += again if simulate and not problems else ()
     if output == "json":
         found = {"sound": not problems, "problems": problems, "unverified": left}
         print_json({**found, "runs": manifest.runs, "digest": opened.digest})
@@ -257,6 +259,7 @@ def replay(
     *,
     view: bool = opt.flag("--view", "Open it in MuJoCo's viewer instead."),
     plugin: list[Path] | None = opt.PLUGIN,
+    allow_code: bool = opt.ALLOW_CODE,
     output: opt.Format = opt.FORMAT,
 ) -> None:
     """Simulate a stored run again and check that every state is bitwise equal."""
@@ -272,7 +275,7 @@ def replay(
         start = prepare_replay(opened, run)
         extensions("viewer")["window"].load()(start.prepared.model, start.runs.starts)
         return
-    result = run_again(opened, run)
+    result = run_again(opened, run, allow_code=allow_code)
     if output == "json":
         print_json(asdict(result))
     else:

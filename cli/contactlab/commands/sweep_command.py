@@ -82,8 +82,9 @@ def sweep(
         workers=worker_count(workers),
         overrides=Overrides(assign or (), only or (), limit),
         drive=drive_option(drive),
+        allow_code=allow_code,
     )
-    how = {"fresh": fresh, "retry_failed": retry_failed, "repair": repair, "allow_code": allow_code}
+    how = {"fresh": fresh, "retry_failed": retry_failed, "repair": repair}
     for warning in request.plan.warnings:
         say(str(warning))
     if plan:

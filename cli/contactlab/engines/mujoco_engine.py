@@ -108,19 +108,25 @@ _NOT_HERE = "a loop that is not in the store made the run, so it is not simulate
 
 
 class LoopEngine(SimulationEngine):
-    """Simulates nothing: what loops did was read from MuJoCo's data as they did it."""
+    """Simulates nothing: what loops and environments do is read from MuJoCo's data meanwhile."""
 
     name = LOOP_ENGINE
-    summary = "a recorded loop"
+    summary = "a loop, or an environment"
+    runs_policies = True
 
     @property
     def version(self) -> str:
         """The version of MuJoCo, which loops step."""
         return package_version("mujoco")
 
-    def refusal(self, scene: Scene, run: ResolvedRun) -> str | None:  # noqa: ARG002 - none is run
-        """Return why it runs nothing."""
-        return _NOT_HERE
+    def refusal(self, scene: Scene, run: ResolvedRun) -> str | None:
+        """Return why it runs nothing, or why an environment cannot."""
+        environment = scene.source.environment
+        return environment.refusal(run) if environment else _NOT_HERE
+
+    def seconds_per_step(self, runs: PreparedRuns) -> float:
+        """Return what MuJoCo alone takes for a step [s]."""
+        return runs.scene.source.environment.seconds_per_step(runs)
 
     def roll_out(self, *_: object, **__: object) -> Rollout:
         """Raise a SceneError."""

@@ -18,7 +18,7 @@ from contactlab.plan.overrides import Filter, Overrides, apply_settings, check_v
 from contactlab.plan.rows import read_blocks, read_rows, write_out_units
 from contactlab.plan.validation import Draft, add_validation_errors, read_draft
 from contactlab.plan.yaml_document import Document, data_document, read_document, read_text
-from contactlab.schema.sweep_schema import Sweep, switches
+from contactlab.schema.sweep_schema import Sweep, scene_reference, switches
 from contactlab.schema.vocabulary import Vocabulary
 
 _NONE = Overrides()
@@ -83,7 +83,7 @@ def _checked(
 
     A SweepMistakesError says that an expression cannot be computed for some row.
     """
-    document, scene = draft.document, draft.document.at(("scene",))
+    document, scene = draft.document, scene_reference(draft.document.at(("scene",)))
     if not isinstance(scene, str):
         return None
     try:

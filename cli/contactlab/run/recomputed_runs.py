@@ -137,7 +137,7 @@ def _plan(identity: SweepIdentity, scene: Scene) -> Plan:
     return replace(plan, sweep=plan.sweep.model_copy(update={"drive": drive}))
 
 
-def simulated_problems(store: Store, count: int) -> Iterator[str]:
+def simulated_problems(store: Store, count: int, *, allow_code: bool = False) -> Iterator[str]:
     """Simulate, measure and label a random sample of the runs again; yield how they differ."""
     identity, columns = store.manifest.sweep, store.columns
     scene = stored_sweep_scene(store.manifest.sweep, store.scene_folder)
@@ -146,13 +146,15 @@ def simulated_problems(store: Store, count: int) -> Iterator[str]:
         worker = Worker(_task(store, Path(folder)), None)
         for row in sorted(random.sample(range(columns.runs), min(count, columns.runs))):
             stored = columns.row(row)
-            # The code of a loop is not here.
-            if stored["status"] not in {"ok", "stopped"} or stored.get("loop"):
+            # The code of a loop is not here, but that of an environment is.
+            played = scene.source.environment is not None
+            lost = stored.get("loop") and not played
+            if stored["status"] not in {"ok", "stopped"} or lost:
                 continue
             record = store.record(stored["run_id"])
-            if isinstance(record.drive, PolicyDrive):
-                # Its code is not run: the controls that it gave are.
-                if not (result := replay(store, record.run_id)).equal:
+            if played or isinstance(record.drive, PolicyDrive):
+                # The code of a policy alone is not run: the controls that it gave are.
+                if not (result := replay(store, record.run_id, allow_code=allow_code)).equal:
                     yield f"run {record.run_id}: simulated again, its hash is {result.hash}"
                 continue
             values = canonical_values(scene, record)

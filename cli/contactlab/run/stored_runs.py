@@ -117,12 +117,18 @@ def canonical_values(scene: Scene, record: EvidenceRecord) -> dict[str, object]:
     return values
 
 
-def replay(store: Store, run: str) -> ReplayResult:
-    """Simulate a stored run again; return whether it is equal, or where it first differs."""
+def replay(store: Store, run: str, *, allow_code: bool = False) -> ReplayResult:
+    """Simulate a stored run again; return whether it is equal, or where it first differs.
+
+    A SceneError says that it is an episode of an environment, whose code is not allowed.
+    """
     silence_mujoco()
     start = prepare_replay(store, run)
     record = start.record
-    rollout = find_engine(record.engine.name).roll_out(start.runs, Buffers())
+    if environment := start.runs.scene.source.environment:
+        rollout = environment.again(record, start.runs, allow_code)
+    else:
+        rollout = find_engine(record.engine.name).roll_out(start.runs, Buffers())
     old, new = record.trajectory_hash, trajectory_hash(rollout, 0)
     step, difference = (None, None) if new == old else _first_difference(store, record, rollout)
     engine = f"{record.engine.name} {record.engine.version}"

@@ -17,6 +17,7 @@ from contactlab.run.tasks import Executor
 from contactlab.scene.expected_contacts import mistake_in
 from contactlab.scene.mujoco_versions import why_unsupported
 from contactlab.scene.scene import Scene
+from contactlab.scene.scene_source import find_scene
 from contactlab.schema.drive import Drive, drive_text
 from contactlab.schema.pair_expectation import PairExpectation
 from contactlab.schema.sweep_schema import effects_base
@@ -43,7 +44,7 @@ class SweepRequest:
     cluster: Executor | None = None  # what runs the jobs, if not worker processes of this machine
     retry_failed: bool = False
     repair: bool = False
-    allow_code: bool = False  # whether a policy may run, which is code
+    allow_code: bool = False  # whether a policy may run, which is code; environments have run
 
 
 def read_request(  # noqa: PLR0913 - one argument an option
@@ -57,15 +58,16 @@ def read_request(  # noqa: PLR0913 - one argument an option
     drive: Drive | None = None,
     bare: Drive = "hold",
     partly: bool = False,
+    allow_code: bool = False,
 ) -> SweepRequest:
     """Read a sweep: a file by its path or its text, or its content as data.
 
-    Relative paths of scenes start in the folder. `drive` and `bare` are as in `SceneLoader`. With
-    `partly`, runs that only newer engines support are left out instead of refused. Raises a
-    SweepFileError if the file or the overrides have mistakes; all are listed.
+    Relative paths of scenes start in the folder. `drive`, `bare` and `allow_code` are as in
+    `SceneLoader`. With `partly`, runs that only newer engines support are left out instead of
+    refused. Raises a SweepFileError if the file or the overrides have mistakes; all are listed.
     """
     options = overrides or Overrides()
-    scenes = SceneLoader(folder, drive, bare=bare)
+    scenes = SceneLoader(folder, drive, bare=bare, allow_code=allow_code)
     read = read_sweep(source, partial(scenes.vocabulary, lenient=partly), options)
     scene, plan = scenes.for_sweep(read)
     plan, reasons = supported(plan)
@@ -78,6 +80,7 @@ def read_request(  # noqa: PLR0913 - one argument an option
         store=store,
         workers=workers,
         left_out=reasons,
+        allow_code=allow_code,
     )
 
 
@@ -112,6 +115,7 @@ class SceneLoader:
     drive: Drive | None = None  # what drives runs, whatever sweep or scene say; of an option
     drive_folder: Path = Path()  # where the files of `drive` start
     bare: Drive = "hold"  # what drives a model without a manifest, if nothing else is said
+    allow_code: bool = False  # whether the code of environments may run
     _opened: dict[str, Scene] = field(default_factory=dict[str, Scene])
     _driven: dict[str, Scene] = field(default_factory=dict[str, Scene])
 
@@ -125,7 +129,8 @@ class SceneLoader:
 
     def _undriven(self, reference: str) -> Scene:
         if reference not in self._opened:
-            scene = Scene.open(reference, self.folder, ENGINES, read_control_table)
+            source = find_scene(reference, self.folder, allow_code=self.allow_code)
+            scene = Scene(source, ENGINES, read_control_table)
             _check_names(scene)
             self._opened[reference] = scene
         return self._opened[reference]

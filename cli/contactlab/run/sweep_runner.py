@@ -100,6 +100,7 @@ def run_sweep(
             provenance=provenance(),
             plugins=loaded_plugins(),
             policy=policy,
+            environment=request.scene.source.environment,
         )
         executor, stop = request.cluster or LocalPool(request.workers), stop or Stop()
         session = SweepSession(task, request.scene, store, index, executor, stop, begin, progress)
@@ -141,7 +142,8 @@ def identity_of(request: SweepRequest, index: RunIndex) -> SweepIdentity:
     manifest, drive = scene.source.manifest, scene.drive.drive
     timed = bool(manifest and manifest.control) or drive_word(drive) not in ("none", "hold")
     engines = {group.first.engine: engine_of(group.first) for group in index.firsts}.values()
-    lacking = (each.null_fields(driven=timed).items() for each in engines)
+    lacking = [each.null_fields(driven=timed).items() for each in engines]
+    lacking += [own.lacking(sweep).items()] if (own := scene.source.environment) else []
     name = request.name
     identity = new_identity(
         name,
@@ -200,7 +202,8 @@ def _columns(request: SweepRequest, index: RunIndex) -> list[Column]:
         values |= {name: [value] for name, value in first.items()}
     values |= {axis.name: axis.values for axis in request.plan.axes if axis.name in values}
     axes = [_axis_column(request.scene, name, taken) for name, taken in values.items()]
-    return [*axes, *measured_columns(settings)]
+    own = request.scene.source.environment
+    return [*axes, *measured_columns(settings), *(own.columns if own else ())]
 
 
 def measured_columns(settings: Mapping[str, object]) -> list[Column]:

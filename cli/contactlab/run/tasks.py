@@ -8,7 +8,7 @@ from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Se
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, Protocol
+from typing import Any, Literal, Protocol
 
 from contactlab.accuracy.discretization import Note
 from contactlab.errors import StoppedError
@@ -59,6 +59,7 @@ class Task:
     plugins: tuple[Plugin, ...] = ()  # what workers load before their first job
     # The code that acts in the runs, which the user allows; None without.
     policy: LocatedDrive | None = None
+    environment: Any = None  # likewise, where it has the runs as its episodes
     # What is done with the runs: they are recorded, compared with a reference, or their work is
     # counted; times are taken by the process of the sweep itself.
     purpose: Purpose = "record"

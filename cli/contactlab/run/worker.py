@@ -97,6 +97,7 @@ class Worker:
         self._store = backend_at(task.store, OutputError)
         self._controls: set[str] = set()  # hashes of those that this process has stored
         self._policy = task.policy and load_policy(task.policy.found_in(self.scene.drive))
+        self._player = task.environment and task.environment.player(self.scene, self._policy)
         source = self.scene.source
         self._model_xml = b"" if source.model.suffix == BINARY else source.model.read_bytes()
 
@@ -105,7 +106,7 @@ class Worker:
         if not self._proceed():
             return []
         if self._task.purpose == "record":
-            return self._record(job)
+            return self._play(job) if self._player else self._record(job)
         with suppress(_AbandonedError):
             return self._repeat(job)
         return []
@@ -144,6 +145,17 @@ class Worker:
                     outcome = RunOutcome(plans[place], group, rollout, place, started, twin)
                     finished[place] = self._finish(outcome)
         return [finished[place] for place in sorted(finished)]
+
+    def _play(self, job: Job) -> list[Finished]:
+        """Have an environment play the episodes of a job, one after the other."""
+        finished: list[Finished] = []
+        for plan in self._preparer.plans(job):
+            if not finished or self._proceed():
+                with self._preparer.watchdog() as start_clock:
+                    start_clock()
+                    episode = self._player.play(plan)
+                finished.append(self.finish_loop(*episode))
+        return finished
 
     def _measure(
         self, plans: Sequence[RunPlan], starts: InitialStates, buffers: Buffers, proceed: Proceed

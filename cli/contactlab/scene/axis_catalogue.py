@@ -10,7 +10,7 @@ from contactlab.scene.compiled_scene import CompiledScene
 from contactlab.scene.drive.located_drive import DRIVE_AXES
 from contactlab.scene.effects.effect_table import EFFECTS
 from contactlab.scene.initial_states import QPOS0, keyframe_names
-from contactlab.scene.model_edits import MODEL_ENGINE, field_axis
+from contactlab.scene.model_edits import LOOP_ENGINE, MODEL_ENGINE, field_axis
 from contactlab.scene.mujoco_versions import in_this_version, missing_flags
 from contactlab.scene.parameters import PARAMETERS
 from contactlab.scene.setting_values import choice, integer, number, switch
@@ -88,8 +88,10 @@ def _axes(base: CompiledScene, manifest: SceneManifest | None, engines: Engines)
     axes: list[AxisSpec] = [
         each for each in PARAMETERS.values() if each.sets not in (*CONTACT, *AT_REST) or base.pairs
     ]
-    names = tuple(engines) or (MODEL_ENGINE,)
-    summaries = [engine.summary for engine in engines.values()] or ["MuJoCo"]
+    # Without sensors in the model, no other engine records.
+    loop = (LOOP_ENGINE,) if base.settings["engine"] == LOOP_ENGINE else ()
+    names = loop or tuple(engines) or (MODEL_ENGINE,)
+    summaries = [engines[name].summary for name in names if name in engines] or ["MuJoCo"]
     text = f"what simulates the run: {', or '.join(summaries)}"
     axes.append(AxisSpec("engine", "", text, choice(names), names))
     if base.targets.subject is not None:

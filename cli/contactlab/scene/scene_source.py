@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 from pydantic import ValidationError
 from ruamel.yaml import YAML
@@ -17,13 +18,14 @@ from ruamel.yaml.error import YAMLError
 
 from contactlab import resources
 from contactlab.errors import SceneError
+from contactlab.plugins import extensions
 from contactlab.scene.model_files import SceneFiles, collect_files, relative_path
 from contactlab.scene.model_guards import check_places
 from contactlab.schema.drive import drive_files
 from contactlab.schema.scene_manifest import SceneManifest
 from contactlab.schema.strict_model import check_extent
 
-_SCHEME = "menagerie:"
+_SCHEME, _ENVIRONMENT = "menagerie:", "environment:"
 
 
 def is_menagerie(reference: str) -> bool:
@@ -77,20 +79,22 @@ def _package(reference: str) -> ModuleType:
 MANIFEST = "scene.yaml"
 MODEL_SUFFIXES = {".xml", ".urdf", ".mjcf"}
 BINARY = ".mjb"
-"""A compiled model, as that of a recorded loop is: no sensors can be added to it."""
+"""A compiled model, as that of a loop or an environment: no sensors can be added to it."""
 
 
 @dataclass(frozen=True)
 class SceneSource:
     """A scene on disk, at the path of its manifest or, without one, of its model.
 
-    Its name is the shipped name, the folder's or file's stem, or robot and entry.
+    Its name is the shipped name, the folder's or file's stem, or robot and entry. An environment is
+    what an installed package makes of its name and folder.
     """
 
     name: str
     path: Path
     manifest: SceneManifest | None
     content: SceneFiles
+    environment: Any = None
 
     @property
     def model(self) -> Path:
@@ -106,19 +110,24 @@ class SceneSource:
             raise SceneError(f"{self.path}: {error}") from error
 
 
-def find_scene(reference: str, base: Path | None = None) -> SceneSource:
-    """Return the scene of a name, a folder with a manifest, an .xml or .urdf file, or a robot.
+def find_scene(
+    reference: str, base: Path | None = None, *, allow_code: bool = False
+) -> SceneSource:
+    """Return the scene of a name, a folder with a manifest, a model file, a robot, an environment.
 
     Relative paths start in the base folder, or in the working directory. A SceneError says that
-    there is no such scene, or that its manifest is invalid.
+    there is no such scene, that its manifest is invalid, or that its code is not allowed.
     """
+    if reference.startswith(_ENVIRONMENT):
+        named = reference.removeprefix(_ENVIRONMENT)
+        return _environment(named, base or Path()).open(None, allow_code)
     if is_menagerie(reference):
         return _bare_model(menagerie_model(reference), menagerie_name(reference))
     path = (base or Path()) / Path(reference).expanduser()
     if path.suffix in MODEL_SUFFIXES:
         return _bare_model(path, path.stem)
     if "/" in reference or (path / MANIFEST).is_file():
-        return _folder(path, path.resolve().name)
+        return _folder(path, path.resolve().name, allow_code=allow_code)
     return _folder(resources.scene_folder(reference), reference)
 
 
@@ -147,7 +156,13 @@ def _bare_model(path: Path, name: str, copy: Path | None = None) -> SceneSource:
     return SceneSource(name, path, None, collect_files(path, copy=copy))
 
 
-def _folder(path: Path, name: str, copy: Path | None = None) -> SceneSource:
+def _environment(name: str, folder: Path) -> Any:  # noqa: ANN401 - of another package
+    return extensions("environment")["mujoco"].load()(name, folder.absolute())
+
+
+def _folder(
+    path: Path, name: str, copy: Path | None = None, *, allow_code: bool = False
+) -> SceneSource:
     manifest = path / MANIFEST
     if not manifest.is_file():
         raise SceneError(
@@ -155,13 +170,16 @@ def _folder(path: Path, name: str, copy: Path | None = None) -> SceneSource:
         )
     check_places([manifest], path, copy)
     read = read_manifest(manifest)
+    environment = read.environment and _environment(read.environment, path)
+    if environment and copy is None:
+        return environment.open(read, allow_code)
     if read.model.endswith(BINARY) and copy is None:
         raise SceneError(f"{path / read.model} is compiled; name the MJCF or URDF that it is of")
     recorded = [read.recording.file] if read.recording else []
     named = [path / file for file in (*drive_files(read.drive), *recorded)]
-    return SceneSource(
-        name, manifest, read, collect_files(path / read.model, [manifest, *named], copy)
-    )
+    named += environment.files if environment else ()
+    files = collect_files(path / read.model, [manifest, *named], copy)
+    return SceneSource(name, manifest, read, files, environment)
 
 
 def read_manifest(path: Path) -> SceneManifest:

@@ -170,6 +170,9 @@ class SceneManifest(Model):
     title: str
     description: str
     model: str = about("The MJCF or URDF file, relative to here.", default="scene.xml")
+    environment: Word | None = about(
+        "What has the model instead: FILE.py:FACTORY, or an id of Gymnasium.", default=None
+    )
     duration: float = about("Simulated time of a run [s].", gt=0)
     subject: str | None = about("The body that the mass axis sets.", default=None)
     keyframe: str | None = about("Keyframe to start from.", default=None)

@@ -201,11 +201,27 @@ class TimingRequest(Model):
     )
 
 
+def scene_reference(scene: object) -> object:
+    """Return what names a scene as one word: `environment:NAME` for {environment: NAME}."""
+    match scene:
+        case {"environment": str(named), **others} if not others:
+            return f"environment:{named}"
+        case _:
+            return scene
+
+
+_Named = BeforeValidator(
+    scene_reference, json_schema_input_type=Word | dict[Literal["environment"], Word]
+)
+
+
 class Sweep(Model):
     """A declared grid of runs of one scene."""
 
     version: Literal[1] = about("version of this file format: 1")
-    scene: Word = about("shipped scene, folder, .xml, .urdf, or menagerie:ROBOT[/ENTRY]")
+    scene: Annotated[Word, _Named] = about(
+        "shipped scene, folder, .xml, .urdf, menagerie:ROBOT[/ENTRY], or {environment: ...}"
+    )
     description: str | None = about("what the sweep is for", default=None)
     duration: Positive | None = about(
         "simulated time of a run [s]; the scene's own if left out", default=None

@@ -1,0 +1,79 @@
+"""What acts in an episode: a policy at its rate, or actions drawn with the seed of the run."""
+
+import copy
+from collections.abc import Callable
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from contactlab.engines.engine import PolicyClass
+from contactlab.run.evidence_record import RunPlan
+from contactlab.schema.drive import PolicyDrive
+
+Act = Callable[[Any], Any]
+"""Returns an action, given what the environment observed last."""
+_SNAP = 1e-6  # a time so little before that of a call, in periods, is that of the call
+
+
+class FailureError(Exception):
+    """An episode cannot be what its run asks for; the message says why."""
+
+
+def actor_of(
+    env: Any,  # noqa: ANN401 - any environment
+    policy: PolicyClass | None,
+    plan: RunPlan,
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
+) -> Act:
+    """Return what acts in the episode of a run that begins now; a FailureError if nothing can."""
+    if policy is not None:
+        assert isinstance(plan.resolved.drive, PolicyDrive)
+        return _PolicyActor(policy, plan.resolved.drive.rate, model, data)
+    space: Any = getattr(env, "action_space", None)
+    if not (hasattr(space, "seed") and hasattr(space, "sample")):
+        raise FailureError(
+            "the environment has no action_space with seed() and sample(); give the sweep a "
+            "`drive: {policy: FILE.py:CLASS}`"
+        )
+    space.seed(plan.resolved.seed)
+    return lambda _: space.sample()
+
+
+class _PolicyActor:
+    """Asks a policy at its rate; its action stays until the next one."""
+
+    def __init__(
+        self, policy: PolicyClass, rate: float, model: mujoco.MjModel, data: mujoco.MjData
+    ) -> None:
+        self._policy: Any = policy(copy.copy(model))
+        self._rate, self._data, self._start = rate, data, data.time
+        self._name = getattr(policy, "__name__", "policy")
+        self._calls, self._action = 0, None
+
+    def __call__(self, observation: Any) -> Any:  # noqa: ANN401 - as environments take them
+        time = self._data.time - self._start
+        due = int(np.floor(time * self._rate + _SNAP)) + 1
+        if due > self._calls + 1:
+            raise FailureError(
+                f"the policy is to act at {self._rate:g} Hz, but the environment asks for actions "
+                f"at {self._calls / time:g} Hz; lower the rate of the drive"
+            )
+        if due > self._calls:
+            self._calls, self._action = due, self._asked(time, observation)
+        return self._action
+
+    def _asked(self, time: float, observation: Any) -> Any:  # noqa: ANN401 - likewise
+        """Return the action of a policy that acts on observations, or else on the state."""
+        if hasattr(self._policy, "act"):
+            return self._policy.act(observation)
+        data = self._data
+        parts = (np.array(time), data.qpos, data.qvel, data.sensordata)
+        returned = np.asarray(self._policy(*(each.copy()[None] for each in parts)))
+        if returned.ndim == 0 or len(returned) != 1 or not np.isfinite(returned).all():
+            raise FailureError(
+                f"policy {self._name} returned {returned!r:.80} at {time:g} s; an action for one "
+                "run is a row of finite numbers"
+            )
+        return returned[0]

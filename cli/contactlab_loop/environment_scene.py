@@ -1,0 +1,180 @@
+"""Environments as the scenes of sweeps: an episode is a run.
+
+The scene is the model that the environment has when it is made, as it was compiled; its file of
+Python lies beside it in the store. Code runs only where the user allows it, to find the model and
+to play episodes.
+"""
+
+import shutil
+import sys
+import time
+from collections.abc import Callable, Mapping
+from contextlib import redirect_stdout
+from dataclasses import dataclass, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from types import ModuleType
+from typing import Any
+
+import mujoco
+
+from contactlab.engines import PreparedRuns, Rollout
+from contactlab.engines.closed_loop import load_policy
+from contactlab.engines.engine import PolicyClass
+from contactlab.errors import SceneError, SweepFileError, in_one_line
+from contactlab.run.evidence_record import RunPlan
+from contactlab.run.tasks import PlannedRun
+from contactlab.scene.resolution import START_SETTINGS, ResolvedRun
+from contactlab.scene.scene import Scene
+from contactlab.scene.scene_source import BINARY, MANIFEST, SceneSource, stored_scene
+from contactlab.schema.drive import ObservationNoise, PolicyDrive, drive_files
+from contactlab.schema.evidence import EvidenceRecord
+from contactlab.schema.scene_manifest import SceneManifest
+from contactlab.schema.sweep_schema import Sweep
+from contactlab.store.table_layout import LOOP_COLUMNS
+from contactlab_loop.player import Player
+from contactlab_loop.recording import lacking_checks
+from contactlab_loop.simulation import bare, simulation
+
+_CODE = ".py:"
+_MODEL = f"model{BINARY}"
+_USUAL_DURATION = 2.0  # of an environment that says nothing of its length [s]
+_OTHERS_TO_SAY = ("initial", "structure", "control", "recording")
+_ASK_AGAIN = ("knife_edge", "accuracy", "timing")
+_NOT_ALLOWED = "runs only if you allow it; add --allow-code, or allow_code=True in Python"
+_opened: list[TemporaryDirectory[str]] = []  # removed when the process ends
+
+
+@dataclass(frozen=True)
+class Environment:
+    """What makes an environment: FILE.py:FACTORY, relative to a folder, or an id of Gymnasium."""
+
+    name: str
+    folder: Path
+    columns = LOOP_COLUMNS  # of the table of its runs, besides those of all sweeps
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """Its file of Python, if it has one."""
+        file, code, _ = self.name.rpartition(_CODE)
+        return (self.folder / Path(f"{file}.py").expanduser(),) if code else ()
+
+    def open(self, said: SceneManifest | None, allowed: bool) -> SceneSource:
+        """Make the environment, and return the scene of its model, given what a manifest says.
+
+        Raises a SceneError if its code is not allowed, or fails, or steps no MuJoCo.
+        """
+        if not allowed:
+            raise SceneError(f"environment {self.name} is Python code, which {_NOT_ALLOWED}")
+        if said and (others := [each for each in _OTHERS_TO_SAY if getattr(said, each)]):
+            raise SceneError(f"{others[0]}: an environment {self.name} has its own; leave it out")
+        env = self.make()
+        model, _ = simulation(bare(env))
+        kept = TemporaryDirectory(prefix="contactlab-")
+        _opened.append(kept)
+        where = Path(kept.name)
+        beside = drive_files(said.drive) if said else ()
+        for file in (*self.files, *(self.folder / each for each in beside)):
+            shutil.copyfile(file, where / file.name)
+        named = Path(self.name).name if self.files else self.name
+        fixed = {"model": _MODEL, "environment": named, "effects": {"base": "all"}}
+        manifest = (said or _usual(self.name, env)).model_copy(update=fixed)
+        text = manifest.model_dump_json(indent=2, by_alias=True, exclude_defaults=True)
+        (where / MANIFEST).write_text(text, encoding="utf-8")
+        mujoco.mj_saveModel(model, str(where / _MODEL))
+        name = self.files[0].stem if self.files else self.name.replace("/", "-")
+        return replace(stored_scene(where, _MODEL, name), environment=self)
+
+    def make(self) -> Any:  # noqa: ANN401 - whatever it is
+        """Return the environment, by its code; a SceneError says why there is none."""
+        try:
+            with redirect_stdout(sys.stderr):
+                return self._factory()()
+        except SceneError:
+            raise
+        except (Exception, SystemExit) as error:
+            what = f"environment {self.name}: {in_one_line(error, __file__)}"
+            raise SceneError(what) from error
+
+    def _factory(self) -> Callable[[], Any]:
+        if not self.files:
+            try:
+                import gymnasium  # noqa: PLC0415 # pyright: ignore[reportMissingImports] - an extra
+            except ModuleNotFoundError as error:
+                raise SceneError(
+                    f"environment {self.name} is an id of Gymnasium, which is not installed: pip "
+                    "install 'contactlab[gymnasium]'; or write FILE.py:FACTORY"
+                ) from error
+            return lambda: gymnasium.make(self.name)
+        (file,), (_, _, name) = self.files, self.name.rpartition(_CODE)
+        module = ModuleType(f"contactlab_environment_{file.stem}")
+        module.__file__ = str(file)
+        # Classes of the module can be pickled once it is listed.
+        sys.modules[module.__name__] = module
+        exec(compile(file.read_bytes(), file, "exec"), module.__dict__)  # noqa: S102 - allowed
+        factory = getattr(module, name, None)
+        if not callable(factory):
+            raise SceneError(f"environment {file}: it has no function or class {name}")
+        return factory
+
+    def refusal(self, run: ResolvedRun) -> str | None:
+        """Return why an episode cannot be such a run; None if it can."""
+        drive = run.drive
+        if isinstance(drive, PolicyDrive):
+            if drive.latency_seconds or drive.noise != ObservationNoise():
+                return "a policy has no latency or noise in an environment; leave them out"
+        elif drive != "none":
+            return (
+                "an environment takes actions of a policy, or of its own action_space; write "
+                "`drive: {policy: FILE.py:CLASS}`, or leave `drive` out"
+            )
+        for name in sorted(run.changed & {*START_SETTINGS}):
+            return f"{name}: an environment starts as its reset(seed=...) says; leave it out"
+        for name in sorted(run.changed & run.without):
+            return f"{name}: the model of an environment is compiled with it; leave it out"
+        return None
+
+    def lacking(self, sweep: Sweep) -> Mapping[str, str]:
+        """Return what is null in its records, and why; a SweepFileError if the sweep wants it."""
+        for name in _ASK_AGAIN:
+            if getattr(sweep, name):
+                raise SweepFileError(f"{name} needs steps of MuJoCo's own, not of an environment")
+        return lacking_checks()
+
+    def seconds_per_step(self, runs: PreparedRuns) -> float:
+        """Return what MuJoCo alone takes for a step [s], from where its model begins."""
+        (model,) = runs.models
+        begin = time.thread_time()
+        mujoco.mj_step(model, mujoco.MjData(model), nstep=runs.steps)
+        return (time.thread_time() - begin) / runs.steps
+
+    def player(self, scene: Scene, policy: PolicyClass | None) -> Player:
+        """Return what plays its episodes; by the store's copy of its file if that is not here."""
+        here = self if all(file.is_file() for file in self.files) else scene.source.environment
+        copies = scene.source.environment.files
+        for file, copy in zip(here.files, copies, strict=True):
+            if file.read_bytes() != copy.read_bytes():
+                raise SceneError(f"environment {file} is not what it was when the sweep began")
+        return Player(scene, here.make, policy)
+
+    def again(self, record: EvidenceRecord, runs: PreparedRuns, allowed: bool) -> Rollout:
+        """Return the episode of a stored run, played again; a SceneError if that is not allowed."""
+        if not allowed:
+            raise SceneError(f"run {record.run_id} is an episode, whose code {_NOT_ALLOWED}")
+        drive = runs.scene.drive
+        policy = load_policy(drive) if isinstance(drive.drive, PolicyDrive) else None
+        planned = PlannedRun(record.index, record.run_id, {}, record.seed)
+        plan = RunPlan(runs.resolved[0], runs.prepared[0], runs.starts, planned)
+        rollout = self.player(runs.scene, policy).play(plan).rollout
+        if (error := rollout.errors[0]) is not None:
+            raise SceneError(f"run {record.run_id}: {error}")
+        return rollout
+
+
+def _usual(name: str, env: Any) -> SceneManifest:  # noqa: ANN401 - as above
+    """Return what is said of an environment that has no manifest."""
+    most = getattr(getattr(env, "spec", None), "max_episode_steps", None)
+    step = getattr(bare(env), "dt", None)
+    long = float(most * step) if most and step else _USUAL_DURATION
+    about = {"title": name, "description": "Episodes of an environment."}
+    return SceneManifest.model_validate({"version": 1, **about, "duration": long})
