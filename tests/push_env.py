@@ -147,8 +147,18 @@ class Constant:
         return 12 * np.cos(40 * time)[:, None] - 3 * qpos[:, :1]
 
 
-class Seeing(Constant):
+class Wild(Constant):
+    """A policy that returns no number from 0.06 s on."""
+
+    def __call__(self, time: Any, *_: Any) -> Any:
+        return np.full((1, 1), 1.0 if time[0] < 0.05 else np.nan)
+
+
+class Seeing:
     """A policy that acts on what the environment observes."""
+
+    def __init__(self, model: mujoco.MjModel) -> None:
+        assert model.nsensor == 1
 
     def act(self, observation: Any) -> Any:
         assert observation.shape == (2,)

@@ -7,12 +7,13 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from contactlab.engines.engine import PolicyClass
+from contactlab.engines.engine import Policy, PolicyClass
 from contactlab.run.evidence_record import RunPlan
 from contactlab.schema.drive import PolicyDrive
 
 Act = Callable[[Any], Any]
 """Returns an action, given what the environment observed last."""
+_USUAL_RATE = PolicyDrive.model_fields["rate"].default
 _SNAP = 1e-6  # a time so little before that of a call, in periods, is that of the call
 
 
@@ -30,7 +31,7 @@ def actor_of(
     """Return what acts in the episode of a run that begins now; a FailureError if nothing can."""
     if policy is not None:
         assert isinstance(plan.resolved.drive, PolicyDrive)
-        return _PolicyActor(policy, plan.resolved.drive.rate, model, data)
+        return _policy_actor(policy(copy.copy(model)), plan.resolved.drive.rate, data)
     space: Any = getattr(env, "action_space", None)
     if not (hasattr(space, "seed") and hasattr(space, "sample")):
         raise FailureError(
@@ -41,18 +42,25 @@ def actor_of(
     return lambda _: space.sample()
 
 
-class _PolicyActor:
-    """Asks a policy at its rate; its action stays until the next one."""
+def _policy_actor(policy: Any, rate: float, data: mujoco.MjData) -> Act:  # noqa: ANN401 - code
+    """Return a policy that acts on each observation, or else on the state at its rate."""
+    if not hasattr(policy, "act"):
+        return _StateActor(policy, rate, data)
+    if rate != _USUAL_RATE:
+        raise FailureError(
+            "a policy with act() acts in each step of the environment: leave out rate"
+        )
+    return policy.act
 
-    def __init__(
-        self, policy: PolicyClass, rate: float, model: mujoco.MjModel, data: mujoco.MjData
-    ) -> None:
-        self._policy: Any = policy(copy.copy(model))
-        self._rate, self._data, self._start = rate, data, data.time
-        self._name = getattr(policy, "__name__", "policy")
+
+class _StateActor:
+    """Asks a policy at its rate what it does in a state; its action stays until the next one."""
+
+    def __init__(self, policy: Policy, rate: float, data: mujoco.MjData) -> None:
+        self._policy, self._rate, self._data, self._start = policy, rate, data, data.time
         self._calls, self._action = 0, None
 
-    def __call__(self, observation: Any) -> Any:  # noqa: ANN401 - as environments take them
+    def __call__(self, _: object) -> Any:  # noqa: ANN401 - as environments take them
         time = self._data.time - self._start
         due = int(np.floor(time * self._rate + _SNAP)) + 1
         if due > self._calls + 1:
@@ -61,19 +69,16 @@ class _PolicyActor:
                 f"at {self._calls / time:g} Hz; lower the rate of the drive"
             )
         if due > self._calls:
-            self._calls, self._action = due, self._asked(time, observation)
+            self._calls, self._action = due, self._asked(time)
         return self._action
 
-    def _asked(self, time: float, observation: Any) -> Any:  # noqa: ANN401 - likewise
-        """Return the action of a policy that acts on observations, or else on the state."""
-        if hasattr(self._policy, "act"):
-            return self._policy.act(observation)
+    def _asked(self, time: float) -> Any:  # noqa: ANN401 - likewise
         data = self._data
         parts = (np.array(time), data.qpos, data.qvel, data.sensordata)
         returned = np.asarray(self._policy(*(each.copy()[None] for each in parts)))
         if returned.ndim == 0 or len(returned) != 1 or not np.isfinite(returned).all():
             raise FailureError(
-                f"policy {self._name} returned {returned!r:.80} at {time:g} s; an action for one "
-                "run is a row of finite numbers"
+                f"the policy returned {returned.tolist()} at {time:g} s; an action is one row "
+                "of finite numbers"
             )
         return returned[0]

@@ -30,6 +30,7 @@ from contactlab.scene.scene_source import BINARY, MANIFEST, SceneSource, stored_
 from contactlab.schema.drive import ObservationNoise, PolicyDrive, drive_files
 from contactlab.schema.evidence import EvidenceRecord
 from contactlab.schema.scene_manifest import SceneManifest
+from contactlab.schema.strict_model import is_inner_name
 from contactlab.schema.sweep_schema import Sweep
 from contactlab.store.table_layout import LOOP_COLUMNS
 from contactlab_loop.player import Player
@@ -73,9 +74,13 @@ class Environment:
         kept = TemporaryDirectory(prefix="contactlab-")
         _opened.append(kept)
         where = Path(kept.name)
-        beside = drive_files(said.drive) if said else ()
-        for file in (*self.files, *(self.folder / each for each in beside)):
+        for file in self.files:
             shutil.copyfile(file, where / file.name)
+        for beside in drive_files(said.drive) if said else ():
+            if not is_inner_name(beside):
+                raise SceneError(f"drive: {beside} is not below the folder of the manifest")
+            (where / beside).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(self.folder / beside, where / beside)
         named = Path(self.name).name if self.files else self.name
         fixed = {"model": _MODEL, "environment": named, "effects": {"base": "all"}}
         manifest = (said or _usual(self.name, env)).model_copy(update=fixed)

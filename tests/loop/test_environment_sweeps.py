@@ -116,7 +116,7 @@ def test_workers_order_and_resume_change_nothing(tmp_path: Path) -> None:
 
 
 def test_an_environment_says_when_its_episode_ends(tmp_path: Path) -> None:
-    policy = {"policy": f"{tmp_path / FILE.name}:Seeing", "rate": 100}
+    policy = {"policy": f"{tmp_path / FILE.name}:Seeing"}
     store = _sweep(tmp_path, drive=policy, duration=2.0, axes={"gravity": ["0 0 0"]})
 
     record = _first(store)
@@ -124,6 +124,13 @@ def test_an_environment_says_when_its_episode_ends(tmp_path: Path) -> None:
     assert record.status == "ok"
     assert record.steps == record.steps_asked < 1000
     assert record.duration == 2.0
+    controls = store.controls(record)
+    assert controls is not None
+    assert len(controls.levels) == record.steps / SKIP + 1
+
+    record = _first(_sweep(tmp_path, drive={**policy, "rate": 100}))
+    assert record.status == "error"
+    assert "acts in each step of the environment" in str(record.status_reason)
 
 
 def test_a_policy_acts_at_its_rate(tmp_path: Path) -> None:
@@ -181,6 +188,13 @@ def test_what_fails_costs_its_own_run(tmp_path: Path, name: str, reason: str, st
     assert re.search(reason, str(record.status_reason))
     assert record.steps == steps
     assert not verify(tmp_path / "store")
+
+
+def test_a_policy_that_returns_no_number_ends_its_run(tmp_path: Path) -> None:
+    record = _first(_sweep(tmp_path, drive={"policy": f"{tmp_path / FILE.name}:Wild"}))
+    assert record.status == "error"
+    assert "the policy returned [[nan]] at 0.06 s" in str(record.status_reason)
+    assert record.steps == 0.06 / 0.002
 
 
 def test_others_are_run_where_one_fails(tmp_path: Path) -> None:

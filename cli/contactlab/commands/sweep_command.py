@@ -84,7 +84,7 @@ def sweep(
         drive=drive_option(drive),
         allow_code=allow_code,
     )
-    how = {"fresh": fresh, "retry_failed": retry_failed, "repair": repair}
+    how = {"fresh": fresh, "retry_failed": retry_failed, "repair": repair, "allow_code": allow_code}
     for warning in request.plan.warnings:
         say(str(warning))
     if plan:

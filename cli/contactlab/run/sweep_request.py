@@ -17,7 +17,6 @@ from contactlab.run.tasks import Executor
 from contactlab.scene.expected_contacts import mistake_in
 from contactlab.scene.mujoco_versions import why_unsupported
 from contactlab.scene.scene import Scene
-from contactlab.scene.scene_source import find_scene
 from contactlab.schema.drive import Drive, drive_text
 from contactlab.schema.pair_expectation import PairExpectation
 from contactlab.schema.sweep_schema import effects_base
@@ -80,7 +79,6 @@ def read_request(  # noqa: PLR0913 - one argument an option
         store=store,
         workers=workers,
         left_out=reasons,
-        allow_code=allow_code,
     )
 
 
@@ -129,8 +127,8 @@ class SceneLoader:
 
     def _undriven(self, reference: str) -> Scene:
         if reference not in self._opened:
-            source = find_scene(reference, self.folder, allow_code=self.allow_code)
-            scene = Scene(source, ENGINES, read_control_table)
+            tables, allowed = read_control_table, self.allow_code
+            scene = Scene.open(reference, self.folder, ENGINES, tables, allow_code=allowed)
             _check_names(scene)
             self._opened[reference] = scene
         return self._opened[reference]

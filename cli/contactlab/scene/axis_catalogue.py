@@ -88,10 +88,9 @@ def _axes(base: CompiledScene, manifest: SceneManifest | None, engines: Engines)
     axes: list[AxisSpec] = [
         each for each in PARAMETERS.values() if each.sets not in (*CONTACT, *AT_REST) or base.pairs
     ]
-    # Without sensors in the model, no other engine records.
-    loop = (LOOP_ENGINE,) if base.settings["engine"] == LOOP_ENGINE else ()
-    names = loop or tuple(engines) or (MODEL_ENGINE,)
-    summaries = [engines[name].summary for name in names if name in engines] or ["MuJoCo"]
+    own = str(base.settings["engine"])  # of a loop, whose model no other engine records
+    names = (own,) if own == LOOP_ENGINE else tuple(engines) or (MODEL_ENGINE,)
+    summaries = [engine.summary for engine in engines.values()] or ["MuJoCo"]
     text = f"what simulates the run: {', or '.join(summaries)}"
     axes.append(AxisSpec("engine", "", text, choice(names), names))
     if base.targets.subject is not None:

@@ -112,12 +112,14 @@ class Scene:
         folder: Path | None = None,
         engines: Engines = _NO_ENGINES,
         tables: TableReader | None = None,
+        *,
+        allow_code: bool = False,
     ) -> "Scene":
         """Find and compile the scene that a sweep names, relative paths starting in a folder.
 
-        A SceneError says that there is none, or that it does not compile.
+        A SceneError says that there is none, that it does not compile, or is code not allowed.
         """
-        return cls(find_scene(reference, folder), engines, tables)
+        return cls(find_scene(reference, folder, allow_code=allow_code), engines, tables)
 
     @property
     def name(self) -> str:
