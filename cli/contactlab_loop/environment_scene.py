@@ -13,13 +13,12 @@ from contextlib import redirect_stdout
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from types import ModuleType
 from typing import Any
 
 import mujoco
 
 from contactlab.engines import PreparedRuns, Rollout
-from contactlab.engines.closed_loop import load_policy
+from contactlab.engines.closed_loop import load_code, load_policy
 from contactlab.engines.engine import PolicyClass
 from contactlab.errors import SceneError, SweepFileError, in_one_line
 from contactlab.run.evidence_record import RunPlan
@@ -73,22 +72,26 @@ class Environment:
         model, _ = simulation(bare(env))
         kept = TemporaryDirectory(prefix="contactlab-")
         _opened.append(kept)
-        where = Path(kept.name)
+        folder = Path(kept.name)
+        mujoco.mj_saveModel(model, str(folder / _MODEL))
+        self._write(folder, said or _usual(self.name, env))
+        name = self.files[0].stem if self.files else self.name.replace("/", "-")
+        return replace(stored_scene(folder, _MODEL, name), environment=self)
+
+    def _write(self, folder: Path, said: SceneManifest) -> None:
+        """Write the manifest of a scene, and the files that it names, beside its model."""
         for file in self.files:
-            shutil.copyfile(file, where / file.name)
-        for beside in drive_files(said.drive) if said else ():
+            shutil.copyfile(file, folder / file.name)
+        for beside in drive_files(said.drive):
             if not is_inner_name(beside):
                 raise SceneError(f"drive: {beside} is not below the folder of the manifest")
-            (where / beside).parent.mkdir(parents=True, exist_ok=True)
-            shutil.copyfile(self.folder / beside, where / beside)
+            (folder / beside).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(self.folder / beside, folder / beside)
         named = Path(self.name).name if self.files else self.name
         fixed = {"model": _MODEL, "environment": named, "effects": {"base": "all"}}
-        manifest = (said or _usual(self.name, env)).model_copy(update=fixed)
+        manifest = said.model_copy(update=fixed)
         text = manifest.model_dump_json(indent=2, by_alias=True, exclude_defaults=True)
-        (where / MANIFEST).write_text(text, encoding="utf-8")
-        mujoco.mj_saveModel(model, str(where / _MODEL))
-        name = self.files[0].stem if self.files else self.name.replace("/", "-")
-        return replace(stored_scene(where, _MODEL, name), environment=self)
+        (folder / MANIFEST).write_text(text, encoding="utf-8")
 
     def make(self) -> Any:  # noqa: ANN401 - whatever it is
         """Return the environment, by its code; a SceneError says why there is none."""
@@ -111,16 +114,7 @@ class Environment:
                     "install 'contactlab[gymnasium]'; or write FILE.py:FACTORY"
                 ) from error
             return lambda: gymnasium.make(self.name)
-        (file,), (_, _, name) = self.files, self.name.rpartition(_CODE)
-        module = ModuleType(f"contactlab_environment_{file.stem}")
-        module.__file__ = str(file)
-        # Classes of the module can be pickled once it is listed.
-        sys.modules[module.__name__] = module
-        exec(compile(file.read_bytes(), file, "exec"), module.__dict__)  # noqa: S102 - allowed
-        factory = getattr(module, name, None)
-        if not callable(factory):
-            raise SceneError(f"environment {file}: it has no function or class {name}")
-        return factory
+        return load_code("environment", self.files[0], self.name.rpartition(_CODE)[2])
 
     def refusal(self, run: ResolvedRun) -> str | None:
         """Return why an episode cannot be such a run; None if it can."""

@@ -7,9 +7,10 @@ that starts at or after a latency more, and stay until the next ones do.
 
 import copy
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import redirect_stdout
 from itertools import chain, groupby, pairwise
+from pathlib import Path
 from statistics import mean
 from time import thread_time
 from types import ModuleType
@@ -372,22 +373,26 @@ def allowed_policy(drive: LocatedDrive, *, allowed: bool) -> LocatedDrive | None
 
 def load_policy(located: LocatedDrive) -> PolicyClass:
     """Return the class of a policy; a SceneError if its file changed, fails or lacks it."""
-    drive, file = located.drive, located.files[0]
-    assert isinstance(drive, PolicyDrive)
+    assert isinstance(located.drive, PolicyDrive)
     located.check()
-    module = ModuleType(f"contactlab_policy_{file.stem}")
+    name = located.drive.policy.rpartition(":")[2]
+    return cast("PolicyClass", load_code("policy", located.files[0], name))
+
+
+def load_code(what: str, file: Path, name: str) -> Callable[..., object]:
+    """Return a class or function of a file; a SceneError if that fails, or lacks it."""
+    module = ModuleType(f"contactlab_{what}_{file.stem}")
     module.__file__ = str(file)
     # Classes of the module can be pickled once it is listed.
     sys.modules[module.__name__] = module
     try:
         exec(compile(file.read_bytes(), file, "exec"), module.__dict__)  # noqa: S102 - allowed
     except (Exception, SystemExit) as error:
-        raise SceneError(f"policy {file}: {in_one_line(error, __file__)}") from error
-    name = drive.policy.rpartition(":")[2]
+        raise SceneError(f"{what} {file}: {in_one_line(error, __file__)}") from error
     found = getattr(module, name, None)
     if not callable(found):
-        raise SceneError(f"policy {file}: it has no class {name}{_classes(module)}")
-    return cast("PolicyClass", found)
+        raise SceneError(f"{what} {file}: it has no class {name}{_classes(module)}")
+    return found
 
 
 def _classes(module: ModuleType) -> str:

@@ -147,9 +147,8 @@ def simulated_problems(store: Store, count: int, *, allow_code: bool = False) ->
         for row in sorted(random.sample(range(columns.runs), min(count, columns.runs))):
             stored = columns.row(row)
             # The code of a loop is not here, but that of an environment is.
-            played = scene.source.environment is not None
-            lost = stored.get("loop") and not played
-            if stored["status"] not in {"ok", "stopped"} or lost:
+            played = bool(scene.source.environment)
+            if stored["status"] not in {"ok", "stopped"} or (stored.get("loop") and not played):
                 continue
             record = store.record(stored["run_id"])
             if played or isinstance(record.drive, PolicyDrive):

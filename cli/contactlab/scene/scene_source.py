@@ -86,15 +86,14 @@ BINARY = ".mjb"
 class SceneSource:
     """A scene on disk, at the path of its manifest or, without one, of its model.
 
-    Its name is the shipped name, the folder's or file's stem, or robot and entry. An environment is
-    what an installed package makes of its name and folder.
+    Its name is the shipped name, the folder's or file's stem, or robot and entry.
     """
 
     name: str
     path: Path
     manifest: SceneManifest | None
     content: SceneFiles
-    environment: Any = None
+    environment: Any = None  # what opens and plays it, of another package
 
     @property
     def model(self) -> Path:
