@@ -39,9 +39,8 @@ from contactlab_loop.simulation import bare, simulation
 _CODE = ".py:"
 _MODEL = f"model{BINARY}"
 _USUAL_DURATION = 2.0  # of an environment that says nothing of its length [s]
-_OTHERS_TO_SAY = ("initial", "structure", "control", "recording")
+_OTHERS_TO_SAY = ("initial", "structure", "control", "recording", "perturb", "keyframe")
 _ASK_AGAIN = ("knife_edge", "accuracy", "timing")
-_NOT_ALLOWED = "runs only if you allow it; add --allow-code, or allow_code=True in Python"
 _opened: list[TemporaryDirectory[str]] = []  # removed when the process ends
 
 
@@ -65,9 +64,12 @@ class Environment:
         Raises a SceneError if its code is not allowed, or fails, or steps no MuJoCo.
         """
         if not allowed:
-            raise SceneError(f"environment {self.name} is Python code, which {_NOT_ALLOWED}")
+            raise SceneError(
+                f"environment {self.name} is Python code, which only a sweep that allows it runs: "
+                "`contactlab sweep FILE --allow-code`, or allow_code=True in Python"
+            )
         if said and (others := [each for each in _OTHERS_TO_SAY if getattr(said, each)]):
-            raise SceneError(f"{others[0]}: an environment {self.name} has its own; leave it out")
+            raise SceneError(f"{others[0]}: the environment {self.name} has its own; leave it out")
         env = self.make()
         model, _ = simulation(bare(env))
         kept = TemporaryDirectory(prefix="contactlab-")
@@ -88,7 +90,8 @@ class Environment:
             (folder / beside).parent.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(self.folder / beside, folder / beside)
         named = Path(self.name).name if self.files else self.name
-        fixed = {"model": _MODEL, "environment": named, "effects": {"base": "all"}}
+        effects = {**said.effects, "base": "all"}
+        fixed = {"model": _MODEL, "environment": named, "effects": effects}
         manifest = said.model_copy(update=fixed)
         text = manifest.model_dump_json(indent=2, by_alias=True, exclude_defaults=True)
         (folder / MANIFEST).write_text(text, encoding="utf-8")
@@ -159,7 +162,10 @@ class Environment:
     def again(self, record: EvidenceRecord, runs: PreparedRuns, allowed: bool) -> Rollout:
         """Return the episode of a stored run, played again; a SceneError if that is not allowed."""
         if not allowed:
-            raise SceneError(f"run {record.run_id} is an episode, whose code {_NOT_ALLOWED}")
+            raise SceneError(
+                f"run {record.run_id} is an episode of {self.name}, which is Python code and is "
+                "repeated only if you allow it; add --allow-code"
+            )
         drive = runs.scene.drive
         policy = load_policy(drive) if isinstance(drive.drive, PolicyDrive) else None
         planned = PlannedRun(record.index, record.run_id, {}, record.seed)

@@ -213,7 +213,7 @@ def test_code_runs_only_if_it_is_allowed(tmp_path: Path) -> None:
 
     store = _sweep(tmp_path, axes={"timestep": [1e-3, 2e-3]})
     run = _first(store).run_id
-    with pytest.raises(SceneError, match=rf"run {run} is an episode, .*--allow-code"):
+    with pytest.raises(SceneError, match=rf"run {run} is an episode of .*--allow-code"):
         replay(store, run)
     with pytest.raises(SceneError, match="is an episode"):
         list(simulated_problems(store, 1))
@@ -260,17 +260,25 @@ def test_a_manifest_says_what_is_asked_of_an_environment(tmp_path: Path) -> None
     (tmp_path / "scene.yaml").write_text(
         "version: 1\ntitle: Push\ndescription: A puck.\nenvironment: push_env.py:Push\n"
         "duration: 0.1\nsubject: puck\npairs: [{bodies: [world, puck]}]\n"
-        "drive: {policy: push_env.py:Constant}\n",
+        "drive: {policy: push_env.py:Constant}\neffects: {warmstart: false}\n",
         encoding="utf-8",
     )
     sweep = {"version": 1, "scene": f"{tmp_path}/", "axes": {"mass": [1.0, 3.0]}}
     store = contactlab.sweep(sweep, output=tmp_path / "store", workers=0, allow_code=True)
     light, heavy = store.records()
     assert list(light.pairs) == list(heavy.pairs) == ["world-puck"]
+    assert not light.effects["warmstart"]
     assert light.settings["mass"] == 1.0
     assert heavy.settings["mass"] == 3.0
     assert light.trajectory_hash != heavy.trajectory_hash
     assert replay(store, heavy.run_id, allow_code=True).equal
+
+    with (tmp_path / "scene.yaml").open("a", encoding="utf-8") as file:
+        file.write("perturb: {coordinates: [x], scale: 0.1}\n")
+    with pytest.raises(
+        SweepFileError, match=r"perturb: the environment push_env.py:Push has its own"
+    ):
+        contactlab.sweep(sweep, output=tmp_path / "other", workers=0, allow_code=True)
 
 
 def test_an_environment_of_gymnasium(tmp_path: Path) -> None:
