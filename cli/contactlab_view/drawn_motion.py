@@ -4,12 +4,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
+import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import FORCE, NORMAL, POSITION, TANGENT, Floats
 from contactlab.errors import StoreError
+from contactlab.measure import LABELS
 from contactlab.scene.compiled_scene import PreparedModel
+from contactlab.schema.evidence import LabelEntry
 from contactlab.store.mcap.trace_reader import StoredPair, StoredTrace
 from contactlab_view.drawn_shapes import BodyShape, poses, shapes
 
@@ -21,6 +24,7 @@ _MOST_RADII = 25.0
 # are cut at the second.
 _USUAL_ARROW, _LONGEST_ARROW = 0.5, 1.0
 _USUAL_PERCENTILE = 90
+_SCALAR_JOINTS = (mujoco.mjtJoint.mjJNT_HINGE.value, mujoco.mjtJoint.mjJNT_SLIDE.value)
 
 
 class ContactForces(NamedTuple):
@@ -38,6 +42,24 @@ class ContactForces(NamedTuple):
         return slice(int(start), int(stop))
 
 
+class JointMotion(NamedTuple):
+    """J hinge and slide joints in F frames."""
+
+    names: tuple[str, ...]  # (J,)
+    position: Floats  # (F, J) [rad or m]
+    velocity: Floats  # (F, J) [rad/s or m/s]
+
+
+class RunEvent(NamedTuple):
+    """A label that begins to apply, or applies to the whole run."""
+
+    row: int  # the state row, the last one for the whole run
+    time: float  # of that row [s]
+    label: str
+    reason: str
+    is_severe: bool
+
+
 @dataclass(frozen=True)
 class BodyMotion:
     """F frames of a run with B bodies, the first of which is the world."""
@@ -49,6 +71,7 @@ class BodyMotion:
     time: Floats  # (F,) simulated time [s]
     positions: Floats  # (F, B, 3) of the bodies' frames, world frame [m]
     rotations: Floats  # (F, B, 4) unit quaternions w, x, y, z to the world frame
+    joints: JointMotion
     pairs: tuple[str, ...]  # names of the monitored pairs
     forces: ContactForces
     """Contact forces; of each pair and frame, those of the step with the largest net force up to
@@ -94,6 +117,7 @@ def read_motion(
         time=trace.time[rows],
         positions=positions,
         rotations=rotations,
+        joints=joint_motion(model, trace.qpos[rows], trace.qvel[rows]),
         pairs=tuple(pair.name for pair in trace.pairs),
         forces=forces,
         centre=centre,
@@ -101,6 +125,28 @@ def read_motion(
         scale=scale,
         longest=longest,
     )
+
+
+def joint_motion(model: mujoco.MjModel, qpos: Floats, qvel: Floats) -> JointMotion:
+    """Return the hinge and slide joints of configurations (F, nq) and velocities (F, nv)."""
+    joints = np.flatnonzero(np.isin(model.jnt_type, _SCALAR_JOINTS)).tolist()
+    return JointMotion(
+        tuple(model.joint(each).name or f"joint {each}" for each in joints),
+        qpos[:, model.jnt_qposadr[joints]],
+        qvel[:, model.jnt_dofadr[joints]],
+    )
+
+
+def run_events(labels: Sequence[LabelEntry], time: Floats) -> tuple[RunEvent, ...]:
+    """Return where each label but `stable` begins, in order of the times (N + 1,) of states [s]."""
+    events: list[RunEvent] = []
+    for each in labels:
+        known = LABELS.get(each.label)
+        if known is None or known.severity:
+            row = len(time) - 1 if each.step is None else min(each.step, len(time) - 1)
+            severe = known is not None and known.is_severe
+            events.append(RunEvent(row, float(time[row]), each.label, each.reason, severe))
+    return tuple(sorted(events, key=lambda each: each.row))
 
 
 def scene_sphere(

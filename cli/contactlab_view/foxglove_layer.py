@@ -4,7 +4,7 @@ Source: the message schemas at https://docs.foxglove.dev/docs/sdk/schemas; quate
 x, y, z, w, and an arrow points along +x of its pose.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +14,10 @@ from foxglove_schemas_protobuf.CubePrimitive_pb2 import CubePrimitive
 from foxglove_schemas_protobuf.CylinderPrimitive_pb2 import CylinderPrimitive
 from foxglove_schemas_protobuf.FrameTransform_pb2 import FrameTransform
 from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
+from foxglove_schemas_protobuf.JointState_pb2 import JointState
+from foxglove_schemas_protobuf.JointStates_pb2 import JointStates
 from foxglove_schemas_protobuf.KeyValuePair_pb2 import KeyValuePair
+from foxglove_schemas_protobuf.Log_pb2 import Log
 from foxglove_schemas_protobuf.Point3_pb2 import Point3
 from foxglove_schemas_protobuf.Pose_pb2 import Pose
 from foxglove_schemas_protobuf.Quaternion_pb2 import Quaternion
@@ -30,28 +33,45 @@ from google.protobuf.timestamp_pb2 import Timestamp
 from contactlab.contact.rotations import rotation_from_x
 from contactlab.contact.trace_arrays import Floats
 from contactlab.palette import MODE_COLOURS
-from contactlab.store.mcap.trace_writer import AddedChannel, copy_trace
-from contactlab_view.drawn_motion import BodyMotion
+from contactlab.store.mcap.trace_writer import RECORD_SCHEMA_NAME, AddedChannel, copy_trace
+from contactlab_view.drawn_motion import BodyMotion, RunEvent
 from contactlab_view.drawn_shapes import BodyShape
+from contactlab_view.foxglove_files import (
+    EVENTS,
+    FORCES,
+    JOINTS,
+    SCENE,
+    evidence_schema,
+    layout_file,
+    write_layout,
+)
 
 _WORLD = 0
-_FORCES = "contact_forces"
 # An arrow's head as a fraction of its length; its diameter as a fraction of the sphere's radius,
 # and at most of its own length.
 _HEAD, _DIAMETER, _MOST_DIAMETER = 0.25, 0.02, 0.15
 
 
-def write_with_layer(source: Path, target: Path, motion: BodyMotion) -> None:
-    """Write a trace file again with the 3D layer added; raise OutputError if that cannot be."""
+def write_with_layer(
+    source: Path, target: Path, motion: BodyMotion, events: Sequence[RunEvent] = ()
+) -> None:
+    """Write a trace file again with the 3D layer and events added, and a layout beside it.
+
+    An OutputError says that a file cannot be written.
+    """
     rows = motion.rows.tolist()
     poses = [(row, transforms(motion, frame)) for frame, row in enumerate(rows)]
     forces = [(row, contact_forces(motion, frame)) for frame, row in enumerate(rows)]
+    joints = [(row, joint_states(motion, frame)) for frame, row in enumerate(rows)]
     channels = (
-        _channel("/scene", SceneUpdate, [(rows[0], scene(motion))]),
+        _channel(SCENE, SceneUpdate, [(rows[0], scene(motion))]),
         _channel("/tf", FrameTransforms, poses),
-        _channel(f"/{_FORCES}", SceneUpdate, forces),
+        _channel(FORCES, SceneUpdate, forces),
+        _channel(JOINTS, JointStates, joints if motion.joints.names else []),
+        _channel(EVENTS, Log, [(each.row, event_log(each)) for each in events]),
     )
-    copy_trace(source, target, channels)
+    copy_trace(source, target, channels, {RECORD_SCHEMA_NAME: evidence_schema()})
+    write_layout(layout_file(target), motion)
 
 
 def _channel(
@@ -78,7 +98,7 @@ def descriptors(message: type[Message]) -> bytes:
 
 def transforms(motion: BodyMotion, frame: int) -> FrameTransforms:
     """Return where every body but the world is in a frame."""
-    time = _timestamp(motion, frame)
+    time = _timestamp(motion.time[frame])
     return FrameTransforms(
         transforms=[
             FrameTransform(
@@ -95,7 +115,7 @@ def transforms(motion: BodyMotion, frame: int) -> FrameTransforms:
 
 def scene(motion: BodyMotion) -> SceneUpdate:
     """Return what the bodies look like, each as an entity that moves with its body's frame."""
-    time, entities = _timestamp(motion, 0), dict[str, SceneEntity]()
+    time, entities = _timestamp(motion.time[0]), dict[str, SceneEntity]()
     for shape in sorted(motion.shapes, key=lambda each: each.body):
         name = motion.bodies[shape.body]
         entity = SceneEntity(timestamp=time, frame_id=name, id=name, frame_locked=True)
@@ -112,13 +132,31 @@ def contact_forces(motion: BodyMotion, frame: int) -> SceneUpdate:
     return SceneUpdate(
         entities=[
             SceneEntity(
-                timestamp=_timestamp(motion, frame),
+                timestamp=_timestamp(motion.time[frame]),
                 frame_id=motion.bodies[_WORLD],
-                id=_FORCES,
+                id=FORCES.lstrip("/"),
                 metadata=[KeyValuePair(key=key, value=f"{each:g}") for key, each in scale.items()],
                 arrows=[_arrow(*each, _DIAMETER * motion.radius) for each in arrows],
             )
         ]
+    )
+
+
+def joint_states(motion: BodyMotion, frame: int) -> JointStates:
+    """Return the hinge and slide joints of a frame by name."""
+    names, positions, velocities = motion.joints
+    parts = zip(names, positions[frame].tolist(), velocities[frame].tolist(), strict=True)
+    joints = [JointState(name=name, position=at, velocity=speed) for name, at, speed in parts]
+    return JointStates(timestamp=_timestamp(motion.time[frame]), joints=joints)
+
+
+def event_log(event: RunEvent) -> Log:
+    """Return a label as a line of the log; a severe one as an error."""
+    return Log(
+        timestamp=_timestamp(event.time),
+        level=Log.ERROR if event.is_severe else Log.WARNING,
+        message=f"{event.label}: {event.reason}",
+        name="contactlab",
     )
 
 
@@ -152,8 +190,8 @@ def _arrow(point: Floats, arrow: Floats, mode: int, diameter: float) -> ArrowPri
     )
 
 
-def _timestamp(motion: BodyMotion, frame: int) -> Timestamp:
-    seconds, nanos = divmod(round(motion.time[frame] * 1e9), 10**9)
+def _timestamp(time: float) -> Timestamp:
+    seconds, nanos = divmod(round(time * 1e9), 10**9)
     return Timestamp(seconds=seconds, nanos=nanos)
 
 

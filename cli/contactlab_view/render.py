@@ -14,7 +14,8 @@ from contactlab.run.stored_runs import PreparedReplay, prepare_replay
 from contactlab.scene.initial_states import InitialStates, apply_inputs
 from contactlab.store.finished_store import Store
 from contactlab.store.mcap.trace_reader import StoredTrace
-from contactlab_view.drawn_motion import BodyMotion, read_motion
+from contactlab_view.drawn_motion import BodyMotion, read_motion, run_events
+from contactlab_view.foxglove_files import layout_file
 
 _VIEWERS = (".mcap", ".rrd")
 _FILMS = {".mp4": 30, ".gif": 25}  # frames per second
@@ -73,30 +74,34 @@ def write_file(  # noqa: PLR0913 - one argument an option
     speed: float | None,
     at: Sequence[float],
 ) -> str | None:
-    """Write a stored run as `render` does; return what its arrows mean, if it has any."""
+    """Write a run as `render` does; return what its arrows mean and what else was written."""
     motion = render(store, run, target, PictureOptions(size, camera, speed, tuple(at)))
-    if not len(motion.forces.frame):
-        return None
-    return (
-        f"an arrow is the force on the second side of a pair: {motion.scale:g} m long for 1 N, "
-        f"at most {motion.longest:.3g} m"
-    )
+    notes: list[str] = []
+    if len(motion.forces.frame):
+        notes.append(
+            f"an arrow is the force on the second side of a pair: {motion.scale:g} m long for 1 N, "
+            f"at most {motion.longest:.3g} m"
+        )
+    if target.suffix.lower() == ".mcap":
+        notes.append(f"{layout_file(target)} is a layout that shows it")
+    return "; ".join(notes) or None
 
 
 def _write_for_viewer(
     store: Store, replay: PreparedReplay, trace: StoredTrace, target: Path
 ) -> BodyMotion:
     motion = read_motion(replay.prepared, trace, _RATE)
+    events = run_events(replay.record.labels, trace.time[: motion.rows[-1] + 1])
     if target.suffix.lower() == ".rrd":
         with optional("rerun", target.suffix):
             from contactlab_view.rerun_export import write_rrd  # noqa: PLC0415 - an extra
-        write_rrd(target, trace, motion)
+        write_rrd(target, trace, motion, events)
     else:
         with optional("view", f"{target.suffix} with a 3D layer"):
             from contactlab_view.foxglove_layer import write_with_layer  # noqa: PLC0415 - an extra
         assert replay.record.trace is not None, "its trace was read"
         with store.trace_file(replay.record.trace) as source:
-            write_with_layer(source, target, motion)
+            write_with_layer(source, target, motion, events)
     return motion
 
 

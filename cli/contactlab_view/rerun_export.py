@@ -3,7 +3,7 @@
 Source: the archetypes at https://ref.rerun.io/docs/python; quaternions there are x, y, z, w.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,15 +16,19 @@ from contactlab.contact.trace_arrays import Floats
 from contactlab.palette import MODE_COLOURS
 from contactlab.store.atomic_files import atomic_write
 from contactlab.store.mcap.trace_reader import StoredTrace
-from contactlab_view.drawn_motion import BodyMotion
+from contactlab_view.drawn_motion import BodyMotion, RunEvent
 from contactlab_view.drawn_shapes import BodyShape
+from contactlab_view.foxglove_files import PLOTS
 
 _SPACE, _BODIES, _FORCES = "space", "bodies", "contact_forces"
+_EVENTS, _JOINTS = "events", "joints"
 _XYZW = [1, 2, 3, 0]
 
 
-def write_rrd(path: Path, trace: StoredTrace, motion: BodyMotion) -> None:
-    """Write a run as a Rerun recording, with the trace's time series, a value a step.
+def write_rrd(
+    path: Path, trace: StoredTrace, motion: BodyMotion, events: Sequence[RunEvent] = ()
+) -> None:
+    """Write a run as a Rerun recording, with events and the trace's time series, a value a step.
 
     An OutputError says that the file cannot be written.
     """
@@ -35,6 +39,10 @@ def write_rrd(path: Path, trace: StoredTrace, motion: BodyMotion) -> None:
     recording.log("record", rr.TextDocument(trace.record_json.decode()), static=True)
     _send_bodies(recording, motion)
     _send_forces(recording, motion)
+    _send_events(recording, events)
+    for name, values in zip(motion.joints.names, motion.joints.position.T, strict=True):
+        entity = _entity(_JOINTS, name)
+        recording.send_columns(entity, [_index(motion.time)], rr.Scalars.columns(scalars=values))
     for name, values in _series(trace):
         index = _index(trace.time[: len(values)])
         recording.send_columns(name, [index], rr.Scalars.columns(scalars=values))
@@ -44,11 +52,32 @@ def write_rrd(path: Path, trace: StoredTrace, motion: BodyMotion) -> None:
 
 
 def _blueprint(motion: BodyMotion) -> rrb.Blueprint:
-    names = ("normal_force", "tangential_force", "penetration", "slip_speed")
-    series = {name: [f"/{_entity('pairs', pair, name)}" for pair in motion.pairs] for name in names}
-    plots = [rrb.TimeSeriesView(name=name, origin="/", contents=series[name]) for name in names]
-    space = rrb.Spatial3DView(name="scene", origin=f"/{_SPACE}")
-    return rrb.Blueprint(rrb.Horizontal(space, rrb.Vertical(*plots), column_shares=[3, 2]))
+    plots = [
+        rrb.TimeSeriesView(
+            name=title,
+            origin="/",
+            contents=[f"/{_entity('pairs', pair, name)}" for pair in motion.pairs],
+        )
+        for title, name in PLOTS.items()
+    ]
+    if motion.joints.names:
+        plots.append(rrb.TimeSeriesView(name="Joints [m, rad]", origin=f"/{_JOINTS}"))
+    space = rrb.Spatial3DView(name="Scene", origin=f"/{_SPACE}")
+    below = rrb.Tabs(
+        rrb.TextLogView(name="Events", origin=f"/{_EVENTS}"),
+        rrb.TextDocumentView(name="Record", origin="/record"),
+    )
+    left = rrb.Vertical(space, below, row_shares=[3, 1])
+    return rrb.Blueprint(rrb.Horizontal(left, rrb.Vertical(*plots), column_shares=[3, 2]))
+
+
+def _send_events(recording: rr.RecordingStream, events: Sequence[RunEvent]) -> None:
+    if not events:
+        return
+    levels = ["ERROR" if each.is_severe else "WARN" for each in events]
+    texts = [f"{each.label}: {each.reason}" for each in events]
+    index = _index(np.array([each.time for each in events]))
+    recording.send_columns(_EVENTS, [index], rr.TextLog.columns(text=texts, level=levels))
 
 
 def _send_bodies(recording: rr.RecordingStream, motion: BodyMotion) -> None:

@@ -15,7 +15,7 @@ from contactlab.run.sweep_request import SceneLoader, SweepRequest
 from contactlab.run.sweep_runner import run_sweep
 from contactlab.store.finished_store import Store
 from contactlab.store.mcap.trace_reader import StoredTrace
-from contactlab_view.drawn_motion import BodyMotion, ContactForces
+from contactlab_view.drawn_motion import BodyMotion, ContactForces, JointMotion
 from contactlab_view.drawn_shapes import BodyShape, Form
 
 SWEEPS = {
@@ -116,6 +116,11 @@ def random_motion(trace: Trace, rows: list[int], most: int = 3, seed: int = 0) -
         time=trace.time[0, rows],
         positions=rng.standard_normal((frames, bodies, 3)),
         rotations=unit(rng, frames, bodies),
+        joints=JointMotion(
+            ("hinge", 'slide "a"'),
+            rng.standard_normal((frames, 2)),
+            rng.standard_normal((frames, 2)),
+        ),
         pairs=tuple(pair.name for pair in trace.pairs),
         forces=ContactForces(
             frame=frame,

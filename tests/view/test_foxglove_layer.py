@@ -26,7 +26,7 @@ MakeTrace = Callable[..., tuple[Trace, list[PairSeries]]]
 MakeMotion = Callable[..., BodyMotion]
 Found = dict[str, list[tuple[int, Any]]]
 
-LAYER = {"/scene", "/tf", "/contact_forces"}
+LAYER = {"/scene", "/tf", "/contact_forces", "/joints", "/events"}
 NODE = Path(__file__).parents[1] / "store" / "mcap" / "node"
 
 
@@ -141,6 +141,16 @@ def assert_forces(found: Found, motion: BodyMotion) -> None:
             assert (arrow.color.r, arrow.color.g, arrow.color.b, arrow.color.a) == colour
 
 
+def assert_joints(found: Found, motion: BodyMotion) -> None:
+    assert len(found["/joints"]) == len(motion.rows)
+    for frame, (time, message) in enumerate(found["/joints"]):
+        assert time == round(motion.time[frame] * 1e9)
+        assert tuple(each.name for each in message.joints) == motion.joints.names
+        for index, each in enumerate(message.joints):
+            assert each.position == motion.joints.position[frame, index]
+            assert each.velocity == motion.joints.velocity[frame, index]
+
+
 @settings(max_examples=25, deadline=None)
 @given(steps=st.integers(0, 12), seed=st.integers(0, 2**32 - 1), data=st.data())
 def test_python_reads_the_motion_and_all_that_was_there(
@@ -165,6 +175,7 @@ def test_python_reads_the_motion_and_all_that_was_there(
     assert_transforms(found, motion)
     assert_scene(found, motion)
     assert_forces(found, motion)
+    assert_joints(found, motion)
     assert raw(target) == raw(source)
     again = read_trace(target)
     assert again.record_json == extras.record_json

@@ -11,7 +11,7 @@ from tests.written_traces import TraceExtras, write_trace
 from contactlab.contact.trace_arrays import PairSeries, Trace
 from contactlab.errors import OutputError
 from contactlab.store.mcap.trace_reader import StoredTrace, read_trace
-from contactlab_view.drawn_motion import BodyMotion
+from contactlab_view.drawn_motion import BodyMotion, RunEvent
 
 write_rrd = pytest.importorskip("contactlab_view.rerun_export").write_rrd
 MakeTrace = Callable[..., tuple[Trace, list[PairSeries]]]
@@ -19,6 +19,10 @@ Columns = dict[str, dict[str, list[Any]]]
 
 # Rerun keeps geometry in single precision.
 SINGLE = 2.0**-23
+EVENTS = (
+    RunEvent(3, 0.003, "chatter", "often", is_severe=False),
+    RunEvent(40, 0.04, "diverged", "at 1e9 m/s", is_severe=True),
+)
 
 
 def rows(path: Path) -> Columns:
@@ -48,7 +52,7 @@ def exported(
     write_trace(tmp_path / "plain.mcap", trace, 0, series, extras)
     stored = read_trace(tmp_path / "plain.mcap")
     motion = make_motion(trace, [0, 7, 8, 30, 40])
-    write_rrd(tmp_path / "run.rrd", stored, motion)
+    write_rrd(tmp_path / "run.rrd", stored, motion, EVENTS)
     assert [each.name for each in tmp_path.glob("run*")] == ["run.rrd"]
     return rows(tmp_path / "run.rrd"), stored, motion
 
@@ -96,6 +100,44 @@ def test_arrows_and_series(exported: tuple[Columns, StoredTrace, BodyMotion]) ->
         force = np.array(found[f"/pairs/{pair.name}/normal_force"]["Scalars:scalars"])[:, 0]
         np.testing.assert_array_equal(force[pair.steps], pair.normal)
         assert not np.delete(force, pair.steps).any()
+
+
+def test_events_and_joints_have_their_times(
+    exported: tuple[Columns, StoredTrace, BodyMotion],
+) -> None:
+    found, _, motion = exported
+    events = found["/events"]
+    assert events["time"] == [3_000_000, 40_000_000]
+    assert events["TextLog:text"] == [["chatter: often"], ["diverged: at 1e9 m/s"]]
+    assert events["TextLog:level"] == [["WARN"], ["ERROR"]]
+    for name, positions in zip(motion.joints.names, motion.joints.position.T, strict=True):
+        series = found[f"/joints/{name}"]
+        assert np.ravel(series["Scalars:scalars"]).tolist() == positions.tolist()
+        assert series["time"] == [round(time * 1e9) for time in motion.time]
+
+
+def test_every_view_of_the_blueprint_shows_what_the_recording_holds(
+    tmp_path: Path, exported: tuple[Columns, StoredTrace, BodyMotion]
+) -> None:
+    found, stored, _ = exported
+    reader = pytest.importorskip("rerun.chunk").RrdReader(tmp_path / "run.rrd")
+    [blueprint] = reader.blueprints()
+    views: dict[str, dict[str, list[str]]] = {}
+    for chunk in reader.stream(store=blueprint):
+        batch = chunk.to_record_batch()
+        for name in batch.schema.names:
+            if name in {"ViewBlueprint:space_origin", "ViewContents:query"}:
+                view = views.setdefault(chunk.entity_path.split("/")[2], {})
+                view[name] = batch.column(name).to_pylist()[0]
+    shown: list[str] = []
+    for view in views.values():
+        [origin] = view["ViewBlueprint:space_origin"]
+        for query in view["ViewContents:query"]:
+            path = query.replace("$origin", origin).removesuffix("/**").replace("\\", "")
+            shown += [each for each in found if each.startswith(path)] or [f"nothing at {path}"]
+    wanted = {f"/pairs/{pair.name}/normal_force" for pair in stored.pairs}
+    assert wanted | {"/events", "/record", "/joints/hinge", "/space/contact_forces"} <= {*shown}
+    assert {*shown} <= found.keys()
 
 
 def test_what_cannot_be_written_is_named(

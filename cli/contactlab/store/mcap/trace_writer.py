@@ -10,6 +10,7 @@ from functools import lru_cache
 from io import BytesIO
 from operator import itemgetter
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 from mcap.reader import SeekingReader
@@ -51,6 +52,7 @@ from contactlab.store.mcap.trace_messages import (
 _METADATA_NAME = "contactlab.run"
 _MODEL_NAME = "model.xml"
 # Viewers reject `$ref`, `anyOf` and null in a schema, and the record has them.
+RECORD_SCHEMA_NAME = f"{PACKAGE}.EvidenceRecord"
 _RECORD_SCHEMA = b'{"type":"object"}'
 _NANOSECONDS = 1e9
 _CACHED_PREFIXES = 4  # scenes whose file prefixes are cached; a job is of one scene
@@ -112,7 +114,7 @@ def _scene_start(
     state, contacts, evidence = (
         Schema(1, file_descriptor_set(STATE), PROTOBUF, f"{PACKAGE}.{STATE.name}"),
         Schema(2, file_descriptor_set(CONTACTS), PROTOBUF, f"{PACKAGE}.{CONTACTS.name}"),
-        Schema(3, _RECORD_SCHEMA, "jsonschema", f"{PACKAGE}.EvidenceRecord"),
+        Schema(3, _RECORD_SCHEMA, "jsonschema", RECORD_SCHEMA_NAME),
     )
     nq, nv = map(str, sizes)
     channels = [Channel(1, STATE_TOPIC, encoding, {"nq": nq, "nv": nv}, state.id)]
@@ -142,10 +144,15 @@ class AddedChannel:
     messages: Sequence[tuple[int, bytes]]  # (state row, serialized message), rows ascending
 
 
-def copy_trace(source: Path, target: Path, added: Sequence[AddedChannel]) -> None:
+def copy_trace(
+    source: Path,
+    target: Path,
+    added: Sequence[AddedChannel],
+    schemas: Mapping[str, bytes] = MappingProxyType({}),
+) -> None:
     """Write a sound trace file again with further channels; its own messages keep their bytes.
 
-    One in the compact form becomes one of messages.
+    One in the compact form becomes one of messages; schemas by name take the place of its own.
     """
     reader = SeekingReader(BytesIO(expanded(source.read_bytes())))
     summary = reader.get_summary()
@@ -161,7 +168,8 @@ def copy_trace(source: Path, target: Path, added: Sequence[AddedChannel]) -> Non
         for each in reader.iter_metadata():
             writer.add_metadata(each.name, each.metadata)
         for each in summary.schemas.values():
-            writer.register_schema(each.name, each.encoding, each.data)
+            data = schemas.get(each.name, each.data)
+            writer.register_schema(each.name, each.encoding, data)
         for each in summary.channels.values():
             writer.register_channel(
                 each.topic, each.message_encoding, each.schema_id, each.metadata
