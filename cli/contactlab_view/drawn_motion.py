@@ -1,18 +1,20 @@
 """What is drawn of a stored run: poses by kinematics, forces from the trace."""
 
+import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from contactlab.contact.rotations import rotate
 from contactlab.contact.trace_arrays import FORCE, NORMAL, POSITION, TANGENT, Floats
 from contactlab.errors import StoreError
 from contactlab.measure import LABELS
 from contactlab.scene.compiled_scene import PreparedModel
-from contactlab.schema.evidence import LabelEntry
+from contactlab.schema.evidence import EvidenceRecord, LabelEntry
 from contactlab.store.mcap.trace_reader import StoredPair, StoredTrace
 from contactlab_view.drawn_shapes import BodyShape, poses, shapes
 
@@ -24,6 +26,9 @@ _MOST_RADII = 25.0
 # are cut at the second.
 _USUAL_ARROW, _LONGEST_ARROW = 0.5, 1.0
 _USUAL_PERCENTILE = 90
+# A camera that follows a body sees so many of its radii, and so much of the whole at least and at
+# most.
+_AROUND, _LEAST_FOCUS, _MOST_FOCUS = 3.0, 0.1, 0.75
 _SCALAR_JOINTS = (mujoco.mjtJoint.mjJNT_HINGE.value, mujoco.mjtJoint.mjJNT_SLIDE.value)
 
 
@@ -48,6 +53,13 @@ class JointMotion(NamedTuple):
     names: tuple[str, ...]  # (J,)
     position: Floats  # (F, J) [rad or m]
     velocity: Floats  # (F, J) [rad/s or m/s]
+
+
+class Stage(NamedTuple):
+    """A sphere that a camera sees."""
+
+    centre: Floats  # (3,) world frame [m]
+    radius: float  # [m]
 
 
 class RunEvent(NamedTuple):
@@ -76,10 +88,27 @@ class BodyMotion:
     forces: ContactForces
     """Contact forces; of each pair and frame, those of the step with the largest net force up to
     the next frame."""
-    centre: Floats  # (3,) of the sphere that the camera sees, world frame [m]
-    radius: float  # of that sphere [m]
+    stage: Stage  # what the camera sees
     scale: float  # length of an arrow per newton [m/N]
     longest: float  # length at which arrows are cut [m]
+    followed: int | None = None  # the body that the camera follows, if it does not see the whole
+    closeness: float = 0.0  # radius of the sphere around it that the camera sees [m]
+
+    def view(self, frame: int) -> Stage:
+        """Return what the camera sees in a frame."""
+        if self.followed is None:
+            return self.stage
+        return Stage(self.positions[frame, self.followed], self.closeness)
+
+    @property
+    def centre(self) -> Floats:
+        """(3,) of the sphere that the camera sees, world frame [m]."""
+        return self.stage.centre
+
+    @property
+    def radius(self) -> float:
+        """Of the sphere that the camera sees [m]."""
+        return self.stage.radius
 
     @property
     def arrows(self) -> Floats:
@@ -107,8 +136,8 @@ def read_motion(
     positions, rotations = poses(model, trace.qpos[rows])
     parts, moving = shapes(model), model.body_weldid != 0
     forces = peak_forces(trace.pairs, rows)
-    centre, radius = scene_sphere(parts, moving, positions, forces.position)
-    scale, longest = arrow_scale(forces.force, radius)
+    stage = scene_sphere(parts, moving, positions, rotations, forces.position)
+    scale, longest = arrow_scale(forces.force, stage.radius)
     return BodyMotion(
         bodies=tuple(model.body(index).name for index in range(model.nbody)),
         moving=moving,
@@ -120,8 +149,7 @@ def read_motion(
         joints=joint_motion(model, trace.qpos[rows], trace.qvel[rows]),
         pairs=tuple(pair.name for pair in trace.pairs),
         forces=forces,
-        centre=centre,
-        radius=radius,
+        stage=stage,
         scale=scale,
         longest=longest,
     )
@@ -149,27 +177,121 @@ def run_events(labels: Sequence[LabelEntry], time: Floats) -> tuple[RunEvent, ..
     return tuple(sorted(events, key=lambda each: each.row))
 
 
-def scene_sphere(
-    shapes: Sequence[BodyShape], moving: NDArray[np.bool_], positions: Floats, contacts: Floats
-) -> tuple[Floats, float]:
-    """Return centre and radius [m] of a sphere around all that moves, or around the contacts.
+def following(motion: BodyMotion, bodies: Sequence[int]) -> BodyMotion | None:
+    """Return a motion with arrows and a stage for a camera that follows the smaller moving body.
 
-    Of bodies (B,) the positions are (F, B, 3) [m]; contact points are (K, 3) [m].
+    The bodies are the indices of a pair's two. None if none moves, or if a camera that follows one
+    shows little less than the whole.
     """
-    reach = _reach(shapes, len(moving))
-    seen = (moving if moving.any() else np.ones_like(moving)) & (reach > 0)
-    if not seen.any():
-        return np.zeros(3), 1.0
-    low = (positions[:, seen] - reach[seen, None]).min(axis=(0, 1))
-    high = (positions[:, seen] + reach[seen, None]).max(axis=(0, 1))
+    sizes = {body: _extent(motion, body) for body in bodies if motion.moving[body]}
+    sizes = {body: size for body, size in sizes.items() if size > 0}
+    if not sizes:
+        return None
+    body = min(sizes, key=lambda each: sizes[each])
+    radius = max(_AROUND * sizes[body], _LEAST_FOCUS * motion.radius)
+    if radius > _MOST_FOCUS * motion.radius:
+        return None
+    scale, longest = arrow_scale(motion.forces.force, radius)
+    return replace(motion, followed=body, closeness=radius, scale=scale, longest=longest)
+
+
+def _extent(motion: BodyMotion, body: int) -> float:
+    """Return the radius of a sphere around a body's origin that holds its shapes [m]."""
+    own = [each for each in motion.shapes if each.body == body]
+    return max((float(np.linalg.norm(e.position)) + _radius(e) for e in own), default=0.0)
+
+
+def failing_pair(record: EvidenceRecord, pairs: Sequence[StoredPair]) -> str | None:
+    """Return the pair that the worst label's reason names, else the one with the largest force."""
+    reason = record.labels[0].reason if record.labels else ""
+    named = [
+        each.name for each in pairs if re.search(rf"(?<!\w){re.escape(each.name)}(?!\w)", reason)
+    ]
+    touching = [each for each in pairs if len(each.steps)]
+    strongest = max(
+        touching, key=lambda each: float(np.nan_to_num(each.normal).max()), default=None
+    )
+    return named[0] if named else strongest.name if strongest else None
+
+
+def widened(motion: BodyMotion, positions: Floats, rotations: Floats) -> BodyMotion:
+    """Return a motion whose stage holds its bodies also at other poses (F, B, 3) [m], (F, B, 4)."""
+    both = [
+        np.concatenate(each)
+        for each in ((motion.positions, positions), (motion.rotations, rotations))
+    ]
+    contacts = motion.forces.position
+    return replace(
+        motion, stage=scene_sphere(motion.shapes, motion.moving, both[0], both[1], contacts)
+    )
+
+
+def telling_moments(
+    motion: BodyMotion, trace: StoredTrace, events: Sequence[RunEvent], pair: str | None, most: int
+) -> list[float]:
+    """Return up to `most` times [s] worth a picture, in order.
+
+    They are where labels begin, where each pair's force is largest, that of the failing `pair`
+    first, start and end of what is in view, and then the middle of the longest gap.
+    """
+    time = trace.time[: motion.rows[-1] + 1]
+    far = np.linalg.norm(motion.positions[:, motion.moving] - motion.centre, axis=2)
+    in_view = motion.time[(far <= motion.radius).any(axis=1)]
+    start, end = (in_view if len(in_view) else motion.time)[[0, -1]].tolist()
+    pairs = sorted(trace.pairs, key=lambda each: each.name != pair)
+    peaks = [float(time[row]) for each in pairs if (row := _peak(each, len(time))) is not None]
+    begins = [each.time for each in events]
+    wanted = [start, *begins[:2], *peaks[:1], end, *begins[2:], *peaks[1:]]
+    chosen = sorted([*dict.fromkeys(each for each in wanted if start <= each <= end)][:most])
+    while len(chosen) < most and end > start:
+        at = int(np.argmax(np.diff(chosen)))
+        chosen.insert(at + 1, (chosen[at] + chosen[at + 1]) / 2)
+    return chosen
+
+
+def _peak(pair: StoredPair, rows: int) -> int | None:
+    """Return the step in which a pair's force is largest, of those before a state row."""
+    force = np.nan_to_num(np.hypot(pair.normal, pair.tangential))[pair.steps < rows]
+    return int(pair.steps[np.argmax(force)]) if len(force) and force.max() > 0 else None
+
+
+def scene_sphere(
+    shapes: Sequence[BodyShape],
+    moving: NDArray[np.bool_],
+    positions: Floats,
+    rotations: Floats,
+    contacts: Floats,
+) -> Stage:
+    """Return a sphere around all that moves, or around the contacts.
+
+    Of bodies (B,) the poses are (F, B, 3) [m] and (F, B, 4); contact points are (K, 3) [m].
+    """
+    seen = [each for each in shapes if moving[each.body] or not moving.any()]
+    if not seen:
+        return Stage(np.zeros(3), 1.0)
+    middles = np.stack([_middles(each, positions, rotations) for each in seen], axis=1)
+    sizes = np.array([_radius(each) for each in seen])
+    low = (middles - sizes[:, None]).min(axis=(0, 1))
+    high = (middles + sizes[:, None]).max(axis=(0, 1))
     centre = (low + high) / 2
-    far = np.linalg.norm(positions[:, seen] - centre, axis=2) + reach[seen]
-    radius = float(far.max())
-    widest = _MOST_RADII * float(reach[seen].max())
+    radius = float((np.linalg.norm(middles - centre, axis=2) + sizes).max())
+    widest = _MOST_RADII * float(sizes.max())
     if radius <= widest:
-        return centre, radius
-    middle = contacts if len(contacts) else positions[0, seen]
-    return np.median(middle, axis=0), widest
+        return Stage(centre, radius)
+    middle = contacts if len(contacts) else middles[0]
+    return Stage(np.median(middle, axis=0), widest)
+
+
+def _middles(shape: BodyShape, positions: Floats, rotations: Floats) -> Floats:
+    """Return where the middle of a shape is (F, 3) [m]."""
+    return positions[:, shape.body] + rotate(rotations[:, shape.body], shape.position)
+
+
+def _radius(shape: BodyShape) -> float:
+    """Return the radius of a sphere around a shape's middle that holds it [m]."""
+    if shape.form == "mesh":
+        return float(np.linalg.norm(shape.vertices, axis=1).max(initial=0))
+    return float(shape.size.max() if shape.form == "ellipsoid" else np.linalg.norm(shape.size)) / 2
 
 
 def arrow_scale(force: Floats, radius: float) -> tuple[float, float]:
@@ -184,19 +306,6 @@ def arrow_scale(force: Floats, radius: float) -> tuple[float, float]:
     decade = 10.0 ** np.floor(np.log10(wanted))
     digit = min((1, 2, 5, 10), key=lambda each: abs(np.log10(each * decade / wanted)))
     return float(digit * decade), _LONGEST_ARROW * radius
-
-
-def _reach(shapes: Sequence[BodyShape], bodies: int) -> Floats:
-    """Return (B,) the radius around each body's origin that holds its shapes [m]."""
-    reach = np.zeros(bodies)
-    for shape in shapes:
-        far = np.linalg.norm(shape.size) / 2
-        if shape.form == "mesh":
-            far = np.linalg.norm(shape.vertices, axis=1).max(initial=0)
-        elif shape.form == "ellipsoid":
-            far = shape.size.max() / 2
-        reach[shape.body] = max(reach[shape.body], np.linalg.norm(shape.position) + far)
-    return reach
 
 
 def frame_rows(time: Floats, rate: float, times: Sequence[float] = ()) -> Rows:

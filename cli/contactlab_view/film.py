@@ -8,7 +8,7 @@ from collections import Counter
 from collections.abc import Generator, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from itertools import chain, repeat
+from itertools import chain, repeat, zip_longest
 from pathlib import Path
 from types import MappingProxyType
 
@@ -25,7 +25,7 @@ from contactlab.errors import SceneError, did_you_mean
 from contactlab.palette import MODE_COLOURS
 from contactlab.run.stored_runs import PreparedReplay
 from contactlab.store.atomic_files import atomic_write
-from contactlab_view.drawn_motion import BodyMotion, frame_times, nearest
+from contactlab_view.drawn_motion import BodyMotion, Stage, frame_times, nearest
 
 Picture = NDArray[np.uint8]
 
@@ -49,11 +49,12 @@ _REMEDY = (
     "install EGL or OSMesa (Debian: apt install libegl1 libgl1-mesa-dri, or libosmesa6) and choose "
     "with MUJOCO_GL=egl or MUJOCO_GL=osmesa; .mcap and .rrd files need neither"
 )
-_SHEET_PICTURES = 6
 # Half the size of the encoder's default, and no visible difference.
 _H264_OPTIONS = {"crf": "20"}
 _PAPER, _INK = (255, 255, 255), (40, 44, 52)
 _BORDER = 6
+# The whole scene is so many times smaller than a pair's; the longest bar, of the width.
+_INSET, _LONGEST_BAR = 4, 0.2
 
 
 @contextmanager
@@ -89,39 +90,70 @@ def draw_pictures(
     What was `recorded` of bodies (nq,), NaN for others, is drawn as a ghost beside them.
 
     The model's off-screen buffer is set to the size, width and height [pixels]. Without the name
-    of one of its cameras, one sees the whole motion. A SceneError says that there is no OpenGL, or
-    no camera of this name.
+    of one of its cameras, one sees the whole motion; or the body that it follows, with the whole as
+    an inset. A SceneError says that there is no OpenGL, or no camera of this name.
     """
     width, height = size
-    model.vis.global_.offwidth, model.vis.global_.offheight = width, height
-    model.vis.quality.shadowsize = _SHADOW
-    # Moving bodies are translucent, so that arrows show.
-    model.vis.map.alpha = _SOLID
-    model.vis.headlight.ambient[:] = np.maximum(model.vis.headlight.ambient, _AMBIENT)
-    view = _camera(model, motion, width / height, camera)
+    _set_looks(model, size)
+    named = None if camera is None else _camera_of(model, camera)
+    areas = [mujoco.MjrRect(0, 0, width, height)]
+    if named is None and motion.followed is not None:
+        areas.append(mujoco.MjrRect(0, 0, width // _INSET, height // _INSET))
     option = mujoco.MjvOption()
     option.flags[mujoco.mjtVisFlag.mjVIS_TRANSPARENT] = True
-    has_sky = bool((model.tex_type == mujoco.mjtTexture.mjTEXTURE_SKYBOX).any())
     data, scene = mujoco.MjData(model), mujoco.MjvScene(model, _MOST_GEOMS)
-    area, picture = mujoco.MjrRect(0, 0, width, height), np.empty((height, width, 3), np.uint8)
     with graphics(width, height):
         context = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100.value)
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, context)
         for frame, configuration in frames.items():
-            # Contacts were stored: without collision detection, all else is placed.
-            data.qpos[:] = configuration
-            _place(model, data)
-            everything = mujoco.mjtCatBit.mjCAT_ALL.value
-            mujoco.mjv_updateScene(model, data, option, None, view, everything, scene)
-            if not has_sky:
-                _draw_background(scene)
-            _draw_forces(scene, motion, frame)
-            if frame in recorded:
-                _draw_ghost(scene, model, data, recorded[frame], option)
-            mujoco.mjr_render(area, scene, context)
-            mujoco.mjr_readPixels(picture, None, area, context)
-            yield picture[::-1].copy()
+            pictures: list[Picture] = []
+            for stage, area in zip((motion.view(frame), motion.stage), areas, strict=False):
+                view = named or _camera_on(model, stage, width / height)
+                # Contacts were stored: without collision detection, all else is placed.
+                data.qpos[:] = configuration
+                _place(model, data)
+                everything = mujoco.mjtCatBit.mjCAT_ALL.value
+                mujoco.mjv_updateScene(model, data, option, None, view, everything, scene)
+                _decorate(scene, model, motion, frame)
+                if frame in recorded:
+                    _draw_ghost(scene, model, data, recorded[frame], option)
+                picture = np.empty((area.height, area.width, 3), np.uint8)
+                mujoco.mjr_render(area, scene, context)
+                mujoco.mjr_readPixels(picture, None, area, context)
+                pictures.append(picture[::-1])
+            yield _with_inset(*pictures)
         context.free()
+
+
+def _set_looks(model: mujoco.MjModel, size: tuple[int, int]) -> None:
+    """Set what pictures of a size need of a model: bright, with moving bodies translucent."""
+    model.vis.global_.offwidth, model.vis.global_.offheight = size
+    model.vis.quality.shadowsize = _SHADOW
+    # So that arrows show.
+    model.vis.map.alpha = _SOLID
+    model.vis.headlight.ambient[:] = np.maximum(model.vis.headlight.ambient, _AMBIENT)
+
+
+def _decorate(
+    scene: mujoco.MjvScene, model: mujoco.MjModel, motion: BodyMotion, frame: int
+) -> None:
+    """Add the forces of a frame, and a background where the model has no sky."""
+    if not (model.tex_type == mujoco.mjtTexture.mjTEXTURE_SKYBOX).any():
+        _draw_background(scene)
+    _draw_forces(scene, motion, frame)
+
+
+def _with_inset(picture: Picture, inset: Picture | None = None) -> Picture:
+    """Return a picture with another one, in a frame, at its top right."""
+    shown = picture.copy()
+    if inset is not None:
+        height, width, _ = inset.shape
+        right = shown.shape[1] - _BORDER
+        shown[_BORDER : _BORDER + height, right - width : right] = inset
+        frame = shown[_BORDER : _BORDER + height, right - width : right]
+        for edge in (frame[:2], frame[-2:], frame[:, :2], frame[:, -2:]):
+            edge[:] = _PAPER
+    return shown
 
 
 def _place(model: mujoco.MjModel, data: mujoco.MjData) -> None:
@@ -162,23 +194,46 @@ def _draw_background(scene: mujoco.MjvScene) -> None:
     wall.category = mujoco.mjtCatBit.mjCAT_DECOR.value
 
 
-def _camera(
-    model: mujoco.MjModel, motion: BodyMotion, aspect: float, name: str | None
-) -> mujoco.MjvCamera:
+def _camera_of(model: mujoco.MjModel, name: str) -> mujoco.MjvCamera:
+    names = [model.camera(index).name for index in range(model.ncam)]
+    if name not in names:
+        known = f"; it has {', '.join(names)}" if names else "; leave --camera out"
+        raise SceneError(f"the model has no camera '{name}'{did_you_mean(name, names)}{known}")
     camera = mujoco.MjvCamera()
-    if name is not None:
-        names = [model.camera(index).name for index in range(model.ncam)]
-        if name not in names:
-            known = f"; it has {', '.join(names)}" if names else "; leave --camera out"
-            raise SceneError(f"the model has no camera '{name}'{did_you_mean(name, names)}{known}")
-        camera.type, camera.fixedcamid = mujoco.mjtCamera.mjCAMERA_FIXED, names.index(name)
-        return camera
-    half = math.radians(float(model.vis.global_.fovy)) / 2
-    narrow = min(half, math.atan(math.tan(half) * aspect))
-    camera.lookat[:] = motion.centre
-    camera.distance = _MARGIN * motion.radius / math.sin(narrow)
+    camera.type, camera.fixedcamid = mujoco.mjtCamera.mjCAMERA_FIXED, names.index(name)
+    return camera
+
+
+def _camera_on(model: mujoco.MjModel, stage: Stage, aspect: float) -> mujoco.MjvCamera:
+    camera = mujoco.MjvCamera()
+    camera.lookat[:] = stage.centre
+    camera.distance = _distance(model, stage, aspect)
     camera.azimuth, camera.elevation = _AZIMUTH, _ELEVATION
     return camera
+
+
+def _distance(model: mujoco.MjModel, stage: Stage, aspect: float) -> float:
+    """Return how far from a stage's centre a camera sees all of it [m]."""
+    half = math.radians(float(model.vis.global_.fovy)) / 2
+    narrow = min(half, math.atan(math.tan(half) * aspect))
+    return _MARGIN * stage.radius / math.sin(narrow)
+
+
+def force_bar(
+    model: mujoco.MjModel, stage: Stage, size: tuple[int, int], scale: float
+) -> tuple[float, int]:
+    """Return a round force [N], and how long its arrow is at a stage's centre [pixels].
+
+    The arrow has a scale [m/N] and lies across the view.
+    """
+    width, height = size
+    half = math.radians(float(model.vis.global_.fovy)) / 2
+    across = 2 * math.tan(half) * _distance(model, stage, width / height)
+    pixels = height / across * scale
+    most = _LONGEST_BAR * width / pixels
+    decade = 10.0 ** math.floor(math.log10(most))
+    force = max(each * decade for each in (1, 2, 5) if each * decade <= most * (1 + 1e-9))
+    return force, round(force * pixels)
 
 
 def _draw_forces(scene: mujoco.MjvScene, motion: BodyMotion, frame: int) -> None:
@@ -188,9 +243,12 @@ def _draw_forces(scene: mujoco.MjvScene, motion: BodyMotion, frame: int) -> None
     for point, arrow, mode in zip(points, arrows, modes, strict=True):
         if scene.ngeom == scene.maxgeom:
             return
-        width = min(_RADIUS * motion.radius, _MOST_RADIUS * float(np.linalg.norm(arrow)))
+        width = min(
+            _RADIUS * motion.view(frame).radius, _MOST_RADIUS * float(np.linalg.norm(arrow))
+        )
         geom = _new_geom(scene, _ARROW, MODE_COLOURS[mode])
-        mujoco.mjv_connector(geom, _ARROW.value, width, point, point + arrow)
+        # MuJoCo draws an arrow half as long as it is told.
+        mujoco.mjv_connector(geom, _ARROW.value, width, point, point + 2 * arrow)
 
 
 def _new_geom(
@@ -204,13 +262,18 @@ def _new_geom(
 
 @dataclass(frozen=True)
 class RunPictures:
-    """The pictures of a run, drawn when they are written; qpos is (F, nq), of the frames."""
+    """The pictures of a run, drawn when they are written; qpos is (F, nq), of the frames.
+
+    The camera is one of the model, or the motion's own; `said` are words for frames.
+    """
 
     replay: PreparedReplay
     motion: BodyMotion
     qpos: Floats
     size: tuple[int, int]
     camera: str | None
+    recorded: Mapping[int, Floats]
+    said: Mapping[int, str]
 
     def film(self, rate: float) -> Iterator[Picture]:
         """Yield a film's pictures, `rate` per simulated second."""
@@ -220,29 +283,31 @@ class RunPictures:
             yield from repeat(picture, count)
 
     def sheet(self, times: Sequence[float]) -> list[Picture]:
-        """Return a sheet's pictures, at times [s] or, without any, six over the run."""
-        motion = self.motion
-        if not times:
-            # Evenly over the frames in which a moving body is in view.
-            far = np.linalg.norm(motion.positions[:, motion.moving] - motion.centre, axis=2)
-            in_view = motion.time[(far <= motion.radius).any(axis=1)]
-            span = in_view if len(in_view) else motion.time
-            times = np.linspace(span[0], span[-1], _SHEET_PICTURES)
-        wanted: list[int] = nearest(motion.time, np.array(times)).tolist()
+        """Return a sheet's pictures, at times [s]."""
+        wanted: list[int] = nearest(self.motion.time, np.array(times)).tolist()
         frames = sorted(set(wanted))
         drawn = dict(zip(frames, self._draw(frames), strict=True))
         return [drawn[frame] for frame in wanted]
 
     def _draw(self, frames: Sequence[int]) -> Iterator[Picture]:
-        record, chosen = self.replay.record, {frame: self.qpos[frame] for frame in frames}
-        scale = f"   1 N is {self.motion.scale:g} m" if len(self.motion.forces.frame) else ""
-        run = f"{record.scene} {record.run_id[:8]}: {record.label}{scale}"
-        model = self.replay.prepared.model
-        runs = self.replay.runs
-        recorded = recorded_poses(runs.scene.motion(runs.resolved), self.motion.time)
-        drawn = draw_pictures(model, self.motion, chosen, self.size, self.camera, recorded)
+        record, model, motion = self.replay.record, self.replay.prepared.model, self.motion
+        chosen = {frame: self.qpos[frame] for frame in frames}
+        run = f"{record.scene} {record.run_id[:8]}: {record.label}"
+        bar = None
+        if len(motion.forces.frame) and self.camera is None:
+            bar = force_bar(model, motion.view(0), self.size, motion.scale)
+        drawn = draw_pictures(model, motion, chosen, self.size, self.camera, self.recorded)
         for frame, picture in zip(frames, drawn, strict=True):
-            yield captioned(picture, f"{self.motion.time[frame]:.3f} s   {run}")
+            said = f"   begins: {self.said[frame]}" if frame in self.said else ""
+            yield captioned(picture, f"{motion.time[frame]:.3f} s   {run}{said}", bar)
+
+
+def side_by_side(first: Iterator[Picture], second: Iterator[Picture]) -> Iterator[Picture]:
+    """Yield pairs of pictures of one size beside each other; the shorter film keeps its last."""
+    left = right = np.empty(0, np.uint8)
+    for one, other in zip_longest(first, second):
+        left, right = (left if one is None else one), (right if other is None else other)
+        yield np.concatenate([left, right], axis=1)
 
 
 def recorded_poses(motion: RecordedMotion | None, times: Floats) -> dict[int, Floats]:
@@ -273,21 +338,37 @@ def write_gif(target: Path, pictures: Iterator[Picture], rate: int) -> None:
         next(images).save(temporary, format="GIF", **animation)
 
 
-def captioned(picture: Picture, text: str) -> Picture:
-    """Return a picture with a line of text below it; its height is even, as H.264 requires."""
+def captioned(picture: Picture, text: str, bar: tuple[float, int] | None = None) -> Picture:
+    """Return a picture with a line of text below it; its height is even, as H.264 requires.
+
+    A bar of so many pixels shows how long the arrow of a force [N] is.
+    """
     height, width, _ = picture.shape
     size = max(10, width // 40)
     strip = size + 2 * _BORDER
     image = Image.new("RGB", (width, (height + strip + 1) // 2 * 2), _PAPER)
     image.paste(Image.fromarray(picture))
     place = (_BORDER, height + _BORDER // 2)
-    ImageDraw.Draw(image).text(place, text, _INK, ImageFont.load_default(size))
+    pen, font = ImageDraw.Draw(image), ImageFont.load_default(size)
+    pen.text(place, text, _INK, font)
+    if bar is not None:
+        force, pixels = bar
+        label, middle, right = f"{force:g} N", height + strip // 2, width - _BORDER
+        left = right - pixels
+        pen.rectangle(
+            (left - 2 * _BORDER - pen.textlength(label, font), height, width, height + strip),
+            _PAPER,
+        )
+        pen.line((left, middle, right, middle), _INK, 2)
+        for end in (left, right):
+            pen.line((end, middle - size // 3, end, middle + size // 3), _INK, 2)
+        pen.text((left - _BORDER - pen.textlength(label, font), place[1]), label, _INK, font)
     return np.asarray(image)
 
 
-def write_sheet(target: Path, pictures: Sequence[Picture]) -> None:
-    """Write pictures of one size as one PNG, row by row, at most three in a row."""
-    columns = min(len(pictures), 3)
+def write_sheet(target: Path, pictures: Sequence[Picture], most: int = 3) -> None:
+    """Write pictures of one size as one PNG, row by row, at most so many in a row."""
+    columns = min(len(pictures), most)
     rows = math.ceil(len(pictures) / columns)
     height, width, _ = pictures[0].shape
     sheet = Image.new("RGB", (columns * width, rows * height), _PAPER)

@@ -3,8 +3,9 @@
 import time
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import mujoco
 import numpy as np
@@ -14,8 +15,22 @@ from contactlab.run.stored_runs import PreparedReplay, prepare_replay
 from contactlab.scene.initial_states import InitialStates, apply_inputs
 from contactlab.store.finished_store import Store
 from contactlab.store.mcap.trace_reader import StoredTrace
-from contactlab_view.drawn_motion import BodyMotion, read_motion, run_events
+from contactlab_view.drawn_motion import (
+    BodyMotion,
+    Stage,
+    arrow_scale,
+    failing_pair,
+    following,
+    read_motion,
+    run_events,
+    telling_moments,
+    widened,
+)
+from contactlab_view.drawn_shapes import poses
 from contactlab_view.foxglove_files import layout_file
+
+if TYPE_CHECKING:
+    from contactlab_view.film import RunPictures
 
 _VIEWERS = (".mcap", ".rrd")
 _FILMS = {".mp4": 30, ".gif": 25}  # frames per second
@@ -25,20 +40,23 @@ _SPEEDS = (0.001, 1000.0)
 _SIZE = (640, 480)
 # Frames per second of viewers' files, and of the steps that a sheet's arrows stand for.
 _RATE = 60.0
+_MOMENTS, _MOMENTS_OF_TWO = 6, 3
 
 
 @dataclass(frozen=True)
 class PictureOptions:
     """How pictures are taken: their width and height [pixels], and by which camera of the model.
 
-    Without a camera, one sees the whole motion. A film's speed is in simulated seconds per second,
-    a sheet's pictures are `at` times [s] or, without any, six over the run.
+    Without a camera, one sees the failing pair, and the whole motion as an inset. A film's speed is
+    in simulated seconds per second, a sheet's pictures are `at` times [s] or, without any, where
+    labels begin and forces peak. Another run of the store is drawn `beside`, if one is named.
     """
 
     size: tuple[int, int] | None = None
     camera: str | None = None
     speed: float | None = None
     at: tuple[float, ...] = ()
+    beside: str | None = None
 
 
 _DEFAULT = PictureOptions()
@@ -61,7 +79,11 @@ def render(store: Store, run: str, target: Path, options: PictureOptions = _DEFA
         )
     if target.suffix.lower() in _VIEWERS:
         return _write_for_viewer(store, replay, trace, target)
-    return _write_pictures(replay, trace, target, options)
+    runs = [(replay, trace)]
+    if options.beside is not None:
+        other = prepare_replay(store, options.beside)
+        runs.append((other, store.trace(other.record)))
+    return _write_pictures(runs, target, options)
 
 
 def write_file(  # noqa: PLR0913 - one argument an option
@@ -73,9 +95,10 @@ def write_file(  # noqa: PLR0913 - one argument an option
     camera: str | None,
     speed: float | None,
     at: Sequence[float],
+    beside: str | None = None,
 ) -> str | None:
     """Write a run as `render` does; return what its arrows mean and what else was written."""
-    motion = render(store, run, target, PictureOptions(size, camera, speed, tuple(at)))
+    motion = render(store, run, target, PictureOptions(size, camera, speed, tuple(at), beside))
     notes: list[str] = []
     if len(motion.forces.frame):
         notes.append(
@@ -106,26 +129,86 @@ def _write_for_viewer(
 
 
 def _write_pictures(
-    replay: PreparedReplay, trace: StoredTrace, target: Path, options: PictureOptions
+    runs: Sequence[tuple[PreparedReplay, StoredTrace]], target: Path, options: PictureOptions
 ) -> BodyMotion:
+    """Write a film or a sheet of one run, or of two beside each other, seen from one place."""
     suffix = target.suffix.lower()
     with optional("view", target.suffix):
         from contactlab_view.film import (  # noqa: PLC0415 - an extra
-            RunPictures,
+            side_by_side,
             write_gif,
             write_mp4,
             write_sheet,
         )
     rate = _FILMS.get(suffix, _RATE) / (options.speed or 1.0)
-    motion = read_motion(replay.prepared, trace, rate, options.at)
-    size, qpos = options.size or _SIZE, trace.qpos[motion.rows]
-    pictures = RunPictures(replay, motion, qpos, size, options.camera)
-    if suffix == _SHEET:
-        write_sheet(target, pictures.sheet(options.at))
+    is_sheet = suffix == _SHEET
+    most = _MOMENTS if len(runs) == 1 else _MOMENTS_OF_TWO
+    telling = {time for run in runs for time in _moments(*run, most)} if is_sheet else ()
+    times = options.at or sorted(telling)
+    pictures = [_run_pictures(*run, rate, times, options) for run in runs]
+    if len(pictures) > 1:
+        pictures = _seen_alike(pictures)
+    if is_sheet:
+        sheets = [iter(each.sheet(times)) for each in pictures]
+        if len(sheets) > 1:
+            write_sheet(target, [*side_by_side(*sheets)], most=1)
+        else:
+            write_sheet(target, [*sheets[0]])
     else:
+        films = [each.film(rate) for each in pictures]
         write_film = write_mp4 if suffix == ".mp4" else write_gif
-        write_film(target, pictures.film(rate), _FILMS[suffix])
-    return motion
+        write_film(target, side_by_side(*films) if len(films) > 1 else films[0], _FILMS[suffix])
+    return pictures[0].motion
+
+
+def _moments(replay: PreparedReplay, trace: StoredTrace, most: int) -> list[float]:
+    """Return the times of a sheet's pictures: where labels begin, force peaks, start and end."""
+    motion = read_motion(replay.prepared, trace, _RATE)
+    events = run_events(replay.record.labels, trace.time[: motion.rows[-1] + 1])
+    return telling_moments(motion, trace, events, failing_pair(replay.record, trace.pairs), most)
+
+
+def _run_pictures(
+    replay: PreparedReplay,
+    trace: StoredTrace,
+    rate: float,
+    times: Sequence[float],
+    options: PictureOptions,
+) -> "RunPictures":
+    from contactlab_view.film import RunPictures, recorded_poses  # noqa: PLC0415 - an extra
+
+    motion, model = read_motion(replay.prepared, trace, rate, times), replay.prepared.model
+    qpos = trace.qpos[motion.rows]
+    recorded = recorded_poses(replay.runs.scene.motion(replay.runs.resolved), motion.time)
+    if recorded:
+        ghosts = np.stack([recorded[frame] for frame in range(len(qpos))])
+        motion = widened(motion, *poses(model, np.where(np.isnan(ghosts), qpos, ghosts)))
+    pair = failing_pair(replay.record, trace.pairs)
+    if pair is not None and options.camera is None and not recorded:
+        motion = following(motion, _bodies_of(replay, pair)) or motion
+    begins = [(each.step, each.label) for each in replay.record.labels if each.step is not None]
+    said = {int(np.searchsorted(motion.rows, step)): label for step, label in reversed(begins)}
+    size = options.size or _SIZE
+    return RunPictures(replay, motion, qpos, size, options.camera, recorded, said)
+
+
+def _bodies_of(replay: PreparedReplay, name: str) -> list[int]:
+    """Return the indices of the bodies of a monitored pair."""
+    [pair] = [each for each in replay.runs.base.pairs if each.name == name]
+    return [int(replay.prepared.model.geom_bodyid[geoms[0]]) for geoms in pair.geoms]
+
+
+def _seen_alike(pictures: Sequence["RunPictures"]) -> list["RunPictures"]:
+    """Return the pictures of runs from the place that sees both, with arrows of one scale."""
+    motions = [each.motion for each in pictures]
+    low = np.min([each.centre - each.radius for each in motions], axis=0)
+    high = np.max([each.centre + each.radius for each in motions], axis=0)
+    centre = (low + high) / 2
+    radius = max(float(np.linalg.norm(each.centre - centre)) + each.radius for each in motions)
+    stage, forces = Stage(centre, radius), np.concatenate([each.forces.force for each in motions])
+    scale, longest = arrow_scale(forces, radius)
+    alike = {"stage": stage, "scale": scale, "longest": longest, "followed": None}
+    return [replace(each, motion=replace(each.motion, **alike)) for each in pictures]
 
 
 def _check_options(target: Path, options: PictureOptions) -> None:
@@ -140,8 +223,9 @@ def _check_options(target: Path, options: PictureOptions) -> None:
         raise OutputError(f"--at is for {_SHEET} only; leave it out for {suffix}")
     if options.speed is not None and suffix not in _FILMS:
         raise OutputError(f"--speed is for {' and '.join(_FILMS)} only; leave it out for {suffix}")
-    if suffix in _VIEWERS and (options.size or options.camera):
-        raise OutputError(f"--size and --camera are for pictures; leave them out for {suffix}")
+    if suffix in _VIEWERS and (options.size or options.camera or options.beside):
+        names = "--size, --camera and --side-by-side"
+        raise OutputError(f"{names} are for pictures; leave them out for {suffix}")
     low, high = _SIDES
     if options.size and any(side % 2 or not low <= side <= high for side in options.size):
         raise OutputError(f"--size takes even numbers from {low} to {high}, as in 640x480")

@@ -51,7 +51,10 @@ def test_the_file_is_named_on_stdout_and_the_scale_on_stderr(
         ),
         (("-o", "run.mp4", "--speed", "0"), "--speed takes 0.001 to 1000"),
         (("-o", "run.mp4", "--speed", "1e-9"), "--speed takes 0.001 to 1000"),
-        (("-o", "run.mcap", "--size", "64x64"), "--size and --camera are for pictures"),
+        (
+            ("-o", "run.mcap", "--size", "64x64"),
+            "--size, --camera and --side-by-side are for pictures",
+        ),
         (("-o", "run.png", "--size", "big"), "--size big: write width and height, as in 640x480"),
         (("-o", "run.png", "--size", "641x480"), "--size takes even numbers from 64 to 4096"),
     ],

@@ -15,7 +15,7 @@ from contactlab.run.sweep_request import SceneLoader, SweepRequest
 from contactlab.run.sweep_runner import run_sweep
 from contactlab.store.finished_store import Store
 from contactlab.store.mcap.trace_reader import StoredTrace
-from contactlab_view.drawn_motion import BodyMotion, ContactForces, JointMotion
+from contactlab_view.drawn_motion import BodyMotion, ContactForces, JointMotion, Stage
 from contactlab_view.drawn_shapes import BodyShape, Form
 
 SWEEPS = {
@@ -129,8 +129,7 @@ def random_motion(trace: Trace, rows: list[int], most: int = 3, seed: int = 0) -
             position=rng.standard_normal((len(frame), 3)),
             force=force,
         ),
-        centre=np.zeros(3),
-        radius=2.0,
+        stage=Stage(np.zeros(3), 2.0),
         scale=0.05,
         longest=2.0,
     )

@@ -15,8 +15,16 @@ from mcap_protobuf.decoder import DecoderFactory
 from tests.written_traces import assert_viewable
 
 from contactlab.errors import StoreError
+from contactlab.schema.evidence import LabelEntry
 from contactlab.store.mcap.trace_reader import read_trace
-from contactlab_view.drawn_motion import arrow_scale, read_motion
+from contactlab_view.drawn_motion import (
+    arrow_scale,
+    failing_pair,
+    read_motion,
+    run_events,
+    telling_moments,
+    widened,
+)
 from contactlab_view.render import render
 
 
@@ -97,6 +105,42 @@ def test_usual_arrows_are_seen_and_none_is_longer_than_the_stage(
     assert 1 / 2.5**0.5 <= scale * usual / (0.5 * radius) * (1 + 1e-9) <= 2.5**0.5 * (1 + 2e-9)
     assert f"{scale:.0e}"[0] in "125"
     assert longest == radius
+
+
+def test_moments_are_where_labels_begin_and_force_peaks(drawn: Callable[[str], Any]) -> None:
+    run = drawn("ball")
+    motion = read_motion(run.start.prepared, run.trace, 60)
+    pair, time = run.trace.pairs[0], run.trace.time
+    peak, most = 0, 0.0
+    for step, force in zip(pair.steps.tolist(), pair.normal.tolist(), strict=True):
+        if force > most:
+            peak, most = step, force
+    events = run_events([LabelEntry(label="chatter", reason="often", step=77)], time)
+    found = telling_moments(motion, run.trace, events, pair.name, 6)
+    assert len(found) == 6
+    assert found == sorted(found)
+    assert {time[0], time[77], time[peak], time[-1]} <= {*found}
+
+
+def test_the_stage_widens_for_what_was_recorded(drawn: Callable[[str], Any]) -> None:
+    run = drawn("ball")
+    motion = read_motion(run.start.prepared, run.trace, 60)
+    beside = motion.positions + np.array([0.3, 0, 0])
+    wide = widened(motion, beside, motion.rotations)
+    far = np.linalg.norm(beside[:, 1] - wide.centre, axis=1).max()
+    assert motion.radius < far + 0.05 <= wide.radius * (1 + 1e-9)
+
+
+def test_the_failing_pair_is_the_one_that_the_reason_names(drawn: Callable[[str], Any]) -> None:
+    run = drawn("ball")
+    weak, strong = run.trace.pairs[0], replace(run.trace.pairs[0], name="floor-ball2")
+    strong = replace(strong, normal=2 * strong.normal)
+    said = [LabelEntry(label="chatter", reason="floor-ball switches often", step=None)]
+    record = run.start.record
+    named = failing_pair(record.model_copy(update={"labels": said}), [strong, weak])
+    assert named == "floor-ball"
+    assert failing_pair(record.model_copy(update={"labels": []}), [weak, strong]) == "floor-ball2"
+    assert failing_pair(record, []) is None
 
 
 def test_forceless_runs_have_a_scale_too() -> None:

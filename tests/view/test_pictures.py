@@ -1,6 +1,7 @@
 """Pictures show bodies where the camera sees them; films have the length that is asked for."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +14,14 @@ from PIL import Image
 from contactlab.contact.trace_arrays import STICK
 from contactlab.contact.trace_setup import RecordedMotion
 from contactlab.errors import OutputError, SceneError
-from contactlab_view.drawn_motion import read_motion
-from contactlab_view.film import Picture, draw_pictures, recorded_poses
+from contactlab_view.drawn_motion import ContactForces, following, read_motion
+from contactlab_view.film import (
+    Picture,
+    draw_pictures,
+    force_bar,
+    recorded_poses,
+    side_by_side,
+)
 from contactlab_view.render import PictureOptions, render
 
 SIZE = (160, 120)
@@ -86,6 +93,73 @@ def test_arrows_show_only_during_contact(drawn: Draw) -> None:
     assert greenish(resting).sum() > 20
     [falling] = take(drawn("ball"), [0])
     assert not greenish(falling).any()
+
+
+def test_an_arrow_is_as_long_as_its_bar_says(drawn: Draw) -> None:
+    """An arrow across the view; its tip, a twentieth of its length, is too thin to tell."""
+    run, azimuth = drawn("ball"), np.radians(120)
+    motion = read_motion(run.start.prepared, run.trace, 60)
+    across = np.array([np.sin(azimuth), -np.cos(azimuth), 0.0])
+    force = across * 0.9 * motion.radius / motion.scale
+    start = motion.centre - 0.7 * motion.radius * across
+    one = ContactForces(
+        *(np.array([0]), np.array([0]), np.array([STICK], np.int8)),
+        *(start[None], force[None]),
+    )
+    motion, size = replace(motion, forces=one), (640, 480)
+    [picture] = draw_pictures(run.model, motion, {0: run.trace.qpos[0]}, size)
+    columns = np.nonzero(greenish(picture).any(axis=0))[0]
+    shown, pixels = force_bar(run.model, motion.stage, size, motion.scale)
+    expected = float(np.linalg.norm(force)) * pixels / shown
+    assert np.ptp(columns) == pytest.approx(expected, rel=0.05)
+
+
+@pytest.mark.parametrize("scale", [1e-6, 3e-4, 0.02, 5.0])
+def test_bars_are_of_round_forces_and_of_a_fair_length(drawn: Draw, scale: float) -> None:
+    run = drawn("ball")
+    stage = read_motion(run.start.prepared, run.trace, 60).stage
+    force, pixels = force_bar(run.model, stage, (640, 480), scale)
+    assert f"{force:.0e}"[0] in "125"
+    # A fifth of the width, or the next round number below, which is at most 2.5 times less.
+    assert 640 / 5 / 2.5 - 1 <= pixels <= 640 / 5 + 1
+
+
+def test_the_camera_follows_the_pair_and_the_whole_is_an_inset(drawn: Draw) -> None:
+    run = drawn("ball")
+    far = run.trace.qpos.copy()
+    far[:, 0] += np.linspace(0, 2, len(far))
+    motion = read_motion(run.start.prepared, replace(run.trace, qpos=far), 60)
+    followed = following(motion, [0, 1])
+    assert followed is not None
+    chosen = {frame: far[motion.rows[frame]] for frame in (0, 6, 12)}
+    seen = list(draw_pictures(run.model, followed, chosen, SIZE))
+    whole = list(draw_pictures(run.model, motion, chosen, SIZE))
+    for near, all_of_it in zip(seen, whole, strict=True):
+        blue = bluish(near)
+        blue[: SIZE[1] // 3, SIZE[0] // 2 :] = False  # the inset
+        rows, columns = np.nonzero(blue)
+        assert np.median(columns) == pytest.approx(SIZE[0] / 2, abs=4)
+        assert np.median(rows) == pytest.approx(SIZE[1] / 2, abs=6)
+        assert blue.sum() > 5 * bluish(all_of_it).sum()
+    assert following(read_motion(run.start.prepared, run.trace, 60), [0]) is None
+
+
+def test_runs_beside_each_other_are_seen_from_one_place(drawn: Draw, target: Target) -> None:
+    run = drawn("slide")
+    options = PictureOptions(SIZE, beside=run.run, at=(0.0, 0.2))
+    render(run.store, run.run, target(".png"), options)
+    with Image.open(target(".png")) as image:
+        sheet = np.asarray(image)
+    assert sheet.shape[1] == 2 * SIZE[0]
+    np.testing.assert_array_equal(sheet[:, : SIZE[0]], sheet[:, SIZE[0] :])
+
+
+def test_the_shorter_of_two_films_keeps_its_last_picture() -> None:
+    def film(values: list[int]) -> Iterator[Picture]:
+        return iter([np.full((2, 2, 3), value, np.uint8) for value in values])
+
+    seen = [(each[0, 0, 0], each[0, -1, 0]) for each in side_by_side(film([1, 2, 3]), film([7]))]
+    assert seen == [(1, 7), (2, 7), (3, 7)]
 
 
 def test_what_was_recorded_is_a_ghost_where_it_is_elsewhere(drawn: Draw) -> None:

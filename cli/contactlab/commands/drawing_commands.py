@@ -82,6 +82,9 @@ def render(
     speed: float | None = typer.Option(None, help="Playback speed of a film; 0.1 is slow motion."),
     size: str | None = opt.option("WIDTHxHEIGHT", "Size in pixels: 640x480."),
     camera: str | None = typer.Option(None, help="Camera of the model."),
+    beside: str | None = typer.Option(
+        None, "--side-by-side", metavar="RUN", help="Another run of the store, drawn beside it."
+    ),
 ) -> None:
     """Render a stored run in 3D with its contact forces: for a viewer, as a film or pictures."""
     from contactlab.plugins import extensions
@@ -94,7 +97,14 @@ def render(
         raise OutputError(f"cannot write {target}: end its name in {known}")
     write = found[suffix].load()
     if note := write(
-        Store.open(store), run, target, size=_size(size), camera=camera, speed=speed, at=at or ()
+        Store.open(store),
+        run,
+        target,
+        size=_size(size),
+        camera=camera,
+        speed=speed,
+        at=at or (),
+        beside=beside,
     ):
         say(note)
     echo(target)
