@@ -104,14 +104,14 @@ def _with_texts(part: Any, changed: Callable[[str], str], kept: Container[str] =
     return changed(part) if isinstance(part, str) else part
 
 
-def _shown(spec: Spec) -> Spec:
+def shown(spec: Spec) -> Spec:
     """Return a specification whose texts XML can hold: the renderer ends the process otherwise."""
     return _with_texts(spec, visible)
 
 
 def as_svg(spec: Spec, prefix: str = "") -> str:
     """Return a specification as SVG; a prefix of its ids lets several fit on one page."""
-    svg = vl_convert.vegalite_to_svg(_shown(spec), allowed_base_urls=_ALLOWED_URLS)
+    svg = vl_convert.vegalite_to_svg(shown(spec), allowed_base_urls=_ALLOWED_URLS)
     # Its ids count from 0: the renderer goes on from the picture before.
     numbers = {name: place for place, name in enumerate(dict.fromkeys(_ID.findall(svg)))}
     if not numbers:
@@ -146,17 +146,21 @@ def save_figure(chart: alt.TopLevelMixin, path: Path) -> None:
         raise OutputError(f"cannot write {path}: {error.strerror}") from error
 
 
-def render_chart(spec: Spec, form: str) -> bytes:
-    """Return a specification as a file of one of the formats."""
+def render_chart(spec: Spec, form: str, scale: float = 1.0) -> bytes:
+    """Return a specification as a file of one of the formats; a PDF at a scale."""
     if form == "svg":
         return as_svg(spec).encode()
-    spec = _shown(spec)
+    spec = shown(spec)
     if form == "png":
         return vl_convert.vegalite_to_png(spec, scale=_SCALE, allowed_base_urls=_ALLOWED_URLS)
     pdf = vl_convert.vegalite_to_pdf(spec, allowed_base_urls=_ALLOWED_URLS)
     # Its objects in a fixed order: the renderer's own varies.
     written = io.BytesIO()
     with pikepdf.open(io.BytesIO(pdf)) as opened:
+        for page in opened.pages if scale != 1 else ():
+            page.mediabox = [float(each) * scale for each in page.mediabox.as_list()]
+            page.contents_add(f"q {scale:.9f} 0 0 {scale:.9f} 0 0 cm".encode(), prepend=True)
+            page.contents_add(b"Q")
         opened.save(written, deterministic_id=True)
     return written.getvalue()
 

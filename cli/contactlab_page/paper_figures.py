@@ -7,7 +7,7 @@ from itertools import islice
 import altair as alt
 import numpy as np
 
-from contactlab.charts import Rows, Spec, layer_of, render_chart, themed, word_colours
+from contactlab.charts import Rows, Spec, layer_of, themed, word_colours
 from contactlab.contact.contact_laws import damping_ratio, restitution_of, sticking_speed
 from contactlab.contact.trace_arrays import LINEAR_VELOCITY, STICK, Floats
 from contactlab.palette import COLOURS, INK, SHAPES
@@ -20,6 +20,7 @@ from contactlab.store.finished_store import Store
 from contactlab.store.mcap.trace_reader import StoredPair, StoredTrace
 from contactlab_page.heatmap import Layered, default_map, number_map
 from contactlab_page.page_charts import change_panels, knob_changes, tradeoff_chart
+from contactlab_page.paper_size import parse_width, render_at
 
 _MOST_BOUNCING = 6
 _MOST_BOUNCING_READ = 200
@@ -35,6 +36,14 @@ _LEAST_APPROACH = 0.05
 _NO_IMPACT = {"diverged", "invalid", "tunneling", "missed_contact", "broken"}
 _NO_BOUNCE = "no stable run with a trace is of a single free body that bounces on level ground"
 _NO_CONE = "fewer than three runs with a trace begin with an impact that slips"
+FIGURES = {
+    "labels": "the map of labels over the two most informative axes",
+    "error": "the same map of the error",
+    "work-precision": "error against time",
+    "bounces": "height over time, and the ratio of heights at each bounce",
+    "cone": "first impacts in velocity space, with the boundary of the friction cone",
+    "effects": "the factor by which each change of one knob multiplies time and error",
+}
 _OUTCOMES = ["sticks", "slides throughout"]
 
 
@@ -240,17 +249,29 @@ def cone_panel(impacts: Rows) -> Spec:
 
 
 def figure_files(
-    data: ReportData, formats: Sequence[str]
+    data: ReportData, formats: Sequence[str], width: str | None = None
 ) -> tuple[dict[str, bytes], dict[str, str]]:
-    """Return the figures of a store by file name, and why it has none of the others."""
+    """Return the figures of a store by file name, and why it has none of the others.
+
+    A width, as in `85mm`, lays them out for paper; an OutputError says that it is none.
+    """
+    millimetres = None if width is None else parse_width(width)
     specs = figure_specs(data)
     files = {
-        f"{name}.{form}": render_chart(spec, form)
+        f"{name}.{form}": render_at(spec, form, millimetres)
         for name, spec in specs.items()
         if not isinstance(spec, str)
         for form in formats
     }
     return files, {name: spec for name, spec in specs.items() if isinstance(spec, str)}
+
+
+def figure_list(data: ReportData) -> list[tuple[str, str, str]]:
+    """Return each figure's name, what it shows, and why the store has none or an empty text."""
+    specs = figure_specs(data)
+    return [
+        (name, FIGURES[name], spec if isinstance(spec, str) else "") for name, spec in specs.items()
+    ]
 
 
 def figure_specs(data: ReportData) -> dict[str, Spec | str]:

@@ -1,12 +1,17 @@
 """Commands that draw: `report` a store as a page or figures, `render` a run in 3D."""
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import typer
 
 from contactlab.commands import options as opt
-from contactlab.commands.terminal import echo, say
+from contactlab.commands.terminal import echo, print_table, say
 from contactlab.errors import OutputError
+
+if TYPE_CHECKING:
+    from contactlab.pareto.criteria import Criteria
+    from contactlab.store.finished_store import Store
 
 _ALL = 1_000_000
 
@@ -30,24 +35,23 @@ def report(
         help="Store to compare with, as `contactlab compare` does.",
     ),
     figures: Path | None = opt.option(
-        "FOLDER", "Write figures into this folder instead of a page."
+        "FOLDER|list", "Write figures into this folder instead of a page; or list them."
     ),
+    width: str | None = opt.option("LENGTH", "Width of figures on paper: 85mm, a column."),
     formats: str = typer.Option(
         "png", "--format", help="File formats of the figures: png, svg, pdf."
     ),
 ) -> None:
     """Draw a store as one page that works offline: maps, accuracy against time, every run."""
-    from contactlab.reporting.report import PageRequest, write_figures, write_page
+    from contactlab.reporting.report import PageRequest, write_page
     from contactlab.store.finished_store import Store
 
     criteria = opt.accuracy_criteria(error, tolerance)
     opened = Store.open(store)
+    if width is not None and figures is None:
+        raise OutputError("--width is of figures; write --figures FOLDER too")
     if figures is not None:
-        written, missing = write_figures(opened, figures, formats.split(","), criteria)
-        for name, why in missing.items():
-            say(f"no figure '{name}': {why}")
-        for path in written:
-            echo(path)
+        _figures(opened, figures, formats.split(","), criteria, width)
         return
     against = Store.open(baseline) if baseline else None
     request = PageRequest(criteria, _count(traces), int(max_mb * 1e6), against)
@@ -60,6 +64,24 @@ def report(
         say(f"note: {note}")
     say(f"{page.stat().st_size / 1e6:.2g} MB")
     echo(page)
+
+
+def _figures(
+    store: "Store", folder: Path, formats: list[str], criteria: "Criteria", width: str | None
+) -> None:
+    from contactlab.reporting.report import list_figures, write_figures
+
+    if folder == Path("list"):
+        rows = [
+            (name, f"none: {w}" if w else what) for name, what, w in list_figures(store, criteria)
+        ]
+        print_table(("figure", "what it shows"), rows)
+        return
+    written, missing = write_figures(store, folder, formats, criteria, width)
+    for name, why in missing.items():
+        say(f"no figure '{name}': {why}")
+    for path in written:
+        echo(path)
 
 
 def _count(text: str) -> int:

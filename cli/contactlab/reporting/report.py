@@ -101,21 +101,35 @@ def write_page(store: Store, target: Path, request: PageRequest = _DEFAULT_PAGE)
     return notes
 
 
+def list_figures(
+    store: Store, criteria: Criteria = _DEFAULT_CRITERIA
+) -> list[tuple[str, str, str]]:
+    """Return the name of each figure, what it shows, and why the store has none or nothing."""
+    with optional("figures", "a report"):
+        figure_list = extensions("page")["figure-list"].load()
+    return figure_list(read_report_data(store, criteria))
+
+
 def write_figures(
-    store: Store, folder: Path, formats: Sequence[str], criteria: Criteria = _DEFAULT_CRITERIA
+    store: Store,
+    folder: Path,
+    formats: Sequence[str],
+    criteria: Criteria = _DEFAULT_CRITERIA,
+    width: str | None = None,
 ) -> tuple[list[Path], dict[str, str]]:
     """Write every figure for which a store has the data as png, svg or pdf.
 
     Returns the files, and why there is none of the other figures. The same store gives the same
-    bytes. Besides the errors of `read_report_data`, an OutputError says that a format is unknown,
-    a library is missing, or what cannot be written.
+    bytes. A width, as in `85mm`, lays them out for paper. Besides the errors of `read_report_data`,
+    an OutputError says that a format is unknown, the width is none, a library is missing, or what
+    cannot be written.
     """
     for form in formats:
         if form not in FORMATS:
             raise OutputError(f"unknown format '{form}'; choose from {', '.join(FORMATS)}")
     with optional("figures", "a report"):
         figure_files = extensions("page")["figures"].load()
-    files, missing = figure_files(read_report_data(store, criteria), formats)
+    files, missing = figure_files(read_report_data(store, criteria), formats, width)
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
