@@ -3,6 +3,7 @@
 import numpy as np
 
 from contactlab.contact.trace_arrays import ACTUATORS, CONSTRAINTS, OTHERS, Floats
+from contactlab.measure.amounts import part_of
 from contactlab.measure.context import (
     Context,
     cached,
@@ -121,7 +122,9 @@ def constraint_loss(context: Context) -> Floats:
 def integration_gains(runs: MeasuredRuns) -> Found:
     """Yield the runs whose integrator added energy."""
     for run, gain, limit in runs.over("integration_gain"):
-        reason = f"the integrator added {gain:.3g} of the largest kinetic energy (limit {limit:g})"
+        reason = (
+            f"the integrator added {part_of(gain)} the largest kinetic energy (limit {limit:g})"
+        )
         yield run, Finding(reason, first_step(_unexplained(runs.context)[run] > limit))
 
 
@@ -129,14 +132,14 @@ def integration_gains(runs: MeasuredRuns) -> Found:
 def energy_loss(runs: MeasuredRuns) -> Found:
     """The integrator, or constraints of too long a step, took energy that nothing damps."""
     for run, loss, limit in runs.over("integration_loss"):
-        reason = f"the integrator took {loss:.3g} of the largest kinetic energy (limit {limit:g})"
+        reason = f"the integrator took {part_of(loss)} the largest kinetic energy (limit {limit:g})"
         yield run, Finding(reason, first_step(-_unexplained(runs.context)[run] > limit))
     taken = constraint_loss(runs.context)
     for run in runs_where(taken > runs.limits[LOSS.name]) if runs.context.checks else ():
         finer = float(constraint_loss(runs.context.refined(run))[0])
         if finer < taken[run] / 3:
-            reason = f"constraints took {taken[run]:.3g} of the largest kinetic energy"
-            yield run, Finding(f"{reason}; at a quarter of the step, {finer:.3g}", 0)
+            reason = f"constraints took {part_of(taken[run])} the largest kinetic energy"
+            yield run, Finding(f"{reason}; at a quarter of the step, {part_of(finer)} it", 0)
 
 
 @label(39, (_CONSTRAINT_GAIN,), name="constraint_gain")
@@ -144,6 +147,6 @@ def generous_constraints(runs: MeasuredRuns) -> Found:
     """Contacts, limits or equalities, too stiff for the step, gave more than they had stored."""
     given = runs.context.trace.given
     for run, gain, limit in runs.over("constraint_gain"):
-        reason = f"constraints gave {gain:.3g} of the largest kinetic energy beyond what they had"
+        reason = f"constraints gave {part_of(gain)} the largest kinetic energy beyond what they had"
         step = 0 if given is None else int(given[run, 1])
         yield run, Finding(f"{reason} stored (limit {limit:g})", step)

@@ -64,8 +64,12 @@ def oracle_miss(runs: MeasuredRuns) -> Found:
     expected, measured, error = (runs.metrics[name] for name in names)
     unmet = np.isfinite(expected) & np.isnan(measured) & np.isfinite(setup.oracle_tolerance)
     for run in runs_where(unmet | (error > setup.oracle_tolerance)):
-        found = f"{setup.oracle}: expected {expected[run]:.4g}, measured {measured[run]:.4g}"
-        reason = f"{found}, error {error[run]:.3g} (limit {setup.oracle_tolerance:g})"
+        reason = f"{setup.oracle}: expected {expected[run]:.4g}, "
+        if unmet[run]:
+            reason += "but nothing could be measured, as the motion never came to it"
+        else:
+            limit = f"(limit {setup.oracle_tolerance:g})"
+            reason += f"measured {measured[run]:.4g}, error {error[run]:.3g} {limit}"
         yield run, Finding(reason, last)
     for run, error, limit in runs.over("at_rest_error"):
         reason = f"at rest, what is asked for is missed by {error:.3g} of it (limit {limit:g})"

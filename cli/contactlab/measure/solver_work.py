@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import Floats
+from contactlab.measure.amounts import part_of
 from contactlab.measure.context import Context, cached, first_step, runs_where
 from contactlab.measure.entries import Finding, Found, MeasuredRuns, Threshold, label, metric
 from contactlab.schema.comparison import MetricRule
@@ -192,7 +193,7 @@ def solver_inconsistent(runs: MeasuredRuns) -> Found:
     """The solver stopped early and wrong or left the cone, or a sparse Jacobian or run differs."""
     context, checks = runs.context, runs.context.checks
     for run, excess, limit in runs.over("cone_violation"):
-        yield run, Finding(f"a force exceeds its cone by {excess:.2g} of it (limit {limit:g})", 0)
+        yield run, Finding(f"a force exceeds its cone by {part_of(excess)} it (limit {limit:g})", 0)
     if checks is None:
         return
     early = ~saturated(context)

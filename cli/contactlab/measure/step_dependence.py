@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import Floats, SelfChecks, motion_at_rest, squared_lengths
+from contactlab.measure.amounts import amount
 from contactlab.measure.constraint_violation import OVERSHOOT, constraint_violation
 from contactlab.measure.context import (
     Context,
@@ -179,8 +180,8 @@ def _moves(runs: MeasuredRuns, checks: SelfChecks, run: int) -> str:
     moved = (own > runs.limits[_TRAVEL.name]) & (refined < _STAYS * own)
     moved &= perturbed**2 > own * refined
     body = int(np.where(moved, own, 0).argmax())
-    ended = f"{checks.bodies[body]} ended {own[body]:.3g} mean body sizes from its start"
-    return f"{ended}; at a quarter of the step, {refined[body]:.3g}" if moved[body] else ""
+    ended = f"{checks.bodies[body]} ended {amount(own[body])} mean body sizes from its start"
+    return f"{ended}; at a quarter of the step, {amount(refined[body])}" if moved[body] else ""
 
 
 def _rests(runs: MeasuredRuns, run: int) -> str:
@@ -214,7 +215,7 @@ def _brakes(context: Context, checks: SelfChecks, run: int) -> str:
 
 def _said(what: str, speed: float, refined: float) -> str:
     unit = "rad/s or body sizes a second at its end"
-    return f"{what} at {speed:.3g} {unit}; at a quarter of the step, at {refined:.3g}"
+    return f"{what} at {amount(speed)} {unit}; at a quarter of the step, at {amount(refined)}"
 
 
 def _parting(context: Context, checks: SelfChecks, run: int) -> int:
