@@ -266,11 +266,11 @@ def figure_files(
     return files, {name: spec for name, spec in specs.items() if isinstance(spec, str)}
 
 
-def figure_list(data: ReportData) -> list[tuple[str, str, str]]:
-    """Return each figure's name, what it shows, and why the store has none or an empty text."""
-    specs = figure_specs(data)
+def figure_list(data: ReportData) -> list[tuple[str, str]]:
+    """Return each figure's name, and what it shows or why the store has none."""
+    specs = figure_specs(data).items()
     return [
-        (name, FIGURES[name], spec if isinstance(spec, str) else "") for name, spec in specs.items()
+        (name, f"none: {spec}" if isinstance(spec, str) else FIGURES[name]) for name, spec in specs
     ]
 
 

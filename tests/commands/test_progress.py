@@ -5,6 +5,8 @@ import time
 from types import SimpleNamespace
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from rich.console import Console
 from rich.text import Text
 
@@ -107,3 +109,50 @@ def test_a_new_pass_counts_anew(clock: Clock) -> None:
     display.advance(DONE[1] * 4)
     assert display.line().plain.startswith("█" * 24 + " 4 of 4")
     assert "stable" not in display.line().plain
+
+
+@given(
+    workers=st.integers(1, 16),
+    bursts=st.integers(21, 60),
+    batch=st.integers(1, 20),
+    start=st.floats(0.1, 30),
+    cost=st.floats(1, 200),
+    uneven=st.lists(st.floats(0.875, 1.125), min_size=60, max_size=60),
+)
+def test_the_time_left_is_right_within_a_factor_of_two_after_a_tenth(
+    *, workers: int, bursts: int, batch: int, start: float, cost: float, uneven: list[float]
+) -> None:
+    """Workers start together, which takes as long as they like, then finish jobs of like cost.
+
+    Of w workers that finish together, the first one's runs begin the count: after k rounds it has
+    k w - 1 jobs in the time of k - 1 rounds, at most 3/2 of what is true from the third on. Costs
+    of a round differ by up to an eighth from the usual, so that means differ by at most 9/7.
+    """
+    with pytest.MonkeyPatch.context() as patch:
+        clock = Clock(patch)
+        display, _ = shown()
+        display.begin(bursts * workers * batch, 0)
+        end = clock.now + start + sum(cost * each for each in uneven[:bursts])
+        clock.now += start
+        for burst in range(bursts - 1):
+            clock.now += cost * uneven[burst]
+            for _ in range(workers):
+                display.advance(DONE[0] * batch)
+            if burst + 1 >= max(3, bursts / 10):
+                said = display.seconds_left()
+                assert said is not None
+                assert 0.5 <= said / (end - clock.now) <= 2
+
+
+def test_setting_up_is_said_without_a_terminal(clock: Clock) -> None:
+    display, out = shown(live=False)
+    display.remind()
+    assert out.getvalue() == ""
+    clock.now += 11
+    display.remind()
+    display.remind()
+    assert out.getvalue() == "compiling models, starting workers\n"
+    display.begin(100, 0)
+    clock.now += 11
+    display.remind()
+    assert out.getvalue().splitlines()[1:] == ["░" * 24 + " 0 of 100"]

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from contactlab.measure.amounts import part_of, times
+from contactlab.measure.amounts import amount, part_of
 
 
 @pytest.mark.parametrize(
@@ -24,7 +24,7 @@ def test_ratios_are_said_in_words(ratio: float, said: str) -> None:
 
 @given(st.floats(1e-4) | st.just(math.nan))
 def test_no_ratio_is_said_with_more_than_seven_digits(ratio: float) -> None:
-    for said in (part_of(ratio), times(ratio)):
+    for said in (part_of(ratio), amount(ratio)):
         assert len(re.findall(r"[0-9]", said)) <= 7
         assert "e+" not in said
         assert "nan" not in said

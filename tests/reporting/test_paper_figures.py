@@ -66,7 +66,8 @@ def test_other_widths_are_refused(width: str) -> None:
 def test_the_list_says_what_would_be_written(swept: Swept) -> None:
     data = read_report_data(swept("bounce"))
     files, missing = figure_files(data, ("svg",))
-    listed = figure_list(data)
-    assert [name for name, _, _ in listed] == [*FIGURES]
-    assert {name: why for name, _, why in listed if why} == missing
-    assert {f"{name}.svg" for name, _, why in listed if not why} == files.keys()
+    listed = dict(figure_list(data))
+    assert [*listed] == [*FIGURES]
+    for name, said in listed.items():
+        assert said == (f"none: {missing[name]}" if name in missing else FIGURES[name])
+    assert {f"{name}.svg" for name in listed.keys() - missing.keys()} == files.keys()

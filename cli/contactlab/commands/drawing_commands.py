@@ -7,7 +7,7 @@ import typer
 
 from contactlab.commands import options as opt
 from contactlab.commands.terminal import echo, print_table, say
-from contactlab.errors import OutputError
+from contactlab.errors import OutputError, optional
 
 if TYPE_CHECKING:
     from contactlab.pareto.criteria import Criteria
@@ -69,12 +69,13 @@ def report(
 def _figures(
     store: "Store", folder: Path, formats: list[str], criteria: "Criteria", width: str | None
 ) -> None:
-    from contactlab.reporting.report import list_figures, write_figures
+    from contactlab.plugins import extensions
+    from contactlab.reporting.report import read_report_data, write_figures
 
     if folder == Path("list"):
-        rows = [
-            (name, f"none: {w}" if w else what) for name, what, w in list_figures(store, criteria)
-        ]
+        with optional("figures", "a report"):
+            figure_list = extensions("page")["figure-list"].load()
+        rows = figure_list(read_report_data(store, criteria))
         print_table(("figure", "what it shows"), rows)
         return
     written, missing = write_figures(store, folder, formats, criteria, width)

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from contactlab.studies.session import Session
 
 _QUIET_SECONDS = 10.0
-# Rates are those of the last half minute, and not shown in the first second.
+# Rates are those of the last half minute, or half of the time, and not shown in the first second.
 _RECENT_SECONDS = 30.0
 _LEAST_SECONDS = 1.0
 _BAR = 24
@@ -211,17 +211,20 @@ class ProgressDisplay:
     def __init__(self, console: Console, *, live: bool) -> None:
         self._console = console
         self._live = live
-        self._total = self._done = 0
-        self._labels: Counter[str] = Counter()
-        self._recent: deque[tuple[float, int]] = deque()
         self._printed = time.monotonic()
+        self._count(0, 0)
+
+    def _count(self, total: int, done: int) -> None:
+        self._total, self._done, self._stored = total, done, done
+        self._labels: Counter[str] = Counter()
+        self._began = self._first = time.monotonic()
+        # Without the time in which workers start: from when the first runs finished.
+        self._recent: deque[tuple[float, int]] = deque()
 
     def begin(self, total: int, done: int) -> None:
         """Start to count: of so many runs in total, some are done already."""
-        self._total, self._done = total, done
-        self._labels = Counter()
-        self._printed = time.monotonic()
-        self._recent = deque([(self._printed, done)])
+        self._count(total, done)
+        self._printed = self._began
         if done:
             self._console.print(f"{done:,} of {total:,} runs are stored already", highlight=False)
 
@@ -230,6 +233,13 @@ class ProgressDisplay:
         self._done += len(finished)
         for each in finished:
             self._labels[each.label] += 1
+        if not self._recent:
+            self._first = time.monotonic()
+            self._recent.append((self._first, self._done))
+        self.remind()
+
+    def remind(self) -> None:
+        """Print a plain line where no terminal shows one, if the last one is ten seconds ago."""
         if not self._live and time.monotonic() - self._printed > _QUIET_SECONDS:
             self._printed = time.monotonic()
             self._console.print(self.line(), soft_wrap=True)
@@ -238,25 +248,35 @@ class ProgressDisplay:
         """Return the current state as one line: bar, counts, rate, time left, labels."""
         if not self._total:
             return Text("compiling models, starting workers", "dim")
-        filled, rate = _BAR * self._done // self._total, self._rate()
+        filled, left = _BAR * self._done // self._total, self.seconds_left()
         line = Text(no_wrap=True, overflow="ellipsis")
         line.append("█" * filled, "green").append("░" * (_BAR - filled), "dim")
         line.append(f" {self._done:,} of {self._total:,}")
-        if rate:
-            left = _format_time((self._total - self._done) / rate)
-            line.append(f"  {f'{rate:,.0f}' if rate >= 10 else f'{rate:.2g}'}/s  {left} left")
+        if left is not None:
+            rate = self._rate()
+            shown = f"{rate:,.0f}" if rate >= 10 else f"{rate:.2g}"
+            line.append(f"  {shown}/s  {_format_time(left)} left")
         # Drawn by a thread of its own: a copy, since a new label may come meanwhile.
         for label, count in Counter(dict(self._labels)).most_common(_MOST_LABELS):
             line.append("  ").append(in_one_line(label), label_style(label)).append(f" {count:,}")
         return line
 
+    def seconds_left(self) -> float | None:
+        """Return how long all that is left takes at the recent rate [s]; None without one."""
+        rate = self._rate()
+        return (self._total - self._done) / rate if rate else None
+
     def _rate(self) -> float:
         """Return the recent rate of runs [1/s]; 0 if it is not known yet."""
         now, recent = time.monotonic(), self._recent
-        recent.append((now, self._done))
-        while len(recent) > 2 and recent[1][0] < now - _RECENT_SECONDS:
-            recent.popleft()
-        start, before = recent[0]
+        start, before = self._began, self._stored
+        if recent and now - self._first >= _LEAST_SECONDS:
+            recent.append((now, self._done))
+            while len(recent) > 2 and recent[1][0] < now - max(
+                _RECENT_SECONDS, (now - self._first) / 2
+            ):
+                recent.popleft()
+            start, before = recent[0]
         return (self._done - before) / (now - start) if now - start >= _LEAST_SECONDS else 0.0
 
 
@@ -265,11 +285,21 @@ def progress_display() -> Generator[ProgressDisplay]:
     """Yield a display on stderr: live on a terminal, else a plain line every ten seconds."""
     console = Console(stderr=True)
     display = ProgressDisplay(console, live=console.is_terminal)
-    if not console.is_terminal:
-        yield display
+    if console.is_terminal:
+        with Live(console=console, get_renderable=display.line, transient=True):
+            yield display
         return
-    with Live(console=console, get_renderable=display.line, transient=True):
+    ended = threading.Event()
+
+    def remind() -> None:
+        while not ended.wait(_QUIET_SECONDS / 4):
+            display.remind()
+
+    threading.Thread(target=remind, daemon=True).start()
+    try:
         yield display
+    finally:
+        ended.set()
 
 
 def _format_time(seconds: float) -> str:

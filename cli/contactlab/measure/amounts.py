@@ -8,17 +8,12 @@ def amount(number: float) -> str:
     if not math.isfinite(number):
         return "beyond all numbers"
     if abs(number) >= 1e6:
-        return "more than a million" if number > 0 else "less than minus a million"
+        return "more than a million"
     return f"{number:,.0f}" if abs(number) >= 100 else f"{number:.3g}"
-
-
-def times(ratio: float) -> str:
-    """Return how many times something is as much, as in `4,618 times`."""
-    return f"{amount(ratio)} times" if math.isfinite(ratio) else amount(ratio)
 
 
 def part_of(ratio: float) -> str:
     """Return how much of something, which follows: `12% of`, `4,618 times`, `2e-07 of`."""
     if not abs(ratio) < 1:
-        return times(ratio)
+        return f"{amount(ratio)} times" if math.isfinite(ratio) else amount(ratio)
     return f"{ratio:.2g} of" if abs(ratio) < 1e-4 else f"{100 * ratio:.3g}% of"

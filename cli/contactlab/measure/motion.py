@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import DISTANCE, FORCE, Floats, squared_lengths, sum_of_slots
 from contactlab.contact.trace_setup import FreeBody
-from contactlab.measure.amounts import part_of, times
+from contactlab.measure.amounts import part_of
 from contactlab.measure.context import (
     Context,
     cached,
@@ -205,7 +205,7 @@ def energy_injection(runs: MeasuredRuns) -> Found:
         reason = f"energy rose by {part_of(gain)} that at the start (limit {limit:.3g})"
         yield run, Finding(reason, first_step(risen))
     for run, ratio, limit in runs.over("speed_ratio"):
-        reason = f"a body moved {times(ratio)} as fast as the energy at the start allows"
+        reason = f"a body moved {part_of(ratio)} as fast as the energy at the start allows"
         bodies = ((each, _speed_bound(context, each)) for each in context.setup.free_bodies)
         fast = [
             squared_lengths(context.velocity(each))[run] > (limit * most[run]) ** 2

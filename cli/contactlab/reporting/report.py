@@ -101,15 +101,6 @@ def write_page(store: Store, target: Path, request: PageRequest = _DEFAULT_PAGE)
     return notes
 
 
-def list_figures(
-    store: Store, criteria: Criteria = _DEFAULT_CRITERIA
-) -> list[tuple[str, str, str]]:
-    """Return the name of each figure, what it shows, and why the store has none or nothing."""
-    with optional("figures", "a report"):
-        figure_list = extensions("page")["figure-list"].load()
-    return figure_list(read_report_data(store, criteria))
-
-
 def write_figures(
     store: Store,
     folder: Path,

@@ -10,7 +10,6 @@ from functools import lru_cache
 from io import BytesIO
 from operator import itemgetter
 from pathlib import Path
-from types import MappingProxyType
 
 import numpy as np
 from mcap.reader import SeekingReader
@@ -148,7 +147,7 @@ def copy_trace(
     source: Path,
     target: Path,
     added: Sequence[AddedChannel],
-    schemas: Mapping[str, bytes] = MappingProxyType({}),
+    schemas: Mapping[str, bytes],
 ) -> None:
     """Write a sound trace file again with further channels; its own messages keep their bytes.
 
