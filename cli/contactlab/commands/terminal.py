@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from contactlab.studies.session import Session
 
 _QUIET_SECONDS = 10.0
+_LOOK_SECONDS = 2.5
 # Rates are those of the last half minute, or half of the time, and not shown in the first second.
 _RECENT_SECONDS = 30.0
 _LEAST_SECONDS = 1.0
@@ -292,7 +293,7 @@ def progress_display() -> Generator[ProgressDisplay]:
     ended = threading.Event()
 
     def remind() -> None:
-        while not ended.wait(_QUIET_SECONDS / 4):
+        while not ended.wait(_LOOK_SECONDS):
             display.remind()
 
     threading.Thread(target=remind, daemon=True).start()
