@@ -69,6 +69,17 @@ def default_map(data: ReportData) -> Spec | None:
     return themed(label_map(data.map_axes, data.labels, boundary=boundary).to_dict())
 
 
+def metric_map(data: ReportData, name: str) -> Spec | None:
+    """Return the map of the worst values of a metric; None without axes, or values."""
+    axes = data.map_axes
+    for each in data.quantities_named(name):
+        if axes is not None:
+            values = cell_statistic(axes, each, "worst")
+            title, resolution = f"worst {each.title}", each.column.resolution
+            return themed(number_map(axes, values, title, resolution).to_dict())
+    return None
+
+
 def label_rows(counts: NDArray[np.int64], labels: RunLabels) -> tuple[Rows, Rows]:
     """Return the pieces of each cell, as wide as their fraction of runs, and their letters.
 

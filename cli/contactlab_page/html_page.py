@@ -26,10 +26,12 @@ from contactlab.schema.pair_expectation import PairExpectation
 from contactlab.schema.sweep_schema import Sweep
 from contactlab.store.finished_store import Store
 from contactlab.store.verify_store import trace_warning
-from contactlab_page.heatmap import compare_with_baseline, default_map
+from contactlab_page.header_films import header_films
+from contactlab_page.heatmap import compare_with_baseline, default_map, metric_map
 from contactlab_page.page_charts import KnobChange, knob_changes, tradeoff_chart
 from contactlab_page.page_content import listed_metrics, page_colours, page_content
 from contactlab_page.paper_figures import physical_figures
+from contactlab_page.sentences import closest_runs, reality_sentence, tradeoff_sentence
 
 _PACKAGE = __name__.rpartition(".")[0]
 _MOST_UNEXPECTED = 50
@@ -64,6 +66,7 @@ def html_page(store: Store, request: PageRequest) -> tuple[str, tuple[str, ...]]
     wanted = report.recommendation.configuration if report and report.recommendation else None
     outcomes = report.configurations if report else ()
     changes = knob_changes(data.axes, data.labels, data.quantities)
+    first, has_reality = first_look(data), bool(data.quantities_named("reality"))
     text = environment.get_template("page.html").render(
         number=lambda value: "-" if value is None else f"{value:.3g}",
         with_unit=number_with_unit,
@@ -81,7 +84,14 @@ def html_page(store: Store, request: PageRequest) -> tuple[str, tuple[str, ...]]
         expectations=expectations(data.store.manifest),
         unexpected=unexpected_runs(data.store),
         finding=finding(data.axes, data.labels),
-        first=first_look(data),
+        first=first,
+        films=header_films(data, first[0] if first else None) if request.traces else [],
+        tradeoff_sentence=tradeoff_sentence(report) if report else "",
+        reality=reality_sentence(data) if has_reality else "",
+        closest=closest_runs(data) if has_reality else ([], []),
+        reality_map=static_svg(metric_map(data, "reality"), "Distance to the recording")
+        if has_reality
+        else "",
         listed=listed_runs(data),
         short=lambda settings, names: ", ".join(
             f"{name} {setting_text(settings[name])}" for name in names

@@ -11,14 +11,13 @@ from contactlab.charts import Rows, Spec, layer_of, themed, word_colours
 from contactlab.contact.contact_laws import damping_ratio, restitution_of, sticking_speed
 from contactlab.contact.trace_arrays import LINEAR_VELOCITY, STICK, Floats
 from contactlab.palette import COLOURS, INK, SHAPES
-from contactlab.reporting.map_cells import cell_statistic
 from contactlab.reporting.report import ReportData
 from contactlab.reporting.report_columns import GridAxis
 from contactlab.reporting.run_series import decimated, qpos_entries
 from contactlab.schema.evidence import EvidenceRecord
 from contactlab.store.finished_store import Store
 from contactlab.store.mcap.trace_reader import StoredPair, StoredTrace
-from contactlab_page.heatmap import Layered, default_map, number_map
+from contactlab_page.heatmap import Layered, default_map, metric_map
 from contactlab_page.page_charts import change_panels, knob_changes, tradeoff_chart
 from contactlab_page.paper_size import parse_width, render_at
 
@@ -277,9 +276,10 @@ def figure_list(data: ReportData) -> list[tuple[str, str]]:
 def figure_specs(data: ReportData) -> dict[str, Spec | str]:
     """Return the specification of each figure, by name, or why a store has none."""
     physical = physical_figures(data)
+    error_map = metric_map(data, data.tradeoff.error.name) if data.tradeoff else None
     return {
         "labels": default_map(data) or "the runs differ in no axis",
-        "error": _error_map(data) or data.no_tradeoff or "the runs differ in no axis",
+        "error": error_map or data.no_tradeoff or "the runs differ in no axis",
         "work-precision": tradeoff_chart(data) or data.no_tradeoff or "nothing was timed",
         "bounces": physical["Height over time"] or _NO_BOUNCE,
         "cone": physical["Impacts and the friction cone"] or _NO_CONE,
@@ -295,16 +295,6 @@ def physical_figures(data: ReportData) -> dict[str, Spec | None]:
         "Height over time": themed(bounce_panels(bouncing)) if bouncing else None,
         "Impacts and the friction cone": themed(cone_panel(impacts)) if impacts else None,
     }
-
-
-def _error_map(data: ReportData) -> Spec | None:
-    if data.map_axes is None or data.tradeoff is None:
-        return None
-    for error in data.quantities_named(data.tradeoff.error.name):
-        values = cell_statistic(data.map_axes, error, "worst")
-        title, resolution = f"worst {error.title}", error.column.resolution
-        return themed(number_map(data.map_axes, values, title, resolution).to_dict())
-    return None
 
 
 def _effects(data: ReportData) -> Spec | None:
