@@ -158,7 +158,7 @@ def render_chart(spec: Spec, form: str, scale: float = 1.0) -> bytes:
     written = io.BytesIO()
     with pikepdf.open(io.BytesIO(pdf)) as opened:
         for page in opened.pages if scale != 1 else ():
-            page.mediabox = [float(each) * scale for each in page.mediabox.as_list()]
+            page.mediabox = pikepdf.Array([float(each) * scale for each in page.mediabox.as_list()])
             page.contents_add(f"q {scale:.9f} 0 0 {scale:.9f} 0 0 cm".encode(), prepend=True)
             page.contents_add(b"Q")
         opened.save(written, deterministic_id=True)

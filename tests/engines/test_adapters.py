@@ -67,8 +67,12 @@ TREE = """
 </mujoco>"""
 
 # The same without free and ball joints, and with a body for each joint.
-ARM = re.sub(r'<body name="flying".*?(?=<body name="arm")', "", TREE, flags=re.DOTALL)
-ARM = re.sub(r'<joint name="shift"[^>]*/>', "", ARM)
+ARM = re.sub(
+    r'<body name="flying".*?(?=<body name="arm")|<joint name="shift"[^>]*/>',
+    "",
+    TREE,
+    flags=re.DOTALL,
+)
 # A free body that turns about a centre of mass beside its origin, and joints off their references.
 THROWN = """
 <mujoco>
