@@ -8,7 +8,6 @@ import typer
 
 from contactlab.commands import options as opt
 from contactlab.commands.terminal import echo, progress_display, resumable, say
-from contactlab.comparison.checks import plural
 from contactlab.errors import (
     EngineError,
     ExpectationError,
@@ -97,6 +96,7 @@ def _panel(
 
 
 def _write_bundle(name: str, overrides: "Overrides", drive: str | None, folder: Path) -> None:
+    from contactlab.comparison.checks import plural
     from contactlab_parity.bundle import ENGINE, write_bundle
 
     panel = _panel(name, ENGINE, overrides, (), drive)

@@ -32,6 +32,8 @@ DISCRETISING: list[dict[str, Any]] = [
 MODELLING: list[dict[str, Any]] = [
     {"solref": (0.01, 1.0)},
     {"restitution": 0.5},
+    {"stiffness": 2e4},
+    {"depth_at_rest": 1e-3},
     {"solimp": (0.8, 0.9, 0.001, 0.5, 2.0)},
     {"cone": "elliptic"},
     {"impratio": 10.0},

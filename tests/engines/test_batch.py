@@ -53,6 +53,7 @@ OTHER: dict[str, Any] = {
     "friction.roll": 0.03,
     "condim": 6,
     "margin": 0.01,
+    **(AT_REST := {"stiffness": 2e4, "depth_at_rest": 1e-3}),
     "gap": 0.005,
 }
 FIELDS: dict[str, Any] = {
@@ -79,6 +80,8 @@ def test_every_parameter_is_tried() -> None:
 
 @pytest.mark.parametrize("name", PARAMETERS)
 def test_parameter(name: str, mixed: Scene, roll: Any) -> None:
+    if name in AT_REST:  # geoms of many pairs have no solref that gives it to each
+        mixed = Scene.open("box_slide")
     rolled = roll(mixed, [{}, {name: OTHER[name]}, {}], STEPS)
     rolled.assert_equals_loop(STEPS)
     assert rolled.rollout.steps == (STEPS, STEPS, STEPS)
@@ -154,7 +157,7 @@ def test_a_stack_that_falls_asleep(roll: Any) -> None:
 @st.composite
 def mixtures(draw: st.DrawFn) -> dict[str, Any]:
     pool = {**OTHER, **FIELDS, **{flag: draw(st.booleans()) for flag in SWITCHES}}
-    names = draw(st.lists(st.sampled_from(sorted(pool)), unique=True, max_size=8))
+    names = draw(st.lists(st.sampled_from(sorted({*pool} - {*AT_REST})), unique=True, max_size=8))
     return {name: pool[name] for name in names}
 
 

@@ -239,7 +239,8 @@ def test_every_parameter_arrives_exactly(tmp_path: Path) -> None:
         '<body><freejoint/><geom name="ball" size=".1"/></body></worldbody></mujoco>'
     )
     scene = Scene.open(str(tmp_path / "own.xml"))
-    assert {*SETTINGS} == {name for name in PARAMETERS if "." not in name} - {"restitution"}
+    words = {"restitution", "stiffness", "depth_at_rest"}  # which become solref and solimp
+    assert {*SETTINGS} == {name for name in PARAMETERS if "." not in name} - words
     written = compiled(write_model(scene, ModelEdits(SETTINGS), tmp_path / "out").path)
     for name, value in SETTINGS.items():
         if name in CONTACT:
