@@ -8,6 +8,7 @@ import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from contactlab.charts import static_svg, vega_bundle
+from contactlab.comparison.checks import format_percent
 from contactlab.pareto.criteria import RECORDED
 from contactlab.pareto.recommendation import (
     blocker_texts,
@@ -26,12 +27,14 @@ from contactlab.schema.pair_expectation import PairExpectation
 from contactlab.schema.sweep_schema import Sweep
 from contactlab.store.finished_store import Store
 from contactlab.store.verify_store import trace_warning
+from contactlab_page.engine_parts import engine_parts, engines_sentence
 from contactlab_page.header_films import header_films
 from contactlab_page.heatmap import compare_with_baseline, default_map, metric_map
 from contactlab_page.page_charts import KnobChange, knob_changes, tradeoff_chart
 from contactlab_page.page_content import listed_metrics, page_colours, page_content
 from contactlab_page.paper_figures import physical_figures
 from contactlab_page.sentences import closest_runs, reality_sentence, tradeoff_sentence
+from contactlab_parity.formats import HEADER, about, row, shown
 
 _PACKAGE = __name__.rpartition(".")[0]
 _MOST_UNEXPECTED = 50
@@ -67,6 +70,8 @@ def html_page(store: Store, request: PageRequest) -> tuple[str, tuple[str, ...]]
     outcomes = report.configurations if report else ()
     changes = knob_changes(data.axes, data.labels, data.quantities)
     first, has_reality = first_look(data), bool(data.quantities_named("reality"))
+    engines = engine_parts(data, request.parity)
+    parity = engines.parity if engines else None
     text = environment.get_template("page.html").render(
         number=lambda value: "-" if value is None else f"{value:.3g}",
         with_unit=number_with_unit,
@@ -92,6 +97,12 @@ def html_page(store: Store, request: PageRequest) -> tuple[str, tuple[str, ...]]
         reality_map=static_svg(metric_map(data, "reality"), "Distance to the recording")
         if has_reality
         else "",
+        engines=engines,
+        engines_sentence=engines_sentence(engines) if engines else "",
+        percent=format_percent,
+        parity_about=list(about(parity)) if parity else [],
+        parity_header=HEADER,
+        parity_rows=[(each.run_id, row(each)) for each in shown(parity)] if parity else [],
         listed=listed_runs(data),
         short=lambda settings, names: ", ".join(
             f"{name} {setting_text(settings[name])}" for name in names

@@ -121,10 +121,8 @@ def _engine(name: str, device: str) -> "SimulationEngine":
     from contactlab.engines.adapted_engine import AdaptedEngine
 
     engine = find_engine(name)
-    if not engine.version:
-        raise EngineError(
-            f"the {name} engine is not installed; do so once with `contactlab engines add {name}`"
-        )
+    if isinstance(engine, AdaptedEngine) and engine.absence:
+        raise EngineError(engine.absence)
     if not device:
         return engine
     if not isinstance(engine, AdaptedEngine):

@@ -9,16 +9,15 @@ from contactlab_parity.parity_report import ParityReport, RunParity
 
 _WORDS = {"failed": "FAIL", "skipped": "SKIP", "warned": "WARN", "noted": "note", "passed": "ok"}
 _MOST_RUNS = 40
-_ORDER = ("failed", "refused", "different", "ambiguous", "within floor", "same")
 _NUMBERS = ("position", "floor", "repeat", "one step")
-_HEADER = ("run", "verdict", "first difference", *_NUMBERS, "settings")
+HEADER = ("run", "verdict", "first difference", *_NUMBERS, "settings")
 
 
 def as_text(report: ParityReport) -> str:
     """Return a report as plain text: headline, checks, closed form, and runs, the worst first."""
-    lines = [report.headline, "", *(f"  {each}" for each in _about(report)), ""]
+    lines = [report.headline, "", *(f"  {each}" for each in about(report)), ""]
     checks = [(_WORDS[each.outcome], each.name, each.full_message) for each in report.checks]
-    lines += [*_columns(checks), "", *_columns([_HEADER, *map(_row, _shown(report))])]
+    lines += [*_columns(checks), "", *_columns([HEADER, *map(row, shown(report))])]
     more = len(report.runs) - _MOST_RUNS
     lines += [f"and {more} more runs, which --format json lists"] if more > 0 else []
     return "\n".join(in_one_line(line).rstrip() for line in lines) + "\n"
@@ -26,20 +25,20 @@ def as_text(report: ParityReport) -> str:
 
 def _columns(rows: Sequence[Sequence[str]]) -> Iterator[str]:
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    for row in rows:
-        yield "  ".join(f"{each:{width}}" for each, width in zip(row, widths, strict=True))
+    for cells in rows:
+        yield "  ".join(f"{each:{width}}" for each, width in zip(cells, widths, strict=True))
 
 
 def as_markdown(report: ParityReport) -> str:
     """Return a report as Markdown, for the summary of a job."""
     lines = [f"### {in_markdown(report.headline)}", ""]
-    lines += [f"- {in_markdown(each)}" for each in _about(report)]
+    lines += [f"- {in_markdown(each)}" for each in about(report)]
     lines += ["", "| | check | result |", "|---|---|---|"]
     for each in report.checks:
         cells = (_WORDS[each.outcome], each.name, each.full_message)
         lines.append(f"| {' | '.join(map(in_markdown, cells))} |")
-    lines += ["", f"| {' | '.join(_HEADER)} |", "|---" * len(_HEADER) + "|"]
-    lines += [f"| {' | '.join(map(in_markdown, _row(each)))} |" for each in _shown(report)]
+    lines += ["", f"| {' | '.join(HEADER)} |", "|---" * len(HEADER) + "|"]
+    lines += [f"| {' | '.join(map(in_markdown, row(each)))} |" for each in shown(report)]
     return "\n".join(lines) + "\n"
 
 
@@ -57,7 +56,8 @@ def as_junit(report: ParityReport) -> str:
     return junit(f"contactlab parity {report.sweep} --against {report.engine}", cases)
 
 
-def _about(report: ParityReport) -> Iterator[str]:
+def about(report: ParityReport) -> Iterator[str]:
+    """Yield what was compared with what, and who is off where the scene has a closed form."""
     where = f" on {report.device}" if report.device else ""
     changed = f", with {', '.join(report.changes)}" if report.changes else ""
     yield (
@@ -65,16 +65,17 @@ def _about(report: ParityReport) -> Iterator[str]:
         f"{report.version}{where}{changed}"
     )
     if form := report.closed_form:
-        off = {"mujoco": "MuJoCo is", "engine": f"{report.engine} is"}.get(
-            form.off, f"{form.off} is"
-        )
+        off = {
+            "mujoco": "MuJoCo is", "engine": f"{report.engine} is", "both": "both are",
+            "neither": "neither is",
+        }[form.off]  # fmt: skip
         yield (
             f"closed form: MuJoCo is within {form.mujoco:.3g}, {report.engine} within "
             f"{form.engine:.3g}; {off} off"
         )
 
 
-def _shown(report: ParityReport) -> list[RunParity]:
+def shown(report: ParityReport) -> list[RunParity]:
     """Return the runs that a table shows, the worst first."""
     order = ["failed", "refused", "different", "ambiguous", "within floor", "same"]
     ranked = sorted(
@@ -83,7 +84,8 @@ def _shown(report: ParityReport) -> list[RunParity]:
     return ranked[:_MOST_RUNS]
 
 
-def _row(run: RunParity) -> tuple[str, ...]:
+def row(run: RunParity) -> tuple[str, ...]:
+    """Return the cells of a run in a table, as HEADER names them."""
     numbers = [
         "" if each is None else f"{each:.2g}"
         for each in (run.position, run.floor, run.repeat, run.step)

@@ -260,10 +260,11 @@ def _conclusion(checks: Sequence[Check], runs: Sequence[RunParity], name: str) -
         each.is_open for each in checks
     ):
         return StoreError.exit_code, f"{name} cannot be compared: {counted}"
+    fail = "fails" if len(failed) == 1 else "fail"
     if failed:
         return (
             ExpectationError.exit_code,
-            f"{name} differs: {plural(len(failed), 'check')} fail; {counted}",
+            f"{name} differs: {plural(len(failed), 'check')} {fail}; {counted}",
         )
     return 0, f"{name} does what MuJoCo does: {counted}"
 

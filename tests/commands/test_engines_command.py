@@ -69,3 +69,14 @@ def test_what_is_no_engine_is_named(contactlab: Any, cache: Path) -> None:
     here = contactlab("engines", "add", "mujoco")
     assert (here.code, "is here" in here.out) == (0, True)
     assert not cache.exists()
+
+
+def test_what_is_refused_is_listed_with_the_reason_and_not_set_up(
+    contactlab: Any, cache: Path
+) -> None:
+    assert versions(contactlab)["sapien"] == "refused"
+    assert "no MJCF" in contactlab("engines").out
+    for command in (("engines", "add", "sapien"), ("parity", "slide", "--against", "sapien")):
+        refused = contactlab(*command)
+        assert (refused.code, "no MJCF" in refused.err) == (2, True)
+    assert not cache.exists()

@@ -2,6 +2,7 @@
 
 import importlib.util
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,11 +11,15 @@ import numpy as np
 import pytest
 
 from contactlab.engines.adapted_engine import adapted_engines
+from contactlab.engines.engine import PreparedRuns
+from contactlab.plan.overrides import Overrides
 from contactlab.resources import ADAPTERS
 from contactlab.run.sweep_request import read_request
 from contactlab.run.sweep_runner import run_sweep
+from contactlab.scene.resolution import ResolvedRun
 from contactlab.schema.evidence import EvidenceRecord
 from contactlab.store.finished_store import Store
+from contactlab_parity.panel import Panel, roll_out
 
 ENGINES = {each.name: each for each in adapted_engines()}
 BALL = """
@@ -162,6 +167,39 @@ def test_worlds_of_one_launch_have_their_own_parameters(tmp_path: Path) -> None:
     # Single precision resolves 6e-8 of .4 m, in each of 300 steps at most.
     assert max(far for _, far in found) < 300 * 6e-8 * 0.4
     assert len({round(ours.metrics["slip_distance"] or 0, 4) for ours, _ in found}) == 4
+
+
+MANY = """
+version: 1
+scene: gripping_pad
+sample: {method: random, n: 24, seed: 3}
+axes:
+  timestep: {uniform: [0.001, 0.002]}
+  friction.slide: {uniform: [0.1, 1.0]}
+  solref.timeconst: {uniform: [0.01, 0.03]}
+  solimp.dmin: {uniform: [0.8, 0.94]}
+  mass: {uniform: [0.1, 0.4]}
+  squeeze: {uniform: [0.001, 0.004]}
+"""
+
+
+@pytest.mark.slow
+@installed("warp")
+def test_a_world_among_many_is_that_world_alone(tmp_path: Path) -> None:
+    """Not a bit of it depends on where it is, or on the worlds beside it, of other parameters."""
+    (tmp_path / "many.yaml").write_text(MANY)
+    panel = Panel.read(tmp_path / "many.yaml", "warp", Overrides(), (), None)
+    runs = [replace(each.ours, duration=60 * each.ours.timestep) for each in panel.runs]
+    engine = ENGINES["warp"].on("cpu")
+
+    def rolled(*some: ResolvedRun) -> np.ndarray:
+        return roll_out(engine, PreparedRuns.of(panel.scene, *some)).state[:, :, 1:].copy()
+
+    many = rolled(*runs)
+    assert (rolled(*runs[::-1])[::-1] == many).all()
+    assert (np.concatenate([rolled(each) for each in runs[:4]]) == many[:4]).all()
+    # They do differ, all of them, or else nothing could leak.
+    assert len(np.unique(many[:, -1], axis=0)) == 24
 
 
 @pytest.mark.slow

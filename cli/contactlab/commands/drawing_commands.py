@@ -34,6 +34,9 @@ def report(
         metavar="STORE",
         help="Store to compare with, as `contactlab compare` does.",
     ),
+    parity: Path | None = opt.option(
+        "FILE", "Report of `contactlab parity --format json` to show beside the store."
+    ),
     figures: Path | None = opt.option(
         "FOLDER|list", "Write figures into this folder instead of a page; or list them."
     ),
@@ -54,7 +57,7 @@ def report(
         _figures(opened, figures, formats.split(","), criteria, width)
         return
     against = Store.open(baseline) if baseline else None
-    request = PageRequest(criteria, _count(traces), int(max_mb * 1e6), against)
+    request = PageRequest(criteria, _count(traces), int(max_mb * 1e6), against, parity)
     page = target or opt.beside(store, ".html")
     if page.is_dir() or page.suffix not in {".html", ".htm"}:
         raise OutputError(f"{page}: write a name that ends in .html")

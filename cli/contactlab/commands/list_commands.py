@@ -7,7 +7,7 @@ import typer
 
 from contactlab.commands import options as opt
 from contactlab.commands.terminal import echo, print_rows, say
-from contactlab.errors import OutputError, SweepFileError, did_you_mean
+from contactlab.errors import EngineError, OutputError, SweepFileError, did_you_mean
 
 _SUFFIX = ".schema.json"
 
@@ -163,8 +163,16 @@ def list_engines(context: typer.Context, output: opt.TableFormat = opt.FORMAT) -
     if context.invoked_subcommand is not None:
         return
     from contactlab.engines import ENGINES
+    from contactlab.engines.adapted_engine import AdaptedEngine
 
-    rows = [(each.name, each.version or "not installed", each.summary) for each in ENGINES.values()]
+    known = ENGINES.values()
+    why = {each.name: each.refused for each in known if isinstance(each, AdaptedEngine)}
+    rows = [
+        (each.name, "refused", f"{each.summary}: {why[each.name]}")
+        if why.get(each.name)
+        else (each.name, each.version or "not installed", each.summary)
+        for each in known
+    ]
     print_rows(output, ("engine", "version", "what computes"), rows)
     say("more by `contactlab engines add NAME`")
 
@@ -177,6 +185,8 @@ def add(name: str = typer.Argument(help="Engine to install.")) -> None:
     from contactlab.run.mujoco_environment import make_environment
 
     engine = find_engine(name)
+    if isinstance(engine, AdaptedEngine) and engine.refused:
+        raise EngineError(engine.absence)
     if not isinstance(engine, AdaptedEngine) or engine.version:
         echo(f"{name} {engine.version} is here")
         return

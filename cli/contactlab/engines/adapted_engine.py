@@ -7,7 +7,8 @@ runs where it is: of n runs of N steps it returns the arrays `state` (n, N + 1, 
 `sensors` (n, N, nsensordata), `cost` (n,) [s], and, if it has such, `iterations` of its solver
 (n, N), `contactfull` and `cnstrfull` (n,): that memory was short. If it has `forward(request,
 tick)`, that returns (n) quantities of the n starts, named as in MuJoCo's data. DEVICES are the
-words that the request's `device` may be, which is else empty.
+words that the request's `device` may be, which is else empty. REFUSED is of one that simulates
+nothing at all, and says why.
 """
 
 import os
@@ -80,17 +81,25 @@ class AdaptedEngine(SimulationEngine):
     def version(self) -> str:
         """The version that is installed; empty if none is."""
         folders = [str(each) for each in self.environment.glob("lib/python*/site-packages")]
-        found = distributions(name=self._adapter.PACKAGE, path=folders)
+        found = distributions(name=self._adapter.PACKAGE, path=folders) if folders else ()
         return next((each.version for each in found), "")
 
+    @property
+    def refused(self) -> str:
+        """Why its adapter simulates nothing at all; empty if it does."""
+        return getattr(self._adapter, "REFUSED", "")
+
+    @property
+    def absence(self) -> str:
+        """Why it is not here: it is refused, or not installed; empty if it is here."""
+        if self.refused:
+            return f"the {self.name} engine is refused: {self.refused}"
+        add = f"do so once with `contactlab engines add {self.name}`"
+        return "" if self.version else f"the {self.name} engine is not installed; {add}"
+
     def refusal(self, scene: Scene, run: ResolvedRun) -> str | None:
-        """Return why it cannot simulate a run: it is not installed, or what the adapter says."""
-        if not self.version:
-            return (
-                f"the {self.name} engine is not installed; do so once with "
-                f"`contactlab engines add {self.name}`"
-            )
-        return self.refusal_anywhere(scene, run)
+        """Return why it cannot simulate a run: it is not here, or what the adapter says."""
+        return self.absence or self.refusal_anywhere(scene, run)
 
     def refusal_anywhere(self, scene: Scene, run: ResolvedRun) -> str | None:
         """Return why it could not simulate a run if it were installed; None if it could."""
@@ -148,7 +157,7 @@ class AdaptedEngine(SimulationEngine):
     def _process(self) -> "_EngineProcess":
         python = self.environment / "bin" / "python"
         if not python.exists():
-            raise EngineError(f"the {self.name} engine is not installed in {self.environment}")
+            raise EngineError(self.absence)
         command = [str(python), "-P", str(SERVER), str(self._file)]
         return _EngineProcess(self.name, command)
 

@@ -30,13 +30,15 @@ class PageRequest:
     """What a page holds: the time series of some runs, and a comparison with any baseline.
 
     The criteria say which error stands for accuracy, and replace tolerances of the sweep. A page
-    that would be larger than `most_bytes` has aggregated cells in place of runs.
+    that would be larger than `most_bytes` has aggregated cells in place of runs. `parity` is a file
+    that `contactlab parity --format json` wrote.
     """
 
     criteria: Criteria = _DEFAULT_CRITERIA
     traces: int = 60
     most_bytes: int = 25_000_000
     baseline: Store | None = None
+    parity: Path | None = None
 
 
 @dataclass(frozen=True)
