@@ -7,7 +7,13 @@ from typing import TYPE_CHECKING, Literal
 import typer
 
 from contactlab.commands import options as opt
-from contactlab.commands.terminal import echo, progress_display, resumable, say
+from contactlab.commands.terminal import (
+    echo,
+    echo_commands,
+    progress_display,
+    resumable,
+    say,
+)
 from contactlab.errors import (
     EngineError,
     ExpectationError,
@@ -24,7 +30,7 @@ if TYPE_CHECKING:
     from contactlab_parity.parity_report import ParityReport, RunParity
     from contactlab_parity.sweep_parity import ParityRequest
 
-ParityFormat = Literal["text", "json", "markdown", "junit"]
+ParityFormat = Literal["text", "json", "markdown", "junit", "github"]
 
 
 def parity(
@@ -78,7 +84,8 @@ def parity(
                 raise StoppedError("stopped")
 
         report = run(request, lambda total: display.begin(total, 0), done)
-    echo(_rendered(report, output).removesuffix("\n"))
+    show = echo_commands if output == "github" else echo
+    show(_rendered(report, output).removesuffix("\n"))
     if report.exit_code == ExpectationError.exit_code:
         raise ExpectationError(report.headline)
     if report.exit_code:
@@ -138,7 +145,7 @@ def _policy(path: Path | None) -> "ComparePolicy":
 
 
 def _rendered(report: "ParityReport", output: ParityFormat) -> str:
-    from contactlab_parity.formats import as_junit, as_markdown, as_text
+    from contactlab_parity.formats import as_annotations, as_junit, as_markdown, as_text
 
     match output:
         case "text":
@@ -149,3 +156,5 @@ def _rendered(report: "ParityReport", output: ParityFormat) -> str:
             return as_markdown(report)
         case "junit":
             return as_junit(report)
+        case "github":
+            return as_annotations(report)

@@ -1,8 +1,8 @@
-"""A parity report as text, Markdown and JUnit XML."""
+"""A parity report as text, Markdown, JUnit XML and annotations of GitHub."""
 
 from collections.abc import Iterator, Sequence
 
-from contactlab.ci_output import junit, junit_case
+from contactlab.ci_output import annotations, junit, junit_case
 from contactlab.comparison.checks import format_settings
 from contactlab.printable import in_markdown, in_one_line
 from contactlab_parity.parity_report import ParityReport, RunParity
@@ -54,6 +54,20 @@ def as_junit(report: ParityReport) -> str:
         for each in report.checks
     ]
     return junit(f"contactlab parity {report.sweep} --against {report.engine}", cases)
+
+
+def as_annotations(report: ParityReport) -> str:
+    """Return the annotations of failed checks and of runs that differ, and warnings, of GitHub."""
+    told = {
+        outcome: [
+            f"{each.name}: {each.full_message}" for each in report.checks if each.outcome == outcome
+        ]
+        for outcome in ("failed", "warned")
+    }
+    runs = [each for each in shown(report) if each.verdict in {"different", "failed"}]
+    differing = [f"{format_settings(each.axes)}: {each.first or each.reason}" for each in runs]
+    title = f"contactlab parity {report.sweep} --against {report.engine}"
+    return annotations(title, [*told["failed"], *differing], told["warned"])
 
 
 def about(report: ParityReport) -> Iterator[str]:

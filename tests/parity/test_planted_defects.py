@@ -9,7 +9,7 @@ from jsonschema import Draft202012Validator
 
 from contactlab.errors import SweepFileError
 from contactlab.resources import SCHEMAS
-from contactlab_parity.formats import as_junit, as_markdown, as_text
+from contactlab_parity.formats import as_annotations, as_junit, as_markdown, as_text
 from contactlab_parity.parity_report import ParityReport
 
 Parity = Callable[..., ParityReport]
@@ -115,6 +115,11 @@ def test_every_format_tells_the_same_finding(parity: Parity) -> None:
     assert suite is not None
     failures = [case.get("name") for case in suite if case.find("failure") is not None]
     assert "stages agree" in failures
+    lines = as_annotations(report).splitlines()
+    assert {line.split("::")[1] for line in lines} == {
+        f"error title=contactlab parity panel --against {report.engine}"
+    }
+    assert any(told in line for line in lines)
 
 
 def test_the_published_schema_is_that_of_the_report() -> None:
