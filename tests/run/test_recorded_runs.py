@@ -83,6 +83,22 @@ def test_the_planted_friction_explains_the_recordings(sweeper: Any) -> None:
     assert errors[1.0] == pytest.approx(np.mean([row["reality"] for row in wrong]))
 
 
+@pytest.mark.parametrize("form", ["messages", "compact"])
+def test_a_trace_is_a_recording(sweeper: Any, planted: Path, form: str) -> None:
+    """A run is its own recording to the last bits; another friction is not."""
+    axes = "axes: {recorded_run: [11]}\n"
+    sweeper.run(f"version: 1\nscene: planted/\ntrace: all\ntrace_format: {form}\n{axes}", "once")
+    [trace] = (sweeper.folder / "once").rglob("*.mcap")
+    (planted / "own.mcap").write_bytes(trace.read_bytes())
+    (planted / "scene.yaml").write_text(
+        SCENE.replace("file: motion.csv, run: trial", "file: own.mcap")
+    )
+    sweeper.run(f"{SWEEP}axes: {{friction.slide: [1.0, {TRUE}]}}\n", "again")
+    own, other = (row["reality"] for row in sweeper.rows("again"))
+    assert own < 1e-12
+    assert other > 1e-2
+
+
 def test_runs_are_drawn_and_seeds_perturb_them(sweeper: Any, planted: Path) -> None:
     text = "axes: {recorded_run: {sample: 4, seed: 3}}\n"
     sweeper.run(SWEEP + text, "first")

@@ -193,12 +193,57 @@ def test_all_mistakes_are_told_at_once(tmp_path: Path) -> None:
     assert scene.recorded.numbers == (4, 5)
 
 
+def test_mistakes_of_every_kind_are_told_at_once(tmp_path: Path) -> None:
+    """Names, cells, norms, times, a row elsewhere, and how other runs rest, in one report."""
+    runs = [thrown(seed, 600) for seed in range(4)]
+    columns = {name: np.concatenate([run[name] for run in runs]) for name in runs[0]}
+    columns["run"] = np.repeat([0, 1, 2, 3], 600)
+    columns["brick.y"][5] = np.inf
+    columns["brick.qw"][700] *= 1.5
+    columns["time"][801:1200] += 0.1
+    columns["brick.x"][1250] += 0.3
+    columns["brick.z"][1800:] += 0.1
+    names = {name: name for name in [*POSE, *RATES]} | {"brick.v": "speed"}
+    text = refusal(tmp_path, columns, run="run", columns=names, leave_out=[7])
+    for part in (
+        "no column `speed`",
+        "column `brick.v` is no actuator, joint or body",
+        "no run to leave out: 7",
+        "no finite number in column `brick.y`: row 6 (run 0)",
+        "the quaternion of brick does not have the norm 1: row 701 (run 1)",
+        "rows are missing (others are 5 ms apart) after: row 801 (run 1)",
+        "brick is elsewhere in one row: row 1251 (run 2)",
+        "brick rests above what it may touch (another body, unit or frame): row 2400 (run 3)",
+        "another unit or frame, or leave it out; most after: row 1250 (run 2)",
+    ):
+        assert part in text
+    assert len(text.splitlines()) == 1 + 9
+
+
+def test_what_is_left_out_may_have_any_mistake(tmp_path: Path) -> None:
+    columns = thrown()
+    columns["run"] = np.repeat([0, 1], 150)
+    for name in ("time", "brick.x", "brick.qw", "brick.wx"):
+        columns[name] = np.where(np.arange(300) == 17, np.nan, columns[name])
+    scene = written(tmp_path, columns, run="run", leave_out=[0])
+    assert scene.recorded
+    assert scene.recorded.numbers == (1,)
+
+
+def test_a_bounce_is_no_row_elsewhere(tmp_path: Path) -> None:
+    """A ball that comes 6 cm nearer from row to row, and goes back as fast, is where it was."""
+    away = np.abs(np.arange(-60, 60)) * 0.06 + 0.05
+    columns = {"time": np.arange(120) / RATE, "brick.x": away, "brick.y": 0 * away}
+    scene = written(tmp_path, columns | {"brick.z": 0 * away + 9}, start={"time": 0.0})
+    assert scene.recorded
+
+
 def test_names_and_cells_are_told_at_once(tmp_path: Path) -> None:
     columns = thrown()
     columns["brick.x"] = np.where(np.arange(300) == 17, np.nan, columns["brick.x"])
     names = {**{name: name for name in POSE}, "cube.vx": "brick.vx", "brick.vy": "vy"}
     text = refusal(tmp_path, columns, columns=names)
-    for part in ("row 18 of column `brick.x`", "column `cube.vx` is no", "no column `vy`"):
+    for part in ("in column `brick.x`: row 18", "column `cube.vx` is no", "no column `vy`"):
         assert part in text
 
 
@@ -238,10 +283,11 @@ def test_joints_and_commands_of_an_arm(tmp_path: Path) -> None:
         mujoco.mj_step(model, data)
     names = ("timestamp", "observation.state", "action", "frame_index")
     columns: Columns = dict(zip(names, np.array(rows).T, strict=True))
-    columns["task"] = np.array(["swing"] * len(rows))  # as LeRobot has it
+    pictures = [{"path": "top.mp4", "timestamp": 0.1}] * len(rows)
+    unused = {"task": ["swing"] * len(rows), "top": pictures, "some": [[1], [1, 2]] * 250}
     scene = written(
         tmp_path,
-        columns,
+        columns | unused,
         ARM,
         time="timestamp",
         columns={"turn": "observation.state", "servo": "action"},

@@ -19,6 +19,7 @@ _OFF_NORM = 0.01  # what rounding leaves of a quaternion's norm, at most
 _BEYOND = 0.05  # share of its range by which a joint may be beyond it
 _FASTEST = 100.0  # speed that nothing recorded has [m/s or rad/s]
 _AGREE = 0.25  # share by which recorded velocities may differ from those of the poses
+_ALONE = 5  # how much more than before and after what jumps in one row only moves
 WINDOW = 10  # rows over which noise of single ones does not count
 _SHOWN = 3  # places of one kind of mistake that are named
 
@@ -28,7 +29,7 @@ class RecordedRows:
 
     `runs` are the rows of each run by its number, at `times` (R,) [s]; `qpos` (R, nq) and `qvel`
     (R, nv) have NaN for what is none of the `parts` that were recorded, and `inputs` (R,) commands
-    by index. After K rows, `within`, the same run goes on, at mean `rates` (K, nv).
+    by index. After the rows `within`, the same run goes on, at mean `rates` (R, nv).
     """
 
     def __init__(self, model: mujoco.MjModel, entry: Recording, table: RecordedTable) -> None:
@@ -40,22 +41,34 @@ class RecordedRows:
         joints = {model.joint(index).name for index in range(model.njnt)}
         named = {f"{name}.qpos" if name in joints else name: each for name, each in named.items()}
         found, self._mistakes = table.matched(model, named)
-        for key in keys:
-            if key not in table.columns or not np.isfinite(table.columns[key]).all():
-                self._mistakes.append(f"no column `{key}` of finite numbers")
-        self.refuse()
+        lacking = [table.lacks(key) for key in keys if key not in table.columns]
+        self._mistakes += lacking
+        if lacking:
+            self.refuse()
+        self._unsound = set[float]()
         self._sort(*(table.columns[each] for each in keys))
-        self.refuse()
-        self._take(found)
+        columns = {place: table.columns[each][self._order] for place, each in found.items()}
+        for column, values in (
+            (entry.time, self.times),
+            *zip(found.values(), columns.values(), strict=True),
+        ):
+            unknown = ~np.isfinite(values)
+            self.note(f"no finite number in column `{column}`", np.flatnonzero(unknown))
+            values[unknown] = np.nan
+        self._take(columns)
         self._convert()
         self._check_times()
-        self.refuse()
         self._check_velocities()
-        self.refuse()
+
+    @property
+    def sound(self) -> tuple[float, ...]:
+        """The runs in none of whose rows a mistake was found."""
+        return tuple(each for each in self.runs if each not in self._unsound)
 
     def note(self, what: str, rows: NDArray[np.intp]) -> None:
         """Note one kind of mistake, with the first of the rows that have it, if any."""
         if len(rows):
+            self._unsound.update(self._numbers[rows].tolist())
             run = self._entry.run
             shown = [
                 f"row {self._order[row] + 1}" + (f" ({run} {self._numbers[row]:g})" if run else "")
@@ -81,22 +94,27 @@ class RecordedRows:
         ids, first, counts = np.unique(self._numbers, return_index=True, return_counts=True)
         ends = (first + counts).tolist()
         self.runs = dict(zip(ids.tolist(), map(slice, first.tolist(), ends), strict=True))
-        self.note("the number of a run is not whole", np.flatnonzero(self._numbers % 1))
+        whole = np.isfinite(self._numbers) & (self._numbers == np.round(self._numbers))
+        self.note("the number of a run is not whole", np.flatnonzero(~whole))
+        if unknown := sorted(set(self._entry.leave_out) - set(numbers.tolist())):
+            self._mistakes.append(f"no run to leave out: {', '.join(map(str, unknown))}")
         if not self.runs:
             self._mistakes.append("it has no rows")
+            self.refuse()
 
-    def _take(self, found: dict[int, Floats]) -> None:
+    def _take(self, columns: dict[int, Floats]) -> None:
         """Take the columns of the state and of inputs."""
         model, first = self._model, part_starts(self._model)["ctrl"]
         state = np.full((len(self._order), first), np.nan)
         self.inputs = dict[int, Floats]()
-        for place, values in found.items():
+        for place, values in columns.items():
             if place < first:
-                state[:, place] = values[self._order]
+                state[:, place] = values
             else:
-                self.inputs[place - first] = values[self._order]
+                self.inputs[place - first] = values
         self.qpos, self.qvel = state[:, : model.nq], state[:, model.nq : model.nq + model.nv]
-        parts = [(part, np.isfinite(self.qpos[0, part.qpos])) for part in _parts(model)]
+        given = np.isin(np.arange(model.nq), list(columns))
+        parts = [(part, given[part.qpos]) for part in _parts(model)]
         self.parts = tuple(part for part, known in parts if known.all())
         for part, known in parts:
             if known.any() and not known.all():
@@ -133,7 +151,7 @@ class RecordedRows:
         self.note("the only row of a run", np.array(single, np.intp))
         steps = np.diff(self.times)[self.within]
         self.note("time does not increase after", self.within[steps <= 0])
-        usual = float(np.median(steps)) if len(steps) else 0.0
+        usual = float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
         what = f"rows are missing (others are {usual * 1e3:.3g} ms apart) after"
         self.note(what, self.within[steps > _GAP * usual])
         for part in self.parts:
@@ -146,35 +164,57 @@ class RecordedRows:
 
     def _check_velocities(self) -> None:
         """Find jumps, and recorded velocities that are not those of the poses; fill in others."""
-        self.rates = np.zeros((len(self.within), self._model.nv))
-        steps = np.diff(self.times)[self.within].tolist()
+        self.rates = np.full_like(self.qvel, np.nan)
+        steps = np.diff(self.times, append=np.nan)
         qpos = np.where(np.isnan(self.qpos), self._model.qpos0, self.qpos)
-        for rate, row, step in zip(self.rates, self.within.tolist(), steps, strict=True):
-            mujoco.mj_differentiatePos(self._model, rate, step, qpos[row], qpos[row + 1])
-        measured = (self.qvel[self.within] + self.qvel[self.within + 1]) / 2
+        for row in self.within[steps[self.within] > 0].tolist():
+            pair = qpos[row], qpos[row + 1]
+            mujoco.mj_differentiatePos(self._model, self.rates[row], steps[row], *pair)
+        measured = (self.qvel + np.roll(self.qvel, -1, axis=0)) / 2
         for part in self.parts:
             what = "angular velocity" if part.kind in ("turn", "hinge") else "velocity"
             rates = self.rates[:, part.qvel]
-            jumps = self.within[np.linalg.norm(rates, axis=1) > _FASTEST]
+            jumps = np.flatnonzero(np.linalg.norm(rates, axis=1) > _FASTEST)
             self.note(f"{part.joint} jumps, or is in another unit ({what}), after", jumps)
-            off, typical = map(_size, (measured[:, part.qvel] - rates, rates))
+            self.note(f"{part.joint} is elsewhere in one row", _alone(rates * steps[:, None], part))
+            apart = measured[:, part.qvel] - rates
+            off, typical = _size(apart), _size(rates)
             if off > _AGREE * typical:
-                self._mistakes.append(
+                most = np.nanargmax(np.linalg.norm(apart, axis=1))
+                self.note(
                     f"{part.joint}: its {what} is {off:.3g} off that of its poses, which is "
-                    f"{typical:.3g} (root mean squares): another unit or frame; or leave it out"
+                    f"{typical:.3g} (root mean squares): another unit or frame, or leave it out; "
+                    "most after",
+                    np.array([most]),
                 )
         total, count = np.zeros_like(self.qvel), np.zeros((len(self.qvel), 1))
         for rows in (self.within, self.within + 1):
-            total[rows] += self.rates
+            total[rows] += self.rates[self.within]
             count[rows] += 1
-        self.qvel = np.where(np.isnan(self.qvel), total / count, self.qvel)
+        self.qvel = np.where(np.isnan(self.qvel), total / np.maximum(count, 1), self.qvel)
 
 
 def _size(rates: Floats) -> float:
-    """Return the root mean square of rates (K, m), smoothed, as noise of poses grows with them."""
+    """Return the root mean square of rates (R, m), smoothed, as noise of poses grows with them.
+
+    Rows without a rate do not count.
+    """
+    rates = rates[np.isfinite(rates).all(axis=1)]
+    if not len(rates):
+        return 0.0
     window = np.ones(min(WINDOW, len(rates))) / WINDOW
     smooth = [np.convolve(column, window, "valid") for column in rates.T]
     return float(np.sqrt(np.square(smooth).sum(axis=0).mean()))
+
+
+def _alone(moved: Floats, part: RecordedPart) -> NDArray[np.intp]:
+    """Return rows to which a part comes from afar, and goes back; it moves by (R, m) after each."""
+    far = np.linalg.norm(moved, axis=1)
+    before, there, back, after = (far[k : len(far) - 3 + k] for k in range(4))
+    turned = (moved[1:-2] * moved[2:-1]).sum(axis=1) < -there * back / 2
+    least = np.minimum(there, back)
+    jumps = (least > _ALONE * np.maximum(before, after)) & (least > part.size / _ALONE)
+    return np.flatnonzero(turned & jumps) + 2
 
 
 def _parts(model: mujoco.MjModel) -> Iterator[RecordedPart]:

@@ -1,7 +1,7 @@
 """Recorded runs: how each starts, and what its simulation is compared with."""
 
 import copy
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import cached_property
 
 import mujoco
@@ -19,6 +19,7 @@ from contactlab.schema.scene_manifest import Recording
 _FLIGHT = 4  # rows of a free flight that tell its velocity
 _GRAVITY = 0.2  # share by which free flight may miss gravity
 _AFLOAT = 0.05  # how far above or within what carries it a body may rest, in widths
+_DEEPER = 5.0  # times as deep may it be within while it moves
 _STILL = 0.05  # how far what rests may move in the last rows, in widths
 _GRAIN = 0.1  # durations are whole multiples of it [s], so that runs of like length share jobs
 _FAR = 10.0  # distance beyond which none is measured [m]
@@ -34,8 +35,7 @@ class RecordedRuns:
         self._rows = rows = RecordedRows(model, entry, table)
         self._points = [part for part in rows.parts if part.kind == "point"]
         self.numbers = tuple(rows.runs)
-        self._starts = {number: self._start(number) for number in self.numbers}
-        rows.refuse()
+        self._starts = dict(self._found_starts())
         if model.opt.gravity.any():
             self._check_motion()
         rows.refuse()
@@ -97,20 +97,28 @@ class RecordedRuns:
     def _from_start(self, number: float) -> slice:
         return slice(self._starts[number], self._rows.runs[number].stop)
 
-    def _start(self, number: float) -> int:
-        """Return the row that a run starts from."""
-        rows, times, rule = self._rows.runs[number], self._rows.times, self._rule
-        first = np.array([rows.start])
+    def _found_starts(self) -> Iterator[tuple[float, int]]:
+        """Yield the row that each run starts from, and note which have none."""
+        rule, without = self._rule, list[int]()
+        for number in self._rows.sound:
+            if (start := self._start(self._rows.runs[number])) is None:
+                without.append(self._rows.runs[number].start)
+            else:
+                yield number, start
+        what = f"runs start after {rule.time:g} s, but one is shorter"
+        if rule.before_contact is not None:
+            what = "no recorded free body comes close to contact in the run of"
+        self._rows.note(what, np.array(without, np.intp))
+
+    def _start(self, rows: slice) -> int | None:
+        """Return the row that the run of some rows starts from, if any."""
+        times, rule = self._rows.times[rows], self._rule
         if rule.before_contact is None:
-            late = times[rows] - times[rows.start] >= rule.time - 1e-9
-            if not late[:-1].any():
-                self._rows.note(f"runs start after {rule.time:g} s, but one is shorter", first)
-            return rows.start + int(late.argmax())
-        for row in range(rows.start, rows.stop):
-            if self._gap(row, bounding=True) <= 0:
-                return max(row - rule.before_contact, rows.start)
-        self._rows.note("no recorded free body comes close to contact in the run of", first)
-        return rows.start
+            late = times - times[0] >= rule.time - 1e-9
+            return rows.start + int(late.argmax()) if late[:-1].any() else None
+        near = (x for x in range(rows.start, rows.stop) if self._gap(x, bounding=True) <= 0)
+        first = next(near, None)
+        return None if first is None else max(first - rule.before_contact, rows.start)
 
     def _velocity(self, number: float) -> Floats:
         """Return (nv,) the velocity that a run starts with."""
@@ -121,12 +129,11 @@ class RecordedRuns:
         rows, steps = slice(first, start + 1), np.diff(times[first : start + 1])
         since = times[rows] - times[start - self._rule.lag]
         fallen = since[:, None] ** 2 / 2 * np.array(self._model.opt.gravity)
-        between = slice(*np.searchsorted(self._rows.within, [first, start]))
         for part in self._points:
             line = np.polyfit(since, self._rows.qpos[rows, part.qpos] - fallen, 1)
             velocity[part.qvel] = line[0]
             spin = slice(part.qvel.stop, part.qvel.stop + 3)
-            velocity[spin] = steps @ self._rows.rates[between, spin] / steps.sum()
+            velocity[spin] = steps @ self._rows.rates[first:start, spin] / steps.sum()
         return velocity
 
     @cached_property
@@ -162,16 +169,18 @@ class RecordedRuns:
     def _check_motion(self) -> None:
         """Find whether free bodies fall and rest as those of the model do."""
         rows, gravity = self._rows, np.array(self._model.opt.gravity)
-        ends = np.array([each.stop - 1 for each in rows.runs.values()])
-        before = np.array([max(each.stop - 1 - WINDOW, each.start) for each in rows.runs.values()])
+        runs = [rows.runs[each] for each in self._starts]
+        ends = np.array([each.stop - 1 for each in runs], np.intp)
+        before = np.array([max(each.stop - 1 - WINDOW, each.start) for each in runs], np.intp)
+        gaps = np.array([self._gap(row) for row in ends.tolist()])
         for part in self._points:
             moved = rows.qpos[ends, part.qpos] - rows.qpos[before, part.qpos]
-            still = ends[np.linalg.norm(moved, axis=1) < _STILL * part.size]
-            gaps = np.array([self._gap(row) for row in still.tolist()])
-            for word, off in (("above", gaps), ("within", -gaps)):
-                what = f"{part.joint} rests {word} what it may touch (another body, unit or frame)"
-                rows.note(what, still[off > _AFLOAT * part.size])
-            falls = [self._fall(part, number) for number in self.numbers]
+            still = np.linalg.norm(moved, axis=1) < _STILL * part.size
+            far, deep = _AFLOAT * part.size, np.where(still, 1, _DEEPER) * _AFLOAT * part.size
+            for word, off in (("rests above", still & (gaps > far)), ("is within", gaps < -deep)):
+                what = f"{part.joint} {word} what it may touch (another body, unit or frame)"
+                rows.note(what, ends[off])
+            falls = [self._fall(part, number) for number in self._starts]
             fall = np.nanmedian([*falls, gravity], axis=0) @ gravity / (gravity @ gravity)
             if abs(fall - 1) > _GRAVITY:
                 what = f"{part.joint} falls {fall:.3g} times as fast as in the model's gravity"

@@ -19,6 +19,8 @@ from numpy.typing import NDArray
 from contactlab.contact.trace_arrays import RecordedControls
 from contactlab.errors import SceneError, StoreError
 from contactlab.store.backend import Backend
+from contactlab.store.mcap.trace_messages import STATE_TOPIC
+from contactlab.store.mcap.trace_reader import read_trace
 from contactlab.store.store_files import CONTROLS
 
 Columns = dict[str, NDArray[np.float64]]
@@ -102,20 +104,15 @@ def _read_csv(path: Path) -> Columns:
     for number, row in enumerate(rows[1:], 1):
         if len(row) != len(names):
             raise ValueError(f"row {number} has {len(row)} cells, not {len(names)}")
-    return {name: _numbers(name, [row[k] for row in rows[1:]]) for k, name in enumerate(names)}
+    return {name: np.array([_number(row[k]) for row in rows[1:]]) for k, name in enumerate(names)}
 
 
-def _numbers(name: str, cells: list[str]) -> NDArray[np.float64]:
+def _number(cell: str) -> float:
+    """Return the number that a cell is, or NaN: words may stand beside what is used."""
     try:
-        return np.array(cells, np.float64)
+        return float(cell)
     except ValueError:
-        for number, cell in enumerate(cells, 1):
-            try:
-                float(cell)
-            except ValueError:
-                message = f"row {number} of column `{name}` is '{cell}', not a number"
-                raise ValueError(message) from None
-        raise
+        return np.nan
 
 
 def _read_table(path: Path) -> Columns:
@@ -128,11 +125,15 @@ def _read_table(path: Path) -> Columns:
 
 
 def _cells(column: pa.ChunkedArray) -> object:
-    if pa.types.is_nested(column.type):
-        return column.to_pylist()
-    # Words may stand beside what is used; they are no numbers.
-    is_text = pa.types.is_string(column.type) or pa.types.is_large_string(column.type)
-    return np.full(len(column), np.nan) if is_text else column.to_numpy()
+    kind, unused = column.type, np.full(len(column), np.nan)
+    vectors = pa.types.is_list(kind) or pa.types.is_large_list(kind)
+    if vectors or pa.types.is_fixed_size_list(kind):
+        rows = column.to_pylist()
+        numbers = pa.types.is_primitive(kind.value_type)
+        return rows if numbers and len({row and len(row) for row in rows}) == 1 else unused
+    # Words and pictures may stand beside what is used; they are no numbers.
+    known = pa.types.is_primitive(kind) or pa.types.is_decimal(kind)
+    return column.to_numpy() if known else unused
 
 
 def _read_npz(path: Path) -> Columns:
@@ -155,10 +156,16 @@ def _columns(arrays: Mapping[str, object]) -> Columns:
 
 
 def _read_mcap(path: Path) -> Columns:
-    """Return what JSON messages say: numbers by name, or lists of `name` and `position`."""
+    """Return what JSON messages say: numbers by name, or lists of `name` and `position`.
+
+    Of a trace of a run, it is the states.
+    """
     rows: list[dict[str, object]] = []
     with path.open("rb") as file:
         for _, channel, message in make_reader(file).iter_messages():
+            if channel.topic == STATE_TOPIC and "nq" in channel.metadata:
+                trace = read_trace(path)
+                return _columns({"time": trace.time, "qpos": trace.qpos, "qvel": trace.qvel})
             if channel.message_encoding != "json":
                 raise ValueError(
                     f"topic {channel.topic} is encoded as {channel.message_encoding}; write JSON"

@@ -133,7 +133,7 @@ def test_what_has_no_column_is_held(scene: Scene, tmp_path: Path) -> None:
 MISTAKES = {
     "a name": ("time,servo,shoulder\n0,1,1\n1,1,1\n", "column `shoulder` is no actuator, joint or"),
     "a near name": ("time,servp\n0,1\n1,1\n", "did you mean 'servo'"),
-    "no number": ("time,servo\n0,1\n1,x\n", "row 2 of column `servo` is 'x', not a number"),
+    "no number": ("time,servo\n0,1\n1,x\n", "row 2 of column `servo` is not a finite number"),
     "nan": ("time,servo\n0,1\n1,nan\n", "row 2 of column `servo` is not a finite number"),
     "time": ("time,servo\n0,1\n1,1\n.5,1\n", "`time` decreases in row 3; sort the rows by time"),
     "no time": ("servo\n1\n", "no column `time`"),

@@ -1,6 +1,5 @@
 """Recorded inputs: columns of a table, matched with the inputs and the state of a model."""
 
-import fnmatch
 import re
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
@@ -16,6 +15,8 @@ from contactlab.scene.timed_inputs import Signals
 
 TIME = "time"
 _ELEMENT = re.compile(r"(ctrl|qpos|qvel)\[(\d+)\]")
+_NAMED = "actuator, joint or body of the model"
+_SHOWN = 3  # names that mean nothing and are told
 _SNAP = 1e-6  # a row this close to a step, in timesteps, is at that step
 
 TableReader = Callable[[Path], Mapping[str, Floats]]
@@ -37,29 +38,36 @@ class RecordedTable:
 
     def matched(
         self, model: mujoco.MjModel, columns: Mapping[str, str]
-    ) -> tuple[dict[int, Floats], list[str]]:
-        """Return (T,) columns by their places in a row of state and inputs, and all mistakes.
+    ) -> tuple[dict[int, str], list[str]]:
+        """Return columns by their places in a row of state and inputs, and all mistakes.
 
         `columns` has the column of each name of an input, joint or body.
         """
-        found: dict[int, Floats] = {}
-        mistakes: list[str] = []
+        found, mistakes, lost = dict[int, str](), list[str](), list[str]()
+        names = [each.removesuffix(".ctrl") for each in _known(model)]
         for name, column in columns.items():
-            if (values := self.columns.get(column)) is None:
-                hint = did_you_mean(column, self.columns) or f"; it has {', '.join(self.columns)}"
-                mistakes.append(f"no column `{column}`{hint}")
-                continue
-            if (bad := np.flatnonzero(~np.isfinite(values))).size:
-                mistakes.append(
-                    f"row {bad[0] + 1} of column `{column}` is not a finite number; write one, or "
-                    "leave the column out"
-                )
-            place = _place(model, name, columns)
-            if isinstance(place, int):
-                found[place] = values
+            if column not in self.columns:
+                mistakes.append(self.lacks(column))
+            if (place := _place(model, name, columns)) is not None:
+                found |= {place: column} if column in self.columns else {}
+            elif hint := did_you_mean(name, names):
+                mistakes.append(f"column `{name}` is no {_NAMED}{hint}")
             else:
-                mistakes.append(place)
+                lost.append(f"`{name}`")
+        if lost:
+            first = part_starts(model)["ctrl"]
+            some = [each for each in names if "." not in each]
+            some = some or [each for each, place in _known(model).items() if place < first]
+            such = f"; name them such as {', '.join(some[:4])}" if some else ""
+            more = f" and {len(lost) - _SHOWN} more" if len(lost) > _SHOWN else ""
+            word = "column" if len(lost) == 1 else "each column of"
+            mistakes.append(f"{word} {', '.join(lost[:_SHOWN])}{more} is no {_NAMED}{such}")
         return found, mistakes
+
+    def lacks(self, column: str) -> str:
+        """Return what to say of a column that is missing."""
+        hint = did_you_mean(column, self.columns) or f"; it has {', '.join(self.columns)}"
+        return f"no column `{column}`{hint if self.columns else '; it is empty'}"
 
 
 @dataclass(frozen=True)
@@ -98,12 +106,14 @@ def read_recorded(model: mujoco.MjModel, table: RecordedTable, *, held: bool) ->
         raise SceneError(f"{name}: no rows, or no column `{TIME}` [s]; add both")
     found, mistakes = table.matched(model, {each: each for each in columns if each != TIME})
     times = columns[TIME] - columns[TIME][0]
-    if (bad := np.flatnonzero(~np.isfinite(times))).size:
-        mistakes.append(f"row {bad[0] + 1} of column `{TIME}` is not a finite number; write one")
+    for column in (TIME, *found.values()):
+        if (bad := np.flatnonzero(~np.isfinite(columns[column]))).size:
+            what = f"row {bad[0] + 1} of column `{column}` is not a finite number"
+            mistakes.append(f"{what}; write one, or leave the column out")
     if (back := np.flatnonzero(np.diff(times) < 0)).size:
         mistakes.append(f"`{TIME}` decreases in row {back[0] + 2}; sort the rows by time")
     first = part_starts(model)["ctrl"]
-    driven = {place - first: values for place, values in found.items() if place >= first}
+    driven = {place - first: columns[each] for place, each in found.items() if place >= first}
     if not (driven or mistakes):
         mistakes.append(
             "no column is an actuator, BODY.fx to .tz, or MOCAP_BODY.x to .qz; name at least one"
@@ -113,32 +123,30 @@ def read_recorded(model: mujoco.MjModel, table: RecordedTable, *, held: bool) ->
     start: list[tuple[str, int, float]] = []
     for place in (place for place in found if place < first):
         part, index = ("qpos", place) if place < model.nq else ("qvel", place - model.nq)
-        start.append((part, index, float(found[place][0])))
+        start.append((part, index, float(columns[found[place]][0])))
     signals = Signals(np.array(list(driven), np.intp), times[None], np.array(list(driven.values())))
     return RecordedInputs(name, _stepped(signals) if held else signals, tuple(start))
 
 
-def _place(model: mujoco.MjModel, column: str, columns: Collection[str]) -> int | str:
-    """Return the place of the input or coordinate that a name means; or why there is none."""
+def _known(model: mujoco.MjModel) -> Mapping[str, int]:
+    """Return the places of inputs and coordinates by their names."""
+    return coordinates(model) | mocap_coordinates(model)
+
+
+def _place(model: mujoco.MjModel, column: str, columns: Collection[str]) -> int | None:
+    """Return the place of the input or coordinate that a name means, if any."""
     element = _ELEMENT.fullmatch(column)
     sizes = {"ctrl": model.nu, "qpos": model.nq, "qvel": model.nv}
     if element and int(element[2]) < sizes[element[1]]:
         return part_starts(model)[element[1]] + int(element[2])
-    known = coordinates(model) | mocap_coordinates(model)
-    joints = _actuators_of_joints(model)
+    known, joints = _known(model), _actuators_of_joints(model)
     if f"{column}.ctrl" in known:
         return known[f"{column}.ctrl"]
     if column in joints and f"{joints[column]}.ctrl" not in known:
         return known[column]
     if column in joints and not {joints[column], f"{joints[column]}.ctrl"} & set(columns):
         return known[f"{joints[column]}.ctrl"]
-    if (place := known.get(column.removesuffix(".qpos"))) is not None:
-        return place
-    names = [each.removesuffix(".ctrl") for each in known]
-    some = [each for each in names if not fnmatch.fnmatch(each, "*.?*")][:4]
-    such = f"; name them such as {', '.join(some)}" if some else ""
-    close = did_you_mean(column, names) or such
-    return f"column `{column}` is no actuator, joint or body of the model{close}"
+    return known.get(column.removesuffix(".qpos"))
 
 
 def _actuators_of_joints(model: mujoco.MjModel) -> dict[str, str]:
