@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from contactlab.contact.trace_arrays import Floats
 from contactlab.errors import ExpectationError, SceneError, SweepFileError
 from contactlab.plan.rows import sample_points
+from contactlab.reporting.start_noise import PERTURBATION, noise_floor
 from contactlab.run.evidence_record import as_written
 from contactlab.run.sweep_request import SceneLoader
 from contactlab.scene.model_draft import ModelEdits
@@ -202,9 +203,9 @@ def _noise_floor(
     manifest = scene.source.manifest
     if manifest is None or manifest.perturb is None:
         return None
-    both = [{**chosen, "perturbation": factor} for factor in (0.0, 1.0)]
-    calm, noisy = trials.run("noise", both, runs)
-    return float(np.abs(noisy - calm).mean())
+    both = [{**chosen, PERTURBATION: factor} for factor in (0.0, 1.0)]
+    errors = trials.run("noise", both, runs)
+    return noise_floor(np.tile(np.arange(len(runs)), 2), errors.ravel())
 
 
 def _setting(trials: _Trials, best: Floats, place: int, minima: Floats) -> FittedSetting:

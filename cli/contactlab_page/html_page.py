@@ -93,7 +93,7 @@ def html_page(store: Store, request: PageRequest) -> tuple[str, tuple[str, ...]]
         films=header_films(data, first[0] if first else None) if request.traces else [],
         tradeoff_sentence=tradeoff_sentence(report) if report else "",
         reality=reality_sentence(data) if has_reality else "",
-        closest=closest_runs(data) if has_reality else ([], []),
+        closest=closest_runs(data) if has_reality else ([], [], []),
         reality_map=static_svg(metric_map(data, "reality"), "Distance to the recording")
         if has_reality
         else "",

@@ -7,6 +7,7 @@ import numpy as np
 from contactlab.pareto.recommendation import setting_text
 from contactlab.reporting.report import ReportData
 from contactlab.reporting.report_columns import number_with_unit
+from contactlab.reporting.start_noise import start_noise
 from contactlab.schema.evidence import Setting
 from contactlab.schema.tradeoff_report import TradeoffReport
 
@@ -45,15 +46,18 @@ def reality_sentence(data: ReportData) -> str:
     what = " with ".join(f"{a.name} {a.ticks[a.codes[best]]}" for a in data.axes) or "the run"
     least, median = reality.values[best], float(np.median(reality.values[measured]))
     unit = reality.column.unit
+    floor = start_noise(data.axes, reality.values)
+    moved = number_with_unit(f"{floor or 0:.3g}", unit)
+    noise = f" Noise of the start alone moves a run by {moved} on average." if floor else ""
     return (
         f"Of {len(measured):,} runs that were compared with a recording, {what} is closest: "
         f"{number_with_unit(f'{least:.3g}', unit)} away on average, "
-        f"the median run {number_with_unit(f'{median:.3g}', unit)}."
+        f"the median run {number_with_unit(f'{median:.3g}', unit)}.{noise}"
     )
 
 
-def closest_runs(data: ReportData) -> tuple[list[str], list[list[str]]]:
-    """Return header and rows of the runs that are closest to recordings, in that order."""
+def closest_runs(data: ReportData) -> tuple[list[str], list[list[str]], list[str]]:
+    """Return header and rows of the runs that are closest to recordings, and noise floors."""
     quantities = [each for each in data.quantities if each.name.startswith("reality")]
     values = next(each.values for each in quantities if each.name == "reality")
     order = np.argsort(values, kind="stable")[: min(_MOST_CLOSEST, int(np.isfinite(values).sum()))]
@@ -64,4 +68,8 @@ def closest_runs(data: ReportData) -> tuple[list[str], list[list[str]]]:
         + [f"{each.values[row]:.3g}" for each in quantities]
         for row in order.tolist()
     ]
-    return ["run", "label", *(each.title for each in (*data.axes, *quantities))], rows
+    floors = [start_noise(data.axes, each.values) for each in quantities]
+    foot = ["start noise", "", *("" for _ in data.axes)]
+    foot += ["" if each is None else f"{each:.3g}" for each in floors]
+    header = ["run", "label", *(each.title for each in (*data.axes, *quantities))]
+    return header, rows, foot if any(floors) else []

@@ -84,7 +84,8 @@ def test_the_closest_run_is_named_and_the_table_is_in_order(compared: ReportData
     assert f"friction.slide {axis.ticks[axis.codes[best]]}" in told
     assert axis.ticks[axis.codes[best]] == "0.3"
     assert f"{least:.3g}" in told
-    header, rows = closest_runs(compared)
+    header, rows, floors = closest_runs(compared)
+    assert floors == []
     assert rows[0][0] == str(compared.store.columns.run_ids[best])
     column = [float(row[header.index(reality.title)]) for row in rows]
     assert column == sorted(column)

@@ -130,11 +130,13 @@ def print_summary(store: "Store", output: opt.TableFormat) -> None:
     from contactlab.reporting.finding import finding, headline
     from contactlab.reporting.map_cells import by_importance
     from contactlab.reporting.report_columns import read_axes, read_run_labels
+    from contactlab.reporting.start_noise import distance_to_reality
 
     axes, labels = read_axes(store), read_run_labels(store)
     tell(f"{manifest.sweep.name}: {headline(labels)}")
-    if axes:
-        tell(finding(axes, labels))
+    found = finding(axes, labels) if axes else ""
+    for told in filter(None, (found, distance_to_reality(axes, columns))):
+        tell(told)
     met, unmet = (manifest.expectations.get(name, 0) for name in ("met", "unmet"))
     rest = f"; {manifest.runs - met - unmet:,} have no expectation"
     as_expected = f"{met:,} of {met + unmet:,} runs are as expected"

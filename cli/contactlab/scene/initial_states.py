@@ -180,8 +180,8 @@ class InitialStateRule:
     # Expressions over the initial values, with the indices that each sets.
     formulas: tuple[tuple[Expression, tuple[int, ...]], ...]
     profiles: tuple[ControlProfile, ...]  # what inputs do over time
-    perturbed: tuple[int, ...]  # indices that a seed perturbs, by at most `scale`
-    scale: float  # size of the perturbation [m, rad, m/s or rad/s]
+    # Indices that a seed perturbs, with the sizes of that [m, rad, m/s or rad/s].
+    perturbed: Mapping[int, float]
     quaternions: tuple[int, ...]  # where unit quaternions start
     recorded: "RecordedRuns | None" = None  # runs that start as recorded
 
@@ -196,14 +196,12 @@ class InitialStateRule:
         data = start_data(model, keyframe)
         poses = np.concatenate([data.mocap_pos.ravel(), data.mocap_quat.ravel()])
         fields = (data.qpos, data.qvel, data.act, data.ctrl, data.xfrc_applied.ravel(), poses)
-        perturbed, scale = _perturbed_coordinates(model, manifest)
         return cls(
             state=np.concatenate(fields),
             starts=part_starts(model),
             formulas=tuple(_formulas(model, manifest)) if manifest else (),
             profiles=read_control(model, manifest),
-            perturbed=tuple(perturbed),
-            scale=scale,
+            perturbed=_perturbed_coordinates(model, manifest),
             quaternions=quaternions(model),
         )
 
@@ -244,7 +242,7 @@ def initial_states(
             row[list(indices)] = computed(formula, initial)
         if rule.perturbed and factor:
             offsets = np.random.default_rng(seed).uniform(-1, 1, len(rule.perturbed))
-            row[list(rule.perturbed)] += rule.scale * factor * offsets
+            row[[*rule.perturbed]] += np.array([*rule.perturbed.values()]) * factor * offsets
     # Dividing by a norm of exactly 1 would be harmless; of 1 + 1e-16, it would change bits.
     for address in rule.quaternions if rule.formulas or rule.perturbed else ():
         part = states[:, address : address + 4]
@@ -317,19 +315,21 @@ def _formulas(
 
 def _perturbed_coordinates(
     model: mujoco.MjModel, manifest: SceneManifest | None
-) -> tuple[list[int], float]:
-    """Return which numbers of the state a seed perturbs, and by how much at most.
+) -> Mapping[int, float]:
+    """Return which numbers of the state a seed perturbs, with how much at most.
 
     Without a manifest: the horizontal position of free bodies, and every slide and hinge.
     """
     if manifest:
-        perturb = manifest.perturb
-        patterns = perturb.coordinates if perturb else ()
-        found = [each for pattern in patterns for each in match_coordinates(model, pattern)]
-        return found, perturb.scale if perturb else 0.0
+        if (perturb := manifest.perturb) is None:
+            return {}
+        named = perturb.coordinates
+        sizes = named if isinstance(named, dict) else dict.fromkeys(named, 1.0)
+        every = [(each, size * perturb.scale) for each, size in sizes.items()]
+        return {x: size for name, size in every for x in match_coordinates(model, name)}
     joints = zip(model.jnt_type.tolist(), model.jnt_qposadr.tolist(), strict=True)
     places = [start + place for kind, start in joints for place in range(_LOOSE.get(kind, 1))]
-    return places, _SEED_SCALE
+    return dict.fromkeys(places, _SEED_SCALE)
 
 
 def joint_directions(model: mujoco.MjModel, seed: int) -> Floats:

@@ -101,8 +101,10 @@ class PairEntry(PairExpectation):
 class Perturbation(Model):
     """How a seed perturbs the start state: a uniform offset in [-scale, scale] for each."""
 
-    coordinates: tuple[str, ...]
-    scale: float = about("m, rad, m/s or rad/s, depending on the coordinate.", gt=0)
+    coordinates: tuple[str, ...] | dict[str, Annotated[Number, Field(gt=0)]] = about(
+        "names, or names with a size of each in units of the scale"
+    )
+    scale: float = about("m, rad, m/s or rad/s, depending on the coordinate.", default=1.0, gt=0)
 
 
 class OracleEntry(Model):
