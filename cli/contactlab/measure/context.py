@@ -1,14 +1,14 @@
 """What a metric or a label reads: a trace, its setup, its pair series, and shared results."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property, wraps
 from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from contactlab.contact.trace_arrays import Floats, PairSeries, SelfChecks, Trace
+from contactlab.contact.trace_arrays import Floats, PairSeries, PairTrace, SelfChecks, Trace
 from contactlab.contact.trace_setup import FreeBody, Setup
 from contactlab.measure.net_contact import NetContact, net_contact
 
@@ -22,7 +22,8 @@ class Context:
     """One trace of n runs under measurement.
 
     Attributes:
-        net: the contacts of each monitored pair, reduced over their slots.
+        net: the contacts of each monitored pair, reduced over their slots; of all pairs that never
+            touch the same.
         checks: what a second pass found, if there was one.
         cache: results of `cached` functions.
     """
@@ -36,7 +37,21 @@ class Context:
     @cached_property
     def series(self) -> tuple[PairSeries, ...]:
         """The net quantities of each monitored pair over time."""
-        return tuple(each.series for each in self.net)
+        named = zip(self.net, self.trace.pairs, strict=True)
+        return tuple(
+            net.series if net.series.name == pair.name else replace(net.series, name=pair.name)
+            for net, pair in named
+        )
+
+    @cached_property
+    def distinct(self) -> list[int]:
+        """The places of pairs that differ, in order: those that touch, and one that never does."""
+        return sorted({id(net): place for place, net in reversed([*enumerate(self.net)])}.values())
+
+    def of_pairs(self, quantity: Callable[[int], Cached]) -> list[Cached]:
+        """Return a quantity of each pair, by its place, that is one of all that never touch."""
+        found = {id(self.net[place]): quantity(place) for place in self.distinct}
+        return [found[id(net)] for net in self.net]
 
     @property
     def last_fifth(self) -> slice:
@@ -86,9 +101,16 @@ class Context:
 
 def context_of(trace: Trace, setup: Setup, checks: SelfChecks | None = None) -> Context:
     """Reduce the monitored pairs of a trace, ready to measure."""
+    alike: dict[int, NetContact] = {}
+
+    def reduced(pair: PairTrace) -> NetContact:
+        key = id(pair) if pair.found.any() else 0
+        if key not in alike:
+            alike[key] = net_contact(pair, setup.elliptic, trace.timestep)
+        return alike[key]
+
     with np.errstate(all="ignore"):
-        net = tuple(net_contact(pair, setup.elliptic, trace.timestep) for pair in trace.pairs)
-    return Context(trace, setup, net, checks)
+        return Context(trace, setup, tuple(map(reduced, trace.pairs)), checks)
 
 
 def cached(function: Callable[[Context], Cached]) -> Callable[[Context], Cached]:
@@ -111,13 +133,18 @@ def contact_depths(context: Context) -> tuple[tuple[NDArray[np.bool_], Floats], 
     contacts are speculative.
     """
     trace = context.trace
-    distances = [(each.contacts > 0, each.distance) for each in context.series]
-    distances = distances or [(trace.contacts > 0, trace.least_distance)]
-    depths = tuple((touching, np.maximum(-distance, 0)) for touching, distance in distances)
-    if context.setup.speculative is not None:
-        for _, depth in depths:
+
+    def depth_of(contacts: NDArray[np.int32], distance: Floats) -> tuple[NDArray[np.bool_], Floats]:
+        depth = np.maximum(-distance, 0)
+        if context.setup.speculative is not None:
             depth[context.setup.speculative] = np.nan
-    return depths
+        return contacts > 0, depth
+
+    def of_pair(place: int) -> tuple[NDArray[np.bool_], Floats]:
+        series = context.net[place].series
+        return depth_of(series.contacts, series.distance)
+
+    return tuple(context.of_pairs(of_pair)) or (depth_of(trace.contacts, trace.least_distance),)
 
 
 @cached

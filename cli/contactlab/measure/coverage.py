@@ -40,7 +40,8 @@ def coverages(context: Context) -> tuple[Coverage, ...] | None:
         joints = _rows(mechanism.joints, _joints(mechanism.joints, trace.qpos), n)
         tendons = _rows(mechanism.tendons, _tendons(mechanism, trace.lengths), n)
         actuators = _rows(mechanism.actuators, _actuators(mechanism, trace), n)
-        pairs = _rows(trace.pairs, _pairs(context), n)
+        places = [place for place in context.distinct if trace.pairs[place].found.any()]
+        pairs = _rows([trace.pairs[place] for place in places], _pairs(context, places), n)
     loads = np.zeros((n, 0)) if trace.equality_loads is None else trace.equality_loads
     loads = np.where(loads < _LEAST_LOAD * mechanism.weight, 0, loads)
     names = [each.name for each in mechanism.equalities]
@@ -152,8 +153,8 @@ def _actuators(mechanism: Mechanism, trace: Trace) -> Fields:
     }
 
 
-def _pairs(context: Context) -> Fields:
-    each = [_pair(net, net.series) for net in context.net]
+def _pairs(context: Context, places: Sequence[int]) -> Fields:
+    each = [_pair(net, net.series) for net in (context.net[place] for place in places)]
     return {name: np.array([one[name] for one in each]).T for name in PairUse.model_fields}
 
 

@@ -28,7 +28,6 @@ from contactlab.measure.context import (
     worst_pair,
 )
 from contactlab.measure.entries import Finding, Found, MeasuredRuns, Threshold, label, metric
-from contactlab.measure.net_contact import NetContact
 from contactlab.measure.stick_slip import HELD_USAGE, Spans, changes, spans
 
 _CREEP_SPEED = Threshold("creep_speed", None, "m/s", "Set where what sticks should stay.")
@@ -57,7 +56,7 @@ Events = tuple[NDArray[np.intp], NDArray[np.intp]]
 @cached
 def switch_masks(context: Context) -> list[NDArray[np.bool_]]:
     """Return for each monitored pair (n, N - 1) where it changes between stick and slide."""
-    return [changes(series) for series in context.series]
+    return context.of_pairs(lambda place: changes(context.net[place].series))
 
 
 @metric("1/s", "lower", tolerance=5.0, version=2, equivalence=True, heading="switches/s")
@@ -68,7 +67,8 @@ def mode_switches(context: Context) -> Floats:
     Sticking that never uses less than 0.9 of the friction bound counts as slow sliding. A pad
     with more than 5 a second chatters.
     """
-    counts = [mask.sum(axis=1).astype(np.float64) for mask in switch_masks(context)]
+    masks = switch_masks(context)
+    counts = context.of_pairs(lambda place: masks[place].sum(axis=1).astype(np.float64))
     return worst_pair(context, counts) / context.seconds
 
 
@@ -78,7 +78,7 @@ def slip_distance(context: Context) -> Floats:
 
     On hops of up to 100 ms between contacts it is interpolated between the speeds beside them.
     """
-    speeds = [_with_hops(series).sum(axis=1) for series in context.series]
+    speeds = context.of_pairs(lambda place: _with_hops(context.net[place].series).sum(axis=1))
     return worst_pair(context, speeds) * context.trace.timestep
 
 
@@ -105,12 +105,12 @@ def creep_speed(context: Context) -> Floats:
 
 @cached
 def _creeps(context: Context) -> list[Floats]:
-    def creep_of(series: PairSeries) -> Floats:
-        last = context.last_fifth
+    def creep_of(place: int) -> Floats:
+        series, last = context.net[place].series, context.last_fifth
         sticking = (series.mode[:, last] == STICK) & (series.normal[:, last] > 0)
         return (series.slip[:, last] * sticking).sum(axis=1) / sticking.sum(axis=1)
 
-    return [creep_of(series) for series in context.series]
+    return context.of_pairs(creep_of)
 
 
 @metric("1", "lower", 1e-9, kind="detail")
@@ -132,7 +132,8 @@ def _crept(context: Context) -> dict[str, Floats]:
     steps, mechanism = context.trace.steps, context.setup.mechanism
     half, late = slice(steps // 2, None), slice(3 * steps // 4, None)
 
-    def way(net: NetContact, extent: float) -> Floats:
+    def way(place: int) -> Floats:
+        net, extent = context.net[place], float(context.setup.thickness[place])
         series, used = net.series, net.series.usage
         held = (series.mode == STICK) & (used > 0) & (used < HELD_USAGE)
         held &= net.rolling * extent <= series.slip  # What rolls leaves behind where it slipped.
@@ -142,7 +143,7 @@ def _crept(context: Context) -> dict[str, Floats]:
         steady = (np.abs(before - speed) < _STEADILY * speed) & (held[:, half].mean(axis=1) > 0.9)
         return steady * context.seconds * speed
 
-    ways = [*map(way, context.net, context.setup.thickness.tolist())]
+    ways = context.of_pairs(way)
     pairs = zip(context.series, ways, context.setup.reaches, strict=True)
     shares = {series.name: own / reach for series, own, reach in pairs}
     together = sum(ways, np.zeros(context.trace.runs))
@@ -170,7 +171,7 @@ def complementarity(context: Context) -> Floats:
 @metric("N s", resolution=1e-9, equivalence=True)
 def normal_impulse(context: Context) -> Floats:
     """Net normal force summed over time, largest of all pairs; at rest it is weight times time."""
-    forces = [series.normal.sum(axis=1) for series in context.series]
+    forces = context.of_pairs(lambda place: context.net[place].series.normal.sum(axis=1))
     return worst_pair(context, forces) * context.trace.timestep
 
 
@@ -197,8 +198,8 @@ def contact_losses(context: Context) -> Floats:
     sides, after which it meets as hard as before, at 5 cm/s or faster. A pad with more than 5 a
     second chatters.
     """
-    runs = context.trace.runs
-    counts = [np.bincount(each.run, minlength=runs).astype(float) for each in _all_losses(context)]
+    runs, losses = context.trace.runs, _all_losses(context)
+    counts = context.of_pairs(lambda at: np.bincount(losses[at].run, minlength=runs).astype(float))
     return worst_pair(context, counts) / context.seconds
 
 
@@ -212,14 +213,16 @@ def chatter(runs: MeasuredRuns) -> Found:
     held = context.setup.hold is not None
     masks = hold_switch_masks(context) if held else switch_masks(context)
     between = "stick, slide and no contact in its hold" if held else "stick and slide"
-    extents = context.setup.thickness
-    for series, net, mask, extent in zip(context.series, context.net, masks, extents, strict=True):
+    for place in context.distinct:
+        series, extent = context.series[place], float(context.setup.thickness[place])
         # What tumbles is held and slides in turn as it meets with one point after another.
-        run, step = np.nonzero(mask & ~(net.rolling * extent > series.slip)[:, 1:])
+        tumbles = context.net[place].rolling * extent > series.slip
+        run, step = np.nonzero(masks[place] & ~tumbles[:, 1:])
         what = f"{series.name} switched {{}} times between {between}"
-        least = 0.0 if held or np.isinf(extent) else _SLIPS * float(extent)
+        least = 0.0 if held or np.isinf(extent) else _SLIPS * extent
         yield from _often(runs, series, (run, step + 1), what, "mode_switches", least)
-    for series, gaps in zip(context.series, () if held else _all_losses(context), strict=not held):
+    for place in () if held else context.distinct:
+        series, gaps = context.series[place], _all_losses(context)[place]
         what = f"{series.name} lost its contact {{}} times while it stuck"
         yield from _often(runs, series, (gaps.run, gaps.start), what, "contact_losses")
     yield from _hunting(runs)
@@ -232,8 +235,10 @@ def hold_switch_masks(context: Context) -> list[NDArray[np.bool_]]:
     Contact that a sticking pair loses or regains counts too; sliding pairs hop.
     """
     inside = hold_window(context)[:, 1:]
-    pairs = zip(context.series, switch_masks(context), strict=True)
-    return [(mask | _parts_or_meets(series)) & inside for series, mask in pairs]
+    masks = switch_masks(context)
+    return context.of_pairs(
+        lambda place: (masks[place] | _parts_or_meets(context.net[place].series)) & inside
+    )
 
 
 def _parts_or_meets(series: PairSeries) -> NDArray[np.bool_]:
@@ -273,7 +278,7 @@ def lost_contacts(context: Context, index: int) -> Spans:
 @cached
 def _all_losses(context: Context) -> list[Spans]:
     """Return for each monitored pair the gaps in which it loses contact while it sticks."""
-    return [lost_contacts(context, index) for index in range(len(context.series))]
+    return context.of_pairs(lambda place: lost_contacts(context, place))
 
 
 def _is_held(

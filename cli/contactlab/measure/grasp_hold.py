@@ -112,7 +112,8 @@ def hold_contact(context: Context) -> Floats:
     inside = hold_window(context)
     if not context.series:
         return context.undefined()
-    bears = np.logical_or.reduce([series.normal > 0 for series in context.series])
+    each = (context.net[place] for place in context.distinct)
+    bears = np.logical_or.reduce([net.series.normal > 0 for net in each])
     steps = inside.sum(axis=1)
     return (bears & inside).sum(axis=1) / np.where(steps > 0, steps, np.nan)
 

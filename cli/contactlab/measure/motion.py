@@ -277,11 +277,11 @@ def _stored_at_start(context: Context) -> Floats:
     """
     most, given = _HAIR * context.setup.moving_mass * gravity(context), context.trace.given
     stored = np.zeros(context.trace.runs) if given is None else np.nan_to_num(given[:, 3])
-    pairs = zip(context.trace.pairs, context.net, context.setup.thickness, strict=True)
-    for pair, net, thickness in pairs:
+    for place in context.distinct:
+        pair, thickness = context.trace.pairs[place], context.setup.thickness[place]
         first, last = pair.slots[:, 0], pair.slots[:, -1]
         forces = (sum_of_slots(each[..., FORCE.start], axis=1) for each in (first, last))
-        depth = (net.farthest[:, None] - first[..., DISTANCE]).max(
+        depth = (context.net[place].farthest[:, None] - first[..., DISTANCE]).max(
             axis=1, where=first.any(axis=2), initial=0
         )
         stored += np.fmin(np.maximum(*forces) * depth, most * thickness)

@@ -1,5 +1,7 @@
 """How deep and how hard bodies press each other, and labels of what sinks, rests deep or passes."""
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -52,7 +54,16 @@ _DIP = 0.1  # Longest time [s] for which a geom may dip beyond its middle
 @metric("m", "lower", 1e-9, requires="depth", equivalence=True, heading="depth [m]")
 def penetration_max(context: Context) -> Floats:
     """Largest penetration, which is minus distance, of any contact; not of speculative ones."""
-    return worst_pair(context, [depth.max(axis=1) for _, depth in contact_depths(context)])
+    return worst_pair(context, _of_depths(context, lambda _, depth: depth.max(axis=1)))
+
+
+def _of_depths(
+    context: Context, quantity: Callable[[NDArray[np.bool_], Floats], Floats]
+) -> list[Floats]:
+    """Return a quantity of each pair, by where it touches and how deep; or of the model alone."""
+    depths = contact_depths(context)
+    found = context.of_pairs(lambda place: quantity(*depths[place]))
+    return found or [quantity(*each) for each in depths]
 
 
 @metric("m", "lower", 1e-9, requires="depth", equivalence=True)
@@ -67,24 +78,22 @@ def penetration_mean(context: Context) -> Floats:
 
 def mean_depths(context: Context, inside: NDArray[np.bool_]) -> list[Floats]:
     """Return for each pair (n,) its mean depth [m] over those steps (n, N) in which it touches."""
-    return [
-        (depth * inside).sum(axis=1) / (touching & inside).sum(axis=1)
-        for touching, depth in contact_depths(context)
-    ]
+    return _of_depths(
+        context,
+        lambda touching, depth: (depth * inside).sum(axis=1) / (touching & inside).sum(axis=1),
+    )
 
 
 @cached
 def steady_by_pair(context: Context) -> list[Floats]:
     """Return for each pair (n,) its mean depth [m] in the last fifth; NaN unless it rests there."""
     tail = context.last_fifth
-    return [
-        np.where(
-            touching[:, tail].mean(axis=1) >= _LASTING,
-            depth[:, tail].sum(axis=1) / touching[:, tail].sum(axis=1),
-            np.nan,
-        )
-        for touching, depth in contact_depths(context)
-    ]
+
+    def steady(touching: NDArray[np.bool_], depth: Floats) -> Floats:
+        mean = depth[:, tail].sum(axis=1) / touching[:, tail].sum(axis=1)
+        return np.where(touching[:, tail].mean(axis=1) >= _LASTING, mean, np.nan)
+
+    return _of_depths(context, steady)
 
 
 @metric("m", "lower", 1e-9, requires="depth", equivalence=True)
@@ -121,7 +130,8 @@ def _gains(context: Context) -> list[Floats]:
         third, last = values[:, half][:, :quarter], values[:, half][:, quarter:]
         return np.median(third, axis=1), np.median(last, axis=1)
 
-    def gain(index: int, touching: NDArray[np.bool_], depth: Floats) -> Floats:
+    def gain(index: int) -> Floats:
+        touching, depth = contact_depths(context)[index]
         resting = touching[:, half].mean(axis=1) >= _RESTING
         if not resting.any():
             return context.undefined()
@@ -132,7 +142,7 @@ def _gains(context: Context) -> list[Floats]:
             before = before * np.where(later > load, later / np.where(load > 0, load, later), 1)
         return np.where(resting, after - before, np.nan)
 
-    return [gain(index, *pair) for index, pair in enumerate(contact_depths(context))]
+    return context.of_pairs(gain) or [gain(0)]
 
 
 @metric("1", "lower", 1e-9, kind="detail", requires="depth")
@@ -143,11 +153,12 @@ def standoff(context: Context) -> Floats:
     that moves do not count. Not defined for speculative contacts.
     """
     least, speculative = 1e-5 * context.setup.moving_mass, context.setup.speculative
-    shares = [
-        np.where(net.series.normal.mean(axis=1) >= least, net.standoff / thickness, 0)
-        for net, thickness in zip(context.net, context.setup.thickness, strict=True)
-    ]
-    worst = worst_pair(context, shares)
+
+    def share(place: int) -> Floats:
+        net, thickness = context.net[place], context.setup.thickness[place]
+        return np.where(net.series.normal.mean(axis=1) >= least, net.standoff / thickness, 0)
+
+    worst = worst_pair(context, context.of_pairs(share))
     return worst if speculative is None else np.where(speculative, np.nan, worst)
 
 
@@ -199,7 +210,8 @@ def deep_penetration(runs: MeasuredRuns) -> Found:
     context, setup, limit = runs.context, runs.context.setup, runs.limits["penetration_steady"]
     if context.trace.steps == 0:
         return
-    for index, steady in reversed([*enumerate(steady_by_pair(context))]):
+    places = [*reversed(context.distinct)] or [0]
+    for index, steady in [(place, steady_by_pair(context)[place]) for place in places]:
         accepted = np.full(context.trace.runs, limit)
         touching = contact_depths(context)[index][1][:, context.last_fifth]
         if "penetration_steady" not in setup.thresholds and context.series:
@@ -220,10 +232,10 @@ def _pierced(runs: MeasuredRuns) -> Found:
     """Find pairs without a barrier that are deeper in each other than half the thinner."""
     context, given = runs.context, runs.limits.get("pierced")
     guarded = {barrier.pair for barrier in context.setup.barriers}
-    for index, series in enumerate(context.series):
+    for index in context.distinct:
         if index in guarded:
             continue
-        depth = contact_depths(context)[index][1]
+        series, depth = context.series[index], contact_depths(context)[index][1]
         limit = given or float(context.setup.thickness[index])
         where = f"{limit:.3g} m" if given else f"its middle, {limit:.3g} m from the surface"
         deep = spans(depth > limit)
@@ -302,9 +314,13 @@ _NO_MASS = 1e9  # Weights that only a contact bears along which no joint moves
 @cached
 def _borne(context: Context) -> list[Floats]:
     """Return for each pair (n,) the median of its normal force in the last fifth, in weights."""
-    pairs = zip(context.series, context.setup.weights, strict=True)
-    borne = [np.median(each.normal[:, context.last_fifth], axis=1) / own for each, own in pairs]
-    return [each * (each < _NO_MASS) for each in borne]
+
+    def borne(place: int) -> Floats:
+        force = context.net[place].series.normal[:, context.last_fifth]
+        weights = np.median(force, axis=1) / context.setup.weights[place]
+        return weights * (weights < _NO_MASS)
+
+    return context.of_pairs(borne)
 
 
 @metric("1", "lower", 1e-6, kind="detail")

@@ -67,14 +67,15 @@ def contacts_max(context: Context) -> Floats:
 def contacts_cut(context: Context) -> Floats:
     """Steps in which a monitored pair had more contacts than slots; the rest went unrecorded."""
     nowhere = np.zeros(context.trace.contacts.shape, dtype=np.bool_)
-    cut = np.logical_or.reduce([nowhere, *_cut_by_pair(context)])
+    cut = np.logical_or.reduce([nowhere, *_cut_by_pair(context).values()])
     return cut.sum(axis=1).astype(np.float64)
 
 
 @metric("1", kind="work")
 def ungraded_contacts(context: Context) -> Floats:
     """Steps in which the model had contacts outside the monitored pairs."""
-    monitored = sum((net.found for net in context.net), np.zeros_like(context.trace.contacts))
+    found = (context.net[place].found for place in context.distinct)
+    monitored = sum(found, np.zeros_like(context.trace.contacts))
     return (context.trace.contacts > monitored).sum(axis=1).astype(np.float64)
 
 
@@ -102,7 +103,7 @@ def solver_nonconvergence(runs: MeasuredRuns) -> Found:
 def unrecorded_contacts(runs: MeasuredRuns) -> Found:
     """A pair had more contacts than slots; what is measured is of the recorded ones alone."""
     context = runs.context
-    for index, cut in enumerate(_cut_by_pair(context)):
+    for index, cut in _cut_by_pair(context).items():
         name, slots = context.series[index].name, context.setup.slots[index]
         for run in runs_where(cut.sum(axis=1) > 0):
             most = int(context.net[index].found[run].max())
@@ -143,10 +144,10 @@ def sustained_residual(context: Context, where: NDArray[np.bool_]) -> Floats:
 
 
 @cached
-def _cut_by_pair(context: Context) -> list[NDArray[np.bool_]]:
-    """Return for each monitored pair (n, N) where it had more contacts than slots."""
-    slots = context.setup.slots
-    return [net.found > most for net, most in zip(context.net, slots, strict=True)]
+def _cut_by_pair(context: Context) -> dict[int, NDArray[np.bool_]]:
+    """Return for pairs that differ, by place, (n, N) where one had more contacts than slots."""
+    slots, places = context.setup.slots, context.distinct
+    return {place: context.net[place].found > slots[place] for place in places}
 
 
 @metric("1", "lower", 1e-12, kind="check", version=4)

@@ -46,7 +46,7 @@ from contactlab.schema.evidence import PairRecord
 from contactlab.schema.scene_manifest import SceneManifest
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class CompiledScene:
     """One compiled structure of a scene, from which the models of its runs are made."""
 

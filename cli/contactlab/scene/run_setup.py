@@ -2,6 +2,8 @@
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from functools import lru_cache
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -72,10 +74,7 @@ def make_setup(
         quaternions=quaternions(base.model),
         free_bodies=tuple(bodies.values()),
         barriers=tuple(_barriers(base, bodies)),
-        thickness=_thicknesses(base),
-        reaches=np.array([_reach(base.model, pair) for pair in base.pairs]),
-        widths=np.array([effective_parameters(models[0], pair).solimp[2] for pair in base.pairs]),
-        weights=np.array([lighter_weight(base.model, pair) for pair in base.pairs]),
+        **_of_pairs(base, models[0]),
         slots=np.array([pair.slots for pair in base.pairs], np.int32),
         duration=np.array([run.duration for run in runs]),
         limits_act=np.array([read_flag(model, "limit") for model in models]),
@@ -88,6 +87,17 @@ def make_setup(
         mechanism=find_mechanism(base.model),
         springs=any(each.jnt_stiffness.any() or each.tendon_stiffness.any() for each in distinct),
     )
+
+
+@lru_cache(maxsize=4)
+def _of_pairs(base: CompiledScene, model: mujoco.MjModel) -> Mapping[str, Any]:
+    """Return what the setup says of each pair, which runs of the model share."""
+    return {
+        "thickness": _thicknesses(base),
+        "reaches": np.array([_reach(base.model, pair) for pair in base.pairs]),
+        "widths": np.array([effective_parameters(model, pair).solimp[2] for pair in base.pairs]),
+        "weights": np.array([lighter_weight(base.model, pair) for pair in base.pairs]),
+    }
 
 
 def _values(base: CompiledScene, run: ResolvedRun, model: mujoco.MjModel) -> dict[str, object]:
