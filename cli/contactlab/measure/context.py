@@ -1,6 +1,6 @@
 """What a metric or a label reads: a trace, its setup, its pair series, and shared results."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, wraps
 from typing import TypeVar
@@ -8,11 +8,12 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from contactlab.contact.trace_arrays import Floats, PairSeries, PairTrace, SelfChecks, Trace
+from contactlab.contact.trace_arrays import Floats, PairSeries, SelfChecks, Trace
 from contactlab.contact.trace_setup import FreeBody, Setup
 from contactlab.measure.net_contact import NetContact, net_contact
 
 Cached = TypeVar("Cached")
+Item = TypeVar("Item")
 
 _ROUNDING = 1e-6  # Share of a step by which a time may miss a whole number of steps
 
@@ -22,8 +23,7 @@ class Context:
     """One trace of n runs under measurement.
 
     Attributes:
-        net: the contacts of each monitored pair, reduced over their slots; of all pairs that never
-            touch the same.
+        net: the contacts of each monitored pair, reduced; all that never touch have the same.
         checks: what a second pass found, if there was one.
         cache: results of `cached` functions.
     """
@@ -38,20 +38,12 @@ class Context:
     def series(self) -> tuple[PairSeries, ...]:
         """The net quantities of each monitored pair over time."""
         named = zip(self.net, self.trace.pairs, strict=True)
-        return tuple(
-            net.series if net.series.name == pair.name else replace(net.series, name=pair.name)
-            for net, pair in named
-        )
+        return tuple(replace(net.series, name=pair.name) for net, pair in named)
 
     @cached_property
-    def distinct(self) -> list[int]:
-        """The places of pairs that differ, in order: those that touch, and one that never does."""
-        return sorted({id(net): place for place, net in reversed([*enumerate(self.net)])}.values())
-
-    def of_pairs(self, quantity: Callable[[int], Cached]) -> list[Cached]:
-        """Return a quantity of each pair, by its place, that is one of all that never touch."""
-        found = {id(self.net[place]): quantity(place) for place in self.distinct}
-        return [found[id(net)] for net in self.net]
+    def places(self) -> list[int]:
+        """The place of each pair, and of all that never touch that of the last."""
+        return each_once(range(len(self.net)), int, lambda place: id(self.net[place]))
 
     @property
     def last_fifth(self) -> slice:
@@ -101,16 +93,22 @@ class Context:
 
 def context_of(trace: Trace, setup: Setup, checks: SelfChecks | None = None) -> Context:
     """Reduce the monitored pairs of a trace, ready to measure."""
-    alike: dict[int, NetContact] = {}
-
-    def reduced(pair: PairTrace) -> NetContact:
-        key = id(pair) if pair.found.any() else 0
-        if key not in alike:
-            alike[key] = net_contact(pair, setup.elliptic, trace.timestep)
-        return alike[key]
-
     with np.errstate(all="ignore"):
-        return Context(trace, setup, tuple(map(reduced, trace.pairs)), checks)
+        net = each_once(
+            trace.pairs,
+            lambda pair: net_contact(pair, setup.elliptic, trace.timestep),
+            lambda pair: id(pair) if pair.found.any() else 0,
+        )
+    return Context(trace, setup, tuple(net), checks)
+
+
+def each_once(
+    items: Sequence[Item], quantity: Callable[[Item], Cached], key: Callable[[Item], int] = id
+) -> list[Cached]:
+    """Return a quantity of each item, computed once of those with the same key: the same object."""
+    keys = [*map(key, items)]
+    found = {each: quantity(item) for each, item in dict(zip(keys, items, strict=True)).items()}
+    return [found[each] for each in keys]
 
 
 def cached(function: Callable[[Context], Cached]) -> Callable[[Context], Cached]:
@@ -132,19 +130,16 @@ def contact_depths(context: Context) -> tuple[tuple[NDArray[np.bool_], Floats], 
     A scene without monitored pairs counts all its contacts as one. Depths are NaN in runs whose
     contacts are speculative.
     """
-    trace = context.trace
+    trace, speculative = context.trace, context.setup.speculative
 
-    def depth_of(contacts: NDArray[np.int32], distance: Floats) -> tuple[NDArray[np.bool_], Floats]:
+    def depth_of(net: NetContact | None) -> tuple[NDArray[np.bool_], Floats]:
+        distance = net.series.distance if net else trace.least_distance
         depth = np.maximum(-distance, 0)
-        if context.setup.speculative is not None:
-            depth[context.setup.speculative] = np.nan
-        return contacts > 0, depth
+        if speculative is not None:
+            depth[speculative] = np.nan
+        return (net.series if net else trace).contacts > 0, depth
 
-    def of_pair(place: int) -> tuple[NDArray[np.bool_], Floats]:
-        series = context.net[place].series
-        return depth_of(series.contacts, series.distance)
-
-    return tuple(context.of_pairs(of_pair)) or (depth_of(trace.contacts, trace.least_distance),)
+    return tuple(each_once(context.net or [None], depth_of))
 
 
 @cached

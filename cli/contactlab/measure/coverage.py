@@ -40,7 +40,7 @@ def coverages(context: Context) -> tuple[Coverage, ...] | None:
         joints = _rows(mechanism.joints, _joints(mechanism.joints, trace.qpos), n)
         tendons = _rows(mechanism.tendons, _tendons(mechanism, trace.lengths), n)
         actuators = _rows(mechanism.actuators, _actuators(mechanism, trace), n)
-        places = [place for place in context.distinct if trace.pairs[place].found.any()]
+        places = [place for place in sorted(set(context.places)) if trace.pairs[place].found.any()]
         pairs = _rows([trace.pairs[place] for place in places], _pairs(context, places), n)
     loads = np.zeros((n, 0)) if trace.equality_loads is None else trace.equality_loads
     loads = np.where(loads < _LEAST_LOAD * mechanism.weight, 0, loads)

@@ -21,6 +21,7 @@ from contactlab.contact.trace_arrays import (
 from contactlab.measure.context import (
     Context,
     cached,
+    each_once,
     hold_seconds,
     hold_window,
     name_of_worst,
@@ -28,6 +29,7 @@ from contactlab.measure.context import (
     worst_pair,
 )
 from contactlab.measure.entries import Finding, Found, MeasuredRuns, Threshold, label, metric
+from contactlab.measure.net_contact import NetContact
 from contactlab.measure.stick_slip import HELD_USAGE, Spans, changes, spans
 
 _CREEP_SPEED = Threshold("creep_speed", None, "m/s", "Set where what sticks should stay.")
@@ -56,7 +58,7 @@ Events = tuple[NDArray[np.intp], NDArray[np.intp]]
 @cached
 def switch_masks(context: Context) -> list[NDArray[np.bool_]]:
     """Return for each monitored pair (n, N - 1) where it changes between stick and slide."""
-    return context.of_pairs(lambda place: changes(context.net[place].series))
+    return each_once(context.net, lambda net: changes(net.series))
 
 
 @metric("1/s", "lower", tolerance=5.0, version=2, equivalence=True, heading="switches/s")
@@ -67,8 +69,7 @@ def mode_switches(context: Context) -> Floats:
     Sticking that never uses less than 0.9 of the friction bound counts as slow sliding. A pad
     with more than 5 a second chatters.
     """
-    masks = switch_masks(context)
-    counts = context.of_pairs(lambda place: masks[place].sum(axis=1).astype(np.float64))
+    counts = each_once(switch_masks(context), lambda mask: mask.sum(axis=1).astype(np.float64))
     return worst_pair(context, counts) / context.seconds
 
 
@@ -78,7 +79,7 @@ def slip_distance(context: Context) -> Floats:
 
     On hops of up to 100 ms between contacts it is interpolated between the speeds beside them.
     """
-    speeds = context.of_pairs(lambda place: _with_hops(context.net[place].series).sum(axis=1))
+    speeds = each_once(context.net, lambda net: _with_hops(net.series).sum(axis=1))
     return worst_pair(context, speeds) * context.trace.timestep
 
 
@@ -105,12 +106,12 @@ def creep_speed(context: Context) -> Floats:
 
 @cached
 def _creeps(context: Context) -> list[Floats]:
-    def creep_of(place: int) -> Floats:
-        series, last = context.net[place].series, context.last_fifth
+    def creep_of(net: NetContact) -> Floats:
+        series, last = net.series, context.last_fifth
         sticking = (series.mode[:, last] == STICK) & (series.normal[:, last] > 0)
         return (series.slip[:, last] * sticking).sum(axis=1) / sticking.sum(axis=1)
 
-    return context.of_pairs(creep_of)
+    return each_once(context.net, creep_of)
 
 
 @metric("1", "lower", 1e-9, kind="detail")
@@ -143,7 +144,7 @@ def _crept(context: Context) -> dict[str, Floats]:
         steady = (np.abs(before - speed) < _STEADILY * speed) & (held[:, half].mean(axis=1) > 0.9)
         return steady * context.seconds * speed
 
-    ways = context.of_pairs(way)
+    ways = each_once(context.places, way)
     pairs = zip(context.series, ways, context.setup.reaches, strict=True)
     shares = {series.name: own / reach for series, own, reach in pairs}
     together = sum(ways, np.zeros(context.trace.runs))
@@ -171,7 +172,7 @@ def complementarity(context: Context) -> Floats:
 @metric("N s", resolution=1e-9, equivalence=True)
 def normal_impulse(context: Context) -> Floats:
     """Net normal force summed over time, largest of all pairs; at rest it is weight times time."""
-    forces = context.of_pairs(lambda place: context.net[place].series.normal.sum(axis=1))
+    forces = each_once(context.net, lambda net: net.series.normal.sum(axis=1))
     return worst_pair(context, forces) * context.trace.timestep
 
 
@@ -198,9 +199,9 @@ def contact_losses(context: Context) -> Floats:
     sides, after which it meets as hard as before, at 5 cm/s or faster. A pad with more than 5 a
     second chatters.
     """
-    runs, losses = context.trace.runs, _all_losses(context)
-    counts = context.of_pairs(lambda at: np.bincount(losses[at].run, minlength=runs).astype(float))
-    return worst_pair(context, counts) / context.seconds
+    runs, gaps = context.trace.runs, _all_losses(context)
+    counts = each_once(gaps, lambda each: np.bincount(each.run, minlength=runs) / context.seconds)
+    return worst_pair(context, counts)
 
 
 @label(40, (_MODE_SWITCHES, _CONTACT_LOSSES, _FEWEST, _HUNTS))
@@ -213,7 +214,8 @@ def chatter(runs: MeasuredRuns) -> Found:
     held = context.setup.hold is not None
     masks = hold_switch_masks(context) if held else switch_masks(context)
     between = "stick, slide and no contact in its hold" if held else "stick and slide"
-    for place in context.distinct:
+    places = sorted(set(context.places))
+    for place in places:
         series, extent = context.series[place], float(context.setup.thickness[place])
         # What tumbles is held and slides in turn as it meets with one point after another.
         tumbles = context.net[place].rolling * extent > series.slip
@@ -221,7 +223,7 @@ def chatter(runs: MeasuredRuns) -> Found:
         what = f"{series.name} switched {{}} times between {between}"
         least = 0.0 if held or np.isinf(extent) else _SLIPS * extent
         yield from _often(runs, series, (run, step + 1), what, "mode_switches", least)
-    for place in () if held else context.distinct:
+    for place in () if held else places:
         series, gaps = context.series[place], _all_losses(context)[place]
         what = f"{series.name} lost its contact {{}} times while it stuck"
         yield from _often(runs, series, (gaps.run, gaps.start), what, "contact_losses")
@@ -235,10 +237,8 @@ def hold_switch_masks(context: Context) -> list[NDArray[np.bool_]]:
     Contact that a sticking pair loses or regains counts too; sliding pairs hop.
     """
     inside = hold_window(context)[:, 1:]
-    masks = switch_masks(context)
-    return context.of_pairs(
-        lambda place: (masks[place] | _parts_or_meets(context.net[place].series)) & inside
-    )
+    pairs = zip(context.series, switch_masks(context), strict=True)
+    return [(mask | _parts_or_meets(series)) & inside for series, mask in pairs]
 
 
 def _parts_or_meets(series: PairSeries) -> NDArray[np.bool_]:
@@ -278,7 +278,7 @@ def lost_contacts(context: Context, index: int) -> Spans:
 @cached
 def _all_losses(context: Context) -> list[Spans]:
     """Return for each monitored pair the gaps in which it loses contact while it sticks."""
-    return context.of_pairs(lambda place: lost_contacts(context, place))
+    return each_once(context.places, lambda place: lost_contacts(context, place))
 
 
 def _is_held(

@@ -112,8 +112,7 @@ def hold_contact(context: Context) -> Floats:
     inside = hold_window(context)
     if not context.series:
         return context.undefined()
-    each = (context.net[place] for place in context.distinct)
-    bears = np.logical_or.reduce([net.series.normal > 0 for net in each])
+    bears = np.logical_or.reduce([series.normal > 0 for series in context.series])
     steps = inside.sum(axis=1)
     return (bears & inside).sum(axis=1) / np.where(steps > 0, steps, np.nan)
 

@@ -1,7 +1,5 @@
 """How deep and how hard bodies press each other, and labels of what sinks, rests deep or passes."""
 
-from collections.abc import Callable
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,6 +10,7 @@ from contactlab.measure.context import (
     Context,
     cached,
     contact_depths,
+    each_once,
     first_step,
     name_of_worst,
     runs_where,
@@ -54,16 +53,7 @@ _DIP = 0.1  # Longest time [s] for which a geom may dip beyond its middle
 @metric("m", "lower", 1e-9, requires="depth", equivalence=True, heading="depth [m]")
 def penetration_max(context: Context) -> Floats:
     """Largest penetration, which is minus distance, of any contact; not of speculative ones."""
-    return worst_pair(context, _of_depths(context, lambda _, depth: depth.max(axis=1)))
-
-
-def _of_depths(
-    context: Context, quantity: Callable[[NDArray[np.bool_], Floats], Floats]
-) -> list[Floats]:
-    """Return a quantity of each pair, by where it touches and how deep; or of the model alone."""
-    depths = contact_depths(context)
-    found = context.of_pairs(lambda place: quantity(*depths[place]))
-    return found or [quantity(*each) for each in depths]
+    return worst_pair(context, each_once(contact_depths(context), lambda each: each[1].max(axis=1)))
 
 
 @metric("m", "lower", 1e-9, requires="depth", equivalence=True)
@@ -78,9 +68,9 @@ def penetration_mean(context: Context) -> Floats:
 
 def mean_depths(context: Context, inside: NDArray[np.bool_]) -> list[Floats]:
     """Return for each pair (n,) its mean depth [m] over those steps (n, N) in which it touches."""
-    return _of_depths(
-        context,
-        lambda touching, depth: (depth * inside).sum(axis=1) / (touching & inside).sum(axis=1),
+    return each_once(
+        contact_depths(context),
+        lambda pair: (pair[1] * inside).sum(axis=1) / (pair[0] & inside).sum(axis=1),
     )
 
 
@@ -89,11 +79,12 @@ def steady_by_pair(context: Context) -> list[Floats]:
     """Return for each pair (n,) its mean depth [m] in the last fifth; NaN unless it rests there."""
     tail = context.last_fifth
 
-    def steady(touching: NDArray[np.bool_], depth: Floats) -> Floats:
+    def steady(pair: tuple[NDArray[np.bool_], Floats]) -> Floats:
+        touching, depth = pair
         mean = depth[:, tail].sum(axis=1) / touching[:, tail].sum(axis=1)
         return np.where(touching[:, tail].mean(axis=1) >= _LASTING, mean, np.nan)
 
-    return _of_depths(context, steady)
+    return each_once(contact_depths(context), steady)
 
 
 @metric("m", "lower", 1e-9, requires="depth", equivalence=True)
@@ -142,7 +133,7 @@ def _gains(context: Context) -> list[Floats]:
             before = before * np.where(later > load, later / np.where(load > 0, load, later), 1)
         return np.where(resting, after - before, np.nan)
 
-    return context.of_pairs(gain) or [gain(0)]
+    return each_once(context.places or [0], gain)
 
 
 @metric("1", "lower", 1e-9, kind="detail", requires="depth")
@@ -153,12 +144,12 @@ def standoff(context: Context) -> Floats:
     that moves do not count. Not defined for speculative contacts.
     """
     least, speculative = 1e-5 * context.setup.moving_mass, context.setup.speculative
-
-    def share(place: int) -> Floats:
-        net, thickness = context.net[place], context.setup.thickness[place]
-        return np.where(net.series.normal.mean(axis=1) >= least, net.standoff / thickness, 0)
-
-    worst = worst_pair(context, context.of_pairs(share))
+    forces = each_once(context.net, lambda net: net.series.normal.mean(axis=1))
+    shares = [
+        np.where(force >= least, net.standoff / thickness, 0)
+        for force, net, thickness in zip(forces, context.net, context.setup.thickness, strict=True)
+    ]
+    worst = worst_pair(context, shares)
     return worst if speculative is None else np.where(speculative, np.nan, worst)
 
 
@@ -210,9 +201,8 @@ def deep_penetration(runs: MeasuredRuns) -> Found:
     context, setup, limit = runs.context, runs.context.setup, runs.limits["penetration_steady"]
     if context.trace.steps == 0:
         return
-    places = [*reversed(context.distinct)] or [0]
-    for index, steady in [(place, steady_by_pair(context)[place]) for place in places]:
-        accepted = np.full(context.trace.runs, limit)
+    for index in sorted(set(context.places or [0]), reverse=True):
+        steady, accepted = steady_by_pair(context)[index], np.full(context.trace.runs, limit)
         touching = contact_depths(context)[index][1][:, context.last_fifth]
         if "penetration_steady" not in setup.thresholds and context.series:
             loads, width = _borne(context)[index] / runs.limits[PRESSED.name], setup.widths[index]
@@ -232,7 +222,7 @@ def _pierced(runs: MeasuredRuns) -> Found:
     """Find pairs without a barrier that are deeper in each other than half the thinner."""
     context, given = runs.context, runs.limits.get("pierced")
     guarded = {barrier.pair for barrier in context.setup.barriers}
-    for index in context.distinct:
+    for index in sorted(set(context.places)):
         if index in guarded:
             continue
         series, depth = context.series[index], contact_depths(context)[index][1]
@@ -314,13 +304,10 @@ _NO_MASS = 1e9  # Weights that only a contact bears along which no joint moves
 @cached
 def _borne(context: Context) -> list[Floats]:
     """Return for each pair (n,) the median of its normal force in the last fifth, in weights."""
-
-    def borne(place: int) -> Floats:
-        force = context.net[place].series.normal[:, context.last_fifth]
-        weights = np.median(force, axis=1) / context.setup.weights[place]
-        return weights * (weights < _NO_MASS)
-
-    return context.of_pairs(borne)
+    tail, weights = context.last_fifth, context.setup.weights
+    forces = each_once(context.net, lambda net: np.median(net.series.normal[:, tail], axis=1))
+    borne = [force / own for force, own in zip(forces, weights, strict=True)]
+    return [each * (each < _NO_MASS) for each in borne]
 
 
 @metric("1", "lower", 1e-6, kind="detail")

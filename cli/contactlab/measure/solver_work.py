@@ -74,7 +74,7 @@ def contacts_cut(context: Context) -> Floats:
 @metric("1", kind="work")
 def ungraded_contacts(context: Context) -> Floats:
     """Steps in which the model had contacts outside the monitored pairs."""
-    found = (context.net[place].found for place in context.distinct)
+    found = (context.net[place].found for place in set(context.places))
     monitored = sum(found, np.zeros_like(context.trace.contacts))
     return (context.trace.contacts > monitored).sum(axis=1).astype(np.float64)
 
@@ -146,7 +146,7 @@ def sustained_residual(context: Context, where: NDArray[np.bool_]) -> Floats:
 @cached
 def _cut_by_pair(context: Context) -> dict[int, NDArray[np.bool_]]:
     """Return for pairs that differ, by place, (n, N) where one had more contacts than slots."""
-    slots, places = context.setup.slots, context.distinct
+    slots, places = context.setup.slots, sorted(set(context.places))
     return {place: context.net[place].found > slots[place] for place in places}
 
 

@@ -38,15 +38,6 @@ from contactlab.store.store_files import time_now
 
 
 @cache
-def _same_in_all() -> dict[str, Any]:
-    """Return the units of metrics, and the defaults of a record, which take long to look up."""
-    fields = EvidenceRecord.model_fields.items()
-    found = {name: each.get_default(call_default_factory=True) for name, each in fields}
-    units = {name: metric.unit for name, metric in METRICS.items()}
-    return {**found, "units": units}
-
-
-@cache
 def definitions() -> str:
     """Return a hash of the code that prepares runs, rolls them out, measures and labels them."""
     packages = ("accuracy", "contact", "engines", "measure", "scene")
@@ -152,7 +143,7 @@ def _record(
     selected = [each for match, each in task.expected if match.holds(run.values)]
     expected, met, missed = judge(selected, [entry.label for entry in labels], metrics)
     # Of the right types as it is made: to check them takes longer than all else of a short run.
-    known: dict[str, Any] = dict(
+    return EvidenceRecord.model_construct(
         run_id=run.run_id,
         index=run.index,
         sweep=identity.name,
@@ -172,6 +163,7 @@ def _record(
         steps_asked=resolved.steps,
         metrics=metrics,
         metric_versions=identity.metric_versions,
+        units={name: metric.unit for name, metric in METRICS.items()},
         label=labels[0].label if labels else "stable",
         labels=labels,
         expected=expected,
@@ -180,9 +172,9 @@ def _record(
         tolerances_met=within_tolerances(task.sweep.tolerances, metrics),
         provenance=task.provenance,
         plugins=identity.plugins,
+        effects_missed={},  # Given, since pydantic takes longer than all this to make its default.
         **rest,
     )
-    return EvidenceRecord.model_construct(**{**_same_in_all(), **known})
 
 
 def cost_and_times(task: Task, outcome: RunOutcome) -> dict[str, object]:
