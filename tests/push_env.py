@@ -121,6 +121,49 @@ class Looping(Push):
         return super().step(action)
 
 
+class Unrewarded(Push):
+    """Has no number to say of its first step."""
+
+    def step(self, action: Any) -> Any:
+        seen, _, *rest = super().step(action)
+        return seen, float("nan"), *rest
+
+
+class Unplaced(Push):
+    """Begins nowhere."""
+
+    def reset(self, *, seed: int) -> Any:
+        answer = super().reset(seed=seed)
+        self.data.qpos[0] = np.nan
+        return answer
+
+
+class Rough(Push):
+    """Has an impedance that is no number."""
+
+    def reset(self, *, seed: int) -> Any:
+        self.model.geom_solimp[1, 1] = np.nan
+        return super().reset(seed=seed)
+
+
+class Other(Push):
+    """Makes a model with other names when it is reset."""
+
+    def reset(self, *, seed: int) -> Any:
+        self.model = mujoco.MjModel.from_xml_string(PUSHED.replace("puck", "disk"))
+        self.data = mujoco.MjData(self.model)
+        return super().reset(seed=seed)
+
+
+class Slowing(Push):
+    """Makes longer steps from the second one on."""
+
+    def step(self, action: Any) -> Any:
+        answer = super().step(action)
+        self.model.opt.timestep = 3e-3
+        return answer
+
+
 class Closed(Push):
     """Has no actions to draw."""
 
@@ -129,6 +172,10 @@ class Closed(Push):
 
 class NoModel:
     """Steps no MuJoCo."""
+
+
+def nothing() -> Any:
+    return None
 
 
 def broken() -> Any:

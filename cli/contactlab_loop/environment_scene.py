@@ -22,6 +22,7 @@ from contactlab.engines.closed_loop import load_code, load_policy
 from contactlab.engines.engine import PolicyClass
 from contactlab.errors import SceneError, SweepFileError, in_one_line
 from contactlab.run.evidence_record import RunPlan
+from contactlab.run.mujoco_environment import find_packages_of_caller
 from contactlab.run.tasks import PlannedRun
 from contactlab.scene.resolution import START_SETTINGS, ResolvedRun
 from contactlab.scene.scene import Scene
@@ -65,13 +66,17 @@ class Environment:
         """
         if not allowed:
             raise SceneError(
-                f"environment {self.name} is Python code, which only a sweep that allows it runs: "
-                "`contactlab sweep FILE --allow-code`, or allow_code=True in Python"
+                f"environment {self.name} is Python code, which runs only in a sweep that allows "
+                "it: `contactlab sweep FILE --allow-code`, or allow_code=True in Python; studies, "
+                "such as tradeoff and tune, need steps of MuJoCo's own"
             )
         if said and (others := [each for each in _OTHERS_TO_SAY if getattr(said, each)]):
             raise SceneError(f"{others[0]}: the environment {self.name} has its own; leave it out")
         env = self.make()
-        model, _ = simulation(bare(env))
+        try:
+            model, _ = simulation(bare(env))
+        except SceneError as error:
+            raise SceneError(f"environment {self.name}: {error}") from error
         kept = TemporaryDirectory(prefix="contactlab-")
         _opened.append(kept)
         folder = Path(kept.name)
@@ -98,6 +103,7 @@ class Environment:
 
     def make(self) -> Any:  # noqa: ANN401 - whatever it is
         """Return the environment, by its code; a SceneError says why there is none."""
+        find_packages_of_caller()
         try:
             with redirect_stdout(sys.stderr):
                 return self._factory()()
@@ -117,6 +123,8 @@ class Environment:
                     "install 'contactlab[gymnasium]'; or write FILE.py:FACTORY"
                 ) from error
             return lambda: gymnasium.make(self.name)
+        if not self.files[0].is_file():
+            raise SceneError(f"environment {self.name}: there is no file {self.files[0]}")
         return load_code("environment", self.files[0], self.name.rpartition(_CODE)[2])
 
     def refusal(self, run: ResolvedRun) -> str | None:
@@ -141,7 +149,9 @@ class Environment:
         for name in _ASK_AGAIN:
             if getattr(sweep, name):
                 raise SweepFileError(f"{name} needs steps of MuJoCo's own, not of an environment")
-        return lacking_checks()
+        return lacking_checks(
+            "only the environment's own code makes its steps", "an episode takes its own time"
+        )
 
     def seconds_per_step(self, runs: PreparedRuns) -> float:
         """Return what MuJoCo alone takes for a step [s], from where its model begins."""

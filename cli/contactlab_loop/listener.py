@@ -11,12 +11,14 @@ import numpy as np
 from mujoco import mj_step, mj_step2  # by themselves, since `listening` replaces the module's
 
 from contactlab.engines import Rollout
-from contactlab.errors import OutputError
+from contactlab.errors import OutputError, SceneError
 from contactlab.run.evidence_record import RunPlan
 from contactlab.schema.evidence import Loop
 from contactlab.store.store_files import time_now
-from contactlab_loop.reader import LoopReader, LoopSteps, Since
+from contactlab_loop.reader import INPUTS, LoopReader, LoopSteps, Since
 
+_OF_CONTACTS = ("friction", "solref", "solimp", "margin", "gap")
+_OF_STARTS = ("qpos", "qvel", "act", *INPUTS)
 _FOR_THE_EYE = ("vis", "tex", "mat_", "skin", "light", "cam", "name", "text")
 
 
@@ -41,6 +43,11 @@ class Listener(ABC):
         self.closed = ""
         self._reader = reader
         self._before, self._set, self._started = reader.model, list[int](), ""
+
+    @property
+    def model(self) -> mujoco.MjModel:
+        """The model that is recorded."""
+        return self._reader.model
 
     @property
     def data(self) -> mujoco.MjData:
@@ -85,6 +92,7 @@ class Listener(ABC):
         while since := reader.look():
             match since:
                 case Since.NEVER:
+                    _check_start(reader.model, reader.data)
                     reader.clear()
                     self._before, self._set = copy.copy(reader.model), []
                     self._started = time_now()
@@ -115,6 +123,14 @@ class Listener(ABC):
             changed_under_way=changed_fields(self._before, self._reader.model),
             state_set=tuple(self._set),
         )
+
+
+def _check_start(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+    """Raise a SceneError for what no record can say of the start of an episode: no numbers."""
+    fields = [(name, value) for name, value in _fields(model) if name.endswith(_OF_CONTACTS)]
+    for name, value in (*fields, *((name, getattr(data, name)) for name in _OF_STARTS)):
+        if not np.isfinite(value).all():
+            raise SceneError(f"{name} is not finite where an episode begins")
 
 
 def known_of(steps: LoopSteps) -> Mapping[str, object]:

@@ -1,5 +1,6 @@
 """Plays episodes of an environment, each with the model of one run."""
 
+import math
 import sys
 from collections.abc import Callable
 from contextlib import redirect_stdout
@@ -22,6 +23,7 @@ from contactlab_loop.simulation import bare, other_parts, simulation
 SUCCESS = ("success", "is_success")
 _UNCHECKED = "refined copies and repeats: only the environment's own code makes its steps"
 _MISTAKES = (Exception, SystemExit)
+_TIMESTEP = "opt.timestep"
 _FEW, _MANY = 4, 5  # what step() returns: one or two of the numbers say whether the episode ended
 
 
@@ -46,7 +48,7 @@ class Player:
         """Return the episode of a run; of one that failed, what there is of it, and why."""
         model = plan.prepared.model
         # This one stands in for an environment that cannot be made, or not reset.
-        listener = _EpisodeListener(self._scene, plan, model, mujoco.MjData(model))
+        spare = listener = _EpisodeListener(self._scene, plan, model, mujoco.MjData(model))
         said: dict[str, Any] = {"success": None, "total_reward": None}
         failed: str | None = None
         try:
@@ -63,7 +65,7 @@ class Player:
             plain = isinstance(error, FailureError | SceneError)
             failed = str(error) if plain else f"environment: {in_one_line(error, __file__)}"
             self._env = None
-        return listener.episode(said, failed)
+        return (listener if listener.steps else spare).episode(said, failed)
 
     def _reset(self, plan: RunPlan) -> Any:  # noqa: ANN401 - whatever it observes
         """Reset the environment with a run's model and seed; return what it observes."""
@@ -71,17 +73,17 @@ class Player:
             self._env = self._make()
         base, wanted = self._scene.base({}).model, plan.prepared.model
         model, data = simulation(bare(self._env))
-        if differing := other_parts(model, base):
-            raise FailureError(f"the model is not that of the sweep: it differs in {differing}")
+        _check_parts(model, base)
         write_fields(model, wanted)
         mujoco.mj_resetData(model, data)
         answer = self._env.reset(seed=plan.resolved.seed)
         again, data = simulation(bare(self._env))
         if again is not model:
+            _check_parts(again, base)
             write_fields(again, wanted)
             mujoco.mj_forward(again, data)
-        swept = changed_fields(base, wanted)
-        if lost := [name for name in changed_fields(wanted, again) if name in swept]:
+        kept = {*changed_fields(base, wanted), _TIMESTEP}
+        if lost := [name for name in changed_fields(wanted, again) if name in kept]:
             raise FailureError(
                 f"reset() of the environment writes {', '.join(lost)} over what the sweep sets"
             )
@@ -113,8 +115,17 @@ class Player:
                 )
             observation, reward, *ends, info = answer
             total, ended = total + float(reward), any(ends)
+            if not math.isfinite(total):
+                raise FailureError(f"step() of the environment returned the reward {reward}")
+            if listener.model.opt.timestep != plan.prepared.model.opt.timestep:
+                raise FailureError(f"step() of the environment writes {_TIMESTEP} under way")
             told = [bool(info[name]) for name in SUCCESS if name in info]
             said |= {"total_reward": total, **({"success": told[0]} if told else {})}
+
+
+def _check_parts(model: mujoco.MjModel, base: mujoco.MjModel) -> None:
+    if differing := other_parts(model, base):
+        raise FailureError(f"the model is not that of the sweep: it differs in {differing}")
 
 
 class _EpisodeListener(Listener):

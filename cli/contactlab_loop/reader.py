@@ -31,7 +31,7 @@ _MOST_BYTES = 1 << 30
 _STATE = int(STATE)
 _RK4 = int(mujoco.mjtIntegrator.mjINT_RK4)
 _FWDINV = int(mujoco.mjtEnableBit.mjENBL_FWDINV)
-_INPUTS = ("ctrl", "xfrc_applied", "mocap_pos", "mocap_quat")
+INPUTS = ("ctrl", "xfrc_applied", "mocap_pos", "mocap_quat")
 
 
 class Since(IntEnum):
@@ -117,7 +117,7 @@ class LoopReader:
     def clear(self) -> None:
         """Begin an episode, of which is read what the model needs as it is now."""
         forces = Recorder([self.model], 0, 1).fields
-        names = (*_INPUTS, "qfrc_applied", "solver_niter", *forces)
+        names = (*INPUTS, "qfrc_applied", "solver_niter", *forces)
         self._views = {name: np.asarray(getattr(self.data, name)) for name in names}
         kernel = usable_kernel()
         sizes = 1 + self.model.nq + self.model.nv + self.model.na, _width(self._base)
@@ -205,7 +205,7 @@ class LoopReader:
             part = states[:, 1 + place : 5 + place]
             norms = np.linalg.norm(part[[*given]], axis=1, keepdims=True)
             part[[*given]] /= np.where((norms > 0) & (np.abs(norms - 1) > _ROUNDING), norms, 1)
-        inputs = np.concatenate([fields[name].reshape(count, -1) for name in _INPUTS], axis=1)
+        inputs = np.concatenate([fields[name].reshape(count, -1) for name in INPUTS], axis=1)
         warned = self._counts()
         # A reset cleared the counts.
         warnings = np.where(warned < self._warned, warned, warned - self._warned)

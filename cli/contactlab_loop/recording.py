@@ -5,6 +5,7 @@ be, nor how many there are; so the store's identity is completed when the record
 """
 
 import hashlib
+import math
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
@@ -188,7 +189,8 @@ class Recording(Listener):
         rollout = steps.rollout(PreparedRuns(scene, [resolved], [prepared], start, made))
         said: dict[str, object] = {
             "success": success,
-            "total_reward": total_reward,
+            # What is no number is no return.
+            "total_reward": total_reward if math.isfinite(total_reward or 0.0) else None,
             "loop": self._noticed(base.model, _UNCHECKED),
         }
         if cut:
@@ -243,11 +245,12 @@ def _entries(model: mujoco.MjModel, monitored: Monitored) -> list[Mapping[str, o
     return [{"geoms": tuple(names[each] for each in pair)} for pair in found]
 
 
-def lacking_checks() -> dict[str, str]:
+def lacking_checks(
+    why: str = "the code that made the steps is not here to repeat them",
+    cost: str = "a recorded loop takes its own time",
+) -> dict[str, str]:
     """Return what recorded loops have not, and why."""
-    why = "the code that made the steps is not here to repeat them"
-    checks = {name: why for name, each in METRICS.items() if each.kind == "check"}
-    return {**checks, "cost": "a recorded loop takes its own time"}
+    return {**{name: why for name, each in METRICS.items() if each.kind == "check"}, "cost": cost}
 
 
 def _hash(ids: Sequence[str]) -> str:

@@ -176,6 +176,11 @@ def test_a_model_made_anew_is_written_too(tmp_path: Path) -> None:
         ("Failing", r"environment: line \d+ of push_env.py: ValueError: out of ideas", 2 * SKIP),
         ("Unheard", "made no step by mujoco.mj_step", 0),
         ("Looping", "cut: the environment was reset within a step", 3 * SKIP),
+        ("Unrewarded", r"step\(\) of the environment returned the reward nan", SKIP),
+        ("Unplaced", "qpos is not finite where an episode begins", 0),
+        ("Rough", "geom_solimp is not finite where an episode begins", 0),
+        ("Other", "the model is not that of the sweep: it differs in .*names", 0),
+        ("Slowing", r"step\(\) of the environment writes opt.timestep under way", SKIP),
         ("Closed", r"no action_space with seed\(\) and sample\(\)", 0),
     ],
 )
@@ -232,7 +237,8 @@ def test_a_replay_finds_what_a_seed_does_not_decide(tmp_path: Path) -> None:
     [
         ("Missing", {}, "it has no class Missing; write one of .*Push"),
         ("broken", {}, r"line \d+ of push_env.py: RuntimeError: no robot here"),
-        ("NoModel", {}, "NoModel has no MuJoCo model and data"),
+        ("NoModel", {}, "push_env.py:NoModel: NoModel has no MuJoCo model and data"),
+        ("nothing", {}, "push_env.py:nothing: NoneType has no MuJoCo model and data"),
         ("Push", {"drive": "hold"}, "an environment takes actions of a policy, or of its own"),
         ("Push", {"axes": {"perturbation": [0.5]}}, "perturbation: an environment starts as"),
         ("Push", {"axes": {"engine": ["mujoco"]}}, "engine"),
@@ -251,8 +257,37 @@ def test_what_cannot_be_is_refused_before_anything_runs(
 def test_an_unknown_file_or_id_is_said(tmp_path: Path) -> None:
     for name in ("nowhere.py:make", "NoSuchEnvironment-v0"):
         sweep = {"version": 1, "scene": {"environment": name}}
-        with pytest.raises(ContactlabError, match=re.escape(name.removesuffix(":make"))):
+        said = f"{name}: there is no file " if ".py" in name else name
+        with pytest.raises(ContactlabError, match=said):
             contactlab.sweep(sweep, output=tmp_path / "store", workers=0, allow_code=True)
+
+
+@pytest.mark.parametrize(
+    "scene",
+    [
+        {"environment": 3},
+        {"environment": None},
+        {"environment": ""},
+        {"environment": "push_env.py"},
+        {"environment": "push_env.py:"},
+        {"environment": "push_env.py:Push", "pairs": []},
+        {"enviroment": "push_env.py:Push"},
+        {},
+        ["push_env.py:Push"],
+    ],
+)
+def test_a_scene_that_names_no_environment_is_told_how(tmp_path: Path, scene: object) -> None:
+    sweep = {"version": 1, "scene": scene}
+    with pytest.raises(SweepFileError, match=r"'scene' takes .*{environment: NAME}.*FILE.py:FACT"):
+        contactlab.sweep(sweep, output=tmp_path / "store", workers=0, allow_code=True)
+
+
+def test_other_commands_say_that_environments_are_swept(tmp_path: Path) -> None:
+    (tmp_path / "push.yaml").write_text(
+        f"version: 1\nscene: {{environment: '{FILE}:Push'}}\n", encoding="utf-8"
+    )
+    with pytest.raises(ContactlabError, match=r"tradeoff and tune, need steps of MuJoCo's own"):
+        contactlab.tradeoff(tmp_path / "push.yaml", allow_code=True, output=tmp_path / "out")
 
 
 def test_a_manifest_says_what_is_asked_of_an_environment(tmp_path: Path) -> None:

@@ -278,6 +278,23 @@ def test_its_code_is_not_here_to_replay(start: Start, tmp_path: Path) -> None:
         replay(store, next(iter(store.records())).run_id)
 
 
+@pytest.mark.parametrize("name", ["qpos", "xfrc_applied", "geom_friction"])
+def test_no_episode_begins_with_what_is_no_number(
+    model: mujoco.MjModel, start: Start, tmp_path: Path, name: str
+) -> None:
+    recording = start()
+    recording.step(3)
+    recording.reset(total_reward=float("nan"))
+    mujoco.mj_resetData(model, recording.data)
+    getattr(model if hasattr(model, name) else recording.data, name)[:] = np.nan
+    with pytest.raises(SceneError, match=f"{name} is not finite where an episode begins"):
+        recording.step()
+    recording.close()
+    (record,) = _records(tmp_path)
+    assert record.total_reward is None
+    assert not verify(tmp_path / "mine")
+
+
 def test_damping_may_begin_after_the_recording_does(
     model: mujoco.MjModel, start: Start, tmp_path: Path
 ) -> None:

@@ -204,15 +204,27 @@ class TimingRequest(Model):
 def scene_reference(scene: object) -> object:
     """Return what names a scene as one word: `environment:NAME` for {environment: NAME}."""
     match scene:
-        case {"environment": str(named), **others} if not others:
+        case {"environment": str(named), **others} if not others and _is_whole(named):
             return f"environment:{named}"
         case _:
             return scene
 
 
-_Named = BeforeValidator(
-    scene_reference, json_schema_input_type=Word | dict[Literal["environment"], Word]
-)
+def _is_whole(environment: str) -> bool:
+    return bool(environment) and not environment.endswith((".py", ".py:"))
+
+
+def _named(scene: object) -> object:
+    if isinstance(reference := scene_reference(scene), dict | list):
+        raise PydanticCustomError(
+            "scene_form",
+            "takes a name, a path, or {environment: NAME}, where NAME is FILE.py:FACTORY or an id "
+            "of Gymnasium",
+        )
+    return reference
+
+
+_Named = BeforeValidator(_named, json_schema_input_type=Word | dict[Literal["environment"], Word])
 
 
 class Sweep(Model):
