@@ -26,7 +26,7 @@ GROUPS = {f"contactlab.{kind}s": kind for kind in ("metric", "label", "oracle", 
 
 
 def extensions(kind: str) -> dict[str, EntryPoint]:
-    """Return what installed packages offer of a kind, by name: `command`, `executor` or `viewer`.
+    """Return what installed packages offer of a kind, by name: `command`, `schema` or `viewer`.
 
     They are loaded when they are asked for, and are no part of the evidence.
     """

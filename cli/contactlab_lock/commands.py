@@ -17,7 +17,7 @@ from contactlab.commands.compare_command import (
 )
 from contactlab.commands.options import flag, option
 from contactlab.commands.terminal import echo, print_json, say
-from contactlab.errors import ExpectationError, StoreError, SweepFileError
+from contactlab.errors import ExpectationError, OutputError, StoreError, SweepFileError
 
 _POLICY = option("FILE", "Policy file of compare: what counts, and how far it may change.")
 
@@ -34,6 +34,7 @@ def lock(
     ),
     output: ReportFormat = opt.FORMAT,
     *,
+    allow_code: bool = opt.ALLOW_CODE,
     check: bool = flag("--check", "Check instead: exit with 1 if an outcome is not as locked."),
     chaotic: bool = flag("--chaotic", "Other machines cannot repeat it: judge by spread alone."),
 ) -> None:
@@ -43,8 +44,10 @@ def lock(
     from contactlab_lock.lock_file import gated_metrics, lock_of, read, write
     from contactlab_lock.versions import run_sweep
 
+    if files and not check:
+        raise OutputError("-o writes the report of --check; name the lock itself by --file")
     rules, targets = policy_of(policy, {}), files_to_write(files or [])
-    given, store = _given(assign, workers), Path(source)
+    given, store = _given(assign, workers, allow_code=allow_code), Path(source)
     path = file or store.with_name(f"{store.stem}.lock.yaml")
     known = read(path) if check else None
     if not (store / "manifest.json").is_file():
@@ -57,7 +60,9 @@ def lock(
         made = lock_of(opened, gated_metrics(opened, rules), chaotic=chaotic)
         write(path, made, source)
         echo(f"{path} holds the outcomes of {opened.manifest.runs} runs of {store}")
-        echo(f"check them: contactlab lock {source} --check")
+        how = [f"--file {file}"] if file else []
+        how += ["--allow-code"] if allow_code else []
+        echo(" ".join([f"check them: contactlab lock {source} --check", *how]))
         return
     report = judge(known, str(path), opened, rules)
     publish(report, targets)
@@ -82,6 +87,8 @@ def bisect(
     workers: int | None = opt.WORKERS,
     folder: Path | None = opt.output_option("FOLDER", "Folder for what each release gives."),
     output: opt.Format = opt.FORMAT,
+    *,
+    allow_code: bool = opt.ALLOW_CODE,
 ) -> None:
     """Find the release of MuJoCo that changed an outcome; the same command resumes."""
     from contactlab.comparison.checks import plural
@@ -92,8 +99,13 @@ def bisect(
     is_test = "::" in source
     name = source.rpartition("::")[2] if is_test else Path(source).stem
     place = folder or Path("results", "bisect", name)
-    sweep = cache(partial(run_sweep, source, given=tuple(_given(assign, workers)), notify=say))
-    subject = bisection.SweepOutcomes(place, sweep, policy_of(policy, {}), question or ())
+    given = tuple(_given(assign, workers, allow_code=allow_code))
+    subject = bisection.SweepOutcomes(
+        place,
+        cache(partial(run_sweep, source, given=given, notify=say)),
+        policy_of(policy, {}),
+        question or (),
+    )
 
     def passes(version: str) -> bool:
         run = partial(run_test, source, place / version, version, say)
@@ -121,7 +133,8 @@ def bisect(
         echo(f"what pytest printed: {place / found.after / 'pytest.txt'}")
 
 
-def _given(assign: Sequence[str] | None, workers: int | None) -> list[str]:
+def _given(assign: Sequence[str] | None, workers: int | None, *, allow_code: bool) -> list[str]:
     """Return the options that are those of `sweep`."""
     count = [] if workers is None else [f"--workers={workers}"]
-    return [*(f"--set={each}" for each in assign or ()), *count]
+    allowed = ["--allow-code"] if allow_code else []
+    return [*(f"--set={each}" for each in assign or ()), *count, *allowed]

@@ -29,7 +29,8 @@ from contactlab.schema.comparison import (
 )
 from contactlab.store.finished_store import Store
 from contactlab.store.table_layout import Column
-from contactlab_lock.lock_file import Group, Lock, is_loop, lock_of, members, metric_columns
+from contactlab_lock.lock_file import is_recorded, lock_of, members, metric_columns
+from contactlab_lock.lock_model import Group, Lock
 
 _BY_CHANCE = 1e-3
 
@@ -161,7 +162,7 @@ def judge(lock: Lock, name: str, store: Store, policy: ComparePolicy) -> Compari
     columns, ids = metric_columns(store), store.columns.run_ids
     metrics = dict.fromkeys(metric for each in lock.groups for metric in each.metrics)
     new = lock_of(store, [each for each in metrics if each in columns])
-    same_seeds = lock.seeds == new.seeds and not is_loop(store)
+    same_seeds = lock.seeds == new.seeds and not is_recorded(store)
     repeated = not lock.chaotic and (lock.starts == new.starts or same_seeds)
     runs = {key: str(ids[rows[0]]) for key, (_, rows) in members(store).items()}
     judge = _Judge(lock, new, repeated, policy, runs)

@@ -9,13 +9,11 @@ import json
 import math
 import statistics
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Any
 
 import numpy as np
-from pydantic import Field, model_validator
-from pydantic_core import PydanticCustomError
 from ruamel.yaml import YAML
 
 from contactlab.comparison.pairing import engine_of
@@ -23,12 +21,11 @@ from contactlab.comparison.policies import effective_rule, kind_of
 from contactlab.errors import SweepFileError
 from contactlab.measure import METRICS
 from contactlab.plan.sweep_file import read_yaml_as
-from contactlab.schema.comparison import ComparePolicy, Count
-from contactlab.schema.evidence import Setting
-from contactlab.schema.strict_model import Flag, Model, Number, Whole, Word
+from contactlab.schema.comparison import ComparePolicy
 from contactlab.store.atomic_files import atomic_write, write_errors
 from contactlab.store.finished_store import Store
 from contactlab.store.table_layout import REAL, Column
+from contactlab_lock.lock_model import Group, Lock, key_of, rounded
 
 _OF_LOOPS = (
     Column("total_reward", REAL, "", "sum of the rewards of an episode", "none"),
@@ -44,58 +41,16 @@ _HEAD = """\
 """
 
 
-class Group(Model):
-    """The outcomes of the runs that have the same axis values."""
-
-    at: dict[str, Setting]
-    runs: Count
-    trajectories: Word
-    outcomes: dict[Word, Count]
-    metrics: dict[Word, Annotated[tuple[Number, ...], Field(min_length=1, max_length=3)]]
-
-    @property
-    def key(self) -> str:
-        """What it is found by."""
-        return _key(self.at)
-
-    def measured(self, metric: str) -> tuple[float, float, int]:
-        """Return mean, spread and number of the values of a metric; NaN, 0 and 0 without any."""
-        mean, *rest = self.metrics.get(metric, (math.nan, 0.0, 0))
-        spread, *count = rest or (0.0,)
-        return mean, spread, int(count[0]) if count else self.runs
-
-
-class Lock(Model):
-    """What the file has; runs of the same starts repeat each other, unless they are chaotic."""
-
-    version: Literal[1] = 1
-    sweep: Word
-    scene_hash: Word
-    engine: Word
-    seeds: tuple[Whole, ...]
-    starts: Word
-    chaotic: Flag = False
-    metric_versions: dict[Word, Whole]
-    groups: tuple[Group, ...]
-
-    @model_validator(mode="after")
-    def _names_no_group_twice(self) -> Self:
-        if len(self.by_key) < len(self.groups):
-            raise PydanticCustomError("group_twice", "has two groups of the same axis values")
-        return self
-
-    @property
-    def by_key(self) -> dict[str, Group]:
-        """The groups by their keys."""
-        return {each.key: each for each in self.groups}
-
-
 def lock_of(store: Store, metrics: Sequence[str], *, chaotic: bool = False) -> Lock:
     """Return what a store gave, by these metrics; runs on a knife edge are left out."""
     known = store.columns.schema.names
     always = ["seed", "labels", "trajectory_hash", "initial_qpos", "initial_qvel"]
     rows = store.columns.to_pydict([*always, *(x for x in _COUNTED if x in known), *metrics])
-    groups = [_group(axes, rows, metrics, own) for axes, own in members(store).values()]
+    grouped = members(store).values()
+    groups = [_group(axes, rows, metrics, own) for axes, own in grouped]
+    starts = [rows["initial_qpos"], rows["initial_qvel"]]
+    if not is_recorded(store) and (is_loop(store) or _differ_besides(starts, rows, grouped)):
+        starts.append(rows["seed"])
     identity = store.manifest.sweep
     versions = identity.metric_versions
     return Lock(
@@ -103,7 +58,7 @@ def lock_of(store: Store, metrics: Sequence[str], *, chaotic: bool = False) -> L
         scene_hash=identity.scene_hash,
         engine=engine_of(store),
         seeds=tuple(sorted(set(rows["seed"]))),
-        starts=_digest([rows["initial_qpos"], rows["initial_qvel"]]),
+        starts=_digest(starts),
         chaotic=chaotic,
         metric_versions={name: versions[name] for name in metrics if name in versions},
         groups=tuple(groups),
@@ -120,14 +75,34 @@ def members(store: Store) -> dict[str, tuple[dict[str, Any], list[int]]]:
     ]
     axes = columns.arrow(names).to_pylist() if names else [dict[str, Any]()] * columns.runs
     for row in np.flatnonzero(columns.numbers("knife_edge").values != 1).tolist():
-        given = {name: _rounded(each) for name, each in axes[row].items() if each is not None}
-        found.setdefault(_key(given), (given, []))[1].append(row)
+        given = {name: rounded(each) for name, each in axes[row].items() if each is not None}
+        found.setdefault(key_of(given), (given, []))[1].append(row)
     return found
 
 
 def is_loop(store: Store) -> bool:
-    """Return whether a store has the episodes of a loop, whose seeds only number them."""
+    """Return whether a store has the episodes of a loop, or of an environment."""
     return "loop" in store.columns.schema.names
+
+
+def is_recorded(store: Store) -> bool:
+    """Return whether it has episodes of no sweep, whose seeds only number them."""
+    return is_loop(store) and not store.manifest.sweep.source
+
+
+def _differ_besides(
+    starts: Sequence[Sequence[object]],
+    rows: Mapping[str, list[Any]],
+    groups: Iterable[tuple[object, list[int]]],
+) -> bool:
+    """Return whether seeds decide more than starts, as the noise of a drive."""
+    for _, own in groups:
+        first: dict[str, object] = {}
+        for row in own:
+            start, moved = str([each[row] for each in starts]), rows["trajectory_hash"][row]
+            if first.setdefault(start, moved) != moved:
+                return True
+    return False
 
 
 def metric_columns(store: Store) -> dict[str, Column]:
@@ -205,18 +180,6 @@ def _measured(values: Sequence[float | None]) -> tuple[float, ...]:
 
 def _digest(data: object) -> str:
     return hashlib.sha256(json.dumps(data).encode()).hexdigest()[:16]
-
-
-def _key(axes: Mapping[str, object]) -> str:
-    return json.dumps({name: _rounded(value) for name, value in sorted(axes.items())})
-
-
-def _rounded(value: object) -> object:
-    """Return a value of an axis to nine digits, since computed ones differ in the last."""
-    if isinstance(value, list | tuple):
-        return [_rounded(each) for each in value]
-    is_number = isinstance(value, int | float) and not isinstance(value, bool)
-    return float(f"{value:.9g}") if is_number else value
 
 
 def _yaml(data: Mapping[str, object], *, in_one_line: bool = False) -> str:

@@ -13,6 +13,7 @@ from contactlab.run.mujoco_environment import find_interpreter
 from contactlab.store.atomic_files import write_errors
 
 _LISTED = re.compile(r"^Available versions: (.+)$", re.MULTILINE)
+_OLDEST = (3, 3)
 _FINAL = re.compile(r"\d+(\.\d+)+")
 _RAN = {0, 1}  # a sweep that ran, as expected or not; a test that passed, or failed
 
@@ -25,6 +26,9 @@ def releases(first: str, last: str, given: Sequence[str] = ()) -> list[str]:
     """
     if first == last:
         raise EngineError(f"{first} is both ends; name two releases")
+    for each in (first, last):
+        if _numbers(each) < _OLDEST:
+            raise EngineError(f"contactlab runs on MuJoCo 3.3.0 and newer; {each} is older")
     known = sorted({*given} or _listed(), key=_numbers)
     for each in (first, last):
         EngineError.unless_known(each, known, f"no release {each} of MuJoCo for this Python")

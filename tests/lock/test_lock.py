@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 import typer
+from tests import push_env
+from tests.push_env import PUSHED
 from typer.testing import CliRunner
 
 import contactlab
@@ -17,7 +19,8 @@ from contactlab.schema.comparison import ComparePolicy, ComparisonReport
 from contactlab.store.finished_store import Store
 from contactlab_lock.commands import bisect, lock
 from contactlab_lock.judgement import change_by_chance, judge
-from contactlab_lock.lock_file import Lock, gated_metrics, lock_of, read, write
+from contactlab_lock.lock_file import gated_metrics, lock_of, read, write
+from contactlab_lock.lock_model import Lock
 
 SLIDE: dict[str, Any] = {
     "version": 1,
@@ -33,6 +36,13 @@ DROP: dict[str, Any] = {
     "seeds": 8,
     "axes": {"timestep": [1e-3, 2e-3], "drop_height": [0.02]},
 }
+PUSH: dict[str, Any] = {
+    "version": 1,
+    "scene": {"environment": f"{push_env.__file__}:Push"},
+    "duration": 0.2,
+    "seeds": 10,
+    "axes": {"friction.slide": [0.5]},
+}
 Swept = Callable[..., Store]
 
 
@@ -42,7 +52,8 @@ def swept(tmp_path_factory: pytest.TempPathFactory) -> Swept:
 
     def run(sweep: Mapping[str, Any], **settings: Any) -> Store:
         folder = tmp_path_factory.mktemp("store") / "store"
-        return contactlab.sweep({**sweep, **settings}, output=folder, workers=0)
+        sweep = {**sweep, **settings}
+        return contactlab.sweep(sweep, output=folder, workers=0, allow_code=True)
 
     return run
 
@@ -129,6 +140,42 @@ def test_locked_seeds_of_what_is_chaotic_are_judged_by_spread(dropped: Store) ->
     assert judged(chaotic, dropped).exit_code == 0
 
 
+@pytest.fixture(scope="module")
+def pushed(swept: Swept) -> Store:
+    return swept(PUSH)
+
+
+@pytest.mark.parametrize(
+    ("change", "exit_code"),
+    [
+        ({}, 0),
+        ({"seeds": list(range(40, 52))}, 0),
+        ({"friction.slide": [0.5 * 1.2]}, 1),
+        ({"seeds": list(range(40, 52)), "friction.slide": [0.5 * 3]}, 1),
+        ({"integrator": ["RK4"]}, 1),
+    ],
+)
+def test_episodes_of_an_environment_are_judged_by_their_seeds(
+    pushed: Store, swept: Swept, change: Mapping[str, Any], exit_code: int
+) -> None:
+    """All begin alike; actions are drawn by the seed."""
+    others = {name: value for name, value in change.items() if name != "seeds"}
+    seeds = {name: change[name] for name in change if name == "seeds"}
+    again = swept(PUSH, **seeds, **axes(PUSH, **others))
+    report = judged(frozen(pushed), again)
+    assert report.exit_code == exit_code
+    assert ("by repetition" in report.headline) == ("seeds" not in change)
+
+
+def test_a_drive_draws_by_the_seed_too(swept: Swept, tmp_path: Path) -> None:
+    (tmp_path / "arm.xml").write_text(PUSHED, encoding="utf-8")
+    sweep = {"version": 1, "scene": str(tmp_path / "arm.xml"), "duration": 0.3, "seeds": 8}
+    sweep |= {"drive": {"noise": 0.5, "rate": 50}, "axes": {"perturbation": [0.0]}}
+    lock = frozen(swept(sweep))
+    others = swept(sweep, seeds=list(range(40, 52)))
+    assert "by the spread" in judged(lock, others).headline
+
+
 def test_a_policy_says_what_counts(slid: Store, swept: Swept) -> None:
     policy = ComparePolicy.model_validate(
         {"version": 1, "metrics": {"*": {"level": "note"}, "slip_*": {"level": "gate", "rel": 0.5}}}
@@ -211,6 +258,8 @@ def test_a_store_is_locked_and_checked(slid: Store, command: Callable[..., Any])
         (["lock", "STORE", "--set", "timestep=1e-3"], "is a store; --set, --workers"),
         (["lock", "STORE", "--file", "damaged.yaml", "--check"], "damaged.yaml"),
         (["lock", "nothing"], "the sweep cannot be run"),
+        (["lock", "nothing", "-o", "my.lock.yaml"], "-o writes the report of --check; name the"),
+        (["bisect", "slide", "--good", "3.2.7", "--bad", "4.0.0"], "3.3.0 and newer; 3.2.7 is"),
         (["bisect", "slide", "--good", "3.9", "--bad", "3.10.0", "--versions", "3.9.0"], "3.9"),
     ],
 )

@@ -6,6 +6,7 @@ from typing import cast
 
 from pydantic import BaseModel
 
+from contactlab.plugins import extensions
 from contactlab.schema.check_report import CheckReport, Reference
 from contactlab.schema.comparison import ComparePolicy, ComparisonReport
 from contactlab.schema.evidence import EvidenceRecord, StoreManifest
@@ -45,7 +46,8 @@ def json_schemas() -> dict[str, Node]:
     schemas: dict[str, Node] = {}
     for name, model in WRITTEN.items():
         schemas[name] = {"$schema": _DRAFT_07, **_rewritten(model.model_json_schema())}
-    for name, model in EMITTED.items():
+    others = {f"{name}.schema.json": each.load() for name, each in extensions("schema").items()}
+    for name, model in {**EMITTED, **others}.items():
         schemas[name] = {"$schema": _DRAFT_2020, **model.model_json_schema(mode="serialization")}
     return schemas
 
