@@ -5,21 +5,23 @@ from pathlib import Path
 
 import typer
 
+from contactlab.commands.options import helped
 from contactlab.commands.terminal import echo, study_session
 from contactlab.errors import ExpectationError, SweepFileError
 
 
+@helped(
+    "explain chatter",
+    'explain solref="0.005 1" MODEL        # its stiffness, damping, restitution, depth',
+    'explain depth_at_rest=".1 mm" MODEL   # the solref for it, verified by a run',
+    codes="0 printed, 1 a run does not show it, 2 bad input",
+)
 def explain(
     what: list[str] = typer.Argument(
         ..., metavar="WORD | [NAME=VALUE ...] MODEL", help="A label, metric, axis, or a model."
     ),
 ) -> None:
-    """Say what a label, a metric or an axis is; or what the contacts of a model are.
-
-    contactlab explain chatter
-    contactlab explain solref="0.005 1" MODEL            its stiffness, damping, restitution, depth
-    contactlab explain depth_at_rest=".1 mm" MODEL       the solref for it, verified by a run
-    """
+    """Say what a label, a metric or an axis is; or what the contacts of a model are."""
     from contactlab.resources import scene_names
     from contactlab_explain.contact_words import WORDS, explain_contacts, read_words
     from contactlab_explain.definitions import define, is_defined

@@ -13,6 +13,11 @@ if TYPE_CHECKING:
     from contactlab.schema.study_reports import FittedSetting
 
 
+@opt.helped(
+    "fit cube_toss",
+    "fit scene/ --free friction.slide=0.1:1,solref --fitted 60",
+    codes="0 fitted, 2 bad input, 130 interrupted",
+)
 def fit(
     scene: str = typer.Argument(..., help="A scene with a recording."),
     folder: Path | None = opt.STUDY_FOLDER,

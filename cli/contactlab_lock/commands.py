@@ -15,13 +15,19 @@ from contactlab.commands.compare_command import (
     print_report,
     publish,
 )
-from contactlab.commands.options import flag, option
+from contactlab.commands.options import flag, helped, option
 from contactlab.commands.terminal import echo, print_json, say
 from contactlab.errors import ExpectationError, OutputError, StoreError, SweepFileError
 
 _POLICY = option("FILE", "Policy file of compare: what counts, and how far it may change.")
 
 
+@helped(
+    "lock sweeps/gripper.yaml",
+    "lock sweeps/gripper.yaml --check -o lock.xml",
+    "lock sweeps/gripper.yaml --check --set seeds=[10,11,12]",
+    codes="0 written or as locked, 1 an outcome changed, 2 bad input, 3 it cannot be judged",
+)
 def lock(
     source: str = typer.Argument(..., metavar="SWEEP|STORE", help="Sweep, or a finished store."),
     file: Path | None = option("FILE", "The lock; by default NAME.lock.yaml beside the sweep."),
@@ -72,6 +78,11 @@ def lock(
         raise (ExpectationError if failed else StoreError)(report.headline)
 
 
+@helped(
+    "bisect tower.yaml --good 3.11.0 --bad 4.0.0",
+    "bisect tests/test_grasp.py::test_held --good 3.11.0 --bad 4.0.0",
+    codes="0 found, 1 both ends give the same, 2 bad input, 130 interrupted: the same resumes it",
+)
 def bisect(
     source: str = typer.Argument(
         ..., metavar="SWEEP|TEST", help="Sweep, or a test of pytest: tests/test_a.py::test_b."

@@ -33,6 +33,12 @@ if TYPE_CHECKING:
 ParityFormat = Literal["text", "json", "markdown", "junit", "github"]
 
 
+@opt.helped(
+    "parity grasp --against warp",
+    "parity grid.yaml --bundle bundle",
+    "parity --from bundle",
+    codes="0 it does what MuJoCo does, 1 not, 2 bad input, 3 it cannot be judged, 130 interrupted",
+)
 def parity(
     name: str | None = typer.Argument(None, metavar="SWEEP", help="Sweep file or shipped sweep."),
     against: str | None = opt.option("ENGINE", "Engine to compare with MuJoCo."),

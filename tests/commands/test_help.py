@@ -54,6 +54,8 @@ def test_every_command_has_help(contactlab: Run, name: str) -> None:
     code, out, err = contactlab(name, "--help")
     assert (code, err) == (0, "")
     assert out.startswith(f"Usage: contactlab {name} ")
+    assert f"  Examples:\n    contactlab {name}" in out
+    assert "\n  Exit codes: 0 " in out
 
 
 def test_help_loads_little() -> None:

@@ -19,7 +19,7 @@ from contactlab.commands.list_commands import (
     sweeps,
     thresholds,
 )
-from contactlab.commands.options import option
+from contactlab.commands.options import end_of_help, option
 from contactlab.commands.store_commands import replay, show, verify
 from contactlab.commands.study_commands import check, effects, stability
 from contactlab.commands.sweep_command import sweep
@@ -70,14 +70,14 @@ _EXIT_CODES = {
 for commands, codes in _EXIT_CODES.items():
     for command in commands:
         examples = _EXAMPLES.get(command.__name__, (command.__name__,))
-        lines = "\n".join(f"  contactlab {each}" for each in examples)
-        app.command(epilog=f"\b\nExamples:\n{lines}\n\nExit codes: {codes}.")(command)
+        app.command(epilog=end_of_help(examples, codes))(command)
 app.add_typer(baselines, name="baseline")
 app.add_typer(engines, name="engines")
 app.add_typer(traces, name="traces")
 for name, installed in extensions("command").items():
     try:
-        app.command(name)(installed.load())
+        command = installed.load()
+        app.command(name, epilog=getattr(command, "end_of_help", None))(command)
     except Exception as error:  # noqa: BLE001 - an installed package may raise anything
         say(f"warning: there is no command {name}: {in_one_line(error, __file__)}")
 

@@ -4,7 +4,7 @@ import math
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 import typer
 
@@ -20,6 +20,7 @@ else:
     # would load Arrow before any command is chosen.
     Address = str
 
+_Command = TypeVar("_Command", bound=Callable[..., None])
 Format = Literal["text", "json"]
 TableFormat = Literal["text", "json", "csv"]
 
@@ -47,6 +48,22 @@ def store_argument(metavar: str, help: str) -> Any:  # noqa: A002, ANN401 - as t
 def option(metavar: str, help: str, default: object = None, **rules: Any) -> Any:  # noqa: A002, ANN401
     """Return an option with a name for its value; the other rules are those of typer."""
     return typer.Option(default, metavar=metavar, help=help, **rules)
+
+
+def end_of_help(examples: Sequence[str], codes: str) -> str:
+    """Return what stands at the end of a command's help: examples and exit codes."""
+    lines = "\n".join(f"  contactlab {each}" for each in examples)
+    return f"\b\nExamples:\n{lines}\n\nExit codes: {codes}."
+
+
+def helped(*examples: str, codes: str) -> "Callable[[_Command], _Command]":
+    """Give a command of an installed package such an end of its help."""
+
+    def give(command: _Command) -> _Command:
+        command.__dict__["end_of_help"] = end_of_help(examples, codes)
+        return command
+
+    return give
 
 
 def flag(name: str, help: str) -> Any:  # noqa: A002, ANN401 - as typer calls it
