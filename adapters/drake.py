@@ -1,4 +1,4 @@
-"""Drake's importer of MJCF and its discrete multibody plant, in free motion."""
+"""Drake's discrete multibody plant: arms in free motion, balls and boxes in contact."""
 
 import time
 from collections.abc import Callable
@@ -11,11 +11,18 @@ import numpy as np
 
 PACKAGE = "drake"
 REQUIREMENTS = ("drake>=1.51,<2", "mujoco=={mujoco}", "numpy")
+IGNORED = dict.fromkeys(
+    ("solimp", "impratio", "cone", "elliptic", "refsafe"), "its contacts are of another law"
+) | dict.fromkeys(
+    ("solver", "iterations", "tolerance", "jacobian", "noslip", "noslip_iterations", "warmstart",
+     "ls_iterations", "ls_tolerance"), "it has a solver of its own",
+)  # fmt: skip
 
 
 def _beside(name: str) -> Any:
-    """Return another adapter, of which this one needs what does not need its engine."""
-    spec = spec_from_file_location(f"adapter_{name}", Path(__file__).with_name(f"{name}.py"))
+    """Return another file of adapters, which needs no engine to be read."""
+    file = Path(__file__).parent / name
+    spec = spec_from_file_location(f"adapter_{file.stem}", file)
     assert spec is not None
     assert spec.loader is not None
     module = module_from_spec(spec)
@@ -23,14 +30,13 @@ def _beside(name: str) -> Any:
     return module
 
 
-_FREE_MOTION = _beside("pinocchio")
+_FREE_MOTION, _CONTACTS = _beside("pinocchio.py"), _beside("beside/drake_contacts.py")
 
 
 def refusal(model: mujoco.MjModel) -> str | None:
-    """Return why it cannot simulate a model; None if it can.
-
-    Its law of contact is another one: what has contacts is none of its business here.
-    """
+    """Return why it cannot simulate a model; None if it can."""
+    if _touches(model):
+        return _CONTACTS.refusal(model)
     scalar = (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE)
     if not np.isin(model.jnt_type, [int(each) for each in scalar]).all():
         return (
@@ -41,6 +47,12 @@ def refusal(model: mujoco.MjModel) -> str | None:
     if model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_EULERDAMP:
         return "its damping is implicit; leave eulerdamp on"
     return _FREE_MOTION.refusal(model)
+
+
+def _touches(model: mujoco.MjModel) -> bool:
+    """Return whether there are contacts: then bodies are free, and what joints move is refused."""
+    off = mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
+    return not model.opt.disableflags & off and _FREE_MOTION.may_collide(model)
 
 
 def simulate(request: dict[str, Any], tick: Callable[[], None]) -> dict[str, Any]:
@@ -61,17 +73,21 @@ def _run(request: dict[str, Any], run: int, tick: Callable[[], None]) -> dict[st
 
     model = serve.model_of(request, run)
     controls, applied, _ = serve.inputs_of(request, run, model)
-    if applied.any():
+    touches = _touches(model)
+    if applied.any() and not touches:
         raise NotImplementedError("no forces are applied to bodies here; drive by actuators")
-    twin = _Twin(model)
+    twin = _CONTACTS.Contacts(model) if touches else _Twin(model)
     qpos, qvel = request["qpos"][run], request["qvel"][run]
     states, begin = [np.concatenate([qpos, qvel])], time.process_time()
-    for control in controls:
-        qpos, qvel = twin.step(qpos, qvel, control)
+    for driven in applied if touches else controls:
+        qpos, qvel = twin.step(qpos, qvel, driven)
         states.append(np.concatenate([qpos, qvel]))
     cost = time.process_time() - begin
     tick()
-    state, sensors = np.array(states), np.zeros((len(controls), model.nsensordata))
+    state = np.array(states)
+    if touches:
+        return {"state": state, "sensors": twin.measured(state, controls), "cost": cost}
+    sensors = np.zeros((len(controls), model.nsensordata))
     serve.add_energies(model, state, sensors)
     return {"state": state, "sensors": sensors, "cost": cost}
 
@@ -80,6 +96,8 @@ def _forward(request: dict[str, Any], run: int) -> dict[str, Any]:
     import serve
 
     model = serve.model_of(request, run)
+    if _touches(model):
+        return {}
     control = serve.inputs_of(request, run, model)[0][0]
     return _Twin(model).forward(request["qpos"][run], request["qvel"][run], control)
 

@@ -35,7 +35,7 @@ def _refusals(model: mujoco.MjModel) -> list[tuple[Any, str]]:
             "it integrates as MuJoCo's Euler does; set integrator to Euler",
         ),
         (
-            not disabled & (_OFF.mjDSBL_CONTACT | off) and _may_collide(model),
+            not disabled & (_OFF.mjDSBL_CONTACT | off) and may_collide(model),
             "it knows no contact here; set contact to false",
         ),
         (
@@ -61,7 +61,8 @@ def _refusals(model: mujoco.MjModel) -> list[tuple[Any, str]]:
     ]
 
 
-def _may_collide(model: mujoco.MjModel) -> bool:
+def may_collide(model: mujoco.MjModel) -> bool:
+    """Return whether any two geoms may touch."""
     bits = np.bitwise_or.reduce(model.geom_contype) & np.bitwise_or.reduce(model.geom_conaffinity)
     return bool(bits) or model.npair > 0
 

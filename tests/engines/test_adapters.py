@@ -39,7 +39,13 @@ REFUSED = [
     ("newton", {"flag": '<flag contact="disable"/>'}, "flags"),
     ("newton", {"extra": '<body><joint type="ball"/><geom size=".1"/></body>'}, "ball"),
     ("newton", {"extra": '<body mocap="true"/>'}, "mocap"),
-    ("drake", {}, "hinges and slides"),
+    ("drake", {"flag": '<flag contact="disable"/>'}, "hinges and slides"),
+    ("drake", {"option": 'integrator="RK4"'}, "Euler"),
+    ("drake", {"extra": '<body><joint type="ball"/><geom size=".1"/></body>'}, "free bodies"),
+    ("drake", {"extra": '<body><freejoint/><geom size=".1"/></body>'}, "a ball is alone"),
+    ("drake", {"extra": '<body><freejoint/><geom type="capsule" size=".1 .1"/></body>'}, "boxes"),
+    ("drake", {"extra": '<geom type="plane" size="1 1 .1" friction=".2"/>'}, "one friction"),
+    ("drake", {"extra": '<geom type="plane" size="1 1 .1" condim="4"/>'}, "sliding alone"),
     ("pinocchio", {}, "contact"),
     ("pinocchio", {"option": 'integrator="RK4"'}, "Euler"),
     ("pinocchio", {"option": 'density="1"', "flag": '<flag contact="disable"/>'}, "medium"),
@@ -106,7 +112,7 @@ def test_what_an_engine_cannot_do_is_refused_by_name(
     assert word in str(refusal_of(name, model))
 
 
-@pytest.mark.parametrize("name", ["warp", "mjx", "newton"])
+@pytest.mark.parametrize("name", ["warp", "mjx", "newton", "drake"])
 def test_what_it_can_do_is_not(name: str) -> None:
     blanks = dict.fromkeys(("option", "flag", "extra", "end"), "")
     assert refusal_of(name, mujoco.MjModel.from_xml_string(BALL.format(**blanks))) is None
@@ -249,3 +255,68 @@ axes: {engine: [mujoco, NAME], timestep: [0.0005, 0.001]}
     # Rounding of 2e-16 in each of 2,000 steps, that this motion makes 20 times larger.
     assert [far < 1e-11 for _, far in found] == [True] * 6
     assert all(ours.metrics["joint_travel"] for ours, _ in found)
+
+
+def drakes(folder: Path, text: str) -> Store:
+    request = read_request(text, "drakes", folder / "store", folder=folder, workers=0)
+    run_sweep(request, lambda _total, _done: None, lambda _finished: None)
+    return Store.open(folder / "store")
+
+
+DROPS = """
+version: 1
+scene: ball_drop
+duration: 0.9
+axes: {engine: [drake], timestep: [0.001, 0.002], restitution: [0.6, 0.8]}
+"""
+
+
+@pytest.mark.slow
+@installed("drake")
+def test_a_ball_of_drake_is_the_implicit_spring_of_its_solref(tmp_path: Path) -> None:
+    """SAP ends a step where the spring presses: v' = v + h (K (d - h v') - B v' - g), d > 0."""
+    store = drakes(tmp_path, DROPS)
+    for record in store.records():
+        told, step = store.trace(record).qpos[:, 2], float(str(record.axes["timestep"]))
+        stiffness, damping = -np.array(record.settings["solref"], dtype=float)
+        expected, speed = [told[0]], 0.0
+        for _ in told[1:]:
+            depth = 0.05 - expected[-1]
+            free = speed - step * 9.81
+            held = (free + step * stiffness * depth) / (1 + step * (step * stiffness + damping))
+            presses = depth > 0 and held > free
+            speed = held if presses else free
+            expected.append(expected[-1] + step * speed)
+        # Rounding of 2e-16 of 1 m in 900 steps, that bounces make ten times larger.
+        assert np.abs(told - expected).max() < 1e-11
+        assert told.min() < 0.05
+
+
+BOXES = """
+version: 1
+scene: SCENE
+duration: DURATION
+axes: {engine: [drake], timestep: [0.001, 0.002]}
+"""
+
+
+@pytest.mark.slow
+@installed("drake")
+def test_boxes_of_drake_slide_and_press_as_coulomb_and_newton_say(tmp_path: Path) -> None:
+    (tmp_path / "slide").mkdir()
+    (tmp_path / "stack").mkdir()
+    slide = drakes(
+        tmp_path / "slide", BOXES.replace("SCENE", "box_slide").replace("DURATION", ".3")
+    )
+    for record in slide.records():
+        # 1 kg that rests for .3 s; and 2 m/s that friction .5 slows from the first steps on.
+        assert record.metrics["normal_impulse"] == pytest.approx(9.81 * 0.3, rel=1e-3)
+        slid = 2 * 0.3 - 0.5 * 9.81 * 0.3**2 / 2
+        late = 2 * float(str(record.axes["timestep"])) * 0.5 * 9.81 * 0.3
+        assert abs(np.ptp(slide.trace(record).qpos[:, 0]) - slid) < late
+    stack = drakes(
+        tmp_path / "stack", BOXES.replace("SCENE", "box_stack").replace("DURATION", ".5")
+    )
+    for record in stack.records():
+        # Each pair bears what is above it, at rest; the worst of ten.
+        assert record.metrics["weights_borne"] == pytest.approx(10, rel=0.01)

@@ -8,7 +8,7 @@ runs where it is: of n runs of N steps it returns the arrays `state` (n, N + 1, 
 (n, N), `contactfull` and `cnstrfull` (n,): that memory was short. If it has `forward(request,
 tick)`, that returns (n) quantities of the n starts, named as in MuJoCo's data. DEVICES are the
 words that the request's `device` may be, which is else empty. REFUSED is of one that simulates
-nothing at all, and says why.
+nothing at all, and says why; IGNORED names settings and effects that an engine leaves out, and why.
 """
 
 import os
@@ -106,6 +106,10 @@ class AdaptedEngine(SimulationEngine):
         if why := self._adapter.refusal(scene.base_of(run).prepare(run.edits()).model):
             return f"the {self.name} engine cannot simulate this: {why}"
         return super().refusal(scene, run)
+
+    def ignored(self, run: ResolvedRun) -> Mapping[str, str]:  # noqa: ARG002 - of all runs alike
+        """Return settings and effects that it leaves out, and why, as the adapter says."""
+        return getattr(self._adapter, "IGNORED", {})
 
     def roll_out(
         self,
