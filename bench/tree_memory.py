@@ -99,7 +99,7 @@ def _descendants() -> dict[int, str]:
         found[command] = "command"
         for child in [each for each, parent in parents.items() if parent == command]:
             workers = [each for each, parent in parents.items() if parent == child]
-            found[child] = "fork server" if _is_server(child) else "other"
+            found[child] = "fork server" if workers else "other"
             found |= dict.fromkeys(workers, "worker")
     return found
 
@@ -111,12 +111,6 @@ def _parents() -> list[tuple[int, int]]:
             fields = stat.read_text(encoding="utf-8").rpartition(")")[2].split()
             found.append((int(stat.parent.name), int(fields[1])))
     return found
-
-
-def _is_server(process: int) -> bool:
-    with suppress(OSError):
-        return b"forkserver" in Path(f"/proc/{process}/cmdline").read_bytes()
-    return False
 
 
 def _private(process: int) -> int:

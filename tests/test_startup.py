@@ -1,11 +1,14 @@
 """What is loaded, and when: counted by modules, since times depend on the machine."""
 
+import os
+import re
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 from tests.commands.sweep_index import sweep_index
+from tests.run.spoiled_workers import spoil_workers
 
 from contactlab import resources
 
@@ -14,6 +17,12 @@ version: 1
 scene: ball_drop
 duration: 0.05
 checks: none
+"""
+TUNNELING = """
+version: 1
+scene: ball_drop
+duration: 1
+axes: {timestep: [2.0e-2]}
 """
 GLFW = """
 import sys
@@ -46,19 +55,29 @@ def watched(writer, rows):
     append(writer, rows)
 StoreWriter.append = watched
 """
-# Where the server would start, prints whether this process has loaded the engine.
-SERVER = """
-import sys
-from multiprocessing import forkserver
+# Prints a line for each Python that starts, and one for each process that is forked from it.
+STARTS = """
+import os
+os.write(2, b"started\\n")
+os.register_at_fork(before=lambda: os.write(2, b"forked\\n"))
+"""
+# Prints what a worker loads that the server had not; a process needs two modules to become one.
+LOADED = """
+import os, sys
+from contactlab.run.worker import Worker
+before, run, start = set(), Worker.run, Worker.__init__
 
-def start():
-    print("mujoco" in sys.modules)
-    raise SystemExit
+def starting(self, *arguments):
+    before.update(sys.modules)
+    start(self, *arguments)
 
-forkserver.ensure_running = start
-from contactlab.__main__ import main
-sys.argv = ["contactlab", *sys.argv[1:]]
-main()
+def watched(self, job):
+    found = run(self, job)
+    added = {each for each in set(sys.modules) - before if not each.startswith("multiprocessing.")}
+    os.write(2, f"{sorted(added - {'encodings.utf_8_sig'})}\\n".encode())
+    return found
+
+Worker.run, Worker.__init__ = watched, starting
 """
 
 
@@ -70,10 +89,29 @@ def folder(tmp_path: Path) -> Path:
 
 def run(code: str, folder: Path, *arguments: str) -> str:
     """Return what code prints in a process of its own."""
-    command = [sys.executable, "-c", code, *arguments]
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    return finish([sys.executable, "-c", code, *arguments], folder).stdout
+
+
+def finish(command: list[str], folder: Path) -> "subprocess.CompletedProcess[str]":
+    """Return what a command printed that finds modules in a folder."""
+    path = os.pathsep.join(filter(None, [str(folder), os.environ.get("PYTHONPATH")]))
+    done = subprocess.run(
+        command,
+        cwd=folder,
+        env=os.environ | {"PYTHONPATH": path},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     assert done.returncode == 0, done.stderr
-    return done.stdout
+    return done
+
+
+def starts(folder: Path, *arguments: str) -> list[str]:
+    """Return the Pythons that a sweep starts, and the forks of each, in order."""
+    (folder / "sitecustomize.py").write_text(STARTS)
+    command = [sys.executable, "-m", "contactlab", "sweep", "ball.yaml", *arguments]
+    return re.findall("started|forked", finish(command, folder).stderr)
 
 
 def test_glfw_runs_when_it_is_used(folder: Path) -> None:
@@ -85,14 +123,26 @@ def test_a_sweep_loads_no_more_than_it_needs(folder: Path) -> None:
     run(SWEEP, folder)
 
 
-def test_the_fork_server_starts_before_the_engine_is_loaded(folder: Path) -> None:
-    assert run(SERVER, folder, "sweep", "ball.yaml", "-o", "store") == "False\n"
+def test_all_is_loaded_once(folder: Path) -> None:
+    """Forked are the resource tracker, the server, and from it a worker."""
+    assert starts(folder, "-o", "store", "--workers", "2") == ["started", *["forked"] * 3]
 
 
-def test_what_runs_nothing_starts_no_fork_server(folder: Path) -> None:
-    assert "True" not in run(SERVER, folder, "sweep", "ball.yaml", "--plan")
+def test_what_runs_nothing_forks_nothing(folder: Path) -> None:
+    assert starts(folder, "--plan") == ["started"]
     run(SWEEP, folder)
-    assert "1 runs, 1 traces" in run(SERVER, folder, "sweep", "ball.yaml", "-o", "store")
+    assert starts(folder, "-o", "store") == ["started"]
+
+
+def test_a_worker_loads_nothing_of_its_own(folder: Path) -> None:
+    """Not even where runs are flagged, and checked in a second pass: here as they fall through."""
+    (folder / "ball.yaml").write_text(TUNNELING)
+    spoil_workers(folder, LOADED)
+    command = [sys.executable, "-m", "contactlab", "sweep", "ball.yaml", "-o", "store"]
+    done = finish([*command, "--workers", "1"], folder)
+    assert "tunneling" in done.stdout
+    assert "[]\n" in done.stderr
+    assert "['" not in done.stderr
 
 
 def test_a_row_of_the_journal_has_no_nulls(folder: Path) -> None:

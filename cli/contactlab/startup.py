@@ -3,7 +3,9 @@
 A process of somebody else's, where contactlab is a library, is left as it is.
 """
 
+import atexit
 import gc
+import os
 import sys
 from importlib import reload
 from importlib.util import find_spec, module_from_spec
@@ -12,6 +14,10 @@ from typing import Any
 
 # Nearly all that is made at the start stays: garbage is looked for after so many new objects.
 gc.set_threshold(200_000)
+# And not at the end, of all that goes anyway.
+atexit.register(gc.freeze)
+# Workers, which have a core each, are forked from here: they would lose BLAS's threads.
+os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
 
 class _RunsWhenUsed(ModuleType):

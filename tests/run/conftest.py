@@ -4,7 +4,6 @@ import contextlib
 import json
 import os
 import re
-import shutil
 import signal
 import subprocess
 import sysconfig
@@ -14,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from tests.run.spoiled_workers import spoil_workers
 
 SLIDE = """
 version: 1
@@ -34,12 +34,6 @@ axes:
   timestep: [2.0e-3, 5.0e-3]
   solver: [Newton, CG]
 """
-# Python runs this before anything else, here in the process that workers are forked from.
-INJECT = """
-import sys
-if "forkserver" in " ".join(sys.orig_argv):
-    import injected_faults
-"""
 
 
 def parent_of(process: int) -> int | None:
@@ -47,13 +41,6 @@ def parent_of(process: int) -> int | None:
     with contextlib.suppress(OSError):
         return int(Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[1])
     return None
-
-
-def command_of(process: int) -> bytes:
-    """Return the command line of a process; nothing if it is gone."""
-    with contextlib.suppress(OSError):
-        return Path(f"/proc/{process}/cmdline").read_bytes()
-    return b""
 
 
 class Command:
@@ -101,11 +88,9 @@ class Command:
 
     def servers(self, session: int) -> list[int]:
         """Return the processes that the workers of a session are forked from."""
-        return [
-            each
-            for each in self.living(session)
-            if parent_of(each) == session and b"forkserver" in command_of(each)
-        ]
+        living = self.living(session)
+        parents = set(map(parent_of, living))
+        return [each for each in living if each in parents and parent_of(each) == session]
 
     def workers(self, session: int) -> list[int]:
         """Return the workers of a session."""
@@ -143,10 +128,8 @@ def inject(tmp_path: Path) -> Callable[..., Path]:
     """Return what makes workers fail at runs: a folder that the command looks in first."""
 
     def write(faults: Mapping[int, str], spare_bytes: int | None = None) -> Path:
-        folder = tmp_path / "injected"
-        folder.mkdir(exist_ok=True)
-        shutil.copy(Path(__file__).with_name("injected_faults.py"), folder)
-        (folder / "sitecustomize.py").write_text(INJECT)
+        faulty = Path(__file__).with_name("injected_faults.py").read_text()
+        folder = spoil_workers(tmp_path / "injected", faulty)
         plan = {"runs": dict(faults), "spare_bytes": spare_bytes}
         (folder / "faults.json").write_text(json.dumps(plan))
         return folder

@@ -1,6 +1,6 @@
 """Faults that workers meet at single runs, as `faults.json` beside this file says.
 
-A copy of it is imported by the process that workers are forked from, before all else.
+Workers import a copy of it before their first job.
 """
 
 import copy

@@ -121,4 +121,4 @@ def test_killing_the_fork_server_loses_nothing(
     assert "Traceback" not in err
     sweeper.run(SHORT, "quiet")
     assert sweeper.outcome() == sweeper.outcome("quiet")
-    assert command.living(process.pid) == []
+    until(lambda: command.living(process.pid) == [])

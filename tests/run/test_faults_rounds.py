@@ -76,7 +76,7 @@ def kill_workers(command: Any, process: Any, journal: Path, dice: random.Random)
 
 @pytest.mark.slow
 def test_twenty_rounds_of_random_faults(
-    command: Any, sweeper: Any, inject: Any, but: Callable[..., Any], tmp_path: Path
+    command: Any, sweeper: Any, inject: Any, but: Callable[..., Any], tmp_path: Path, until: Any
 ) -> None:
     dice = random.Random(20)  # noqa: S311
     faults = drawn(dice)
@@ -98,4 +98,4 @@ def test_twenty_rounds_of_random_faults(
     sweeper.run(SWEEP, "quiet")
     lost = {place for place, status in expected.items() if status != "ok"}
     assert but(sweeper.outcome(), lost) == but(sweeper.outcome("quiet"), lost)
-    assert command.living(process.pid) == []
+    until(lambda: command.living(process.pid) == [])

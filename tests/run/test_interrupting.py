@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from tests.run.spoiled_workers import spoil_workers
 
 from contactlab.errors import StoppedError
 from contactlab.run.sweep_runner import run_sweep
@@ -42,39 +43,36 @@ accuracy: {refine: 2}
 timing: {}
 """
 
-# Python runs this before anything else; here it has every run write a byte, and then wait,
-# but not once more where it is checked.
+# Has every run write a byte, and then wait, but not once more where it is checked.
 SLOW = """
-import sys
-if "forkserver" in " ".join(sys.orig_argv) or "0" in sys.orig_argv:
-    import ctypes, os, signal, time
-    from contextlib import contextmanager
-    from contactlab.run.planned_runs import Preparer
-    from contactlab.run.worker import Worker
-    watchdog = Preparer.watchdog
-    start = Worker.__init__
+import ctypes, os, signal, time
+from contextlib import contextmanager
+from contactlab.run.planned_runs import Preparer
+from contactlab.run.worker import Worker
+watchdog = Preparer.watchdog
+start = Worker.__init__
 
-    def starting(self, *arguments):
-        start(self, *arguments)
-        self._preparer.proceed = self._proceed
+def starting(self, *arguments):
+    start(self, *arguments)
+    self._preparer.proceed = self._proceed
 
-    @contextmanager
-    def slow(self, times=1):
-        with watchdog(self, times) as watch:
-            def begin():
-                with open({begun!r}, "ab") as file:
-                    file.write(b".")
-                {wait}
-                watch()
-            yield begin if times == 1 else watch
+@contextmanager
+def slow(self, times=1):
+    with watchdog(self, times) as watch:
+        def begin():
+            with open({begun!r}, "ab") as file:
+                file.write(b".")
+            {wait}
+            watch()
+        yield begin if times == 1 else watch
 
-    Preparer.watchdog = slow
-    Worker.__init__ = starting
+Preparer.watchdog = slow
+Worker.__init__ = starting
 """
 # All but the first three runs end when their worker should stop.
 UNTIL_STOPPED = """
-                while os.path.getsize({begun!r}) > 3 and self.proceed():
-                    time.sleep(0.005)
+            while os.path.getsize({begun!r}) > 3 and self.proceed():
+                time.sleep(0.005)
 """
 FINISHING = "finishing the current runs; interrupt again to stop at once\n"
 INTERRUPTED = "interrupted; run the same command again to resume\n"
@@ -102,7 +100,7 @@ class Slow:
         """Start a command, or the sweep; each run begins with what Python is to `wait` with."""
         begun = str(self.folder / "begun")
         wait = wait.strip().format(begun=begun)
-        (self.folder / "sitecustomize.py").write_text(SLOW.format(begun=begun, wait=wait))
+        spoil_workers(self.folder, SLOW.format(begun=begun, wait=wait), here=workers == 0)
         asked = asked or ("sweep", "small.yaml", "-o", "store")
         return self.command.start(*asked, "--workers", str(workers), first=self.folder)
 
@@ -131,7 +129,7 @@ def test_told_once_it_keeps_the_runs_in_flight(
     tell(process.pid, number)
     out, err = process.communicate(timeout=60)
     assert (process.returncode, out, err) == (130, "", FINISHING + INTERRUPTED)
-    assert slow.command.living(process.pid) == []
+    until(lambda: slow.command.living(process.pid) == [])
     rows, store = slow.rows, slow.folder / "store"
     assert len(rows) == slow.begun < LEAST_OF_JOB, "whole jobs were run"
     assert {each["trace_file"] for each in rows} == {
@@ -172,7 +170,7 @@ def test_every_command_that_sweeps_can_be_told(
     *_, finishing, interrupted = err.splitlines(keepends=True)
     assert finishing == FINISHING
     assert interrupted == f"interrupted; run the same command again to {then}\n"
-    assert slow.command.living(process.pid) == []
+    until(lambda: slow.command.living(process.pid) == [])
 
 
 @pytest.mark.parametrize(
@@ -199,7 +197,7 @@ def test_told_twice_it_stops_at_once(
     out, err = process.communicate(timeout=60)
     assert time.monotonic() - began < 30
     assert (process.returncode, out, err) == (130, "", INTERRUPTED)
-    assert slow.command.living(process.pid) == []
+    until(lambda: slow.command.living(process.pid) == [])
     assert slow.rows == []
 
 

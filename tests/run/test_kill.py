@@ -76,7 +76,7 @@ def test_interrupted_while_workers_start(
     _, err = process.communicate(timeout=60)
     assert process.returncode == 130, err
     assert "Traceback" not in err
-    assert command.living(process.pid) == []
+    until(lambda: command.living(process.pid) == [])
 
 
 def test_interrupted_and_resumed(command: Any, tmp_path: Path, until: Until) -> None:
@@ -88,7 +88,7 @@ def test_interrupted_and_resumed(command: Any, tmp_path: Path, until: Until) -> 
     assert (process.returncode, out) == (130, "")
     assert err.splitlines()[-1] == "interrupted; run the same command again to resume"
     assert "Traceback" not in err
-    assert command.living(process.pid) == []
+    until(lambda: command.living(process.pid) == [])
     code, out, err = command.run("sweep", "long.yaml", *limit)
     assert code == 0, err
     assert "of 100 runs are stored already" in err

@@ -291,7 +291,7 @@ def test_a_command_whose_server_goes_away(
     assert time.monotonic() - start < 40
     assert "the server does not respond" in err.splitlines()[-1]
     assert "Traceback" not in err
-    assert command.living(process.pid) == []
+    until(lambda: command.living(process.pid) == [])
 
 
 @pytest.mark.slow

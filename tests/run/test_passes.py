@@ -7,6 +7,7 @@ from typing import Any
 
 import pyarrow.parquet as pq
 import pytest
+from tests.run.spoiled_workers import spoil_workers
 
 from contactlab.run.tasks import Finished
 from contactlab.store.verify_store import verify
@@ -87,19 +88,17 @@ def test_torn_notes_are_made_again(sweeper: Any, whole: Any) -> None:
     assert sweeper.outcome() == whole
 
 
-# Python runs this before anything else, here in the process that workers are forked from.
 CULPRIT = """
-import os, signal, sys
-if "forkserver" in " ".join(sys.orig_argv):
-    from contactlab.run.worker import Worker
-    run = Worker.run
+import os, signal
+from contactlab.run.worker import Worker
+run = Worker.run
 
-    def deadly(self, job):
-        if self._task.purpose == "{purpose}" and any(each.index == 7 for each in job):
-            os.kill(os.getpid(), signal.SIGSEGV)
-        return run(self, job)
+def deadly(self, job):
+    if self._task.purpose == "{purpose}" and any(each.index == 7 for each in job):
+        os.kill(os.getpid(), signal.SIGSEGV)
+    return run(self, job)
 
-    Worker.run = deadly
+Worker.run = deadly
 """
 
 
@@ -116,7 +115,7 @@ def test_a_pass_that_ends_a_worker_leaves_its_runs_without(
 ) -> None:
     folder = sweeper.folder
     (folder / "passes.yaml").write_text(PASSES)
-    (folder / "sitecustomize.py").write_text(CULPRIT.format(purpose=purpose))
+    spoil_workers(folder, CULPRIT.format(purpose=purpose))
     sweep = ("sweep", "passes.yaml", "-o", "store", "--workers", "2")
     code, _, err = command.run(*sweep, first=folder)
     assert code == 0, err

@@ -7,10 +7,10 @@ import signal
 from collections.abc import Sequence
 from multiprocessing.process import BaseProcess
 from pathlib import Path
-from textwrap import dedent
 from typing import Any
 
 import pytest
+from tests.run.spoiled_workers import spoil_workers
 
 from contactlab.run import fork_server
 from contactlab.run.tasks import Crashed, Finished, Job, PlannedRun, Stop
@@ -20,25 +20,23 @@ from contactlab.store.verify_store import verify
 FIRST: Job = (PlannedRun(0, "first", {}, 0),)
 SECOND: Job = (PlannedRun(1, "second", {}, 0),)
 
-# Python runs this before anything else, here in the process that workers are forked from.
 CULPRIT = """
-import os, signal, sys
-if "forkserver" in " ".join(sys.orig_argv):
-    from contactlab.run.worker import Worker
-    run = Worker.run
+import os, signal
+from contactlab.run.worker import Worker
+run = Worker.run
 
-    def deadly(self, job):
-        if any(each.index == 7 for each in job):
-            {death}
-        return run(self, job)
+def deadly(self, job):
+    if any(each.index == 7 for each in job):
+        {death}
+    return run(self, job)
 
-    Worker.run = deadly
+Worker.run = deadly
 """
 
 # A worker has its own thread and the one that waits for the command's end, and BLAS adds none.
 COUNT_THREADS = """import numpy
-            numpy.ones((999, 999)) @ numpy.ones((999, 999))
-            os._exit(len(os.listdir("/proc/self/task")))"""
+        numpy.ones((999, 999)) @ numpy.ones((999, 999))
+        os._exit(len(os.listdir("/proc/self/task")))"""
 
 
 @pytest.mark.slow
@@ -78,7 +76,7 @@ def test_only_the_culprit_is_labelled(
     sweeper.run(ball, "quiet")
     expected, traces = sweeper.outcome("quiet")
     (tmp_path / "small.yaml").write_text(ball)
-    (tmp_path / "sitecustomize.py").write_text(dedent(CULPRIT).format(death=death))
+    spoil_workers(tmp_path, CULPRIT.format(death=death))
     code, out, err = command.run(
         *("sweep", "small.yaml", "-o", "store", "--workers", "1", "--format", "json"),
         first=tmp_path,

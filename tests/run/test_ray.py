@@ -12,6 +12,7 @@ from textwrap import dedent
 from typing import Any
 
 import pytest
+from tests.run.spoiled_workers import spoil_workers
 
 from contactlab.store.verify_store import verify
 
@@ -21,26 +22,24 @@ pytestmark = pytest.mark.slow
 Until = Callable[[Callable[[], bool]], None]
 Outcome = Callable[[Path], Any]
 
-# Python runs this before anything else; it is for the process that workers are forked from.
 CULPRITS = """
-import os, signal, sys, time
-if "forkserver" in " ".join(sys.orig_argv):
-    from contactlab.run.worker import Worker
-    run = Worker.run
+import os, signal, time
+from contactlab.run.worker import Worker
+run = Worker.run
 
-    def deadly(self, job):
-        beside, places = self._task.store.parent, {each.index for each in job}
-        if 7 in places and (beside / "deadly").exists():
-            os.kill(os.getpid(), signal.SIGSEGV)
-        hangs = beside / "hangs"
-        if 3 in places and ((beside / "deadly").exists() or hangs.exists()):
-            hangs.unlink(missing_ok=True)
-            with self._preparer.watchdog() as watch:
-                watch()
-                signal.pause()
-        return run(self, job)
+def deadly(self, job):
+    beside, places = self._task.store.parent, {each.index for each in job}
+    if 7 in places and (beside / "deadly").exists():
+        os.kill(os.getpid(), signal.SIGSEGV)
+    hangs = beside / "hangs"
+    if 3 in places and ((beside / "deadly").exists() or hangs.exists()):
+        hangs.unlink(missing_ok=True)
+        with self._preparer.watchdog() as watch:
+            watch()
+            signal.pause()
+    return run(self, job)
 
-    Worker.run = deadly
+Worker.run = deadly
 """
 # As if another version were installed where the sweep is started, and on no node.
 NEWER = """
@@ -87,7 +86,7 @@ class Nodes:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
-        (folder / "sitecustomize.py").write_text(CULPRITS)
+        spoil_workers(folder, CULPRITS)
         self.environment = {
             "RAY_AUTH_MODE": "token",
             "RAY_AUTH_TOKEN": secrets.token_hex(32),

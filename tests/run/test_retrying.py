@@ -6,26 +6,26 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from tests.run.spoiled_workers import spoil_workers
 
 from contactlab.errors import StoppedError
 from contactlab.run.sweep_runner import run_sweep
 from contactlab.run.tasks import Stop
 from contactlab.store.verify_store import verify
 
-# Python runs this before anything else; here workers die once a run's trace is written.
+# Workers die once a run's trace is written.
 CULPRIT = """
-import os, signal, sys
-if "forkserver" in " ".join(sys.orig_argv):
-    from contactlab.run.worker import Worker
-    run = Worker.run
+import os, signal
+from contactlab.run.worker import Worker
+run = Worker.run
 
-    def deadly(self, job):
-        found = run(self, job)
-        if found and any(each.index in (7, 12) for each in job):
-            os.kill(os.getpid(), signal.SIGKILL)
-        return found
+def deadly(self, job):
+    found = run(self, job)
+    if found and any(each.index in (7, 12) for each in job):
+        os.kill(os.getpid(), signal.SIGKILL)
+    return found
 
-    Worker.run = deadly
+Worker.run = deadly
 """
 EXTRA = """
 tolerances: {error_final: 1.0e-9, penetration_max: 1.0}
@@ -40,7 +40,7 @@ def lossy(command: Any, sweeper: Any, ball: str, tmp_path: Path) -> Any:
 
     def lossy(text: str = ball) -> Path:
         (tmp_path / "small.yaml").write_text(text)
-        (tmp_path / "sitecustomize.py").write_text(CULPRIT)
+        spoil_workers(tmp_path, CULPRIT)
         sweep = ("sweep", "small.yaml", "-o", "store", "--workers", "1", "--format", "json")
         code, out, err = command.run(*sweep, first=tmp_path)
         assert code == 4, err

@@ -327,11 +327,12 @@ def resumable(then: str = "resume") -> Generator["Stop"]:
 
 
 def begin_workers(count: int | None) -> None:
-    """Start what workers, if any are wanted, come from, before the command loads what it needs."""
+    """Load what workers need, and fork what they come from, if any are wanted."""
     if count != 0:
-        from contactlab.run.fork_server import start_server
+        import contactlab.run.worker_pool  # noqa: F401 # pyright: ignore[reportUnusedImport]
+        from contactlab.run.fork_server import fork_server
 
-        start_server()
+        fork_server()
 
 
 @contextmanager

@@ -27,6 +27,9 @@ from contactlab.scene.model_edits import LOOP_ENGINE, MODEL_ENGINE
 from contactlab.scene.resolution import ResolvedRun
 from contactlab.scene.scene import Scene
 
+# Read before workers are forked.
+_VERSION = package_version("mujoco")
+
 
 class MujocoEngine(SimulationEngine):
     """MuJoCo with native batches; it can repeat, refine and time its runs."""
@@ -40,7 +43,7 @@ class MujocoEngine(SimulationEngine):
     @property
     def version(self) -> str:
         """The version of MuJoCo."""
-        return package_version("mujoco")
+        return _VERSION
 
     def roll_out(
         self,
@@ -117,7 +120,7 @@ class LoopEngine(SimulationEngine):
     @property
     def version(self) -> str:
         """The version of MuJoCo, which loops step."""
-        return package_version("mujoco")
+        return _VERSION
 
     def refusal(self, scene: Scene, run: ResolvedRun) -> str | None:
         """Return why it runs nothing, or why an environment cannot."""

@@ -77,7 +77,7 @@ def run_checks(runs: PreparedRuns, trace: Trace, proceed: Proceed = proceed_alwa
 
 
 def _spread(steps: int, most: int) -> NDArray[np.intp]:
-    return np.unique(np.linspace(0, steps - 1, min(steps, most)).astype(np.intp))
+    return np.linspace(0, steps - 1, min(steps, most)).astype(np.intp)
 
 
 def _repeat(model: mujoco.MjModel, start: InitialStates, steps: int) -> dict[int | str, Floats]:

@@ -41,7 +41,7 @@ def finding(axes: Sequence[GridAxis], labels: RunLabels) -> str:
     rare = ~failed if 2 * failed.sum() > runs else failed
     verbs = ("are", "is stable", "are stable") if rare is not failed else ("do", "fails", "fail")
     swept = [axis for axis in axes if axis.name != SEED]
-    bound = [axis for axis in swept if len(np.unique(axis.codes[rare])) < len(axis.ticks)]
+    bound = [axis for axis in swept if len(_distinct(axis.codes[rare])) < len(axis.ticks)]
     inside = np.ones(runs, dtype=bool)
     for axis in bound:
         inside &= np.isin(axis.codes, axis.codes[rare])
@@ -58,7 +58,7 @@ def finding(axes: Sequence[GridAxis], labels: RunLabels) -> str:
 
 def _values(axis: GridAxis, codes: NDArray[np.int64]) -> str:
     """Return the values of an axis that have some codes: `up to 0.002`, `a or b`."""
-    found = np.unique(codes).tolist()
+    found = _distinct(codes)
     ticks, last = axis.ticks, len(axis.ticks) - 1
     if axis.is_ordered and len(found) > 1 and found == list(range(found[0], found[-1] + 1)):
         low, high = ticks[found[0]].split(" to ")[0], ticks[found[-1]].split(" to ")[-1]
@@ -72,6 +72,10 @@ def _values(axis: GridAxis, codes: NDArray[np.int64]) -> str:
     listed = [ticks[code] for code in found]
     rest = len(listed) - _MOST_LISTED
     return _joined(listed if rest <= 0 else [*listed[:_MOST_LISTED], f"{rest} others"], "or")
+
+
+def _distinct(codes: NDArray[np.int64]) -> list[int]:
+    return np.flatnonzero(np.bincount(codes)).tolist()
 
 
 def _joined(words: Sequence[str], last: str = "and") -> str:

@@ -23,6 +23,7 @@ from contactlab.scene.compiled_scene import CompiledScene, PreparedModel
 from contactlab.scene.drive.located_drive import LocatedDrive
 from contactlab.scene.effects.effect_table import is_straight
 from contactlab.scene.initial_states import InitialStates
+from contactlab.scene.model_edits import LOOP_ENGINE
 from contactlab.scene.mujoco_versions import silence_mujoco
 from contactlab.scene.resolution import ID_BYTES, ResolvedRun
 from contactlab.scene.row_resolution import ResolvedRow, RowGroup, RowResolver
@@ -37,6 +38,8 @@ from contactlab.store.store_files import SCENES, Address
 
 # Runs of a job at most: of short ones as many as have so many steps, so that they share more.
 MAX_RUNS, _FEW_RUNS, _SHORT_STEPS = 512, 32, 1 << 13
+# Steps of a job, times the square of the degrees of freedom, from which on its own costs are small.
+LEAST_WORK = 1 << 19
 # Recorded states and sensors of a job; with temporary arrays a worker needs three times as much.
 JOB_BYTES = 64 << 20
 RUN_BYTES = 1 << 30
@@ -196,10 +199,10 @@ def pack_jobs(
     Each worker gets several jobs, which become smaller towards the end, so that none has a large
     one while the others have none.
     """
-    most = max(1, min(MAX_RUNS, count // (4 * max(1, workers))))
+    most = count // (4 * max(1, workers))
     shares = 2 * workers if workers > 1 else 1
     waiting: dict[Key, list[PlannedRun]] = {}
-    bounds: dict[Key, int] = {}
+    bounds: dict[Key, tuple[int, int]] = {}
     for taken, (run, resolved) in enumerate(runs):
         sleep = resolved.flags.get("sleep")
         structure = resolved.structure.items()
@@ -207,16 +210,25 @@ def pack_jobs(
         if key not in bounds:
             base = scene.base_of(resolved)
             size = bytes_of_run(base.model, resolved.steps)
-            short = 0 if isinstance(resolved.drive, PolicyDrive) else _SHORT_STEPS // resolved.steps
-            bound = min(most, max(_FEW_RUNS, short), JOB_BYTES // size, _max_models(base))
-            bounds[key] = max(1, bound)
+            short, least = _SHORT_STEPS // resolved.steps, _least_runs(base, resolved.steps)
+            if isinstance(resolved.drive, PolicyDrive) or resolved.engine == LOOP_ENGINE:
+                short = least = 0
+            bound = min(MAX_RUNS, max(_FEW_RUNS, short), JOB_BYTES // size, _max_models(base))
+            least = max(1, min(bound, least))
+            bounds[key] = least, max(least, min(bound, most))
         group = waiting.setdefault(key, [])
         group.append(run)
-        if len(group) >= min(bounds[key], max(1, (count - taken) // shares)):
+        least, bound = bounds[key]
+        if len(group) >= min(bound, max(least, (count - taken) // shares)):
             yield tuple(waiting.pop(key))
         elif len(waiting) > _MAX_OPEN:
             yield tuple(waiting.pop(next(iter(waiting))))
     yield from (tuple(group) for group in waiting.values())
+
+
+def _least_runs(base: CompiledScene, steps: int) -> int:
+    """Return how many runs take so long that what a job takes beside them is little."""
+    return LEAST_WORK // (steps * max(1, base.model.nv) ** 2)
 
 
 def _max_models(base: CompiledScene) -> int:
