@@ -137,6 +137,7 @@ def effects(
     *,
     set: Settings = (),
     seeds: int = 6,
+    error: Literal["reality"] | None = None,
     drive: str | None = None,
     output: str | Path | None = None,
     **options: Unpack[RunOptions],
@@ -144,14 +145,16 @@ def effects(
     """Find which effects a scene needs, what each costs, and the smallest set that will do.
 
     The source is a scene, a sweep file or a model; `set` gives its base configuration, and effects
-    are changed with so many seeds. Evidence goes to `results/effects/NAME` if `output` is left out.
+    are changed with so many seeds; or, if the error is `reality`, on recorded runs. Evidence goes
+    to `results/effects/NAME` if `output` is left out.
 
     Raises:
         SceneError: there is no such scene.
         SweepFileError: the sweep or a setting is wrong.
     """
     session = session_in(output or RESULTS / "effects" / model_name(str(source)), **options)
-    request = EffectsRequest(str(source), assigned(set), seeds, drive=drive_option(drive))
+    driven = drive_option(drive)
+    request = EffectsRequest(str(source), assigned(set), seeds, drive=driven, error=error)
     return ablation.run(request, session)
 
 

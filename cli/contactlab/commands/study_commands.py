@@ -129,6 +129,9 @@ def effects(
     folder: Path | None = opt.STUDY_FOLDER,
     *,
     seeds: int = typer.Option(6, min=1, help="Seeds, and so runs, per scenario and effect."),
+    error: Literal["reality"] | None = typer.Option(
+        None, help="Find the effects that recorded runs call for."
+    ),
     figure: Path | None = opt.FIGURE,
     workers: int | None = opt.WORKERS,
     drive: str | None = opt.DRIVE,
@@ -143,7 +146,8 @@ def effects(
 
     opt.load_plugins(plugin)
     opt.check_figure(figure)
-    request = EffectsRequest(source, assign or (), seeds, drive=drive_option(drive))
+    drive_of = drive_option(drive)
+    request = EffectsRequest(source, assign or (), seeds, drive=drive_of, error=error)
     target = folder or RESULTS / "effects" / request.setup.scene.name
     with study_session(target, workers, allow_code=allow_code) as session:
         report = run(request, session)

@@ -21,6 +21,7 @@ from contactlab.schema.study_reports import (
     SmallestSet,
     Verification,
 )
+from contactlab.schema.tradeoff_report import REALITY
 from contactlab.studies.configuration_runs import ConfigurationRows
 from contactlab.studies.effects.effect_toggles import (
     BASE,
@@ -129,7 +130,7 @@ def run(request: EffectsRequest, session: Session) -> EffectsReport:
         for toggle in toggles.values()
     ]
     search = SmallestSetSearch(trials, outcomes[BASE])
-    free = search.smallest(proven, _worthwhile(findings))
+    free = search.smallest(proven, _worthwhile(findings, setup))
     needed = [each.effect for each in findings if each.need == "needed"]
     free, interactions = search.interactions(free, needed)
     saving = trials.timed("saving", [BASE, free]) if free else {}
@@ -170,7 +171,8 @@ def _finding(
     Nothing is called free that no run exercised.
     """
     changed = proven if toggle.proof is not None else (toggle.effect,)
-    change = difference(tolerances, outcomes[BASE], outcomes[changed], changed)
+    pair = outcomes[BASE], outcomes[changed]
+    change = difference(tolerances, *pair, changed, added=not toggle.on)
     cost = None if toggle.proof else cost_ratio(timed[BASE], timed[changed])
     effect, need = EFFECTS[toggle.effect], _need(toggle, change, cost)
     lack = exercised.lack([effect.feature]) if effect.feature and need == "free" else None
@@ -201,8 +203,10 @@ def _need(toggle: Toggle, change: ConfigurationDifference, cost: Ratio | None) -
     return "saves" if cheaper else "idle"
 
 
-def _worthwhile(findings: Sequence[EffectFinding]) -> list[str]:
+def _worthwhile(findings: Sequence[EffectFinding], setup: AblationSetup) -> list[str]:
     """Return the effects worth toggling, the most worthwhile first.
+
+    Those that recordings call for are.
 
     Numerical effects stay unless toggling them saves time: most of them are there to save time, or
     guard against settings that this scene does not have.
@@ -212,6 +216,7 @@ def _worthwhile(findings: Sequence[EffectFinding]) -> list[str]:
         each
         for each in findings
         if each.need == "saves"
+        or (each.need == "absent" and {*setup.tolerances} == {REALITY})
         or (each.need == "free" and (each.kind != "numerical" or each.effect in faster))
     ]
     ranked = sorted(worthwhile, key=lambda each: 1.0 if each.cost is None else each.cost.ratio)

@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations
 from math import inf, isfinite
-from statistics import fmean, median
+from statistics import fmean, median, stdev
 from typing import Any, NamedTuple
 
 import mujoco
@@ -18,6 +18,7 @@ from contactlab.scene.effects.effect import Effect, EffectState
 from contactlab.scene.effects.effect_table import EFFECTS
 from contactlab.schema.drive import NoiseDrive, parse_drive
 from contactlab.schema.study_reports import MetricChange, Ratio
+from contactlab.schema.tradeoff_report import REALITY
 from contactlab.store.finished_store import Store
 from contactlab.studies.configuration_runs import ConfigurationRows, Row, run_configurations
 from contactlab.studies.effects.effects_request import AblationSetup
@@ -150,6 +151,8 @@ class ConfigurationRunner:
 
 
 _SHARE = 0.01
+# Of the mean distance from recordings: by which share, and how many standard errors, it changes.
+_CLOSER, _ERRORS = 0.05, 3
 # What an effect makes unmeasurable: energies that are not recorded while it is off, and distances
 # of speculative contacts, which are no depths.
 _UNMEASURED: Mapping[str, Requirement] = {"energy": "energy", "speculative": "depth"}
@@ -185,7 +188,7 @@ class ConfigurationDifference:
         return tuple(
             each.metric
             for each in self.changes
-            if not each.matters and each.times is not None and each.times > 1
+            if each.change is not None and each.tolerance < abs(each.change) <= each.spread
         )
 
     @property
@@ -199,8 +202,10 @@ class ConfigurationDifference:
             if each.metric in self.within_spread:
                 return (
                     f"{each.metric} changes by {each.change:.3g} {each.unit}, within the spread "
-                    f"of {each.spread:.3g} over seeds"
+                    f"of {each.spread:.3g} over {'runs' if each.metric == REALITY else 'seeds'}"
                 )
+            if each.metric == REALITY and (each.times or 0) > 1:
+                return _change_text(each)
         return "no metric changes by its tolerance"
 
 
@@ -209,13 +214,23 @@ def difference(
     base: ConfigurationRows,
     other: ConfigurationRows,
     changed: Changed = BASE,
+    *,
+    added: bool = False,
 ) -> ConfigurationDifference:
-    """Return the difference that changed effects make, over scenarios and seeds."""
+    """Return the difference that changed effects make, over scenarios and seeds.
+
+    If only `reality` has a tolerance, its mean over recorded runs counts, and matters if it grows;
+    or, where an effect is `added`, if it shrinks.
+    """
+    if real := {*tolerances} == {REALITY}:
+        base, other = _compared(base), _compared(other)
     matched = list(zip(base.scenarios, base.rows, other.rows, strict=True))
     largest = [
         max((_change(name, tolerances, *each) for each in matched), key=_weight)
         for name in tolerances or (*judged_metrics(changed), *({MOTION} & base.flat[0].keys()))
     ]
+    if real and ((largest[0].change or 0.0) < 0) != added:
+        largest[0] = largest[0].model_copy(update={"matters": False})
     changes = sorted((each for each in largest if _weight(each)[1]), key=_weight, reverse=True)
     labels: Counter[str] = Counter()
     for _, first, second in matched:
@@ -226,6 +241,15 @@ def difference(
             if two["label"] not in known
         )
     return ConfigurationDifference(tuple(changes), dict(labels))
+
+
+def _compared(configuration: ConfigurationRows) -> ConfigurationRows:
+    """Return the mean distance from the recording in each scenario, as rows of one."""
+    rows = [[row[REALITY] for row in each] for each in configuration.rows]
+    means = [None if None in each else fmean(each) for each in rows]
+    words = ["ends early" if each is None else "compared" for each in means]
+    pairs = zip(means, words, strict=True)
+    return ConfigurationRows([{}], [[{REALITY: mean, "label": word} for mean, word in pairs]])
 
 
 def _weight(change: MetricChange) -> tuple[bool, float]:
@@ -247,10 +271,14 @@ def _change(
         if first[name] is not None and second[name] is not None
     ]
     tolerance = given.get(name, _SHARE)
-    if name not in given and name != MOTION:
+    if real := {*given} == {REALITY}:
+        tolerance = tolerance or _CLOSER * fmean(own or [0.0])
+    elif name not in given and name != MOTION:
         tolerance = max(METRICS[name].tolerance, _SHARE * max(map(abs, own), default=0.0))
     alike = () if name == MOTION and any(map(_has_noise, base)) else combinations(own, 2)
     spread = max((abs(_difference(*pair)) for pair in alike), default=0.0)
+    if real:
+        spread = _ERRORS * stdev(pairs) / len(pairs) ** 0.5 if len(pairs) > 1 else inf
     # Measured in all runs of one configuration and in none of the other.
     appears = not pairs and (
         len(own) == len(base) or (not own and all(row[name] is not None for row in other))

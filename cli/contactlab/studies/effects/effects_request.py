@@ -6,7 +6,11 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
+from typing import Literal
 
+import numpy as np
+
+from contactlab.errors import SceneError
 from contactlab.mjcf import OPTIONS
 from contactlab.plan.grid import Plan
 from contactlab.plan.sweep_file import read_sweep
@@ -14,6 +18,7 @@ from contactlab.run.sweep_request import SceneLoader
 from contactlab.scene.effects.effect_table import EFFECTS
 from contactlab.scene.scene import Scene
 from contactlab.schema.drive import Drive
+from contactlab.schema.tradeoff_report import REALITY
 from contactlab.schema.vocabulary import RECORDED_RUN
 from contactlab.studies.session import Values, read_settings
 
@@ -32,6 +37,8 @@ class EffectsRequest:
     # What drives the runs; None for what sweep or scene say, and for an exercise of a model without
     # either.
     drive: Drive | None = None
+    # `reality`: effects that recorded runs call for, of the sweep or drawn; each counts as a seed.
+    error: Literal["reality"] | None = None
 
     @cached_property
     def setup(self) -> "AblationSetup":
@@ -60,7 +67,7 @@ class EffectsRequest:
         first = next(read.plan.runs()).values
         fixed = {name: value for name, value in first.items() if name not in varied}
         manifest = scenes.open(reference).source.manifest
-        return AblationSetup(
+        setup = AblationSetup(
             scenes=scenes,
             reference=reference,
             base={**fixed, **assigned},
@@ -71,6 +78,10 @@ class EffectsRequest:
             tolerances={**(manifest.tolerances if manifest else {}), **sweep.tolerances},
             thresholds=sweep.thresholds,
         )
+        return setup.compared_with_recordings() if self.error else setup
+
+
+_MOST_RECORDED = 24  # recorded runs that are drawn
 
 
 @dataclass(frozen=True)
@@ -100,6 +111,23 @@ class AblationSetup:
         """What the scene as written has in common with every configuration, but for numerics."""
         fixed = [name for name in self.base if name not in OPTIONS and name not in EFFECTS]
         return [*fixed, *self.scenarios[0]]
+
+    def compared_with_recordings(self) -> "AblationSetup":
+        """Return the setup with recorded runs as scenarios, and others, if any, to verify with."""
+        if (recorded := self.scene.recorded) is None:
+            raise SceneError(f"{self.reference}: error {REALITY} needs a scene with a `recording`")
+        drawn = np.random.default_rng(0).permutation(recorded.numbers).tolist()
+        scenarios = self.scenarios
+        if not all(RECORDED_RUN in each for each in scenarios):
+            some = drawn[:_MOST_RECORDED]
+            scenarios = [{**each, RECORDED_RUN: run} for each in scenarios for run in some]
+        used = {each[RECORDED_RUN] for each in scenarios}
+        others = [each for each in drawn if each not in used]
+        pairs = zip(scenarios, others, strict=False)
+        fresh = [{**each, RECORDED_RUN: run} for each, run in pairs] or scenarios
+        tolerances = {REALITY: self.tolerances.get(REALITY, 0.0)}
+        runs = {"scenarios": tuple(scenarios), "fresh_scenarios": tuple(fresh)}
+        return replace(self, **runs, seeds=(0,), tolerances=tolerances)
 
     def written(self, reference: str, settings: Values) -> "AblationSetup":
         """Return the setup of a model that was written with settings, driven as this one is."""
