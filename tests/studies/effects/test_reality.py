@@ -80,30 +80,29 @@ def test_rolling_friction_is_asked_for_where_it_was(
 
 
 @pytest.mark.parametrize(
-    ("shift", "noise", "added", "matters"),
+    ("shift", "noise", "words"),
     [
-        (0.2, 0.01, False, True),  # farther without
-        (-0.2, 0.01, False, False),  # closer without: nothing calls for it
-        (-0.2, 0.01, True, True),  # closer with
-        (0.2, 0.01, True, False),
-        (0.02, 0.001, False, False),  # less than a twentieth of the distance
-        (0.2, 2.0, False, False),  # less than three standard errors
+        (0.2, 0.01, ["if farther", "if unsure"]),
+        (-0.2, 0.01, ["if closer"]),
+        (0.02, 0.001, []),  # less than a twentieth of the distance
+        (-0.02, 0.001, []),
+        (0.2, 2.0, ["if unsure"]),  # less than three standard errors
+        (-0.2, 2.0, ["if unsure"]),
     ],
 )
-def test_the_mean_over_recorded_runs_counts(
-    shift: float, noise: float, added: bool, matters: bool
-) -> None:
+def test_the_mean_over_recorded_runs_counts(shift: float, noise: float, words: list[str]) -> None:
     base = np.linspace(0.5, 1.5, 30)
     other = base + shift + noise * np.tile([-1, 1], 15)
     first, second = (
         ConfigurationRows([{}] * 30, [[{"reality": x, "label": "stable"}] for x in each.tolist()])
         for each in (base, other)
     )
-    found = difference({"reality": 0.0}, first, second, added=added)
-    assert found.matters == matters
-    assert found.changes[0].change == pytest.approx(shift)
-    assert found.changes[0].tolerance == pytest.approx(0.05)
-    assert found.changes[0].spread == pytest.approx(3 * noise / np.sqrt(29))
+    for word in ("if closer", "if farther", "if unsure"):
+        found = difference({"reality": 0.0}, first, second, matters=word)
+        assert found.matters == (word in words)
+        assert found.changes[0].change == pytest.approx(shift)
+        assert found.changes[0].tolerance == pytest.approx(0.05)
+        assert found.changes[0].spread == pytest.approx(3 * noise / np.sqrt(29))
 
 
 def test_runs_that_end_early_matter_and_other_labels_do_not() -> None:

@@ -2,6 +2,7 @@
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import combinations
 from pathlib import Path
 
@@ -172,7 +173,8 @@ def _finding(
     """
     changed = proven if toggle.proof is not None else (toggle.effect,)
     pair = outcomes[BASE], outcomes[changed]
-    change = difference(tolerances, *pair, changed, added=not toggle.on)
+    matters = "if unsure" if toggle.on else "if closer"
+    change = difference(tolerances, *pair, changed, matters=matters)
     cost = None if toggle.proof else cost_ratio(timed[BASE], timed[changed])
     effect, need = EFFECTS[toggle.effect], _need(toggle, change, cost)
     lack = exercised.lack([effect.feature]) if effect.feature and need == "free" else None
@@ -267,14 +269,15 @@ def _verified(
         return Verification(seeds=seeds, scenarios=(), runs=0, holds=True, reason=why, cost=None)
     about = "The smallest set against the base configuration, from fresh seeds"
     outcomes = trials.run("fresh", about, [BASE, free], fresh)
-    change = difference(setup.tolerances, outcomes[BASE], outcomes[free], free)
+    farther = partial(difference, setup.tolerances, outcomes[BASE], matters="if farther")
+    change = farther(outcomes[free], free)
     timed = trials.timed("fresh-timing", [BASE, free], seeds)
     pasted = None
     if isinstance(written, WrittenModel):
         as_text = fresh.written(written.reference, {**settings, **dict.fromkeys(free)})
         text = "The model with the smallest set in its files"
         rows = trials.run("written", text, [BASE], as_text)
-        pasted = difference(setup.tolerances, outcomes[BASE], rows[BASE], free)
+        pasted = farther(rows[BASE], free)
     failed = next((each for each in (change, pasted) if each and each.matters), None)
     return Verification(
         seeds=seeds,

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from itertools import combinations
 from math import inf, isfinite
 from statistics import fmean, median, stdev
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import mujoco
 import numpy as np
@@ -198,14 +198,14 @@ class ConfigurationDifference:
             return ", ".join(self.labels)
         if worst := next((each for each in self.changes if each.matters), None):
             return _change_text(worst)
+        if [each.metric for each in self.changes] == [REALITY]:
+            return _change_text(self.changes[0])
         for each in self.changes:
             if each.metric in self.within_spread:
                 return (
                     f"{each.metric} changes by {each.change:.3g} {each.unit}, within the spread "
-                    f"of {each.spread:.3g} over {'runs' if each.metric == REALITY else 'seeds'}"
+                    f"of {each.spread:.3g} over seeds"
                 )
-            if each.metric == REALITY and (each.times or 0) > 1:
-                return _change_text(each)
         return "no metric changes by its tolerance"
 
 
@@ -215,12 +215,12 @@ def difference(
     other: ConfigurationRows,
     changed: Changed = BASE,
     *,
-    added: bool = False,
+    matters: Literal["if unsure", "if closer", "if farther"] = "if unsure",
 ) -> ConfigurationDifference:
     """Return the difference that changed effects make, over scenarios and seeds.
 
-    If only `reality` has a tolerance, its mean over recorded runs counts, and matters if it grows;
-    or, where an effect is `added`, if it shrinks.
+    If only `reality` has a tolerance, its mean over recorded runs counts: it matters if runs get
+    closer to recordings, or farther away, or unless it is sure that they do not get farther away.
     """
     if real := {*tolerances} == {REALITY}:
         base, other = _compared(base), _compared(other)
@@ -229,8 +229,11 @@ def difference(
         max((_change(name, tolerances, *each) for each in matched), key=_weight)
         for name in tolerances or (*judged_metrics(changed), *({MOTION} & base.flat[0].keys()))
     ]
-    if real and ((largest[0].change or 0.0) < 0) != added:
-        largest[0] = largest[0].model_copy(update={"matters": False})
+    for each in largest if real else ():
+        farther, limit = each.change or 0.0, max(each.tolerance, each.spread)
+        sure = {"if closer": -farther > limit, "if farther": farther > limit}
+        told = sure.get(matters, farther + each.spread > each.tolerance)
+        largest = [each.model_copy(update={"matters": told})]
     changes = sorted((each for each in largest if _weight(each)[1]), key=_weight, reverse=True)
     labels: Counter[str] = Counter()
     for _, first, second in matched:
@@ -314,6 +317,8 @@ def _difference(value: Any, other: Any) -> float:  # noqa: ANN401 - a number or 
 def _change_text(change: MetricChange) -> str:
     if change.change is None:
         return f"{change.metric} can be measured in one of the configurations only"
+    if change.metric == REALITY:
+        return f"{REALITY} {change.change:+.3g}, give or take {change.spread:.2g}"
     unit = "" if change.unit in {"1", "any"} else f" {change.unit}"
     where = ", ".join(f"{name} {value}" for name, value in change.scenario.items())
     return (
