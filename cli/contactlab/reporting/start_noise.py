@@ -24,13 +24,11 @@ def distance_to_reality(axes: Sequence[GridAxis], columns: RunColumns) -> str:
 
 def start_noise(axes: Sequence[GridAxis], values: Floats) -> float | None:
     """Return how far values (n,) of runs are apart that differ in seed or perturbation only."""
-    alike = np.zeros(len(values), np.int64)
-    for axis in axes:
-        if axis.name not in (SEED, PERTURBATION):
-            places = axis.codes if axis.numbers is None else axis.numbers
-            _, codes = np.unique(places, return_inverse=True)
-            _, alike = np.unique(alike * len(codes) + codes, return_inverse=True)
-    return noise_floor(alike, values)
+    others = [axis for axis in axes if axis.name not in (SEED, PERTURBATION)]
+    # Where codes are of bins, the numbers are what may differ.
+    places = [each.codes if each.numbers is None else each.numbers for each in others]
+    table = np.array([np.zeros(len(values)), *places])
+    return noise_floor(np.unique(table, axis=1, return_inverse=True)[1], values)
 
 
 def noise_floor(alike: Codes, values: Floats) -> float | None:
@@ -38,13 +36,11 @@ def noise_floor(alike: Codes, values: Floats) -> float | None:
 
     It is that of all pairs of a code, averaged over codes.
     """
-    known = np.isfinite(values)
-    alike, values = alike[known], values[known]
-    order = np.lexsort((values, alike))
-    _, first, counts = np.unique(alike[order], return_index=True, return_counts=True)
-    # The k-th of m sorted values is added k times and subtracted m - 1 - k times.
-    times = 2 * (np.arange(len(order)) - np.repeat(first, counts)) + 1 - np.repeat(counts, counts)
-    apart = np.bincount(alike[order], times * values[order])[alike[order][first]]
-    several = counts > 1
-    pairs = counts[several] * (counts[several] - 1) / 2
-    return float(np.mean(apart[several] / pairs)) if several.any() else None
+    order, floors = np.argsort(alike, kind="stable"), list[float]()
+    for group in np.split(values[order], np.flatnonzero(np.diff(alike[order])) + 1):
+        own = np.sort(group[np.isfinite(group)])
+        if (count := len(own)) > 1:
+            # The k-th of m sorted values is added k times, and subtracted m - 1 - k times.
+            times = 2 * np.arange(count) - count + 1
+            floors.append(float(times @ own) / (count * (count - 1) / 2))
+    return float(np.mean(floors)) if floors else None

@@ -41,17 +41,14 @@ class RecordedRows:
         joints = {model.joint(index).name for index in range(model.njnt)}
         named = {f"{name}.qpos" if name in joints else name: each for name, each in named.items()}
         found, self._mistakes = table.matched(model, named)
-        lacking = [table.lacks(key) for key in keys if key not in table.columns]
-        self._mistakes += lacking
-        if lacking:
+        if lacking := [table.lacks(key) for key in keys if key not in table.columns]:
+            self._mistakes += lacking
             self.refuse()
         self._unsound = set[float]()
         self._sort(*(table.columns[each] for each in keys))
         columns = {place: table.columns[each][self._order] for place, each in found.items()}
-        for column, values in (
-            (entry.time, self.times),
-            *zip(found.values(), columns.values(), strict=True),
-        ):
+        names = [entry.time, *found.values()]
+        for column, values in zip(names, [self.times, *columns.values()], strict=True):
             unknown = ~np.isfinite(values)
             self.note(f"no finite number in column `{column}`", np.flatnonzero(unknown))
             values[unknown] = np.nan
@@ -94,8 +91,8 @@ class RecordedRows:
         ids, first, counts = np.unique(self._numbers, return_index=True, return_counts=True)
         ends = (first + counts).tolist()
         self.runs = dict(zip(ids.tolist(), map(slice, first.tolist(), ends), strict=True))
-        whole = np.isfinite(self._numbers) & (self._numbers == np.round(self._numbers))
-        self.note("the number of a run is not whole", np.flatnonzero(~whole))
+        odd = np.nan_to_num(self._numbers, nan=0.5, posinf=0.5, neginf=0.5) % 1
+        self.note("the number of a run is not whole", np.flatnonzero(odd))
         if unknown := sorted(set(self._entry.leave_out) - set(numbers.tolist())):
             self._mistakes.append(f"no run to leave out: {', '.join(map(str, unknown))}")
         if not self.runs:
@@ -180,12 +177,11 @@ class RecordedRows:
             apart = measured[:, part.qvel] - rates
             off, typical = _size(apart), _size(rates)
             if off > _AGREE * typical:
-                most = np.nanargmax(np.linalg.norm(apart, axis=1))
                 self.note(
                     f"{part.joint}: its {what} is {off:.3g} off that of its poses, which is "
                     f"{typical:.3g} (root mean squares): another unit or frame, or leave it out; "
                     "most after",
-                    np.array([most]),
+                    np.nanargmax(np.linalg.norm(apart, axis=1))[None],
                 )
         total, count = np.zeros_like(self.qvel), np.zeros((len(self.qvel), 1))
         for rows in (self.within, self.within + 1):

@@ -15,8 +15,6 @@ from contactlab.scene.timed_inputs import Signals
 
 TIME = "time"
 _ELEMENT = re.compile(r"(ctrl|qpos|qvel)\[(\d+)\]")
-_NAMED = "actuator, joint or body of the model"
-_SHOWN = 3  # names that mean nothing and are told
 _SNAP = 1e-6  # a row this close to a step, in timesteps, is at that step
 
 TableReader = Callable[[Path], Mapping[str, Floats]]
@@ -43,25 +41,15 @@ class RecordedTable:
 
         `columns` has the column of each name of an input, joint or body.
         """
-        found, mistakes, lost = dict[int, str](), list[str](), list[str]()
-        names = [each.removesuffix(".ctrl") for each in _known(model)]
+        found, mistakes = dict[int, str](), list[str]()
         for name, column in columns.items():
             if column not in self.columns:
                 mistakes.append(self.lacks(column))
-            if (place := _place(model, name, columns)) is not None:
-                found |= {place: column} if column in self.columns else {}
-            elif hint := did_you_mean(name, names):
-                mistakes.append(f"column `{name}` is no {_NAMED}{hint}")
-            else:
-                lost.append(f"`{name}`")
-        if lost:
-            first = part_starts(model)["ctrl"]
-            some = [each for each in names if "." not in each]
-            some = some or [each for each, place in _known(model).items() if place < first]
-            such = f"; name them such as {', '.join(some[:4])}" if some else ""
-            more = f" and {len(lost) - _SHOWN} more" if len(lost) > _SHOWN else ""
-            word = "column" if len(lost) == 1 else "each column of"
-            mistakes.append(f"{word} {', '.join(lost[:_SHOWN])}{more} is no {_NAMED}{such}")
+            place = _place(model, name, columns)
+            if isinstance(place, str):
+                mistakes.append(place)
+            elif column in self.columns:
+                found[place] = column
         return found, mistakes
 
     def lacks(self, column: str) -> str:
@@ -108,8 +96,7 @@ def read_recorded(model: mujoco.MjModel, table: RecordedTable, *, held: bool) ->
     times = columns[TIME] - columns[TIME][0]
     for column in (TIME, *found.values()):
         if (bad := np.flatnonzero(~np.isfinite(columns[column]))).size:
-            what = f"row {bad[0] + 1} of column `{column}` is not a finite number"
-            mistakes.append(f"{what}; write one, or leave the column out")
+            mistakes.append(f"row {bad[0] + 1} of column `{column}` is not a finite number")
     if (back := np.flatnonzero(np.diff(times) < 0)).size:
         mistakes.append(f"`{TIME}` decreases in row {back[0] + 2}; sort the rows by time")
     first = part_starts(model)["ctrl"]
@@ -128,25 +115,27 @@ def read_recorded(model: mujoco.MjModel, table: RecordedTable, *, held: bool) ->
     return RecordedInputs(name, _stepped(signals) if held else signals, tuple(start))
 
 
-def _known(model: mujoco.MjModel) -> Mapping[str, int]:
-    """Return the places of inputs and coordinates by their names."""
-    return coordinates(model) | mocap_coordinates(model)
-
-
-def _place(model: mujoco.MjModel, column: str, columns: Collection[str]) -> int | None:
-    """Return the place of the input or coordinate that a name means, if any."""
+def _place(model: mujoco.MjModel, column: str, columns: Collection[str]) -> int | str:
+    """Return the place of the input or coordinate that a name means; or why there is none."""
     element = _ELEMENT.fullmatch(column)
     sizes = {"ctrl": model.nu, "qpos": model.nq, "qvel": model.nv}
     if element and int(element[2]) < sizes[element[1]]:
         return part_starts(model)[element[1]] + int(element[2])
-    known, joints = _known(model), _actuators_of_joints(model)
+    known = coordinates(model) | mocap_coordinates(model)
+    joints = _actuators_of_joints(model)
     if f"{column}.ctrl" in known:
         return known[f"{column}.ctrl"]
     if column in joints and f"{joints[column]}.ctrl" not in known:
         return known[column]
     if column in joints and not {joints[column], f"{joints[column]}.ctrl"} & set(columns):
         return known[f"{joints[column]}.ctrl"]
-    return known.get(column.removesuffix(".qpos"))
+    if (place := known.get(column.removesuffix(".qpos"))) is not None:
+        return place
+    names = [each.removesuffix(".ctrl") for each in known]
+    some = [each for each in names if "." not in each] or sorted(known, key=known.__getitem__)
+    such = f"; name them such as {', '.join(some[:4])}" if some else ""
+    close = did_you_mean(column, names) or such
+    return f"column `{column}` is no actuator, joint or body of the model{close}"
 
 
 def _actuators_of_joints(model: mujoco.MjModel) -> dict[str, str]:
