@@ -22,12 +22,7 @@ from contactlab.comparison.compare_stores import DEFAULT_POLICY, compare, pair_r
 from contactlab.comparison.pairing import Pairing
 from contactlab.contact.trace_arrays import Floats
 from contactlab.palette import COLOURS, INK, UNCHANGED_COLOUR
-from contactlab.reporting.map_cells import (
-    MapAxes,
-    cell_statistic,
-    label_counts,
-    most_frequent_failure,
-)
+from contactlab.reporting.map_axes import MapAxes
 from contactlab.reporting.report import ReportData
 from contactlab.reporting.report_columns import (
     Quantity,
@@ -38,6 +33,11 @@ from contactlab.reporting.report_columns import (
 )
 from contactlab.schema.comparison import Check, CheckOutcome, ComparisonReport
 from contactlab.store.finished_store import Store
+from contactlab_page.map_cells import (
+    cell_statistic,
+    label_counts,
+    most_frequent_failure,
+)
 
 Layered = alt.LayerChart | alt.FacetChart
 Room = tuple[int, int]

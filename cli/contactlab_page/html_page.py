@@ -18,8 +18,6 @@ from contactlab.pareto.recommendation import (
 )
 from contactlab.printable import visible
 from contactlab.reporting.finding import finding
-from contactlab.reporting.map_cells import label_counts
-from contactlab.reporting.packing import packed_text
 from contactlab.reporting.report import PageRequest, ReportData, read_report_data
 from contactlab.reporting.report_columns import number_with_unit, summary_metrics, with_unit
 from contactlab.schema.evidence import StoreManifest
@@ -30,6 +28,8 @@ from contactlab.store.verify_store import trace_warning
 from contactlab_page.engine_parts import engine_parts, engines_sentence
 from contactlab_page.header_films import header_films
 from contactlab_page.heatmap import compare_with_baseline, default_map, metric_map
+from contactlab_page.map_cells import label_counts
+from contactlab_page.packing import packed_text
 from contactlab_page.page_charts import KnobChange, knob_changes, tradeoff_chart
 from contactlab_page.page_content import listed_metrics, page_colours, page_content
 from contactlab_page.paper_figures import physical_figures

@@ -13,8 +13,15 @@ from contactlab.measure import LABELS
 from contactlab.palette import mode_colour
 from contactlab.pareto.analysis import ToleranceTable
 from contactlab.pareto.recommendation import EQUALLY_FAST, MORE_ACCURATE, SAFE_MARGIN
-from contactlab.reporting.map_cells import aggregated_axes, aggregated_columns
-from contactlab.reporting.packing import (
+from contactlab.reporting.coverage_rows import coverage_rows
+from contactlab.reporting.report import PageRequest, ReportData
+from contactlab.reporting.report_columns import Codes, GridAxis, RunLabels, summary_metrics
+from contactlab.schema.evidence import EvidenceRecord
+from contactlab.schema.tradeoff_report import TradeoffReport
+from contactlab.store.finished_store import Store
+from contactlab.store.table_layout import row_to_record
+from contactlab_page.map_cells import aggregated_axes, aggregated_columns
+from contactlab_page.packing import (
     as_json,
     pack,
     packed_integers,
@@ -22,14 +29,8 @@ from contactlab.reporting.packing import (
     rounded_floats,
     run_id_halves,
 )
-from contactlab.reporting.report import PageRequest, ReportData
-from contactlab.reporting.report_columns import Codes, GridAxis, RunLabels, summary_metrics
-from contactlab.reporting.run_series import coverage_rows, run_series
-from contactlab.schema.evidence import EvidenceRecord
-from contactlab.schema.tradeoff_report import TradeoffReport
-from contactlab.store.finished_store import Store
-from contactlab.store.table_layout import row_to_record
 from contactlab_page.page_charts import MODE_NAMES, chart_templates
+from contactlab_page.run_series import run_series
 
 # Series of at most so many runs of a label come first, and so many in the order of the plan last.
 _SERIES_PER_LABEL = 3

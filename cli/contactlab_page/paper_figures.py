@@ -13,13 +13,13 @@ from contactlab.contact.trace_arrays import LINEAR_VELOCITY, STICK, Floats
 from contactlab.palette import COLOURS, INK, SHAPES
 from contactlab.reporting.report import ReportData
 from contactlab.reporting.report_columns import GridAxis
-from contactlab.reporting.run_series import decimated, qpos_entries
 from contactlab.schema.evidence import EvidenceRecord
 from contactlab.store.finished_store import Store
 from contactlab.store.mcap.trace_reader import StoredPair, StoredTrace
 from contactlab_page.heatmap import Layered, default_map, metric_map
 from contactlab_page.page_charts import change_panels, knob_changes, tradeoff_chart
 from contactlab_page.paper_size import parse_width, render_at
+from contactlab_page.run_series import decimated, qpos_entries
 
 _MOST_BOUNCING = 6
 _MOST_BOUNCING_READ = 200

@@ -9,21 +9,20 @@ from hypothesis import strategies as st
 
 from contactlab.contact.trace_arrays import Floats
 from contactlab.palette import STABLE_COLOUR
-from contactlab.reporting.map_cells import (
+from contactlab.reporting.map_axes import MapAxes, most_informative_axes
+from contactlab.reporting.report_columns import GridAxis, Quantity, RunLabels
+from contactlab.store.table_layout import REAL, Column
+from contactlab_page.heatmap import label_rows
+from contactlab_page.map_cells import (
     STATISTICS,
-    MapAxes,
     Statistic,
     aggregated_columns,
     cell_statistic,
     label_counts,
     most_frequent_failure,
-    most_informative_axes,
 )
-from contactlab.reporting.report_columns import GridAxis, Quantity, RunLabels
-from contactlab.reporting.run_series import decimated
-from contactlab.store.table_layout import REAL, Column
-from contactlab_page.heatmap import label_rows
 from contactlab_page.page_charts import knob_changes
+from contactlab_page.run_series import decimated
 
 NAMES = ("diverged", "chatter", "stable")
 SLOW: dict[Statistic, Callable[[Floats], float]] = {

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from contactlab.reporting.packing import (
+from contactlab_page.packing import (
     as_json,
     pack,
     packed_integers,

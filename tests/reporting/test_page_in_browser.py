@@ -11,9 +11,10 @@ import numpy as np
 import pytest
 
 from contactlab.printable import visible
-from contactlab.reporting.map_cells import STATISTICS, MapAxes, cell_statistic
+from contactlab.reporting.map_axes import MapAxes
 from contactlab.reporting.report import read_report_data, write_page
 from contactlab.store.finished_store import Store
+from contactlab_page.map_cells import STATISTICS, cell_statistic
 
 Swept = Callable[[str], Store]
 Reported = Callable[[str], Path]

@@ -60,7 +60,7 @@ def show(
 
 
 def _print_record(store: opt.Address, record: "EvidenceRecord") -> None:
-    from contactlab.reporting.run_series import coverage_rows
+    from contactlab.reporting.coverage_rows import coverage_rows
 
     echo("\n".join(map(in_one_line, _identity_lines(store, record))))
     labels = [(entry.label, entry.step, entry.reason) for entry in record.labels]
@@ -128,7 +128,7 @@ def print_summary(store: "Store", output: opt.TableFormat) -> None:
         print_csv([*values], zip(*values.values(), strict=True))
         return
     from contactlab.reporting.finding import finding, headline
-    from contactlab.reporting.map_cells import by_importance
+    from contactlab.reporting.map_axes import by_importance
     from contactlab.reporting.report_columns import read_axes, read_run_labels
     from contactlab.reporting.start_noise import distance_to_reality
 

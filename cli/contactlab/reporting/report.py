@@ -8,7 +8,7 @@ from contactlab.errors import OutputError, StoreError, optional
 from contactlab.pareto.analysis import ToleranceTable, analyse, tolerance_table
 from contactlab.pareto.criteria import Criteria
 from contactlab.plugins import extensions
-from contactlab.reporting.map_cells import MapAxes, most_informative_axes
+from contactlab.reporting.map_axes import MapAxes, most_informative_axes
 from contactlab.reporting.report_columns import (
     GridAxis,
     Quantity,

@@ -1,7 +1,7 @@
-"""A run in a report: its trace in a few hundred points, and in words what it exercised."""
+"""A run in a page: its trace in a few hundred points."""
 
 import xml.etree.ElementTree as ET
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -9,15 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import NO_CONTACT, Floats
-from contactlab.reporting.packing import packed_integers, rounded_floats
-from contactlab.schema.coverage import ActuatorUse, Coverage, PairUse, Travel
 from contactlab.store.mcap.trace_reader import StoredTrace
+from contactlab_page.packing import packed_integers, rounded_floats
 
 _POINTS = 400
 _MOST_COORDINATES = 6
-_MOST_LISTED = 4
 _BITS = 12
-_APART = PairUse()
 _JOINT_SIZES = {"free": 7, "ball": 4, "slide": 1, "hinge": 1}
 
 
@@ -133,59 +130,3 @@ def _joints(model_xml: bytes) -> Iterator[tuple[str, str]]:
             elif joint.tag == "joint":
                 kind = joint.get("type", "hinge")
                 yield name if kind == "free" else joint.get("name", f"{name} joint"), kind
-
-
-def coverage_rows(coverage: Coverage, pairs: Iterable[str]) -> list[tuple[str, str, str]]:
-    """Return the kinds of parts that a model has: those that a run left alone, what others did.
-
-    The pairs are all that are monitored.
-    """
-    parts = {**coverage.joints, **coverage.tendons}
-    limited = {name: each for name, each in parts.items() if each.share is not None}
-    kinds = {
-        "joints moved": {name: _travel(each) for name, each in coverage.joints.items()},
-        "limits reached": {name: ", ".join(each.ends) for name, each in limited.items()},
-        "tendons moved": {name: _travel(each) for name, each in coverage.tendons.items()},
-        "actuators used": {name: _use(each) for name, each in coverage.actuators.items()},
-        "equalities loaded": {
-            name: f"{load:g}" if load else "" for name, load in coverage.equalities.items()
-        },
-        "pairs touched": {name: _touching(coverage.pairs.get(name, _APART)) for name in pairs},
-    }
-    return [
-        (
-            kind,
-            _listed([name for name, text in done.items() if not text], ", "),
-            _listed([f"{name} {text}" for name, text in done.items() if text], "; "),
-        )
-        for kind, done in kinds.items()
-        if done
-    ]
-
-
-def _listed(texts: list[str], separator: str) -> str:
-    rest = len(texts) - _MOST_LISTED
-    more = [f"{rest} more"] if rest > 0 else []
-    return separator.join([*texts[:_MOST_LISTED], *more])
-
-
-def _travel(travel: Travel) -> str:
-    """Return how far something went, nothing where it held still."""
-    if not travel.counts and not travel.stretched:
-        return ""
-    way = f"{travel.moved:g}" if travel.share is None else f"{travel.share:.0%}"
-    return f"{way}, turned {travel.turned:g} rad" if travel.turned else way
-
-
-def _use(use: ActuatorUse) -> str:
-    if not use.force and not use.counts:
-        return ""
-    control = f"{use.share:.0%}, " if use.share else ""
-    saturated = f", saturated {use.saturated:.0%}" if use.saturated else ""
-    return f"{control}force {use.force:g}{saturated}"
-
-
-def _touching(use: PairUse) -> str:
-    """Return how long a pair did what, in shares of time."""
-    names = ("touched", "stuck", "slid", "rolled", "spun")
-    return ", ".join(f"{name} {share:.0%}" for name in names if (share := getattr(use, name)))
