@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from itertools import chain, repeat, zip_longest
 from pathlib import Path
 from types import MappingProxyType
+from typing import Protocol
 
 import av
 import mujoco
@@ -57,8 +58,15 @@ _BORDER = 6
 _INSET, _LONGEST_BAR = 4, 0.2
 
 
+class _Screen(Protocol):
+    """An off-screen OpenGL context of MuJoCo's."""
+
+    def make_current(self) -> None: ...
+    def free(self) -> None: ...
+
+
 @contextmanager
-def graphics(width: int, height: int) -> Generator[None]:
+def graphics(width: int, height: int) -> Generator[_Screen]:
     """Make an off-screen OpenGL context of this size the current one; a SceneError without any."""
     asked = os.environ.get("MUJOCO_GL", "").lower()
     installed = [name for name in ("egl", "osmesa") if ctypes.util.find_library(_BACKENDS[name])]
@@ -67,14 +75,14 @@ def graphics(width: int, height: int) -> Generator[None]:
         raise SceneError(f"no pictures: there is no OpenGL to draw with; {_REMEDY}")
     name = found[0]
     try:
-        context = importlib.import_module(f"mujoco.{name}").GLContext(width, height)
-        context.make_current()
+        screen: _Screen = importlib.import_module(f"mujoco.{name}").GLContext(width, height)
+        screen.make_current()
     except Exception as error:
         raise SceneError(f"no pictures: {name} does not work here ({error}); {_REMEDY}") from error
     try:
-        yield
+        yield screen
     finally:
-        context.free()
+        screen.free()
 
 
 def draw_pictures(
@@ -102,27 +110,37 @@ def draw_pictures(
     option = mujoco.MjvOption()
     option.flags[mujoco.mjtVisFlag.mjVIS_TRANSPARENT] = True
     data, scene = mujoco.MjData(model), mujoco.MjvScene(model, _MOST_GEOMS)
-    with graphics(width, height):
+    with graphics(width, height) as screen:
         context = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100.value)
-        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, context)
-        for frame, configuration in frames.items():
-            pictures: list[Picture] = []
-            for stage, area in zip((motion.view(frame), motion.stage), areas, strict=False):
-                view = named or _camera_on(model, stage, width / height)
-                # Contacts were stored: without collision detection, all else is placed.
-                data.qpos[:] = configuration
-                _place(model, data)
-                everything = mujoco.mjtCatBit.mjCAT_ALL.value
-                mujoco.mjv_updateScene(model, data, option, None, view, everything, scene)
-                _decorate(scene, model, motion, frame)
-                if frame in recorded:
-                    _draw_ghost(scene, model, data, recorded[frame], option)
-                picture = np.empty((area.height, area.width, 3), np.uint8)
-                mujoco.mjr_render(area, scene, context)
-                mujoco.mjr_readPixels(picture, None, area, context)
-                pictures.append(picture[::-1])
-            yield _with_inset(*pictures)
-        context.free()
+        try:
+            for frame, configuration in frames.items():
+                pictures: list[Picture] = []
+                for stage, area in zip((motion.view(frame), motion.stage), areas, strict=False):
+                    view = named or _camera_on(model, stage, width / height)
+                    # Contacts were stored: without collision detection, all else is placed.
+                    data.qpos[:] = configuration
+                    _place(model, data)
+                    everything = mujoco.mjtCatBit.mjCAT_ALL.value
+                    mujoco.mjv_updateScene(model, data, option, None, view, everything, scene)
+                    _decorate(scene, model, motion, frame)
+                    if frame in recorded:
+                        _draw_ghost(scene, model, data, recorded[frame], option)
+                    # Another film may have been drawn since.
+                    screen.make_current()
+                    pictures.append(_drawn(scene, area, context))
+                yield _with_inset(*pictures)
+        finally:
+            # What a context made is deleted by number, in whichever context is the current one.
+            screen.make_current()
+            context.free()
+
+
+def _drawn(scene: mujoco.MjvScene, area: mujoco.MjrRect, context: mujoco.MjrContext) -> Picture:
+    picture = np.empty((area.height, area.width, 3), np.uint8)
+    mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, context)
+    mujoco.mjr_render(area, scene, context)
+    mujoco.mjr_readPixels(picture, None, area, context)
+    return picture[::-1]
 
 
 def _set_looks(model: mujoco.MjModel, size: tuple[int, int]) -> None:

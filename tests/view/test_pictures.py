@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
@@ -261,6 +262,27 @@ def test_equal_runs_give_equal_pictures(drawn: Draw, target: Target) -> None:
         render(run.store, run.run, target(".png"), PictureOptions(SIZE))
         contents.append(target(".png").read_bytes())
     assert contents[0] == contents[1]
+
+
+def test_films_drawn_by_turns_are_as_drawn_alone(drawn: Draw) -> None:
+    """Also when one ends or is given up before the other: what OpenGL holds is numbered alike."""
+    run = drawn("slide")
+    motion = read_motion(run.start.prepared, run.trace, 60)
+
+    def film(count: int) -> Iterator[Picture]:
+        chosen = {frame: run.trace.qpos[motion.rows[frame]] for frame in range(count)}
+        return draw_pictures(run.model, motion, chosen, SIZE)
+
+    alone = list(film(4))
+    given_up = film(4)
+    next(given_up)
+    by_turns = [*zip_longest(film(2), film(4)), given_up.close()]
+    for count, index in ((2, 0), (4, 1)):
+        seen = [each[index] for each in by_turns[:count] if each]
+        np.testing.assert_array_equal(seen, alone[:count])
+    rest = film(4)
+    other = [next(rest), given_up.close(), *rest]
+    np.testing.assert_array_equal([each for each in other if each is not None], alone)
 
 
 def test_missing_graphics_name_a_remedy(
