@@ -74,6 +74,20 @@ def check(sentence: str, rows: list[Run]) -> str:
         assert all(row in inside for row in own)
         assert (int(found[3]), int(found[4])) == (len(own), len(inside))
         return "part"
+    return check_shares(sentence, rows, stable, failed)
+
+
+def check_shares(sentence: str, rows: list[Run], stable: list[Run], failed: list[Run]) -> str:
+    """Hold a sentence against all runs that gives a share of them, or of an outcome."""
+    if found := re.fullmatch(
+        r"All runs (are stable|fail) (.*): (\d+) of the (\d+) that (?:are|do)\.", sentence
+    ):
+        own = stable if found[1] == "are stable" else failed
+        parts = [each.removeprefix("with ") for each in re.split(r", and (?=with )", found[2])]
+        named = [row for row in rows if any(meets(each, row) for each in parts)]
+        assert all(row in own for row in named)
+        assert (int(found[3]), int(found[4])) == (len(named), len(own))
+        return "all of"
     if found := re.fullmatch(
         r"(\d+)% of runs (are stable|fail) with (. \w+), (\d+)% with (\w+)\.", sentence
     ):
@@ -101,14 +115,15 @@ def test_the_sentence_is_true_of_any_runs(
 
 
 def test_each_kind_of_sentence_is_said_of_what_calls_for_it() -> None:
-    """Planted in the product of 5, 5 and 2 values; of `most`, a stable 4."""
+    """Planted in the product of 5, 5 and 2 values; of `all of` and `most`, a stable 4."""
     grid = [(a, b, c) for a in range(5) for b in range(5) for c in range(2)]
     planted = {
         "all": lambda _: True,
         "none": lambda _: False,
         "exact": lambda row: row[0] <= 2 and row[1] == 3,
         "part": lambda row: row[0] <= 2 and row[1] == 3 and row != (0, 3, 0),
-        "most": lambda row: row[0] == 4 or row[1] == row[2],
+        "all of": lambda row: row[0] == 4 or row[1] == row[2],
+        "most": lambda row: (row[0] == 4 and row[1] < 4) or row[1] == row[2],
     }
     for kind, is_stable in planted.items():
         rows = [(*row, STABLE if is_stable(row) else 0) for row in grid]

@@ -1,7 +1,7 @@
 """What a sweep found, in one sentence that its table bears out."""
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +10,8 @@ from contactlab.reporting.report_columns import SEED, STABLE, GridAxis, RunLabel
 
 _MOST_LISTED = 3
 _LEAST_SHARE = 0.5
+# So many bounds are read easily.
+_FEW_BOUNDS = 2
 # Of a value that fewer of the runs have, a share says little.
 _FEW_RUNS = 0.05
 
@@ -41,19 +43,54 @@ def finding(axes: Sequence[GridAxis], labels: RunLabels) -> str:
     rare = ~failed if 2 * failed.sum() > runs else failed
     verbs = ("are", "is stable", "are stable") if rare is not failed else ("do", "fails", "fail")
     swept = [axis for axis in axes if axis.name != SEED]
-    bound = [axis for axis in swept if len(_distinct(axis.codes[rare])) < len(axis.ticks)]
-    inside = np.ones(runs, dtype=bool)
-    for axis in bound:
-        inside &= np.isin(axis.codes, axis.codes[rare])
+    within = {axis.name: np.isin(axis.codes, axis.codes[rare]) for axis in swept}
+    bound, inside = _conditions(swept, within, rare)
     if not bound or rare[inside].mean() < _LEAST_SHARE:
-        return _most_of(swept, rare, verbs[2])
+        return _sufficient(swept, rare, verbs) or _most_of(swept, rare, verbs[2])
     parts = [f"{axis.name} {_values(axis, axis.codes[rare])}" for axis in bound]
     if not rare[inside].all():
         some = f"{rare.sum():,} of {inside.sum():,} {verbs[0]}"
         return f"Runs {verbs[2]} only with {' and '.join(parts)}: {some}."
-    free = [axis.name for axis in swept if axis not in bound]
+    free = [axis.name for axis in swept if within[axis.name].all()]
     rest = f"; {_joined(free)} {'do' if len(free) > 1 else 'does'} not matter" if free else ""
     return f"Only {' with '.join(parts)} {verbs[1]}{rest}."
+
+
+def _conditions(
+    axes: Sequence[GridAxis], within: Mapping[str, NDArray[np.bool_]], rare: NDArray[np.bool_]
+) -> tuple[list[GridAxis], NDArray[np.bool_]]:
+    """Return the axes that bound an outcome, in their order, and the runs within these bounds.
+
+    Axes that follow from others are left out. Bounds within which other outcomes occur as well are
+    as few as say most of it.
+    """
+    found: list[tuple[set[str], NDArray[np.bool_]]] = [(set(), np.ones(len(rare), dtype=bool))]
+    for _ in axes:
+        names, inside = found[-1]
+        tightest = min(within, key=lambda name: (within[name] & inside).sum())
+        narrowed = inside & within[tightest]
+        if narrowed.sum() < inside.sum():
+            found.append((names | {tightest}, narrowed))
+    enough = (each for each in found[_FEW_BOUNDS:] if rare[each[1]].mean() >= _LEAST_SHARE)
+    names, inside = found[-1] if rare[found[-1][1]].all() else next(enough, found[-1])
+    return [axis for axis in axes if axis.name in names], inside
+
+
+def _sufficient(
+    axes: Sequence[GridAxis], rare: NDArray[np.bool_], verbs: tuple[str, str, str]
+) -> str:
+    """Return the values of an axis or two that all lead to an outcome; empty if to few of it."""
+    parts: list[str] = []
+    told = np.zeros(len(rare), dtype=bool)
+    pure = {axis.name: ~np.isin(axis.codes, axis.codes[~rare]) for axis in axes}
+    for axis in sorted(axes, key=lambda axis: -pure[axis.name].sum())[:_FEW_BOUNDS]:
+        if (pure[axis.name] & ~told).any():
+            parts.append(f"with {axis.name} {_values(axis, axis.codes[pure[axis.name]])}")
+            told |= pure[axis.name]
+    if told.sum() < _LEAST_SHARE * rare.sum():
+        return ""
+    covered = f"{told.sum():,} of the {rare.sum():,} that {verbs[0]}"
+    return f"All runs {verbs[2]} {', and '.join(parts)}: {covered}."
 
 
 def _values(axis: GridAxis, codes: NDArray[np.int64]) -> str:
