@@ -225,7 +225,7 @@ def _layered(
     angle = -35 if max(map(len, columns), default=0) * 7 > cell else 0
     x = x.axis(title=axes.x.title if axes else "", **_ticks(columns), labelAngle=angle)
     y_title = "" if axes is None else axes.y.title if axes.y else None
-    y = y.axis(title=y_title, **_ticks(lines))
+    y = y.axis(title=y_title, titlePadding=12, **_ticks(lines))
     cells = layer_of("cells", pieces).mark_rect().encode(x, y, colour, x2="x2:Q", y2="y2:Q")
     bold = haloed(layer_of("texts", texts), fontWeight="bold", fontSize=font_size)
     words = [each.encode(x, y, text="text:N") for each in bold]

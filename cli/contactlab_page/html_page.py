@@ -33,7 +33,7 @@ from contactlab_page.packing import packed_text
 from contactlab_page.page_charts import KnobChange, knob_changes, tradeoff_chart
 from contactlab_page.page_content import listed_metrics, page_colours, page_content
 from contactlab_page.paper_figures import physical_figures
-from contactlab_page.sentences import closest_runs, reality_sentence, tradeoff_sentence
+from contactlab_page.sentences import closest_settings, reality_sentence, tradeoff_sentence
 from contactlab_parity.formats import HEADER, about, row, shown
 
 _PACKAGE = __name__.rpartition(".")[0]
@@ -93,7 +93,7 @@ def html_page(store: Store, request: PageRequest) -> tuple[str, tuple[str, ...]]
         films=header_films(data, first[0] if first else None) if request.traces else [],
         tradeoff_sentence=tradeoff_sentence(report) if report else "",
         reality=reality_sentence(data) if has_reality else "",
-        closest=closest_runs(data) if has_reality else ([], [], []),
+        closest=closest_settings(data) if has_reality else ([], [], []),
         reality_map=static_svg(metric_map(data, "reality"), "Distance to the recording")
         if has_reality
         else "",

@@ -77,7 +77,7 @@ def page_content(
         "total": total,
         "aggregated": is_aggregated,
         "axes": [
-            {name: getattr(each, name) for name in ("name", "title", "ticks")}
+            {name: getattr(each, name) for name in ("name", "title", "ticks", "role")}
             | {"binned": each.numbers is not None}
             for each in axes
         ],

@@ -29,12 +29,15 @@ _LEAST_PEAK = 0.02
 _MOST_RISE = 0.1
 _MOST_IMPACTS_READ = 600
 _LEAST_IMPACTS = 3
+_TRANSLATIONS = 3
 # Bodies that approach more slowly rest on each other; it is no impact [m/s].
 _LEAST_APPROACH = 0.05
 # Labels of runs whose first contact is no impact of rigid bodies.
 _NO_IMPACT = {"diverged", "invalid", "tunneling", "missed_contact", "broken"}
 _NO_BOUNCE = "no stable run with a trace is of a single free body that bounces on level ground"
-_NO_CONE = "fewer than three runs with a trace begin with an impact that slips"
+_NO_CONE = (
+    "fewer than three runs with a trace begin with an oblique impact of a body that cannot turn"
+)
 FIGURES = {
     "labels": "the map of labels over the two most informative axes",
     "error": "the same map of the error",
@@ -137,8 +140,9 @@ def _is_single_body(trace: StoredTrace) -> bool:
 def first_impacts(store: Store) -> Rows:
     """Return the first impacts of traced runs; none unless at least three of them slip.
 
-    Of each the `engine`, the `slip` before it [m/s], the largest slip that Coulomb friction stops,
-    mu (1 + e) v_n, as `bound` [m/s], and whether the `contact` sticks at any step of it.
+    Only of bodies that cannot turn, else the bound depends on how they do. Of each the `engine`,
+    the `slip` before it [m/s], the largest slip that Coulomb friction stops, mu (1 + e) v_n, as
+    `bound` [m/s], and whether the `contact` sticks at any step of it.
     """
     if store.manifest.traces_left_out or store.manifest.traces < _LEAST_IMPACTS:
         return []
@@ -150,7 +154,7 @@ def first_impacts(store: Store) -> Rows:
     impacts: Rows = []
     for record in islice(records, _MOST_IMPACTS_READ):
         trace = store.trace(record)
-        if _is_single_body(trace):
+        if _is_single_body(trace) and trace.qpos.shape[1] == _TRANSLATIONS:
             for pair in trace.pairs[:1]:
                 impacts += _first_impact(pair, record)
     slipping = [each for each in impacts if each["slip"] > 0]
@@ -204,6 +208,7 @@ def _ratios(runs: Sequence[BouncingRun], colour: alt.Color) -> Layered:
         for each in runs
         for index, ratio in enumerate(each.ratios.tolist())
     ]
+    most = max(row["bounce"] for row in ratios)
     rules: Rows = [{"ratio": each.restitution**2, "setting": each.setting} for each in runs]
     y = alt.Y("ratio:Q").scale(zero=True).axis(title="height after a bounce / before")
     shape = alt.Shape("setting:N").scale(domain=names, range=list(SHAPES[: len(names)]))
@@ -211,7 +216,12 @@ def _ratios(runs: Sequence[BouncingRun], colour: alt.Color) -> Layered:
         layer_of("ratios", ratios)
         .mark_point(size=55, filled=True, opacity=1)
         .encode(
-            alt.X("bounce:Q").axis(title="bounce", tickMinStep=1), y, colour, shape.legend(None)
+            alt.X("bounce:Q")
+            .scale(domain=[0.5, most + 0.5], nice=False)
+            .axis(title="bounce", values=list(range(1, most + 1)), format="d"),
+            y,
+            colour,
+            shape.legend(None),
         )
     )
     lines = layer_of("squares", rules).mark_rule(strokeDash=[5, 4], strokeWidth=1.3)

@@ -1,12 +1,15 @@
 """What parts of a page show, each in one sentence that their numbers bear out."""
 
 from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from contactlab.contact.trace_arrays import Floats
 from contactlab.pareto.recommendation import setting_text
 from contactlab.reporting.report import ReportData
-from contactlab.reporting.report_columns import number_with_unit
+from contactlab.reporting.report_columns import Quantity, combination_codes, number_with_unit
 from contactlab.reporting.start_noise import start_noise
 from contactlab.schema.evidence import Setting
 from contactlab.schema.tradeoff_report import TradeoffReport
@@ -38,38 +41,79 @@ def _settings(values: Mapping[str, Setting], names: Sequence[str]) -> str:
     return " with ".join(told) or "the only one"
 
 
-def reality_sentence(data: ReportData) -> str:
-    """Return which run is closest to its recording, and how far off the median run is."""
+class ComparedSettings(NamedTuple):
+    """Runs of the same knobs that were compared with recordings, by rows; the closest first."""
+
+    rows: NDArray[np.int64]
+    distance: float  # its mean
+    name: str  # the knobs by which settings can be told apart
+
+
+def compared_settings(data: ReportData) -> list[ComparedSettings]:
+    """Return the settings of a store whose runs were compared with recordings."""
     [reality] = data.quantities_named("reality")
     measured = np.flatnonzero(np.isfinite(reality.values))
-    best = int(measured[np.argmin(reality.values[measured])])
-    what = " with ".join(f"{a.name} {a.ticks[a.codes[best]]}" for a in data.axes) or "the run"
-    least, median = reality.values[best], float(np.median(reality.values[measured]))
-    unit = reality.column.unit
+    knobs = [axis for axis in data.axes if axis.role == "knob"]
+    groups = combination_codes(knobs, len(reality.values))[measured]
+    several = len(np.unique(groups))
+    enough = next(
+        ([axis] for axis in knobs if len(np.unique(axis.codes[measured])) == several), knobs
+    )
+    found: list[ComparedSettings] = []
+    for group in np.unique(groups).tolist():
+        rows = measured[groups == group]
+        name = " with ".join(f"{axis.name} {axis.ticks[axis.codes[rows[0]]]}" for axis in enough)
+        found.append(ComparedSettings(rows, float(reality.values[rows].mean()), name))
+    return sorted(found, key=lambda each: each.distance)
+
+
+def reality_sentence(data: ReportData) -> str:
+    """Return which setting is closest to the recordings on average, and how far off others are."""
+    [reality] = data.quantities_named("reality")
+    compared = compared_settings(data)
+    first, last = compared[0], compared[-1]
+    runs = len(first.rows)
+    over = f"on average over {runs:,} runs" if runs > 1 else "from its recording"
+    away = f"{_distance(first.distance, reality)} away {over}"
     floor = start_noise(data.axes, reality.values)
-    moved = number_with_unit(f"{floor or 0:.3g}", unit)
+    moved = _distance(floor or 0.0, reality)
     noise = f" Noise of the start alone moves a run by {moved} on average." if floor else ""
+    if len(compared) == 1:
+        return f"Simulation is {away}.{noise}"
     return (
-        f"Of {len(measured):,} runs that were compared with a recording, {what} is closest: "
-        f"{number_with_unit(f'{least:.3g}', unit)} away on average, "
-        f"the median run {number_with_unit(f'{median:.3g}', unit)}.{noise}"
+        f"Of {len(compared):,} settings, {first.name} is closest to reality: {away}; "
+        f"{last.name} is farthest, {_distance(last.distance, reality)}.{noise}"
     )
 
 
-def closest_runs(data: ReportData) -> tuple[list[str], list[list[str]], list[str]]:
-    """Return header and rows of the runs that are closest to recordings, and noise floors."""
+def _distance(value: float, reality: Quantity) -> str:
+    return number_with_unit(f"{value:.3g}", reality.column.unit)
+
+
+def closest_settings(data: ReportData) -> tuple[list[str], list[list[str]], list[str]]:
+    """Return header, rows and noise floors of a table of settings, the closest to reality first.
+
+    A row begins with the id of the run that is farthest from its recording.
+    """
+    [reality] = data.quantities_named("reality")
     quantities = [each for each in data.quantities if each.name.startswith("reality")]
-    values = next(each.values for each in quantities if each.name == "reality")
-    order = np.argsort(values, kind="stable")[: min(_MOST_CLOSEST, int(np.isfinite(values).sum()))]
-    ids, labels = data.store.columns.run_ids, data.labels
-    rows = [
-        [str(ids[row]), labels.names[labels.codes[row]]]
-        + [axis.ticks[axis.codes[row]] for axis in data.axes]
-        + [f"{each.values[row]:.3g}" for each in quantities]
-        for row in order.tolist()
-    ]
+    knobs = [axis for axis in data.axes if axis.role == "knob"]
+    rows: list[list[str]] = []
+    for each in compared_settings(data)[:_MOST_CLOSEST]:
+        farthest = int(each.rows[np.argmax(reality.values[each.rows])])
+        means = [_mean(quantity.values[each.rows]) for quantity in quantities]
+        ticks = [axis.ticks[axis.codes[farthest]] for axis in knobs]
+        rows.append(
+            [str(data.store.columns.run_ids[farthest]), *ticks, f"{len(each.rows):,}", *means]
+        )
     floors = [start_noise(data.axes, each.values) for each in quantities]
-    foot = ["start noise", "", *("" for _ in data.axes)]
+    foot = ["start noise", *("" for _ in knobs), ""]
     foot += ["" if each is None else f"{each:.3g}" for each in floors]
-    header = ["run", "label", *(each.title for each in (*data.axes, *quantities))]
+    titles = [f"mean {each.title}" for each in quantities]
+    header = ["farthest run", *(axis.title for axis in knobs), "runs", *titles]
     return header, rows, foot if any(floors) else []
+
+
+def _mean(values: Floats) -> str:
+    known = values[np.isfinite(values)]
+    return f"{known.mean():.3g}" if len(known) else "-"

@@ -92,7 +92,7 @@ def draw_pictures(
     size: tuple[int, int],
     camera: str | None = None,
     recorded: Mapping[int, Floats] = MappingProxyType({}),
-) -> Iterator[Picture]:
+) -> Generator[Picture]:
     """Yield a picture (height, width, 3) of some frames of a motion, by configuration (nq,).
 
     What was `recorded` of bodies (nq,), NaN for others, is drawn as a ghost beside them.
@@ -316,8 +316,8 @@ class RunPictures:
             bar = force_bar(model, motion.view(0), self.size, motion.scale)
         drawn = draw_pictures(model, motion, chosen, self.size, self.camera, self.recorded)
         for frame, picture in zip(frames, drawn, strict=True):
-            said = f"   begins: {self.said[frame]}" if frame in self.said else ""
-            yield captioned(picture, f"{motion.time[frame]:.3f} s   {run}{said}", bar)
+            said = [f"begins: {self.said[frame]}"] if frame in self.said else []
+            yield captioned(picture, [f"{motion.time[frame]:.3f} s", *said, run], bar)
 
 
 def side_by_side(first: Iterator[Picture], second: Iterator[Picture]) -> Iterator[Picture]:
@@ -356,31 +356,32 @@ def write_gif(target: Path, pictures: Iterator[Picture], rate: int) -> None:
         next(images).save(temporary, format="GIF", **animation)
 
 
-def captioned(picture: Picture, text: str, bar: tuple[float, int] | None = None) -> Picture:
-    """Return a picture with a line of text below it; its height is even, as H.264 requires.
+def captioned(
+    picture: Picture, words: Sequence[str], bar: tuple[float, int] | None = None
+) -> Picture:
+    """Return a picture with a line of words below it; its height is even, as H.264 requires.
 
-    A bar of so many pixels shows how long the arrow of a force [N] is.
+    The first of them stand there as far as there is room. A bar of so many pixels shows how long
+    the arrow of a force [N] is.
     """
     height, width, _ = picture.shape
     size = max(10, width // 40)
     strip = size + 2 * _BORDER
     image = Image.new("RGB", (width, (height + strip + 1) // 2 * 2), _PAPER)
     image.paste(Image.fromarray(picture))
-    place = (_BORDER, height + _BORDER // 2)
+    top, middle, right = height + _BORDER // 2, height + strip // 2, width - _BORDER
     pen, font = ImageDraw.Draw(image), ImageFont.load_default(size)
-    pen.text(place, text, _INK, font)
     if bar is not None:
         force, pixels = bar
-        label, middle, right = f"{force:g} N", height + strip // 2, width - _BORDER
-        left = right - pixels
-        pen.rectangle(
-            (left - 2 * _BORDER - pen.textlength(label, font), height, width, height + strip),
-            _PAPER,
-        )
+        label, left = f"{force:g} N", right - pixels
         pen.line((left, middle, right, middle), _INK, 2)
         for end in (left, right):
             pen.line((end, middle - size // 3, end, middle + size // 3), _INK, 2)
-        pen.text((left - _BORDER - pen.textlength(label, font), place[1]), label, _INK, font)
+        right = left - _BORDER - math.ceil(pen.textlength(label, font))
+        pen.text((right, top), label, _INK, font)
+    lines = ["   ".join(words[: len(words) - left_out]) for left_out in range(len(words))]
+    fitting = (each for each in lines if pen.textlength(each, font) < right - 3 * _BORDER)
+    pen.text((_BORDER, top), next(fitting, words[0]), _INK, font)
     return np.asarray(image)
 
 

@@ -8,15 +8,23 @@ from typing import Any, cast
 import numpy as np
 import pytest
 from tests.planted_recordings import plant
+from tests.reporting.test_map_cells import axis
 
 from contactlab.errors import SceneError
 from contactlab.reporting.report import ReportData, read_report_data, write_page
+from contactlab.reporting.report_columns import Quantity
 from contactlab.run.sweep_request import read_request
 from contactlab.run.sweep_runner import run_sweep
 from contactlab.store.finished_store import Store
+from contactlab.store.table_layout import REAL, Column
 from contactlab_page.header_films import header_films
 from contactlab_page.html_page import first_look
-from contactlab_page.sentences import closest_runs, reality_sentence, tradeoff_sentence
+from contactlab_page.sentences import (
+    closest_settings,
+    compared_settings,
+    reality_sentence,
+    tradeoff_sentence,
+)
 from contactlab_view.film import graphics
 
 Swept = Callable[[str], Any]
@@ -73,23 +81,45 @@ def compared(tmp_path_factory: pytest.TempPathFactory) -> ReportData:
     return read_report_data(Store.open(ask.store))
 
 
-def test_the_closest_run_is_named_and_the_table_is_in_order(compared: ReportData) -> None:
+def test_the_closest_setting_is_named_and_the_table_is_in_order(compared: ReportData) -> None:
     [reality] = compared.quantities_named("reality")
-    best, least = 0, np.inf
-    for row, value in enumerate(reality.values.tolist()):
-        if value < least:
-            best, least = row, value
-    told = reality_sentence(compared)
     [axis] = [each for each in compared.axes if each.name == "friction.slide"]
-    assert f"friction.slide {axis.ticks[axis.codes[best]]}" in told
-    assert axis.ticks[axis.codes[best]] == "0.3"
-    assert f"{least:.3g}" in told
-    header, rows, floors = closest_runs(compared)
+    by_setting: dict[str, list[float]] = {}
+    for code, value in zip(axis.codes.tolist(), reality.values.tolist(), strict=True):
+        by_setting.setdefault(axis.ticks[code], []).append(value)
+    means = {tick: sum(values) / len(values) for tick, values in by_setting.items()}
+    order = sorted(means, key=means.__getitem__)
+    assert order[0] == "0.3"
+    least = f"{means['0.3']:.3g}"
+    assert reality_sentence(compared) == (
+        f"Of 3 settings, friction.slide 0.3 is closest to reality: {least} away "
+        f"from its recording; friction.slide {order[-1]} is farthest, {means[order[-1]]:.3g}."
+    )
+    header, rows, floors = closest_settings(compared)
     assert floors == []
-    assert rows[0][0] == str(compared.store.columns.run_ids[best])
-    column = [float(row[header.index(reality.title)]) for row in rows]
-    assert column == sorted(column)
+    assert [row[header.index(axis.title)] for row in rows] == order
+    column = [row[header.index(f"mean {reality.title}")] for row in rows]
+    assert column == [f"{means[tick]:.3g}" for tick in order]
     assert all(len(row) == len(header) for row in rows)
+
+
+def test_settings_are_compared_over_all_their_recordings() -> None:
+    """Two of three knobs vary together, one of which tells settings apart; a run has no value."""
+    codes = {"recorded_run": [0, 1, 2, 0, 1, 2], "friction": [0, 0, 0, 1, 1, 1]}
+    values = np.array([0.1, 0.3, np.nan, 0.2, 0.8, 0.2])
+    axes = [
+        axis("cone", [0] * 6, 2),
+        axis("recorded_run", codes["recorded_run"], 3, "scenario"),
+        axis("friction", codes["friction"], 2),
+    ]
+    [reality] = [Quantity(Column("reality", REAL, "1", "", "lower"), values)]
+    told = SimpleNamespace(axes=axes, quantities=[reality], quantities_named=lambda _: [reality])
+    settings = compared_settings(cast(Any, told))
+    assert [(each.name, each.rows.tolist()) for each in settings] == [
+        ("friction friction0", [0, 1]),
+        ("friction friction1", [3, 4, 5]),
+    ]
+    assert [each.distance for each in settings] == pytest.approx([0.2, 0.4])
 
 
 def test_a_page_has_a_tab_of_reality_only_where_runs_were_compared(

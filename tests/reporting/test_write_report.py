@@ -103,6 +103,14 @@ def test_impacts_of_a_sphere_lie_on_their_side_of_the_cone(tmp_path: Path) -> No
             assert (each["contact"] == "sticks") == (each["slip"] < each["bound"])
 
 
+def test_impacts_of_a_body_that_turns_are_not_held_against_the_cone(tmp_path: Path) -> None:
+    """How much of a slip friction must stop depends on how the body turns."""
+    thrown = (
+        "{version: 1, scene: cube_toss, trace: all, checks: none, axes: {recorded_run: [0, 2, 3]}}"
+    )
+    assert first_impacts(run(thrown, tmp_path)) == []
+
+
 def test_a_held_mug_neither_bounces_nor_hits(swept: Swept) -> None:
     data = read_report_data(swept("grasp"))
     assert bouncing_runs(data.store, data.axes, ~data.labels.failed) == []

@@ -1,6 +1,6 @@
 """Pictures show bodies where the camera sees them; films have the length that is asked for."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from dataclasses import replace
 from itertools import zip_longest
 from pathlib import Path
@@ -269,7 +269,7 @@ def test_films_drawn_by_turns_are_as_drawn_alone(drawn: Draw) -> None:
     run = drawn("slide")
     motion = read_motion(run.start.prepared, run.trace, 60)
 
-    def film(count: int) -> Iterator[Picture]:
+    def film(count: int) -> Generator[Picture]:
         chosen = {frame: run.trace.qpos[motion.rows[frame]] for frame in range(count)}
         return draw_pictures(run.model, motion, chosen, SIZE)
 

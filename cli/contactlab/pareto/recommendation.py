@@ -97,6 +97,8 @@ def setting_text(value: Setting) -> str:
     """Return the value of a setting in words."""
     if value is None:
         return "as in the scene"
+    if isinstance(value, bool):
+        return str(value).lower()
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 

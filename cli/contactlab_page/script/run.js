@@ -84,7 +84,8 @@ function metricLists(columns, row) {
   return [all.filter(isFirst), all];
 }
 
-// The stable run that differs in fewest settings, of equals by the nearest values, and what it has instead.
+// The stable run under the same conditions that differs in fewest settings, of equals by the nearest values, and what
+// it has instead.
 function nearestStable(columns, row) {
   const stable = metadata.labels.names.indexOf("stable");
   if (metadata.aggregated || columns.label[row] === stable) return null;
@@ -93,6 +94,7 @@ function nearestStable(columns, row) {
   const most = 1 + metadata.axes.reduce((sum, axis) => sum + axis.ticks.length, 0);
   for (let other = 0; other < metadata.runs; other++) {
     if (columns.label[other] !== stable) continue;
+    if (metadata.axes.some((axis, at) => axis.role === "scenario" && codes[at][other] !== codes[at][row])) continue;
     const ways = codes.map((code) => Math.abs(code[other] - code[row]));
     const distance = ways.reduce((sum, way) => sum + (way ? most + way : 0), 0);
     if (distance < least) [best, least] = [other, distance];
@@ -106,11 +108,10 @@ function changePart(columns, row, open) {
   const nearest = nearestStable(columns, row);
   if (!nearest) return null;
   if (nearest.row === null) {
-    return element("p", { class: "change" }, element("strong", {}, "What to change: "), "no run of this sweep is stable; ",
+    return element("p", { class: "change" }, element("strong", {}, "What to change: "), "nothing in this sweep is stable under the same conditions; ",
       element("code", {}, "contactlab tune"), " looks for settings that are.");
   }
-  const what = nearest.changes.length ? nearest.changes.join(", ") : "nothing but the seed";
-  return element("p", { class: "change" }, element("strong", {}, "What to change: "), `the nearest stable run has ${what}. `,
+  return element("p", { class: "change" }, element("strong", {}, "What to change: "), `the nearest stable run has ${nearest.changes.join(", ")}. `,
     element("button", { class: "plain", onclick: () => open(nearest.row) }, `Open ${idOf(columns, nearest.row).slice(0, 8)}`));
 }
 
