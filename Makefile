@@ -73,7 +73,7 @@ kernel: .venv/dev
 bench: .venv/dev
 	$(BIN)/python -m bench.overhead
 
-# The picture of the README, from a real run.
+# The picture and the film of the README, from real runs.
 picture: .venv/dev
 	$(BIN)/python -m docs.picture
 

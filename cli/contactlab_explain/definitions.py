@@ -58,7 +58,7 @@ def define(name: str) -> str:
         name,
         known,
         f"nothing is called '{name}'",
-        rest="\ncontactlab metrics, labels, scenes MODEL",
+        rest="; contactlab metrics, labels and scenes MODEL list names",
     )
     return "\n".join(known[name](name))
 

@@ -209,7 +209,6 @@ def _draw_background(scene: mujoco.MjvScene) -> None:
     wall = _new_geom(scene, mujoco.mjtGeom.mjGEOM_BOX, _BACKGROUND)
     wall.pos, wall.size, wall.mat = eye.pos + far * eye.forward, (half, half, far * 1e-3), turn
     wall.emission, wall.specular, wall.reflectance = 0.2, 0.0, 0.0
-    wall.category = mujoco.mjtCatBit.mjCAT_DECOR.value
 
 
 def _camera_of(model: mujoco.MjModel, name: str) -> mujoco.MjvCamera:
@@ -274,6 +273,8 @@ def _new_geom(
 ) -> mujoco.MjvGeom:
     geom, rgba = scene.geoms[scene.ngeom], np.array(colour, np.float32)
     mujoco.mjv_initGeom(geom, kind.value, np.zeros(3), np.zeros(3), np.eye(3).ravel(), rgba)
+    # Not set by this: whatever the memory held would decide whether the geom casts a shadow.
+    geom.category = mujoco.mjtCatBit.mjCAT_DECOR.value
     scene.ngeom += 1
     return geom
 

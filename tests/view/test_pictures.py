@@ -264,6 +264,25 @@ def test_equal_runs_give_equal_pictures(drawn: Draw, target: Target) -> None:
     assert contents[0] == contents[1]
 
 
+def test_pictures_do_not_depend_on_what_memory_held(
+    drawn: Draw, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A scene is not cleared when it is made: it may hold what other pictures left there."""
+    make, seen = mujoco.MjvScene, list[Picture]()
+    for left in (0, mujoco.mjtCatBit.mjCAT_STATIC.value, mujoco.mjtCatBit.mjCAT_DECOR.value):
+
+        def used_before(*given: Any, left: int = left) -> mujoco.MjvScene:
+            scene = make(*given)
+            for geom in scene.geoms[:100]:
+                geom.category = geom.objtype = geom.segid = left
+            return scene
+
+        monkeypatch.setattr(mujoco, "MjvScene", used_before)
+        seen += take(drawn("slide"), [2])
+    assert (seen[0] == seen[1]).all()
+    assert (seen[0] == seen[2]).all()
+
+
 def test_films_drawn_by_turns_are_as_drawn_alone(drawn: Draw) -> None:
     """Also when one ends or is given up before the other: what OpenGL holds is numbered alike."""
     run = drawn("slide")

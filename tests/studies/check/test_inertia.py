@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import mujoco
@@ -15,7 +16,7 @@ from contactlab.errors import SceneError
 from contactlab.scene.compile_model import InertiaFault, written_inertia_faults
 from contactlab.scene.scene import Scene
 from contactlab.scene.scene_source import find_scene
-from contactlab.studies.check.inertia import inertia_faults, scene_inertia_faults
+from contactlab.studies.check.inertia import in_words, inertia_faults, scene_inertia_faults
 
 Write = Callable[[Path, Mapping[str, str]], None]
 Lengths = st.tuples(*[st.floats(0.01, 0.5)] * 3)
@@ -219,6 +220,22 @@ def test_what_moves_alone_needs_an_inertia(body: str, compiles: bool) -> None:
     else:
         with pytest.raises(ValueError, match="must be larger"):
             spec.compile()
+
+
+def test_bodies_beyond_one_limit_are_told_in_one_line() -> None:
+    """All but the first by name: a robot of hollow shells is no wall of text."""
+    shell = BOX.replace("/>", ' mass=".001"/>')
+    bodies = "".join(f"<body name='{name}'><freejoint/>{shell}</body>" for name in "abc")
+    model = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{bodies}</worldbody></mujoco>")
+    faults = inertia_faults(model)
+    assert kinds(faults) == [(name, "density") for name in "abc"]
+    [line] = in_words(faults)
+    assert line == f"body 'a': {faults[0].reason}; likewise 'b', 'c'"
+    many = [replace(faults[0], body=str(number)) for number in range(9)]
+    [line] = in_words(many)
+    assert line.endswith("; likewise '1', '2', '3', '4', '5', '6', 2 more")
+    [*lines] = in_words([faults[0], replace(faults[1], limit=faults[1].limit + 1)])
+    assert len(lines) == 2
 
 
 def test_a_fault_of_another_kind_stays_what_it_is(tmp_path: Path) -> None:

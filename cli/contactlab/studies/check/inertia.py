@@ -10,7 +10,7 @@ For a body of mass m and principal moments A <= B <= C about its centre of mass:
 """
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 
 import mujoco
 import numpy as np
@@ -35,6 +35,8 @@ _IMPOSSIBLE = ("not_positive", "triangle", "balanced")
 
 LIGHTEST, DENSEST = 50.0, 20000.0
 """Densities [kg/m^3] from foam and hollow shells to osmium, rounded."""
+
+_MOST_NAMED = 6
 
 # Shapes are simplified, so both bounds are generous.
 _OUTSIDE = 0.05  # fraction of its length by which a centre of mass may lie outside of a shape
@@ -61,7 +63,19 @@ def judged_inertias(checked: CheckedModel) -> tuple[list[Measure], list[str]]:
         for each in faults
         if each.kind in _IMPOSSIBLE
     ]
-    return measures, [f"body '{each.body}': {each.reason}" for each in faults]
+    return measures, list(in_words(faults))
+
+
+def in_words(faults: Iterable[InertiaFault]) -> Iterator[str]:
+    """Yield faults in words; of bodies beyond the same limit, all but the first by name only."""
+    alike: dict[tuple[str, float], list[InertiaFault]] = {}
+    for each in faults:
+        alike.setdefault((each.kind, each.limit), []).append(each)
+    for first, *others in alike.values():
+        named = [f"'{each.body}'" for each in others]
+        more = [f"{len(named) - _MOST_NAMED} more"] if len(named) > _MOST_NAMED else []
+        likewise = f"; likewise {', '.join([*named[:_MOST_NAMED], *more])}" if named else ""
+        yield f"body '{first.body}': {first.reason}{likewise}"
 
 
 def density_faults(model: mujoco.MjModel, body: int) -> Iterator[InertiaFault]:
