@@ -1,6 +1,7 @@
 """What parts of a page show, each in one sentence that their numbers bear out."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -9,8 +10,13 @@ from numpy.typing import NDArray
 from contactlab.contact.trace_arrays import Floats
 from contactlab.pareto.recommendation import setting_text
 from contactlab.reporting.report import ReportData
-from contactlab.reporting.report_columns import Quantity, combination_codes, number_with_unit
-from contactlab.reporting.start_noise import start_noise
+from contactlab.reporting.report_columns import (
+    GridAxis,
+    Quantity,
+    combination_codes,
+    number_with_unit,
+)
+from contactlab.reporting.start_noise import PERTURBATION, start_noise
 from contactlab.schema.evidence import Setting
 from contactlab.schema.tradeoff_report import TradeoffReport
 
@@ -53,7 +59,7 @@ def compared_settings(data: ReportData) -> list[ComparedSettings]:
     """Return the settings of a store whose runs were compared with recordings."""
     [reality] = data.quantities_named("reality")
     measured = np.flatnonzero(np.isfinite(reality.values))
-    knobs = [axis for axis in data.axes if axis.role == "knob"]
+    knobs = _knobs(data)
     groups = combination_codes(knobs, len(reality.values))[measured]
     several = len(np.unique(groups))
     enough = next(
@@ -65,6 +71,17 @@ def compared_settings(data: ReportData) -> list[ComparedSettings]:
         name = " with ".join(f"{axis.name} {axis.ticks[axis.codes[rows[0]]]}" for axis in enough)
         found.append(ComparedSettings(rows, float(reality.values[rows].mean()), name))
     return sorted(found, key=lambda each: each.distance)
+
+
+def _knobs(data: ReportData) -> list[GridAxis]:
+    """Return the knobs that vary, each with all its values."""
+    knobs = [axis for axis in data.axes if axis.role == "knob" and axis.name != PERTURBATION]
+    return [axis if axis.numbers is None else _unbinned(axis, axis.numbers) for axis in knobs]
+
+
+def _unbinned(axis: GridAxis, numbers: Floats) -> GridAxis:
+    values, codes = np.unique(numbers, return_inverse=True)
+    return replace(axis, ticks=tuple(f"{value:.6g}" for value in values), codes=codes, numbers=None)
 
 
 def reality_sentence(data: ReportData) -> str:
@@ -97,7 +114,7 @@ def closest_settings(data: ReportData) -> tuple[list[str], list[list[str]], list
     """
     [reality] = data.quantities_named("reality")
     quantities = [each for each in data.quantities if each.name.startswith("reality")]
-    knobs = [axis for axis in data.axes if axis.role == "knob"]
+    knobs = _knobs(data)
     rows: list[list[str]] = []
     for each in compared_settings(data)[:_MOST_CLOSEST]:
         farthest = int(each.rows[np.argmax(reality.values[each.rows])])

@@ -13,7 +13,7 @@ from contactlab.reporting.start_noise import distance_to_reality, noise_floor
 from contactlab.run.sweep_request import SceneLoader, read_request
 from contactlab.run.sweep_runner import run_sweep
 from contactlab.store.finished_store import Store
-from contactlab_page.sentences import closest_runs, reality_sentence
+from contactlab_page.sentences import closest_settings, compared_settings, reality_sentence
 
 NOISE = "perturb: {coordinates: {puck.x: 1.0e-3, puck.vx: 0.02}}\n"
 
@@ -54,10 +54,13 @@ def test_show_and_page_tell_it_beside_the_error(tmp_path: Path) -> None:
     assert floor is not None
     assert f" moves a run by {floor:.3g}" in distance_to_reality(data.axes, data.store.columns)
     assert f"Noise of the start alone moves a run by {floor:.3g} on" in reality_sentence(data)
-    header, _, floors = closest_runs(data)
-    assert floors[header.index("reality")] == f"{floor:.3g}"
+    header, _, floors = closest_settings(data)
+    settings = compared_settings(data)
+    assert [len(each.rows) for each in settings] == [8] * len(frictions)
+    assert sorted(each.name for each in settings) == [f"friction.slide {x:g}" for x in frictions]
+    assert floors[header.index("mean reality")] == f"{floor:.3g}"
     turned = slow_floor(keys, [row["reality_rotation"] for row in rows])
-    assert floors[header.index("reality_rotation [rad]")] == f"{turned:.3g}"
+    assert floors[header.index("mean reality_rotation [rad]")] == f"{turned:.3g}"
     write_page(data.store, tmp_path / "page.html")
     assert '<th scope="row">start noise</th>' in (tmp_path / "page.html").read_text()
 
