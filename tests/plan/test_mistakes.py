@@ -383,6 +383,25 @@ def test_forms_may_have_units(axis: str, values: list[float] | None, vocabulary:
     assert [run.values["timestep"] for run in zipped.plan.runs()] == values
 
 
+@pytest.mark.parametrize("form", ["uniform", "loguniform"])
+def test_bounds_of_what_is_sampled_may_have_units(form: str, vocabulary: Any) -> None:
+    """They are converted to the unit of the axis, and what is drawn is the same to the bit."""
+    head = "version: 1\nscene: ball\nsample: {n: 8}\naxes: {timestep: "
+    drawn = [
+        [run.values["timestep"] for run in read_sweep(f"{head}{axis}}}\n", vocabulary).plan.runs()]
+        for axis in (f"{{{form}: [0.0005, 0.002]}}", f"{{{form}: [500 us, 2 ms], role: knob}}")
+    ]
+    assert drawn[0] == drawn[1]
+    mistakes = found(f"{head}{{{form}: [1 mm, 2 mm]}}}}\n", vocabulary).diagnostics
+    assert f"'{form}' takes a number, not '1 mm'" in str(mistakes[0])
+
+
+def test_a_span_without_a_unit_is_no_value(vocabulary: Any) -> None:
+    text = "version: 1\nscene: ball\naxes: {timestep: [0.2..0.4]}\n"
+    mistakes = found(text, vocabulary).diagnostics
+    assert [each.message for each in mistakes] == ["'0.2..0.4' is not a value of 'timestep'"]
+
+
 @pytest.mark.parametrize("option", ["timestep=1..3 ms", "timestep=linspace(1 ms, 3 ms, 3)"])
 def test_options_may_have_units(option: str, vocabulary: Any) -> None:
     text = "version: 1\nscene: ball\naxes: {timestep: {values: [0.1], role: scenario}}\n"

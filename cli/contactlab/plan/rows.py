@@ -7,7 +7,7 @@ runs of two machines can be paired.
 
 import math
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from decimal import Decimal
 from fractions import Fraction
 from pathlib import Path
@@ -46,8 +46,9 @@ from contactlab.schema.vocabulary import (
 )
 
 _Sampled = Uniform | Loguniform
-_LISTED = {"linspace": 2, "logspace": 2, "range": 3}  # how many amounts each form begins with
-_SPAN = re.compile(r"([-+.\de]+?)\.\.([-+.\de]+)\s*(\S+)")
+# How many amounts each form begins with.
+_LISTED = {"linspace": 2, "logspace": 2, "range": 3, "uniform": 2, "loguniform": 2}
+_SPAN = re.compile(r"([-+.\de]+?)\.\.([-+.\de]+)\s*([^-+.\d\s]\S*)")
 _DIGITS = 12
 # One cell and what ends it: a quoted text, in which "" stands for a quote, or what has no comma.
 _CELL = re.compile(r'\s*(?:"((?:[^"]|"")*)"|([^,]*?))\s*(,|$)')
@@ -81,17 +82,18 @@ def listed_values(axis: Axis, known: Sequence[object] = ()) -> Sequence[object]:
             raise TypeError(f"{type(axis).__name__} is sampled")
 
 
-def write_out_units(document: Document) -> None:
+def write_out_units(document: Document, unit_of: Callable[[str], str]) -> None:
     """Write out the values of axes in units: `1..5 N`, and {linspace: [1 N, 5 N, 5]} and its like.
 
-    What is no such thing stays, for others to say what is wrong with it.
+    Bounds of what is sampled are converted to the unit of their axis. What is no such thing stays,
+    for others to say what is wrong with it.
     """
     blocks = [document.mapping("axes"), *(block for _, block in zip_blocks(document))]
     for block in blocks:
         for name, data in block.items():
             form = span(data) if isinstance(data, str) else data
             if isinstance(form, dict):
-                block[name] = _written_out(cast("dict[str, object]", form))
+                block[name] = _written_out(cast("dict[str, object]", form), unit_of, name)
 
 
 def span(text: str) -> dict[str, object] | None:
@@ -102,7 +104,9 @@ def span(text: str) -> dict[str, object] | None:
     return {"range": [f"{first} {unit}", f"{last} {unit}", f"1 {unit}"]}
 
 
-def _written_out(form: dict[str, object]) -> dict[str, object]:
+def _written_out(
+    form: dict[str, object], unit_of: Callable[[str], str], axis: str
+) -> dict[str, object]:
     """Return a form of an axis, with values in its unit listed; itself if it has none."""
     name = next((each for each in _LISTED if each in form), "")
     parts = form.get(name)
@@ -111,9 +115,14 @@ def _written_out(form: dict[str, object]) -> dict[str, object]:
     kinds = {SI_UNITS.get(unit, ("",))[0] for unit in units}
     if len(kinds) != 1 or "" in kinds:
         return form
-    unit = (units if len(units) == 1 else kinds).pop()
+    sampled = name in ("uniform", "loguniform")
+    unit = unit_of(axis) if sampled else (units if len(units) == 1 else kinds).pop()
+    if sampled and SI_UNITS.get(unit, ("",))[0] not in kinds:
+        return form
     numbers = [without_unit(each, unit) for each in amounts]
     plain = {name: [*numbers, *cast("list[object]", parts)[_LISTED[name] :]]}
+    if sampled:
+        return {**form, **plain}
     try:
         values = listed_values(cast("Axis", FORMS[name].model_validate(plain)))
     except ValidationError:

@@ -4,7 +4,9 @@ import itertools
 import json
 import math
 from collections.abc import Callable, Container, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
@@ -58,12 +60,21 @@ def read_sweep(
         raise SweepMistakesError(document.mistakes)
     if isinstance(document.data, dict):
         apply_settings(document, overrides.assign)
-        write_out_units(document)
+        write_out_units(document, partial(_unit_of, document, vocabulary))
     draft = read_draft(document)
     plan = _checked(draft, vocabulary, overrides, path.parent if path else Path())
     if plan is None or document.has_errors:
         raise SweepMistakesError(_sorted(document))
     return SweepFile(path, text, draft.sweep, plan)
+
+
+def _unit_of(document: Document, vocabulary: Callable[[str], Vocabulary], axis: str) -> str:
+    """Return the unit of an axis of the scene; empty where there is none."""
+    scene = scene_reference(document.at(("scene",)))
+    with suppress(SceneError):
+        spec = vocabulary(scene).find(axis) if isinstance(scene, str) else None
+        return spec.unit if spec else ""
+    return ""
 
 
 def _sorted(document: Document) -> list[Diagnostic]:
