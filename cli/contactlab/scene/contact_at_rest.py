@@ -165,10 +165,11 @@ def _write(model: mujoco.MjModel, rows: Mapping[tuple[int, int], Floats]) -> Non
     values = mean + np.linalg.pinv(weights) @ (wanted - weights @ mean)
     apart = ~np.isclose(weights @ values, wanted, rtol=_EXACT, atol=0).all(axis=1)
     if apart.any() or (values[used.any(axis=0)] <= 0)[:, :2].any():
-        names = ", ".join(sorted({name_of(model, "geom", each) for each in ids[:4].tolist()}))
+        first, second = (name_of(model, "geom", each) for each in [*mixed][int(apart.argmax())])
         raise SceneError(
-            f"the geoms {names} are in several pairs, and no solref of geoms mixes to what each "
-            "pair takes; name fewer `pairs` in a scene, or write <pair> elements"
+            f"{first}-{second}: its geoms are in other pairs too, and no solref of geoms mixes to "
+            "what each pair takes; name only the `pairs` that count in a scene, or write "
+            f'<contact><pair geom1="{first}" geom2="{second}"/></contact> into the model'
         )
     for place, geom in enumerate(ids.tolist()):
         if used[:, place].any():
