@@ -1,4 +1,4 @@
-"""Commands that README and docs show exist with their options; sweeps are valid, Python compiles."""
+"""Commands that README and docs show exist, with their options; sweeps and Python are valid."""
 
 import re
 import shlex

@@ -95,6 +95,28 @@ def test_the_page_says_what_was_found(visit: Visit, reported: Reported, swept: S
     assert page.inner_text(".tile").split() == [str(stable), "of", "12", "runs", "stable"]
 
 
+def test_dragging_along_an_axis_chooses_runs(
+    visit: Visit, reported: Reported, swept: Swept
+) -> None:
+    """The runs with the upper of two values of the first axis; a click chooses all again."""
+    page = visit(reported("bounce"), "#tab=parallel").page
+    [first, *_] = read_report_data(swept("bounce")).axes
+    upper = int((first.codes == len(first.ticks) - 1).sum())
+    reading = page.locator("#parallel-picture .reading")
+    assert reading.inner_text().startswith("12 of 12 runs")
+    box = page.locator("#parallel-picture .axis").first.bounding_box()
+    assert box is not None
+    x, y = box["x"] + box["width"] / 2, box["y"]
+    page.mouse.move(x, y + 2)
+    page.mouse.down()
+    page.mouse.move(x, y + box["height"] / 6, steps=4)
+    page.mouse.up()
+    assert reading.inner_text().startswith(f"{upper} of 12 runs")
+    assert page.locator("#run-list li").count() == upper
+    page.mouse.click(x, y + box["height"] / 2)
+    assert reading.inner_text().startswith("12 of 12 runs")
+
+
 def test_a_label_has_one_colour_on_the_page(visit: Visit, reported: Reported) -> None:
     page = visit(reported("bounce")).page
     fill = "each => [...new Set(each.map((one) => getComputedStyle(one).fill))]"

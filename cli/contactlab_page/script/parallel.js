@@ -22,10 +22,39 @@ function parallelAxes(page) {
   return [...axes, ...metrics];
 }
 
+// What is chosen along axes: by place, a part of it between 0 and 1.
+function isChosen(page, axes, row) {
+  return [...page.brushes].every(([place, [low, high]]) => axes[place].at(row) >= low && axes[place].at(row) <= high);
+}
+
+// An axis to drag along; a click chooses all of it again.
+function brush(page, place, x, { top, height, at }) {
+  const chosen = page.brushes.get(place);
+  const mark = ([low, high]) => ({ y: top + height * (0.97 - 0.94 * high), height: height * 0.94 * (high - low) });
+  const shade = svg("rect", { class: "brush", x: x - 6, width: 12, ...mark(chosen ?? [0, 0]) });
+  const area = svg("rect", { class: "axis", x: x - 14, y: top, width: 28, height });
+  let start = null;
+  const between = (event) => [start, at(event)].sort((a, b) => a - b);
+  area.addEventListener("pointerdown", (event) => { start = at(event); area.setPointerCapture(event.pointerId); });
+  area.addEventListener("pointermove", (event) => {
+    if (start !== null) for (const [key, value] of Object.entries(mark(between(event)))) shade.setAttribute(key, value);
+  });
+  area.addEventListener("pointerup", (event) => {
+    const part = between(event);
+    start = null;
+    if (part[1] - part[0] < 0.01) page.brushes.delete(place);
+    else page.brushes.set(place, part);
+    showParallel(page);
+  });
+  return [shade, area];
+}
+
 function showParallel(page) {
+  page.brushes ??= new Map();
   const target = find("parallel-picture");
   const axes = parallelAxes(page);
-  const rows = selectedRows(page.columns, page.state, null, true);
+  const all = selectedRows(page.columns, page.state, null, true);
+  const rows = all.filter((row) => isChosen(page, axes, row));
   const every = Math.max(1, Math.ceil(rows.length / MOST_LINES));
   const drawn = rows.filter((_, at) => at % every === 0);
   const step = Math.max(92, Math.min(190, (target.clientWidth - 130) / Math.max(1, axes.length - 1)));
@@ -49,8 +78,18 @@ function showParallel(page) {
       ...ticks.map(([text, at]) => word(x + 5, y(at, 0) + y(at, 0) * 0 + 4, String(text).length > 14 ? `${String(text).slice(0, 13)}…` : text, { class: "haloed" })),
     ];
   });
-  const note = every > 1 ? element("p", { class: "caption" }, `${drawn.length} of ${rows.length} runs are drawn.`) : null;
+  const at = (event) => {
+    const box = target.querySelector("svg").getBoundingClientRect();
+    const down = ((event.clientY - box.top) * (top + height + 14)) / box.height;
+    return Math.min(1, Math.max(0, (0.97 - (down - top) / height) / 0.94));
+  };
+  const brushes = axes.flatMap((_, place) => brush(page, place, left + place * step, { top, height, at }));
+  const few = every > 1 ? `; ${drawn.length} of them are drawn` : "";
+  const counts = metadata.labels.names.map((name, code) => [rows.filter((row) => page.columns.label[row] === code).length, name]);
+  const told = counts.filter(([count]) => count).map(([count, name]) => `${count} ${name}`).join(", ");
+  const note = element("p", { class: "reading" }, `${rows.length} of ${all.length} runs${told ? `: ${told}` : ""}${few}.`);
+  if (page.brushes.size) showRuns(page, rows, `${rows.length} runs that were chosen along axes`);
   target.replaceChildren(...[
-    element("div", { class: "scroll" }, svg("svg", { viewBox: `0 0 ${width} ${top + height + 14}`, width, height: top + height + 14, class: "plot wide", role: "img", "aria-label": "Parallel coordinates of runs" }, ...lines, ...rules)), note,
-  ].filter(Boolean));
+    element("div", { class: "scroll" }, svg("svg", { viewBox: `0 0 ${width} ${top + height + 14}`, width, height: top + height + 14, class: "plot wide", role: "img", "aria-label": "Parallel coordinates of runs" }, ...lines, ...brushes, ...rules)), note,
+  ]);
 }
