@@ -56,7 +56,7 @@ effects: all
 checks: none
 """
 CASES = (
-    Case("ball", BALL, 12, (128, 32), (48, 16)),
-    Case("five boxes", STACK.replace("BOXES", "5"), 1, (128, 32), (12, 4)),
-    Case("free fall", FALL, 1, (512, 128), (48, 16)),
+    Case("ball", BALL, 12, (64, 16), (48, 16)),
+    Case("five boxes", STACK.replace("BOXES", "5"), 1, (64, 16), (12, 4)),
+    Case("free fall", FALL, 1, (256, 64), (48, 16)),
 )

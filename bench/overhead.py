@@ -1,6 +1,6 @@
 """What a sweep costs beside the stepping itself, and beside what one would write instead.
 
-Run: python -m bench.overhead [--rounds 3] [--quick]
+Run: python -m bench.overhead [--rounds 3] [--minutes 3] [--quick]
 
 Every figure is CPU time, user and system, of all processes: the command, the fork server and the
 workers. What is compared takes turns within each round, so that the ratios of one round saw the
@@ -17,12 +17,17 @@ Python that keeps every contact, with a table (`bench.naive_loop`), and the stra
 which writes MCAP files of JSON (`bench.straightforward`). The loops in Python do a part of the
 runs, and their line through two sizes is extended. Of a short measurement (`--quick`: a quarter of
 the runs) the ratios of a run more are rough.
+
+On a busy machine there are fewer rounds: none of a case begins that would take longer than is left
+of the minutes, judged by the longest so far.
 """
 
 import argparse
 import tempfile
+import time
 from collections.abc import Iterable
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 from statistics import median
 
@@ -73,28 +78,36 @@ def _quick(case: Case) -> Case:
 
 
 def main() -> None:
-    """Measure every case in every round, printing each, then print medians."""
+    """Measure cases in turn, round by round, while there is time; then print medians."""
     options = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     options.add_argument("--rounds", type=int, default=3)
+    options.add_argument("--minutes", type=float, default=3, help="at most, but for a first round")
     options.add_argument("--quick", action="store_true", help="a quarter of the runs")
     asked = options.parse_args()
     cases = [_quick(case) for case in CASES] if asked.quick else list(CASES)
     adopt_orphans()
+    found: list[list[Round]] = [[] for _ in cases]
     with tempfile.TemporaryDirectory(prefix="contactlab-bench-") as name:
-        benches: list[Bench] = []
-        for number, case in enumerate(cases):
-            folder = Path(name) / str(number)
-            folder.mkdir()
-            benches.append(Bench(case, folder))
-            benches[-1].check()
-        found: list[list[Round]] = [[] for _ in cases]
-        for number in range(asked.rounds):
-            for case, bench, each in zip(cases, benches, found, strict=True):
-                each.append(bench.round())
-                shown = ", ".join(f"{more:.2f}" for _, more in ratios(each[-1]).values())
-                print(f"round {number + 1}, {case.name}, a run more: {shown}", flush=True)
+        benches: dict[int, Bench] = {}
+        start, longest = time.monotonic(), 0.0
+        for number, place in product(range(asked.rounds), range(len(cases))):
+            begin = time.monotonic()
+            if begin - start + longest > 60 * asked.minutes:
+                break
+            if place not in benches:
+                folder = Path(name) / str(place)
+                folder.mkdir()
+                benches[place] = Bench(cases[place], folder)
+                benches[place].check()
+            found[place].append(benches[place].round())
+            shown = ", ".join(f"{more:.2f}" for _, more in ratios(found[place][-1]).values())
+            print(f"round {number + 1}, {cases[place].name}, a run more: {shown}", flush=True)
+            longest = max(longest, time.monotonic() - begin)
     for case, each in zip(cases, found, strict=True):
-        show(case, each)
+        if each:
+            show(case, each)
+        else:
+            print(f"\n{case.name}: not measured in {asked.minutes:g} minutes; --minutes gives more")
 
 
 if __name__ == "__main__":
