@@ -27,7 +27,8 @@ class FreeBody:
     qpos: int  # index of its x coordinate in qpos (then y, z, and the quaternion w x y z)
     dof: int  # index of its x velocity in qvel (then y, z [m/s, world], and rotation [rad/s, body])
     mass: Floats  # (n,) mass of its subtree [kg]
-    share: float = 1.0  # of its mass, with which its frame resists a push from where it is lightest
+    share: Floats | float = 1.0
+    """(n,) of its mass, with which its frame resists a push from where it is lightest; or all."""
 
 
 @dataclass(frozen=True)
@@ -194,7 +195,10 @@ class Setup:
     def select(self, runs: Sequence[int]) -> "Setup":
         """Return the setup of the given runs."""
         rows = list(runs)
-        bodies = {body.name: replace(body, mass=body.mass[rows]) for body in self.free_bodies}
+        bodies = {
+            each.name: replace(each, mass=each.mass[rows], share=(each.share + 0 * each.mass)[rows])
+            for each in self.free_bodies
+        }
         arrays = {name: getattr(self, name) for name in _BY_RUN}
         settings = {name: [each[run] for run in rows] for name, each in self.settings.items()}
         return replace(

@@ -277,7 +277,7 @@ def _stored_at_start(context: Context) -> Floats:
     """
     most, given = _HAIR * context.setup.moving_mass * gravity(context), context.trace.given
     stored = np.zeros(context.trace.runs) if given is None else np.nan_to_num(given[:, 3])
-    for place in set(context.places):
+    for place in sorted(set(context.places)):
         pair, thickness = context.trace.pairs[place], context.setup.thickness[place]
         first, last = pair.slots[:, 0], pair.slots[:, -1]
         forces = (sum_of_slots(each[..., FORCE.start], axis=1) for each in (first, last))

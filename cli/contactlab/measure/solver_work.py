@@ -74,7 +74,7 @@ def contacts_cut(context: Context) -> Floats:
 @metric("1", kind="work")
 def ungraded_contacts(context: Context) -> Floats:
     """Steps in which the model had contacts outside the monitored pairs."""
-    found = (context.net[place].found for place in set(context.places))
+    found = (context.net[place].found for place in sorted(set(context.places)))
     monitored = sum(found, np.zeros_like(context.trace.contacts))
     return (context.trace.contacts > monitored).sum(axis=1).astype(np.float64)
 

@@ -147,7 +147,7 @@ def _free_bodies(models: Sequence[mujoco.MjModel]) -> dict[int, FreeBody]:
         places = int(model.jnt_qposadr[joint]), int(model.jnt_dofadr[joint])
         mass = np.array([each.body_subtreemass[body] for each in models])
         # Of three inverse masses, whose mean is known, two are at least that of the whole.
-        share = 1 / float(3 * model.dof_invweight0[places[1]] * mass[0] - 2)
+        share = 1 / (3 * np.array([each.dof_invweight0[places[1]] for each in models]) * mass - 2)
         bodies[body] = FreeBody(name_of(model, "body", body), *places, mass, share)
     return bodies
 
