@@ -47,6 +47,14 @@ def test_shipped_ball() -> None:
     assert found.oracle == "restitution"
 
 
+def test_shares_of_mass_do_not_depend_on_other_runs() -> None:
+    scene, values = Scene.open("ball_drop"), [{"mass": each} for each in np.linspace(0.1, 3, 30)]
+    together = setup(scene, *values)
+    for run, each in enumerate(values):
+        (own,), (alone,) = together.select([run]).free_bodies, setup(scene, each).free_bodies
+        assert (own.share, own.mass) == (alone.share, alone.mass)
+
+
 def test_gravity_that_is_switched_off(make_scene: Make) -> None:
     text = f"<mujoco><option><flag gravity='disable'/></option>{BALL}</mujoco>"
     assert setup(make_scene(text)).gravity.tolist() == [[0, 0, 0]]

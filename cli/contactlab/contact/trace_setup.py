@@ -27,8 +27,7 @@ class FreeBody:
     qpos: int  # index of its x coordinate in qpos (then y, z, and the quaternion w x y z)
     dof: int  # index of its x velocity in qvel (then y, z [m/s, world], and rotation [rad/s, body])
     mass: Floats  # (n,) mass of its subtree [kg]
-    share: Floats | float = 1.0
-    """(n,) of its mass, with which its frame resists a push from where it is lightest; or all."""
+    share: Floats | float = 1.0  # (n,) of its mass that its frame resists with where it is lightest
 
 
 @dataclass(frozen=True)

@@ -43,7 +43,8 @@ class Context:
     @cached_property
     def places(self) -> list[int]:
         """The place of each pair, and of all that never touch that of the last."""
-        return each_once(range(len(self.net)), int, lambda place: id(self.net[place]))
+        last = {id(net): place for place, net in enumerate(self.net)}
+        return [last[id(net)] for net in self.net]
 
     @property
     def last_fifth(self) -> slice:
@@ -93,22 +94,18 @@ class Context:
 
 def context_of(trace: Trace, setup: Setup, checks: SelfChecks | None = None) -> Context:
     """Reduce the monitored pairs of a trace, ready to measure."""
+    untouched = [pair for pair in trace.pairs if not pair.found.any()]
+    same = {id(pair): untouched[-1] for pair in untouched}
+    pairs = [same.get(id(pair), pair) for pair in trace.pairs]
     with np.errstate(all="ignore"):
-        net = each_once(
-            trace.pairs,
-            lambda pair: net_contact(pair, setup.elliptic, trace.timestep),
-            lambda pair: id(pair) if pair.found.any() else 0,
-        )
+        net = each_once(pairs, lambda pair: net_contact(pair, setup.elliptic, trace.timestep))
     return Context(trace, setup, tuple(net), checks)
 
 
-def each_once(
-    items: Sequence[Item], quantity: Callable[[Item], Cached], key: Callable[[Item], int] = id
-) -> list[Cached]:
-    """Return a quantity of each item, computed once of those with the same key: the same object."""
-    keys = [*map(key, items)]
-    found = {each: quantity(item) for each, item in dict(zip(keys, items, strict=True)).items()}
-    return [found[each] for each in keys]
+def each_once(items: Sequence[Item], quantity: Callable[[Item], Cached]) -> list[Cached]:
+    """Return a quantity of each item, computed once of those that are the same object."""
+    found = {key: quantity(each) for key, each in {id(each): each for each in items}.items()}
+    return [found[id(each)] for each in items]
 
 
 def cached(function: Callable[[Context], Cached]) -> Callable[[Context], Cached]:

@@ -214,8 +214,7 @@ def chatter(runs: MeasuredRuns) -> Found:
     held = context.setup.hold is not None
     masks = hold_switch_masks(context) if held else switch_masks(context)
     between = "stick, slide and no contact in its hold" if held else "stick and slide"
-    places = sorted(set(context.places))
-    for place in places:
+    for place in sorted(set(context.places)):
         series, extent = context.series[place], float(context.setup.thickness[place])
         # What tumbles is held and slides in turn as it meets with one point after another.
         tumbles = context.net[place].rolling * extent > series.slip
@@ -223,7 +222,7 @@ def chatter(runs: MeasuredRuns) -> Found:
         what = f"{series.name} switched {{}} times between {between}"
         least = 0.0 if held or np.isinf(extent) else _SLIPS * extent
         yield from _often(runs, series, (run, step + 1), what, "mode_switches", least)
-    for place in () if held else places:
+    for place in () if held else sorted(set(context.places)):
         series, gaps = context.series[place], _all_losses(context)[place]
         what = f"{series.name} lost its contact {{}} times while it stuck"
         yield from _often(runs, series, (gaps.run, gaps.start), what, "contact_losses")

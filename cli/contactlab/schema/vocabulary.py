@@ -18,7 +18,6 @@ MOST_VALUES = 1_000_000
 Count = Annotated[Whole, Field(ge=2, le=MOST_VALUES)]
 # Numbers, or texts with a unit, which are written out before.
 _MEASURED = {"type": ["number", "string"]}
-_WORD = {"type": "string", "pattern": r"^all$|\.\."}
 _Amount = Annotated[Number, WithJsonSchema(_MEASURED)]
 _Above = Annotated[Positive, WithJsonSchema({**_MEASURED, "exclusiveMinimum": 0})]
 

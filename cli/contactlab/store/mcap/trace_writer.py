@@ -16,7 +16,7 @@ from mcap.reader import SeekingReader
 from mcap.records import Attachment, Channel, Schema
 from mcap.writer import Writer
 
-from contactlab.contact.trace_arrays import Floats, PairSeries, PairTrace, Trace
+from contactlab.contact.trace_arrays import Floats, PairSeries, Trace
 from contactlab.errors import OutputError
 from contactlab.schema.vocabulary import TraceFormat
 from contactlab.store.atomic_files import atomic_write
@@ -128,8 +128,7 @@ def _scene_start(
 def _groups(trace: Trace, run: int, series: Sequence[PairSeries]) -> Iterator[MessageGroup]:
     yield from state_groups(trace, run)
     timestep = float(trace.timestep[run])
-    pairs: Iterator[tuple[PairTrace, PairSeries]] = zip(trace.pairs, series, strict=True)
-    for channel, (pair, net) in enumerate(pairs, start=STATE_CHANNEL + 1):
+    for channel, (pair, net) in enumerate(zip(trace.pairs, series, strict=True), STATE_CHANNEL + 1):
         yield from contact_groups(channel, pair, net, run, timestep)
 
 
