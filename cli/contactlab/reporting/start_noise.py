@@ -28,7 +28,8 @@ def start_noise(axes: Sequence[GridAxis], values: Floats) -> float | None:
     # Where codes are of bins, the numbers are what may differ.
     places = [each.codes if each.numbers is None else each.numbers for each in others]
     table = np.array([np.zeros(len(values)), *places])
-    return noise_floor(np.unique(table, axis=1, return_inverse=True)[1], values)
+    _, alike = np.unique(table, axis=1, return_inverse=True)
+    return noise_floor(alike.ravel(), values)
 
 
 def noise_floor(alike: Codes, values: Floats) -> float | None:

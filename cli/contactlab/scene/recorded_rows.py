@@ -181,7 +181,7 @@ class RecordedRows:
                     f"{part.joint}: its {what} is {off:.3g} off that of its poses, which is "
                     f"{typical:.3g} (root mean squares): another unit or frame, or leave it out; "
                     "most after",
-                    np.nanargmax(np.linalg.norm(apart, axis=1))[None],
+                    np.array([np.nanargmax(np.linalg.norm(apart, axis=1))]),
                 )
         total, count = np.zeros_like(self.qvel), np.zeros((len(self.qvel), 1))
         for rows in (self.within, self.within + 1):
