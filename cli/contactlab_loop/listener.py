@@ -17,7 +17,11 @@ from contactlab.schema.evidence import Loop
 from contactlab.store.store_files import time_now
 from contactlab_loop.reader import INPUTS, LoopReader, LoopSteps, Since
 
-_OF_CONTACTS = ("friction", "solref", "solimp", "margin", "gap")
+_OF_CONTACTS = tuple(
+    f"{of}_{name}"
+    for of in ("geom", "pair")
+    for name in ("friction", "solref", "solimp", "margin", "gap")
+)
 _OF_STARTS = ("qpos", "qvel", "act", *INPUTS)
 _FOR_THE_EYE = ("vis", "tex", "mat_", "skin", "light", "cam", "name", "text")
 
@@ -127,10 +131,10 @@ class Listener(ABC):
 
 def _check_start(model: mujoco.MjModel, data: mujoco.MjData) -> None:
     """Raise a SceneError for what no record can say of the start of an episode: no numbers."""
-    fields = [(name, value) for name, value in _fields(model) if name.endswith(_OF_CONTACTS)]
-    for name, value in (*fields, *((name, getattr(data, name)) for name in _OF_STARTS)):
-        if not np.isfinite(value).all():
-            raise SceneError(f"{name} is not finite where an episode begins")
+    for part, names in ((model, _OF_CONTACTS), (data, _OF_STARTS)):
+        for name in names:
+            if not np.isfinite(getattr(part, name)).all():
+                raise SceneError(f"{name} is not finite where an episode begins")
 
 
 def known_of(steps: LoopSteps) -> Mapping[str, object]:

@@ -18,6 +18,7 @@ from contactlab.engines.engine import Buffers, PreparedRuns, Rollout, RolloutArr
 from contactlab.engines.mujoco_batch import PERSISTENT, STATE, Recorder, recorded
 from contactlab.engines.older_mujoco import fill_pair, measure_contacts
 from contactlab.engines.sampled_loads import with_loads
+from contactlab.engines.step_work import Books
 from contactlab.errors import SceneError
 from contactlab.scene.compiled_scene import CompiledScene
 from contactlab.scene.contact_pairs import MonitoredPair
@@ -112,19 +113,22 @@ class LoopReader:
         if model.opt.enableflags & PERSISTENT:
             raise SceneError("contacts of what sleeps cannot be read; turn the flag `sleep` off")
         self.model, self.data, self._base = model, data, base
+        self._arrays = dict[str, np.ndarray]()
         self.clear()
 
     def clear(self) -> None:
-        """Begin an episode, of which is read what the model needs as it is now."""
-        forces = Recorder([self.model], 0, 1).fields
+        """Begin an episode, of which is read what the model needs as it is now.
+
+        What it is read into is written over by the next one: fresh memory takes longer to write.
+        """
+        forces = Books([self.model], 0, 1).forces
         names = (*INPUTS, "qfrc_applied", "solver_niter", *forces)
         self._views = {name: np.asarray(getattr(self.data, name)) for name in names}
         kernel = usable_kernel()
         sizes = 1 + self.model.nq + self.model.nv + self.model.na, _width(self._base)
-        shapes = {"states": sizes[0], "rows": sizes[1]}
-        self._arrays: dict[str, np.ndarray] = {x: np.empty((1, n)) for x, n in shapes.items()}
-        for name, view in self._views.items():
-            self._arrays[name] = np.empty((1, *view.shape), view.dtype)
+        rows = {"states": np.empty(sizes[0]), "rows": np.empty(sizes[1]), **self._views}
+        if _kinds(rows) != _kinds({name: each[0] for name, each in self._arrays.items()}):
+            self._arrays = {x: np.empty((1, *row.shape), row.dtype) for x, row in rows.items()}
         given = self._base, self.model, self.data, self._views
         self._steps = _KernelSteps(*given, kernel) if kernel else _PlainSteps(*given)
         self.look, self.start = self._steps.look, self._steps.start
@@ -132,7 +136,9 @@ class LoopReader:
         self._splits = self.model.opt.integrator == _RK4
         self._read = self._steps.read_left if self._splits else self.read_step
         self._warned, self._warnings = self._counts(), np.zeros(len(self._counts()), np.int64)
-        self.grow(_FIRST_STEPS)
+        if self.room < _FIRST_STEPS:
+            self.grow(_FIRST_STEPS)
+        self._steps.into(self._arrays)
 
     @property
     def steps(self) -> int:
@@ -167,18 +173,19 @@ class LoopReader:
     def make_steps(self, count: int) -> None:
         """Make steps as `mj_step` does, and read each."""
         model, data, read = self.model, self.data, self._read
-        if count > 1 and self.steps + count > self.room:
+        make = self._make_split if self._splits else mj_step
+        if count == 1:
+            make(model, data)
+            read()
+            return
+        if self.steps + count > self.room:
             self.grow(2 * (self.room + count))
         for _ in range(count):
-            if self._splits:
-                self._make_split()
-            else:
-                mj_step(model, data)
+            make(model, data)
             read()
 
-    def _make_split(self) -> None:
+    def _make_split(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         """Make a step whose last stage would leave contacts of its own."""
-        model, data = self.model, self.data
         mujoco.mj_checkPos(model, data)
         mujoco.mj_checkVel(model, data)
         mujoco.mj_forward(model, data)
@@ -210,6 +217,10 @@ class LoopReader:
         # A reset cleared the counts.
         warnings = np.where(warned < self._warned, warned, warned - self._warned)
         return LoopSteps(states, self._arrays["rows"][:count], slots, fields, inputs, warnings)
+
+
+def _kinds(rows: Mapping[str, np.ndarray]) -> dict[str, object]:
+    return {name: (row.shape, row.dtype) for name, row in rows.items()}
 
 
 def _width(base: CompiledScene) -> int:
