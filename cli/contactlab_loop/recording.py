@@ -185,12 +185,13 @@ class Recording(Listener):
         resolved = scene.resolve({}, self.episodes, made * model.opt.timestep)
         start = steps.starts(model)
         prepared = scene.prepare(resolved, start, model)
+        total = math.nan if total_reward is None else float(total_reward)
         run = PlannedRun(self.episodes, scene.run_id(resolved), {}, resolved.seed)
         rollout = steps.rollout(PreparedRuns(scene, [resolved], [prepared], start, made))
         said: dict[str, object] = {
-            "success": success,
+            "success": None if success is None else bool(success),
             # What is no number is no return.
-            "total_reward": total_reward if math.isfinite(total_reward or 0.0) else None,
+            "total_reward": total if math.isfinite(total) else None,
             "loop": self._noticed(base.model, _UNCHECKED),
         }
         if cut:

@@ -1,5 +1,6 @@
 """What a recording notices of a loop, and what it refuses; its store is sound whatever happens."""
 
+import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -293,6 +294,25 @@ def test_no_episode_begins_with_what_is_no_number(
     (record,) = _records(tmp_path)
     assert record.total_reward is None
     assert not verify(tmp_path / "mine")
+
+
+def test_the_loop_of_the_readme_runs(
+    model: mujoco.MjModel, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    text = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
+    (code,) = re.findall(r"```python\n(with contactlab\.record.*?)```", text, re.DOTALL)
+    names: dict[str, object] = {
+        "contactlab": contactlab,
+        "mujoco": mujoco,
+        "model": model,
+        "data": mujoco.MjData(model),
+        "policy": lambda _: 0.0,
+        "is_up": lambda data: data.qpos[2] > -1,  # of NumPy
+    }
+    exec(code.replace('"mug"', '"ball"').replace("500", "5"), names)  # noqa: S102 - our own
+    records = list(contactlab.open(tmp_path / "results/mine").records())
+    assert [each.success for each in records] == [True] * 10
 
 
 def test_damping_may_begin_after_the_recording_does(
