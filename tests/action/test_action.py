@@ -149,6 +149,24 @@ def test_a_change_is_told_at_its_line_and_in_the_same_comment(job: Job) -> None:
     assert "❌" in (job.folder / "summary.md").read_text()
 
 
+@pytest.mark.slow
+def test_a_lock_takes_the_place_of_a_baseline(job: Job) -> None:
+    program = job.folder / "temp/contactlab/bin/contactlab"
+    subprocess.run([program, "lock", "drop.yaml"], cwd=job.folder, check=True)
+    assert job.run(sweep="drop.yaml", lock="drop.lock.yaml") == 0, job.err
+    assert job.outputs["verdict"] == "passed"
+    assert job.run(sweep="drop.yaml", lock="drop.lock.yaml", options="--set 'solref=0.05 1'") == 1
+    assert job.outputs["verdict"] == "failed"
+    assert "::error file=drop.yaml,line=2,title=contactlab::penetration_max as locked" in job.out
+    [comment] = job.posted().values()
+    assert "as locked" in comment
+
+
+def test_a_lock_and_a_baseline_are_one_too_many(job: Job) -> None:
+    assert job.run(sweep="drop.yaml", lock="drop.lock.yaml", baseline="kept") == 2
+    assert "a lock or a baseline, not both" in job.err
+
+
 def test_a_wrong_sweep_ends_the_job_without_a_comment(job: Job) -> None:
     (job.folder / "drop.yaml").write_text("version: 1\nscene: nowhere\n")
     assert job.run(sweep="drop.yaml") == 2
