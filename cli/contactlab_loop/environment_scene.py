@@ -5,7 +5,9 @@ Python lies beside it in the store. Code runs only where the user allows it, to 
 to play episodes.
 """
 
+import os
 import shutil
+import site
 import sys
 import time
 from collections.abc import Callable, Mapping
@@ -22,7 +24,7 @@ from contactlab.engines.closed_loop import load_code, load_policy
 from contactlab.engines.engine import PolicyClass
 from contactlab.errors import SceneError, SweepFileError, in_one_line
 from contactlab.run.evidence_record import RunPlan
-from contactlab.run.mujoco_environment import find_packages_of_caller
+from contactlab.run.mujoco_environment import PACKAGES
 from contactlab.run.tasks import PlannedRun
 from contactlab.scene.resolution import START_SETTINGS, ResolvedRun
 from contactlab.scene.scene import Scene
@@ -103,7 +105,8 @@ class Environment:
 
     def make(self) -> Any:  # noqa: ANN401 - whatever it is
         """Return the environment, by its code; a SceneError says why there is none."""
-        find_packages_of_caller()
+        if folder := os.environ.get(PACKAGES):  # What both have is this Python's, as its MuJoCo.
+            site.addsitedir(folder)
         try:
             with redirect_stdout(sys.stderr):
                 return self._factory()()

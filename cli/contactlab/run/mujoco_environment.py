@@ -5,7 +5,6 @@ import os
 import platform
 import re
 import shutil
-import site
 import subprocess
 import sys
 import sysconfig
@@ -23,7 +22,8 @@ from contactlab.run.evidence_record import engine
 _PACKAGE = __name__.partition(".")[0]
 _VERSION = re.compile(r"\d+(\.\w+)+")
 _NAME = re.compile(r"[\w.-]+")
-_HERE = "CONTACTLAB_PACKAGES"
+PACKAGES = "CONTACTLAB_PACKAGES"
+"""The environment variable that names the packages of the Python that ran another one instead."""
 _OLDEST, _TOO_NEW = (3, 3), (5,)
 _ROBOTS = "mujoco-menagerie"  # robots that sweeps may name; no other optional package steps a model
 _MAX_LINES = 6  # of what a failing installer prints
@@ -69,17 +69,8 @@ def find_interpreter(request: str, notify: Callable[[str], None]) -> Interpreter
 def exec_with(interpreter: Interpreter, arguments: Sequence[str]) -> NoReturn:
     """Become contactlab on another interpreter: exit code, signals and output are its own."""
     command = [str(interpreter.python), "-m", _PACKAGE, *arguments]
-    variables = {**_environment_variables(), _HERE: sysconfig.get_path("purelib")}
+    variables = {**_environment_variables(), PACKAGES: sysconfig.get_path("purelib")}
     os.execve(interpreter.python, command, variables)  # noqa: S606
-
-
-def find_packages_of_caller() -> None:
-    """Let code that the user allows import what the Python has that ran this one instead.
-
-    What both have is this one's, as its MuJoCo.
-    """
-    if folder := os.environ.get(_HERE):
-        site.addsitedir(folder)
 
 
 def without_option(arguments: Sequence[str], option: str) -> list[str]:

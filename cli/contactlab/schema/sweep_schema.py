@@ -204,18 +204,15 @@ class TimingRequest(Model):
 def scene_reference(scene: object) -> object:
     """Return what names a scene as one word: `environment:NAME` for {environment: NAME}."""
     match scene:
-        case {"environment": str(named), **others} if not others and _is_whole(named):
+        case {"environment": str(named), **others} if named and not others:
             return f"environment:{named}"
         case _:
             return scene
 
 
-def _is_whole(environment: str) -> bool:
-    return bool(environment) and not environment.endswith((".py", ".py:"))
-
-
 def _named(scene: object) -> object:
-    if isinstance(reference := scene_reference(scene), dict | list):
+    reference = scene_reference(scene)
+    if isinstance(reference, dict | list) or str(reference).endswith((".py", ".py:")):
         raise PydanticCustomError(
             "scene_form",
             "takes a name, a path, or {environment: NAME}, where NAME is FILE.py:FACTORY or an id "
