@@ -134,8 +134,8 @@ def change_panels(changes: Sequence[KnobChange], names: Sequence[str]) -> Spec:
             "ratio": ratio,
             "one": 1.0,
             "text": f"x {ratio:.3g}",
-            "align": "left" if ratio >= 1 else "right",
-            "dx": 5 if ratio >= 1 else -5,
+            # Right of bar and rule, where no tick label is.
+            "end": max(ratio, 1.0),
         }
         for each in changes
         for name in names
@@ -156,8 +156,8 @@ def _bars(rows: Rows, name: str, order: list[str], *, is_first: bool) -> Layered
     colour = alt.condition("datum.ratio >= 1", alt.value(COLOURS[1]), alt.value(COLOURS[0]))
     base = layer_of(f"changes {name}", rows)
     bars = base.mark_bar(height=13).encode(x, y, x2="one:Q", color=colour)
-    align, dx = alt.ExprRef("datum.align"), alt.ExprRef("datum.dx")
-    texts = base.mark_text(fontSize=11, color=INK, align=align, dx=dx)
-    texts = texts.encode(x, y, text="text:N")
+    texts = base.mark_text(fontSize=11, color=INK, align="left", dx=5)
+    end = alt.X("end:Q").scale(type="log", domain=domain, nice=False)
+    texts = texts.encode(end, y, text="text:N")
     one = base.mark_rule(color=INK).encode(alt.X("one:Q").scale(type="log", domain=domain))
     return alt.layer(bars, one, texts).properties(width=240, height={"step": 22})

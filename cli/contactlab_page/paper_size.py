@@ -61,11 +61,28 @@ def laid_out(spec: Spec, pixels: float) -> Spec:
     if pixels < _LEGEND_BESIDE:
         config = spec.get("config", {})
         below = {**config.get("legend", {}), "orient": "bottom", "columns": 2, "labelLimit": pixels}
-        spec = {**spec, "config": {**config, "legend": below}}
+        spec = _stacked({**spec, "config": {**config, "legend": below}})
     whole, half = (_extent(_scaled(spec, factor))[0] for factor in (1.0, 0.5))
     plots = 2 * (whole - half)
     factor = 1 + (pixels - whole) / plots if plots > 0 else 1.0
     return _scaled(spec, max(factor, _LEAST_PLOT))
+
+
+def _stacked(spec: Spec) -> Spec:
+    """Return plots that share tick labels below each other, each with its own."""
+    plots = spec.get("hconcat", [])
+    own = [_labelled(plot) for plot in plots]
+    if own == plots:
+        return spec
+    rest = {key: value for key, value in spec.items() if key != "hconcat"}
+    return {**rest, "vconcat": own}
+
+
+def _labelled(part: Any) -> Any:  # noqa: ANN401 - JSON
+    if isinstance(part, dict):
+        own = {key: value for key, value in part.items() if (key, value) != ("labels", False)}
+        return {key: _labelled(value) for key, value in own.items()}
+    return [_labelled(each) for each in part] if isinstance(part, list) else part
 
 
 def _scaled(part: Any, factor: float) -> Any:  # noqa: ANN401 - JSON

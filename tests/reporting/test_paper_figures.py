@@ -57,6 +57,18 @@ def test_text_on_paper_is_near_eight_points(swept: Swept) -> None:
     assert 6 <= points <= 10
 
 
+def test_panels_that_share_labels_have_their_own_in_a_column(swept: Swept) -> None:
+    """Beside each other only the first has them; below each other each has."""
+    data = read_report_data(swept("tradeoff"))
+    shown = {
+        width: figure_files(data, ("svg",), width)[0]["effects.svg"].decode()
+        for width in (None, "85mm")
+    }
+    once, twice = (sorted(re.findall(r">([^<]* → [^<]*)<", text)) for text in shown.values())
+    assert once
+    assert twice == sorted(once * 2)
+
+
 @pytest.mark.parametrize("width", ["85", "mm", "1mm", "-85mm", "85.5.5mm", "nan mm", "9m"])
 def test_other_widths_are_refused(width: str) -> None:
     with pytest.raises(OutputError, match=r"write 40mm to 400mm, as in 85mm"):
