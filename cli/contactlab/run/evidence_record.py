@@ -7,7 +7,7 @@ import platform
 import subprocess
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -37,6 +37,9 @@ from contactlab.schema.evidence import (
 from contactlab.store.store_files import time_now
 
 
+_NONE = np.array(None)
+
+
 @cache
 def definitions() -> str:
     """Return a hash of the code that prepares runs, rolls them out, measures and labels them."""
@@ -58,6 +61,13 @@ class MeasuredGroup:
     rows: Mapping[int, int]
     trace: Trace
     assessment: Assessment
+
+    @cached_property
+    def metrics(self) -> list[dict[str, float | None]]:
+        """The metrics of each row, None where they do not apply."""
+        found = self.assessment.metrics
+        columns = [np.where(np.isfinite(each), each, _NONE).tolist() for each in found.values()]
+        return [dict(zip(found, row, strict=True)) for row in zip(*columns, strict=True)]
 
 
 @dataclass(frozen=True)
@@ -94,14 +104,12 @@ class RunOutcome:
 def record_of(task: Task, outcome: RunOutcome) -> EvidenceRecord:
     """Return a run's record without cost and times of day: equal runs have equal records."""
     assessment, row, place = outcome.group.assessment, outcome.row, outcome.place
-    values = {name: float(each[row]) for name, each in assessment.metrics.items()}
-    metrics = {name: each if math.isfinite(each) else None for name, each in values.items()}
     status, reason = _status(outcome)
     twin = outcome.twin_label
     return _record(
         task,
         outcome.plan,
-        metrics,
+        outcome.group.metrics[row],
         _labels(outcome),
         status=status,
         status_reason=reason,
