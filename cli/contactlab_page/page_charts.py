@@ -52,7 +52,8 @@ def tradeoff_chart(data: ReportData) -> Spec | None:
     configurations = report.configurations if report else ()
     if report is None or all(each.time is None or each.error is None for each in configurations):
         return None
-    return themed(specification(report, _drawn_places(report)).to_dict())
+    # Altair would hold every configuration against its schema.
+    return themed(specification(report, _drawn_places(report)).to_dict(validate=False))
 
 
 def _drawn_places(report: TradeoffReport) -> set[int]:
