@@ -92,7 +92,7 @@ def analyse(store: Store, criteria: Criteria = _DEFAULT) -> TradeoffReport:
     return report.model_copy(update={"notes": tuple(notes)})
 
 
-_COVERAGE = ("run_id", "coverage", "drive")
+_COVERAGE = ("coverage", "drive")
 
 
 def _not_exercised(store: Store, runs: StoredRuns) -> Iterator[str]:
@@ -103,9 +103,13 @@ def _not_exercised(store: Store, runs: StoredRuns) -> Iterator[str]:
             concerned.setdefault(feature, []).append(name)
     if not concerned:
         return
-    # Of older stores there is no more than the ids.
+    # Older stores have neither.
     known = [name for name in _COVERAGE if name in store.columns.schema.names]
-    exercised = Exercised.of(store.table.select(known).to_pylist())
+    rows: list[dict[str, object]] = [{}]
+    if known:
+        table = store.columns.arrow(known)
+        rows = table.group_by(known, use_threads=False).aggregate([]).to_pylist()
+    exercised = Exercised.of(rows)
     for feature, names in concerned.items():
         if lack := exercised.lack([feature]):
             yield f"{', '.join(names)}: not exercised: {lack}"

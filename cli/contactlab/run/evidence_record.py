@@ -36,7 +36,6 @@ from contactlab.schema.evidence import (
 )
 from contactlab.store.store_files import time_now
 
-
 _NONE = np.array(None)
 
 
