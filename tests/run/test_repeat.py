@@ -37,6 +37,24 @@ def test_the_memory_bound_changes_nothing(
     assert sweeper.outcome("one by one") == sweeper.outcome("usual")
 
 
+OF_MANY_KINDS = """
+version: 1
+scene: box_slide
+duration: 0.1
+axes:
+  integrator: [Euler, RK4, implicitfast, implicit]
+  density: [0, 50]
+  solimp.width: [1.0e-3, 2.0e-2]
+"""
+
+
+def test_no_run_depends_on_those_of_its_job(sweeper: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    sweeper.run(OF_MANY_KINDS, "usual")
+    monkeypatch.setattr(planned_runs, "MAX_RUNS", 1)
+    sweeper.run(OF_MANY_KINDS, "one by one")
+    assert sweeper.outcome("one by one") == sweeper.outcome("usual")
+
+
 def test_every_run_stands_once_and_in_plan_order(sweeper: Any, ball: str) -> None:
     manifest = sweeper.run(ball, workers=2)
     table, traces = sweeper.outcome()

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import ACTUATORS, CONSTRAINTS, OTHERS, Floats
 from contactlab.scene.initial_states import InitialStates, apply_inputs
-from contactlab.scene.run_setup import AT_JOINT, is_conservative, is_passive
+from contactlab.scene.run_setup import AT_JOINT, has_others, is_conservative, is_passive
 
 _RK4 = mujoco.mjtIntegrator.mjINT_RK4
 _FAST = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
@@ -103,16 +103,9 @@ def _fields(models: Sequence[mujoco.MjModel]) -> list[str]:
         fields.append("qfrc_actuator")
         if any(model.opt.integrator in _IMPLICIT for model in models):
             fields += _OF_ACTUATORS
-    if any(map(_has_others, models)):
+    if any(map(has_others, models)):
         fields += _FORCES_OF_OTHERS
     return fields
-
-
-def _has_others(model: mujoco.MjModel) -> bool:
-    """Return whether anything but constraints, actuators, gravity and springs may act."""
-    opt = model.opt
-    damped = model.dof_damping.any() or model.tendon_damping.any() or model.nflex
-    return bool(damped or opt.density or opt.viscosity or model.body_gravcomp.any())
 
 
 def _conveys(model: mujoco.MjModel) -> bool:

@@ -2,7 +2,7 @@
 
 import hashlib
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Hashable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -45,7 +45,7 @@ from contactlab.run.tasks import Finished, Job, PlannedRun, Task, note
 from contactlab.scene.expected_contacts import Asked
 from contactlab.scene.initial_states import InitialStates
 from contactlab.scene.model_names import name_of
-from contactlab.scene.run_setup import make_setup
+from contactlab.scene.run_setup import kind_of, make_setup
 from contactlab.scene.scene_source import BINARY
 from contactlab.schema.evidence import EvidenceRecord, LabelEntry, TraceFile
 from contactlab.store.controls_file import controls_name, encode_controls
@@ -131,20 +131,35 @@ class Worker:
         return [note(purpose, run.run_id, each) for run, each in zip(job, found, strict=True)]
 
     def _record(self, job: Job) -> list[Finished]:
-        """Run a job of runs that share structure and step count; write their traces."""
-        started = time_now()
+        """Run a job of runs that share structure and step count; write their traces.
+
+        Those of a kind go through together, so that no run depends on those beside it.
+        """
         plans = self._preparer.plans(job)
+        kinds = dict[Hashable, list[int]]()
+        for place, plan in enumerate(plans):
+            kinds.setdefault(kind_of(plan.resolved, plan.prepared.model), []).append(place)
+        finished = dict[int, Finished]()
+        for places in kinds.values():
+            if not finished or self._proceed():
+                alike = self._record_alike([plans[place] for place in places])
+                finished |= {places[row]: each for row, each in alike.items()}
+        return [finished[place] for place in sorted(finished)]
+
+    def _record_alike(self, plans: Sequence[RunPlan]) -> dict[int, Finished]:
+        """Return the runs of one kind that were run, by place."""
+        started = time_now()
         starts = InitialStates.joined([plan.start for plan in plans])
         rollout, groups = self._measure(plans, starts, self._buffers, self._proceed)
         labels = self._twin_labels(plans[: len(rollout.steps)], starts)
-        finished: dict[int, Finished] = {}
+        finished = dict[int, Finished]()
         for group in groups:
             for place in group.rows:
                 twin = labels.get(place)
                 if twin is not None or not self._task.sweep.knife_edge:
                     outcome = RunOutcome(plans[place], group, rollout, place, started, twin)
                     finished[place] = self._finish(outcome)
-        return [finished[place] for place in sorted(finished)]
+        return finished
 
     def _play(self, job: Job) -> list[Finished]:
         """Have an environment play the episodes of a job, one after the other."""

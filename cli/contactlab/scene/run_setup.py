@@ -1,7 +1,7 @@
 """What measurements need to know of a group of runs besides their traces, from their models."""
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Hashable, Iterator, Mapping, Sequence
 from functools import lru_cache
 from typing import Any
 
@@ -42,8 +42,24 @@ from contactlab.schema.drive import FileDrive, drive_word
 from contactlab.schema.scene_manifest import SceneManifest
 
 _GEOM = mujoco.mjtGeom
+_OVERRIDE = mujoco.mjtEnableBit.mjENBL_OVERRIDE
 _STEADY = ("none", "hold")
 _PUSH = re.compile(r"\.[ft][xyz]$")
+
+
+def kind_of(run: ResolvedRun, model: mujoco.MjModel) -> Hashable:
+    """Return what runs of one structure must share to be recorded and measured together.
+
+    `Setup` tells it of all of them at once, and so do the books of work.
+    """
+    springs = model.jnt_stiffness.any() or model.tendon_stiffness.any()
+    driven = drive_word(run.drive), isinstance(run.drive, FileDrive)
+    acts = is_passive(model), is_conservative(model), has_others(model), bool(springs)
+    # What a pair's solimp is mixed of, as far as its width turns on it.
+    mixed = model.geom_solimp[:, 2], model.geom_solmix, model.geom_priority
+    widths = *mixed, model.pair_solimp[:, 2], model.opt.o_solimp[2:3]
+    yields = tuple(each.tobytes() for each in widths)
+    return driven, acts, yields, model.opt.integrator, model.opt.enableflags & _OVERRIDE
 
 
 def make_setup(
@@ -129,6 +145,13 @@ def is_conservative(model: mujoco.MjModel) -> bool:
     drag = (model.dof_damping, model.dof_frictionloss, model.tendon_damping)
     brakes = any(each.any() for each in (*drag, model.tendon_frictionloss))
     return not (acts or limits or brakes)
+
+
+def has_others(model: mujoco.MjModel) -> bool:
+    """Return whether anything but constraints, actuators, gravity and springs may act."""
+    opt = model.opt
+    damped = model.dof_damping.any() or model.tendon_damping.any() or model.nflex
+    return bool(damped or opt.density or opt.viscosity or model.body_gravcomp.any())
 
 
 def _is_pushed(manifest: SceneManifest | None, runs: Sequence[ResolvedRun]) -> bool:
