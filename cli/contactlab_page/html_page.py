@@ -21,7 +21,7 @@ from contactlab.reporting.finding import finding
 from contactlab.reporting.report import PageRequest, ReportData, read_report_data
 from contactlab.reporting.report_columns import number_with_unit, summary_metrics, with_unit
 from contactlab.schema.evidence import StoreManifest
-from contactlab.schema.pair_expectation import PairExpectation
+from contactlab.schema.pair_expectation import Bounds, PairExpectation
 from contactlab.schema.sweep_schema import Sweep
 from contactlab.store.finished_store import Store
 from contactlab.store.verify_store import trace_warning
@@ -138,14 +138,16 @@ def expectations(manifest: StoreManifest) -> list[tuple[str, str, str]]:
         conditions = [f"{name} = {value}" for name, value in each.where.settings.items()]
         conditions += [each.where.where] if each.where.where else []
         expected = [" or ".join(each.label)] if each.label else []
-        expected += [_bounds(name, bounds.min, bounds.max) for name, bounds in each.metrics.items()]
+        expected += [_bounds(name, bounds) for name, bounds in each.metrics.items()]
+        expected += [_bounds(f"mean {name}", bounds) for name, bounds in each.mean.items()]
         said = each.model_dump(include=set(PairExpectation.model_fields), exclude_none=True)
         expected += [f"{name} {value}".replace("'", "") for name, value in said.items()]
         rows.append((", ".join(conditions) or "all runs", "; ".join(expected), each.reason or ""))
     return rows
 
 
-def _bounds(name: str, low: float | None, high: float | None) -> str:
+def _bounds(name: str, bounds: Bounds) -> str:
+    low, high = bounds.min, bounds.max
     if low is not None and high is not None:
         return f"{low:g} ≤ {name} ≤ {high:g}"
     return f"{name} ≥ {low:g}" if low is not None else f"{name} ≤ {high:g}"

@@ -1,5 +1,6 @@
 """Recorded runs as scenarios of a sweep: planted recordings, drawn runs, means, replays."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,6 @@ from contactlab.errors import SweepFileError
 from contactlab.pareto.analysis import analyse
 from contactlab.pareto.criteria import Criteria
 from contactlab.run.recomputed_runs import recomputed_problems
-from contactlab.run.run_verdicts import unmet_means
 from contactlab.run.stored_runs import replay
 from contactlab.store.finished_store import Store
 from contactlab.store.verify_store import verify
@@ -141,7 +141,12 @@ def test_means_over_runs_are_expected(sweeper: Any) -> None:
     text = f"{SWEEP}axes: {{recorded_run: all, friction.slide: [{TRUE}, 1.0]}}\n"
     text += "expect:\n  - {where: {friction.slide: 1.0}, mean: {reality: {max: 0.01}}}\n"
     text += f"  - {{where: {{friction.slide: {TRUE}}}, mean: {{reality: {{max: 0.01}}}}}}\n"
-    request = sweeper.ask(text)
     sweeper.run(text)
-    (unmet,) = unmet_means(request.plan, Store.open(sweeper.folder / "store"))
+    store = Store.open(sweeper.folder / "store")
+    (unmet,) = store.manifest.unmet_means
     assert unmet.startswith("expected a mean reality of at most 0.01, found ")
+    assert not [*recomputed_problems(store)]
+    silent = replace(store, manifest=store.manifest.model_copy(update={"unmet_means": ()}))
+    assert [*recomputed_problems(silent)] == [
+        "manifest.json: its unmet means are not what the sweep expects"
+    ]

@@ -16,9 +16,11 @@ from contactlab.errors import ExpectationError, StoreError
 from contactlab.printable import in_one_line
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from contactlab.reporting.report_columns import GridAxis, RunLabels
     from contactlab.run.stored_runs import ReplayResult
-    from contactlab.schema.evidence import EvidenceRecord
+    from contactlab.schema.evidence import EvidenceRecord, StoreManifest
     from contactlab.store.finished_store import Store
     from contactlab.store.run_columns import RunColumns
 
@@ -115,6 +117,16 @@ def _identity_lines(store: opt.Address, record: "EvidenceRecord") -> Iterator[st
     yield f"  unchecked  {record.loop.unchecked}"
 
 
+def _as_expected(manifest: "StoreManifest") -> "Iterator[str]":
+    """Yield how far a sweep went as it expects."""
+    met, unmet = (manifest.expectations.get(name, 0) for name in ("met", "unmet"))
+    rest = f"; {manifest.runs - met - unmet:,} have no expectation"
+    as_expected = f"{met:,} of {met + unmet:,} runs are as expected"
+    as_expected += rest if met + unmet < manifest.runs else ""
+    yield as_expected if met + unmet else "no expectations defined"
+    yield from (f"not as expected: {each}" for each in manifest.unmet_means)
+
+
 def print_summary(store: "Store", output: opt.TableFormat) -> None:
     """Print the summary of a store: what it found, whether that is as expected, where runs fail."""
     path, manifest = store.address, store.manifest
@@ -137,11 +149,8 @@ def print_summary(store: "Store", output: opt.TableFormat) -> None:
     found = finding(axes, labels) if axes else ""
     for told in filter(None, (found, distance_to_reality(axes, columns))):
         tell(told)
-    met, unmet = (manifest.expectations.get(name, 0) for name in ("met", "unmet"))
-    rest = f"; {manifest.runs - met - unmet:,} have no expectation"
-    as_expected = f"{met:,} of {met + unmet:,} runs are as expected"
-    as_expected += rest if met + unmet < manifest.runs else ""
-    tell(as_expected if met + unmet else "no expectations defined")
+    for each in _as_expected(manifest):
+        tell(each)
     _print_missing_effects(columns)
     if manifest.runs <= _MOST_ROWS:
         _print_runs(columns.axis_names, store.table.to_pylist())

@@ -99,7 +99,7 @@ def sweep(
     with resumable() as stop, progress_display() as display, cluster as nodes:
         request = replace(request, cluster=nodes, **how)
         manifest = run_sweep(request, display.begin, display.advance, stop)
-    _conclude(target, manifest, request.plan, output)
+    _conclude(target, manifest, output)
 
 
 def _cluster(
@@ -116,11 +116,8 @@ def _cluster(
     return found[name].load()(address, workers)
 
 
-def _conclude(
-    target: opt.Address, manifest: "StoreManifest", plan: "Plan", output: opt.TableFormat
-) -> None:
+def _conclude(target: opt.Address, manifest: "StoreManifest", output: opt.TableFormat) -> None:
     """Print what a sweep found; fail if runs were lost, or are not as it expects."""
-    from contactlab.run.run_verdicts import unmet_means
     from contactlab.store.finished_store import Store
 
     for what, why in manifest.sweep.lacking.items():
@@ -133,8 +130,8 @@ def _conclude(
     unmet = manifest.expectations.get("unmet", 0)
     if unmet:
         raise ExpectationError(f"{unmet} of {manifest.runs} runs are not as the sweep expects")
-    if means := "; ".join(unmet_means(plan, store)):
-        raise ExpectationError(means)
+    if manifest.unmet_means:
+        raise ExpectationError("; ".join(manifest.unmet_means))
 
 
 def _print_plan(plan: "Plan", forecast: "Forecast", output: opt.TableFormat) -> None:

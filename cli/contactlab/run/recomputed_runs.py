@@ -20,7 +20,7 @@ from contactlab.plan.sweep_file import read_sweep
 from contactlab.plugins import loaded_plugins
 from contactlab.run.evidence_record import definitions, engine, provenance
 from contactlab.run.planned_runs import RunIndex, stored_sweep_scene
-from contactlab.run.run_verdicts import judge, within_tolerances
+from contactlab.run.run_verdicts import judge, unmet_means, within_tolerances
 from contactlab.run.stored_runs import canonical_values, replay, resolve_record
 from contactlab.run.sweep_request import SweepRequest, supported
 from contactlab.run.sweep_runner import identity_of
@@ -33,7 +33,7 @@ from contactlab.schema.sweep_schema import Sweep
 from contactlab.schema.vocabulary import Vocabulary
 from contactlab.store.finished_store import Store
 from contactlab.store.mcap.trace_reader import StoredTrace, read_trace
-from contactlab.store.store_files import IDENTITY, SCENES, TABLE
+from contactlab.store.store_files import IDENTITY, MANIFEST, SCENES, TABLE
 
 _OUTCOME = ("status", "steps", "trajectory_hash", "label", "labels", "label_steps", "knife_edge")
 
@@ -109,6 +109,8 @@ def _other_plan(store: Store, scene: Scene, plan: Plan) -> Iterator[str]:
 
 def _other_verdicts(store: Store, scene: Scene, plan: Plan) -> Iterator[str]:
     """Yield which runs do not meet, or miss, what the sweep expects of them as they say."""
+    if tuple(unmet_means(plan, store.columns)) != store.manifest.unmet_means:
+        yield f"{MANIFEST}: its unmet means are not what the sweep expects"
     for record in store.records():
         values, labels = canonical_values(scene, record), [each.label for each in record.labels]
         selected = [each for match, each in plan.expected if match.holds(values)]

@@ -20,7 +20,7 @@ from contactlab.scene.effects.effect import NOT_IN_MODEL
 from contactlab.scene.model_names import name_of
 from contactlab.schema.pair_expectation import Bounds
 from contactlab.schema.sweep_schema import Expectation
-from contactlab.store.finished_store import Store
+from contactlab.store.run_columns import RunColumns
 
 
 def judge(
@@ -74,10 +74,10 @@ def _outside(name: str, value: float | None, bounds: Bounds) -> Iterator[str]:
         yield f"expected {name} of at most {bounds.max:g}, found {value:g}"
 
 
-def unmet_means(plan: Plan, store: Store) -> Iterator[str]:
+def unmet_means(plan: Plan, table: RunColumns) -> Iterator[str]:
     """Yield which means over runs are not as a plan expects."""
     names = sorted({name for _, each in plan.expected for name in each.mean})
-    columns = store.columns.to_pydict(["index", *names]) if names else {"index": []}
+    columns = table.to_pydict(["index", *names]) if names else {"index": []}
     places = {index: row for row, index in enumerate(columns["index"])}
     known = [(run.values, places[run.index]) for run in plan.runs() if run.index in places]
     for match, each in plan.expected:

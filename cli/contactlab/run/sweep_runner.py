@@ -2,6 +2,7 @@
 
 import logging
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from functools import partial
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,7 @@ from contactlab.plugins import loaded_plugins
 from contactlab.run.evidence_record import as_written, definitions, engine, provenance
 from contactlab.run.passes import SweepSession, run_passes
 from contactlab.run.planned_runs import RunIndex, pack_jobs
+from contactlab.run.run_verdicts import unmet_means
 from contactlab.run.sweep_request import SweepRequest
 from contactlab.run.tasks import (
     BeginCallback,
@@ -107,7 +109,8 @@ def run_sweep(
         _run_remaining(session)
         values, added = run_passes(session)
         columns += added
-        return store.finish(columns, shared_fields(identity), task.provenance, values)
+        means, shared = partial(unmet_means, request.plan), shared_fields(identity)
+        return store.finish(columns, shared, task.provenance, values, unmet_means=means)
 
 
 def shared_fields(identity: SweepIdentity) -> dict[str, object]:

@@ -323,6 +323,9 @@ class StoreManifest(Model):
         "Whether the traces that the records name were left out, as in a baseline.", default=False
     )
     expectations: dict[str, int] = about("Runs by outcome: met, unmet, none.")
+    unmet_means: tuple[str, ...] = about(
+        "Which means over runs are not as the sweep expects.", default=()
+    )
     files: dict[InnerName, Sha256] = about("SHA-256 of every file but traces and this one.")
     records: Sha256 | None = about(
         "Digest of every record in plan order, whatever the table's encoding; null in "

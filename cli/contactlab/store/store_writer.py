@@ -4,7 +4,7 @@ Rows go to a journal as runs finish; the table follows at the end, and the manif
 """
 
 import shutil
-from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -108,12 +108,14 @@ class StoreWriter:
         provenance: Provenance,
         amendments: Mapping[str, Mapping[str, Any]] = _NOTHING,
         identity: SweepIdentity | None = None,
+        unmet_means: Callable[[RunColumns], Iterable[str]] = lambda _: (),
     ) -> StoreManifest:
         """Publish the table, then the manifest, which makes the store finished.
 
         Beside its own columns and the fields that all runs share, the table has amendments from
         passes after the runs: run id to values by column. An identity replaces the first one, where
-        nobody knew then how many runs there would be. The manifest that is returned is another
+        nobody knew then how many runs there would be. `unmet_means` says what of the table is not
+        as expected although each run may be. The manifest that is returned is another
         writer's, if it has published the same sweep meanwhile.
 
         After an OutputError the store stays resumable.
@@ -128,10 +130,12 @@ class StoreWriter:
             self._session.begin(identity)
         files = {name: sha256_of(self.path / name) for name in (IDENTITY, TABLE)}
         scenes = hashes_below(self.path / SCENES).items()
+        columns = RunColumns(self.path)
         manifest = StoreManifest(
             sweep=self.identity,
             provenance=provenance,
-            **count_outcomes(RunColumns(self.path).arrow(OUTCOME_COLUMNS)),
+            **count_outcomes(columns.arrow(OUTCOME_COLUMNS)),
+            unmet_means=tuple(unmet_means(columns)),
             files=files | {f"{SCENES}/{name}": sha256 for name, sha256 in scenes},
             records=records,
             started=started,
