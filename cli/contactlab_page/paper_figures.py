@@ -19,7 +19,8 @@ from contactlab.store.mcap.trace_reader import StoredPair, StoredTrace
 from contactlab_page.heatmap import Layered, default_map, metric_map
 from contactlab_page.page_charts import change_panels, knob_changes, tradeoff_chart
 from contactlab_page.paper_size import parse_width, render_at
-from contactlab_page.run_series import decimated, qpos_entries
+from contactlab_page.run_series import decimated, is_single_body, qpos_entries
+from contactlab_page.stick_or_slip import slope_runs, stick_slip_panel
 
 _MOST_BOUNCING = 6
 _MOST_BOUNCING_READ = 200
@@ -38,12 +39,17 @@ _NO_BOUNCE = "no stable run with a trace is of a single free body that bounces o
 _NO_CONE = (
     "fewer than three runs with a trace begin with an oblique impact of a body that cannot turn"
 )
+_NO_SLOPE = (
+    "fewer than three runs with a trace are of a single body that starts at rest on a plane under "
+    "a constant load"
+)
 FIGURES = {
     "labels": "the map of labels over the two most informative axes",
     "error": "the same map of the error",
     "work-precision": "error against time",
     "bounces": "height over time, and the ratio of heights at each bounce",
     "cone": "first impacts in velocity space, with the boundary of the friction cone",
+    "stick-slip": "stick or slip over the load's angle and friction, with the friction cone",
     "effects": "the factor by which each change of one knob multiplies time and error",
 }
 _OUTCOMES = ["sticks", "slides throughout"]
@@ -107,12 +113,7 @@ def _axis_of_restitution(
 def _bouncing_run(trace: StoredTrace, record: EvidenceRecord, setting: str) -> BouncingRun | None:
     entries = qpos_entries(trace.model_xml, trace.qpos.shape[1])
     heights = [each for each in entries if each.is_height]
-    if (
-        not heights
-        or not _is_single_body(trace)
-        or not trace.pairs
-        or not len(trace.pairs[0].steps)
-    ):
+    if not heights or not is_single_body(trace) or not trace.pairs or not len(trace.pairs[0].steps):
         return None
     pair = trace.pairs[0]
     height = trace.qpos[:, heights[0].index] - trace.qpos[pair.steps[0], heights[0].index]
@@ -129,12 +130,6 @@ def _bouncing_run(trace: StoredTrace, record: EvidenceRecord, setting: str) -> B
     kept = decimated(height)
     restitution = float(restitution_of(damping_ratio(record.pairs[pair.name].solref)))
     return BouncingRun(setting, trace.time[kept], height[kept], peaks, restitution)
-
-
-def _is_single_body(trace: StoredTrace) -> bool:
-    """Return whether one body moves freely, and nothing else: no robot, no held mug."""
-    entries = qpos_entries(trace.model_xml, trace.qpos.shape[1])
-    return [each.unit for each in entries] == ["m", "m", "m"]
 
 
 def first_impacts(store: Store) -> Rows:
@@ -154,7 +149,7 @@ def first_impacts(store: Store) -> Rows:
     impacts: Rows = []
     for record in islice(records, _MOST_IMPACTS_READ):
         trace = store.trace(record)
-        if _is_single_body(trace) and trace.qpos.shape[1] == _TRANSLATIONS:
+        if is_single_body(trace) and trace.qpos.shape[1] == _TRANSLATIONS:
             for pair in trace.pairs[:1]:
                 impacts += _first_impact(pair, record)
     slipping = [each for each in impacts if each["slip"] > 0]
@@ -293,17 +288,21 @@ def figure_specs(data: ReportData) -> dict[str, Spec | str]:
         "work-precision": tradeoff_chart(data) or data.no_tradeoff or "nothing was timed",
         "bounces": physical["Height over time"] or _NO_BOUNCE,
         "cone": physical["Impacts and the friction cone"] or _NO_CONE,
+        "stick-slip": physical["Stick or slip over angle and friction"] or _NO_SLOPE,
         "effects": _effects(data) or "no two runs differ in one knob only",
     }
 
 
 def physical_figures(data: ReportData) -> dict[str, Spec | None]:
-    """Return what bodies do, by title: bounces and impacts; None where the store has none."""
+    """Return what bodies do, by title; None where the store has no such runs."""
     bouncing = bouncing_runs(data.store, data.axes, ~data.labels.failed)
-    impacts = first_impacts(data.store)
+    impacts, slopes = first_impacts(data.store), slope_runs(data.store)
     return {
         "Height over time": themed(bounce_panels(bouncing)) if bouncing else None,
         "Impacts and the friction cone": themed(cone_panel(impacts)) if impacts else None,
+        "Stick or slip over angle and friction": themed(stick_slip_panel(slopes))
+        if slopes
+        else None,
     }
 
 

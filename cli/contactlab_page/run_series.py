@@ -116,6 +116,12 @@ def qpos_entries(model_xml: bytes, size: int) -> tuple[QposEntry, ...]:
     return tuple(entries)
 
 
+def is_single_body(trace: StoredTrace) -> bool:
+    """Return whether one body moves freely, and nothing else: no robot, no held mug."""
+    entries = qpos_entries(trace.model_xml, trace.qpos.shape[1])
+    return [each.unit for each in entries] == ["m", "m", "m"]
+
+
 def _joints(model_xml: bytes) -> Iterator[tuple[str, str]]:
     """Yield name and type of every joint in the order of qpos, depth first."""
     try:

@@ -60,7 +60,7 @@ def test_no_engine_is_loaded(swept: Swept, tmp_path: Path) -> None:
 
 def test_figures_are_those_for_which_the_store_has_data(swept: Swept, tmp_path: Path) -> None:
     written, missing = write_figures(swept("bounce"), tmp_path, ("svg",))
-    assert list(missing) == ["cone"]
+    assert list(missing) == ["cone", "stick-slip"]
     assert {path.stem for path in written} == {
         "labels",
         "error",
