@@ -46,6 +46,7 @@ _THEME: Spec = {
         "titleFontWeight": "normal",
     },
     "legend": {**_TEXT, "labelLimit": 360, "titleFontWeight": "normal"},
+    "header": _TEXT,
     "title": {"color": INK, "subtitleColor": _FAINT, "anchor": "start"},
     "view": {"stroke": _EDGE},
 }

@@ -10,6 +10,9 @@ OPTIONS = (
 )
 """Attributes of <option>."""
 
+MODEL_ENGINE = "mujoco"
+"""The engine that models are written for, and that runs a sweep that names none."""
+
 CONTACT = ("solref", "solimp", "friction", "condim", "margin", "gap")
 """Attributes of both <geom> and <pair>."""
 

@@ -12,7 +12,12 @@ from contactlab.errors import StoreError
 from contactlab.measure import LABELS
 from contactlab.palette import mode_colour
 from contactlab.pareto.analysis import ToleranceTable
-from contactlab.pareto.recommendation import EQUALLY_FAST, MORE_ACCURATE, SAFE_MARGIN
+from contactlab.pareto.recommendation import (
+    EQUALLY_FAST,
+    MORE_ACCURATE,
+    SAFE_MARGIN,
+    places_of_models,
+)
 from contactlab.reporting.coverage_rows import coverage_rows
 from contactlab.reporting.report import PageRequest, ReportData
 from contactlab.reporting.report_columns import Codes, GridAxis, RunLabels, summary_metrics
@@ -194,12 +199,15 @@ def _configuration_columns(
 
 
 def _tradeoff(report: TradeoffReport) -> dict[str, Any]:
+    recommendable = places_of_models(report.configurations)
     return {
         "knobs": report.knobs,
         "configurations": [list(each.configuration.values()) for each in report.configurations],
         "error": [report.error.name, report.error.unit],
         "tolerances": report.tolerances,
         "baseline": report.baseline is not None,
+        # Null for all of them.
+        "recommendable": recommendable if len(recommendable) < len(report.configurations) else None,
         "equallyFast": EQUALLY_FAST,
         "equallyAccurate": MORE_ACCURATE,
         "safeMargin": SAFE_MARGIN,

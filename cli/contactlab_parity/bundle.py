@@ -21,9 +21,9 @@ from contactlab.engines import ENGINES
 from contactlab.engines.adapted_engine import SERVER, AdaptedEngine, load_adapter
 from contactlab.engines.engine import PreparedRuns, Rollout
 from contactlab.errors import EngineError, OutputError, StoreError
+from contactlab.mjcf import MODEL_ENGINE
 from contactlab.plan.overrides import Overrides, drive_option
 from contactlab.resources import ADAPTERS, short_hash
-from contactlab.scene.model_edits import MODEL_ENGINE
 from contactlab.scene.model_files import relative_path
 from contactlab.schema.strict_model import InnerName, Model
 from contactlab_parity.panel import Panel, roll_out

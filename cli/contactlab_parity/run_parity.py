@@ -10,7 +10,7 @@ from scipy.ndimage import maximum_filter1d
 from contactlab.contact.trace_arrays import Floats
 from contactlab.engines import ENGINES
 from contactlab.engines.engine import PreparedRuns, Rollout, SimulationEngine
-from contactlab.scene.model_edits import MODEL_ENGINE
+from contactlab.mjcf import MODEL_ENGINE
 from contactlab_parity.forward import FLOOR_FACTOR, ForwardStates, forward
 from contactlab_parity.panel import from_states, roll_out
 from contactlab_parity.parity_report import Finding, Verdict

@@ -24,8 +24,8 @@ from contactlab.engines import ENGINES
 from contactlab.engines.engine import PreparedRuns, SimulationEngine
 from contactlab.errors import ExpectationError, PolicyError, StoreError
 from contactlab.measure import METRICS
+from contactlab.mjcf import MODEL_ENGINE
 from contactlab.run.evidence_record import as_written
-from contactlab.scene.model_edits import MODEL_ENGINE
 from contactlab.scene.scene import Scene
 from contactlab.schema.comparison import Check, ComparePolicy, MetricRule, RunPair
 from contactlab.schema.evidence import Setting

@@ -8,7 +8,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from contactlab.pareto.configurations import Evaluated
-from contactlab.pareto.recommendation import equally_fast, feasible_front, next_more_accurate
+from contactlab.pareto.recommendation import (
+    equally_fast,
+    feasible_front,
+    next_more_accurate,
+    places_of_models,
+)
 
 Weigh = Callable[..., list[Evaluated]]
 LIMITS = {"oracle_error": 1.0, "depth": 2.0}
@@ -184,3 +189,17 @@ def test_ties_keep_the_values_of_the_model_as_written(weighed: Weigh) -> None:
     assert equally_fast(found, baseline=accurate)[0].values == written, "it has the same cone"
     rows[2]["oracle_error"] = 0.96 * 1.06
     assert equally_fast(weighed(rows, ("timestep", "cone")), baseline=written)[0].values == second
+
+
+def test_no_other_engine_is_recommended(weighed: Weigh) -> None:
+    """It is faster and more accurate; only a sweep without MuJoCo has nothing else to choose."""
+    rows: list[dict[str, Any]] = [
+        {"engine": "impulse", "timestep": 1e-3, "oracle_error": 0.0, "time_median": 0.1},
+        {"engine": "mujoco", "timestep": 2e-3, "oracle_error": 0.5, "time_median": 1.0},
+        {"engine": "mujoco", "timestep": 1e-3, "oracle_error": 0.1, "time_median": 2.0},
+    ]
+    found = [
+        places_of_models([each.summary for each in weighed(part, ["engine", "timestep"])])
+        for part in (rows, rows[:1])
+    ]
+    assert found == [[1, 2], [0]]

@@ -94,9 +94,8 @@ def _fail_on(report: "TradeoffReport") -> None:
     from contactlab.pareto.recommendation import blocker_texts
 
     reason = "".join(f": {text}" for text in blocker_texts(report)[:1])
-    raise ExpectationError(
-        f"none of {len(report.configurations)} configurations is feasible{reason}"
-    )
+    which = "mujoco's" if report.front else str(len(report.configurations))
+    raise ExpectationError(f"none of {which} configurations is feasible{reason}")
 
 
 def _write(path: Path, report: "TradeoffReport") -> None:
@@ -213,7 +212,7 @@ def _answer(report: "TradeoffReport") -> Iterator[str]:
 
     chosen, robust = report.recommendation, report.robust
     if chosen is None:
-        yield "\nnothing is feasible"
+        yield f"\nnothing {'that mujoco simulates ' if report.front else ''}is feasible"
         yield from (f"  {text}" for text in blocker_texts(report))
         return
     now = report.baseline and report.baseline.time

@@ -23,7 +23,8 @@ from contactlab.engines.sampled_loads import with_loads
 from contactlab.engines.self_checks import run_checks
 from contactlab.engines.single_run import count_work, integrate_to, time_segments, time_steps
 from contactlab.errors import SceneError
-from contactlab.scene.model_edits import LOOP_ENGINE, MODEL_ENGINE
+from contactlab.mjcf import MODEL_ENGINE
+from contactlab.scene.model_edits import LOOP_ENGINE
 from contactlab.scene.resolution import ResolvedRun
 from contactlab.scene.scene import Scene
 

@@ -27,6 +27,7 @@ from contactlab.pareto.recommendation import (
     feasible_front,
     front_of,
     next_more_accurate,
+    places_of_models,
 )
 from contactlab.schema.coverage import Exercised, Feature, feature_of
 from contactlab.schema.evidence import Setting
@@ -57,9 +58,10 @@ def analyse(store: Store, criteria: Criteria = _DEFAULT) -> TradeoffReport:
     front = feasible_front(evaluated)
     baseline = None if runs.baseline is None else evaluated[0].summary
     own = baseline and baseline.configuration
-    chosen, safe = (equally_fast(evaluated, margin, own) for margin in (0.0, SAFE_MARGIN))
-    best, idle = (chosen[0] if chosen else None), idle_knobs(evaluated)
     summaries = tuple(each.summary for each in evaluated)
+    possible = [evaluated[place] for place in places_of_models(summaries)]
+    chosen, safe = (equally_fast(possible, margin, own) for margin in (0.0, SAFE_MARGIN))
+    best, idle = (chosen[0] if chosen else None), idle_knobs(evaluated)
     alike = with_one_idle_value(evaluated, idle, best)
     identity = store.manifest.sweep
     # Such an error may remain however short the timestep.
@@ -83,7 +85,7 @@ def analyse(store: Store, criteria: Criteria = _DEFAULT) -> TradeoffReport:
         methods=tuple(methods(alike, is_modelling=is_modelling)),
         recommendation=_recommendation(runs, chosen),
         robust=_recommendation(runs, safe),
-        next_step=_next_step(front, best) if best else None,
+        next_step=_next_step(feasible_front(possible), best) if best else None,
         blockers=tuple(_blockers(evaluated)),
         notes=(),
     )

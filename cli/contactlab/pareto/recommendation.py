@@ -5,6 +5,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from contactlab.contact.trace_arrays import Floats
+from contactlab.mjcf import MODEL_ENGINE
 from contactlab.pareto.configurations import Evaluated
 from contactlab.schema.evidence import Setting
 from contactlab.schema.tradeoff_report import Configuration, Settings, TradeoffReport
@@ -63,6 +64,16 @@ def equally_fast(
         return (True, 0) if _error(each) > same else (False, changed)
 
     return sorted(near, key=preference)
+
+
+def places_of_models(configurations: Sequence[Configuration]) -> list[int]:
+    """Return which configurations name the engine that models are written for; all, if none does.
+
+    Other engines are what it is compared with: no model can be set to them.
+    """
+    engines = [each.configuration.get("engine") for each in configurations]
+    own = [place for place, engine in enumerate(engines) if engine == MODEL_ENGINE]
+    return own or [*range(len(engines))]
 
 
 def feasible_front(evaluated: Sequence[Evaluated]) -> list[Evaluated]:

@@ -22,11 +22,11 @@ from contactlab.engines import ENGINES, engine_of, find_engine
 from contactlab.engines.engine import Buffers, PreparedRuns, Rollout, Segments, TimesSteps
 from contactlab.engines.rollout_trace import trajectory_hash
 from contactlab.errors import ContactlabError, PluginError, PolicyError, StoreError
+from contactlab.mjcf import MODEL_ENGINE
 from contactlab.plugins import loaded_plugins
 from contactlab.run.planned_runs import stored_sweep_scene
 from contactlab.scene.compiled_scene import PreparedModel
 from contactlab.scene.initial_states import QPOS0, InitialStates
-from contactlab.scene.model_edits import MODEL_ENGINE
 from contactlab.scene.mujoco_versions import silence_mujoco
 from contactlab.scene.resolution import ResolvedRun
 from contactlab.scene.scene import Scene

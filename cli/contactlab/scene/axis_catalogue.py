@@ -5,12 +5,12 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Protocol
 
 from contactlab.errors import SceneError, did_you_mean
-from contactlab.mjcf import AT_REST, CONTACT
+from contactlab.mjcf import AT_REST, CONTACT, MODEL_ENGINE
 from contactlab.scene.compiled_scene import CompiledScene
 from contactlab.scene.drive.located_drive import DRIVE_AXES
 from contactlab.scene.effects.effect_table import EFFECTS
 from contactlab.scene.initial_states import QPOS0, keyframe_names
-from contactlab.scene.model_edits import LOOP_ENGINE, MODEL_ENGINE, field_axis
+from contactlab.scene.model_edits import LOOP_ENGINE, field_axis
 from contactlab.scene.mujoco_versions import in_this_version, missing_flags
 from contactlab.scene.parameters import PARAMETERS
 from contactlab.scene.setting_values import choice, integer, number, switch

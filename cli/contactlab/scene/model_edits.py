@@ -13,7 +13,7 @@ import mujoco
 import numpy as np
 
 from contactlab.errors import SceneError, did_you_mean
-from contactlab.mjcf import CONTACT, OPTIONS
+from contactlab.mjcf import CONTACT, MODEL_ENGINE, OPTIONS
 from contactlab.scene.contact_pairs import MonitoredPair, effective_parameters, explicit_pair
 from contactlab.scene.model_names import find_id
 from contactlab.scene.mujoco_versions import enum_members
@@ -248,8 +248,6 @@ def write_flags(model: mujoco.MjModel, states: Mapping[str, bool]) -> None:
         setattr(model.opt, field, others | bit if state != disable else others)
 
 
-MODEL_ENGINE = "mujoco"
-"""The engine that models are written for, and that runs a sweep that names none."""
 LOOP_ENGINE = "loop"
 """What stands for somebody's own loop, of which a store has the compiled model."""
 

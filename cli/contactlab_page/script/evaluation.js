@@ -22,10 +22,12 @@ function evaluate(columns, limits, rules = metadata.tradeoff) {
     columns.otherwiseFeasible[place] === 1 && entries.every(([name, limit]) => meets(columns, name, place, limit)));
   const leastMargin = (place) => Math.min(Infinity, ...entries.map(([name, limit]) => marginOf(columns, name, place, limit) ?? Infinity));
   const candidates = places.filter((place) => feasible[place]);
+  const recommendable = new Set(rules.recommendable ?? places);
+  const possible = candidates.filter((place) => recommendable.has(place));
   return {
     feasible,
-    recommended: bestOfCheapest(columns, candidates, rules),
-    robust: bestOfCheapest(columns, candidates.filter((place) => leastMargin(place) >= rules.safeMargin), rules),
+    recommended: bestOfCheapest(columns, possible, rules),
+    robust: bestOfCheapest(columns, possible.filter((place) => leastMargin(place) >= rules.safeMargin), rules),
     front: paretoFront(columns, candidates),
   };
 }
@@ -131,7 +133,7 @@ function recommendationOf(columns, evaluated, limits) {
       const out = Array.from(columns.otherwiseFeasible, (_, place) => !meets(columns, name, place, limit)).filter(Boolean).length;
       return element("li", {}, `tolerance ${name} rules out ${out} of ${columns.otherwiseFeasible.length} configurations`);
     });
-    return [element("p", {}, element("strong", {}, "No configuration is feasible.")), element("ul", {}, ...blockers)];
+    return [element("p", {}, element("strong", {}, evaluated.front.length ? "No configuration of mujoco is feasible." : "No configuration is feasible.")), element("ul", {}, ...blockers)];
   }
   const place = evaluated.recommended;
   const values = configurationOf(place).map(([name, value]) =>

@@ -10,11 +10,11 @@ from contactlab.comparison.policies import apply_acceptances, stale_acceptances
 from contactlab.engines import find_engine
 from contactlab.engines.engine import ChecksRuns
 from contactlab.errors import SceneError, SweepFileError, did_you_mean
+from contactlab.mjcf import MODEL_ENGINE
 from contactlab.run.evidence_record import engine, provenance
 from contactlab.run.sweep_request import SceneLoader
 from contactlab.scene.compiled_scene import CompiledScene
 from contactlab.scene.initial_states import QPOS0
-from contactlab.scene.model_edits import MODEL_ENGINE
 from contactlab.scene.parameters import PARAMETERS
 from contactlab.scene.resolution import ResolvedRun
 from contactlab.scene.run_setup import actuated_limbs
