@@ -24,10 +24,12 @@ from dataclasses import dataclass, field, replace
 from itertools import islice
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 from tests.attack.mutations import MANIFEST, Mutation, Target, mutations, redo, reseal
 
 from contactlab.errors import ContactlabError
+from contactlab.run import planned_runs
 from contactlab.run.recomputed_runs import (
     recomputed_problems,
     simulated_problems,
@@ -117,7 +119,7 @@ def begin_store(folder: Path, height: float = 0.12) -> Path:
             raise KeyboardInterrupt
 
     request = request_in(folder, height)
-    with suppress(KeyboardInterrupt):
+    with suppress(KeyboardInterrupt), patch.object(planned_runs, "LEAST_WORK", 0):
         resume(request, stop)
     assert isinstance(request.store, Path)
     return request.store

@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 
+from contactlab.run import planned_runs
 from contactlab.run.tasks import Job
 from contactlab.run.worker import Worker
 
@@ -90,6 +91,7 @@ def test_a_worker_does_not_grow(
 
     with monkeypatch.context() as patch:
         patch.setattr(Worker, "run", watched)
+        patch.setattr(planned_runs, "LEAST_WORK", 0)
         sweeper.run(f"{SWEEP}trace: {trace}\n")
     todo = fresh(jobs, models)
     for job in islice(todo, WARM):
