@@ -7,6 +7,7 @@ import vl_convert
 
 from contactlab.charts import Spec, as_svg, render_chart, shown
 from contactlab.errors import OutputError
+from contactlab_page.outlined_text import outlined
 
 _MM_PER_POINT = 25.4 / 72
 _WIDTHS = (40.0, 400.0)  # of figures [mm]
@@ -37,13 +38,13 @@ def parse_width(text: str) -> float:
 def render_at(spec: Spec, form: str, width: float | None) -> bytes:
     """Return a figure as a file of one of the formats, exactly so wide [mm] if a width is given."""
     if width is None:
-        return render_chart(spec, form)
+        return outlined(as_svg(spec)).encode() if form == "svg" else render_chart(spec, form)
     pixels = width / _MM_PER_POINT / _POINTS_PER_PIXEL
     spec = laid_out(spec, pixels)
     across, high = _extent(spec)
     if form == "svg":
         size = f'width="{width:g}mm" height="{width * high / across:.4g}mm"'
-        return _SIZE.sub(size, as_svg(spec), count=1).encode()
+        return _SIZE.sub(size, outlined(as_svg(spec)), count=1).encode()
     scale = width / _MM_PER_POINT / across
     if form == "png":
         dots = scale * _DOTS_PER_INCH / 72

@@ -47,6 +47,16 @@ def test_a_pdf_holds_every_font_that_it_uses(swept: Swept) -> None:
             assert all("/FontFile2" in each["/FontDescriptor"] for each in fonts)
 
 
+def test_an_svg_needs_no_font(swept: Swept) -> None:
+    """All that it says is drawn, at its width on paper as on a page."""
+    for width in (None, "85mm"):
+        files, _ = figure_files(read_report_data(swept("bounce")), ("svg",), width)
+        for content in files.values():
+            assert b"<text" not in content
+            assert b"font-family" not in content
+            assert b"aria-label=" in content
+
+
 def test_text_on_paper_is_near_eight_points(swept: Swept) -> None:
     """Narrow figures keep the size of their text, where pictures of a page would shrink it."""
     files, _ = figure_files(read_report_data(swept("bounce")), ("svg",), "85mm")
@@ -64,7 +74,7 @@ def test_panels_that_share_labels_have_their_own_in_a_column(swept: Swept) -> No
         width: figure_files(data, ("svg",), width)[0]["effects.svg"].decode()
         for width in (None, "85mm")
     }
-    once, twice = (sorted(re.findall(r">([^<]* → [^<]*)<", text)) for text in shown.values())
+    once, twice = (sorted(re.findall(r'"([^"]* → [^"]*)"', text)) for text in shown.values())
     assert once
     assert twice == sorted(once * 2)
 
