@@ -10,8 +10,7 @@ OPTIONS = (
 )
 """Attributes of <option>."""
 
-MODEL_ENGINE = "mujoco"
-"""The engine that models are written for, and that runs a sweep that names none."""
+MODEL_ENGINE = "mujoco"  # what models are written for, and runs a sweep that names no engine
 
 CONTACT = ("solref", "solimp", "friction", "condim", "margin", "gap")
 """Attributes of both <geom> and <pair>."""

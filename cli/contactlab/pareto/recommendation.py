@@ -67,10 +67,7 @@ def equally_fast(
 
 
 def places_of_models(configurations: Sequence[Configuration]) -> list[int]:
-    """Return which configurations name the engine that models are written for; all, if none does.
-
-    Other engines are what it is compared with: no model can be set to them.
-    """
+    """Return which configurations are of the engine that models are for; all, if none names it."""
     engines = [each.configuration.get("engine") for each in configurations]
     own = [place for place, engine in enumerate(engines) if engine == MODEL_ENGINE]
     return own or [*range(len(engines))]
@@ -84,9 +81,8 @@ def feasible_front(evaluated: Sequence[Evaluated]) -> list[Evaluated]:
 
 def front_of(configurations: Sequence[Configuration]) -> list[int]:
     """Return the indices of the Pareto front of some configurations, the cheapest first."""
-    times = [each.time for each in configurations]
-    errors = [each.error for each in configurations]
-    return pareto_front(np.array(times, dtype=np.float64), np.array(errors, dtype=np.float64))
+    points = np.array([(each.time, each.error) for each in configurations], dtype=np.float64)
+    return pareto_front(*points.reshape(-1, 2).T)
 
 
 def next_more_accurate(front: Sequence[Evaluated], chosen: Evaluated) -> Evaluated | None:
