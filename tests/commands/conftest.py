@@ -70,6 +70,7 @@ def _written(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "small.yaml").write_text(SWEEP)
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
+        patch.setenv("PYTHONSAFEPATH", "1")  # which the command sets
         command = ["contactlab", "sweep", "small.yaml", "-o", "store", "--workers", "0"]
         patch.setattr(sys, "argv", command)
         with pytest.raises(SystemExit) as ended:
