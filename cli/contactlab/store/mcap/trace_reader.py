@@ -234,8 +234,10 @@ def _slots(items: NDArray[np.void]) -> Floats:
     points = items["points"]
     slots = np.empty((*points.shape, SLOT_WIDTH))
     slots[..., FOUND] = items["found"][:, None]
-    for name, columns in POINT_FIELDS.items():
-        slots[..., columns] = points[name]
+    # Bent bytes may be a NaN that signals.
+    with np.errstate(invalid="ignore"):
+        for name, columns in POINT_FIELDS.items():
+            slots[..., columns] = points[name]
     return slots
 
 
