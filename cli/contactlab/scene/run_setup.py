@@ -52,14 +52,19 @@ def kind_of(run: ResolvedRun, model: mujoco.MjModel) -> Hashable:
 
     `Setup` tells it of all of them at once, and so do the books of work.
     """
+    return drive_word(run.drive), isinstance(run.drive, FileDrive), _kind_of_model(model)
+
+
+@lru_cache(maxsize=4)
+def _kind_of_model(model: mujoco.MjModel) -> Hashable:
+    """Return a model's part of the kind, which runs of the model share."""
     springs = model.jnt_stiffness.any() or model.tendon_stiffness.any()
-    driven = drive_word(run.drive), isinstance(run.drive, FileDrive)
     acts = is_passive(model), is_conservative(model), has_others(model), bool(springs)
     # What a pair's solimp is mixed of, as far as its width turns on it.
     mixed = model.geom_solimp[:, 2], model.geom_solmix, model.geom_priority
     widths = *mixed, model.pair_solimp[:, 2], model.opt.o_solimp[2:3]
     yields = tuple(each.tobytes() for each in widths)
-    return driven, acts, yields, model.opt.integrator, model.opt.enableflags & _OVERRIDE
+    return acts, yields, model.opt.integrator, model.opt.enableflags & _OVERRIDE
 
 
 def make_setup(
