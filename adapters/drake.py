@@ -57,15 +57,16 @@ def _touches(model: mujoco.MjModel) -> bool:
 
 def simulate(request: dict[str, Any], tick: Callable[[], None]) -> dict[str, Any]:
     """Simulate runs one after the other."""
-    runs = [_run(request, run, tick) for run in range(len(request["models"]))]
-    return {key: np.array([each[key] for each in runs]) for key in runs[0]}
+    import serve
+
+    return {name: np.array(rows) for name, rows in serve.of_each(request, _run, tick).items()}
 
 
 def forward(request: dict[str, Any], tick: Callable[[], None]) -> dict[str, Any]:
     """Tell what Drake computes of the starts before it steps."""
-    runs = [_forward(request, run) for run in range(len(request["models"]))]
-    tick()
-    return {key: [each[key] for each in runs] for key in runs[0]}
+    import serve
+
+    return serve.of_each(request, _forward, tick)
 
 
 def _run(request: dict[str, Any], run: int, tick: Callable[[], None]) -> dict[str, Any]:
@@ -92,10 +93,11 @@ def _run(request: dict[str, Any], run: int, tick: Callable[[], None]) -> dict[st
     return {"state": state, "sensors": sensors, "cost": cost}
 
 
-def _forward(request: dict[str, Any], run: int) -> dict[str, Any]:
+def _forward(request: dict[str, Any], run: int, tick: Callable[[], None]) -> dict[str, Any]:
     import serve
 
     model = serve.model_of(request, run)
+    tick()
     if _touches(model):
         return {}
     control = serve.inputs_of(request, run, model)[0][0]

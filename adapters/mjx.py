@@ -46,10 +46,11 @@ def forward(request: dict[str, Any], tick: Callable[[], None]) -> dict[str, Any]
 def _told(
     request: dict[str, Any], tell: Callable[..., dict[str, Any]], tick: Callable[[], None]
 ) -> dict[str, Any]:
+    import serve
+
     os.environ["JAX_ENABLE_X64"] = "1"
     os.environ.setdefault("JAX_PLATFORMS", "cpu")
-    runs = [tell(request, run, tick) for run in range(len(request["models"]))]
-    return {key: [each[key] for each in runs] for key in runs[0]}
+    return serve.of_each(request, tell, tick)
 
 
 _FORWARDS: dict[bytes, Any] = {}

@@ -72,14 +72,16 @@ def _refusals(model: mujoco.MjModel) -> list[tuple[Any, str]]:
 
 def simulate(request: dict[str, Any], tick: Callable[[], None]) -> dict[str, Any]:
     """Simulate runs one after the other."""
-    runs = [_run(request, run, tick) for run in range(len(request["models"]))]
-    return {key: np.array([each[key] for each in runs]) for key in runs[0]}
+    import serve
+
+    return {name: np.array(rows) for name, rows in serve.of_each(request, _run, tick).items()}
 
 
 def forward(request: dict[str, Any], tick: Callable[[], None]) -> dict[str, Any]:
     """Tell what Newton's model computes of the starts before it steps."""
-    runs = [_forward(request, run, tick) for run in range(len(request["models"]))]
-    return {key: [each[key] for each in runs] for key in runs[0]}
+    import serve
+
+    return serve.of_each(request, _forward, tick)
 
 
 def _run(request: dict[str, Any], run: int, tick: Callable[[], None]) -> dict[str, Any]:

@@ -69,18 +69,19 @@ def may_collide(model: mujoco.MjModel) -> bool:
 
 def simulate(request: dict[str, Any], tick: Callable[[], None]) -> dict[str, Any]:
     """Simulate runs one after the other."""
-    runs = [_run(request, run, tick) for run in range(len(request["models"]))]
-    return {key: np.array([each[key] for each in runs]) for key in runs[0]}
+    import serve
+
+    return {name: np.array(rows) for name, rows in serve.of_each(request, _run, tick).items()}
 
 
 def forward(request: dict[str, Any], tick: Callable[[], None]) -> dict[str, Any]:
     """Tell what Pinocchio computes of the starts before it steps."""
-    runs = [_forward(request, run) for run in range(len(request["models"]))]
-    tick()
-    return {key: [each[key] for each in runs] for key in runs[0]}
+    import serve
+
+    return serve.of_each(request, _forward, tick)
 
 
-def _forward(request: dict[str, Any], run: int) -> dict[str, Any]:
+def _forward(request: dict[str, Any], run: int, tick: Callable[[], None]) -> dict[str, Any]:
     import pinocchio
     import serve
 
@@ -90,6 +91,7 @@ def _forward(request: dict[str, Any], run: int) -> dict[str, Any]:
     qpos, qvel = request["qpos"][run], request["qvel"][run]
     inertia, bias = dynamics.of(qpos, qvel)
     force = joint_forces(model, qpos, qvel, control) - dynamics.damping * qvel - bias
+    tick()
     return {"qfrc_bias": bias, "qacc_smooth": np.linalg.solve(inertia, force)}
 
 

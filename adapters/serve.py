@@ -12,6 +12,7 @@ import os
 import pickle
 import re
 import sys
+from collections.abc import Callable
 from typing import Any
 
 import mujoco
@@ -36,6 +37,14 @@ def models_of(request: dict[str, Any], *without: str) -> list[mujoco.MjModel]:
     places = {id(binary): run for run, binary in enumerate(request["models"])}
     made = {key: model_of(request, run, *without) for key, run in places.items()}
     return [made[id(binary)] for binary in request["models"]]
+
+
+def of_each(
+    request: dict[str, Any], tell: Callable[..., dict[str, Any]], tick: Callable[[], None]
+) -> dict[str, list[Any]]:
+    """Return by name what is told of each run, one after the other: `tell(request, run, tick)`."""
+    runs = [tell(request, run, tick) for run in range(len(request["models"]))]
+    return {name: [each[name] for each in runs] for name in runs[0]}
 
 
 def start_of(request: dict[str, Any], run: int, model: mujoco.MjModel) -> mujoco.MjData:
