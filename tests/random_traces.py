@@ -3,10 +3,27 @@
 from typing import Any
 
 import numpy as np
+from hypothesis import strategies as st
 
 from contactlab.contact.trace_arrays import FOUND, SLOT_WIDTH, PairSeries, PairTrace, Trace
 
 SPECIALS = (np.nan, np.inf, -np.inf, 0.0, -0.0, 5e-324, 1.7976931348623157e308)
+
+
+def trace_sizes(steps: int, runs: int) -> st.SearchStrategy[dict[str, Any]]:
+    """Return what draws the arguments of a random trace, of so many steps and runs at most."""
+    return st.fixed_dictionaries(
+        {
+            "nq": st.integers(0, 9),
+            "nv": st.integers(0, 9),
+            "pairs": st.lists(st.text("abc-/ é%", max_size=5), unique=True, max_size=3).map(tuple),
+            "slots": st.integers(0, 4),
+            "steps": st.integers(0, steps),
+            "runs": st.integers(1, runs),
+            "momentum": st.booleans(),
+            "seed": st.integers(0, 2**32 - 1),
+        }
+    )
 
 
 class Sampler:

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from tests.random_traces import trace_sizes
 from tests.written_traces import TraceExtras, assert_viewable
 
 from contactlab.contact.trace_arrays import PairSeries, Trace
@@ -26,23 +27,10 @@ from contactlab.store.mcap.trace_writer import encode_trace
 MakeTrace = Callable[..., tuple[Trace, list[PairSeries]]]
 HEAD = struct.Struct("<IId")
 
-SIZES = st.fixed_dictionaries(
-    {
-        "nq": st.integers(0, 9),
-        "nv": st.integers(0, 9),
-        "pairs": st.lists(st.text("abc-/ é%", max_size=5), unique=True, max_size=3).map(tuple),
-        "slots": st.integers(0, 4),
-        "steps": st.integers(0, 30),
-        "runs": st.integers(1, 2),
-        "momentum": st.booleans(),
-        "seed": st.integers(0, 2**32 - 1),
-    }
-)
-
 
 @settings(max_examples=80, deadline=None)
 @given(
-    sizes=SIZES,
+    sizes=trace_sizes(steps=30, runs=2),
     block_size=st.sampled_from([1, 700, compact_blocks.BLOCK_SIZE]),
     chunk_size=st.sampled_from([1, 700, file_parts.CHUNK_SIZE]),
 )

@@ -17,6 +17,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.reader import make_reader
 from mcap.writer import Writer
+from tests.random_traces import trace_sizes
 from tests.written_traces import TraceExtras, write_trace
 
 from contactlab.contact.trace_arrays import FOUND, PairSeries, Trace
@@ -26,19 +27,6 @@ from contactlab.store.mcap import file_parts
 from contactlab.store.mcap.trace_reader import StoredTrace, read_trace
 
 MakeTrace = Callable[..., tuple[Trace, list[PairSeries]]]
-
-SIZES = st.fixed_dictionaries(
-    {
-        "nq": st.integers(0, 9),
-        "nv": st.integers(0, 9),
-        "pairs": st.lists(st.text("abc-/ é%", max_size=5), unique=True, max_size=3).map(tuple),
-        "slots": st.integers(0, 4),
-        "steps": st.integers(0, 9),
-        "runs": st.integers(1, 3),
-        "momentum": st.booleans(),
-        "seed": st.integers(0, 2**32 - 1),
-    }
-)
 
 
 def assert_stored(stored: StoredTrace, trace: Trace, run: int, series: list[PairSeries]) -> None:
@@ -71,7 +59,7 @@ def assert_stored(stored: StoredTrace, trace: Trace, run: int, series: list[Pair
 
 @settings(max_examples=60, deadline=None)
 @given(
-    sizes=SIZES,
+    sizes=trace_sizes(steps=9, runs=3),
     chunk_size=st.sampled_from([1, 700, file_parts.CHUNK_SIZE]),
     form=st.sampled_from(["messages", "compact"]),
 )
