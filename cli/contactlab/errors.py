@@ -43,6 +43,10 @@ class EngineError(ContactlabError):
     """An engine, or a version of it, is not available or cannot run this."""
 
 
+class CompilerError(ContactlabError):
+    """There is no C compiler, or what it made cannot be kept."""
+
+
 class PluginError(ContactlabError):
     """A plug-in cannot be loaded, or adds a name that exists already."""
 

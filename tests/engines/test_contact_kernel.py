@@ -17,7 +17,7 @@ from contactlab.contact.trace_arrays import Trace
 from contactlab.engines import ENGINES, Buffers, PreparedRuns, Rollout, contact_kernel
 from contactlab.engines.contact_kernel import compiled_kernel
 from contactlab.engines.rollout_trace import make_trace
-from contactlab.errors import EngineError
+from contactlab.errors import CompilerError
 from contactlab.plan.overrides import Overrides
 from contactlab.run.sweep_request import SweepRequest, read_request
 from contactlab.run.sweep_runner import run_sweep
@@ -62,7 +62,7 @@ def kernel() -> contact_kernel.Kernel:
     """Return the kernel, where there is a compiler."""
     try:
         compiled_kernel()
-    except EngineError as error:
+    except CompilerError as error:
         pytest.skip(str(error))
     loaded = contact_kernel.load_kernel()
     assert isinstance(loaded, contact_kernel.Kernel)
@@ -224,7 +224,7 @@ def test_without_a_compiler_sensors_record(tmp_path: Path, monkeypatch: pytest.M
     monkeypatch.setenv("PATH", str(tmp_path))
     monkeypatch.setenv("CC", "")
     monkeypatch.setattr("importlib.util.find_spec", lambda _name: None)
-    with pytest.raises(EngineError, match="no C compiler"):
+    with pytest.raises(CompilerError, match="no C compiler"):
         compiled_kernel()
     assert_same_bits(runs_of(Scene.open("ball_drop"), {}), monkeypatch, read=False)
     assert [*(tmp_path / "contactlab").iterdir()] == []
@@ -255,7 +255,7 @@ def test_a_compiler_that_fails_is_left_aside(
     monkeypatch.setenv("PATH", str(tmp_path))
     monkeypatch.setenv("CC", "/bin/false --never")
     monkeypatch.setattr("importlib.util.find_spec", lambda _name: None)
-    with pytest.raises(EngineError, match="/bin/false"):
+    with pytest.raises(CompilerError, match="/bin/false"):
         compiled_kernel()
     assert "/bin/false" in str(contact_kernel.load_kernel())
 
@@ -266,7 +266,7 @@ def test_a_cache_that_others_may_write_is_not_trusted(
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     (tmp_path / "contactlab").mkdir()
     (tmp_path / "contactlab").chmod(0o777)
-    with pytest.raises(EngineError, match="others may write"):
+    with pytest.raises(CompilerError, match="others may write"):
         compiled_kernel()
 
 

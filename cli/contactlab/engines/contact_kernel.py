@@ -9,15 +9,6 @@ Without a compiler, under policies, for what sleeps and with CONTACTLAB_KERNEL=o
 """
 
 import ctypes
-import hashlib
-import importlib.util
-import os
-import platform
-import shlex
-import shutil
-import subprocess
-import sys
-import tempfile
 import warnings
 from collections.abc import Mapping
 from dataclasses import replace
@@ -32,14 +23,12 @@ from contactlab.contact.trace_arrays import FOUND, SLOT_WIDTH, Floats
 from contactlab.engines.engine import Buffers, PreparedRuns, Proceed, Rollout, Watch
 from contactlab.engines.mujoco_batch import PERSISTENT, STATE, BatchStepper, roll_out
 from contactlab.engines.step_work import FORCES
-from contactlab.errors import EngineError
-from contactlab.resources import user_cache
+from contactlab.errors import CompilerError, EngineError
+from contactlab.native import compiled, is_wanted
 from contactlab.scene.compile_model import PREFIX
 from contactlab.scene.mujoco_versions import VERSION, has_batch, library_file
 
 _SOURCE = Path(__file__).with_suffix(".c")
-_FLAGS = ("-std=c11", "-O2", "-fPIC", "-shared", "-ffp-contract=off")
-_MOST_SECONDS = 120  # A compiler that takes longer hangs.
 _CHECKED_STEPS = 64  # after the first contact of a run that is compared with sensors
 _OFF = int(mujoco.mjtDisableBit.mjDSBL_SENSOR)
 _POINTER, _INT = ctypes.c_void_p, ctypes.c_int
@@ -164,7 +153,7 @@ def _agrees(runs: PreparedRuns, rollout: Rollout) -> bool:
 
 def usable_kernel() -> Kernel | None:
     """Return the kernel, unless it is turned off, cannot be had, or failed in this process."""
-    kernel = "" if os.environ.get("CONTACTLAB_KERNEL") == "off" else load_kernel()
+    kernel = load_kernel() if is_wanted() else ""
     return None if isinstance(kernel, str) or kernel.failed else kernel
 
 
@@ -173,50 +162,18 @@ def load_kernel() -> Kernel | str:
     """Return the kernel, compiled if it is not in the user's cache, or why it cannot be had."""
     try:
         return Kernel() if has_batch() else ""
-    except (EngineError, OSError) as error:
+    except (CompilerError, OSError) as error:
         return str(error)
 
 
 def reason_for_sensors() -> str:
     """Return why sensors record although a kernel could; empty if one does, or is turned off."""
-    kernel = "" if os.environ.get("CONTACTLAB_KERNEL") == "off" else load_kernel()
+    kernel = load_kernel() if is_wanted() else ""
     return kernel if isinstance(kernel, str) else ""
 
 
 def compiled_kernel() -> Path:
-    """Return the kernel as a shared library, compiled unless it is in the user's cache.
-
-    An EngineError says why there is none: no compiler, or one that fails, or a cache of others.
-    """
-    command = [*_FLAGS, str(_SOURCE), f"-I{library_file().parent / 'include'}"]
-    key = hashlib.sha256("\0".join([VERSION, platform.platform(), *command]).encode())
-    key.update(_SOURCE.read_bytes())
-    folder = user_cache()
-    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-    if folder.stat().st_uid != os.geteuid() or folder.stat().st_mode & 0o022:
-        raise EngineError(f"others may write to {folder}")
-    target = folder / f"kernel-{VERSION}-{key.hexdigest()[:12]}.so"
-    if target.exists():
-        return target
-    # Two processes may compile it at once; each replaces the file as a whole.
-    with tempfile.TemporaryDirectory(dir=folder) as name:
-        compiled = Path(name) / target.name
-        command = [*_compiler(), *command, str(library_file()), "-o", str(compiled)]
-        try:
-            subprocess.run(  # noqa: S603 - the user's own compiler
-                command, check=True, capture_output=True, timeout=_MOST_SECONDS
-            )
-        except (OSError, subprocess.SubprocessError) as error:
-            raise EngineError(f"no C compiler that works: {error}") from error
-        return compiled.replace(target)
-
-
-def _compiler() -> list[str]:
-    """Return the command that the user named, or the system's, or ziglang's."""
-    if named := shlex.split(os.environ.get("CC", "")):
-        return named
-    if found := shutil.which("cc"):
-        return [found]
-    if importlib.util.find_spec("ziglang"):
-        return [sys.executable, "-m", "ziglang", "cc"]
-    raise EngineError("no C compiler; install cc or contactlab[fast], or set CONTACTLAB_KERNEL=off")
+    """Return the kernel as a shared library; raise a CompilerError that says why there is none."""
+    library = library_file()
+    headers = f"-I{library.parent / 'include'}"
+    return compiled(_SOURCE, headers, str(library), version=VERSION)

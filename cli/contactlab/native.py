@@ -1,0 +1,91 @@
+"""Functions in C: compiled on first use by the user's compiler, kept in the user's cache.
+
+They leave the bits that Python leaves, which takes their place without a compiler and with
+CONTACTLAB_KERNEL=off.
+"""
+
+import ctypes
+import hashlib
+import importlib.util
+import os
+import platform
+import shlex
+import shutil
+import subprocess
+import sys
+import tempfile
+from functools import cache
+from pathlib import Path
+
+from contactlab.errors import CompilerError
+from contactlab.resources import user_cache
+
+# Without fused multiplications, which round once where NumPy rounds twice.
+_FLAGS = ("-std=c11", "-O2", "-fPIC", "-shared", "-ffp-contract=off")
+_MOST_SECONDS = 120  # A compiler that takes longer hangs.
+
+
+def is_wanted() -> bool:
+    """Return whether functions in C may be used."""
+    return os.environ.get("CONTACTLAB_KERNEL") != "off"
+
+
+def functions_of(source: Path) -> ctypes.CDLL | None:
+    """Return the functions of a C file that needs no other library; None where NumPy stays."""
+    return _loaded(source) if is_wanted() else None
+
+
+@cache
+def _loaded(source: Path) -> ctypes.CDLL | None:
+    try:
+        return ctypes.CDLL(str(compiled(source)))
+    except (CompilerError, OSError):
+        return None
+
+
+def compiled(source: Path, *arguments: str, version: str = "") -> Path:
+    """Return a C file as a shared library, compiled unless it is in the user's cache.
+
+    Args:
+        source: the file.
+        arguments: what else the compiler takes: folders of headers, other libraries.
+        version: that of the other libraries, which the name tells.
+
+    Raises:
+        CompilerError: there is no compiler, or it fails, or the cache is of others.
+    """
+    command = [*_FLAGS, str(source), *arguments]
+    key = hashlib.sha256("\0".join([version, platform.platform(), *command]).encode())
+    key.update(source.read_bytes())
+    folder = user_cache()
+    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    if folder.stat().st_uid != os.geteuid() or folder.stat().st_mode & 0o022:
+        raise CompilerError(f"others may write to {folder}")
+    name = "-".join(filter(None, [source.stem, version, key.hexdigest()[:12]]))
+    target = folder / f"{name}.so"
+    if target.exists():
+        return target
+    # Two processes may compile it at once; each replaces the file as a whole.
+    with tempfile.TemporaryDirectory(dir=folder) as made:
+        library = Path(made) / target.name
+        command = [*_compiler(), *command, "-o", str(library)]
+        try:
+            subprocess.run(  # noqa: S603 - the user's own compiler
+                command, check=True, capture_output=True, timeout=_MOST_SECONDS
+            )
+        except (OSError, subprocess.SubprocessError) as error:
+            raise CompilerError(f"no C compiler that works: {error}") from error
+        return library.replace(target)
+
+
+def _compiler() -> list[str]:
+    """Return the command that the user named, or the system's, or ziglang's."""
+    if named := shlex.split(os.environ.get("CC", "")):
+        return named
+    if found := shutil.which("cc"):
+        return [found]
+    if importlib.util.find_spec("ziglang"):
+        return [sys.executable, "-m", "ziglang", "cc"]
+    raise CompilerError(
+        "no C compiler; install cc or contactlab[fast], or set CONTACTLAB_KERNEL=off"
+    )
