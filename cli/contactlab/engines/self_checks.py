@@ -17,8 +17,17 @@ from contactlab.contact.trace_arrays import (
     Trace,
     motion_at_rest,
 )
-from contactlab.engines.engine import Buffers, PreparedRuns, Proceed, Rollout, proceed_always
-from contactlab.engines.mujoco_batch import STATE, driven, roll_out, start_batch
+from contactlab.engines.contact_kernel import roll_out_by_kernel
+from contactlab.engines.engine import (
+    Buffers,
+    PreparedRuns,
+    Proceed,
+    Rollout,
+    no_limit,
+    proceed_always,
+)
+from contactlab.engines.mujoco_batch import STATE, driven, start_batch
+from contactlab.engines.older_mujoco import SimulationError
 from contactlab.engines.rollout_trace import make_trace
 from contactlab.scene.compiled_scene import CompiledScene
 from contactlab.scene.contact_pairs import colliding, may_touch
@@ -82,7 +91,7 @@ def _spread(steps: int, most: int) -> NDArray[np.intp]:
 
 def _repeat(model: mujoco.MjModel, start: InitialStates, steps: int) -> dict[int | str, Floats]:
     """Return states after each step, fwdinv residuals and constraint forces of a second rollout."""
-    checked = copy.copy(model)
+    checked = _without_sensors(model)
     checked.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_FWDINV)
     fields = [int(STATE), "solver_fwdinv", "qfrc_constraint"]
     out = start_batch([checked], start).rollout(
@@ -97,45 +106,74 @@ def _copy(
     """Copy a run, refined and perturbed; return what `SelfChecks` has of it."""
     model, start, steps = runs.models[run], runs.starts.pick(run), trace.steps
     if model.nsensordata * steps > _MOST_NUMBERS:
-        rest = np.full((3, 2, model.nv), motion_at_rest(trace.qvel[run]))
-        rest[1:] = np.nan
-        return trace.select([run]), rest, np.full((3, model.nbody), np.nan)
-    parts = [1 + model.nq, 1 + model.nq + model.nv]
-    rollout = roll_out([_refined(model)], start, REFINEMENT * steps, buffers)
+        return trace.select([run]), *_uncompared(model, motion_at_rest(trace.qvel[run]))
+    moving = slice(1 + model.nq, 1 + model.nq + model.nv)
+    rollout = _refined(runs, run, steps, buffers)
     complete = rollout.steps[0] == REFINEMENT * steps
-    finer = motion_at_rest(rollout.state[0, :, slice(*parts)])
+    finer = motion_at_rest(rollout.state[0, :, moving])
     refined = make_trace(runs.base, [runs.prepared[run]], _thinned(rollout))
     noise = np.random.default_rng(0).standard_normal(start.qvel.shape)
-    nearby = start._replace(qvel=start.qvel + _PERTURBATION * noise)
-    rollout = roll_out([model], nearby, steps, buffers)
-    _, qpos, qvel, _ = np.split(rollout.state[0], [1, *parts], axis=1)
-    rest = np.stack((motion_at_rest(trace.qvel[run]), finer, motion_at_rest(qvel)))
-    paths = trace.qpos[run], refined.qpos[0], qpos
-    travel = np.stack([_travel(model, each) for each in paths])
-    if not complete or rollout.steps[0] < steps:
-        rest[1:] = travel[:] = np.nan
-    return refined, rest, travel
+    nearby = _states(model, start._replace(qvel=start.qvel + _PERTURBATION * noise), steps)
+    if nearby is None or not complete:
+        return refined, *_uncompared(model, motion_at_rest(trace.qvel[run]))
+    rest = motion_at_rest(trace.qvel[run]), finer, motion_at_rest(nearby[:, moving])
+    paths = trace.qpos[run], refined.qpos[0], nearby[:, 1 : moving.start]
+    return refined, np.stack(rest), np.stack([_travel(model, each) for each in paths])
 
 
-def _refined(model: mujoco.MjModel) -> mujoco.MjModel:
-    """Return a model at a quarter of its step, with a solver that goes on until it is done."""
-    refined, option = copy.copy(model), model.opt
+def _uncompared(model: mujoco.MjModel, own: Floats) -> tuple[Floats, Floats]:
+    """Return what `SelfChecks` has of rest and travel where copies say nothing of them."""
+    none = np.full_like(own, np.nan)
+    return np.stack((own, none, none)), np.full((3, model.nbody), np.nan)
+
+
+def _refined(runs: PreparedRuns, run: int, steps: int, buffers: Buffers) -> Rollout:
+    """Roll a run out at a quarter of its step, with a solver that goes on until it is done."""
+    prepared = runs.prepared[run]
+    refined, option = copy.copy(prepared.model), prepared.model.opt
     refined.opt.timestep = option.timestep / REFINEMENT
     refined.opt.iterations = max(option.iterations, _FEWEST_ITERATIONS)
     refined.opt.ls_iterations = max(option.ls_iterations, _FEWEST_LINE_SEARCHES)
     refined.opt.tolerance = min(option.tolerance, _REFINED_TOLERANCE)
-    return refined
+    alone = replace(prepared, model=refined)
+    finer = replace(runs.rows([run]), prepared=[alone], steps=REFINEMENT * steps)
+    return roll_out_by_kernel(finer, buffers, no_limit, proceed_always)
+
+
+def _without_sensors(model: mujoco.MjModel) -> mujoco.MjModel:
+    """Return a copy of a model that measures nothing as it steps."""
+    alone = copy.copy(model)
+    alone.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_SENSOR)
+    return alone
+
+
+def _states(model: mujoco.MjModel, start: InitialStates, steps: int) -> Floats | None:
+    """Return (N + 1, nstate) the states of a rollout; None if it does not complete."""
+    alone = _without_sensors(model)
+    inputs = driven(alone, start, 0, steps)
+    try:
+        out = start_batch([alone], start).rollout(steps, record=[int(STATE)], **inputs)
+    except SimulationError:
+        return None
+    first = np.concatenate(([0.0], start.qpos[0], start.qvel[0], start.act[0]))
+    states = np.vstack((first, out[int(STATE)][0]))
+    return states if (np.diff(states[:, 0]) > 0).all() else None
 
 
 def _thinned(rollout: Rollout) -> Rollout:
     """Return what a refined copy did in the steps of its run, in memory of its own."""
     names, work, given = ("state", "sensors", "iterations"), rollout.work, rollout.given
     rows = {name: getattr(rollout, name)[:, ::REFINEMENT].copy() for name in names}
+    # Those of pairs that never touch are one view of zeros.
+    slots = rollout.slots and tuple(
+        each[:, ::REFINEMENT].copy() if each.strides[0] else each[:, ::REFINEMENT]
+        for each in rollout.slots
+    )
     if work is not None:
         work = work.reshape(1, -1, REFINEMENT, 3).sum(axis=2)
     if given is not None:
         given = np.concatenate((given[:, :2] // REFINEMENT, given[:, 2:]), axis=1)
-    return replace(rollout, **rows, work=work, given=given)
+    return replace(rollout, **rows, slots=slots, work=work, given=given)
 
 
 def _travel(model: mujoco.MjModel, path: Floats) -> Floats:
