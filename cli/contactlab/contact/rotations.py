@@ -10,9 +10,15 @@ from contactlab.contact.trace_arrays import Floats
 
 def rotate(quaternion: Floats, vector: Floats) -> Floats:
     """Return vectors (..., 3) turned by quaternions (..., 4): body to world."""
-    scalar, axis = quaternion[..., :1], quaternion[..., 1:]
-    twice = 2 * np.cross(axis, vector)
-    return vector + scalar * twice + np.cross(axis, twice)
+    scalar, a, b, c = (quaternion[..., place] for place in range(4))
+    x, y, z = (vector[..., place] for place in range(3))
+    # Cross products by components, since NumPy's takes three times as long.
+    p, q, r = 2 * (b * z - c * y), 2 * (c * x - a * z), 2 * (a * y - b * x)
+    turned = np.empty((*np.shape(scalar + x), 3))
+    turned[..., 0] = x + scalar * p + (b * r - c * q)
+    turned[..., 1] = y + scalar * q + (c * p - a * r)
+    turned[..., 2] = z + scalar * r + (a * q - b * p)
+    return turned
 
 
 def rotate_back(quaternion: Floats, vector: Floats) -> Floats:
