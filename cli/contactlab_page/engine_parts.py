@@ -83,22 +83,20 @@ def _read(path: Path, data: ReportData) -> ParityReport:
 
 def _engine_codes(data: ReportData) -> dict[str, Codes]:
     """Return the rows of each engine's runs, MuJoCo's first."""
-    names = data.store.columns.strings("engine_name")
-    found = {
-        name: np.flatnonzero(names.codes == code) for code, name in enumerate(names.categories)
-    }
+    names = data.store.columns.coded("engine_name")
+    found = {name: np.flatnonzero(names.codes == code) for code, name in enumerate(names.values)}
     return {each: found[each] for each in sorted(found, key=lambda name: name != _REFERENCE)}
 
 
 def _costs(data: ReportData, rows: dict[str, Codes]) -> Iterator[EngineCost]:
     columns, failed = data.store.columns, data.labels.failed
-    versions, values = columns.strings("engine_version"), columns.numbers("cost_cpu_per_sim_s")[0]
+    versions, values = columns.coded("engine_version"), columns.numbers("cost_cpu_per_sim_s")[0]
     first = math.nan
     for name, own in rows.items():
         told = values[own][np.isfinite(values[own])]
         cost = float(np.median(told)) if len(told) else math.nan
         first = cost if math.isnan(first) else first
-        version = versions.categories[versions.codes[own[0]]]
+        version = versions.values[versions.codes[own[0]]]
         stable = len(own) - int(failed[own].sum())
         yield EngineCost(name, version, len(own), stable, cost, cost / first)
 

@@ -12,6 +12,7 @@ from contactlab.run.sweep_request import read_request
 from contactlab.run.sweep_runner import run_sweep
 from contactlab.schema.tradeoff_report import ErrorMeasure, TimeMeasure, TradeoffReport
 from contactlab.store.finished_store import Store
+from contactlab.store.run_columns import CodedColumn
 
 Rows = Sequence[dict[str, Any]]
 SWEEP = """
@@ -32,15 +33,20 @@ trace: none
 _FIXED = ("seed", "label", "scenario")
 
 
+def coded(values: Sequence[Any]) -> CodedColumn:
+    """Return a column of n values."""
+    known = list(dict.fromkeys(values))
+    return CodedColumn(np.array([known.index(each) for each in values]), tuple(known))
+
+
 def make_runs(rows: Rows, knobs: Sequence[str] = ("timestep",)) -> StoredRuns:
     """Return runs of which each row names its knobs, seed, label, scenario and numbers."""
     numbers = dict.fromkeys(name for row in rows for name in row)
     return StoredRuns(
-        ids=[f"{index:016x}" for index in range(len(rows))],
-        knobs={name: [row[name] for row in rows] for name in knobs},
-        scenarios={"scenario": [row.get("scenario", 0) for row in rows]},
-        seeds=[row.get("seed", 0) for row in rows],
-        labels=[row.get("label", "stable") for row in rows],
+        knobs={name: coded([row[name] for row in rows]) for name in knobs},
+        scenarios={"scenario": coded([row.get("scenario", 0) for row in rows])},
+        seeds=coded([row.get("seed", 0) for row in rows]),
+        labels=coded([row.get("label", "stable") for row in rows]),
         numbers={
             name: np.array([row.get(name, np.nan) for row in rows], dtype=float)
             for name in numbers

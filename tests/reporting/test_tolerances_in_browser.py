@@ -21,6 +21,7 @@ from contactlab.pareto.recommendation import (
 )
 from contactlab.schema.tradeoff_report import ErrorMeasure, TimeMeasure, TradeoffReport
 from contactlab.store.finished_store import Store
+from contactlab.store.run_columns import CodedColumn
 
 Swept = Callable[[str], Store]
 Reported = Callable[[str], Path]
@@ -91,11 +92,13 @@ def random_runs(rng: np.random.Generator) -> StoredRuns:
         for name, row in zip(("error", "time", "depth"), coarse, strict=True)
     }
     return StoredRuns(
-        ids=[str(index) for index in range(count)],
-        knobs={"knob": list(range(count)), "odd": [number % 2 for number in range(count)]},
+        knobs={
+            "knob": CodedColumn(np.arange(count), tuple(range(count))),
+            "odd": CodedColumn(np.arange(count) % 2, (0, 1)),
+        },
         scenarios={},
-        seeds=[0] * count,
-        labels=rng.choice(["stable", "chatter"], count, p=[0.8, 0.2]).tolist(),
+        seeds=CodedColumn(np.zeros(count, dtype=np.int64), (0,)),
+        labels=CodedColumn(rng.choice(2, count, p=[0.8, 0.2]), ("stable", "chatter")),
         numbers=numbers,
     )
 
@@ -130,8 +133,8 @@ def test_random_configurations_are_evaluated_as_tradeoff_does(browser: Any) -> N
         expected.append(
             [
                 [each.summary.feasible for each in found],
-                *([each.rows[0] for each in chosen] for chosen in best),
-                [each.rows[0] for each in feasible_front(found)],
+                *([int(each.rows[0]) for each in chosen] for chosen in best),
+                [int(each.rows[0]) for each in feasible_front(found)],
             ]
         )
     page = browser.new_page()

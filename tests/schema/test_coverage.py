@@ -24,6 +24,13 @@ def test_one_run_that_does_it_is_enough() -> None:
     assert exercised(STUCK, SLID).lack(["friction"]) is None
 
 
+def test_no_row_is_read_once_one_did_what_is_asked_about() -> None:
+    texts = (each.model_dump_json(exclude_defaults=True) for each in (STILL, MOVED, STUCK))
+    rows = ({"coverage": text, "drive": None} for text in texts)
+    assert Exercised.of(rows, enough=["actuation"]).lack(["actuation"]) is None
+    assert len([*rows]) <= 1, "the first did not, the second did"
+
+
 def test_an_exercise_that_did_not_do_it_asks_for_a_file() -> None:
     said = exercised(STUCK, drive='"exercise"').lack(["friction"])
     assert said == (

@@ -26,9 +26,15 @@ def test_columns_are_the_rows(store: Path) -> None:
     nothing = columns.numbers("gain")
     assert np.isnan(nothing.values).all()
     assert not nothing.valid.any()
-    codes, words = columns.strings("label")
-    assert [words[code] for code in codes] == [row["label"] for row in rows]
-    assert columns.strings("status_reason").codes.tolist() == [-1, -1, -1]
+    for name in ("label", "timestep", "status_reason"):
+        codes, values = columns.coded(name)
+        assert [values[code] for code in codes] == [row[name] for row in rows]
+        assert len({*values}) == len(values)
+    assert [columns.run_id(place) for place in range(3)] == [row["run_id"] for row in rows]
+    assert [columns.place_of(row["run_id"]) for row in rows] == [0, 1, 2]
+    assert columns.place_of("none") is None
+    distinct = [tuple(row.values()) for row in columns.distinct(["label", "seed"])]
+    assert {*distinct} == {(row["label"], row["seed"]) for row in rows}
     assert columns.byte_strings("run_id").tolist() == [row["run_id"].encode() for row in rows]
     assert columns.identify([2, 0]) == [
         {name: rows[place][name] for name in ("run_id", "seed", "timestep")} for place in (2, 0)

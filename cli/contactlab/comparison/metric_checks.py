@@ -304,8 +304,8 @@ def _sample(paired: PairedStores, runs: int, engines: frozenset[str]) -> list[in
     through = np.ones(len(paired.pairing.baseline), dtype=np.bool_)
     for store, own in paired.sides:
         for column, wanted in (("status", {"ok"}), ("engine_name", engines)):
-            codes, words = store.columns.strings(column)
-            through &= np.array([*(word in wanted for word in words), False])[codes[own]]
+            codes, words = store.columns.coded(column)
+            through &= np.array([word in wanted for word in words])[codes[own]]
     good = np.flatnonzero(through)
     count = min(runs, len(good))
     return good[np.linspace(0, len(good) - 1, count).round().astype(int)].tolist()

@@ -86,14 +86,13 @@ def _codes(stores: Sequence[Store], axis: str) -> tuple[NDArray[np.int64], Seque
         values = np.concatenate([rounded(each.columns.numbers(axis).values) for each in stores])
         distinct, codes = np.unique(values, return_inverse=True)
         return codes, distinct.tolist()
-    known: dict[str, int] = {}
+    known: dict[str | None, int] = {None: 0}
     parts: list[NDArray[np.int64]] = []
     for each in stores:
-        codes, words = each.columns.strings(axis)
-        numbers = [known.setdefault(word, len(known) + 1) for word in words]
-        # Runs without a value have code -1, and so the last number.
-        parts.append(np.array([*numbers, 0], dtype=np.int64)[codes])
-    return np.concatenate(parts), ["none", *known]
+        codes, words = each.columns.coded(axis)
+        numbers = [known.setdefault(word, len(known)) for word in words]
+        parts.append(np.array(numbers, dtype=np.int64)[codes])
+    return np.concatenate(parts), ["none" if word is None else word for word in known]
 
 
 def _refuse_repeated(store: Store, role: str, keys: NDArray[np.int64]) -> None:
@@ -183,7 +182,7 @@ class PairedStores:
 
     def labels(self, store: Store) -> NDArray[np.int64]:
         """Return (n,) the worst label of each pair's run in one store, as its index in `ranks`."""
-        codes, words = store.columns.strings("label")
+        codes, words = store.columns.coded("label")
         indices = np.array([self.ranks.index(word) for word in words], dtype=np.int64)
         return indices[codes[self._rows(store)]]
 

@@ -9,10 +9,13 @@ from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import Floats
 from contactlab.pareto.configurations import (
+    ESTIMATES,
+    STABLE,
     Evaluated,
     ResolvedCriteria,
     StoredRuns,
     evaluate,
+    group_runs,
     idle_knobs,
     is_chaotic,
     magnitudes,
@@ -83,8 +86,8 @@ def analyse(store: Store, criteria: Criteria = _DEFAULT) -> TradeoffReport:
         front=tuple(_point(each.summary) for each in front),
         unconstrained_front=tuple(_point(summaries[index]) for index in front_of(summaries)),
         methods=tuple(methods(alike, is_modelling=is_modelling)),
-        recommendation=_recommendation(runs, chosen),
-        robust=_recommendation(runs, safe),
+        recommendation=_recommendation(store, chosen),
+        robust=_recommendation(store, safe),
         next_step=_next_step(feasible_front(possible), best) if best else None,
         blockers=tuple(_blockers(evaluated)),
         notes=(),
@@ -100,18 +103,15 @@ _COVERAGE = ("coverage", "drive")
 def _not_exercised(store: Store, runs: StoredRuns) -> Iterator[str]:
     """Yield which swept knobs concern what no run exercised, so that their values say nothing."""
     concerned: dict[Feature, list[str]] = {}
-    for name, values in runs.knobs.items():
-        if len(values) > 1 and (feature := feature_of(name)):
+    for name, knob in runs.knobs.items():
+        if len(knob.values) > 1 and (feature := feature_of(name)):
             concerned.setdefault(feature, []).append(name)
     if not concerned:
         return
     # Older stores have neither.
     known = [name for name in _COVERAGE if name in store.columns.schema.names]
-    rows: list[dict[str, object]] = [{}]
-    if known:
-        table = store.columns.arrow(known)
-        rows = table.group_by(known, use_threads=False).aggregate([]).to_pylist()
-    exercised = Exercised.of(rows)
+    rows = store.columns.distinct(known) if known else [dict[str, object]()]
+    exercised = Exercised.of(rows, enough=concerned.keys())
     for feature, names in concerned.items():
         if lack := exercised.lack([feature]):
             yield f"{', '.join(names)}: not exercised: {lack}"
@@ -121,14 +121,14 @@ def _point(summary: Configuration) -> FrontPoint:
     return FrontPoint(**summary.model_dump(include={*FrontPoint.model_fields}))
 
 
-def _recommendation(runs: StoredRuns, near: Sequence[Evaluated]) -> Recommendation | None:
+def _recommendation(store: Store, near: Sequence[Evaluated]) -> Recommendation | None:
     if not near:
         return None
     chosen, *others = near
     return Recommendation(
         **chosen.summary.model_dump(include={*Recommendation.model_fields}),
         equally_fast=tuple(each.values for each in others),
-        run_id=runs.ids[chosen.rows[0]],
+        run_id=store.columns.run_id(int(chosen.rows[0])),
     )
 
 
@@ -209,7 +209,7 @@ def _notes(
 
 def _edge_notes(chosen: Mapping[str, Setting], runs: StoredRuns) -> Iterator[str]:
     for name, value in chosen.items():
-        values = {each for each in runs.knobs[name] if isinstance(each, int | float)}
+        values = (each for each in runs.knobs[name].values if isinstance(each, int | float))
         numbers = sorted(each for each in values if not isinstance(each, bool))
         if len(numbers) > 2 and value in (numbers[0], numbers[-1]):
             end = "smallest" if value == numbers[0] else "largest"
@@ -230,15 +230,24 @@ class ToleranceTable:
 
 def tolerance_table(store: Store, report: TradeoffReport, names: Sequence[str]) -> ToleranceTable:
     """Return the table from which other tolerances of these metrics can be evaluated."""
-    runs = read_runs(store, (report.error.name, report.time.name, *names))
-    evaluated = evaluate(runs, ResolvedCriteria(report.error, report.time, {}))
-    order = np.concatenate([each.rows for each in evaluated])
-    counts = np.array([len(each.rows) for each in evaluated])
+    groups, columns = group_runs(read_runs(store, ())), store.columns
+    order = np.concatenate(groups.rows)
+    counts = np.array([len(each) for each in groups.rows])
     configuration = np.empty(len(order), dtype=np.int64)
-    configuration[order] = np.repeat(np.arange(len(evaluated)), counts)
+    configuration[order] = np.repeat(np.arange(len(counts)), counts)
     starts = np.cumsum(counts) - counts
+
+    def worst(name: str) -> Floats:
+        names = {name, ESTIMATES.get(name, name)} & {*columns.schema.names}
+        numbers = {each: columns.numbers(each).values for each in names}
+        return np.maximum.reduceat(magnitudes(numbers, order, name), starts)
+
+    is_sound = [
+        each.time is not None and each.outcomes.labels.keys() <= {STABLE}
+        for each in report.configurations
+    ]
     return ToleranceTable(
         configuration=configuration,
-        worst={name: np.maximum.reduceat(magnitudes(runs, order, name), starts) for name in names},
-        otherwise_feasible=np.array([each.summary.feasible for each in evaluated]),
+        worst={name: worst(name) for name in names},
+        otherwise_feasible=np.array(is_sound) & (groups.cases == groups.every),
     )

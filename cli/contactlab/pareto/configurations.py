@@ -21,12 +21,13 @@ from contactlab.schema.tradeoff_report import (
 )
 from contactlab.schema.vocabulary import Role
 from contactlab.store.finished_store import Store
+from contactlab.store.run_columns import CodedColumn
 
 _Z = 1.959963984540054  # 97.5 % quantile of the normal distribution
 
 _UNCHANGED = 1.01  # ratio of errors within which a knob counts as idle
 
-_STABLE = "stable"
+STABLE = "stable"
 
 # Columns of the timing and accuracy passes that a trade-off reads, where they exist.
 _PASS_COLUMNS = ("step_p99", "impacts")
@@ -38,21 +39,21 @@ ESTIMATES = {
 }
 _FLAGS = ("chaotic", "solref_clamped")
 _SOLREF_RULE = "solref_rule"
-_FIXED = ("run_id", "seed", "label")
+_MOST_KEYS = 1 << 62
+Rows = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
 class StoredRuns:
     """The runs of a store, n of them."""
 
-    ids: list[str]
-    knobs: Mapping[str, Sequence[Setting]]  # axis to its n values, of the axes with the role knob
-    scenarios: Mapping[str, Sequence[Setting]]  # the same of the axes with the role scenario
-    seeds: Sequence[int]
-    labels: list[str]
+    knobs: Mapping[str, CodedColumn]  # the axes with the role knob
+    scenarios: Mapping[str, CodedColumn]  # the axes with the role scenario
+    seeds: CodedColumn
+    labels: CodedColumn
     numbers: Mapping[str, Floats]  # column to (n,) values, in their units; NaN where there is none
     # Whether solref is absolute or tied to the timestep; empty if unknown.
-    solref_rules: tuple[str, ...] = ()
+    solref_rules: tuple[str | None, ...] = ()
     baseline: int | None = None  # a run of the model as written, if there is one, by its place
     written: Mapping[str, Setting] | None = None  # option to its value there
 
@@ -64,26 +65,23 @@ def read_runs(store: Store, names: Iterable[str]) -> StoredRuns:
     names = [*required, *_PASS_COLUMNS, *ESTIMATES.values(), *_FLAGS]
     present = columns.schema.names
     roles = Sweep.model_validate(store.manifest.sweep.resolved).roles
-    values = columns.to_pydict(list(dict.fromkeys((*_FIXED, *columns.axis_names))))
 
-    def of(kind: Role) -> dict[str, list[Setting]]:
-        return {
-            name: values[name] for name in columns.axis_names if roles.get(name, "knob") == kind
-        }
+    def of(kind: Role) -> dict[str, CodedColumn]:
+        swept = [name for name in columns.axis_names if roles.get(name, "knob") == kind]
+        return {name: columns.coded(name) for name in swept}
 
-    first = store.manifest.sweep.baseline or ""
-    known = first in values["run_id"]
+    first = store.manifest.sweep.baseline
+    place = None if first is None else columns.place_of(first)
     return StoredRuns(
-        ids=values["run_id"],
         knobs=of("knob"),
         scenarios=of("scenario"),
-        seeds=values["seed"],
-        labels=values["label"],
-        numbers=dict.fromkeys(required, np.full(len(values["run_id"]), np.nan))
+        seeds=columns.coded("seed"),
+        labels=columns.coded("label"),
+        numbers=dict.fromkeys(required, np.broadcast_to(np.nan, columns.runs))
         | {name: columns.numbers(name).values for name in names if name in present},
-        solref_rules=columns.strings(_SOLREF_RULE).categories if _SOLREF_RULE in present else (),
-        baseline=values["run_id"].index(first) if known else None,
-        written=_options_of(store.record(first)) if known else None,
+        solref_rules=columns.coded(_SOLREF_RULE).values if _SOLREF_RULE in present else (),
+        baseline=place,
+        written=None if place is None else _options_of(store.record(columns.run_id(place))),
     )
 
 
@@ -98,8 +96,38 @@ def is_chaotic(runs: StoredRuns) -> bool:
     return bool((runs.numbers["chaotic"] > 0).any()) if "chaotic" in runs.numbers else False
 
 
-def _rows(columns: Mapping[str, Sequence[Setting]], count: int) -> Iterable[tuple[Setting, ...]]:
-    return zip(*columns.values(), strict=True) if columns else [()] * count
+@dataclass(frozen=True)
+class GroupedRuns:
+    """The runs of c configurations, the model as written first, then in the order of the plan."""
+
+    rows: list[Rows]  # the runs of each
+    cases: Rows  # (c,) in how many scenarios and seeds each was run
+    every: int  # in how many any of them was
+
+
+def group_runs(runs: StoredRuns) -> GroupedRuns:
+    """Return the runs of each configuration."""
+    member = _combinations([*runs.knobs.values()], len(runs.seeds.codes))
+    if runs.baseline is not None:
+        now = member[runs.baseline]
+        member = np.where(member == now, 0, member + (member < now))
+    case = _combinations([*runs.scenarios.values(), runs.seeds], len(member))
+    every = int(case.max()) + 1
+    pairs = np.sort(member * every + case)
+    cases = np.bincount(pairs[np.diff(pairs, prepend=-1) > 0] // every)
+    ends = np.bincount(member).cumsum()
+    return GroupedRuns(np.split(np.argsort(member, kind="stable"), ends[:-1]), cases, every)
+
+
+def _combinations(columns: Sequence[CodedColumn], count: int) -> Rows:
+    """Return (n,) which combination of values each run has, counted as they first occur."""
+    keys, size = np.zeros(count, dtype=np.int64), 1
+    for codes, values in columns:
+        if size * len(values) > _MOST_KEYS:
+            keys, size = np.unique(keys, return_inverse=True)[1], count
+        keys, size = keys * len(values) + codes, size * len(values)
+    _, first, keys = np.unique(keys, return_index=True, return_inverse=True)
+    return np.argsort(np.argsort(first))[keys]
 
 
 def wilson(good: int, runs: int) -> tuple[float, float]:
@@ -129,7 +157,7 @@ class Evaluated:
     """One configuration."""
 
     summary: Configuration
-    rows: list[int]  # indices of its runs in `StoredRuns`
+    rows: Rows  # indices of its runs in `StoredRuns`
     cases: int  # in how many scenarios and seeds it was run
     estimate: float  # uncertainty of the reference of its error, in the error's unit; 0 without one
     impacts: float  # largest number of impacts in any of its runs
@@ -152,40 +180,35 @@ def evaluate(runs: StoredRuns, criteria: ResolvedCriteria) -> list[Evaluated]:
     A configuration is feasible if it was run in every scenario and seed that any other was run in,
     has no failure label in any of them, meets every tolerance in the worst of them, and was timed.
     """
-    keys = list(_rows(runs.knobs, len(runs.ids)))
-    now = None if runs.baseline is None else keys[runs.baseline]
-    members: dict[tuple[Setting, ...], list[int]] = {} if now is None else {now: []}
-    for row, key in enumerate(keys):
-        members.setdefault(key, []).append(row)
-    cases = list(_rows({**runs.scenarios, "seed": runs.seeds}, len(runs.ids)))
-    every = len(set(cases))
-    found: list[Evaluated] = []
-    for key, rows in members.items():
-        values, own = dict(zip(runs.knobs, key, strict=True)), len({cases[row] for row in rows})
-        if key == now and runs.written:
-            # What others leave to the scene as well is the same there.
-            empty = [name for name, each in runs.knobs.items() if each.count(None) == len(rows)]
-            values |= {name: runs.written.get(name) for name in empty if values[name] is None}
-        found.append(_evaluate_one(runs, values, rows, criteria, own, every))
+    groups, found = group_runs(runs), list[Evaluated]()
+    for rows, cases in zip(groups.rows, groups.cases.tolist(), strict=True):
+        values = {name: each[codes[rows[0]]] for name, (codes, each) in runs.knobs.items()}
+        if runs.written and not found:
+            for name, (codes, each) in runs.knobs.items():
+                # What others leave to the scene as well is the same there.
+                if values[name] is None and (codes == each.index(None)).sum() == len(rows):
+                    values[name] = runs.written.get(name)
+        found.append(_evaluate_one(runs, values, rows, criteria, (cases, groups.every)))
     return found
 
 
 def _evaluate_one(
     runs: StoredRuns,
     values: dict[str, Setting],
-    rows: list[int],
+    rows: Rows,
     criteria: ResolvedCriteria,
-    cases: int,
-    every: int,
+    ran: tuple[int, int],
 ) -> Evaluated:
-    labels = Counter(runs.labels[row] for row in rows)
+    (cases, every), (codes, names) = ran, runs.labels
+    outcomes = codes[rows].tolist()
+    labels = {names[code]: count for code, count in Counter(outcomes).items()}
     limits, error = criteria.tolerances, criteria.error
-    sizes = {name: magnitudes(runs, rows, name) for name in limits}
+    sizes = {name: magnitudes(runs.numbers, rows, name) for name in limits}
     worst = {name: _size(name, each) for name, each in sizes.items()}
     exceeded = tuple(
         name for name, limit in limits.items() if (value := worst[name]) is None or value > limit
     )
-    stable = np.array([runs.labels[row] == _STABLE for row in rows])
+    stable = np.array([names[code] == STABLE for code in outcomes])
     # A comparison with NaN is false, as it should be.
     good = np.logical_and.reduce([stable, *(sizes[name] <= each for name, each in limits.items())])
     low, high = wilson(int(good.sum()), len(rows))
@@ -200,14 +223,15 @@ def _evaluate_one(
     ]
     is_estimated = error.kind == "discretisation"
     estimate = (_largest(runs, rows, ESTIMATES[error.name]) or 0.0) if is_estimated else 0.0
-    size = _size(error.name, magnitudes(runs, rows, error.name))
+    errors = magnitudes(runs.numbers, rows, error.name)
+    size = _size(error.name, errors)
     summary = Configuration(
         configuration=values,
         time=mean,
         time_worst=float(np.max(time)) if len(time) else None,
         real_time_factor=1 / mean if mean else None,
         error=None if size is None else max(size, error.resolution),
-        error_spread=_spread(magnitudes(runs, rows, error.name)),
+        error_spread=_spread(errors),
         below_estimate=size is not None and 0 < size <= estimate,
         solref_clamped=(_largest(runs, rows, "solref_clamped") or 0) > 0,
         step_p99=_largest(runs, rows, "step_p99"),
@@ -216,7 +240,7 @@ def _evaluate_one(
         worst=worst,
         margins={name: _margin(limit, worst[name]) for name, limit in limits.items()},
         outcomes=ConfigurationOutcomes(
-            runs=len(rows), good=int(good.sum()), low=low, high=high, labels=dict(labels)
+            runs=len(rows), good=int(good.sum()), low=low, high=high, labels=labels
         ),
     )
     impacts = _largest(runs, rows, "impacts") or 0.0
@@ -224,7 +248,7 @@ def _evaluate_one(
 
 
 def _failures(labels: Mapping[str, int]) -> dict[str, int]:
-    return {name: count for name, count in labels.items() if name != _STABLE}
+    return {name: count for name, count in labels.items() if name != STABLE}
 
 
 def _margin(tolerance: float, worst: float | None) -> float | None:
@@ -233,7 +257,7 @@ def _margin(tolerance: float, worst: float | None) -> float | None:
     return ratio if math.isfinite(ratio) else None
 
 
-def _largest(runs: StoredRuns, rows: list[int], name: str) -> float | None:
+def _largest(runs: StoredRuns, rows: Rows, name: str) -> float | None:
     """Return the largest magnitude of a column over some runs; None if any has no value."""
     return _most(np.abs(runs.numbers[name][rows])) if name in runs.numbers else None
 
@@ -249,20 +273,18 @@ def _size(name: str, sizes: Floats) -> float | None:
 
 
 def _spread(sizes: Floats) -> tuple[float, float] | None:
-    known = len(sizes) > 1 and not np.isnan(sizes).any()
-    return (float(sizes.min()), float(np.median(sizes))) if known else None
+    own = np.sort(sizes).tolist()  # what is unknown is last
+    known, middle = len(own) > 1 and own[-1] == own[-1], len(own) // 2
+    return (own[0], (own[middle] + own[-1 - middle]) / 2) if known else None
 
 
-def magnitudes(runs: StoredRuns, rows: Sequence[int] | NDArray[np.integer], name: str) -> Floats:
+def magnitudes(numbers: Mapping[str, Floats], rows: Rows, name: str) -> Floats:
     """Return the magnitude of a column in each run, as tolerances bound it; NaN without a value.
 
     An error against a reference is at least the uncertainty of the reference.
     """
-    sizes = np.abs(runs.numbers[name][rows])
-    estimate = ESTIMATES.get(name)
-    if estimate is None or estimate not in runs.numbers:
-        return sizes
-    return np.maximum(sizes, np.nan_to_num(runs.numbers[estimate][rows]))
+    sizes, estimate = np.abs(numbers[name][rows]), numbers.get(ESTIMATES.get(name, ""))
+    return sizes if estimate is None else np.maximum(sizes, np.nan_to_num(estimate[rows]))
 
 
 def _excess(name: str, worst: float | None, tolerance: float) -> str:

@@ -65,14 +65,14 @@ def error_measure(
         raise StoreError(f"no run in {store.address} has a value of {name}{hint}")
     described = store.columns.described.get(name)
     # What the errors measure is the same for all runs of a sweep.
-    kinds = store.columns.strings("error_kind").categories if name in ERRORS else ()
+    kinds = store.columns.coded("error_kind").values if name in ERRORS else ()
     asked = Sweep.model_validate(store.manifest.sweep.resolved).accuracy
     modelling = "modelling" if name == MODELLING else "metric"
     return ErrorMeasure(
         name=name,
         unit=described.unit if described else "",
         kind="discretisation" if name in ERRORS else modelling,
-        against=next(iter(kinds), None),
+        against=next(filter(None, kinds), None),
         reference=asked.against if name in ERRORS and asked else "own",
         resolution=described.resolution if described else 0.0,
     )
@@ -108,7 +108,7 @@ def _measured_error(store: Store, tolerances: Mapping[str, float]) -> str:
 
 def _all_failed(store: Store) -> bool:
     """Return whether no run was stable, so that there may be nothing to measure."""
-    return "stable" not in store.columns.strings("label").categories
+    return "stable" not in store.columns.coded("label").values
 
 
 def _check_number(store: Store, name: str) -> None:

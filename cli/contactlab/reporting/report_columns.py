@@ -134,11 +134,9 @@ def read_axes(store: Store) -> tuple[GridAxis, ...]:
 def _axis(columns: RunColumns, name: str, kind: Role) -> GridAxis:
     unit = columns.described[name].unit
     if not columns.is_number(name):
-        codes, strings = columns.strings(name)
-        values = tuple(string.strip() for string in strings)
-        ticks = (*values, SCENES_OWN) if (codes < 0).any() else values
-        codes = np.where(codes < 0, len(values), codes)
-        return GridAxis(name, unit, kind, ticks, codes, None)
+        codes, values = columns.coded(name)
+        ticks = tuple(SCENES_OWN if each is None else each.strip() for each in values)
+        return GridAxis(name, unit, kind, ticks, codes.astype(np.int64), None)
     numbers = columns.numbers(name).values
     values, codes = np.unique(numbers, return_inverse=True)
     if len(values) > _MOST_VALUES and np.isfinite(values).all():
@@ -188,7 +186,7 @@ def read_quantities(store: Store) -> tuple[Quantity, ...]:
 
 def read_run_labels(store: Store, also: Sequence[str] = ()) -> RunLabels:
     """Return the labels of a store's runs; `also` lists labels beside those that occur."""
-    codes, strings = store.columns.strings("label")
+    codes, strings = store.columns.coded("label")
     stored_order = [str(name) for name in store.columns.shared.get("severity", ())]
     ranks = {name: rank for rank, name in enumerate([*LABELS, *stored_order])}
     unordered = dict.fromkeys((*strings, *also))

@@ -184,12 +184,19 @@ class Exercised:
     drives: tuple[object, ...]
 
     @classmethod
-    def of(cls, rows: Iterable[Mapping[str, Any]]) -> "Exercised":
-        """Return what the runs of some rows of a table exercised, each part in any of them."""
+    def of(
+        cls, rows: Iterable[Mapping[str, Any]], enough: Collection[Feature] | None = None
+    ) -> "Exercised":
+        """Return what the runs of some rows of a table exercised, each part in any of them.
+
+        Once these are features enough, no more rows are read.
+        """
         features: set[Feature] = set()
         united: dict[str, Any] = {}
         drives: list[object] = []
         for row in rows:
+            if enough is not None and features.issuperset(enough):
+                break
             drives.append(json.loads(row.get("drive") or '"none"'))
             if row.get("coverage") is None:
                 features.update(get_args(Feature))

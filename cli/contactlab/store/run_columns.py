@@ -1,6 +1,6 @@
 """The table's columns as NumPy arrays, each read on demand."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -30,13 +30,11 @@ class NumberColumn(NamedTuple):
         return NumberColumn(self.values[rows], self.valid[rows])
 
 
-class StringColumn(NamedTuple):
-    """A dictionary-encoded column of strings, or of lists of strings."""
+class CodedColumn(NamedTuple):
+    """A column with each of its values once."""
 
-    # (n,) index of a run's string in `categories`, -1 for none; of lists a bit mask, whose bit i
-    # says whether category i is in the list.
-    codes: NDArray[np.int64]
-    categories: tuple[str, ...]  # the strings that occur
+    codes: NDArray[np.integer]  # (n,) index of a run's value in `values`
+    values: tuple[Any, ...]  # those that occur, at last None if runs have none
 
 
 class RunColumns:
@@ -49,7 +47,8 @@ class RunColumns:
     def __init__(self, store: Path, address: Address | None = None) -> None:
         self.path = (address or store) / TABLE
         with table_errors(self.path):
-            self._file = pq.ParquetFile(stored_file(store, TABLE) or store / TABLE)
+            self._source = stored_file(store, TABLE) or store / TABLE
+            self._file = pq.ParquetFile(self._source)
         # Rows are read in order.
         self._group = lru_cache(maxsize=1)(self._file.read_row_group)
 
@@ -91,6 +90,15 @@ class RunColumns:
         """(runs,) the ids of the runs."""
         return self._read("run_id")
 
+    def run_id(self, row: int) -> str:
+        """Return the id of a run."""
+        return str(self.run_ids[row])
+
+    def place_of(self, run: str) -> int | None:
+        """Return the row of a run, given its id; None if there is none."""
+        row = self.run_ids.index(run).as_py()
+        return None if row < 0 else row
+
     @cached_property
     def axis_names(self) -> tuple[str, ...]:
         """The names of the swept axes, in table order."""
@@ -108,14 +116,19 @@ class RunColumns:
         values = column.cast(pa.float64()).to_numpy(zero_copy_only=False)
         return NumberColumn(values, np.asarray(column.is_valid()))
 
-    def strings(self, name: str) -> StringColumn:
-        """Return a column of strings."""
-        encoded = self._read(name).dictionary_encode()
-        codes = encoded.indices.fill_null(-1).to_numpy(zero_copy_only=False)
-        return StringColumn(codes.astype(np.int64), tuple(encoded.dictionary.to_pylist()))
+    def coded(self, name: str) -> CodedColumn:
+        """Return a column by the codes that it is stored with, its text not written out."""
+        file = pq.ParquetFile(self._source, metadata=self._file.metadata, read_dictionary=[name])
+        encoded = self._read(name, file).dictionary_encode()
+        values = [*encoded.dictionary.to_pylist(), *([None] if encoded.null_count else [])]
+        codes = encoded.indices.fill_null(len(values) - 1)
+        return CodedColumn(np.asarray(codes), tuple(values))
 
-    def string_sets(self, name: str) -> StringColumn:
-        """Return a column of lists of strings, of at most 64 different ones."""
+    def string_sets(self, name: str) -> tuple[NDArray[np.int64], tuple[str, ...]]:
+        """Return a column of lists of strings, and the strings, of which there are at most 64.
+
+        It is (n,) a bit mask, whose bit i says whether string i is in the list.
+        """
         lists = self._read(name)
         encoded = lists.flatten().dictionary_encode()
         categories = tuple(encoded.dictionary.to_pylist())
@@ -126,7 +139,7 @@ class RunColumns:
         masks = np.zeros(self.runs, dtype=np.int64)
         rows = np.asarray(lists.value_parent_indices())
         np.bitwise_or.at(masks, rows, bits)
-        return StringColumn(masks, categories)
+        return masks, categories
 
     def byte_strings(self, name: str) -> NDArray[np.bytes_]:
         """Return (n,) strings as fixed-length bytes, for ids and hashes; empty where null."""
@@ -144,6 +157,13 @@ class RunColumns:
         """Return some columns as lists of Python values, None where null."""
         return self.arrow(names).to_pydict()
 
+    def distinct(self, names: Sequence[str]) -> Iterator[dict[str, Any]]:
+        """Yield what rows hold in some columns, once or more, reading a row group at a time."""
+        with table_errors(self.path):
+            for group in range(self._file.num_row_groups):
+                part = self._file.read_row_group(group, columns=[*names])
+                yield from part.group_by([*names]).aggregate([]).to_pylist()
+
     def row(self, index: int) -> dict[str, Any]:
         """Return one row of the table, reading no more than its row group."""
         with table_errors(self.path):
@@ -158,9 +178,9 @@ class RunColumns:
     def _identities(self) -> pa.Table:
         return self.arrow(["run_id", "seed", *self.axis_names])
 
-    def _read(self, name: str) -> pa.Array:
+    def _read(self, name: str, file: pq.ParquetFile | None = None) -> pa.Array:
         if name not in self.schema.names:
             raise StoreError(f"{self.path} has no column '{name}'")
         with table_errors(self.path):
-            column = self._file.read(columns=[name]).column(0)
+            column = (file or self._file).read(columns=[name]).column(0).unify_dictionaries()
         return column.combine_chunks() if column.num_chunks != 1 else column.chunk(0)

@@ -166,7 +166,7 @@ def _check_columns(store: Store) -> Iterator[str]:
 def _check_sweep(store: Store) -> Iterator[str]:
     sweep, columns = store.manifest.sweep, store.columns
     for name, stated in (("scene_hash", sweep.scene_hash), ("scene", sweep.scene)):
-        if others := {*columns.strings(name).categories} - {stated}:
+        if others := {*columns.coded(name).values} - {stated, None}:
             yield f"{TABLE}: runs of scene {', '.join(sorted(others))} too"
     shared, versions = columns.shared, sweep.metric_versions
     units = {name: columns.described[name].unit for name in versions}
