@@ -21,7 +21,7 @@ from contactlab.errors import CompilerError
 from contactlab.resources import user_cache
 
 # Without fused multiplications, which round once where NumPy rounds twice.
-_FLAGS = ("-std=c11", "-O2", "-fPIC", "-shared", "-ffp-contract=off")
+_FLAGS = ("-std=c11", "-O2", "-fPIC", "-shared", "-ffp-contract=off", "-fno-math-errno")
 _MOST_SECONDS = 120  # A compiler that takes longer hangs.
 
 

@@ -187,20 +187,22 @@ def test_a_cradle_s_last_ball_swings_as_far_as_the_first_came() -> None:
     ],
 )
 def test_speed_of_separation(solref: tuple[float, float], speed: float) -> None:
-    slots = np.zeros((1, 10, 1, 23))
-    slots[0, 0, 0, FOUND] = 1
     qvel = np.zeros((11, 12))
     qvel[-1, [2, 8]] = -speed / 2, speed / 2
-    trace = trace_of(np.zeros((11, 14)), qvel, pairs=(PairTrace("a-b", slots, np.ones((1, 5))),))
     values = {"solref": solref, "solimp": (0.9, 0.9, 1e-3, 0.5, 2), "overlap": 0.05}
-    assert result("separation_speed", trace, 2, **values) == pytest.approx([speed, speed, 0])
+
+    def expected_of(contacts: int) -> Any:
+        slots = np.zeros((1, 10, 1, 23))
+        slots[0, 0, 0, FOUND] = contacts
+        pair = PairTrace("a-b", slots, np.ones((1, 5)))
+        trace = trace_of(np.zeros((11, 14)), qvel, pairs=(pair,))
+        return result("separation_speed", trace, 2, **values)
+
+    assert expected_of(1) == pytest.approx([speed, speed, 0])
     # Four parallel contacts reach d = 3.6 / 3.7 instead of 0.9, and no contact throws anything.
-    slots[0, 0, 0, FOUND] = 4
     if solref[1] == 0:
-        four = result("separation_speed", trace, 2, **values)[0]
-        assert four == pytest.approx(speed * (4 / 3.7) ** 0.5)
-    slots[0, 0, 0, FOUND] = 0
-    assert result("separation_speed", trace, 2, **values)[0] == 0
+        assert expected_of(4)[0] == pytest.approx(speed * (4 / 3.7) ** 0.5)
+    assert expected_of(0)[0] == 0
 
 
 def test_braking_angle_is_speed_times_time_constant() -> None:

@@ -8,6 +8,7 @@ during step k. So with N steps there are N + 1 state rows and N sensor rows, and
 import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -69,16 +70,17 @@ class PairTrace:
 
     name: str
     slots: Floats
-    """(n, N, S, 23) contact slots as MuJoCo's contact sensor lays them out, those that hold a
-    contact first. Force and velocity are in the contact frame, normal first; the normal points from
-    the pair's first side to its second and is in the world frame, as is the position.
+    """(n, N, S, 23) contact slots as MuJoCo's contact sensor lays them out: those that hold a
+    contact come first, the others are zero. Force and velocity are in the contact frame, normal
+    first; the normal points from the pair's first side to its second and is in the world frame, as
+    is the position.
     """
     friction: Floats  # (n, 5) effective coefficients (slide, slide, torsion, roll, roll)
 
-    @property
-    def found(self) -> Floats:
+    @cached_property
+    def found(self) -> Integers:
         """(n, N) contacts of this pair that matched, which may exceed the slots."""
-        return self.slots[:, :, 0, FOUND]
+        return self.slots[:, :, 0, FOUND].astype(np.int32, order="C")
 
     @property
     def touching(self) -> NDArray[np.bool_]:

@@ -2,10 +2,14 @@
 
 Tangential forces and velocities are summed in the world frame, and the 1-norm of a pyramidal cone
 is taken in the frame of the first contact. Two components along the tangents are kept as one
-complex number, so that a slot's columns stay contiguous in time.
+complex number, so that a slot's columns stay contiguous in time. `net_contact.c` does the same in
+one pass.
 """
 
+import ctypes
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,10 +27,12 @@ from contactlab.contact.trace_arrays import (
     PairTrace,
 )
 from contactlab.measure.stick_slip import modes
+from contactlab.native import functions_of
 
 Complexes = NDArray[np.complex128]
 """Two numbers each: components along two tangents, or just neighbours that move as one."""
 
+_SOURCE = Path(__file__).with_suffix(".c")
 _NORMAL_FORCE = FORCE.start
 _TANGENTIAL_FORCE = slice(FORCE.start + 1, FORCE.stop)
 _SLIP = slice(LINEAR_VELOCITY.start + 1, LINEAR_VELOCITY.stop)
@@ -86,7 +92,7 @@ def net_contact(pair: PairTrace, elliptic: NDArray[np.bool_], timestep: Floats) 
     and `timestep` (n,) [s] the length of a step.
     """
     runs, steps, slots, _ = pair.slots.shape
-    found = pair.found.astype(np.int32)
+    found = pair.found
     if not found.any():
         none, apart = np.zeros((runs, steps)), np.full((runs, steps), NO_CONTACT, np.int8)
         shown = PairSeries(pair.name, found, none, none, none, none, none, apart)
@@ -95,31 +101,62 @@ def net_contact(pair: PairTrace, elliptic: NDArray[np.bool_], timestep: Floats) 
     series, worst = np.empty((9, runs, steps)), np.empty((4, runs))
     first, second = pair.friction[:, 0], pair.friction[:, 1]
     stretch = np.where(first == second, 1, first / second)
-    cones = map(_Cone, first.tolist(), stretch.tolist(), elliptic.tolist())
-    for run, cone in enumerate(cones):
-        columns = _gather(pair.slots[run, :, : max(contacts[run].max(initial=0), 1)])
-        normal, tangential, used, slip, each = _sum_slots(columns, cone)
-        bound = cone.friction * normal
-        spin, along, across = columns.turning
-        series[:, run] = (
-            normal,
-            tangential,
-            _ratio(used, bound),
-            slip,
-            _least(columns.distance, contacts[run]),
-            columns.normal.max(axis=0),
-            _ratio(each, bound),
-            np.sqrt(along * along + across * across),
-            np.abs(spin),
-        )
-        farthest = columns.distance.max(initial=0)
-        apart = columns.normal * np.maximum(columns.distance, 0)
-        standoff = apart.sum() / max(columns.normal.sum(), np.finfo(float).tiny)
-        worst[:, run] = _excess(columns, cone), apart.max(initial=0), farthest, standoff
+    bounds = first.copy(), stretch, np.ascontiguousarray(elliptic)
+    for run in _left_by_c(pair.slots, contacts, bounds, series, worst):
+        cone = _Cone(*(each[run].item() for each in bounds))
+        series[:, run], worst[:, run] = _reduced(pair.slots[run], contacts[run], cone)
     normal, tangential, usage, slip, distance, hardest, grip, rolling, spinning = series
     mode = modes(normal > 0, usage, grip, slip, timestep)
     shown = PairSeries(pair.name, contacts, normal, tangential, usage, slip, distance, mode)
     return NetContact(shown, found, hardest, grip, rolling, spinning, *worst)
+
+
+def _left_by_c(
+    slots: Floats,
+    contacts: NDArray[np.int32],
+    cones: tuple[Floats, Floats, NDArray[np.bool_]],
+    series: Floats,
+    worst: Floats,
+) -> list[int]:
+    """Reduce runs as `_reduced` does, in C; return those that are left for it, all without C."""
+    runs, steps = contacts.shape
+    library = functions_of(_SOURCE)
+    if library is None:
+        return [*range(runs)]
+    if slots.strides[-1] != slots.itemsize:
+        slots = np.ascontiguousarray(slots)
+    most = slots.shape[2]
+    room, left = np.empty(3 * most * (steps + 2)), np.zeros(runs, np.bool_)
+    strides = [each // slots.itemsize for each in slots.strides[:3]]
+    arrays = [each.ctypes.data for each in (contacts, *cones, series, worst, room, left)]
+    task = np.array([slots.ctypes.data, *strides, runs, steps, *arrays])
+    library.reduce_pair(ctypes.c_void_p(task.ctypes.data))
+    return np.flatnonzero(left).tolist()
+
+
+def _reduced(
+    slots: Floats, contacts: NDArray[np.int32], cone: _Cone
+) -> tuple[tuple[Floats, ...], tuple[Any, ...]]:
+    """Return series (N,) and the worst of a run, of slots (N, S, 23); S is cut to the filled."""
+    columns = _gather(slots[:, : max(contacts.max(initial=0), 1)])
+    normal, tangential, used, slip, each = _sum_slots(columns, cone)
+    bound = cone.friction * normal
+    spin, along, across = columns.turning
+    series = (
+        normal,
+        tangential,
+        _ratio(used, bound),
+        slip,
+        _least(columns.distance, contacts),
+        columns.normal.max(axis=0),
+        _ratio(each, bound),
+        np.sqrt(along * along + across * across),
+        np.abs(spin),
+    )
+    apart = columns.normal * np.maximum(columns.distance, 0)
+    standoff = apart.sum() / max(columns.normal.sum(), np.finfo(float).tiny)
+    farthest = columns.distance.max(initial=0)
+    return series, (_excess(columns, cone), apart.max(initial=0), farthest, standoff)
 
 
 def _gather(slots: Floats) -> _SlotColumns:
