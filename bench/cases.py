@@ -55,9 +55,17 @@ scene: free_fall
 effects: all
 checks: none
 """
+# Fifty boxes in columns, every pair of which is monitored.
+COLUMNS = """\
+version: 1
+scene: columns
+effects: all
+checks: none
+"""
 # Those that take less time come first.
 CASES = (
     Case("free fall", FALL, 1, (256, 64), (48, 16)),
     Case("five boxes", STACK.replace("BOXES", "5"), 1, (64, 16), (12, 4)),
     Case("ball", BALL, 12, (64, 16), (48, 16)),
+    Case("50 boxes, all pairs", COLUMNS, 1, (48, 12), (6, 2)),
 )

@@ -11,6 +11,7 @@ import numpy as np
 from bench.cases import Case
 from bench.plain import load, save
 from bench.processes import cpu_of
+from bench.reading_contacts import write_columns
 from bench.runs import plain_runs
 from bench.stepping import PROCESSES
 
@@ -44,8 +45,14 @@ class Line:
 
 HARNESSES = ("sixty_lines", "naive_loop", "straightforward")
 """Modules of what one would write instead."""
+SWEEPS = {
+    "none": ("trace=none",),
+    "messages": ("trace=all",),
+    "compact": ("trace=all", "trace_format=compact"),
+}
+"""What is set in sweeps, by the traces that they write."""
 Round = dict[str, Line]
-"""What each way took in a round: `stepping`, sweeps with trace `none` and `all`, the harnesses."""
+"""What each way took in a round: `stepping`, the sweeps, the harnesses."""
 
 
 class Bench:
@@ -55,6 +62,7 @@ class Bench:
         large, small = case.seeds
         self._case = case
         self._folder = folder
+        write_columns(folder / "columns")
         self._sweep = folder / "sweep.yaml"
         self._sweep.write_text(f"{case.sweep}seeds: {large}\n", encoding="utf-8")
         self._runs = folder / "runs.json"
@@ -68,13 +76,12 @@ class Bench:
 
     def round(self) -> Round:
         """Measure everything once, one after the other."""
-        found = {"stepping": self._stepping(), "none": self._swept("none")}
-        found["all"] = self._swept("all")
+        found = {"stepping": self._stepping()} | {name: self._swept(name) for name in SWEEPS}
         return found | {name: self._harness(name) for name in HARNESSES}
 
     def check(self) -> None:
         """Check that the stepping ended where the sweep with traces did, bit for bit."""
-        self._sweep_once("all", self._case.seeds[1])
+        self._sweep_once("messages", self._case.seeds[1])
         store = Store.open(self._folder / "store")
         runs = load(self._runs)
         for record in store.records():
@@ -93,13 +100,14 @@ class Bench:
         of_small = sum(seconds[place] for place in self._small)
         return Line.through((large, sum(seconds)), (small, of_small))
 
-    def _swept(self, trace: str) -> Line:
-        large, small = (self._sweep_once(trace, seeds) for seeds in self._case.seeds)
+    def _swept(self, traces: str) -> Line:
+        large, small = (self._sweep_once(traces, seeds) for seeds in self._case.seeds)
         return Line.through((self._case.runs[0], large), (self._case.runs[1], small))
 
-    def _sweep_once(self, trace: str, seeds: int) -> float:
-        changes = ["--set", f"trace={trace}", "--set", f"seeds={seeds}"]
-        options = [*changes, "--workers", str(PROCESSES)]
+    def _sweep_once(self, traces: str, seeds: int) -> float:
+        changes = (*SWEEPS[traces], f"seeds={seeds}")
+        options = [part for each in changes for part in ("--set", each)]
+        options += ["--workers", str(PROCESSES)]
         store = self._folder / "store"
         # The store of the last one is removed here, so that no sweep pays for another's files.
         shutil.rmtree(store, ignore_errors=True)

@@ -9,7 +9,8 @@ and the most.
 
 Stepping is `mj_step(model, data, n)` of the same runs, models compiled without our sensors, the
 compilation left out. Each is measured at two sizes. "With start-up" is the whole command at the
-larger size; "a run more" is the difference of the two, what each further run costs. Second passes
+larger size, "500 runs" what the line through both makes of so many; "a run more" is the difference
+of the two, what each further run costs. Second passes
 are off: they simulate flagged runs again, which none of the others does.
 
 The others are sixty lines with native rollouts and a table (`bench.sixty_lines`), a naive loop in
@@ -38,17 +39,25 @@ from bench.stepping import PROCESSES
 
 RATIOS = {
     "sweep without traces / stepping": ("none", "stepping"),
-    "sweep with traces / stepping": ("all", "stepping"),
+    "sweep with traces / stepping": ("messages", "stepping"),
+    "sweep with compact traces / stepping": ("compact", "stepping"),
     **{f"{name.replace('_', ' ')} / sweep without traces": (name, "none") for name in HARNESSES},
-    "straightforward / sweep with traces": ("straightforward", "all"),
+    "straightforward / sweep with traces": ("straightforward", "messages"),
 }
 
 
-def ratios(found: Round) -> dict[str, tuple[float, float]]:
-    """Return each ratio of a round: with start-up, and of a run more."""
+RUNS = 500
+
+
+def ratios(found: Round) -> dict[str, tuple[float, float, float]]:
+    """Return each ratio of a round: with start-up, of `RUNS`, and of a run more."""
     pairs = {label: (found[one], found[other]) for label, (one, other) in RATIOS.items()}
     return {
-        label: (one.at(other.runs) / other.whole, one.each / other.each)
+        label: (
+            one.at(other.runs) / other.whole,
+            one.at(RUNS) / other.at(RUNS),
+            one.each / other.each,
+        )
         for label, (one, other) in pairs.items()
     }
 
@@ -57,11 +66,11 @@ def show(case: Case, rounds: list[Round]) -> None:
     """Print the table of one case."""
     large, _ = case.runs
     print(f"\n{case.name}: {large} runs, {PROCESSES} workers, {len(rounds)} rounds")
-    print(f"  {'':42}{'with start-up':22}{'a run more'}")
+    print(f"  {'':42}{'with start-up':22}{f'{RUNS} runs':22}{'a run more'}")
     found = [ratios(each) for each in rounds]
     for label in RATIOS:
-        whole, each = (_spread(one[label][column] for one in found) for column in (0, 1))
-        print(f"  {label:42}{whole:22}{each}")
+        whole, many, each = (_spread(one[label][column] for one in found) for column in range(3))
+        print(f"  {label:42}{whole:22}{many:22}{each}")
     stepping = median(each["stepping"].each for each in rounds)
     start = median(each["none"].at(0) for each in rounds)
     print(f"  stepping takes {stepping * 1e3:.2f} ms a run, start-up {start:.2f} s of CPU in all")
@@ -81,7 +90,7 @@ def main() -> None:
     """Measure cases in turn, round by round, while there is time; then print medians."""
     options = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     options.add_argument("--rounds", type=int, default=3)
-    options.add_argument("--minutes", type=float, default=3, help="at most, but for a first round")
+    options.add_argument("--minutes", type=float, default=3, help="at most")
     options.add_argument("--quick", action="store_true", help="a quarter of the runs")
     asked = options.parse_args()
     cases = [_quick(case) for case in CASES] if asked.quick else list(CASES)
@@ -100,7 +109,7 @@ def main() -> None:
                 benches[place] = Bench(cases[place], folder)
                 benches[place].check()
             found[place].append(benches[place].round())
-            shown = ", ".join(f"{more:.2f}" for _, more in ratios(found[place][-1]).values())
+            shown = ", ".join(f"{more:.2f}" for *_, more in ratios(found[place][-1]).values())
             print(f"round {number + 1}, {cases[place].name}, a run more: {shown}", flush=True)
             longest = max(longest, time.monotonic() - begin)
     for case, each in zip(cases, found, strict=True):

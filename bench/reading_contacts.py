@@ -45,6 +45,7 @@ class Case:
 
 def write_columns(folder: Path) -> None:
     """Write a scene of 50 boxes in columns, every pair of which is monitored."""
+    folder.mkdir(exist_ok=True)
     count = _COLUMNS * _HEIGHT
     names = [f"box{number}" for number in range(count)]
     places = [(number // _HEIGHT, number % _HEIGHT) for number in range(count)]

@@ -4,13 +4,12 @@ from pathlib import Path
 
 from bench.plain import PlainRun
 
-from contactlab import resources
 from contactlab.plan.sweep_file import read_sweep
 from contactlab.run.sweep_request import SceneLoader
 
 
 def plain_runs(sweep: Path) -> list[PlainRun]:
-    """Return the runs of a sweep of a shipped scene, in plan order.
+    """Return the runs of a sweep, in plan order.
 
     Restitution is all that it may change in the model, and the number of boxes all in its
     structure.
@@ -22,7 +21,7 @@ def plain_runs(sweep: Path) -> list[PlainRun]:
         scene.resolve(run.values, run.seed, read.sweep.duration) for run in read.plan.runs()
     ]
     qpos, qvel, *_ = scene.starts(resolved)
-    text = (resources.scene_folder(scene.name) / "scene.xml").read_text(encoding="utf-8")
+    text = scene.source.model.read_text(encoding="utf-8")
     boxes = resolved[0].structure.get("boxes", 10)
     model = sweep.with_suffix(".xml")
     model.write_text(text.replace('count="10"', f'count="{boxes}"'), encoding="utf-8")

@@ -18,7 +18,8 @@ from statistics import median
 from unittest.mock import patch
 
 import mujoco
-from bench.cases import BALL, FALL, STACK
+from bench.cases import BALL, COLUMNS, FALL, STACK
+from bench.measuring import SWEEPS
 from bench.reading_contacts import write_columns
 
 from contactlab.errors import StoppedError
@@ -35,12 +36,7 @@ CASES = {
     "ball": (BALL, 16),
     "five boxes": (STACK.replace("BOXES", "5"), 32),
     "free fall": (FALL, 192),
-    "50 boxes, all pairs": ("version: 1\nscene: columns\neffects: all\nchecks: none\n", 4),
-}
-WAYS = {
-    "none": ("trace=none",),
-    "messages": ("trace=all",),
-    "compact": ("trace=all", "trace_format=compact"),
+    "50 boxes, all pairs": (COLUMNS, 4),
 }
 
 
@@ -86,7 +82,7 @@ def measure(name: str, folder: Path, rounds: int) -> None:
     text, seeds = CASES[name]
     sweep = folder / "sweep.yaml"
     sweep.write_text(f"{text}seeds: {seeds}\n", encoding="utf-8")
-    asked = {way: jobs_of(sweep, folder / way, changes) for way, changes in WAYS.items()}
+    asked = {way: jobs_of(sweep, folder / way, changes) for way, changes in SWEEPS.items()}
     ways = {way: (Worker(task, None), jobs) for way, (task, jobs) in asked.items()}
     task, jobs = asked["none"]
     preparer = Preparer(task, None)
@@ -112,12 +108,10 @@ def main() -> None:
     parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--quick", action="store_true", help="one round")
     options = parser.parse_args()
-    print(f"  {'':22}{'ms a run':>9}  " + "".join(f"{way:22}" for way in WAYS))
+    print(f"  {'':22}{'ms a run':>9}  " + "".join(f"{way:22}" for way in SWEEPS))
     for name in CASES:
         with tempfile.TemporaryDirectory(prefix="contactlab-bench-") as folder:
-            columns = Path(folder) / "columns"
-            columns.mkdir()
-            write_columns(columns)
+            write_columns(Path(folder) / "columns")
             measure(name, Path(folder), 1 if options.quick else options.rounds)
 
 
