@@ -16,9 +16,10 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from contactlab.api.reading_functions import compare, open, report
-    from contactlab.api.running_functions import check, effects, stability, sweep, tradeoff, tune
+    from contactlab.api.running_functions import check, effects, stability, sweep, tradeoff
     from contactlab_fit.function import fit
     from contactlab_loop.recording import record
+    from contactlab_tune.function import tune
 
     __version__: str
 
@@ -50,6 +51,8 @@ def __getattr__(name: str) -> Any:  # noqa: ANN401 - each function has a type of
         from contactlab.api import reading_functions as functions
     elif name == "fit":
         from contactlab_fit import function as functions
+    elif name == "tune":
+        from contactlab_tune import function as functions
     elif name == "record":
         from contactlab_loop import recording as functions
     else:

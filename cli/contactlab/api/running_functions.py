@@ -15,7 +15,7 @@ from contactlab.run.sweep_request import read_request
 from contactlab.run.worker_pool import worker_count
 from contactlab.schema.check_report import CheckReport, StabilityReport, TaskKind
 from contactlab.schema.comparison import AcceptedCheck
-from contactlab.schema.study_reports import EffectsReport, Goal, TuneReport
+from contactlab.schema.study_reports import EffectsReport
 from contactlab.schema.tradeoff_report import TradeoffReport
 from contactlab.store.finished_store import Store
 from contactlab.store.store_files import Address, parse_address
@@ -24,7 +24,6 @@ from contactlab.studies.check import model_check
 from contactlab.studies.effects import ablation
 from contactlab.studies.effects.effects_request import EffectsRequest
 from contactlab.studies.session import Session, model_name
-from contactlab.studies.tune import tune_request, tuning
 
 Settings = Mapping[str, object] | Sequence[str]
 """Settings by name, such as `{"timestep": [1e-3, 2e-3]}`, or options as typed, `timestep=1e-3`."""
@@ -205,38 +204,6 @@ def tradeoff(
         drive_option(drive),
     )
     return tradeoff_sweep.run(request, session)
-
-
-def tune(
-    model: str | Path,
-    *,
-    goal: Goal = "fastest",
-    error: float | Literal["reality"] | None = None,
-    tolerance: Mapping[str, float] | None = None,
-    budget: float = 300.0,
-    free: Sequence[str] = (),
-    drop_sensors: bool = False,
-    drive: str | None = None,
-    output: str | Path | None = None,
-    **options: Unpack[RunOptions],
-) -> TuneReport:
-    """Find the settings to use, write the model that has them, and prove that it is as good.
-
-    The model is as for `check`, or a sweep file; error [m], or `reality`, and tolerances are its
-    limits, the budget is wall time [s]. Everything goes to `results/tune/NAME` if `output` is left
-    out.
-
-    Raises:
-        SceneError: there is no such model, or nothing in it moves.
-        SweepFileError: a tolerance is of no metric, or the budget is too short for a proof.
-        ExpectationError: runs of the model as written fail.
-    """
-    session = session_in(output or RESULTS / "tune" / model_name(str(model)), **options)
-    limits, driven = tolerance or {}, drive_option(drive)
-    request = tune_request.TuneRequest(
-        str(model), goal, error, limits, budget, free, drop_sensors, driven
-    )
-    return tuning.run(request, session)
 
 
 def session_in(

@@ -26,7 +26,6 @@ from contactlab.commands.sweep_command import sweep
 from contactlab.commands.terminal import echo, say
 from contactlab.commands.trace_commands import traces
 from contactlab.commands.tradeoff_command import tradeoff
-from contactlab.commands.tune_command import tune
 from contactlab.errors import ContactlabError, OutputError, in_one_line
 from contactlab.plugins import extensions
 from contactlab.printable import printable
@@ -38,7 +37,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-_RUN = (sweep, stability, effects, check, tradeoff, tune)
+_RUN = (sweep, stability, effects, check, tradeoff)
 _READ = (show, replay, render, verify, compare, report)
 _LIST = (scenes, sweeps, metrics, labels, thresholds, init, schema)
 _EXAMPLES = {
@@ -47,7 +46,6 @@ _EXAMPLES = {
     "effects": ("effects grasp_mug",),
     "check": ("check robot.xml", "check menagerie:franka_emika_panda --format junit"),
     "tradeoff": ("tradeoff results/bounce --tolerance oracle_error=1%",),
-    "tune": ("tune robot.xml",),
     "show": (
         "show results/grasp",
         "show results/grasp 3ead3115",

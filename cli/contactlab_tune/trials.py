@@ -20,8 +20,8 @@ from contactlab.schema.tradeoff_report import REALITY
 from contactlab.studies.configuration_runs import ConfigurationRows, Measure, run_configurations
 from contactlab.studies.effects.effects_request import AblationSetup
 from contactlab.studies.session import Session, Values
-from contactlab.studies.tune.profile import costs_without
-from contactlab.studies.tune.tune_request import BASELINE, Limits, by_seeds, mean_of
+from contactlab_tune.profile import costs_without
+from contactlab_tune.tune_request import BASELINE, Limits, by_seeds, mean_of
 
 PRUNING, PROVING = 2, 4
 """By how much references refine the timestep: by RK4 twice, as much work as 16 times as many steps.

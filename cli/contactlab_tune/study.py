@@ -16,9 +16,9 @@ from contactlab.store.finished_store import Store
 from contactlab.studies.configuration_runs import ConfigurationRows, Row
 from contactlab.studies.effects.effects_request import AblationSetup
 from contactlab.studies.session import Session, Values
-from contactlab.studies.tune.profile import sensors_of, untouched_geoms
-from contactlab.studies.tune.search import GAIN, Search, Space, key_of
-from contactlab.studies.tune.trials import (
+from contactlab_tune.profile import sensors_of, untouched_geoms
+from contactlab_tune.search import GAIN, Search, Space, key_of
+from contactlab_tune.trials import (
     PROVING,
     PRUNING,
     SHORT_TURN,
@@ -26,7 +26,7 @@ from contactlab.studies.tune.trials import (
     OutOfTimeError,
     Trials,
 )
-from contactlab.studies.tune.tune_request import BASELINE, CONTENDERS, FRESH, TuneRequest, limits_of
+from contactlab_tune.tune_request import BASELINE, CONTENDERS, FRESH, TuneRequest, limits_of
 
 COMPARED = "contenders"  # the store of what the search found, beside the model as written
 _NEVER = "without collisions that never happen, and sensors if asked"

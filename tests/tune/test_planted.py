@@ -11,9 +11,9 @@ import pytest
 from contactlab.schema.coverage import Exercised
 from contactlab.schema.study_reports import TuneReport
 from contactlab.studies.session import Session
-from contactlab.studies.tune.knobs import space_of
-from contactlab.studies.tune.tune_request import TuneRequest
-from contactlab.studies.tune.tuning import run
+from contactlab_tune.knobs import space_of
+from contactlab_tune.tune_request import TuneRequest
+from contactlab_tune.tuning import run
 
 TOP = """
 <mujoco>

@@ -12,8 +12,8 @@ from contactlab.run.sweep_request import SceneLoader
 from contactlab.studies.configuration_runs import ConfigurationRows
 from contactlab.studies.effects.effects_request import AblationSetup
 from contactlab.studies.session import Session
-from contactlab.studies.tune.trials import Contender, Trials
-from contactlab.studies.tune.tune_request import BASELINE, FRESH, TuneRequest, by_seeds, limits_of
+from contactlab_tune.trials import Contender, Trials
+from contactlab_tune.tune_request import BASELINE, FRESH, TuneRequest, by_seeds, limits_of
 
 
 def rows(peak: float, final: float, divergence: float = 0.0) -> ConfigurationRows:

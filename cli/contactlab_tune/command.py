@@ -22,6 +22,10 @@ _REALITY = "reality"
 _NUMBER, _TIME = "a number above 0, such as 1e-3", "a time, such as 90s, 5min or 1h"
 
 
+@opt.helped(
+    "tune robot.xml",
+    codes="0 as expected, 1 not, 2 bad input, 3 bad store, 4 runs lost, 130 interrupted",
+)
 def tune(
     model: str = typer.Argument(..., help="An .xml or .urdf file, a scene, or menagerie:ROBOT."),
     folder: Path | None = opt.STUDY_FOLDER,
@@ -48,8 +52,8 @@ def tune(
     from contactlab.plan.overrides import drive_option
     from contactlab.schema.study_reports import PATCH
     from contactlab.studies.session import model_name
-    from contactlab.studies.tune.tune_request import TuneRequest
-    from contactlab.studies.tune.tuning import run
+    from contactlab_tune.tune_request import TuneRequest
+    from contactlab_tune.tuning import run
 
     opt.load_plugins(plugin)
     opt.check_figure(figure)
@@ -92,7 +96,7 @@ def _draw(report: "TuneReport", folder: Path, figure: Path) -> None:
     from contactlab.pareto.criteria import Criteria
     from contactlab.pareto.tradeoff_chart import specification
     from contactlab.store.finished_store import Store
-    from contactlab.studies.tune.study import COMPARED
+    from contactlab_tune.study import COMPARED
 
     if COMPARED in report.stores:
         store = Store.open(folder / COMPARED)

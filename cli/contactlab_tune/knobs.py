@@ -14,8 +14,8 @@ from contactlab.schema.study_reports import Kept
 from contactlab.studies.effects.effect_toggles import find_toggles
 from contactlab.studies.effects.effects_request import AblationSetup
 from contactlab.studies.session import Values
-from contactlab.studies.tune.search import Knob, Space
-from contactlab.studies.tune.tune_request import SAVERS
+from contactlab_tune.search import Knob, Space
+from contactlab_tune.tune_request import SAVERS
 
 INTEGRATORS = ("Euler", "implicitfast", "implicit", "RK4")
 _LADDER = (1 / 8, 1 / 5, 1 / 4, 2 / 5, 1 / 2, 4 / 5, 1, 1.25, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10)

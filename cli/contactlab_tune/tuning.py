@@ -22,10 +22,10 @@ from contactlab.schema.study_reports import (
 from contactlab.schema.tradeoff_report import REALITY
 from contactlab.studies.configuration_runs import sweep_of
 from contactlab.studies.session import Session, Values
-from contactlab.studies.tune.knobs import space_of
-from contactlab.studies.tune.study import Study, motion_of
-from contactlab.studies.tune.trials import PROVING, PRUNING, Contender, Trials
-from contactlab.studies.tune.tune_request import BASELINE, FRESH, TuneRequest, by_seeds, limits_of
+from contactlab_tune.knobs import space_of
+from contactlab_tune.study import Study, motion_of
+from contactlab_tune.trials import PROVING, PRUNING, Contender, Trials
+from contactlab_tune.tune_request import BASELINE, FRESH, TuneRequest, by_seeds, limits_of
 
 _SAFE = 0.8  # largest share of its limits that the safer choice takes
 

@@ -1,0 +1,1 @@
+"""From a model to the settings to use: `contactlab tune`, and `contactlab.tune`."""
