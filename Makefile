@@ -65,7 +65,7 @@ attack: .venv/dev
 verdicts: .venv/dev
 	$(BIN)/python -m tests.verdicts --held-back
 
-# Every hard case as it is written, recorded by the kernel and by contact sensors: minutes.
+# Every hard case as it is written, by contact sensors, and in C by any number of workers: minutes.
 kernel: .venv/dev
 	WHOLE_CATALOGUE=1 $(BIN)/python -m pytest -n 0 -m slow -k every_case \
 	  tests/engines/test_contact_kernel.py

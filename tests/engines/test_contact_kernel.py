@@ -28,8 +28,8 @@ pytestmark = pytest.mark.skipif(not has_batch(), reason="needs a batch: MuJoCo 3
 
 SWITCH = "CONTACTLAB_KERNEL"
 CATALOGUE = sorted((resources.SWEEPS / "stability").glob("*.yaml"))
-# Cases as they are written take minutes: `make kernel` runs them so. Else they have one seed, a
-# second at most, and no second pass, which sensors record in either way.
+# Cases as they are written take minutes: `make kernel` runs them so, and by one to four workers.
+# Else they have one seed, a second at most, and no second pass.
 AS_WRITTEN = "WHOLE_CATALOGUE" in os.environ
 SHORT = ("seeds=1", "checks=none")
 MOST_SECONDS = 1.0
@@ -311,12 +311,13 @@ def request(sweep: Path, store: Path, *overrides: str) -> SweepRequest:
     return read_request(sweep, sweep.stem, store, folder=sweep.parent, workers=0, overrides=given)
 
 
-def stored(sweep: Path, store: Path) -> dict[str, bytes]:
-    """Run a sweep in this process and return its traces."""
+def stored(sweep: Path, store: Path, workers: int) -> dict[str, bytes]:
+    """Run a sweep by so many processes, or in this one, and return its traces."""
     ask = request(sweep, store)
     if not AS_WRITTEN:
         seconds = min(MOST_SECONDS, ask.scene.duration)
         ask = request(sweep, store, *SHORT, f"duration={seconds}")
+    ask = replace(ask, workers=workers)
     run_sweep(ask, lambda _total, _done: None, lambda _finished: None)
     return {path.relative_to(store).as_posix(): path.read_bytes() for path in store.rglob("*.mcap")}
 
@@ -325,12 +326,12 @@ def assert_same_stores(case: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPat
     """Compare every trace: all arrays, and the record but for costs and times of day."""
     # Records name the commit of the folder that a sweep is run from, which may move in between.
     monkeypatch.chdir(tmp_path)
-    traces: list[dict[str, bytes]] = []
-    for way in ("on", "off"):
-        monkeypatch.setenv(SWITCH, way)
-        traces.append(stored(case, tmp_path / way))
-    assert traces[0] == traces[1]
-    assert traces[0]
+    monkeypatch.setenv(SWITCH, "off")
+    by_sensors = stored(case, tmp_path / "sensors", 0)
+    assert by_sensors
+    monkeypatch.setenv(SWITCH, "on")
+    for workers in range(5 if AS_WRITTEN else 1):
+        assert stored(case, tmp_path / f"{workers}", workers) == by_sensors, f"{workers} workers"
 
 
 # Slides, balls that roll, what is pinched, and what only springs and joints hold.
