@@ -7,8 +7,9 @@ import atexit
 import gc
 import os
 import sys
-from importlib import reload
-from importlib.util import find_spec, module_from_spec
+from collections.abc import Sequence
+from importlib import import_module, reload
+from importlib.machinery import ModuleSpec, PathFinder
 from types import ModuleType
 from typing import Any
 
@@ -30,7 +31,35 @@ class _RunsWhenUsed(ModuleType):
         return getattr(reload(self), name)
 
 
-# MuJoCo imports it at once, which starts a process of its own, and uses it for windows.
-if (spec := find_spec("glfw")) is not None:
-    sys.modules["glfw"] = module_from_spec(spec)
-    sys.modules["glfw"].__class__ = _RunsWhenUsed
+class _RunsWhenWrapped(_RunsWhenUsed):
+    """Arrow's functions, of which most callers want the compiled ones, not hundreds of wrappers."""
+
+    def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - of any type
+        compiled = import_module("pyarrow._compute")
+        return getattr(compiled, name) if hasattr(compiled, name) else super().__getattr__(name)
+
+
+# MuJoCo imports glfw at once, which starts a process of its own, and uses it for windows.
+_LATER = {"glfw": _RunsWhenUsed, "pyarrow.compute": _RunsWhenWrapped}
+
+
+class _LaterFinder(PathFinder):
+    """Finds such modules as they are imported; to run them, they are reloaded as others are."""
+
+    @classmethod
+    def find_spec(
+        cls, name: str, path: Sequence[str] | None = None, target: ModuleType | None = None
+    ) -> ModuleSpec | None:
+        found = super().find_spec(name, path) if name in _LATER and target is None else None
+        if found is not None:
+            found.loader = cls()
+        return found
+
+    def create_module(self, spec: ModuleSpec) -> ModuleType:
+        return _LATER[spec.name](spec.name)
+
+    def exec_module(self, module: ModuleType) -> None:
+        pass
+
+
+sys.meta_path.insert(0, _LaterFinder)

@@ -62,7 +62,7 @@ class _Described(type(BaseModel)):
 class Model(BaseModel, metaclass=_Described):
     """A mapping with known keys only, immutable once read."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, defer_build=True)
 
 
 def _checked_number(value: object) -> float:

@@ -12,7 +12,7 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from contactlab.errors import StoreError
-from contactlab.store.runs_table import shared_fields, table_errors
+from contactlab.store.runs_table import compute, shared_fields, table_errors
 from contactlab.store.store_files import TABLE, Address, stored_file
 from contactlab.store.table_layout import Column, column_of
 
@@ -102,7 +102,7 @@ class RunColumns:
     @cached_property
     def axis_names(self) -> tuple[str, ...]:
         """The names of the swept axes, in table order."""
-        used = set(self._read("axis_names").flatten().unique().to_pylist())
+        used = {*compute("list_flatten", self._read("axis_names")).unique().to_pylist()}
         return tuple(name for name in self.schema.names if name in used)
 
     def is_number(self, name: str) -> bool:
@@ -113,15 +113,17 @@ class RunColumns:
     def numbers(self, name: str) -> NumberColumn:
         """Return a column of numbers, or of booleans as 1 and 0."""
         column = self._read(name)
-        values = column.cast(pa.float64()).to_numpy(zero_copy_only=False)
-        return NumberColumn(values, np.asarray(column.is_valid()))
+        values = compute("cast", column, options=pc.CastOptions.safe(pa.float64()))
+        valid = np.asarray(compute("is_valid", column))
+        return NumberColumn(values.to_numpy(zero_copy_only=False), valid)
 
     def coded(self, name: str) -> CodedColumn:
         """Return a column by the codes that it is stored with, its text not written out."""
         file = pq.ParquetFile(self._source, metadata=self._file.metadata, read_dictionary=[name])
         encoded = self._read(name, file).dictionary_encode()
         values = [*encoded.dictionary.to_pylist(), *([None] if encoded.null_count else [])]
-        codes = encoded.indices.fill_null(len(values) - 1)
+        last = pa.scalar(len(values) - 1, encoded.indices.type)
+        codes = compute("coalesce", encoded.indices, last)
         return CodedColumn(np.asarray(codes), tuple(values))
 
     def string_sets(self, name: str) -> tuple[NDArray[np.int64], tuple[str, ...]]:
@@ -130,28 +132,27 @@ class RunColumns:
         It is (n,) a bit mask, whose bit i says whether string i is in the list.
         """
         lists = self._read(name)
-        encoded = lists.flatten().dictionary_encode()
+        encoded = compute("list_flatten", lists).dictionary_encode()
         categories = tuple(encoded.dictionary.to_pylist())
         if len(categories) > _MAX_CATEGORIES:
             count = len(categories)
             raise StoreError(f"{self.path} is damaged: {count} different strings in '{name}'")
         bits = np.int64(1) << np.asarray(encoded.indices).astype(np.int64)
         masks = np.zeros(self.runs, dtype=np.int64)
-        rows = np.asarray(lists.value_parent_indices())
+        rows = np.asarray(compute("list_parent_indices", lists))
         np.bitwise_or.at(masks, rows, bits)
         return masks, categories
 
     def byte_strings(self, name: str) -> NDArray[np.bytes_]:
         """Return (n,) strings as fixed-length bytes, for ids and hashes; empty where null."""
-        column = self._read(name).fill_null("")
-        lengths = pc.call_function("binary_length", [column])
-        width = pc.call_function("max", [lengths]).as_py() or 1
-        padded = pc.call_function("utf8_rpad", [column], pc.PadOptions(width, "\0"))
+        column = compute("coalesce", self._read(name), "")
+        width = compute("max", compute("binary_length", column)).as_py() or 1
+        padded = compute("utf8_rpad", column, options=pc.PadOptions(width, "\0"))
         return np.frombuffer(padded.buffers()[2], f"S{width}", len(padded))
 
     def identify(self, rows: Sequence[int]) -> list[dict[str, Any]]:
         """Return run id, seed and axis values of some runs."""
-        return self._identities.take(pa.array(rows, pa.int64())).to_pylist()
+        return compute("take", self._identities, pa.array(rows, pa.int64())).to_pylist()
 
     def to_pydict(self, names: Sequence[str]) -> dict[str, list[Any]]:
         """Return some columns as lists of Python values, None where null."""

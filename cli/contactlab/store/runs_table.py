@@ -89,7 +89,7 @@ def _parsed(lines: bytes, schema: pa.Schema) -> pa.Table:
             explicit_schema=schema, unexpected_field_behavior="error"
         ),
     )
-    return table.select(schema.names).cast(schema)
+    return pa.Table.from_arrays(table.select(schema.names).columns, schema=schema)
 
 
 _LINE_SPAN = np.dtype([("index", np.int64), ("start", np.int64), ("size", np.int64)])
@@ -197,6 +197,11 @@ def shared_fields(schema: pa.Schema) -> dict[str, Any]:
     return json.loads((schema.metadata or {})[_SHARED])
 
 
+def compute(function: str, *arrays: object, options: pc.FunctionOptions | None = None) -> Any:  # noqa: ANN401
+    """Return what a function of Arrow gives, called by its name: methods load wrappers of all."""
+    return pc.call_function(function, [*arrays], options)
+
+
 def rows_digest(path: Path) -> str:
     """Return the digest of all rows of a stored table; see `RowsDigest`."""
     with table_errors(path), pq.ParquetFile(path) as file:
@@ -236,23 +241,25 @@ class RowsDigest:
 def _streams(name: str, column: pa.Array) -> Iterator[tuple[str, bytes | memoryview]]:
     """Yield the bytes of a column, each part with the name of its stream."""
     kind = column.type
-    yield f"{name}?", np.asarray(column.is_valid()).data
+    yield f"{name}?", np.asarray(compute("is_valid", column)).data
     if pa.types.is_struct(kind):
         for field, inner in zip(kind, column.flatten(), strict=True):
             yield from _streams(f"{name}.{field.name}", inner)
     elif pa.types.is_list(kind):
-        yield f"{name}#", _lengths(pc.call_function("list_value_length", [column]))
-        yield from _streams(f"{name}[]", column.flatten())
+        yield f"{name}#", _lengths(compute("list_value_length", column))
+        yield from _streams(f"{name}[]", compute("list_flatten", column))
     elif pa.types.is_string(kind):
-        yield f"{name}#", _lengths(pc.call_function("binary_length", [column]))
-        texts = column.drop_null().view(pa.binary())
+        yield f"{name}#", _lengths(compute("binary_length", column))
+        texts = compute("drop_null", column).view(pa.binary())
         whole = pa.ListArray.from_arrays(pa.array([0, len(texts)], pa.int32()), texts)
-        yield f"{name}=", pc.call_function("binary_join", [whole, b""])[0].as_buffer()
+        yield f"{name}=", compute("binary_join", whole, b"")[0].as_buffer()
     else:
         if column.null_count:
-            column = column.fill_null(pa.scalar(False if kind == pa.bool_() else 0, kind))
+            column = compute(
+                "coalesce", column, pa.scalar(False if kind == pa.bool_() else 0, kind)
+            )
         yield f"{name}=", column.to_numpy(zero_copy_only=False).data
 
 
 def _lengths(lengths: pa.Array) -> memoryview:
-    return lengths.fill_null(0).to_numpy(zero_copy_only=False).astype(np.int64).data
+    return compute("coalesce", lengths, 0).to_numpy(zero_copy_only=False).astype(np.int64).data
