@@ -6,7 +6,7 @@ from typing import Any
 
 from typer.testing import CliRunner
 
-from contactlab.commands.main import app
+from contactlab.commands.main import command_line
 from contactlab.schema.study_reports import EffectsReport
 from contactlab.store.finished_store import Store
 from contactlab.store.verify_store import verify
@@ -15,7 +15,7 @@ SLIDE = "version: 1\nscene: box_slide\nduration: 0.2\ntolerances: {drift: 0.01}\
 
 
 def run(*args: str) -> Any:
-    return CliRunner().invoke(app, ["effects", *args, "--workers", "0"])
+    return CliRunner().invoke(command_line(), ["effects", *args, "--workers", "0"])
 
 
 def test_report_figure_and_evidence(tmp_path: Path) -> None:

@@ -10,10 +10,13 @@ from typing import Any
 
 import pytest
 
-from contactlab.commands.main import app
+from contactlab.commands.main import command_line
 
 Run = Callable[..., Any]
-COMMANDS = [each.name or getattr(each.callback, "__name__", "") for each in app.registered_commands]
+COMMANDS = [
+    each.name or getattr(each.callback, "__name__", "")
+    for each in command_line().registered_commands
+]
 LOADED = """
 import sys
 from contactlab.commands.main import main

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from contactlab.commands.main import app
+from contactlab.commands.main import command_line
 from contactlab.store.finished_store import Store
 from contactlab.store.verify_store import verify
 
@@ -290,7 +290,7 @@ def test_mistakes_of_other_commands(
 
 LISTS = [
     each.name or getattr(each.callback, "__name__", "")
-    for each in app.registered_commands
+    for each in command_line().registered_commands
     if getattr(each.callback, "__name__", "") in {"scenes", "sweeps", "metrics", "labels"}
 ]
 

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 import typer.main
 
-from contactlab.commands.main import app
+from contactlab.commands.main import command_line
 from contactlab.plan.sweep_file import read_sweep
 from contactlab.resources import scene_names
 from contactlab.run.sweep_request import SceneLoader
@@ -39,7 +39,7 @@ def parse(line: str) -> None:
     words = shlex.split(line, comments=True)[1:]
     # What a pipe or a redirection follows is the shell's.
     words = words[: next((at for at, each in enumerate(words) if each in SHELL), len(words))]
-    command: Any = typer.main.get_command(app)
+    command: Any = typer.main.get_command(command_line())
     context = command.context_class(command)
     while hasattr(command, "commands") and words and not words[0].startswith("-"):
         if words[0] not in command.commands and command.invoke_without_command:

@@ -7,7 +7,7 @@ import pytest
 from typer.testing import CliRunner
 
 import contactlab
-from contactlab.commands.main import app
+from contactlab.commands.main import command_line
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "recorded_grasp.py"
 
@@ -24,10 +24,12 @@ def test_success_by_sinking_in_is_caught(
     assert [each.label for each in records] == ["stable", "exploited"]
 
     # One table has the question's answer, and nothing offers to run the loop again.
-    table = CliRunner().invoke(app, ["show", "results/grasp_soft"]).stdout
+    table = CliRunner().invoke(command_line(), ["show", "results/grasp_soft"]).stdout
     assert all(
         each in table for each in ("success", "hold depth [m]", "hold slip [m]", "exploited")
     )
-    run = CliRunner().invoke(app, ["show", "results/grasp_soft", records[1].run_id]).stdout
+    run = (
+        CliRunner().invoke(command_line(), ["show", "results/grasp_soft", records[1].run_id]).stdout
+    )
     assert "episode 0, success" in run
     assert "contactlab replay" not in run

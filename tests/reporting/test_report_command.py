@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from contactlab.commands.main import app
+from contactlab.commands.main import command_line
 from contactlab.errors import ContactlabError, OutputError, SweepFileError
 from contactlab.store.finished_store import Store
 
@@ -15,7 +15,9 @@ Swept = Callable[[str], Store]
 
 def call(*arguments: object) -> str:
     """Run the command and return what it prints; its errors are raised."""
-    done = CliRunner().invoke(app, ["report", *map(str, arguments)], catch_exceptions=False)
+    done = CliRunner().invoke(
+        command_line(), ["report", *map(str, arguments)], catch_exceptions=False
+    )
     assert done.exit_code == 0
     return done.stdout
 

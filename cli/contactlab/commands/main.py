@@ -2,44 +2,42 @@
 
 import errno
 import os
+import sys
 import warnings
+from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 import typer
 
-from contactlab.commands.compare_command import baselines, compare
-from contactlab.commands.drawing_commands import render, report
-from contactlab.commands.list_commands import (
-    engines,
-    init,
-    labels,
-    metrics,
-    scenes,
-    schema,
-    sweeps,
-    thresholds,
-)
 from contactlab.commands.options import end_of_help, option
-from contactlab.commands.store_commands import replay, show, verify
-from contactlab.commands.study_commands import check, effects, stability
-from contactlab.commands.sweep_command import sweep
 from contactlab.commands.terminal import echo, say
-from contactlab.commands.trace_commands import traces
-from contactlab.commands.tradeoff_command import tradeoff
 from contactlab.errors import ContactlabError, OutputError, in_one_line
-from contactlab.plugins import extensions
 from contactlab.printable import printable
 
-app = typer.Typer(
-    name="contactlab",
-    no_args_is_help=True,
-    context_settings={"help_option_names": ["-h", "--help"]},
-    pretty_exceptions_enable=False,
-    rich_markup_mode=None,
-)
-_RUN = (sweep, stability, effects, check, tradeoff)
-_READ = (show, replay, render, verify, compare, report)
-_LIST = (scenes, sweeps, metrics, labels, thresholds, init, schema)
+# Where each command is, in the order of --help.
+_RUN = {
+    "sweep": "sweep_command",
+    "stability": "study_commands",
+    "effects": "study_commands",
+    "check": "study_commands",
+    "tradeoff": "tradeoff_command",
+}
+_READ = {
+    "show": "store_commands",
+    "replay": "store_commands",
+    "render": "drawing_commands",
+    "verify": "store_commands",
+    "compare": "compare_command",
+    "report": "drawing_commands",
+}
+_LISTS = ("scenes", "sweeps", "metrics", "labels", "thresholds", "init", "schema")
+_LIST = dict.fromkeys(_LISTS, "list_commands")
+_GROUPS = {
+    "baseline": ("compare_command", "baselines"),
+    "engines": ("list_commands", "engines"),
+    "traces": ("trace_commands", "traces"),
+}
 _EXAMPLES = {
     "sweep": ("sweep grasp", "sweep grid.yaml --set timestep=1e-3 --workers 4"),
     "stability": ("stability", "stability robot.xml --duration 5"),
@@ -60,24 +58,50 @@ _EXAMPLES = {
     "init": ("init robot.xml -o robot.yaml",),
     "schema": ("schema --write schemas",),
 }
-_EXIT_CODES = {
-    _RUN: "0 as expected, 1 not, 2 bad input, 3 bad store, 4 runs lost, 130 interrupted",
-    _READ: "0 sound or equal, 1 it differs, 2 bad input, 3 bad or damaged store",
-    _LIST: "0 printed, 2 bad input",
-}
-for commands, codes in _EXIT_CODES.items():
-    for command in commands:
-        examples = _EXAMPLES.get(command.__name__, (command.__name__,))
-        app.command(epilog=end_of_help(examples, codes))(command)
-app.add_typer(baselines, name="baseline")
-app.add_typer(engines, name="engines")
-app.add_typer(traces, name="traces")
-for name, installed in extensions("command").items():
-    try:
-        command = installed.load()
-        app.command(name, epilog=getattr(command, "end_of_help", None))(command)
-    except Exception as error:  # noqa: BLE001 - an installed package may raise anything
-        say(f"warning: there is no command {name}: {in_one_line(error, __file__)}")
+_EXIT_CODES = (
+    (_RUN, "0 as expected, 1 not, 2 bad input, 3 bad store, 4 runs lost, 130 interrupted"),
+    (_READ, "0 sound or equal, 1 it differs, 2 bad input, 3 bad or damaged store"),
+    (_LIST, "0 printed, 2 bad input"),
+)
+
+
+def command_line(first: str | None = None) -> typer.Typer:
+    """Return all commands, or no more than the one that a command line begins with."""
+    app = typer.Typer(
+        name="contactlab",
+        no_args_is_help=True,
+        context_settings={"help_option_names": ["-h", "--help"]},
+        pretty_exceptions_enable=False,
+        rich_markup_mode=None,
+    )
+    app.callback()(contactlab)
+    known = first in {**_RUN, **_READ, **_LIST, **_GROUPS}
+    for places, codes in _EXIT_CODES:
+        for name, module in places.items():
+            if first == name or not known:
+                end = end_of_help(_EXAMPLES.get(name, (name,)), codes)
+                app.command(epilog=end)(_loaded(module, name))
+    for name, place in _GROUPS.items():
+        if first == name or not known:
+            app.add_typer(_loaded(*place), name=name)
+    if not known:
+        _add_installed(app)
+    return app
+
+
+def _loaded(module: str, name: str) -> Any:  # noqa: ANN401 - a command, or a group of them
+    return getattr(import_module(f"contactlab.commands.{module}"), name)
+
+
+def _add_installed(app: typer.Typer) -> None:
+    from contactlab.plugins import extensions
+
+    for name, installed in extensions("command").items():
+        try:
+            command = installed.load()
+            app.command(name, epilog=getattr(command, "end_of_help", None))(command)
+        except Exception as error:  # noqa: BLE001 - an installed package may raise anything
+            say(f"warning: there is no command {name}: {in_one_line(error, __file__)}")
 
 
 def _print_version(wanted: bool) -> None:
@@ -88,7 +112,6 @@ def _print_version(wanted: bool) -> None:
         raise typer.Exit
 
 
-@app.callback()
 def contactlab(
     *,
     version: bool = typer.Option(
@@ -112,7 +135,7 @@ def main() -> None:
     os.environ["PYTHONSAFEPATH"] = "1"
     warnings.formatwarning = lambda message, *_: f"warning: {printable(str(message))}\n"
     try:
-        app(prog_name="contactlab")
+        command_line(*sys.argv[1:2])(prog_name="contactlab")
     except ContactlabError as error:
         say(f"error: {error}" if not str(error).startswith("error") else str(error))
         raise SystemExit(error.exit_code) from error

@@ -13,6 +13,7 @@ from contactlab.errors import OutputError, SweepFileError, optional
 
 if TYPE_CHECKING:
     from contactlab.pareto.criteria import Criteria
+    from contactlab.plugins import Plugin
     from contactlab.store.finished_store import Store
     from contactlab.store.store_files import Address
 else:
@@ -127,11 +128,11 @@ def beside(store: Address, ending: str) -> Path:
     return named.with_name(f"{named.name}{ending}")
 
 
-def load_plugins(files: Sequence[Path] | None) -> None:
+def load_plugins(files: Sequence[Path] | None) -> "Sequence[Plugin]":
     """Load installed plug-ins and those of `--plugin`; raise PluginError for one that cannot be."""
     from contactlab import plugins
 
-    plugins.load_plugins(files or ())
+    return plugins.load_plugins(files or ())
 
 
 def check_figure(path: Path | None) -> None:

@@ -63,9 +63,11 @@ def sweep(
     path = resources.find_sweep(name)
     target = store or resources.RESULTS / path.stem
     opt.rerun_with_mujoco(mujoco, None if store else target)
-    # A finished store is unlikely to need workers.
-    is_whole = not fresh and Path(str(target), "manifest.json").exists()
-    begin_workers(0 if plan or is_whole or executor != "local" else workers)
+    # A finished store is unlikely to need workers. They are forked when all is planned, with what
+    # that made, but before others' code, whose threads a fork would lose.
+    runs_nothing = plan or (not fresh and Path(str(target), "manifest.json").exists())
+    wanted = 0 if runs_nothing or executor != "local" else workers
+    begin_workers(wanted if plugin or allow_code else 0)
     from contactlab.plan.grid import CONFIRM_ABOVE
     from contactlab.plan.overrides import Overrides, drive_option
     from contactlab.run.forecast import forecast
@@ -73,7 +75,7 @@ def sweep(
     from contactlab.run.sweep_runner import run_sweep
     from contactlab.run.worker_pool import worker_count
 
-    opt.load_plugins(plugin)
+    plugins = opt.load_plugins(plugin)
     request = read_request(
         path,
         path.stem,
@@ -84,7 +86,6 @@ def sweep(
         drive=drive_option(drive),
         allow_code=allow_code,
     )
-    how = {"fresh": fresh, "retry_failed": retry_failed, "repair": repair, "allow_code": allow_code}
     for warning in request.plan.warnings:
         say(str(warning))
     if plan:
@@ -95,9 +96,20 @@ def sweep(
             f"the sweep has {request.plan.count:,} runs; look at it with --plan, then run it with "
             "--yes"
         )
-    cluster = _cluster(executor, address, request.workers if address is None else workers)
-    with resumable() as stop, progress_display() as display, cluster as nodes:
-        request = replace(request, cluster=nodes, **how)
+    begin_workers(0 if plugins else wanted)
+    with (
+        resumable() as stop,
+        progress_display() as display,
+        _cluster(executor, address, request.workers if address is None else workers) as nodes,
+    ):
+        request = replace(
+            request,
+            cluster=nodes,
+            fresh=fresh,
+            retry_failed=retry_failed,
+            repair=repair,
+            allow_code=allow_code,
+        )
         manifest = run_sweep(request, display.begin, display.advance, stop)
     _conclude(target, manifest, output)
 

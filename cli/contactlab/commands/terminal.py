@@ -327,11 +327,13 @@ def resumable(then: str = "resume") -> Generator["Stop"]:
 
 
 def begin_workers(count: int | None) -> None:
-    """Load what workers need, and fork what they come from, if any are wanted."""
+    """Load and make what workers need, and fork what they come from, if any are wanted."""
     if count != 0:
         import contactlab.run.worker_pool  # noqa: F401 # pyright: ignore[reportUnusedImport]
         from contactlab.run.fork_server import fork_server
+        from contactlab.schema.evidence import EvidenceRecord
 
+        EvidenceRecord.model_rebuild()
         fork_server()
 
 
