@@ -34,17 +34,40 @@ assert "glfw.library" not in sys.modules
 assert glfw.get_version()
 assert "glfw.library" in sys.modules
 """
-# What a sweep without second passes, pictures and references has no use for.
-SWEEP = """
+ARROW = """
+import contactlab.startup
+import pyarrow as pa
+import pyarrow.compute as pc
+assert pa.compute is pc
+wrappers = lambda: hasattr(pc, "__file__") and "sort_indices" in vars(pc)
+values = pa.array([3, None, 1])
+assert pc.call_function("drop_null", [values]).to_pylist() == [3, 1]
+assert values.value_counts().to_pylist()[0] == {"values": 3, "counts": 1}
+assert pc.PadOptions(2, " ") == pc.PadOptions(2, " ")
+assert not wrappers()
+assert pc.sort_indices(values).to_pylist() == [2, 0, 1]
+assert wrappers()
+assert values.drop_null().to_pylist() == [3, 1]
+"""
+# Runs a command, which ends the process, and fails if it has loaded what it has no use for.
+COMMAND = """
 import sys
 from contactlab.__main__ import main
-sys.argv = ["contactlab", "sweep", "ball.yaml", "-o", "store", "--workers", "0"]
-main()
-unused = {"altair", "av", "glfw.library", "jinja2", "numpy.ma", "obstore", "ray", "scipy"}
-assert not unused & set(sys.modules), unused & set(sys.modules)
+unused = set(sys.argv[1].split())
+sys.argv[1:] = sys.argv[2:]
+try:
+    main()
+except SystemExit as end:
+    assert not end.code
+    assert not unused & set(sys.modules), unused & set(sys.modules)
+    assert "sort_indices" not in vars(sys.modules.get("pyarrow.compute", sys))
+else:
+    raise AssertionError("it did not end")
 """
+SWEEP = ["sweep", "ball.yaml", "-o", "store", "--workers", "0"]
 # Prints the size of each row that is stored, and fails for one with nulls.
 ROWS = """
+import contactlab.startup
 import json
 from contactlab.store.store_writer import StoreWriter
 append = StoreWriter.append
@@ -120,7 +143,22 @@ def test_glfw_runs_when_it_is_used(folder: Path) -> None:
 
 
 def test_a_sweep_loads_no_more_than_it_needs(folder: Path) -> None:
-    run(SWEEP, folder)
+    """It has no second passes, pictures and references."""
+    unused = "altair av glfw.library jinja2 obstore ray scipy"
+    run(COMMAND, folder, unused, *SWEEP)
+
+
+def test_arrows_functions_are_wrapped_when_they_are_used(folder: Path) -> None:
+    run(ARROW, folder)
+
+
+def test_a_command_loads_no_more_than_it_prints(folder: Path) -> None:
+    (folder / "ball.yaml").write_text(f"{BALL}seeds: 13\n")
+    run(COMMAND, folder, "", *SWEEP)
+    engine = "mujoco scipy ruamel.yaml mcap zstandard"
+    run(COMMAND, folder, f"{engine} contactlab.measure", "show", "store")
+    table = "numpy pyarrow contactlab.plugins contactlab.commands.sweep_command"
+    run(COMMAND, folder, f"{engine} {table}", "sweeps")
 
 
 def test_all_is_loaded_once(folder: Path) -> None:
@@ -130,7 +168,7 @@ def test_all_is_loaded_once(folder: Path) -> None:
 
 def test_what_runs_nothing_forks_nothing(folder: Path) -> None:
     assert starts(folder, "--plan") == ["started"]
-    run(SWEEP, folder)
+    run(COMMAND, folder, "", *SWEEP)
     assert starts(folder, "-o", "store") == ["started"]
 
 
@@ -147,8 +185,8 @@ def test_a_worker_loads_nothing_of_its_own(folder: Path) -> None:
 
 def test_a_row_of_the_journal_has_no_nulls(folder: Path) -> None:
     """It is 4.8 kB, of which effects and settings are half; 1.4 kB more with what is not known."""
-    program = SWEEP.replace("main()", f"{ROWS}main()", 1)
-    sizes = [int(each) for each in run(program, folder).splitlines() if each.isdecimal()]
+    printed = run(ROWS + COMMAND, folder, "", *SWEEP).splitlines()
+    sizes = [int(each) for each in printed if each.isdecimal()]
     assert sizes
     assert max(sizes) < 5500
 

@@ -19,6 +19,8 @@ gc.set_threshold(200_000)
 atexit.register(gc.freeze)
 # Workers, which have a core each, are forked from here: they would lose BLAS's threads.
 os.environ["OPENBLAS_NUM_THREADS"] = "1"
+# Pydantic would look through all that is installed for what watches it.
+os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
 
 
 class _RunsWhenUsed(ModuleType):

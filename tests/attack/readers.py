@@ -22,7 +22,8 @@ from contactlab.plan.sweep_file import read_sweep, read_yaml_as
 from contactlab.run.sweep_request import SceneLoader
 from contactlab.scene.scene_source import find_scene, read_manifest
 from contactlab.schema.comparison import ComparePolicy
-from contactlab.store.controls_file import encode_controls, read_control_table
+from contactlab.store.control_tables import read_control_table
+from contactlab.store.controls_file import encode_controls
 from contactlab.store.finished_store import Store
 from contactlab.store.mcap.stored_messages import find_defect
 from contactlab.store.mcap.trace_reader import read_trace

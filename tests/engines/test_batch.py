@@ -12,7 +12,7 @@ from contactlab import resources
 from contactlab.scene.model_edits import FLAGS
 from contactlab.scene.parameters import PARAMETERS
 from contactlab.scene.scene import Scene
-from contactlab.store.controls_file import read_control_table
+from contactlab.store.control_tables import read_control_table
 
 STEPS = 80
 

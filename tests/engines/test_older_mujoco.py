@@ -21,7 +21,7 @@ from contactlab.scene.initial_states import InitialStates
 from contactlab.scene.mujoco_versions import has_batch
 from contactlab.scene.scene import Scene
 from contactlab.scene.timed_inputs import Signals
-from contactlab.store.controls_file import read_control_table
+from contactlab.store.control_tables import read_control_table
 
 pytestmark = pytest.mark.skipif(not has_batch(), reason="needs a batch: MuJoCo 3.17 or newer")
 

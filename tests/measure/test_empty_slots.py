@@ -16,7 +16,7 @@ from contactlab.engines.rollout_trace import make_trace
 from contactlab.measure import assess
 from contactlab.scene.run_setup import make_setup
 from contactlab.scene.scene import Scene
-from contactlab.store.controls_file import read_control_table
+from contactlab.store.control_tables import read_control_table
 
 STEPS = 400
 SEEDS = 4

@@ -16,7 +16,7 @@ from contactlab.contact.rotations import multiply, rotate, rotate_back
 from contactlab.engines import Buffers, PreparedRuns, find_engine
 from contactlab.errors import SceneError
 from contactlab.scene.scene import Scene
-from contactlab.store.controls_file import read_control_table
+from contactlab.store.control_tables import read_control_table
 
 RATE, STEP = 200.0, 0.001
 BRICK = f"""<mujoco><option timestep="{STEP}"/><worldbody>

@@ -10,8 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import Floats
-from contactlab.measure import LABELS, METRICS
-from contactlab.measure import STABLE as STABLE_LABEL
 from contactlab.palette import LABEL_COLOURS, LABEL_LETTERS, OTHERS_COLOUR, STABLE_COLOUR
 from contactlab.schema.sweep_schema import Sweep
 from contactlab.schema.vocabulary import Role
@@ -23,7 +21,7 @@ Codes = NDArray[np.int64]
 
 SEED = "seed"
 SCENES_OWN = "as in the scene"
-STABLE = STABLE_LABEL.name
+STABLE = "stable"
 _UNITLESS = {"", "1", "any"}
 _MOST_VALUES = 40  # an axis with more values than this is drawn in bins
 _BINS = 20
@@ -91,6 +89,8 @@ class RunLabels:
     @property
     def meanings(self) -> tuple[str, ...]:
         """What each says of a run; empty for labels of other versions and plug-ins."""
+        from contactlab.measure import LABELS  # noqa: PLC0415 - a summary needs no meanings
+
         return tuple(LABELS[name].meaning if name in LABELS else "" for name in self.names)
 
     @property
@@ -170,6 +170,8 @@ def combination_codes(axes: Sequence[GridAxis], runs: int) -> Codes:
 
 def summary_metrics() -> list[str]:
     """Return the physical metrics that a sweep's summary prints, the penetration first."""
+    from contactlab.measure import METRICS  # noqa: PLC0415 - takes a while
+
     return [each.name for each in METRICS.values() if each.heading and each.kind == "physics"]
 
 
@@ -187,9 +189,13 @@ def read_quantities(store: Store) -> tuple[Quantity, ...]:
 def read_run_labels(store: Store, also: Sequence[str] = ()) -> RunLabels:
     """Return the labels of a store's runs; `also` lists labels beside those that occur."""
     codes, strings = store.columns.coded("label")
-    stored_order = [str(name) for name in store.columns.shared.get("severity", ())]
-    ranks = {name: rank for rank, name in enumerate([*LABELS, *stored_order])}
+    order = [str(name) for name in store.columns.shared.get("severity", ())]
     unordered = dict.fromkeys((*strings, *also))
+    if unordered.keys() - {*order}:
+        from contactlab.measure import LABELS  # noqa: PLC0415 - the table of another version
+
+        order = [*LABELS, *order]
+    ranks = {name: rank for rank, name in enumerate(order)}
     names = sorted(unordered, key=lambda name: (name == STABLE, ranks.get(name, -1), name))
     placed = np.array([names.index(string) for string in strings], dtype=np.int64)[codes]
     letters: dict[str, str] = {STABLE: ""}

@@ -32,7 +32,8 @@ from contactlab.scene.scene_source import stored_scene
 from contactlab.schema.drive import PolicyDrive, parse_drive
 from contactlab.schema.evidence import SweepIdentity
 from contactlab.schema.sweep_schema import Sweep, effects_base
-from contactlab.store.controls_file import read_control_table, read_controls
+from contactlab.store.control_tables import read_control_table
+from contactlab.store.controls_file import read_controls
 from contactlab.store.folder_backend import backend_at
 from contactlab.store.store_files import SCENES, Address
 

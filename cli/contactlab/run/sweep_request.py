@@ -21,7 +21,7 @@ from contactlab.schema.drive import Drive, drive_text
 from contactlab.schema.pair_expectation import PairExpectation
 from contactlab.schema.sweep_schema import effects_base
 from contactlab.schema.vocabulary import Vocabulary
-from contactlab.store.controls_file import read_control_table
+from contactlab.store.control_tables import read_control_table
 from contactlab.store.store_files import Address
 from contactlab.store.table_layout import RESERVED_COLUMNS
 

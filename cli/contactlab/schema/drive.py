@@ -4,7 +4,15 @@ import re
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal, cast
 
-from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag, TypeAdapter
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    ConfigDict,
+    Discriminator,
+    Field,
+    Tag,
+    TypeAdapter,
+)
 from pydantic_core import PydanticCustomError
 
 from contactlab.schema.strict_model import Model, Number, Positive, Word, about, listed
@@ -134,7 +142,7 @@ Drive = Annotated[
         "or {policy: FILE.py:CLASS}",
     ),
 ]
-_ADAPTER: TypeAdapter[Drive] = TypeAdapter(Drive)
+_ADAPTER: TypeAdapter[Drive] = TypeAdapter(Drive, config=ConfigDict(defer_build=True))
 
 
 def read_drive(text: str) -> Drive:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from html import escape
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 import pyarrow as pa
@@ -20,7 +20,6 @@ from contactlab.store.atomic_files import sha256_of
 from contactlab.store.backend import Backend
 from contactlab.store.controls_file import read_controls
 from contactlab.store.folder_backend import backend_at
-from contactlab.store.mcap.trace_reader import StoredTrace, read_messages, read_trace
 from contactlab.store.run_columns import RunColumns
 from contactlab.store.runs_table import (
     OUTCOME_COLUMNS,
@@ -40,6 +39,9 @@ from contactlab.store.store_files import (
     stored_file,
 )
 from contactlab.store.table_layout import row_to_record
+
+if TYPE_CHECKING:
+    from contactlab.store.mcap.trace_reader import StoredTrace
 
 _MAX_SIMILAR = 32
 _SHOWN = ("run_id", "label", "label_reason")
@@ -223,16 +225,20 @@ class Store:
             )
         return None
 
-    def trace(self, run: EvidenceRecord | str) -> StoredTrace:
+    def trace(self, run: EvidenceRecord | str) -> "StoredTrace":
         """Return the stored trace of a run, given its record, its id, or a unique prefix of it.
 
         Raises a StoreError if there is no such run, its trace was not kept, or the trace is
         damaged.
         """
+        from contactlab.store.mcap.trace_reader import read_trace  # noqa: PLC0415 - takes a while
+
         return self._read_trace(run, read_trace)
 
     def trace_messages(self, run: EvidenceRecord | str) -> bytes:
         """Return the trace of a run as a file of messages, which viewers open; raises likewise."""
+        from contactlab.store.mcap.trace_reader import read_messages  # noqa: PLC0415 - takes a while
+
         return self._read_trace(run, read_messages)
 
     def _read_trace(

@@ -23,7 +23,6 @@ from contactlab.schema.evidence import RECORD_VERSION, EvidenceRecord, Status, S
 from contactlab.store.atomic_files import atomic_write
 from contactlab.store.backend import Backend
 from contactlab.store.controls_file import has_controls
-from contactlab.store.mcap.trace_reader import trace_problems
 from contactlab.store.store_files import JOURNAL, NOTES
 from contactlab.store.table_layout import FIXED_COLUMNS, row_to_record
 
@@ -215,6 +214,8 @@ class ResumedRows:
         return not (self.repair and self._contradicts(row, name))
 
     def _contradicts(self, row: Row, name: str) -> bool:
+        from contactlab.store.mcap.trace_reader import trace_problems  # noqa: PLC0415 - takes a while
+
         record = self._record(row)
         with closing(self.backend.local_files([name])) as files:
             path = next(files)

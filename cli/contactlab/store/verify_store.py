@@ -20,7 +20,6 @@ from contactlab.schema.evidence import RECORD_VERSION, Cost, EvidenceRecord, Swe
 from contactlab.store.atomic_files import exchange_folders, sha256_of, sync_filesystem, write_error
 from contactlab.store.controls_file import controls_name, read_controls
 from contactlab.store.finished_store import Store
-from contactlab.store.mcap.trace_reader import trace_problems
 from contactlab.store.runs_table import iterate_rows, rows_digest, write_compact_table
 from contactlab.store.store_files import (
     IDENTITY,
@@ -198,6 +197,8 @@ def _check_controls(store: Store) -> Iterator[str]:
 
 def _check_records(store: Store, model: bytes | None) -> Iterator[str]:
     """Yield what is wrong with records and traces, a batch of rows at a time."""
+    from contactlab.store.mcap.trace_reader import trace_problems  # noqa: PLC0415 - takes a while
+
     problems: list[str] = []
     named: set[str] = set()
     records, ahead = tee(_traced_records(store, problems))

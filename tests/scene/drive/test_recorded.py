@@ -14,7 +14,7 @@ from contactlab.engines import Buffers, PreparedRuns, find_engine
 from contactlab.errors import SceneError
 from contactlab.scene.scene import Scene
 from contactlab.schema.drive import FileDrive, NoiseDrive
-from contactlab.store.controls_file import read_control_table
+from contactlab.store.control_tables import read_control_table
 
 ARM = """<mujoco><option timestep="0.002"/><worldbody><geom type="plane" size="2 2 .1"/>
 <body name="hand" mocap="true" pos="0 0 1"><geom size=".02" contype="0" conaffinity="0"/></body>

@@ -15,7 +15,7 @@ from contactlab.scene.effects.proofs import RunState
 from contactlab.scene.model_edits import FLAGS
 from contactlab.scene.mujoco_versions import silence_mujoco
 from contactlab.scene.scene import Scene
-from contactlab.store.controls_file import read_control_table
+from contactlab.store.control_tables import read_control_table
 
 MakeScene = Callable[..., Scene]
 Prepare = Callable[..., PreparedModel]

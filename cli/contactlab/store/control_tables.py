@@ -1,0 +1,140 @@
+"""The tables of controls, forces and poses that drive runs: .csv, .parquet, .npz, .mcap."""
+
+import csv
+import json
+from collections.abc import Callable, Mapping
+from itertools import chain
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+from mcap.reader import make_reader
+from numpy.typing import NDArray
+
+from contactlab.errors import SceneError
+from contactlab.store.mcap.trace_messages import STATE_TOPIC
+from contactlab.store.mcap.trace_reader import read_trace
+
+Columns = dict[str, NDArray[np.float64]]
+
+
+def read_control_table(path: Path) -> Columns:
+    """Return the columns of a table by name, each (T,).
+
+    A column of vectors, as arrays of .npz files are, becomes `NAME[0]`, `NAME[1]`, ... Raises a
+    SceneError if it cannot be read, or has cells that are no numbers, or columns of two lengths.
+    """
+    read = _READERS.get(path.suffix.lower())
+    if read is None:
+        known = ", ".join(_READERS)
+        raise SceneError(f"{path.name} is no table of columns; write a file {known}")
+    try:
+        columns = read(path)
+    except Exception as error:
+        # Each format's library raises errors of its own.
+        reason = str(error) or type(error).__name__
+        raise SceneError(f"cannot read {path}: {reason}") from error
+    lengths = {name: len(values) for name, values in columns.items()}
+    if len(set(lengths.values())) > 1:
+        fewest, most = min(lengths, key=lengths.__getitem__), max(lengths, key=lengths.__getitem__)
+        raise SceneError(
+            f"{path.name}: column `{fewest}` has {lengths[fewest]} rows, but `{most}` has "
+            f"{lengths[most]}; write as many"
+        )
+    return columns
+
+
+def _read_csv(path: Path) -> Columns:
+    with path.open(newline="", encoding="utf-8-sig") as file:
+        rows = [row for row in csv.reader(file) if row]
+    names = [name.strip() for name in rows[0]] if rows else []
+    if len(set(names)) < len(names):
+        raise ValueError(f"column `{next(x for x in names if names.count(x) > 1)}` occurs twice")
+    for number, row in enumerate(rows[1:], 1):
+        if len(row) != len(names):
+            raise ValueError(f"row {number} has {len(row)} cells, not {len(names)}")
+    return {name: np.array([_number(row[k]) for row in rows[1:]]) for k, name in enumerate(names)}
+
+
+def _number(cell: str) -> float:
+    """Return the number that a cell is, or NaN: words may stand beside what is used."""
+    try:
+        return float(cell)
+    except ValueError:
+        return np.nan
+
+
+def _read_table(path: Path) -> Columns:
+    if path.suffix.lower() == ".parquet":
+        table = pq.read_table(path)
+    else:
+        with pa.ipc.open_file(path) as file:
+            table = file.read_all()
+    return _columns(dict(zip(table.column_names, map(_cells, table.columns), strict=True)))
+
+
+def _cells(column: pa.ChunkedArray) -> object:
+    kind, unused = column.type, np.full(len(column), np.nan)
+    vectors = pa.types.is_list(kind) or pa.types.is_large_list(kind)
+    if vectors or pa.types.is_fixed_size_list(kind):
+        rows = column.to_pylist()
+        numbers = pa.types.is_primitive(kind.value_type)
+        return rows if numbers and len({row and len(row) for row in rows}) == 1 else unused
+    # Words and pictures may stand beside what is used; they are no numbers.
+    known = pa.types.is_primitive(kind) or pa.types.is_decimal(kind)
+    return column.to_numpy() if known else unused
+
+
+def _read_npz(path: Path) -> Columns:
+    with path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
+        return _columns({name: arrays[name] for name in arrays.files})
+
+
+def _columns(arrays: Mapping[str, object]) -> Columns:
+    """Return columns of numbers; those of vectors are split."""
+    columns: Columns = {}
+    for name, values in arrays.items():
+        array = np.asarray(values, np.float64)
+        if array.ndim == 2:
+            columns |= {f"{name}[{k}]": array[:, k] for k in range(array.shape[1])}
+        elif array.ndim == 1:
+            columns[name] = array
+        else:
+            raise ValueError(f"`{name}` has {array.ndim} dimensions, not rows, or rows and columns")
+    return columns
+
+
+def _read_mcap(path: Path) -> Columns:
+    """Return what JSON messages say: numbers by name, or lists of `name` and `position`.
+
+    Of a trace of a run, it is the states.
+    """
+    rows: list[dict[str, object]] = []
+    with path.open("rb") as file:
+        for _, channel, message in make_reader(file).iter_messages():
+            if channel.topic == STATE_TOPIC and "nq" in channel.metadata:
+                trace = read_trace(path)
+                return _columns({"time": trace.time, "qpos": trace.qpos, "qvel": trace.qvel})
+            if channel.message_encoding != "json":
+                raise ValueError(
+                    f"topic {channel.topic} is encoded as {channel.message_encoding}; write JSON"
+                )
+            data: dict[str, object] = json.loads(message.data)
+            if isinstance(names := data.get("name"), list):
+                positions = data.get("position")
+                data = dict(
+                    zip(names, positions if isinstance(positions, list) else (), strict=True)
+                )
+            rows.append({"time": message.log_time * 1e-9, **data})
+    names = dict.fromkeys(chain.from_iterable(rows))
+    return _columns({name: [row.get(name, np.nan) for row in rows] for name in names})
+
+
+_READERS: Mapping[str, Callable[[Path], Columns]] = {
+    ".csv": _read_csv,
+    ".parquet": _read_table,
+    ".arrow": _read_table,
+    ".npz": _read_npz,
+    ".mcap": _read_mcap,
+}
