@@ -20,7 +20,7 @@ import numpy as np
 from contactlab.engines import Buffers, PreparedRuns, find_engine
 from contactlab.scene.scene import Scene
 from contactlab.schema.drive import FileDrive, NoiseDrive
-from contactlab.store.controls_file import read_control_table
+from contactlab.store.control_tables import read_control_table
 
 RUNS = 8
 SECONDS = 1.0
