@@ -9,7 +9,7 @@ import os
 import sys
 from collections.abc import Sequence
 from importlib import import_module, reload
-from importlib.machinery import ModuleSpec, PathFinder
+from importlib.machinery import ModuleSpec, PathFinder, SourceFileLoader
 from types import ModuleType
 from typing import Any
 
@@ -45,23 +45,26 @@ class _RunsWhenWrapped(_RunsWhenUsed):
 _LATER = {"glfw": _RunsWhenUsed, "pyarrow.compute": _RunsWhenWrapped}
 
 
-class _LaterFinder(PathFinder):
-    """Finds such modules as they are imported; to run them, they are reloaded as others are."""
-
-    @classmethod
-    def find_spec(
-        cls, name: str, path: Sequence[str] | None = None, target: ModuleType | None = None
-    ) -> ModuleSpec | None:
-        found = super().find_spec(name, path) if name in _LATER and target is None else None
-        if found is not None:
-            found.loader = cls()
-        return found
-
+class _LaterLoader(SourceFileLoader):
     def create_module(self, spec: ModuleSpec) -> ModuleType:
         return _LATER[spec.name](spec.name)
 
     def exec_module(self, module: ModuleType) -> None:
         pass
+
+
+class _LaterFinder(PathFinder):
+    """Finds such modules as they are imported; to run them, they are reloaded as others are."""
+
+    @classmethod
+    def find_spec(
+        cls, fullname: str, path: Sequence[str] | None = None, target: ModuleType | None = None
+    ) -> ModuleSpec | None:
+        is_later = fullname in _LATER and target is None
+        found = super().find_spec(fullname, path) if is_later else None
+        if found is not None:
+            found.loader = _LaterLoader(fullname, str(found.origin))
+        return found
 
 
 sys.meta_path.insert(0, _LaterFinder)

@@ -188,7 +188,7 @@ def _check_controls(store: Store) -> Iterator[str]:
     """Yield which recorded controls are missing or changed."""
     if "controls" not in store.columns.schema.names:
         return
-    for sha256 in store.columns.arrow(["controls"])["controls"].unique().drop_null().to_pylist():
+    for sha256 in filter(None, store.columns.arrow(["controls"])["controls"].unique().to_pylist()):
         try:
             read_controls(store.backend, sha256)
         except StoreError as error:
