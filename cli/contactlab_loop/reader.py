@@ -13,8 +13,8 @@ import numpy as np
 from mujoco import mj_step  # by itself, since a recording may replace the module's
 
 from contactlab.contact.trace_arrays import OTHERS, SLOT_WIDTH, Floats, RecordedControls
-from contactlab.engines.contact_kernel import Kernel, take_slots, usable_kernel
-from contactlab.engines.engine import Buffers, PreparedRuns, Rollout, RolloutArrays
+from contactlab.engines.contact_kernel import Kernel, recorded_slots, usable_kernel
+from contactlab.engines.engine import PreparedRuns, Rollout, RolloutArrays
 from contactlab.engines.mujoco_batch import PERSISTENT, STATE, Recorder, recorded
 from contactlab.engines.older_mujoco import fill_pair, measure_contacts
 from contactlab.engines.sampled_loads import with_loads
@@ -362,9 +362,10 @@ class _KernelSteps(_PlainSteps):
         """Return (1, N, S, 23) the slots of each pair; raise a MemoryError if some were lost."""
         if not self._handle or not self._kernel.end_loop(self._handle):
             raise MemoryError
-        return take_slots(
-            self._kernel, self._handle, (len(self._pairs), 1, self.count()), Buffers()
-        )
+        sizes = len(self._pairs), 1, self.count()
+        recorded = recorded_slots(self._kernel, self._handle, sizes, self)
+        # More steps may follow, for which this memory is needed.
+        return tuple(each.copy() if each.strides[1] else each for each in recorded)
 
 
 def _ids(model: mujoco.MjModel, pair: MonitoredPair) -> list[int]:

@@ -295,7 +295,12 @@ def test_one_that_disagrees_with_sensors_is_given_up(
         return rollout
 
     if planted == "forces":
-        monkeypatch.setattr(kernel, "fill_slots", lambda *_: None)
+        slots = contact_kernel.recorded_slots
+        monkeypatch.setattr(
+            contact_kernel,
+            "recorded_slots",
+            lambda *given: tuple(2 * each for each in slots(*given)),
+        )
     monkeypatch.setattr(contact_kernel, "roll_out", wrong)
     runs = runs_of(Scene.open("ball_drop"), {}, {})
     with pytest.warns(UserWarning, match="sensors from now on") as said:

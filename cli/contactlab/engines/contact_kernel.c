@@ -28,13 +28,16 @@ typedef struct {
   int number;      /* which of the pairs as they are declared */
   int width;       /* how many slots any step fills */
   int found;       /* contacts in this step; 0 between steps */
-  size_t next;     /* the slot that is written next; all before it are */
+  int before;      /* the pair that was found before it in this step, or -1 */
+  mjtNum* slots;   /* (run * steps + step, width, WIDTH), with room for so many slots */
+  size_t room;
+  size_t next;     /* the slot that is written next; all before it are, zero where empty */
 } Pair;
 
-typedef struct { /* A filled slot. */
-  mjtNum slot[WIDTH];
-  int row, pair, place; /* run * steps + step; whose slot it is, and which */
-} Point;
+typedef struct {
+  mjtNum* slots;
+  size_t room;
+} Memory;
 
 typedef struct { /* A field of mjData that is copied after each step. */
   char* target;
@@ -56,8 +59,8 @@ typedef struct {
   Pair* pair;         /* (pairs) by ascending keys */
   int sensor;         /* that of the first pair; the others', and that of all contacts, follow */
   int address, width; /* in sensordata: of the latter, and how many numbers there are from there */
-  Point* points;      /* of all runs */
-  size_t count, capacity;
+  size_t rows;        /* steps of all runs, where they are known */
+  int last;           /* the pair that was found last in this step, or -1 */
   int lacks_memory;
   int run, step; /* of what is recorded now */
   Loop loop;
@@ -76,7 +79,8 @@ typedef struct {
   int64_t run, spec, inputs; /* its number; which inputs change, and how many numbers they are */
 } Run;
 
-static _Thread_local struct { Point* points; size_t capacity; } spare; /* of the last recording */
+/* What recordings had that ended, by pair as declared: fresh pages would cost as much as copies. */
+static _Thread_local struct { Memory* memory; int pairs; } spare;
 
 /* Return what pairs are sorted and found by: whether sides are bodies, and both, in order. */
 static uint64_t key_of(int bodies, int first, int second) {
@@ -139,19 +143,58 @@ static void measure(const mjModel* m, const mjData* d, int index, int flip, mjtN
   }
 }
 
-/* Return room for another point, or NULL if there is no memory for it. */
-static Point* add_point(Recording* recording) {
-  if (recording->count == recording->capacity) {
-    size_t capacity = 2 * recording->capacity + 256;
-    Point* points = realloc(recording->points, capacity * sizeof(Point));
-    if (!points) {
-      recording->lacks_memory = 1;
-      return NULL;
-    }
-    recording->points = points;
-    recording->capacity = capacity;
+/* Make room for so many slots of a pair; return whether there is memory for them. */
+static int make_room(Recording* recording, Pair* pair, size_t count) {
+  if (count <= pair->room) {
+    return 1;
   }
-  return recording->points + recording->count++;
+  size_t all = recording->rows * pair->width, room = count <= all ? all : 2 * count + 64;
+  mjtNum* slots = realloc(pair->slots, room * WIDTH * sizeof(mjtNum));
+  if (!slots) {
+    recording->lacks_memory = 1;
+    return 0;
+  }
+  pair->slots = slots;
+  pair->room = room;
+  return 1;
+}
+
+static void clear(Pair* pair, size_t stop) {
+  if (pair->next < stop) {
+    memset(pair->slots + pair->next * WIDTH, 0, (stop - pair->next) * WIDTH * sizeof(mjtNum));
+    pair->next = stop;
+  }
+}
+
+/* Give each step of a pair another slot, since the last one has filled all of its own. */
+static int widen(Recording* recording, Pair* pair) {
+  const size_t rows = pair->width ? pair->next / pair->width : 0, width = pair->width++;
+  if (!make_room(recording, pair, rows * pair->width)) {
+    pair->width--;
+    return 0;
+  }
+  for (size_t row = rows; row-- > 0;) {
+    mjtNum* target = pair->slots + row * pair->width * WIDTH;
+    memmove(target, pair->slots + row * width * WIDTH, width * WIDTH * sizeof(mjtNum));
+    memset(target + width * WIDTH, 0, WIDTH * sizeof(mjtNum));
+  }
+  pair->next = rows ? rows * pair->width - 1 : 0;
+  return 1;
+}
+
+/* Return the slot of a contact that was just found, or NULL if there is no memory for it. */
+static mjtNum* add_slot(Recording* recording, Pair* pair) {
+  if (pair->found > pair->width && !widen(recording, pair)) {
+    return NULL;
+  }
+  const size_t row = (size_t)recording->run * recording->steps + recording->step,
+               place = row * pair->width + pair->found - 1;
+  if (!make_room(recording, pair, place + 1)) {
+    return NULL;
+  }
+  clear(pair, place);
+  pair->next = place + 1;
+  return pair->slots + place * WIDTH;
 }
 
 /* Add a contact to the pairs of its sides, of which there may be two of opposite orders. */
@@ -161,23 +204,22 @@ static void add_contact(Recording* recording, const mjModel* m, const mjData* d,
   for (int place = find(recording, key);
        place < recording->pairs && recording->pair[place].key == key; place++) {
     Pair* pair = recording->pair + place;
-    if (pair->found++ < pair->most) {
-      Point* point = add_point(recording);
-      if (!point) {
+    if (!pair->found++) {
+      pair->before = recording->last;
+      recording->last = place;
+    }
+    if (pair->found <= pair->most) {
+      mjtNum* slot = add_slot(recording, pair);
+      if (!slot) {
         return;
       }
-      measure(m, d, index, first != pair->first, point->slot);
-      point->row = recording->run * recording->steps + recording->step;
-      point->pair = place;
-      point->place = pair->found - 1;
-      pair->width = pair->found > pair->width ? pair->found : pair->width;
+      measure(m, d, index, first != pair->first, slot);
     }
   }
 }
 
 /* Read all contacts of a step; write how many there are and their least distance. */
 static void read_contacts(Recording* recording, const mjModel* m, const mjData* d, mjtNum* all) {
-  size_t begin = recording->count;
   int bodies = recording->pairs && recording->pair[recording->pairs - 1].key >> 62;
   all[0] = d->ncon;
   all[1] = d->ncon ? d->contact[0].dist : 0;
@@ -192,12 +234,13 @@ static void read_contacts(Recording* recording, const mjModel* m, const mjData* 
       }
     }
   }
-  for (size_t each = begin; each < recording->count; each++) {
-    Point* point = recording->points + each;
-    point->slot[FOUND] = recording->pair[point->pair].found;
-  }
-  for (size_t each = begin; each < recording->count; each++) {
-    recording->pair[recording->points[each].pair].found = 0;
+  for (; recording->last >= 0; recording->last = recording->pair[recording->last].before) {
+    Pair* pair = recording->pair + recording->last;
+    const int filled = pair->found < pair->width ? pair->found : pair->width;
+    for (int place = 1; place <= filled && !recording->lacks_memory; place++) {
+      pair->slots[(pair->next - place) * WIDTH + FOUND] = pair->found;
+    }
+    pair->found = 0;
   }
 }
 
@@ -299,13 +342,22 @@ static void start(mjBatch* batch, int component, const mjtNum* values) {
   copy(target, values, size, sizeof(mjtNum));
 }
 
+/* Leave the slots of the run empty that is recorded now. */
+static void forget_run(Recording* recording) {
+  recording->last = -1;
+  for (Pair* pair = recording->pair; pair < recording->pair + recording->pairs; pair++) {
+    const size_t begin = (size_t)recording->run * recording->steps * pair->width;
+    pair->next = pair->next < begin ? pair->next : begin;
+    pair->found = 0;
+  }
+}
+
 /* Make a run, and record it; return 0, or what went wrong.
  *
  * Nothing of a run stays that MuJoCo raised an error in. Meanwhile its contact sensors are off. */
 const char* record_run(Recording* recording, const Run* run) {
   Task task = {recording, run};
   const int ids[] = {0};
-  size_t begin = recording->count;
   int* stage = run->model->sensor_needstage + recording->sensor;
   int own[2] = {stage[0], stage[recording->pairs]};
   recording->model = run->model;
@@ -329,11 +381,10 @@ const char* record_run(Recording* recording, const Run* run) {
   }
   for (int each = 0; each < recording->pairs; each++) {
     stage[each] = own[0];
-    recording->pair[each].found = 0;
   }
   stage[recording->pairs] = own[1];
   if (failed) {
-    recording->count = begin;
+    forget_run(recording);
     return mjb_error(recording->batch, 0);
   }
   return recording->lacks_memory ? "out of memory" : NULL;
@@ -435,6 +486,41 @@ void set_loop(Recording* recording, const Loop* loop) { recording->loop = *loop;
 
 int steps_of(const Recording* recording) { return recording->step; }
 
+/* Have the pairs found by their keys, with the memory that others had before. */
+static void prepare_pairs(Recording* recording) {
+  recording->last = -1;
+  qsort(recording->pair, recording->pairs, sizeof(Pair), by_key);
+  for (Pair* pair = recording->pair; pair < recording->pair + recording->pairs; pair++) {
+    if (pair->number < spare.pairs) {
+      Memory* memory = spare.memory + pair->number;
+      pair->slots = memory->slots;
+      pair->room = memory->room;
+      *memory = (Memory){NULL, 0};
+    }
+  }
+}
+
+/* Keep the memory of slots for others, of which there is some for each pair at most. */
+static void keep_memory(Recording* recording) {
+  if (recording->pairs > spare.pairs) {
+    Memory* memory = realloc(spare.memory, recording->pairs * sizeof(Memory));
+    if (memory) {
+      memset(memory + spare.pairs, 0, (recording->pairs - spare.pairs) * sizeof(Memory));
+      spare.memory = memory;
+      spare.pairs = recording->pairs;
+    }
+  }
+  for (Pair* pair = recording->pair; pair < recording->pair + recording->pairs; pair++) {
+    Memory* memory = spare.memory + pair->number;
+    if (pair->number < spare.pairs && pair->room > memory->room) {
+      free(memory->slots);
+      *memory = (Memory){pair->slots, pair->room};
+    } else {
+      free(pair->slots);
+    }
+  }
+}
+
 /* Return a recording of somebody else's steps, or NULL.
  *
  * Each pair is four numbers: whether sides are bodies, both, and slots. Bodies are -1 if none. */
@@ -453,9 +539,9 @@ Recording* open_loop(const int64_t* declared, int pairs, int width, int free_of_
   recording->holder = holder;
   for (int each = 0; each < pairs; each++, declared += 4) {
     uint64_t key = key_of(declared[0], declared[1], declared[2]);
-    pair[each] = (Pair){key, declared[1], declared[3], each, 0, 0, 0};
+    pair[each] = (Pair){.key = key, .first = declared[1], .most = declared[3], .number = each};
   }
-  qsort(pair, pairs, sizeof(Pair), by_key);
+  prepare_pairs(recording);
   return recording;
 }
 
@@ -469,22 +555,16 @@ void close_recording(Recording* recording) {
   if (!recording) {
     return;
   }
-  if (recording->capacity > spare.capacity) {
-    free(spare.points);
-    spare.points = recording->points;
-    spare.capacity = recording->capacity;
-  } else {
-    free(recording->points);
-  }
+  keep_memory(recording);
   mjb_deleteBatch(recording->batch);
   free(recording->pair);
   free(recording);
 }
 
-/* Return a recording of runs of one structure; NULL if there is no memory for it.
+/* Return a recording of so many runs of one structure; NULL if there is no memory for it.
  *
  * The sensors of so many pairs follow each other, and that of all contacts follows them. */
-Recording* open_recording(const mjModel* m, int sensor, int pairs, int steps) {
+Recording* open_recording(const mjModel* m, int sensor, int pairs, int runs, int steps) {
   Recording* recording = calloc(1, sizeof(Recording));
   Pair* pair = calloc(pairs + 1, sizeof(Pair));
   mjBatchConfig config;
@@ -498,49 +578,31 @@ Recording* open_recording(const mjModel* m, int sensor, int pairs, int steps) {
     return NULL;
   }
   *recording = (Recording){.batch = batch, .pairs = pairs, .steps = steps, .pair = pair};
+  recording->rows = (size_t)runs * steps;
   recording->sensor = sensor;
   recording->address = m->sensor_adr[sensor + pairs];
   recording->width = m->nsensordata - recording->address;
   for (int each = 0; each < pairs; each++) {
     int place = sensor + each, first = m->sensor_objid[place], second = m->sensor_refid[place];
     uint64_t key = key_of(m->sensor_objtype[place] == mjOBJ_BODY, first, second);
-    pair[each] = (Pair){key, first, m->sensor_dim[place] / WIDTH, each, 0, 0, 0};
+    const int most = m->sensor_dim[place] / WIDTH;
+    pair[each] = (Pair){.key = key, .first = first, .most = most, .number = each};
   }
-  qsort(pair, pairs, sizeof(Pair), by_key);
-  recording->points = spare.points;
-  recording->capacity = spare.capacity;
-  spare.points = NULL;
-  spare.capacity = 0;
+  prepare_pairs(recording);
   return recording;
 }
 
-/* Write how many slots of each pair (pairs), as they are declared, any step fills. */
-void find_widths(const Recording* recording, int64_t* widths) {
-  for (int place = 0; place < recording->pairs; place++) {
-    widths[recording->pair[place].number] = recording->pair[place].width;
-  }
-}
-
-/* Write the slots of each pair (runs, steps, its width, WIDTH) to its target, zero where empty. */
-void fill_slots(Recording* recording, int runs, mjtNum* const* targets) {
-  const size_t size = WIDTH * sizeof(mjtNum);
-  for (int place = 0; place < recording->pairs; place++) {
-    recording->pair[place].next = 0;
-  }
-  for (size_t each = 0; each < recording->count; each++) {
-    const Point* point = recording->points + each;
-    Pair* pair = recording->pair + point->pair;
-    mjtNum* target = targets[pair->number];
-    size_t place = (size_t)point->row * pair->width + point->place;
-    memset(target + pair->next * WIDTH, 0, (place - pair->next) * size);
-    memcpy(target + place * WIDTH, point->slot, size);
-    pair->next = place + 1;
-  }
-  for (int place = 0; place < recording->pairs; place++) {
-    const Pair* pair = recording->pair + place;
-    size_t end = (size_t)runs * recording->steps * pair->width;
-    if (pair->width) {
-      memset(targets[pair->number] + pair->next * WIDTH, 0, (end - pair->next) * size);
+/* Write where the slots of each pair (pairs) are, as they are declared, for so many runs, and how
+ * many of them a step has; return whether there is memory for all. */
+int find_slots(Recording* recording, int runs, mjtNum** slots, int64_t* widths) {
+  for (Pair* pair = recording->pair; pair < recording->pair + recording->pairs; pair++) {
+    const size_t count = (size_t)runs * recording->steps * pair->width;
+    if (!make_room(recording, pair, count)) {
+      return 0;
     }
+    clear(pair, count);
+    slots[pair->number] = pair->slots;
+    widths[pair->number] = pair->width;
   }
+  return 1;
 }

@@ -42,9 +42,9 @@ class Kernel(ctypes.CDLL):
     def __init__(self) -> None:
         super().__init__(str(compiled_kernel()))
         self.open_recording.restype, self.record_run.restype = _POINTER, ctypes.c_char_p
-        self.open_recording.argtypes = _POINTER, _INT, _INT, _INT
-        self.record_run.argtypes = self.find_widths.argtypes = _POINTER, _POINTER
-        self.fill_slots.argtypes = _POINTER, _INT, _POINTER
+        self.open_recording.argtypes = _POINTER, *[_INT] * 4
+        self.record_run.argtypes = _POINTER, _POINTER
+        self.find_slots.argtypes = _POINTER, _INT, _POINTER, _POINTER
         self.close_recording.argtypes = self.end_loop.argtypes = (_POINTER,)
         self.open_loop.restype, self.open_loop.argtypes = _POINTER, (_POINTER, *[_INT] * 5)
         self.set_loop.argtypes, self.steps_of.argtypes = (_POINTER,) * 2, (_POINTER,)
@@ -67,7 +67,7 @@ def roll_out_by_kernel(
         return roll_out(models, starts, steps, buffers, watch, proceed)
     contacts = KernelStepper(kernel, runs)
     rollout = roll_out(models, starts, steps, buffers, watch, proceed, stepper=contacts)
-    rollout = replace(rollout, slots=contacts.slots(len(rollout.steps), buffers))
+    rollout = replace(rollout, slots=contacts.slots(len(rollout.steps)))
     try:
         kernel.checked = kernel.checked or _agrees(runs, rollout)
     except EngineError as error:
@@ -87,7 +87,8 @@ class KernelStepper(BatchStepper):
         first = model.sensor(f"{PREFIX}contacts").id - self._pairs
         self.width = model.nsensordata - runs.base.layout.contacts
         self.warnings = np.zeros((len(self._models), int(mujoco.mjtWarning.mjNWARNING)), np.int32)
-        self._handle = library.open_recording(model._address, first, self._pairs, runs.steps)
+        sizes = self._pairs, len(self._models), runs.steps
+        self._handle = library.open_recording(model._address, first, *sizes)
         if not self._handle:
             raise MemoryError
 
@@ -109,26 +110,38 @@ class KernelStepper(BatchStepper):
             raise MemoryError
         return said.decode() if said else ""
 
-    def slots(self, runs: int, buffers: Buffers) -> tuple[Floats, ...]:
+    def slots(self, runs: int) -> tuple[Floats, ...]:
         """Return slots of each pair, as many as some step of these runs fills, but one at least."""
-        return take_slots(self._library, self._handle, (self._pairs, runs, self._steps), buffers)
+        sizes = self._pairs, runs, self._steps
+        return recorded_slots(self._library, self._handle, sizes, self)
 
 
-def take_slots(
-    library: Kernel, handle: int, sizes: tuple[int, int, int], buffers: Buffers
+class _Memory:
+    """Numbers in memory of a recording, which lives as long as they do."""
+
+    def __init__(self, owner: object, address: int, shape: tuple[int, ...]) -> None:
+        self.owner = owner
+        kind = np.dtype(np.float64).str
+        interface = {"version": 3, "typestr": kind, "shape": shape, "data": (address, False)}
+        self.__array_interface__ = interface
+
+
+def recorded_slots(
+    library: Kernel, handle: int, sizes: tuple[int, int, int], owner: object
 ) -> tuple[Floats, ...]:
-    """Return the slots that a recording has, of so many pairs in so many runs of so many steps."""
+    """Return the slots that a recording has, of so many pairs in so many runs of so many steps.
+
+    They are its memory, which its owner closes. Raises a MemoryError if there is too little.
+    """
     pairs, runs, steps = sizes
-    widths = np.zeros(pairs, np.int64)
-    library.find_widths(handle, widths.ctypes.data)
-    rows = runs * steps
-    slots = buffers.take("slots", rows * int(widths.sum()), SLOT_WIDTH)
-    parts = np.split(slots, rows * np.cumsum(widths))[:-1]
-    targets = np.array([each.ctypes.data for each in parts], np.int64)
-    library.fill_slots(handle, runs, targets.ctypes.data)
+    widths, addresses = np.zeros(pairs, np.int64), np.zeros(pairs, np.int64)
+    if not library.find_slots(handle, runs, addresses.ctypes.data, widths.ctypes.data):
+        raise MemoryError
     none = np.broadcast_to(np.zeros(SLOT_WIDTH), (runs, steps, 1, SLOT_WIDTH))
-    shape = runs, steps, -1, SLOT_WIDTH
-    return tuple(each.reshape(shape) if len(each) else none for each in parts)
+    return tuple(
+        np.asarray(_Memory(owner, address, (runs, steps, width, SLOT_WIDTH))) if width else none
+        for address, width in zip(addresses.tolist(), widths.tolist(), strict=True)
+    )
 
 
 def _agrees(runs: PreparedRuns, rollout: Rollout) -> bool:
