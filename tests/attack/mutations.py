@@ -20,7 +20,7 @@ import pyarrow.parquet as pq
 from contactlab.store.mcap.file_parts import encode_file
 from contactlab.store.mcap.stored_messages import message_stream, start_of, stored_file
 from contactlab.store.mcap.trace_messages import HEADER_SIZE
-from contactlab.store.row_journal import is_sealed, row_size, sealed
+from contactlab.store.row_journal import SEAL_SIZE, is_sealed, row_size, sealed
 from contactlab.store.runs_table import count_outcomes, rows_digest
 
 TABLE, MANIFEST, IDENTITY = "runs.parquet", "manifest.json", "sweep.json"
@@ -331,7 +331,7 @@ def reseal(store: Path) -> None:
     if path.is_file() and not path.is_symlink():
         lines = path.read_bytes().splitlines(keepends=True)
         path.write_bytes(
-            b"".join(sealed(each[: row_size(each)]) if is_sealed(each) else each for each in lines)
+            b"".join(sealed(each[:-SEAL_SIZE]) if is_sealed(each) else each for each in lines)
         )
 
 

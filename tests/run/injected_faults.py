@@ -104,7 +104,7 @@ def inflated_run(self: Worker, job: Any) -> Any:
     done = run_job(self, job)
     for place, each in enumerate(job[: len(done)]):
         if FAULTS.get(each.index) == "huge":
-            done[place] = replace(done[place], row=b" " * HUGE + done[place].row)
+            done[place] = done[place]._replace(row=b" " * HUGE + done[place].row)
     return done
 
 

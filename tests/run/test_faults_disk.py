@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 from contactlab.run.tasks import Finished
-from contactlab.store.row_journal import sealed
+from contactlab.store.row_journal import lines_of
 from contactlab.store.verify_store import verify
 
 SWEEP = """
@@ -76,7 +76,8 @@ class Quiet:
         self.traces = taken((store / "traces").rglob("*.mcap"))
 
     def _count(self, finished: Sequence[Finished]) -> None:
-        self.journal += sum(len(sealed(each.row)) for each in finished)
+        lines = lines_of([each.row for each in finished], finished[0].shared)
+        self.journal += sum(map(len, lines))
 
 
 def text_of(rule: str) -> str:

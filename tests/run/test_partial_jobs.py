@@ -38,7 +38,7 @@ class OneJob:
     def run(self, task: Task, jobs: Iterable[Job], stop: Stop) -> Iterator[list[Finished]]:
         job = tuple(run for job in jobs for run in job)
         found = Worker(task, None, self.proceed).run(job)
-        self.rows = [json.loads(each.row) for each in found]
+        self.rows = [{**json.loads(each.shared or "{}"), **json.loads(each.row)} for each in found]
         yield found
         stop.set()
 

@@ -94,16 +94,19 @@ def test_a_torn_line_of_the_journal_is_run_again(
     assert sweeper.outcome() == whole
 
 
+@pytest.mark.parametrize(("place", "lost"), [(4, 1), (3, 2)], ids=["row", "shared by two rows"])
 def test_a_garbled_line_of_the_journal_is_named_and_repaired(
-    sweeper: Any, ball: str, whole: Any, half: Path
+    sweeper: Any, ball: str, whole: Any, half: Path, place: int, lost: int
 ) -> None:
     journal = half / "journal.jsonl"
     lines = journal.read_bytes().splitlines(keepends=True)
-    journal.write_bytes(b"".join([*lines[:3], bytes(400) + b"\n", *lines[4:]]))
-    with pytest.raises(StoreError, match=r"journal\.jsonl, line 4 is not JSON; add --repair"):
+    lines[place] = bytes(400) + b"\n"
+    journal.write_bytes(b"".join(lines))
+    message = rf"journal\.jsonl, line {place + 1} is not JSON; add --repair"
+    with pytest.raises(StoreError, match=message):
         sweeper.run(ball)
     sweeper.run(ball, repair=True)
-    assert sweeper.began == [(RUNS, 7)]
+    assert sweeper.began == [(RUNS, 8 - lost)]
     assert sweeper.outcome() == whole
 
 
@@ -190,8 +193,8 @@ def test_traces_without_a_row_are_written_again(
     sweeper: Any, ball: str, whole: Any, half: Path
 ) -> None:
     journal = half / "journal.jsonl"
-    first = journal.read_bytes().splitlines(keepends=True)[0]
-    journal.write_bytes(first)
+    shared, first, *_ = journal.read_bytes().splitlines(keepends=True)
+    journal.write_bytes(shared + first)
     (half / parsed(first)["trace_file"]).with_suffix(".tmp").write_bytes(b"")
     sweeper.run(ball)
     assert sweeper.began == [(RUNS, 1)]

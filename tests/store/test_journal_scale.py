@@ -4,6 +4,7 @@ import json
 import tracemalloc
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,14 @@ from hypothesis import strategies as st
 from contactlab.errors import StoreError
 from contactlab.schema.evidence import EvidenceRecord
 from contactlab.store import runs_table
-from contactlab.store.row_journal import JOURNAL, mend_journal, parsed, sealed
+from contactlab.store.row_journal import (
+    JOURNAL,
+    lines_of,
+    mend_journal,
+    parsed,
+    read_lines,
+    sealed,
+)
 from contactlab.store.runs_table import rows_digest, write_table
 from contactlab.store.table_layout import record_to_row, table_schema
 
@@ -77,6 +85,62 @@ def test_a_table_in_parts_is_the_table(
     file = pq.ParquetFile(path)
     sizes = [file.metadata.row_group(each).num_rows for each in range(file.num_row_groups)]
     assert sizes == [min(group, RUNS - first) for first in range(0, RUNS, group)]
+
+
+def jobs_of(lines: list[bytes], sizes: list[int]) -> list[list[bytes]]:
+    """Return rows as the lines of jobs of these sizes, each row without what all of its job share.
+
+    The rows of every second job are whole.
+    """
+    rest, jobs = [json.loads(each) for each in lines], list[list[bytes]]()
+    for number, size in enumerate(sizes):
+        rows, rest = rest[:size], rest[size:]
+        items = [{name: json.dumps(each) for name, each in row.items()}.items() for row in rows]
+        of_all = set.intersection(*map(set, items)) if number % 2 else set()
+        own = [{k: v for k, v in row.items() if (k, json.dumps(v)) not in of_all} for row in rows]
+        shared = json.dumps({name: json.loads(text) for name, text in of_all}) if of_all else ""
+        jobs.append(lines_of([json.dumps(row).encode() for row in own], shared.encode()))
+    return jobs
+
+
+@pytest.mark.parametrize("parts", [(1 << 16, 8 << 20), (7, 1), (25, 10_000)])
+def test_what_rows_share_is_in_each_of_them(
+    write: Write,
+    lines: list[bytes],
+    columns_of: Callable[..., Any],
+    record_of: Callable[..., EvidenceRecord],
+    parts: tuple[int, int],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    for name, size in zip(("GROUP", "_BLOCK"), parts, strict=True):
+        monkeypatch.setattr(runs_table, name, size)
+    whole, records = write(0), [record_of(index) for index in range(RUNS)]
+    jobs = jobs_of(lines, [1, 2, 3, 10, 4, 20, 20])
+    journal, target = whole.with_name("jobs.jsonl"), whole.with_name("again.parquet")
+    for seed in range(3):
+        order = np.random.default_rng(seed).permutation(len(jobs))
+        journal.write_bytes(b"".join(line for place in order for line in jobs[place]))
+        write_table(journal, target, columns_of(records), {})
+        assert pq.read_table(target).equals(pq.read_table(whole))
+        rows = {row["index"]: row for row in read_lines(journal)}
+        assert [rows[index] for index in range(RUNS)] == [json.loads(each) for each in lines]
+
+
+@given(data=st.data())
+def test_no_row_takes_what_another_job_shares(data: st.DataObject, lines: list[bytes]) -> None:
+    """Whatever lines are lost or exchanged, what is read is some of the rows."""
+    jobs = jobs_of(lines, [4, 10, 3, 20, 5, 18])
+    mixed = data.draw(st.permutations([line for job in jobs for line in job]))
+    kept = mixed[: data.draw(st.integers(0, len(mixed)))]
+    with TemporaryDirectory() as folder:
+        journal = Path(folder) / JOURNAL
+        journal.write_bytes(b"".join(kept))
+        found = {row["run_id"]: row for row in read_lines(journal)}
+        mended = mend_journal(Path(folder), accept, lambda _: True, repair=True)
+        assert found == {row["run_id"]: row for row in read_lines(journal)}
+    assert mended.runs == found.keys()
+    rows = {row["run_id"]: row for row in map(json.loads, lines)}
+    assert all(row == rows[name] for name, row in found.items())
 
 
 def test_the_table_does_not_depend_on_the_order_in_which_runs_finished(write: Write) -> None:

@@ -5,25 +5,27 @@ import math
 import os
 import platform
 import subprocess
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
 from importlib.metadata import version
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+from pydantic_core import to_json
 
 from contactlab.accuracy.reference import PlannedModel
 from contactlab.contact.trace_arrays import RecordedControls, Trace
 from contactlab.engines import engine_of
 from contactlab.engines.engine import Rollout
 from contactlab.engines.rollout_trace import trajectory_hash
-from contactlab.measure import METRICS, Assessment
+from contactlab.measure import METRICS, AppliedLabel, Assessment
 from contactlab.plugins import hash_of_packages
-from contactlab.run.run_verdicts import judge, within_tolerances
-from contactlab.run.tasks import PlannedRun, Task
-from contactlab.scene.effects.effect import EffectState
+from contactlab.run.run_verdicts import judge, missing_effects, within_tolerances
+from contactlab.run.tasks import Finished, PlannedRun, Task
+from contactlab.scene.effects.effect import NOT_IN_MODEL, EffectState
 from contactlab.scene.initial_states import InitialStates
 from contactlab.schema.evidence import (
     Cost,
@@ -35,7 +37,9 @@ from contactlab.schema.evidence import (
     Provenance,
 )
 from contactlab.store.store_files import time_now
+from contactlab.store.table_layout import to_row
 
+Fields = dict[str, Any]  # of a record, by name
 _NONE = np.array(None)
 
 
@@ -51,6 +55,56 @@ class RunPlan(PlannedModel):
     """All that determines one run."""
 
     run: PlannedRun
+
+
+class Common:
+    """What the records of runs have in common that differ only in their seed.
+
+    Attributes:
+        fields: of the record, by name.
+        expectations: what the sweep expects of the runs.
+        left_out: the effects that they have and do without.
+    """
+
+    def __init__(self, task: Task, plan: RunPlan) -> None:
+        run, resolved, identity = plan.run, plan.resolved, task.identity
+        self._of = run.values, plan.prepared  # As long as they live, so do their ids.
+        engine = engine_of(resolved)
+        # What its engine ignores is off.
+        off = {name: EffectState(False, why) for name, why in engine.ignored(resolved).items()}
+        effects = {name: off.get(name, each) for name, each in plan.prepared.effects.items()}
+        self.expectations = [each for match, each in task.expected if match.holds(run.values)]
+        unused = {name: each for name, each in plan.prepared.effects.items() if not each.on}
+        self.left_out = {name for name, each in unused.items() if each.reason != NOT_IN_MODEL}
+        self.fields: Fields = {
+            "sweep": identity.name,
+            "scene": identity.scene,
+            "scene_hash": identity.scene_hash,
+            "engine": Engine(name=engine.name, version=engine.version),
+            "axes": {name: as_written(value) for name, value in run.values.items()},
+            "settings": resolved.values,
+            "effects": {name: each.on for name, each in effects.items()},
+            "effect_reasons": {name: each.reason for name, each in effects.items()},
+            "pairs": dict(plan.prepared.pairs),
+            "edited_geoms": plan.prepared.edited_geoms,
+            "duration": resolved.duration,
+            "drive": resolved.drive,
+            "steps_asked": resolved.steps,
+            "metric_versions": identity.metric_versions,
+            "units": {name: metric.unit for name, metric in METRICS.items()},
+            "provenance": task.provenance,
+            "plugins": identity.plugins,
+        }
+
+    @cached_property
+    def entries(self) -> Sequence[bytes]:
+        """The entries of a row, as JSON has them."""
+        row = to_row(self.fields).items()
+        return [to_json({name: value})[1:-1] for name, value in row if value is not None]
+
+
+RunRow = tuple[Fields, Common]
+"""A run's row: the fields of its record that are its own, and those in common with others."""
 
 
 @dataclass(frozen=True)
@@ -100,105 +154,97 @@ class RunOutcome:
         return self.rollout.controls[self.place] if self.rollout.controls else None
 
 
-def record_of(task: Task, outcome: RunOutcome) -> EvidenceRecord:
-    """Return a run's record without cost and times of day: equal runs have equal records."""
-    assessment, row, place = outcome.group.assessment, outcome.row, outcome.place
+def fields_of(task: Task, outcome: RunOutcome, common: Common) -> Fields:
+    """Return the fields of a run's record that are its own, without cost and times of day."""
+    group, row, place = outcome.group, outcome.row, outcome.place
+    labels, coverage = group.assessment.labels[row], group.assessment.coverage
+    twin, error = outcome.twin_label, outcome.rollout.errors[place]
+    invalid = () if error is None else (AppliedLabel("invalid", error, 0),)
     status, reason = _status(outcome)
-    twin = outcome.twin_label
-    return _record(
-        task,
-        outcome.plan,
-        outcome.group.metrics[row],
-        _labels(outcome),
-        status=status,
-        status_reason=reason,
-        steps=outcome.steps,
-        warnings=dict(outcome.rollout.warnings[place]),
-        trajectory_hash=trajectory_hash(outcome.rollout, place),
-        knife_edge=None if twin is None else twin != assessment.labels[row][0].label,
-        coverage=assessment.coverage and assessment.coverage[row],
-    )
+    model = outcome.plan.prepared.model
+    return {
+        **_fields(task, outcome.plan, common, group.metrics[row], (*invalid, *labels)),
+        "status": status,
+        "status_reason": reason,
+        "steps": outcome.steps,
+        "warnings": dict(outcome.rollout.warnings[place]),
+        "effects_missed": missing_effects(group.trace, row, common.left_out, model),
+        "trajectory_hash": trajectory_hash(outcome.rollout, place),
+        "knife_edge": None if twin is None else twin != labels[0].label,
+        "coverage": coverage and coverage[row],
+    }
 
 
-def crash_record(task: Task, plan: RunPlan, label: LabelEntry) -> EvidenceRecord:
-    """Return the record of a run whose worker died twice: `crashed` or `timeout`."""
-    return _record(
-        task,
-        plan,
-        dict.fromkeys(METRICS),
-        (label,),
-        status=label.label,
-        status_reason=label.reason,
-        steps=0,
-        warnings={},
-        trajectory_hash=None,
-    )
+def row_of_crash(task: Task, plan: RunPlan, label: LabelEntry) -> RunRow:
+    """Return the row of a run whose worker died twice: `crashed` or `timeout`."""
+    common = Common(task, plan)
+    own = _fields(task, plan, common, dict.fromkeys(METRICS), (label,))
+    own |= {"status": label.label, "status_reason": label.reason}
+    return own | {"steps": 0, "warnings": {}, "effects_missed": {}}, common
 
 
-def _record(
+def _fields(
     task: Task,
     plan: RunPlan,
+    common: Common,
     metrics: dict[str, float | None],
-    labels: tuple[LabelEntry, ...],
-    **rest: Any,  # noqa: ANN401 - fields of the record, which checks them
-) -> EvidenceRecord:
-    run, resolved, identity = plan.run, plan.resolved, task.identity
-    engine = engine_of(resolved)
-    # What its engine ignores is off.
-    off = {name: EffectState(False, why) for name, why in engine.ignored(resolved).items()}
-    effects = {name: off.get(name, each) for name, each in plan.prepared.effects.items()}
-    selected = [each for match, each in task.expected if match.holds(run.values)]
-    expected, met, missed = judge(selected, [entry.label for entry in labels], metrics)
-    # Of the right types as it is made: to check them takes longer than all else of a short run.
-    return EvidenceRecord.model_construct(
-        run_id=run.run_id,
-        index=run.index,
-        sweep=identity.name,
-        scene=identity.scene,
-        scene_hash=identity.scene_hash,
-        engine=Engine(name=engine.name, version=engine.version),
-        axes={name: as_written(value) for name, value in run.values.items()},
-        settings=resolved.values,
-        effects={name: each.on for name, each in effects.items()},
-        effect_reasons={name: each.reason for name, each in effects.items()},
-        pairs=dict(plan.prepared.pairs),
-        edited_geoms=plan.prepared.edited_geoms,
-        seed=run.seed,
-        initial=_initial(plan.start),
-        duration=resolved.duration,
-        drive=resolved.drive,
-        steps_asked=resolved.steps,
-        metrics=metrics,
-        metric_versions=identity.metric_versions,
-        units={name: metric.unit for name, metric in METRICS.items()},
-        label=labels[0].label if labels else "stable",
-        labels=labels,
-        expected=expected,
-        expectation_met=met,
-        expectation_reason=missed,
-        tolerances_met=within_tolerances(task.sweep.tolerances, metrics),
-        provenance=task.provenance,
-        plugins=identity.plugins,
-        effects_missed={},  # Given, since pydantic takes longer than all this to make its default.
-        **rest,
+    labels: Sequence[AppliedLabel | LabelEntry],
+) -> Fields:
+    names, run = [entry.label for entry in labels], plan.run
+    expected, met, missed = judge(common.expectations, names, metrics)
+    return {
+        "run_id": run.run_id,
+        "index": run.index,
+        "seed": run.seed,
+        "initial": _initial(plan.start),
+        "metrics": metrics,
+        "label": names[0],
+        "labels": labels,
+        "expected": expected,
+        "expectation_met": met,
+        "expectation_reason": missed,
+        "tolerances_met": within_tolerances(task.sweep.tolerances, metrics),
+    }
+
+
+def record_of(common: Common, own: Fields) -> EvidenceRecord:
+    """Return a run's record without cost and times of day: equal runs have equal records."""
+    labels = tuple(
+        LabelEntry(label=each.label, reason=each.reason, step=each.step) for each in own["labels"]
     )
+    built = {
+        "labels": labels,
+        "initial": InitialState.model_construct(None, **vars(own["initial"])),
+    }
+    # Of the right types as it is made: to check them takes longer than all else of a short run.
+    return EvidenceRecord.model_construct(None, **{**common.fields, **own, **built})
 
 
-def cost_and_times(task: Task, outcome: RunOutcome) -> dict[str, object]:
+def journalled(rows: Sequence[RunRow]) -> list[Finished]:
+    """Return runs as they go to the journal: what the rows of all of them share is said once."""
+    entries = {id(common): common.entries for _, common in rows}
+    shared = set.intersection(*map(set, entries.values())) if len(rows) > 1 else set[bytes]()
+    rest = {key: [each for each in own if each not in shared] for key, own in entries.items()}
+    said = b"{%b}" % b",".join(sorted(shared)) if shared else b""
+    finished: list[Finished] = []
+    for own, common in rows:
+        row = {name: value for name, value in to_row(own).items() if value is not None}
+        text = b",".join([to_json(row)[:-1], *rest[id(common)]]) + b"}"
+        finished.append(Finished(text, own["label"], own["status"], own["expectation_met"], said))
+    return finished
+
+
+def cost_and_times(task: Task, outcome: RunOutcome) -> Fields:
     """Return fields of the record of a run that just ended: its cost and times of day."""
     cpu, timestep = float(outcome.rollout.cost[outcome.place]), outcome.plan.resolved.timestep
     known = None if math.isnan(cpu) else (cpu, outcome.steps, timestep, task.sweep.latency_budget)
     return {"started": outcome.started, "finished": time_now(), "cost": known and Cost.of(*known)}
 
 
-def _initial(start: InitialStates) -> InitialState:
-    applied = start.applied[0]
-    return InitialState.model_construct(
-        qpos=tuple(start.qpos[0].tolist()),
-        qvel=tuple(start.qvel[0].tolist()),
-        ctrl=tuple(start.ctrl[0].tolist()),
-        applied=tuple(applied.tolist()) if applied.any() else (),
-    )
+def _initial(start: InitialStates) -> SimpleNamespace:
+    applied = start.applied if start.applied.any() else start.applied[:, :0]
+    parts = {"qpos": start.qpos, "qvel": start.qvel, "ctrl": start.ctrl, "applied": applied}
+    return SimpleNamespace(**{name: tuple(each[0].tolist()) for name, each in parts.items()})
 
 
 def as_written(value: object) -> bool | int | float | str:
@@ -212,15 +258,6 @@ def as_written(value: object) -> bool | int | float | str:
 def _short(number: object) -> str:
     assert isinstance(number, (int, float))
     return f"{number:g}" if float(f"{number:g}") == number else repr(number)
-
-
-def _labels(outcome: RunOutcome) -> tuple[LabelEntry, ...]:
-    labels = tuple(
-        LabelEntry(label=label, reason=reason, step=step)
-        for label, reason, step in outcome.group.assessment.labels[outcome.row]
-    )
-    error = outcome.rollout.errors[outcome.place]
-    return labels if error is None else (LabelEntry(label="invalid", reason=error, step=0), *labels)
 
 
 def _status(outcome: RunOutcome) -> tuple[str, str | None]:

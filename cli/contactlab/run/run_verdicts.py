@@ -1,8 +1,9 @@
 """What a run's outcome means: expectations, tolerances, and effects that it turned out to need."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from operator import itemgetter
 
+import mujoco
 import numpy as np
 
 from contactlab.contact.trace_arrays import (
@@ -15,8 +16,6 @@ from contactlab.contact.trace_arrays import (
 )
 from contactlab.measure.pair_expectations import PAIR_LABELS
 from contactlab.plan.grid import Plan
-from contactlab.scene.compiled_scene import PreparedModel
-from contactlab.scene.effects.effect import NOT_IN_MODEL
 from contactlab.scene.model_names import name_of
 from contactlab.schema.pair_expectation import Bounds
 from contactlab.schema.sweep_schema import Expectation
@@ -94,17 +93,17 @@ _TURN = 0.1
 _SLIDE_JOINT = 2  # as the engine numbers kinds of joints: free, ball, slide, hinge
 
 
-def missing_effects(trace: Trace, run: int, prepared: PreparedModel) -> dict[str, str]:
+def missing_effects(
+    trace: Trace, run: int, effects: Collection[str], model: mujoco.MjModel
+) -> dict[str, str]:
     """Return the effects that the run needed although they were off, each with the evidence.
 
-    Only effects that the model has and that were turned off are considered: friction that would
-    oppose motion in contacts, and limits that joints exceed. The trace is of a group of runs.
+    Only some effects are considered, those that the model has and that were turned off: friction
+    that would oppose motion in contacts, and limits that joints exceed. The trace is of a group.
     """
-    off = {name for name, each in prepared.effects.items() if not each.on}
-    left_out = {name for name in off if prepared.effects[name].reason != NOT_IN_MODEL}
-    seen = {name: _motion(trace, run, name) for name in _MOTIONS if name in left_out}
-    if "limit" in left_out:
-        seen["limit"] = _limit(trace, run, prepared)
+    seen = {name: _motion(trace, run, name) for name in _MOTIONS if name in effects}
+    if "limit" in effects:
+        seen["limit"] = _limit(trace, run, model)
     return {name: text for name, text in seen.items() if text is not None}
 
 
@@ -137,9 +136,8 @@ _MOTIONS = {
 }
 
 
-def _limit(trace: Trace, run: int, prepared: PreparedModel) -> str | None:
+def _limit(trace: Trace, run: int, model: mujoco.MjModel) -> str | None:
     """Return which joint exceeds its limit first, and when."""
-    model = prepared.model
     beyond: list[tuple[int, str]] = []
     for joint in np.flatnonzero(np.asarray(model.jnt_limited)).tolist():
         low, high = model.jnt_range[joint]

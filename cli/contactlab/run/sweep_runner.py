@@ -135,7 +135,7 @@ def _run_remaining(session: SweepSession) -> None:
     rest = index.runs(store.done)
     jobs = pack_jobs(rest, len(index) - done, session.scene, executor.workers)
     for finished in run_all_jobs(session.task, jobs, executor, session.stop):
-        store.append([each.row for each in finished])
+        store.append([each.row for each in finished], finished[0].shared if finished else b"")
         session.progress(finished)
 
 

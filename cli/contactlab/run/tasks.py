@@ -8,7 +8,7 @@ from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Se
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, Protocol
+from typing import Any, Literal, NamedTuple, Protocol
 
 from contactlab.accuracy.discretization import Note
 from contactlab.errors import StoppedError
@@ -65,7 +65,7 @@ class Task:
     purpose: Purpose = "record"
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class PlannedRun:
     """One run of a plan, at its place in it, with canonical axis values by name.
 
@@ -83,14 +83,17 @@ class PlannedRun:
 Job = tuple[PlannedRun, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Finished:
-    """The journal line of a finished run, whose trace is stored; its worst label; how it ended."""
+class Finished(NamedTuple):
+    """The row of a finished run, whose trace is stored; its worst label; how it ended.
+
+    The row is JSON, without what it shares with others of its job: that is JSON of its own.
+    """
 
     row: bytes
     label: str
     status: str
     expectation_met: bool | None
+    shared: bytes = b""
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,6 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
-from pydantic_core import to_json
 
 from contactlab.accuracy.discretization import discretization_errors
 from contactlab.accuracy.timing import work_of_runs
@@ -32,15 +31,18 @@ from contactlab.errors import OutputError
 from contactlab.measure import assess
 from contactlab.plugins import require_plugins
 from contactlab.run.evidence_record import (
+    Common,
     MeasuredGroup,
     RunOutcome,
     RunPlan,
+    RunRow,
     cost_and_times,
-    crash_record,
+    fields_of,
+    journalled,
     record_of,
+    row_of_crash,
 )
 from contactlab.run.planned_runs import Preparer, reference_models
-from contactlab.run.run_verdicts import missing_effects
 from contactlab.run.tasks import Finished, Job, PlannedRun, Task, note
 from contactlab.scene.expected_contacts import Asked
 from contactlab.scene.initial_states import InitialStates
@@ -53,7 +55,6 @@ from contactlab.store.folder_backend import backend_at
 from contactlab.store.mcap.trace_reader import ACTIVATIONS
 from contactlab.store.mcap.trace_writer import encode_trace
 from contactlab.store.store_files import TRACES, time_now
-from contactlab.store.table_layout import record_to_row
 
 Said = Mapping[str, object]  # fields of a record that its run does not decide
 _GRACE = 1.0  # how long a job's second pass may go on once the sweep should stop [s]
@@ -96,6 +97,8 @@ class Worker:
         self._buffers, self._twin_buffers = Buffers(), Buffers()
         self._store = backend_at(task.store, OutputError)
         self._controls: set[str] = set()  # hashes of those that this process has stored
+        # Of the runs of a job, by the places in memory of their values and models.
+        self._common: dict[tuple[int, int], Common] = {}
         self._policy = task.policy and load_policy(task.policy.found_in(self.scene.drive))
         self._player = task.environment and task.environment.player(self.scene, self._policy)
         source = self.scene.source
@@ -136,30 +139,31 @@ class Worker:
         Those of a kind go through together, so that no run depends on those beside it.
         """
         plans = self._preparer.plans(job)
+        self._common.clear()
         kinds = dict[Hashable, list[int]]()
         for place, plan in enumerate(plans):
             kinds.setdefault(kind_of(plan.resolved, plan.prepared.model), []).append(place)
-        finished = dict[int, Finished]()
+        rows = dict[int, RunRow]()
         for places in kinds.values():
-            if not finished or self._proceed():
+            if not rows or self._proceed():
                 alike = self._record_alike([plans[place] for place in places])
-                finished |= {places[row]: each for row, each in alike.items()}
-        return [finished[place] for place in sorted(finished)]
+                rows |= {places[row]: each for row, each in alike.items()}
+        return journalled([rows[place] for place in sorted(rows)])
 
-    def _record_alike(self, plans: Sequence[RunPlan]) -> dict[int, Finished]:
+    def _record_alike(self, plans: Sequence[RunPlan]) -> dict[int, RunRow]:
         """Return the runs of one kind that were run, by place."""
         started = time_now()
         starts = InitialStates.joined([plan.start for plan in plans])
         rollout, groups = self._measure(plans, starts, self._buffers, self._proceed)
         labels = self._twin_labels(plans[: len(rollout.steps)], starts)
-        finished = dict[int, Finished]()
+        rows = dict[int, RunRow]()
         for group in groups:
             for place in group.rows:
                 twin = labels.get(place)
                 if twin is not None or not self._task.sweep.knife_edge:
                     outcome = RunOutcome(plans[place], group, rollout, place, started, twin)
-                    finished[place] = self._finish(outcome)
-        return finished
+                    rows[place] = self._finish(outcome)
+        return rows
 
     def _play(self, job: Job) -> list[Finished]:
         """Have an environment play the episodes of a job, one after the other."""
@@ -214,7 +218,9 @@ class Worker:
             ends = np.minimum(setup.hold.stop, setup.duration)
             setup = replace(setup, hold=replace(setup.hold, stop=ends))
         (group,) = self._measured_groups(runs, rollout, trace, setup)
-        return self._finish(RunOutcome(plan, group, rollout, 0, started, None), said)
+        self._common.clear()
+        row = self._finish(RunOutcome(plan, group, rollout, 0, started, None), said)
+        return journalled([row])[0]
 
     def _measured_groups(
         self, runs: PreparedRuns, rollout: Rollout, trace: Trace, setup: Setup
@@ -285,26 +291,28 @@ class Worker:
         """Record a run that crashes every worker; it has no trace."""
         self._store.delete([_trace_name(run.run_id)])
         (plan,) = self._preparer.plans((run,))
-        return _finished(crash_record(self._task, plan, label))
+        return journalled([row_of_crash(self._task, plan, label)])[0]
 
-    def _finish(self, outcome: RunOutcome, said: Said | None = None) -> Finished:
-        group, prepared = outcome.group, outcome.plan.prepared
-        missing = missing_effects(group.trace, outcome.row, prepared)
-        found = {"effects_missed": missing, **(said or {})}
+    def _finish(self, outcome: RunOutcome, said: Said | None = None) -> RunRow:
+        plan = outcome.plan
+        key = id(plan.run.values), id(plan.prepared)
+        common = self._common.get(key) or Common(self._task, plan)
+        self._common[key] = common
+        own = fields_of(self._task, outcome, common)
+        for name, value in (said or {}).items():
+            (common.fields if name in common.fields else own)[name] = value
         if outcome.controls is not None:
-            found["controls"] = self._write_controls(outcome.controls, prepared.model)
-        record = record_of(self._task, outcome).model_copy(update=found)
-        kept = self._keeps_trace(outcome.plan.run, record)
-        trace = self._write_trace(record, outcome) if kept else None
-        found = {"trace": trace, **cost_and_times(self._task, outcome)}
-        return _finished(record.model_copy(update=found))
+            own["controls"] = self._write_controls(outcome.controls, plan.prepared.model)
+        if self._keeps_trace(plan.run, own["label"]):
+            own["trace"] = self._write_trace(record_of(common, own), outcome)
+        return own | cost_and_times(self._task, outcome), common
 
-    def _keeps_trace(self, run: PlannedRun, record: EvidenceRecord) -> bool:
+    def _keeps_trace(self, run: PlannedRun, label: str) -> bool:
         rule = self._task.sweep.trace
         if rule.startswith("sample:"):
             wanted = int(rule.removeprefix("sample:"))
             return run.index * wanted % self._task.identity.runs_asked < wanted
-        return rule == "all" or (rule == "flagged" and record.label != "stable")
+        return rule == "all" or (rule == "flagged" and label != "stable")
 
     def _write_controls(self, controls: RecordedControls, model: mujoco.MjModel) -> str:
         """Store what a policy did to actuators, unless it is there; return its hash."""
@@ -325,11 +333,6 @@ class Worker:
         self._store.put(name, content)
         sha256 = hashlib.sha256(content).hexdigest()
         return TraceFile(file=name, sha256=sha256, bytes=len(content), messages=dict(messages))
-
-
-def _finished(record: EvidenceRecord) -> Finished:
-    row = {name: value for name, value in record_to_row(record).items() if value is not None}
-    return Finished(to_json(row), record.label, record.status, record.expectation_met)
 
 
 def _metadata(record: EvidenceRecord, activations: int) -> dict[str, str]:

@@ -2,6 +2,7 @@
 
 Each line ends with a checksum of its own, as each frame of a write-ahead log does. A process killed
 in mid-write leaves a torn last line, which is dropped on resuming; any other damage is named.
+What the rows of a job share is on a line before them, which they name by its checksum.
 So are rows of another sweep; runs that are not stored as they were written are run again.
 Results of later passes go to notes beside the journal until the store is finished.
 """
@@ -32,7 +33,8 @@ Row = Mapping[str, Any]
 IsPlanned = Callable[[str, int], bool]
 
 _SEAL = b"\t%08x\n"
-_SEAL_SIZE = 10  # bytes that a sealed line has after its row
+SEAL_SIZE = 10  # bytes that a sealed line ends with
+SHARED = b"shared"
 
 
 def sealed(row: bytes) -> bytes:
@@ -40,28 +42,59 @@ def sealed(row: bytes) -> bytes:
     return row + _SEAL % zlib.crc32(row)
 
 
+def lines_of(rows: Iterable[bytes], shared: bytes) -> list[bytes]:
+    """Return rows as lines, after a line of what they share, if anything."""
+    if not shared:
+        return [sealed(row) for row in rows]
+    first = sealed(shared + b"\t" + SHARED)
+    return [first, *(sealed(row + first[-SEAL_SIZE:-1]) for row in rows)]
+
+
 def is_sealed(line: bytes) -> bool:
     """Return whether a line has a checksum; those of older versions have none."""
-    return line[-_SEAL_SIZE : 1 - _SEAL_SIZE] == b"\t"
+    return line[-SEAL_SIZE : 1 - SEAL_SIZE] == b"\t"
 
 
 def row_size(line: bytes) -> int:
     """Return how many bytes of a whole line are its row."""
-    return len(line) - (_SEAL_SIZE if is_sealed(line) else 1)
+    return line.find(b"\t") if is_sealed(line) else len(line) - 1
+
+
+def shared_by(line: bytes) -> bytes:
+    """Return the name of what a row shares, or `SHARED` of the line that holds it; else nothing."""
+    return line[row_size(line) + 1 : -SEAL_SIZE]
 
 
 def parsed(line: bytes) -> dict[str, Any]:
-    """Return the row of a whole line; a ValueError says how it is damaged."""
-    row = line[: row_size(line)]
-    if is_sealed(line) and line != sealed(row):
+    """Return what a whole line has by itself; a ValueError says how it is damaged."""
+    if is_sealed(line) and line != sealed(line[:-SEAL_SIZE]):
         raise ValueError("does not match its checksum")
     try:
-        content = from_json(row)
+        content = from_json(line[: row_size(line)])
     except ValueError as error:
         raise ValueError("is not JSON") from error
     if not isinstance(content, dict):
         raise ValueError("is not a JSON object")
     return cast("dict[str, Any]", content)
+
+
+class _LineReader:
+    """Reads the lines of a journal in their order, and checks rows as `mend_journal` says."""
+
+    def __init__(self, check: Callable[[Row, bool], None] = lambda *_: None) -> None:
+        self._check, self._name, self._shared = check, b"", dict[str, Any]()
+
+    def row(self, line: bytes) -> dict[str, Any] | None:
+        """Return the row of a whole line, None of what rows share; see `parsed`."""
+        row, name = parsed(line), shared_by(line)
+        if name == SHARED:
+            self._name, self._shared = line[1 - SEAL_SIZE : -1], row
+            return None
+        if name not in (b"", self._name):
+            raise ValueError("is of a job of which the line that its rows share is not before it")
+        row = {**self._shared, **row} if name else row
+        self._check(row, is_sealed(line))
+        return row
 
 
 @dataclass(frozen=True)
@@ -92,15 +125,14 @@ def mend_journal(
         return Mended()
     kept: set[str] = set()
     good = bytearray()
-    unsealed = 0
+    unsealed, reader = 0, _LineReader(check)
     with path.open("rb") as lines:
         for number, line in enumerate(lines, 1):
             good.append(False)
             if not line.endswith(b"\n"):
                 break
             try:
-                row = parsed(line)
-                check(row, is_sealed(line))
+                row = reader.row(line)
             except ValueError as error:
                 if repair:
                     continue
@@ -108,18 +140,22 @@ def mend_journal(
                     f"{shown_path or path}, line {number} {error}; add --repair to keep the sound "
                     "runs and run the others again"
                 ) from error
-            if row["run_id"] not in kept and is_complete(row):
+            good[-1] = row is None or (row["run_id"] not in kept and is_complete(row))
+            if row and good[-1]:
                 kept.add(row["run_id"])
-                good[-1] = True
                 unsealed += not is_sealed(line)
     if not all(good):
-        with (
-            path.open("rb") as lines,
-            atomic_write(path, durable=True) as temporary,
-            temporary.open("wb") as mended,
-        ):
-            mended.writelines(itertools.compress(lines, good))
+        _keep_lines(path, good)
     return Mended(frozenset(kept), unsealed)
+
+
+def _keep_lines(path: Path, good: Iterable[int]) -> None:
+    with (
+        path.open("rb") as lines,
+        atomic_write(path, durable=True) as temporary,
+        temporary.open("wb") as mended,
+    ):
+        mended.writelines(itertools.compress(lines, good))
 
 
 def mend_notes(folder: Path) -> None:
@@ -131,13 +167,15 @@ def mend_notes(folder: Path) -> None:
 
 
 def read_lines(path: Path) -> Iterator[dict[str, Any]]:
-    """Yield the sound lines of a journal or of notes; none if there is no such file."""
+    """Yield the sound rows of a journal or of notes; none if there is no such file."""
     if not path.is_file():
         return
+    reader = _LineReader()
     with path.open("rb") as lines:
         for line in lines:
             with suppress(ValueError):
-                yield parsed(line)
+                if (row := reader.row(line)) is not None:
+                    yield row
 
 
 def amend_journal(folder: Path, amendments: Mapping[str, Row]) -> None:

@@ -23,7 +23,7 @@ from pydantic_core import from_json
 
 from contactlab.errors import StoreError
 from contactlab.store.atomic_files import atomic_write
-from contactlab.store.row_journal import row_size
+from contactlab.store.row_journal import SHARED, row_size, shared_by
 from contactlab.store.table_layout import Column, table_schema, texts_of
 
 OUTCOME_COLUMNS = ["label", "status", "trace_file", "expectation_met"]
@@ -68,17 +68,33 @@ def write_table(
     ):
         for spans in _row_groups(lines):
             try:
-                parts = [_parsed(block, schema) for block in _blocks(lines, spans)]
+                table = _read(lines, spans, schema)
             except pa.ArrowException as error:
                 raise StoreError(
                     f"{journal} has a row that does not fit the table: {error}; add --repair to "
                     "run it again"
                 ) from error
-            table = pa.concat_tables(parts).replace_schema_metadata(meta)
+            table = table.replace_schema_metadata(meta)
             writer.write_table(table, row_group_size=GROUP)
             for rows in table.to_batches():
                 digest.add(rows)
     return digest.hex(pq.read_schema(target))
+
+
+def _read(lines: BinaryIO, spans: NDArray[np.void], schema: pa.Schema) -> pa.Table:
+    """Return rows of a journal, with what they share."""
+    own = pa.concat_tables([_parsed(block, schema) for block in _blocks(lines, spans)])
+    if (spans["shared"] == spans["start"]).all():
+        return own
+    _, firsts, places = np.unique(spans["shared"], return_index=True, return_inverse=True)
+    shared = spans[firsts]
+    shared["start"], shared["size"] = shared["shared"], shared["shared_size"]
+    said = pa.concat_tables([_parsed(block, schema) for block in _blocks(lines, shared)])
+    pairs = zip(own.columns, said.take(pa.array(places)).columns, strict=True)
+    columns = [
+        b if a.null_count == len(a) else pc.call_function("coalesce", [a, b]) for a, b in pairs
+    ]
+    return pa.table(columns, schema=schema)
 
 
 def _parsed(lines: bytes, schema: pa.Schema) -> pa.Table:
@@ -92,7 +108,9 @@ def _parsed(lines: bytes, schema: pa.Schema) -> pa.Table:
     return pa.Table.from_arrays(table.select(schema.names).columns, schema=schema)
 
 
-_LINE_SPAN = np.dtype([("index", np.int64), ("start", np.int64), ("size", np.int64)])
+_LINE_SPAN = np.dtype(
+    [(name, np.int64) for name in ("index", "start", "size", "shared", "shared_size")]
+)
 # How every row begins, so that it need not be parsed to its end.
 _LINE_START = re.compile(rb'\{"run_id": ?"\w*", ?"index": ?(\d+),')
 
@@ -105,12 +123,16 @@ def _row_groups(lines: BinaryIO) -> Iterator[NDArray[np.void]]:
         yield spans[first : first + GROUP]
 
 
-def _line_spans(lines: BinaryIO) -> Iterator[tuple[int, int, int]]:
-    start = 0
+def _line_spans(lines: BinaryIO) -> Iterator[tuple[int, int, int, int, int]]:
+    """Yield index, start and size of each row, with those of what it shares, else its own."""
+    start, shared = 0, (0, 0)
     for line in lines:
-        head = _LINE_START.match(line)
-        size = row_size(line)
-        yield int(head[1]) if head else int(from_json(line[:size])["index"]), start, size
+        head, own, name = _LINE_START.match(line), (start, row_size(line)), shared_by(line)
+        if name == SHARED:
+            shared = own
+        else:
+            index = int(head[1]) if head else int(from_json(line[: own[1]])["index"])
+            yield index, *own, *(shared if name else own)  # pyright: ignore[reportReturnType]
         start += len(line)
 
 

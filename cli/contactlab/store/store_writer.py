@@ -23,10 +23,10 @@ from contactlab.store.row_journal import (
     ResumedRows,
     Row,
     amend_journal,
+    lines_of,
     mend_journal,
     mend_notes,
     read_lines,
-    sealed,
     write_journal,
 )
 from contactlab.store.run_columns import RunColumns
@@ -76,16 +76,15 @@ class StoreWriter:
         """Local folder of the copied scene."""
         return self.path / SCENES / self.identity.scene_hash
 
-    def append(self, rows: Sequence[bytes]) -> None:
-        """Add finished runs, each a row as JSON; their traces must be stored already."""
-        self._add(JOURNAL, rows)
+    def append(self, rows: Sequence[bytes], shared: bytes = b"") -> None:
+        """Add finished runs, rows as JSON and what all share; their traces must be stored."""
+        self._add(JOURNAL, lines_of(rows, shared))
 
     def note(self, notes: Sequence[bytes]) -> None:
         """Keep results of a later pass, each as JSON, in case of an interruption."""
-        self._add(NOTES, notes)
+        self._add(NOTES, lines_of(notes, b""))
 
-    def _add(self, name: str, rows: Sequence[bytes]) -> None:
-        lines = [sealed(row) for row in rows]
+    def _add(self, name: str, lines: Sequence[bytes]) -> None:
         with write_errors(self.path / name):
             if name not in self._files:
                 self._files[name] = (self.path / name).open("ab")

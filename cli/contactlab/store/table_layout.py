@@ -214,28 +214,37 @@ Row = dict[str, Any]
 
 def record_to_row(record: EvidenceRecord) -> Row:
     """Return a record as a flat row, with axes and metrics by name beside its fields."""
-    row: Row = {name: getattr(record, name) for name in _PLAIN}
-    row |= {name: _encoded(getattr(record, name)) for name in _JSON_TEXT}
-    row |= {
-        column: tuple(getattr(each, field) for each in record.labels)
-        for column, field in _LABELS.items()
-    }
-    worst = record.labels[0] if record.labels else None
-    row |= {"label_reason": worst and worst.reason, "label_step": worst and worst.step}
+    loop = {column.name for column in LOOP_COLUMNS} if record.loop is None else ()
+    return to_row({name: value for name, value in record if name not in loop})
+
+
+def to_row(fields: Mapping[str, Any]) -> Row:
+    """Return the columns of some fields of a record."""
+    row: Row = {name: fields[name] for name in _PLAIN if name in fields}
+    row |= {name: _encoded(fields[name]) for name in _JSON_TEXT if name in fields}
+    if "labels" in fields:
+        row |= _columns_of_labels(fields["labels"])
     for part, (prefix, names) in _PARTS.items():
-        found = getattr(record, part)
-        row |= {prefix + name: getattr(found, name, None) for name in names}
-    row["trace_messages"] = None if record.trace is None else _encoded(record.trace.messages)
-    row["axis_names"] = tuple(record.axes)
-    for name in _MODELS:
-        said = getattr(record, name)
-        row[name] = None if said is None else said.model_dump_json(exclude_defaults=True)
-    if record.plugins:
-        row["plugins"] = _encoded(record.plugins)
-    if record.loop is None:
-        for column in LOOP_COLUMNS:
-            del row[column.name]
-    return row | record.axes | record.metrics
+        if part in fields:
+            row |= {prefix + name: getattr(fields[part], name, None) for name in names}
+    if "trace" in fields:
+        row["trace_messages"] = fields["trace"] and _encoded(fields["trace"].messages)
+    if "axes" in fields:
+        row["axis_names"] = tuple(fields["axes"])
+    for name in fields.keys() & _MODELS:
+        said = fields[name]
+        row[name] = said and said.model_dump_json(exclude_defaults=True)
+    if fields.get("plugins"):
+        row["plugins"] = _encoded(fields["plugins"])
+    return row | fields.get("axes", {}) | fields.get("metrics", {})
+
+
+def _columns_of_labels(labels: Sequence[Any]) -> Row:
+    row: Row = {
+        column: tuple(getattr(each, field) for each in labels) for column, field in _LABELS.items()
+    }
+    worst = labels[0] if labels else None
+    return row | {"label_reason": worst and worst.reason, "label_step": worst and worst.step}
 
 
 def row_to_record(row: Mapping[str, Any], shared: Mapping[str, Any]) -> EvidenceRecord:
