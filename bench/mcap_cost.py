@@ -29,7 +29,7 @@ from contactlab.contact.trace_arrays import (
     Trace,
 )
 from contactlab.store.mcap.trace_reader import read_trace
-from contactlab.store.mcap.trace_writer import encode_trace
+from contactlab.store.mcap.trace_writer import TraceEncoder
 
 STEPS = 1500
 TIMESTEP = 0.002
@@ -152,16 +152,16 @@ def compare(name: str, case: Case, repeats: int, folder: Path) -> None:
     """Print what one run costs each way."""
     trace, series = case
     ours, theirs, small = (folder / f"{name}{kind}" for kind in (".mcap", ".json.mcap", ".blocks"))
-    content, counts = encode_trace(trace, 0, series, *EXTRAS)
-    blocks, _ = encode_trace(trace, 0, series, *EXTRAS, form="compact")
+    content, counts = TraceEncoder(trace, series).encode(0, *EXTRAS)
+    blocks, _ = TraceEncoder(trace, series).encode(0, *EXTRAS, form="compact")
     rounds = [
         (
-            cpu(lambda: ours.write_bytes(encode_trace(trace, 0, series, *EXTRAS)[0])),
+            cpu(lambda: ours.write_bytes(TraceEncoder(trace, series).encode(0, *EXTRAS)[0])),
             cpu(lambda: write_json(theirs, trace, series)),
             cpu(lambda: read_trace(ours)),
             cpu(
                 lambda: small.write_bytes(
-                    encode_trace(trace, 0, series, *EXTRAS, form="compact")[0]
+                    TraceEncoder(trace, series).encode(0, *EXTRAS, form="compact")[0]
                 )
             ),
             cpu(lambda: read_trace(small)),

@@ -16,7 +16,7 @@ from mcap.stream_reader import StreamReader
 from contactlab.contact.trace_arrays import PairSeries, Trace
 from contactlab.schema.vocabulary import TraceFormat
 from contactlab.store.atomic_files import atomic_write
-from contactlab.store.mcap.trace_writer import encode_trace
+from contactlab.store.mcap.trace_writer import TraceEncoder
 
 
 class TraceExtras(NamedTuple):
@@ -44,7 +44,7 @@ def write_trace(
     form: TraceFormat = "messages",
 ) -> Written:
     """Write one run of a trace."""
-    content, messages = encode_trace(trace, run, series, *extras, form=form)
+    content, messages = TraceEncoder(trace, series).encode(run, *extras, form=form)
     with atomic_write(path) as temporary:
         temporary.write_bytes(content)
     return Written(hashlib.sha256(content).hexdigest(), len(content), messages)

@@ -27,7 +27,7 @@ from contactlab.store.controls_file import encode_controls
 from contactlab.store.finished_store import Store
 from contactlab.store.mcap.stored_messages import find_defect
 from contactlab.store.mcap.trace_reader import read_trace
-from contactlab.store.mcap.trace_writer import encode_trace
+from contactlab.store.mcap.trace_writer import TraceEncoder
 from contactlab.store.row_journal import write_journal
 from contactlab.store.runs_table import iterate_rows
 from contactlab.store.store_files import parse_identity, parse_manifest
@@ -129,7 +129,8 @@ def readers(folder: Path) -> dict[str, Reader]:
 
 def _compact_trace() -> bytes:
     trace, series = random_trace(pairs=("a-b", "c-d"), steps=40)
-    return encode_trace(trace, 0, series, b"{}", {"seed": "0"}, b"<mujoco/>", form="compact")[0]
+    said = b"{}", {"seed": "0"}, b"<mujoco/>"
+    return TraceEncoder(trace, series).encode(0, *said, form="compact")[0]
 
 
 def _drives(folder: Path) -> dict[str, bytes]:

@@ -36,6 +36,7 @@ from contactlab.schema.evidence import (
     LabelEntry,
     Provenance,
 )
+from contactlab.store.mcap.trace_writer import TraceEncoder
 from contactlab.store.store_files import time_now
 from contactlab.store.table_layout import to_row
 
@@ -121,6 +122,11 @@ class MeasuredGroup:
         found = self.assessment.metrics
         columns = [np.where(np.isfinite(each), each, _NONE).tolist() for each in found.values()]
         return [dict(zip(found, row, strict=True)) for row in zip(*columns, strict=True)]
+
+    @cached_property
+    def encoder(self) -> TraceEncoder:
+        """What encodes the trace of each row."""
+        return TraceEncoder(self.trace, self.assessment.series)
 
 
 @dataclass(frozen=True)

@@ -53,7 +53,6 @@ from contactlab.schema.evidence import EvidenceRecord, LabelEntry, TraceFile
 from contactlab.store.controls_file import controls_name, encode_controls
 from contactlab.store.folder_backend import backend_at
 from contactlab.store.mcap.trace_reader import ACTIVATIONS
-from contactlab.store.mcap.trace_writer import encode_trace
 from contactlab.store.store_files import TRACES, time_now
 
 Said = Mapping[str, object]  # fields of a record that its run does not decide
@@ -328,8 +327,8 @@ class Worker:
         group, name = outcome.group, _trace_name(record.run_id)
         metadata = _metadata(record, outcome.plan.prepared.model.na)
         said = record.model_dump_json().encode(), metadata, self._model_xml
-        run = group.trace, outcome.row, group.assessment.series
-        content, messages = encode_trace(*run, *said, form=self._task.sweep.trace_format)
+        form = self._task.sweep.trace_format
+        content, messages = group.encoder.encode(outcome.row, *said, form=form)
         self._store.put(name, content)
         sha256 = hashlib.sha256(content).hexdigest()
         return TraceFile(file=name, sha256=sha256, bytes=len(content), messages=dict(messages))

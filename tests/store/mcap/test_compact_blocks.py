@@ -22,7 +22,7 @@ from contactlab.store.mcap.file_parts import encode_file, interleave
 from contactlab.store.mcap.message_encoder import single_message
 from contactlab.store.mcap.stored_messages import find_defect, start_of, stored_file
 from contactlab.store.mcap.trace_reader import read_trace
-from contactlab.store.mcap.trace_writer import encode_trace
+from contactlab.store.mcap.trace_writer import TraceEncoder
 
 MakeTrace = Callable[..., tuple[Trace, list[PairSeries]]]
 HEAD = struct.Struct("<IId")
@@ -43,12 +43,12 @@ def test_blocks_expand_to_the_messages_byte_for_byte(
 ) -> None:
     trace, series = make_trace(**sizes)
     run = sizes["runs"] - 1
-    messages, counts = encode_trace(trace, run, series, *extras)
+    messages, counts = TraceEncoder(trace, series).encode(run, *extras)
     with (
         patch.object(compact_blocks, "BLOCK_SIZE", block_size),
         patch.object(file_parts, "CHUNK_SIZE", chunk_size),
     ):
-        compact, same_counts = encode_trace(trace, run, series, *extras, form="compact")
+        compact, same_counts = TraceEncoder(trace, series).encode(run, *extras, form="compact")
     assert find_defect(compact) is None
     assert expanded(compact) == messages
     assert counts == same_counts
@@ -60,7 +60,7 @@ def test_viewers_find_blocks_in_order_of_time(
 ) -> None:
     trace, series = make_trace(pairs=("a-b", "c-d"), steps=200, momentum=True)
     with patch.object(compact_blocks, "BLOCK_SIZE", 9000):
-        content, _ = encode_trace(trace, 0, series, *extras, form="compact")
+        content, _ = TraceEncoder(trace, series).encode(0, *extras, form="compact")
     (tmp_path / "trace.mcap").write_bytes(content)
     assert_viewable(tmp_path / "trace.mcap")
 
@@ -73,15 +73,15 @@ def test_smooth_motion_takes_a_third(make_trace: MakeTrace, extras: TraceExtras)
     smooth = replace(
         trace, qpos=grown, qvel=grown, kinetic=still, potential=still, least_distance=still
     )
-    messages, _ = encode_trace(smooth, 0, series, *extras)
-    compact, _ = encode_trace(smooth, 0, series, *extras, form="compact")
+    messages, _ = TraceEncoder(smooth, series).encode(0, *extras)
+    compact, _ = TraceEncoder(smooth, series).encode(0, *extras, form="compact")
     assert 3 * len(compact) < len(messages)
 
 
 def test_a_block_is_what_the_format_says(make_trace: MakeTrace, extras: TraceExtras) -> None:
     """By an obvious loop over the integers of its first group, whose first column is log time."""
     trace, series = make_trace(nq=2, nv=1, pairs=(), steps=7)
-    [block] = blocks(encode_trace(trace, 0, series, *extras, form="compact")[0], channel=1)
+    [block] = blocks(TraceEncoder(trace, series).encode(0, *extras, form="compact")[0], channel=1)
     count, _, timestep = HEAD.unpack_from(block)
     assert (count, timestep) == (7, trace.timestep[0])
     # Eight bytes each: log time, time, two positions, a velocity, three numbers of the step.
@@ -110,7 +110,7 @@ def with_blocks(content: bytes, changed: Sequence[Sequence[bytes]]) -> bytes:
     file = stored_file(content)
     times = file.messages[1].heads["log_time"]
     groups = [
-        single_message(channel, row, block)
+        single_message(channel, row, int(times[row]), block)
         for channel, each in enumerate(changed, start=1)
         for row, block in enumerate(each)
     ]
@@ -130,7 +130,7 @@ def refused(path: Path, content: bytes) -> str:
 def compact(make_trace: MakeTrace, extras: TraceExtras) -> list[bytes]:
     """The file, the block of states, that of a pair, and the record of a short run."""
     trace, series = make_trace(pairs=("a-b",), steps=40, seed=1)
-    content, _ = encode_trace(trace, 0, series, *extras, form="compact")
+    content, _ = TraceEncoder(trace, series).encode(0, *extras, form="compact")
     return [content, *(block for channel in (1, 2, 3) for block in blocks(content, channel))]
 
 
@@ -182,7 +182,7 @@ def test_a_bent_block_is_read_or_refused_in_one_line(
 ) -> None:
     """Whatever bytes a block has: nothing but a StoreError is raised."""
     trace, series = make_trace(pairs=("a-b",), steps=12, seed=2)
-    content, _ = encode_trace(trace, 0, series, *extras, form="compact")
+    content, _ = TraceEncoder(trace, series).encode(0, *extras, form="compact")
     parts = [blocks(content, channel) for channel in (1, 2, 3)]
     which = data.draw(st.integers(0, 1))
     block = bytearray(parts[which][0])
@@ -205,7 +205,7 @@ def test_a_trace_of_many_blocks_is_read_as_one(
 ) -> None:
     trace, series = make_trace(pairs=("a-b",), steps=300, seed=3)
     with patch.object(compact_blocks, "BLOCK_SIZE", 5000):
-        content, _ = encode_trace(trace, 0, series, *extras, form="compact")
+        content, _ = TraceEncoder(trace, series).encode(0, *extras, form="compact")
     assert len(blocks(content, 1)) > 10
     (tmp_path / "trace.mcap").write_bytes(content)
     stored = read_trace(tmp_path / "trace.mcap")

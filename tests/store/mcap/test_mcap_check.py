@@ -116,7 +116,8 @@ def test_messages_out_of_order_are_found(
 ) -> None:
     """Also where indexes and statistics are those of the messages as they lie."""
     trace, series = make_trace(pairs=(), steps=2)
-    with patch.object(trace_writer, "_log_times", lambda _: np.array(times, np.uint64)):
+    given = np.array([times], np.uint64), [True]
+    with patch.object(trace_writer, "_log_times", lambda _: given):
         write_trace(tmp_path / "trace.mcap", trace, 0, series, extras)
     defect = find_defect((tmp_path / "trace.mcap").read_bytes())
     assert defect is not None

@@ -17,8 +17,18 @@ import numpy as np
 from mcap.records import Channel
 from numpy.typing import NDArray
 
-from contactlab.store.mcap.file_parts import Times, encode_file, interleave
-from contactlab.store.mcap.message_encoder import Items, MessageGroup, fill_derived, single_message
+from contactlab.store.mcap.file_parts import encode_file, interleave
+from contactlab.store.mcap.message_encoder import MessageGroup, Times, derived, single_message
+from contactlab.store.mcap.record_encoder import (
+    Bytes,
+    Integers,
+    Items,
+    Unsigned,
+    overlapping,
+    overlapping_numbers,
+    record_encoder,
+)
+from contactlab.store.mcap.scratch import SCRATCH
 from contactlab.store.mcap.stored_messages import (
     ChannelMessages,
     StoredFile,
@@ -44,8 +54,6 @@ _HEAD = struct.Struct("<IId")  # messages of a group, length of each, and the ru
 # No message has so many times the bytes of the values that are stored of it.
 _MOST_GROWTH = 4
 
-Values = NDArray[np.unsignedinteger]
-
 
 def compacted(
     groups: Sequence[MessageGroup], times: Times, timestep: float
@@ -55,15 +63,20 @@ def compacted(
     for group in groups:
         sizes[group.rows] += group.layout.size
     starts = np.flatnonzero(np.diff(np.cumsum(sizes) // BLOCK_SIZE, prepend=-1))
-    parts: dict[tuple[int, int], list[bytes]] = defaultdict(list)
+    parts: dict[tuple[int, int], list[bytes | memoryview]] = defaultdict(list)
     for group in groups:
-        items = group.records(times)
+        size, count = group.layout.size, len(group.rows)
+        records = SCRATCH.take("block", count * size)
+        group.write(records, np.arange(count) * size)
         ends = np.searchsorted(group.rows, np.append(starts, len(times))).tolist()
         for block, (first, last) in enumerate(pairwise(ends)):
             if first < last:
-                head = _HEAD.pack(last - first, group.layout.size, timestep)
-                parts[group.channel, block] += head, *_columns(items[first:last], group.layout)
-    return [single_message(*key, *part) for key, part in parts.items()], times[starts]
+                head = _HEAD.pack(last - first, size, timestep)
+                planes = record_encoder().planes(records[first * size : last * size], group.layout)
+                parts[group.channel, block] += head, *planes
+    begins = times[starts]
+    blocks = [single_message(*key, int(begins[key[1]]), *part) for key, part in parts.items()]
+    return blocks, begins
 
 
 def expanded(data: bytes) -> bytes:
@@ -96,7 +109,7 @@ def in_messages(file: StoredFile) -> StoredFile:
     groups = [_group(*each, times) for each in found]
     for channel in others:
         [content] = file.messages[channel.id].contents()
-        groups.append(single_message(channel.id, len(times) - 1, content))
+        groups.append(single_message(channel.id, len(times) - 1, int(times[-1]), content))
     stream = interleave(groups, len(file.channels), times)
     if np.count_nonzero(stream.sizes) != sum(len(group.rows) for group in groups):
         raise ValueError("a channel has two messages of one time")
@@ -113,10 +126,12 @@ def _group(channel: Channel, layout: MessageLayout, items: Items, times: Times) 
     rows = np.searchsorted(times, items["log_time"])
     if np.any(np.diff(rows) <= 0) or np.any(times[rows] != items["log_time"]):
         raise ValueError(f"messages of {channel.topic} are out of order, or have no state")
-    whole = f"V{layout.size}"  # NumPy copies records field by field, and bytes at once.
-    return MessageGroup(
-        channel.id, rows, layout, lambda out: np.copyto(out.view(whole), items.view(whole))
-    )
+
+    def write(data: Bytes, starts: Integers) -> None:
+        # NumPy copies records field by field, and bytes at once.
+        overlapping(data, layout.size)[starts] = items.view(f"V{layout.size}")
+
+    return MessageGroup(channel.id, rows, layout, write)
 
 
 def _read_block(channel: Channel, content: bytes) -> Iterator[tuple[MessageLayout, Items]]:
@@ -132,12 +147,14 @@ def _read_block(channel: Channel, content: bytes) -> Iterator[tuple[MessageLayou
         for width, places in layout.values:
             length = width * len(places) * count
             planes = np.frombuffer(content, np.uint8, length, start)
-            _view(items, width, size)[:, places] = _undone(planes, width, count)
+            overlapping_numbers(items, width)[:, places] = _undone(planes, width, count)
             start += length
         items["channel"] = channel.id
         items["publish_time"] = items["log_time"]
         if channel.topic != STATE_TOPIC:
-            fill_derived(items, timestep)
+            net = items["normal_force"], items["tangential_force"], items["distance"]
+            for name, values in derived(*net, timestep).items():
+                items[name] = values
         yield layout, items
 
 
@@ -150,21 +167,7 @@ def _layout(channel: Channel, size: int) -> MessageLayout:
     return {layout.size: layout for layout in known}[size]
 
 
-def _columns(items: Items, layout: MessageLayout) -> Iterator[bytes]:
-    """Yield the values of records, width by width."""
-    for width, places in layout.values:
-        values = _view(items, width, layout.size)[:, places]
-        for _ in range(2):
-            values[1:] -= values[:-1].copy()
-        signed = values.view(f"<i{width}")
-        signs = signed >> (8 * width - 1)
-        signed <<= 1
-        signed ^= signs
-        planes = np.ascontiguousarray(signed.T).view(np.uint8).reshape(-1, width)
-        yield planes.T.tobytes()
-
-
-def _undone(planes: NDArray[np.uint8], width: int, count: int) -> Values:
+def _undone(planes: NDArray[np.uint8], width: int, count: int) -> Unsigned:
     """Return the (count, k) values of the bytes that `_columns` made of them."""
     folded = np.ascontiguousarray(planes.reshape(width, -1).T).view(f"<u{width}")
     values = np.bitwise_xor(folded >> 1, np.negative(folded & 1))
@@ -172,9 +175,3 @@ def _undone(planes: NDArray[np.uint8], width: int, count: int) -> Values:
     for _ in range(2):
         values = np.cumsum(values, axis=0, dtype=values.dtype)
     return values
-
-
-def _view(items: Items, width: int, size: int) -> Values:
-    """Return a view of which item (i, j) is the number from byte j of record i on."""
-    shape = len(items), size - width + 1
-    return np.ndarray(shape, f"<u{width}", items.view(np.uint8), strides=(size, 1))

@@ -6,7 +6,7 @@ Source of the file's structure and of the record layouts: https://mcap.dev/spec
 
 import struct
 import zlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import accumulate, pairwise
 from types import MappingProxyType
@@ -31,20 +31,18 @@ from mcap.records import (
 from mcap.writer import MCAP0_MAGIC
 from numpy.typing import NDArray
 
-from contactlab.store.mcap.message_encoder import SCRATCH, MessageGroup, span_of
-
-Times = NDArray[np.uint64]
+from contactlab.store.mcap.message_encoder import MessageGroup, Times
+from contactlab.store.mcap.record_encoder import record_encoder, span_of
+from contactlab.store.mcap.scratch import SCRATCH
 
 CHUNK_SIZE = 1 << 20
 _COMPRESSION = "zstd"
 
 CHUNK_HEAD = struct.Struct(f"<BQQQQII{len(_COMPRESSION)}sQ")
-INDEX_HEAD = struct.Struct("<BQHI")
 # The content's checksum is zstd's own, which takes a tenth of the time and which decoders verify.
 _NO_CRC = 0
 _NOT_YET: Mapping[int, bytes] = MappingProxyType({})
 _FRAME_SIZE = 9
-_ENTRY_SIZE = 16
 LIBRARY = "contactlab"
 _CRC_SIZE = 4
 # Six of these in every file: by the library they would take a tenth of the time of a tiny run.
@@ -117,15 +115,8 @@ def interleave(groups: Sequence[MessageGroup], channels: int, times: Times) -> M
     offsets = ends.reshape(sizes.shape) - sizes
     data = SCRATCH.take("stream", int(ends[-1]))
     for group in groups:
-        span, size = span_of(group.rows), group.layout.size
-        items = group.records(times).view(f"V{size}")
-        overlapping(data, size)[offsets[span, group.channel - 1]] = items
+        group.write(data, offsets[span_of(group.rows), group.channel - 1])
     return MessageStream(data, offsets, sizes, times)
-
-
-def overlapping(data: NDArray[np.uint8], size: int) -> NDArray[np.void]:
-    """Return a view whose item i is the `size` bytes that start at byte i."""
-    return np.ndarray((max(len(data) - size + 1, 0),), f"V{size}", data, strides=(1,))
 
 
 def encode_file(
@@ -162,36 +153,25 @@ def _chunk(
     fields = length - _FRAME_SIZE, first, last, len(content), _NO_CRC
     name = _COMPRESSION.encode()
     head = CHUNK_HEAD.pack(Opcode.CHUNK, *fields, len(name), name, len(compressed))
-    indexes = dict(_message_indexes(stream, rows))
-    ends = [*accumulate(map(len, indexes.values()), initial=position + length)]
+    where = stream.times[rows], stream.sizes[rows], stream.offsets[rows]
+    indexes, lengths = record_encoder().indexes(*where)
+    starts = accumulate(lengths, initial=position + length)
     index = ChunkIndex(
         chunk_length=length,
         chunk_start_offset=position,
         compression=_COMPRESSION,
         compressed_size=len(compressed),
         message_end_time=last,
-        message_index_length=ends[-1] - ends[0],
-        message_index_offsets=dict(zip(indexes, ends, strict=False)),
+        message_index_length=len(indexes),
+        message_index_offsets={
+            channel: start
+            for channel, (start, size) in enumerate(zip(starts, lengths, strict=False), start=1)
+            if size
+        },
         message_start_time=first,
         uncompressed_size=len(content),
     )
-    return [head, compressed, *indexes.values()], index
-
-
-def _message_indexes(stream: MessageStream, rows: slice) -> Iterator[tuple[int, bytes]]:
-    """Yield each channel with messages in these rows, and its MessageIndex record."""
-    times, sizes = stream.times[rows], stream.sizes[rows]
-    offsets = stream.offsets[rows] - stream.offsets[rows.start, 0]
-    for column in range(sizes.shape[1]):
-        used = np.flatnonzero(sizes[:, column])
-        if len(used):
-            entries = np.empty((len(used), 2), "<u8")
-            entries[:, 0] = times[used]
-            entries[:, 1] = offsets[used, column]
-            length = len(used) * _ENTRY_SIZE
-            channel = column + 1
-            head = INDEX_HEAD.pack(Opcode.MESSAGE_INDEX, 6 + length, channel, length)
-            yield channel, head + entries.tobytes()
+    return [head, compressed, indexes], index
 
 
 def _file_tail(

@@ -1,67 +1,29 @@
 """The arrays of one run as groups of Message records, each of one channel and one length."""
 
-import threading
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import partial
+from typing import Any
 
 import numpy as np
-import zstandard
 from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import (
-    FOUND,
     POINT_FIELDS,
     Floats,
     PairSeries,
     PairTrace,
     Trace,
 )
+from contactlab.store.mcap.record_encoder import Bytes, Integers, Rows, Values, record_encoder
 from contactlab.store.mcap.trace_messages import (
     MessageLayout,
-    constant_record,
     contacts_record,
     last_state_record,
     state_record,
+    whole_record,
 )
 
-# Matches of at least six bytes, found by a table that fits the L1 cache: files of the same size as
-# at level -3 in 0.7 (one body) to 0.85 (a stack) of the time. The window is a chunk's length.
-_FAST = zstandard.ZstdCompressionParameters(
-    strategy=zstandard.STRATEGY_FAST,
-    window_log=20,
-    hash_log=11,
-    chain_log=6,
-    search_log=1,
-    min_match=6,
-    target_length=3,
-    write_checksum=True,
-)
-
-
-class Scratch(threading.local):
-    """Buffers and a compressor that a thread reuses from run to run.
-
-    The system hands out fresh memory page by page, which takes longer than filling the page;
-    without reuse, encoding a file takes one and a half times as long.
-    """
-
-    def __init__(self) -> None:
-        self._buffers: dict[str, NDArray[np.uint8]] = {}
-        self.compressor = zstandard.ZstdCompressor(compression_params=_FAST)
-
-    def take(self, name: str, size: int) -> NDArray[np.uint8]:
-        """Return `size` bytes of arbitrary content, valid until the name is taken again."""
-        buffer = self._buffers.get(name)
-        if buffer is None or len(buffer) < size:
-            buffer = self._buffers[name] = np.empty(size, np.uint8)
-        return buffer[:size]
-
-
-SCRATCH = Scratch()
-
-Rows = NDArray[np.intp]
-Items = NDArray[np.void]
+Times = NDArray[np.uint64]
 
 STATE_CHANNEL = 1
 
@@ -88,100 +50,92 @@ PAIR_ARRAYS = {
 
 @dataclass(frozen=True)
 class MessageGroup:
-    """Message records of one channel and one length, still to be filled."""
+    """Message records of one channel and one length."""
 
     channel: int  # the channel's id
     rows: Rows  # (m,) state row of each record, ascending; at most one record a channel and row
     layout: MessageLayout  # layout of a record
-    # Writes the values into (m,) records that hold the layout's template.
-    fill: Callable[[Items], None]
-
-    def records(self, times: NDArray[np.uint64]) -> Items:
-        """Return the records, given the log time of each state row; valid until the next call."""
-        items = self.layout.fill(SCRATCH.take("records", len(self.rows) * self.layout.size))
-        items["channel"] = self.channel
-        items["log_time"] = items["publish_time"] = times[span_of(self.rows)]
-        self.fill(items)
-        return items
+    # Writes them into a buffer, each to where it starts (m,).
+    write: Callable[[Bytes, Integers], None]
 
 
-def single_message(channel: int, row: int, *parts: bytes) -> MessageGroup:
+def single_message(channel: int, row: int, time: int, *parts: bytes | memoryview) -> MessageGroup:
     """Return one message, of which these are the bytes, one part after the other."""
-    return MessageGroup(channel, np.array([row]), constant_record(parts), lambda _: None)
+    layout = whole_record(channel, time, parts)
+
+    def write(data: Bytes, starts: Integers) -> None:
+        data[starts[0] :][: layout.size] = np.frombuffer(layout.template, np.uint8)
+
+    return MessageGroup(channel, np.array([row]), layout, write)
 
 
-def span_of(rows: Rows) -> Rows | slice:
-    """Return rows as a slice where they are consecutive, which indexes without a copy."""
-    consecutive = len(rows) > 0 and rows[-1] - rows[0] == len(rows) - 1
-    return slice(int(rows[0]), int(rows[-1]) + 1) if consecutive else rows
+def state_values(trace: Trace, times: Times) -> Values:
+    """Return what states and steps hold, for runs with (n, N + 1) log times."""
+    arrays = {name: getattr(trace, name) for name in ("time", "qpos", "qvel")}
+    for name, (field, _) in STEP_ARRAYS.items():
+        arrays[f"step.{field}"] = getattr(trace, name)
+    for name, field in MOMENTUM_ARRAYS.items():
+        momentum = getattr(trace, name)
+        nothing = np.empty((trace.runs, trace.steps, 0))
+        arrays[f"step.{field}"] = nothing if momentum is None else momentum
+    return Values(_head(STATE_CHANNEL, times) | arrays)
 
 
-def state_groups(trace: Trace, run: int) -> Iterator[MessageGroup]:
+def state_groups(trace: Trace, values: Values, run: int) -> Iterator[MessageGroup]:
     """Yield the state before each step with the step's quantities, then the last state."""
     nq, nv = trace.qpos.shape[2], trace.qvel.shape[2]
     momentum = 0 if trace.momentum is None else 3
     rows = np.arange(trace.steps + 1)
-    stepped, last = slice(0, trace.steps), slice(trace.steps, None)
-
-    def fill(items: Items) -> None:
-        _fill_state(trace, run, stepped, items)
-        _fill_step(trace, run, items["step"])
-
-    yield MessageGroup(STATE_CHANNEL, rows[stepped], state_record(nq, nv, momentum), fill)
-    fill_last = partial(_fill_state, trace, run, last)
-    yield MessageGroup(STATE_CHANNEL, rows[last], last_state_record(nq, nv), fill_last)
+    yield _group(STATE_CHANNEL, rows[:-1], state_record(nq, nv, momentum), values, run)
+    yield _group(STATE_CHANNEL, rows[-1:], last_state_record(nq, nv), values, run)
 
 
-def _fill_state(trace: Trace, run: int, rows: slice, items: Items) -> None:
-    items["time"] = trace.time[run, rows]
-    items["qpos"] = trace.qpos[run, rows]
-    items["qvel"] = trace.qvel[run, rows]
-
-
-def _fill_step(trace: Trace, run: int, step: Items) -> None:
-    for name, (field, _) in STEP_ARRAYS.items():
-        step[field] = getattr(trace, name)[run]
-    if trace.momentum is not None:
-        for name, field in MOMENTUM_ARRAYS.items():
-            step[field] = getattr(trace, name)[run]
+def contact_values(
+    channel: int, pair: PairTrace, series: PairSeries, times: Times, timestep: Floats
+) -> Values:
+    """Return what the contacts of a pair hold, for n runs of these (n,) steps."""
+    arrays = {field: getattr(series, name) for name, (field, _) in PAIR_ARRAYS.items()}
+    arrays |= derived(series.normal, series.tangential, series.distance, timestep[:, None])
+    found = pair.found if pair.slots.shape[2] else series.contacts
+    arrays |= {"count": series.contacts, "found": found}
+    for name, columns in POINT_FIELDS.items():
+        arrays[f"points.{name}"] = pair.slots[..., columns]
+    return Values(_head(channel, times) | arrays)
 
 
 def contact_groups(
-    channel: int, pair: PairTrace, series: PairSeries, run: int, timestep: float
+    channel: int, series: PairSeries, values: Values, run: int
 ) -> Iterator[MessageGroup]:
     """Yield the steps in which a pair touches, grouped by their number of contact points."""
-    counts, slots = series.contacts[run], pair.slots[run]
+    counts = series.contacts[run]
     for count in np.flatnonzero(np.bincount(counts)).tolist():
-        if count == 0:
-            continue
-        rows = np.flatnonzero(counts == count)
-
-        def fill(items: Items, rows: Rows = rows, count: int = count) -> None:
-            _fill_net(series, run, rows, timestep, items)
-            _fill_points(slots[span_of(rows), :count], items)
-
-        yield MessageGroup(channel, rows, contacts_record(count), fill)
+        if count:
+            rows = np.flatnonzero(counts == count)
+            yield _group(channel, rows, contacts_record(count), values, run)
 
 
-def _fill_net(series: PairSeries, run: int, rows: Rows, timestep: float, items: Items) -> None:
-    for name, (field, _) in PAIR_ARRAYS.items():
-        items[field] = getattr(series, name)[run, rows]
-    fill_derived(items, timestep)
+def _head(channel: int, times: Times) -> dict[str, NDArray[Any]]:
+    """Return what the heads of a channel's records hold."""
+    number = np.broadcast_to(np.uint16(channel), times.shape)
+    return {"channel": number, "log_time": times, "publish_time": times}
 
 
-def fill_derived(items: Items, timestep: float) -> None:
-    """Write what follows from other values of contacts."""
+def _group(
+    channel: int, rows: Rows, layout: MessageLayout, values: Values, run: int
+) -> MessageGroup:
+    def write(data: Bytes, starts: Integers) -> None:
+        record_encoder().write(data, starts, layout, values, run, rows)
+
+    return MessageGroup(channel, rows, layout, write)
+
+
+def derived(
+    normal: Floats, tangential: Floats, distance: Floats, timestep: float | Floats
+) -> dict[str, Floats]:
+    """Return what follows from other values of contacts, by field."""
     with np.errstate(over="ignore", invalid="ignore"):
-        items["normal_impulse"] = items["normal_force"] * timestep
-        items["tangential_impulse"] = items["tangential_force"] * timestep
-        items["penetration"] = np.maximum(0.0 - items["distance"], 0.0)
-
-
-def _fill_points(slots: Floats, items: Items) -> None:
-    """Write contact slots (m, count, 23) as the points of m records, in single precision."""
-    items["count"] = slots.shape[1]
-    items["found"] = slots[:, 0, FOUND]
-    points = items["points"]
-    with np.errstate(over="ignore"):
-        for name, columns in POINT_FIELDS.items():
-            points[name] = slots[..., columns]
+        return {
+            "normal_impulse": normal * timestep,
+            "tangential_impulse": tangential * timestep,
+            "penetration": np.maximum(0.0 - distance, 0.0),
+        }

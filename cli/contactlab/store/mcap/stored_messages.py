@@ -22,15 +22,14 @@ from numpy.typing import NDArray
 
 from contactlab.store.mcap.file_parts import (
     CHUNK_HEAD,
-    INDEX_HEAD,
     FileStart,
     MessageStream,
     encode_file,
     file_start,
-    overlapping,
     with_metadata,
 )
 from contactlab.store.mcap.message_encoder import STATE_CHANNEL
+from contactlab.store.mcap.record_encoder import INDEX_HEAD, overlapping
 from contactlab.store.mcap.trace_messages import (
     CONTACTS,
     HEAD,

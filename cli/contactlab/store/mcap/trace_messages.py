@@ -9,13 +9,13 @@ Sources: https://protobuf.dev/programming-guides/encoding/, google/protobuf/desc
 the numbers in schemas, https://mcap.dev/spec for Message records.
 """
 
-import math
 import re
 import struct
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from functools import cache, cached_property
+from typing import Any, NamedTuple
 from urllib.parse import quote, unquote
 
 import numpy as np
@@ -34,7 +34,9 @@ _VARINT, _LENGTH_DELIMITED = 0, 2
 _OPTIONAL, _REPEATED = 1, 3
 _TYPE_MESSAGE, _TYPE_ENUM = 11, 14
 
-_FRAME = struct.Struct("<BQ")
+_FRAME_SIZE = 9
+_SINGLE, _DOUBLE = np.dtype("<f4"), np.dtype("<f8")
+_MESSAGE_HEAD = struct.Struct("<BQHIQQ")
 _HEADER = (("channel", "<u2", 9), ("log_time", "<u8", 15), ("publish_time", "<u8", 23))
 HEADER_SIZE = 31  # length of a Message record before its content
 # What follows from other fields of a record, from its channel or the timestep.
@@ -159,6 +161,33 @@ def _field_descriptor(field: MessageField) -> bytes:
     return head + _number(5, number) + _delimited(6, f".{PACKAGE}.{field.kind.name}".encode())
 
 
+class FieldPlace(NamedTuple):
+    """Where an item holds a field: the type of its numbers, the first byte, and their axes."""
+
+    kind: np.dtype[Any]
+    start: int
+    shape: tuple[int, ...] = ()
+    strides: tuple[int, ...] = ()
+
+    @property
+    def source(self) -> np.dtype[Any]:
+        """The type of the numbers that are written there: single precision is rounded to."""
+        return _DOUBLE if self.is_single else self.kind
+
+    @property
+    def is_single(self) -> bool:
+        """Whether the numbers have single precision."""
+        return self.kind == _SINGLE
+
+    @property
+    def starts(self) -> NDArray[np.intp]:
+        """Where each number starts."""
+        starts = np.array(self.start)
+        for count, stride in zip(self.shape, self.strides, strict=True):
+            starts = starts[..., None] + np.arange(count) * stride
+        return starts.ravel()
+
+
 @dataclass(frozen=True)
 class MessageLayout:
     """Constant bytes, and columns (name, NumPy format, offset) for the values."""
@@ -180,23 +209,46 @@ class MessageLayout:
         )
 
     @cached_property
+    def fields(self) -> Mapping[str, FieldPlace]:
+        """Where values are, by the path of their field."""
+        return dict(_fields("", FieldPlace(self.dtype, 0)))
+
+    @cached_property
+    def paths(self) -> tuple[str, ...]:
+        """The paths of the fields."""
+        return tuple(self.fields)
+
+    @cached_property
+    def table(self) -> NDArray[np.int64]:
+        """(fields, 7) start, two axes' lengths and strides, width, and whether it is single."""
+        found: list[Sequence[int]] = []
+        for each in self.fields.values():
+            axes = *_two(each.shape, 1), *_two(each.strides, 0)
+            found.append((each.start, *axes, each.kind.itemsize, each.is_single))
+        return np.array(found, np.int64)
+
+    @cached_property
+    def address(self) -> int:
+        """Where the table lies in memory: NumPy takes longer to say so than it should."""
+        return self.table.ctypes.data
+
+    @cached_property
     def constant(self) -> NDArray[np.bool_]:
         """(size,) which bytes are the same in all items: those of the template, not of values."""
         constant = np.ones(self.size, np.bool_)
-        for values in _value_spans(self.dtype):
-            constant[values] = False
+        for each in self.fields.values():
+            for byte in range(each.kind.itemsize):
+                constant[each.starts + byte] = False
         return constant
 
     @cached_property
     def values(self) -> Sequence[tuple[int, NDArray[np.intp]]]:
         """Widths of values [bytes], and where those of each start, but for what is derived."""
-        fields = self.dtype.fields or {}
-        derived = {fields[name][1] for name in _DERIVED if name in fields}
-        spans = [span for span in _value_spans(self.dtype) if span.start not in derived]
-        starts = {span.stop - span.start: list[int]() for span in spans}
-        for span in spans:
-            starts[span.stop - span.start].append(span.start)
-        return [(width, np.array(places)) for width, places in starts.items()]
+        starts = dict[int, list[NDArray[np.intp]]]()
+        for path, each in self.fields.items():
+            if path not in _DERIVED:
+                starts.setdefault(each.kind.itemsize, []).append(each.starts)
+        return [(width, np.sort(np.concatenate(places))) for width, places in starts.items()]
 
     def after(self, head: bytes) -> "MessageLayout":
         """Return this layout with constant bytes before it."""
@@ -210,17 +262,17 @@ class MessageLayout:
         return memory.view(self.dtype)
 
 
-def _value_spans(kind: np.dtype[np.void], start: int = 0) -> Iterator[slice]:
-    """Yield where an item of a type that starts at a byte holds values."""
-    if kind.subdtype is not None:
-        inner, shape = kind.subdtype
-        for each in range(math.prod(shape)):
-            yield from _value_spans(inner, start + each * inner.itemsize)
-    elif kind.fields is not None:
-        for inner, offset, *_ in kind.fields.values():
-            yield from _value_spans(inner, start + offset)
-    else:
-        yield slice(start, start + kind.itemsize)
+def _fields(path: str, item: FieldPlace) -> Iterator[tuple[str, FieldPlace]]:
+    """Yield the fields of an item of a structured type, by path."""
+    for name, (kind, start, *_) in (item.kind.fields or {}).items():
+        inner, shape = kind.subdtype or (kind, ())
+        axes = item.shape + shape, item.strides + (inner.itemsize,) * len(shape)
+        field = FieldPlace(inner, item.start + start, *axes)
+        yield from _fields(f"{path}{name}.", field) if inner.fields else [(path + name, field)]
+
+
+def _two(axes: tuple[int, ...], filler: int) -> tuple[int, ...]:
+    return (filler,) * (2 - len(axes)) + axes
 
 
 HEAD = MessageLayout(
@@ -235,15 +287,15 @@ def message_record(body: MessageLayout) -> MessageLayout:
     return MessageLayout(framed.template, (*_HEADER, *framed.columns))
 
 
-def constant_record(parts: Sequence[bytes]) -> MessageLayout:
-    """Return the layout of the Message record around a message of these bytes."""
-    head = _message_head(sum(map(len, parts)))
-    return MessageLayout(b"".join((head, *parts)), _HEADER)
+def whole_record(channel: int, time: int, parts: Sequence[bytes | memoryview]) -> MessageLayout:
+    """Return the layout, all of it constant, of a record with a message of these bytes."""
+    head = _message_head(sum(map(len, parts)), channel, time)
+    return MessageLayout(b"".join((head, *parts)))
 
 
-def _message_head(size: int) -> bytes:
-    head = _FRAME.pack(Opcode.MESSAGE, HEADER_SIZE - _FRAME.size + size)
-    return head.ljust(HEADER_SIZE, b"\0")
+def _message_head(size: int, channel: int = 0, time: int = 0) -> bytes:
+    length = HEADER_SIZE - _FRAME_SIZE + size
+    return _MESSAGE_HEAD.pack(Opcode.MESSAGE, length, channel, 0, time, time)
 
 
 @cache

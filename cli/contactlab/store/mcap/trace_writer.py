@@ -15,6 +15,7 @@ import numpy as np
 from mcap.reader import SeekingReader
 from mcap.records import Attachment, Channel, Schema
 from mcap.writer import Writer
+from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import Floats, PairSeries, Trace
 from contactlab.errors import OutputError
@@ -24,7 +25,6 @@ from contactlab.store.mcap.compact_blocks import BLOCKS, compacted, expanded
 from contactlab.store.mcap.file_parts import (
     LIBRARY,
     FileStart,
-    Times,
     encode_file,
     file_start,
     interleave,
@@ -33,9 +33,12 @@ from contactlab.store.mcap.file_parts import (
 from contactlab.store.mcap.message_encoder import (
     STATE_CHANNEL,
     MessageGroup,
+    Times,
     contact_groups,
+    contact_values,
     single_message,
     state_groups,
+    state_values,
 )
 from contactlab.store.mcap.trace_messages import (
     CONTACTS,
@@ -59,51 +62,74 @@ _CACHED_PREFIXES = 4  # scenes whose file prefixes are cached; a job is of one s
 _MAX_LOG_TIME = 2.0**63
 
 
-def encode_trace(  # noqa: PLR0913 - one argument a part of the file
-    trace: Trace,
-    run: int,
-    series: Sequence[PairSeries],
-    record_json: bytes,
-    metadata: Mapping[str, str],
-    model_xml: bytes,
-    *,
-    form: TraceFormat = "messages",
-) -> tuple[bytes, Mapping[str, int]]:
-    """Return one run of a trace as an MCAP file, and the number of its messages by topic.
+class TraceEncoder:
+    """Encodes the runs of a trace, each as an MCAP file; what they share is worked out once."""
 
-    In the compact form blocks stand for the messages, which are counted as in the other form.
+    def __init__(self, trace: Trace, series: Sequence[PairSeries]) -> None:
+        """Take a trace, and the net quantities of its pairs in the same order."""
+        self._trace, self._series = trace, series
+        self._times, self._in_order = _log_times(trace.time)
+        self._states = state_values(trace, self._times)
+        self._contacts = [
+            contact_values(channel, pair, net, self._times, trace.timestep)
+            for channel, (pair, net) in enumerate(
+                zip(trace.pairs, series, strict=True), STATE_CHANNEL + 1
+            )
+        ]
 
-    The series are the net quantities of the trace's pairs, in the same order. With them go the
-    run's record, the one message of `/evidence`; its identity, the metadata `contactlab.run`; and
-    the MJCF as simulated, the attachment `model.xml`. An OutputError says that the run's time does
-    not strictly increase.
-    """
-    times = _log_times(trace.time[run])
-    pairs = tuple(pair.name for pair in trace.pairs)
-    sizes = trace.qpos.shape[2], trace.qvel.shape[2]
-    encoding = BLOCKS if form == "compact" else PROTOBUF
-    start = _scene_start(pairs, sizes, model_xml, encoding)
-    start = with_metadata(start, _METADATA_NAME, metadata)
-    groups = [*_groups(trace, run, series)]
-    counts = dict.fromkeys(start.topics, 0) | {EVIDENCE_TOPIC: 1}
-    for group in groups:
-        counts[start.topics[group.channel - 1]] += len(group.rows)
-    if form == "compact":
-        groups, times = compacted(groups, times, float(trace.timestep[run]))
-    groups.append(single_message(len(start.topics), len(times) - 1, record_json))
-    return encode_file(start, interleave(groups, len(start.topics), times)), counts
+    def encode(
+        self,
+        run: int,
+        record_json: bytes,
+        metadata: Mapping[str, str],
+        model_xml: bytes,
+        *,
+        form: TraceFormat = "messages",
+    ) -> tuple[bytes, Mapping[str, int]]:
+        """Return a run as an MCAP file, and the number of its messages by topic.
+
+        In the compact form blocks stand for the messages, which are counted as in the other form.
+
+        With the arrays go the run's record, the one message of `/evidence`; its identity, the
+        metadata `contactlab.run`; and the MJCF as simulated, the attachment `model.xml`. An
+        OutputError says that the run's time does not strictly increase.
+        """
+        trace, times = self._trace, self._times[run]
+        if not self._in_order[run]:
+            raise OutputError(
+                "cannot write a trace: the run's time must not be negative and must grow by at "
+                "least a nanosecond each step; cut the run where the engine stopped it"
+            )
+        pairs = tuple(pair.name for pair in trace.pairs)
+        sizes = trace.qpos.shape[2], trace.qvel.shape[2]
+        encoding = BLOCKS if form == "compact" else PROTOBUF
+        start = _scene_start(pairs, sizes, model_xml, encoding)
+        start = with_metadata(start, _METADATA_NAME, metadata)
+        groups = [*self._groups(run)]
+        counts = dict.fromkeys(start.topics, 0) | {EVIDENCE_TOPIC: 1}
+        for group in groups:
+            counts[start.topics[group.channel - 1]] += len(group.rows)
+        if form == "compact":
+            groups, times = compacted(groups, times, float(trace.timestep[run]))
+        last = len(times) - 1
+        groups.append(single_message(len(start.topics), last, int(times[last]), record_json))
+        return encode_file(start, interleave(groups, len(start.topics), times)), counts
+
+    def _groups(self, run: int) -> Iterator[MessageGroup]:
+        yield from state_groups(self._trace, self._states, run)
+        contacts = zip(self._series, self._contacts, strict=True)
+        for channel, (net, values) in enumerate(contacts, STATE_CHANNEL + 1):
+            yield from contact_groups(channel, net, values, run)
 
 
-def _log_times(time: Floats) -> Times:
-    """Return simulated time in whole nanoseconds."""
+def _log_times(time: Floats) -> tuple[Times, NDArray[np.bool_]]:
+    """Return (n, N + 1) simulated time in whole nanoseconds, and whether that of a run is one."""
     times = np.rint(time * _NANOSECONDS)
-    in_range = np.all((times >= 0) & (times < _MAX_LOG_TIME))
-    if not (in_range and np.all(times[1:] > times[:-1])):
-        raise OutputError(
-            "cannot write a trace: the run's time must not be negative and must grow by at least "
-            "a nanosecond each step; cut the run where the engine stopped it"
-        )
-    return times.astype(np.uint64)
+    grows = np.all(times[:, 1:] > times[:, :-1], axis=1)
+    # So all of them are in range.
+    grows &= (times[:, 0] >= 0) & (times[:, -1] < _MAX_LOG_TIME)
+    with np.errstate(invalid="ignore"):
+        return times.astype(np.uint64), grows
 
 
 @lru_cache(maxsize=_CACHED_PREFIXES)
@@ -123,13 +149,6 @@ def _scene_start(
     channels.append(Channel(len(channels) + 1, EVIDENCE_TOPIC, "json", {}, evidence.id))
     model = Attachment(0, 0, _MODEL_NAME, "application/xml", model_xml)
     return file_start([state, contacts, evidence], channels, model)
-
-
-def _groups(trace: Trace, run: int, series: Sequence[PairSeries]) -> Iterator[MessageGroup]:
-    yield from state_groups(trace, run)
-    timestep = float(trace.timestep[run])
-    for channel, (pair, net) in enumerate(zip(trace.pairs, series, strict=True), STATE_CHANNEL + 1):
-        yield from contact_groups(channel, pair, net, run, timestep)
 
 
 @dataclass(frozen=True)
