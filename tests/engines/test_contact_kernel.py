@@ -1,8 +1,6 @@
 """The kernel leaves every bit that contact sensors leave, or stays out of the way."""
 
 import os
-import subprocess
-import sys
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from multiprocessing import get_context
@@ -11,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.sanitizers import run_sanitized
 
 from contactlab import resources
 from contactlab.contact.trace_arrays import Trace
@@ -362,29 +361,9 @@ def test_every_case_is_stored_alike(
     assert not kernel.failed
 
 
-_SANITIZERS = "-fsanitize=address,undefined -fno-sanitize-recover=all -fno-omit-frame-pointer -g"
-
-
 @pytest.mark.slow
 @pytest.mark.usefixtures("kernel")
 def test_sanitizers_find_nothing(tmp_path: Path) -> None:
     """The tests of this file again, with a kernel that stops at whatever C leaves undefined."""
-    found = subprocess.run(
-        ["cc", "-print-file-name=libasan.so"], capture_output=True, text=True, check=False
-    ).stdout.strip()
-    if not Path(found).is_absolute():
-        pytest.skip("the compiler has no runtime of AddressSanitizer")
-    environment = os.environ | {
-        "CC": f"cc {_SANITIZERS}",
-        "LD_PRELOAD": str(Path(found).resolve()),
-        # Python does not free all that it has, and so does not MuJoCo.
-        "ASAN_OPTIONS": "detect_leaks=0",
-        "XDG_CACHE_HOME": str(tmp_path),
-    }
     chosen = "a_case_is or random_models or those_of_sensors or both_sides or stop_or_fail"
-    command = [sys.executable, "-m", "pytest", "-q", "-x", "-n", "0", "-p", "no:cacheprovider"]
-    command += ["-m", "slow or not slow", "-k", f"({chosen}) and not many", __file__]
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-3000:]
-    assert " passed" in done.stdout
-    assert "skipped" not in done.stdout
+    run_sanitized(__file__, f"({chosen}) and not many", tmp_path)

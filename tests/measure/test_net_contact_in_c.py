@@ -1,8 +1,6 @@
 """Series of a pair have the same bits whether C or NumPy reduces its slots."""
 
 import os
-import subprocess
-import sys
 from collections.abc import Iterator
 from dataclasses import fields
 from pathlib import Path
@@ -12,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from tests.sanitizers import run_sanitized
 
 from contactlab import native, resources
 from contactlab.contact.trace_arrays import DISTANCE, FORCE, FOUND, Floats, PairTrace
@@ -127,19 +126,5 @@ def test_what_is_finite_is_not_left_to_numpy(monkeypatch: pytest.MonkeyPatch) ->
 @pytest.mark.slow
 def test_sanitizers_find_nothing(tmp_path: Path) -> None:
     """The tests of this file again, in C that stops at whatever it leaves undefined."""
-    found = subprocess.run(
-        ["cc", "-print-file-name=libasan.so"], capture_output=True, text=True, check=False
-    ).stdout.strip()
-    if not Path(found).is_absolute():
-        pytest.skip("the compiler has no runtime of AddressSanitizer")
-    environment = os.environ | {
-        "CC": "cc -fsanitize=address,undefined -fno-sanitize-recover=all -g",
-        "LD_PRELOAD": str(Path(found).resolve()),
-        "ASAN_OPTIONS": "detect_leaks=0",  # Python does not free all that it has.
-        "XDG_CACHE_HOME": str(tmp_path),
-    }
-    command = [sys.executable, "-m", "pytest", "-q", "-x", "-n", "0", "-p", "no:cacheprovider"]
-    command += ["-k", "random_slots or left_to_numpy", __file__]
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-3000:]
-    assert "2 passed" in done.stdout
+    said = run_sanitized(__file__, "random_slots or left_to_numpy", tmp_path)
+    assert "2 passed" in said

@@ -1,7 +1,7 @@
 """Message records, indexes of chunks and values of blocks, written by functions in C or by NumPy.
 
-Both leave the same bytes. NumPy fills the records of a group, then scatters them over the chunks;
-`record_encoder.c` writes each to its place, in a third of the time.
+Both leave the same bytes. NumPy fills the records of a group column by column, then scatters them
+over the chunks; `record_encoder.c` writes each to its place.
 """
 
 import ctypes
@@ -41,7 +41,7 @@ class Values:
         self._sources: dict[tuple[str, ...], tuple[Integers, int]] = {}
 
     def sources(self, layout: MessageLayout) -> int:
-        """Return the address of (fields, 5) addresses and strides of what a layout's fields hold."""
+        """Return where (fields, 5) addresses and strides are of what a layout's fields hold."""
         paths = layout.paths
         if paths not in self._sources:
             found = [self._source(path, field.source) for path, field in layout.fields.items()]
