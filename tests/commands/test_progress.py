@@ -1,6 +1,9 @@
 """The display of a sweep costs the same however many runs finish, and says what is true of late."""
 
 import io
+import os
+import subprocess
+import sys
 import time
 from types import SimpleNamespace
 
@@ -156,3 +159,31 @@ def test_setting_up_is_said_without_a_terminal(clock: Clock) -> None:
     clock.now += 11
     display.remind()
     assert out.getvalue().splitlines()[1:] == ["░" * 24 + " 0 of 100"]
+
+
+def on_terminal(*command: str) -> tuple[bytes, bytes]:
+    """Return what a command prints to a pipe, and what to a terminal, its stderr."""
+    ours, theirs = os.openpty()
+    line = [sys.executable, "-m", "contactlab", *command]
+    able = os.environ | {"TERM": "xterm"}
+    done = subprocess.run(line, stdout=subprocess.PIPE, stderr=theirs, env=able, check=False)
+    os.close(theirs)
+    with os.fdopen(ours, "rb") as screen:
+        return done.stdout, screen.read1()
+
+
+def test_a_terminal_says_at_once_that_a_command_works_and_keeps_nothing_of_it() -> None:
+    """What is slow may print nothing for long; what is not, never does."""
+    shown, wiped = b"working\r", b"\x1b[K"
+    missing = b"error: no store at nowhere\r\n"
+    assert on_terminal("verify", "nowhere") == (b"", shown + wiped + missing)
+    assert on_terminal("show", "nowhere") == (b"", missing)
+    printed, screen = on_terminal("compare", "--help")
+    assert printed
+    assert screen == shown + wiped
+
+
+def test_a_pipe_is_not_told_that_a_command_works() -> None:
+    command = [sys.executable, "-m", "contactlab", "verify", "nowhere"]
+    done = subprocess.run(command, capture_output=True, check=False)
+    assert done.stderr == b"error: no store at nowhere\n"

@@ -11,7 +11,7 @@ from typing import Any
 import typer
 
 from contactlab.commands.options import end_of_help, option
-from contactlab.commands.terminal import echo, say
+from contactlab.commands.terminal import echo, notice, say
 from contactlab.errors import ContactlabError, OutputError, in_one_line
 from contactlab.printable import printable
 
@@ -135,6 +135,8 @@ def main() -> None:
     os.environ["PYTHONSAFEPATH"] = "1"
     warnings.formatwarning = lambda message, *_: f"warning: {printable(str(message))}\n"
     try:
+        if sys.argv[1:] and sys.argv[1] not in {"show", *_LIST} and sys.argv[1][:1] != "-":
+            notice.show()
         command_line(*sys.argv[1:2])(prog_name="contactlab")
     except ContactlabError as error:
         say(f"error: {error}" if not str(error).startswith("error") else str(error))
@@ -146,3 +148,5 @@ def main() -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
         say(f"error: cannot print the results: {error.strerror}")
         raise SystemExit(OutputError.exit_code) from error
+    finally:
+        notice.clear()

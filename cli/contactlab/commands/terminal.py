@@ -45,6 +45,27 @@ _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 _STOPPING = b"finishing the current runs; interrupt again to stop at once\n"
 
 
+class _Notice:
+    """A word on a terminal from when a command starts until it says more, which may take long."""
+
+    _is_shown = False
+
+    def show(self) -> None:
+        """Show it, where stderr is a terminal that can take it back."""
+        self._is_shown = os.isatty(2) and os.environ.get("TERM") != "dumb"
+        if self._is_shown:
+            os.write(2, b"working\r")
+
+    def clear(self) -> None:
+        """Take it back, if it is shown."""
+        if self._is_shown:
+            os.write(2, b"\x1b[K")
+        self._is_shown = False
+
+
+notice = _Notice()
+
+
 def echo(text: object, *, err: bool = False) -> None:
     """Print lines to stdout, or to stderr; what they hold of data is shown, never obeyed."""
     echo_commands(printable(str(text)), err=err)
@@ -71,6 +92,7 @@ def echo_bytes(data: bytes) -> None:
 @contextmanager
 def _leaving_reader() -> Generator[None]:
     """Print nothing more once the reader of a pipe has left, as `head` does; that is no error."""
+    notice.clear()
     try:
         yield
     except BrokenPipeError:
@@ -195,6 +217,7 @@ def stdout() -> Console:
 
 def say(message: str) -> None:
     """Print a message for people to stderr."""
+    notice.clear()
     Console(stderr=True).print(Text(printable(message)), soft_wrap=True)
 
 
@@ -227,7 +250,7 @@ class ProgressDisplay:
         self._count(total, done)
         self._printed = self._began
         if done:
-            self._console.print(f"{done:,} of {total:,} runs are stored already", highlight=False)
+            self._console.print(Text(f"{done:,} of {total:,} runs are stored already"))
 
     def advance(self, finished: "Sequence[Finished]") -> None:
         """Count runs that just finished."""
@@ -284,6 +307,7 @@ class ProgressDisplay:
 @contextmanager
 def progress_display() -> Generator[ProgressDisplay]:
     """Yield a display on stderr: live on a terminal, else a plain line every ten seconds."""
+    notice.clear()
     console = Console(stderr=True)
     display = ProgressDisplay(console, live=console.is_terminal)
     if console.is_terminal:

@@ -9,12 +9,9 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
-from mcap.reader import make_reader
 from numpy.typing import NDArray
 
 from contactlab.errors import SceneError
-from contactlab.store.mcap.trace_messages import STATE_TOPIC
-from contactlab.store.mcap.trace_reader import read_trace
 
 Columns = dict[str, NDArray[np.float64]]
 
@@ -110,6 +107,11 @@ def _read_mcap(path: Path) -> Columns:
 
     Of a trace of a run, it is the states.
     """
+    from mcap.reader import make_reader  # noqa: PLC0415 - takes a while
+
+    from contactlab.store.mcap.trace_messages import STATE_TOPIC  # noqa: PLC0415
+    from contactlab.store.mcap.trace_reader import read_trace  # noqa: PLC0415
+
     rows: list[dict[str, object]] = []
     with path.open("rb") as file:
         for _, channel, message in make_reader(file).iter_messages():
