@@ -12,8 +12,7 @@ from contactlab.engines import Buffers, PreparedRuns
 from contactlab.engines.mujoco_engine import MujocoEngine
 from contactlab.engines.rollout_trace import make_trace
 from contactlab.measure import assess, assessment
-from contactlab.measure.context import Context
-from contactlab.measure.net_contact import net_contact
+from contactlab.measure.context import Context, stacked
 from contactlab.scene.run_setup import make_setup
 from contactlab.scene.scene import Scene
 
@@ -40,9 +39,8 @@ def write_towers(folder: Path) -> Scene:
 
 def one_by_one(trace: Trace, setup: Setup, checks: SelfChecks | None = None) -> Context:
     """Return a context in which no pair stands for another."""
-    with np.errstate(all="ignore"):
-        net = [net_contact(pair, setup.elliptic, trace.timestep) for pair in trace.pairs]
-    return Context(trace, setup, tuple(net), checks)
+    every = range(len(trace.pairs))
+    return Context(trace, setup, stacked(trace, setup, [*every], np.array(every)), checks)
 
 
 @pytest.mark.parametrize("thresholds", [{}, {"pierced": 1e-5, "contact_losses": 0.0}], ids=str)

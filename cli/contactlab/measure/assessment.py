@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from contactlab.contact.trace_arrays import Floats, PairSeries, SelfChecks, Trace
 from contactlab.contact.trace_setup import Setup
 from contactlab.errors import ContactlabError
-from contactlab.measure.context import Context, context_of
+from contactlab.measure.context import Context, StackedPairs, context_of
 from contactlab.measure.coverage import coverages
 from contactlab.measure.entries import LABELS, METRICS, MeasuredRuns, Metric, limits
 from contactlab.measure.run_integrity import STABLE, invalid
@@ -44,11 +44,16 @@ class Assessment:
     metrics: dict[str, Floats]  # every metric by name, (n,) each; NaN where it does not apply
     # For each run the labels that apply, worst first; `stable` if none does.
     labels: tuple[tuple[AppliedLabel, ...], ...]
-    series: tuple[PairSeries, ...]  # net quantities of each monitored pair over time
+    pairs: StackedPairs  # the contacts of the monitored pairs
     # (n,) whether a second pass is due: for a label, or a sign that none judges.
     suspect: NDArray[np.bool_]
     # What each run exercised; None where the setup does not ask.
     coverage: tuple[Coverage, ...] | None = None
+
+    @property
+    def series(self) -> tuple[PairSeries, ...]:
+        """The net quantities of each monitored pair over time."""
+        return self.pairs.series
 
 
 def assess(trace: Trace, setup: Setup, checks: SelfChecks | None = None) -> Assessment:
@@ -58,17 +63,18 @@ def assess(trace: Trace, setup: Setup, checks: SelfChecks | None = None) -> Asse
     """
     context = context_of(trace, setup, checks)
     failures: Failures = {}
-    metrics = {name: _values(metric, context, failures) for name, metric in METRICS.items()}
     with np.errstate(all="ignore"):
+        metrics = {name: _values(metric, context, failures) for name, metric in METRICS.items()}
         labels = _labels(MeasuredRuns(context, metrics), failures)
         suspect = np.array([own[0].label != STABLE.name for own in labels])
         if checks is None and trace.steps:
             suspect |= suspects(context)
-    return Assessment(metrics, labels, context.series, suspect, coverages(context))
+        covered = coverages(context)
+    return Assessment(metrics, labels, context.pairs, suspect, covered)
 
 
 def _values(metric: Metric, context: Context, failures: Failures) -> Floats:
-    def measured(runs: MeasuredRuns) -> list[float]:
+    def measured(runs: MeasuredRuns) -> Sequence[float]:
         return metric.of(runs.context).tolist()
 
     runs = MeasuredRuns(context, {})

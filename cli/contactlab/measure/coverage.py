@@ -11,11 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from contactlab.contact.trace_arrays import SLIDE, STICK, Floats, PairSeries, PairTrace, Trace
+from contactlab.contact.trace_arrays import SLIDE, STICK, Floats, PairTrace, Trace
 from contactlab.contact.trace_setup import Mechanism, Part
-from contactlab.measure.context import Context
-from contactlab.measure.net_contact import NetContact
-from contactlab.schema.coverage import Coverage, End, PairUse
+from contactlab.measure.context import Context, bearing, share
+from contactlab.schema.coverage import Coverage, End
 
 TURNING = 0.1
 """Least angular velocity [rad/s] of a contact that rolls or spins; soft ones rock more slowly."""
@@ -40,12 +39,12 @@ def coverages(context: Context) -> tuple[Coverage, ...] | None:
         joints = _rows(mechanism.joints, _joints(mechanism.joints, trace.qpos), n)
         tendons = _rows(mechanism.tendons, _tendons(mechanism, trace.lengths), n)
         actuators = _rows(mechanism.actuators, _actuators(mechanism, trace), n)
-        places = [place for place in sorted(set(context.places)) if trace.pairs[place].found.any()]
-        pairs = _rows([trace.pairs[place] for place in places], _pairs(context, places), n)
+        touched = [trace.pairs[place] for place in context.pairs.places]
+        pairs = _rows(touched, _pairs(context), n)
     loads = np.zeros((n, 0)) if trace.equality_loads is None else trace.equality_loads
     loads = np.where(loads < _LEAST_LOAD * mechanism.weight, 0, loads)
     names = [each.name for each in mechanism.equalities]
-    touched = _share(trace.contacts > 0)
+    contacts = share(trace.contacts > 0)
     covered = (
         {
             "joints": joints[run],
@@ -53,7 +52,7 @@ def coverages(context: Context) -> tuple[Coverage, ...] | None:
             "actuators": actuators[run],
             "equalities": dict(zip(names, loads[run].tolist(), strict=False)),
             "pairs": {name: use for name, use in pairs[run].items() if use["touched"]},
-            "touched": touched[run],
+            "touched": contacts[run],
         }
         for run in range(n)
     )
@@ -153,29 +152,16 @@ def _actuators(mechanism: Mechanism, trace: Trace) -> Fields:
     }
 
 
-def _pairs(context: Context, places: Sequence[int]) -> Fields:
-    each = [_pair(net, net.series) for net in (context.net[place] for place in places)]
-    return {name: np.array([one[name] for one in each]).T for name in PairUse.model_fields}
-
-
-def _pair(net: NetContact, series: PairSeries) -> dict[str, Floats]:
-    """Return what a pair did in each run; all of its contacts turn as its first one does."""
-    bearing, sticks = series.normal > 0, series.mode == STICK
-    largest = series.normal.max(axis=1)
+def _pairs(context: Context) -> Fields:
+    """Return what pairs did in each run; all contacts of one turn as its first one does."""
+    net, series, bears = context.net, context.net.series, bearing(context)
+    sticks, largest = series.mode == STICK, series.normal.max(axis=-1)
     shares = {
-        "touched": bearing,
+        "touched": bears,
         "stuck": sticks,
         "slid": series.mode == SLIDE,
-        "rolled": bearing & sticks & (net.rolling > TURNING),
-        "spun": bearing & (net.spinning > TURNING),
+        "rolled": bears & sticks & (net.rolling > TURNING),
+        "spun": bears & (net.spinning > TURNING),
     }
-    return {
-        **{name: _share(each) for name, each in shares.items()},
-        "friction": series.tangential.max(axis=1) / np.where(largest > 0, largest, np.inf),
-    }
-
-
-def _share(holds: NDArray[np.bool_]) -> Floats:
-    """Return (n,) the share of the steps (n, N) at which something holds."""
-    # Row by row: NumPy counts whole arrays many times faster than along an axis.
-    return np.array([np.count_nonzero(row) for row in holds]) / holds.shape[1]
+    friction = series.tangential.max(axis=-1) / np.where(largest > 0, largest, np.inf)
+    return {**{name: share(each).T for name, each in shares.items()}, "friction": friction.T}

@@ -72,11 +72,10 @@ class Metric:
         """Return (n,) values, 0 below the resolution, NaN for runs without a single step."""
         if context.trace.steps == 0:
             return context.undefined()
-        with np.errstate(all="ignore"):
-            values = np.asarray(self.function(context), dtype=np.float64)
+        values = np.asarray(self.function(context), dtype=np.float64)
         if values.shape != (context.trace.runs,):
             raise ValueError(f"it returns shape {values.shape} for {context.trace.runs} runs")
-        return np.where(np.abs(values) < self.resolution, 0, values)
+        return np.where(np.abs(values) < self.resolution, 0, values) if self.resolution else values
 
 
 class MetricOptions(TypedDict, total=False):
@@ -216,11 +215,10 @@ class Oracle:
 
     def of(self, context: Context) -> OracleResult:
         """Return what the law expects of every run of a context, and how far off it is."""
-        with np.errstate(all="ignore"):
-            expected, measured = self.function(context)
-            error = np.abs(measured - expected)
-            scale = np.abs(expected) if self.relative else 1
-            return OracleResult(expected, measured, error / scale)
+        expected, measured = self.function(context)
+        error = np.abs(measured - expected)
+        scale = np.abs(expected) if self.relative else 1
+        return OracleResult(expected, measured, error / scale)
 
 
 class _WorstFirst(Registry[Label]):

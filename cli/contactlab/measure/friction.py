@@ -13,23 +13,26 @@ from contactlab.contact.trace_arrays import (
     FORCE,
     LINEAR_VELOCITY,
     NO_CONTACT,
+    SLIDE,
     STICK,
     TORQUE,
     Floats,
-    PairSeries,
+    squared_lengths,
 )
 from contactlab.measure.context import (
     Context,
+    bearing,
     cached,
-    each_once,
+    count,
     hold_seconds,
     hold_window,
+    median,
     name_of_worst,
     runs_where,
+    share,
     worst_pair,
 )
 from contactlab.measure.entries import Finding, Found, MeasuredRuns, Threshold, label, metric
-from contactlab.measure.net_contact import NetContact
 from contactlab.measure.stick_slip import HELD_USAGE, Spans, changes, spans
 
 _CREEP_SPEED = Threshold("creep_speed", None, "m/s", "Set where what sticks should stay.")
@@ -56,9 +59,13 @@ Events = tuple[NDArray[np.intp], NDArray[np.intp]]
 
 
 @cached
-def switch_masks(context: Context) -> list[NDArray[np.bool_]]:
-    """Return for each monitored pair (n, N - 1) where it changes between stick and slide."""
-    return each_once(context.net, lambda net: changes(net.series))
+def switch_masks(context: Context) -> NDArray[np.bool_]:
+    """Return (R, n, N - 1) where pairs change between stick and slide."""
+    series = context.net.series
+    masks = np.zeros(series.mode[..., 1:].shape, np.bool_)
+    for row in runs_where((series.mode == SLIDE).any(axis=(1, 2))):
+        masks[row] = changes(series.mode[row], series.normal[row], series.usage[row])
+    return masks
 
 
 @metric("1/s", "lower", tolerance=5.0, version=2, equivalence=True, heading="switches/s")
@@ -69,8 +76,7 @@ def mode_switches(context: Context) -> Floats:
     Sticking that never uses less than 0.9 of the friction bound counts as slow sliding. A pad
     with more than 5 a second chatters.
     """
-    counts = each_once(switch_masks(context), lambda mask: mask.sum(axis=1).astype(np.float64))
-    return worst_pair(context, counts) / context.seconds
+    return worst_pair(context, count(switch_masks(context)) / context.seconds)
 
 
 @metric("m", resolution=1e-9, version=2, equivalence=True)
@@ -79,18 +85,18 @@ def slip_distance(context: Context) -> Floats:
 
     On hops of up to 100 ms between contacts it is interpolated between the speeds beside them.
     """
-    speeds = each_once(context.net, lambda net: _with_hops(net.series).sum(axis=1))
-    return worst_pair(context, speeds) * context.trace.timestep
+    return worst_pair(context, _with_hops(context).sum(axis=-1)) * context.trace.timestep
 
 
-def _with_hops(series: PairSeries) -> Floats:
-    bearing = series.normal > 0
-    hops, slip = (series.mode != NO_CONTACT) & ~bearing, series.slip
+def _with_hops(context: Context) -> Floats:
+    """Return (R, n, N) the slip speeds of pairs, interpolated on their hops."""
+    slip = context.net.series.slip
+    hops = (context.net.series.mode != NO_CONTACT) & ~bearing(context)
     if hops.any():
         slip = slip.copy()
-        for run in runs_where(np.asarray(hops.any(axis=1))):
-            known, gaps = np.flatnonzero(bearing[run]), np.flatnonzero(hops[run])
-            slip[run, gaps] = np.interp(gaps, known, slip[run, known])
+        for place in map(tuple, np.argwhere(hops.any(axis=-1))):
+            known, gaps = np.flatnonzero(bearing(context)[place]), np.flatnonzero(hops[place])
+            slip[place][gaps] = np.interp(gaps, known, slip[place][known])
     return slip
 
 
@@ -105,13 +111,10 @@ def creep_speed(context: Context) -> Floats:
 
 
 @cached
-def _creeps(context: Context) -> list[Floats]:
-    def creep_of(net: NetContact) -> Floats:
-        series, last = net.series, context.last_fifth
-        sticking = (series.mode[:, last] == STICK) & (series.normal[:, last] > 0)
-        return (series.slip[:, last] * sticking).sum(axis=1) / sticking.sum(axis=1)
-
-    return each_once(context.net, creep_of)
+def _creeps(context: Context) -> Floats:
+    series, last = context.net.series, context.last_fifth
+    sticking = (series.mode[..., last] == STICK) & bearing(context)[..., last]
+    return (series.slip[..., last] * sticking).sum(axis=-1) / count(sticking)
 
 
 @metric("1", "lower", 1e-9, kind="detail")
@@ -130,28 +133,23 @@ def crept(context: Context) -> Floats:
 @cached
 def _crept(context: Context) -> dict[str, Floats]:
     """Return (n,) how far each pair creeps, and each free body, over its size."""
-    steps, mechanism = context.trace.steps, context.setup.mechanism
+    steps, mechanism, pairs = context.trace.steps, context.setup.mechanism, context.pairs
     half, late = slice(steps // 2, None), slice(3 * steps // 4, None)
-
-    def way(place: int) -> Floats:
-        net, extent = context.net[place], float(context.setup.thickness[place])
-        series, used = net.series, net.series.usage
-        held = (series.mode == STICK) & (used > 0) & (used < HELD_USAGE)
-        held &= net.rolling * extent <= series.slip  # What rolls leaves behind where it slipped.
-        speed = np.median(series.slip[:, late], axis=1)
-        # What settles slows down.
-        before = np.median(series.slip[:, half.start : late.start], axis=1)
-        steady = (np.abs(before - speed) < _STEADILY * speed) & (held[:, half].mean(axis=1) > 0.9)
-        return steady * context.seconds * speed
-
-    ways = each_once(context.places, way)
-    pairs = zip(context.series, ways, context.setup.reaches, strict=True)
-    shares = {series.name: own / reach for series, own, reach in pairs}
+    series, extents = context.net.series, context.setup.thickness[pairs.places, None, None]
+    used, slip = series.usage[..., half], series.slip[..., half]
+    held = (series.mode[..., half] == STICK) & (used > 0) & (used < HELD_USAGE)
+    held &= context.net.rolling[..., half] * extents <= slip  # What rolls leaves where it slipped.
+    speed = median(series.slip[..., late])
+    # What settles slows down.
+    before = median(series.slip[..., half.start : late.start])
+    steady = (np.abs(before - speed) < _STEADILY * speed) & (share(held) > 0.9)
+    ways = (steady * context.seconds * speed)[pairs.rows]
+    shares = dict(zip(pairs.names, ways / context.setup.reaches[:, None], strict=True))
     together = sum(ways, np.zeros(context.trace.runs))
     joints = {each.place: each for each in mechanism.joints} if mechanism else {}
     for body in context.setup.free_bodies:
         place = context.position(body)
-        moved = 4 * np.linalg.norm(place[:, -1] - place[:, late.start], axis=1)
+        moved = 4 * np.sqrt(squared_lengths(place[:, -1] - place[:, late.start]))
         size = 2 * joints[body.qpos].reach if joints else np.inf
         shares[body.name] = np.minimum(moved, together) / size
     return shares
@@ -160,20 +158,19 @@ def _crept(context: Context) -> dict[str, Floats]:
 @metric("1", "lower", 1e-6)
 def cone_violation(context: Context) -> Floats:
     """Share by which one contact's force exceeds its cone: 2-norm if elliptic, 1-norm if not."""
-    return worst_pair(context, [net.excess for net in context.net])
+    return worst_pair(context, context.net.excess)
 
 
 @metric("J", "lower", 1e-12)
 def complementarity(context: Context) -> Floats:
     """Largest product of a contact's normal force and its positive distance, where margins act."""
-    return worst_pair(context, [net.detached for net in context.net])
+    return worst_pair(context, context.net.detached)
 
 
 @metric("N s", resolution=1e-9, equivalence=True)
 def normal_impulse(context: Context) -> Floats:
     """Net normal force summed over time, largest of all pairs; at rest it is weight times time."""
-    forces = each_once(context.net, lambda net: net.series.normal.sum(axis=1))
-    return worst_pair(context, forces) * context.trace.timestep
+    return worst_pair(context, context.net.series.normal.sum(axis=-1)) * context.trace.timestep
 
 
 @label(28, (_CREEP_SPEED, _CREPT))
@@ -184,10 +181,10 @@ def creep(runs: MeasuredRuns) -> Found:
         reason = f"{name} sticks, but slips at {speed:.3g} m/s (limit {limit:g} m/s)"
         yield run, Finding(reason, runs.context.last_fifth.start)
     judged = not _OF_SCENES.isdisjoint(runs.context.setup.thresholds)
-    for run, share, limit in () if judged else runs.over(_CREPT.name):
+    for run, way, limit in () if judged else runs.over(_CREPT.name):
         crept = _crept(runs.context)
         name = max(crept, key=lambda each: np.nan_to_num(crept[each][run]))
-        reason = f"{name} sticks, but would creep by {share:.3g} of its size (limit {limit:g})"
+        reason = f"{name} sticks, but would creep by {way:.3g} of its size (limit {limit:g})"
         yield run, Finding(reason, runs.context.last_fifth.start)
 
 
@@ -199,8 +196,9 @@ def contact_losses(context: Context) -> Floats:
     sides, after which it meets as hard as before, at 5 cm/s or faster. A pad with more than 5 a
     second chatters.
     """
-    runs, gaps = context.trace.runs, _all_losses(context)
-    counts = each_once(gaps, lambda each: np.bincount(each.run, minlength=runs) / context.seconds)
+    counts = np.zeros((len(context.pairs.places), context.trace.runs))
+    for row, gaps in _all_losses(context).items():
+        counts[row] = np.bincount(gaps.run, minlength=context.trace.runs) / context.seconds
     return worst_pair(context, counts)
 
 
@@ -214,84 +212,83 @@ def chatter(runs: MeasuredRuns) -> Found:
     held = context.setup.hold is not None
     masks = hold_switch_masks(context) if held else switch_masks(context)
     between = "stick, slide and no contact in its hold" if held else "stick and slide"
-    for place in sorted(set(context.places)):
-        series, extent = context.series[place], float(context.setup.thickness[place])
+    for row in runs_where(masks.any(axis=(1, 2))):
+        place = context.pairs.places[row]
+        extent = context.setup.thickness[place]
         # What tumbles is held and slides in turn as it meets with one point after another.
-        tumbles = context.net[place].rolling * extent > series.slip
-        run, step = np.nonzero(masks[place] & ~tumbles[:, 1:])
-        what = f"{series.name} switched {{}} times between {between}"
+        tumbles = context.net.rolling[row] * extent > context.net.series.slip[row]
+        run, step = np.nonzero(masks[row] & ~tumbles[:, 1:])
+        what = f"{context.pairs.names[place]} switched {{}} times between {between}"
         least = 0.0 if held or np.isinf(extent) else _SLIPS * extent
-        yield from _often(runs, series, (run, step + 1), what, "mode_switches", least)
-    for place in () if held else sorted(set(context.places)):
-        series, gaps = context.series[place], _all_losses(context)[place]
-        what = f"{series.name} lost its contact {{}} times while it stuck"
-        yield from _often(runs, series, (gaps.run, gaps.start), what, "contact_losses")
+        yield from _often(runs, row, (run, step + 1), what, "mode_switches", least)
+    for row, gaps in () if held else _all_losses(context).items():
+        what = f"{context.pairs.names[context.pairs.places[row]]} lost its contact {{}} times"
+        what = f"{what} while it stuck"
+        yield from _often(runs, row, (gaps.run, gaps.start), what, "contact_losses")
     yield from _hunting(runs)
 
 
 @cached
-def hold_switch_masks(context: Context) -> list[NDArray[np.bool_]]:
-    """Return for each monitored pair (n, N - 1) where its mode changes within the hold window.
+def hold_switch_masks(context: Context) -> NDArray[np.bool_]:
+    """Return (R, n, N - 1) where the mode of pairs changes within the hold window.
 
     Contact that a sticking pair loses or regains counts too; sliding pairs hop.
     """
-    inside = hold_window(context)[:, 1:]
-    pairs = zip(context.series, switch_masks(context), strict=True)
-    return [(mask | _parts_or_meets(series)) & inside for series, mask in pairs]
+    bears, sticks = bearing(context), context.net.series.mode == STICK
+    parts = (bears & sticks)[..., :-1] & ~bears[..., 1:]
+    meets = ~bears[..., :-1] & (bears & sticks)[..., 1:]
+    return (switch_masks(context) | parts | meets) & hold_window(context)[:, 1:]
 
 
-def _parts_or_meets(series: PairSeries) -> NDArray[np.bool_]:
-    bearing, stick = series.normal > 0, series.mode == STICK
-    parts = bearing[:, :-1] & stick[:, :-1] & ~bearing[:, 1:]
-    meets = ~bearing[:, :-1] & bearing[:, 1:] & stick[:, 1:]
-    return parts | meets
-
-
-def lost_contacts(context: Context, index: int) -> Spans:
-    """Return the gaps between contacts of a monitored pair that sticks before, in and after them.
+def lost_contacts(context: Context, row: int) -> Spans:
+    """Return the gaps between contacts of a row of pairs that stick before, in and after them.
 
     A gap counts if it is at most as long as the contact before it, if on both of its sides every
     contact uses less than 0.9 of its bound on force, torsion and rolling together, and if the pair
     then meets at 5 cm/s or faster and at least as hard, by peak force to within 1 %, as before.
     """
-    series = context.series[index]
-    bearing = series.normal > 0
-    touch, gap = spans(bearing), spans(~bearing)
-    inner = (gap.start > 0) & (gap.stop < bearing.shape[1])
+    bears, series = bearing(context)[row], context.net.series
+    touch, gap = spans(bears), spans(~bears)
+    inner = (gap.start > 0) & (gap.stop < bears.shape[1])
     found = Spans(gap.run[inner], gap.start[inner], gap.stop[inner])
     if not inner.any():
         return found
     before = _ending(touch, found)
     kept = found.stop - found.start <= touch.stop[before] - touch.start[before]
-    kept &= series.mode[found.run, found.start] == STICK
+    kept &= series.mode[row, found.run, found.start] == STICK
     for step in (found.start - 1, found.stop):
-        kept[kept] &= _is_held(context, index, found.run[kept], step[kept])
-    meeting = context.trace.pairs[index].slots[found.run[kept], found.stop[kept]]
+        kept[kept] &= _is_held(context, row, found.run[kept], step[kept])
+    pair = context.trace.pairs[context.pairs.places[row]]
+    meeting = pair.slots[found.run[kept], found.stop[kept]]
     speed = np.abs(meeting[..., LINEAR_VELOCITY.start]).max(axis=1, initial=0)
     kept[kept] &= speed >= _IMPACT
-    peaks = [_peak(series, touch, place) for place in (before[kept], before[kept] + 1)]
+    forces, ends = series.normal[row], (before[kept], before[kept] + 1)
+    peaks = [_peak(forces, touch, places) for places in ends]
     kept[kept] = peaks[1] >= _AS_HARD * peaks[0]
     return Spans(found.run[kept], found.start[kept], found.stop[kept])
 
 
 @cached
-def _all_losses(context: Context) -> list[Spans]:
-    """Return for each monitored pair the gaps in which it loses contact while it sticks."""
-    return each_once(context.places, lambda place: lost_contacts(context, place))
+def _all_losses(context: Context) -> dict[int, Spans]:
+    """Return, for rows of pairs that part, the gaps in which they lose contact while they stick."""
+    bears = bearing(context)
+    parts = (bears[..., :-1] > bears[..., 1:]).any(axis=(1, 2))
+    return {row: lost_contacts(context, row) for row in runs_where(parts)}
 
 
 def _is_held(
-    context: Context, index: int, run: NDArray[np.intp], step: NDArray[np.intp]
+    context: Context, row: int, run: NDArray[np.intp], step: NDArray[np.intp]
 ) -> NDArray[np.bool_]:
     """Return where a pair sticks and each of its contacts is well inside its whole cone."""
-    pair = context.trace.pairs[index]
+    pair = context.trace.pairs[context.pairs.places[row]]
     slots = pair.slots[run, step]
     acting = np.abs(slots[..., _FRICTIONAL])
     bound = slots[..., FORCE.start, None] * pair.friction[run][:, None]
     share = np.divide(acting, bound, out=np.zeros_like(acting), where=acting > 0)
     elliptic = context.setup.elliptic[run][:, None]
     used = np.where(elliptic, np.sqrt((share * share).sum(axis=2)), share.sum(axis=2))
-    return (context.series[index].mode[run, step] == STICK) & (used < HELD_USAGE).all(axis=1)
+    sticks = context.net.series.mode[row, run, step] == STICK
+    return sticks & (used < HELD_USAGE).all(axis=1)
 
 
 def _ending(touch: Spans, gap: Spans) -> NDArray[np.intp]:
@@ -300,16 +297,16 @@ def _ending(touch: Spans, gap: Spans) -> NDArray[np.intp]:
     return np.searchsorted(touch.run * width + touch.stop, gap.run * width + gap.start)
 
 
-def _peak(series: PairSeries, touch: Spans, places: NDArray[np.intp]) -> Floats:
+def _peak(forces: Floats, touch: Spans, places: NDArray[np.intp]) -> Floats:
     stretches = zip(touch.run[places], touch.start[places], touch.stop[places], strict=True)
-    return np.array([series.normal[run, start:stop].max() for run, start, stop in stretches])
+    return np.array([forces[run, start:stop].max() for run, start, stop in stretches])
 
 
 def _hunting(runs: MeasuredRuns) -> Found:
     """Find actuators that go from one end of their force to the other, with constant controls."""
     context, limit = runs.context, runs.limits[_HUNTS.name]
     trace, mechanism = context.trace, context.setup.mechanism
-    if trace.forces is None or mechanism is None or context.setup.steered:
+    if trace.forces is None or not trace.forces.size or mechanism is None or context.setup.steered:
         return
     (low, high), half = mechanism.forces.T, slice(trace.steps // 2, None)
     share = (trace.forces[:, half] - low) / (high - low)
@@ -327,7 +324,7 @@ def _hunting(runs: MeasuredRuns) -> Found:
 
 def _often(
     runs: MeasuredRuns,
-    series: PairSeries,
+    row: int,
     events: Events,
     what: str,
     threshold: str,
@@ -338,14 +335,14 @@ def _often(
     What hops has to slip by as much as `least` [m] from one to the next, in the median.
     """
     limit, fewest = runs.limits[threshold], runs.limits["mode_switch_count"]
-    held = runs.context.setup.hold is not None
+    series, held = runs.context.net.series, runs.context.setup.hold is not None
     seconds = hold_seconds(runs.context) if held else runs.context.seconds
     counts = np.bincount(events[0], minlength=runs.context.trace.runs)
     for run in runs_where((counts / seconds > limit) & (counts >= fewest)):
         steps = events[1][events[0] == run]
-        slips = np.add.reduceat(series.slip[run], steps) * runs.context.trace.timestep[run]
-        touching = series.mode[run] != NO_CONTACT
-        hops = (series.normal[run] > 0).sum() < _BEARS * touching.sum()
+        slips = np.add.reduceat(series.slip[row, run], steps) * runs.context.trace.timestep[run]
+        touching = series.mode[row, run] != NO_CONTACT
+        hops = bearing(runs.context)[row, run].sum() < _BEARS * touching.sum()
         if hops and np.median(slips) < least:
             continue
         if held:

@@ -18,8 +18,10 @@ from contactlab.contact.trace_arrays import (
 )
 from contactlab.measure.context import (
     Context,
+    bearing,
     cached,
     contact_depths,
+    count,
     down,
     first_step,
     hold_seconds,
@@ -49,8 +51,7 @@ def hold_switches(context: Context) -> Floats:
 
     As in mode_switches, and each time that a sticking pair loses or regains its contact.
     """
-    counts = [mask.sum(axis=1).astype(np.float64) for mask in hold_switch_masks(context)]
-    return worst_pair(context, counts) / hold_seconds(context)
+    return worst_pair(context, count(hold_switch_masks(context)) / hold_seconds(context))
 
 
 @metric("m", "lower", 1e-9, requires="depth", equivalence=True, heading="hold depth [m]")
@@ -69,18 +70,19 @@ def hold_slip(context: Context) -> Floats:
 
 
 @cached
-def _slips(context: Context) -> list[Floats]:
-    """Return for each pair (n,) how far [m] it slips within the hold window, NaN without one."""
+def _slips(context: Context) -> Floats:
+    """Return (R, n) how far [m] pairs slip within the hold window; none without one."""
     inside = hold_window(context)
     steps = np.flatnonzero(inside.any(axis=0))
     if not len(steps):
-        return []
+        return np.empty((0, context.trace.runs))
     part = slice(int(steps[0]), int(steps[-1]) + 1)
-    slips = [_slip_velocity(pair, part) * inside[:, part, None] for pair in context.trace.pairs]
+    pairs = [context.trace.pairs[place] for place in context.pairs.places]
+    slips = [_slip_velocity(pair, part) * inside[:, part, None] for pair in pairs]
     timestep = context.trace.timestep[:, None, None]
     paths = [np.cumsum(slip * timestep, axis=1) for slip in slips]
     farthest = [np.sqrt((path * path).sum(axis=2).max(axis=1)) for path in paths]
-    return [np.where(inside.any(axis=1), each, np.nan) for each in farthest]
+    return np.where(inside.any(axis=1), np.reshape(farthest, (-1, context.trace.runs)), np.nan)
 
 
 @metric("m", resolution=1e-9)
@@ -110,11 +112,10 @@ def hold_offset(context: Context) -> Floats:
 def hold_contact(context: Context) -> Floats:
     """Share of the steps of the hold window in which a monitored pair bears force."""
     inside = hold_window(context)
-    if not context.series:
+    if not context.trace.pairs:
         return context.undefined()
-    bears = np.logical_or.reduce([series.normal > 0 for series in context.series])
-    steps = inside.sum(axis=1)
-    return (bears & inside).sum(axis=1) / np.where(steps > 0, steps, np.nan)
+    steps = count(inside)
+    return count(bearing(context).any(axis=0) & inside) / np.where(steps > 0, steps, np.nan)
 
 
 @label(52, (_EXPLOITED,))
@@ -149,9 +150,9 @@ def slipping(runs: MeasuredRuns) -> Found:
 
 
 def _deep(runs: MeasuredRuns, threshold: str) -> Found:
-    inside, depths = hold_window(runs.context), contact_depths(runs.context)
+    inside, (_, depths) = hold_window(runs.context), contact_depths(runs.context)
     for run, depth, limit in runs.over("hold_penetration", threshold):
-        step = max(first_step((each[run] > limit) & inside[run]) for _, each in depths)
+        step = max(first_step((each[run] > limit) & inside[run]) for each in depths)
         name = name_of_worst(runs.context, mean_depths(runs.context, inside), run)
         yield run, Finding(f"{name} is {depth:.3g} m deep on average (limit {limit:g} m)", step)
 

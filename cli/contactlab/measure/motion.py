@@ -9,6 +9,7 @@ from contactlab.measure.amounts import part_of
 from contactlab.measure.context import (
     Context,
     cached,
+    displacements,
     down,
     energy,
     energy_budget,
@@ -21,6 +22,8 @@ from contactlab.measure.context import (
     potential,
     runs_where,
     semi_implicit,
+    squared_speeds,
+    squares_from,
     worst_body,
 )
 from contactlab.measure.energy_balance import INTEGRATION_GAIN, integration_gains
@@ -88,11 +91,9 @@ def speed_ratio(context: Context) -> Floats:
     if not context.setup.passive:
         return context.undefined()
 
-    def ratio(body: FreeBody) -> Floats:
-        fastest = squared_lengths(context.velocity(body)).max(axis=1)
-        return np.sqrt(fastest) / _speed_bound(context, body)
-
-    return worst_body(context, ratio)
+    fastest = np.sqrt(squared_speeds(context).max(axis=-1))
+    bodies = zip(fastest, context.setup.free_bodies, strict=True)
+    return worst_body(context, [own / _speed_bound(context, body) for own, body in bodies])
 
 
 @metric("1", "lower", 1e-12, requires="energy")
@@ -133,7 +134,7 @@ def settle_time(context: Context) -> Floats:
 @metric("m/s", resolution=1e-9)
 def final_speed(context: Context) -> Floats:
     """Speed of the fastest free body in the last state."""
-    return worst_body(context, lambda body: np.linalg.norm(context.velocity(body)[:, -1], axis=1))
+    return worst_body(context, np.sqrt(squared_speeds(context)[..., -1]))
 
 
 @metric("m", "lower", 1e-12)
@@ -142,26 +143,20 @@ def drift(context: Context) -> Floats:
 
     For bodies at rest it is creep, which grows with time and vanishes with impratio.
     """
-    below = down(context)
-    return np.sqrt(worst_body(context, lambda body: _across(context.displacement(body), below)))
+    return np.sqrt(worst_body(context, _across(displacements(context), down(context))))
 
 
 @metric("m", "lower", 1e-12)
 def drop(context: Context) -> Floats:
     """Most that a free body sinks along gravity over the run; negative where all rise."""
-    below = down(context)
-    return worst_body(context, lambda body: (context.displacement(body) * below).sum(axis=1))
+    return worst_body(context, (displacements(context) * down(context)).sum(axis=-1))
 
 
 @metric("m/s", "lower", 1e-12)
 def rest_speed(context: Context) -> Floats:
     """Largest speed of a free body in the last fifth of the run; bodies at rest still creep."""
     last = slice(context.last_fifth.start + 1, None)
-    return np.sqrt(
-        worst_body(
-            context, lambda body: squared_lengths(context.velocity(body))[:, last].max(axis=1)
-        )
-    )
+    return np.sqrt(worst_body(context, squared_speeds(context)[..., last].max(axis=-1)))
 
 
 @metric("any", resolution=1e-9)
@@ -171,8 +166,8 @@ def joint_travel(context: Context) -> Floats:
     jointed = [place for place in range(context.trace.qvel.shape[2]) if place not in free]
     if not jointed:
         return context.undefined()
-    speeds = np.abs(context.trace.qvel[:, 1:][:, :, jointed])
-    return speeds.sum(axis=1).max(axis=1) * context.trace.timestep
+    rates = np.abs(context.trace.qvel[:, 1:][:, :, jointed])
+    return rates.sum(axis=1).max(axis=1) * context.trace.timestep
 
 
 @metric("any", resolution=1e-9)
@@ -187,11 +182,8 @@ def actuator_effort(context: Context) -> Floats:
 @metric("rad", resolution=1e-9)
 def turn(context: Context) -> Floats:
     """Angular speed summed over time of the free body that turns most."""
-
-    def angle(body: FreeBody) -> Floats:
-        return np.sqrt(squared_lengths(context.turning(body)[:, 1:])).sum(axis=1)
-
-    return worst_body(context, angle) * context.trace.timestep
+    rates = squares_from(context, [body.dof + 3 for body in context.setup.free_bodies])
+    return worst_body(context, np.sqrt(rates)[..., 1:].sum(axis=-1)) * context.trace.timestep
 
 
 @label(60, (_ENERGY_GAIN, _SPEED_RATIO, INTEGRATION_GAIN))
@@ -206,10 +198,10 @@ def energy_injection(runs: MeasuredRuns) -> Found:
         yield run, Finding(reason, first_step(risen))
     for run, ratio, limit in runs.over("speed_ratio"):
         reason = f"a body moved {part_of(ratio)} as fast as the energy at the start allows"
-        bodies = ((each, _speed_bound(context, each)) for each in context.setup.free_bodies)
+        bounds = [_speed_bound(context, each) for each in context.setup.free_bodies]
         fast = [
-            squared_lengths(context.velocity(each))[run] > (limit * most[run]) ** 2
-            for each, most in bodies
+            squares[run] > (limit * most[run]) ** 2
+            for squares, most in zip(squared_speeds(context), bounds, strict=True)
         ]
         yield run, Finding(f"{reason} (limit {limit:g})", max(_first_of(fast) - 1, 0))
     yield from integration_gains(runs)
@@ -243,13 +235,11 @@ def drifting(runs: MeasuredRuns) -> Found:
 @label(32, (_REST_SPEED,))
 def unsettled(runs: MeasuredRuns) -> Found:
     """A body still moves in the last fifth of the run, where the scene says that all rest."""
-    bodies, start = runs.context.setup.free_bodies, runs.context.last_fifth.start
+    squares, start = squared_speeds(runs.context), runs.context.last_fifth.start
     for run, speed, limit in runs.over("rest_speed"):
         reason = f"a body moved at {speed:.3g} m/s in the last fifth (limit {limit:g} m/s)"
-        squares = [
-            squared_lengths(runs.context.velocity(body))[run, start + 1 :] for body in bodies
-        ]
-        yield run, Finding(reason, start + _first_of([each > limit**2 for each in squares]))
+        fast = (squares[:, run, start + 1 :] > limit**2).any(axis=0)
+        yield run, Finding(reason, start + first_step(fast))
 
 
 @cached
@@ -277,11 +267,14 @@ def _stored_at_start(context: Context) -> Floats:
     """
     most, given = _HAIR * context.setup.moving_mass * gravity(context), context.trace.given
     stored = np.zeros(context.trace.runs) if given is None else np.nan_to_num(given[:, 3])
-    for place in sorted(set(context.places)):
+    # What does not touch at the start stores nothing, unless its force at the end is no number.
+    ends = context.net.found[..., 0].any(axis=1), context.net.series.normal[..., -1]
+    for row in runs_where(ends[0] | ~np.isfinite(ends[1]).all(axis=1)):
+        place = context.pairs.places[row]
         pair, thickness = context.trace.pairs[place], context.setup.thickness[place]
         first, last = pair.slots[:, 0], pair.slots[:, -1]
         forces = (sum_of_slots(each[..., FORCE.start], axis=1) for each in (first, last))
-        depth = (context.net[place].farthest[:, None] - first[..., DISTANCE]).max(
+        depth = (context.net.farthest[row][:, None] - first[..., DISTANCE]).max(
             axis=1, where=first.any(axis=2), initial=0
         )
         stored += np.fmin(np.maximum(*forces) * depth, most * thickness)

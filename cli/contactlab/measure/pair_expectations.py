@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import NO_CONTACT, SLIDE, STICK, Floats
 from contactlab.contact.trace_setup import ExpectedContact
-from contactlab.measure.context import Context, contact_depths, first_step, runs_where
+from contactlab.measure.context import Context, cached, contact_depths, first_step, runs_where
 from contactlab.measure.coverage import TURNING
 from contactlab.measure.entries import Finding, Found, MeasuredRuns, Threshold, label
 from contactlab.measure.stick_slip import spans
@@ -42,19 +42,27 @@ def pair_expectation(runs: MeasuredRuns) -> Found:
     return _found(runs, NO_CONTACT)
 
 
+@cached
+def _windows(context: Context) -> list[tuple[ExpectedContact, Mask]]:
+    """Return what is expected of pairs, each with the steps (n, N) in which it is."""
+    timestep = context.trace.timestep[:, None]
+    time = context.trace.time[:, :-1] + _ROUNDING * timestep
+    said = [each for each in context.setup.expected if each.pairs]
+    starts, stops = ([each.window[:, end, None] for each in said] for end in (0, 1))
+    inside = [(time >= one) & (time < other) for one, other in zip(starts, stops, strict=True)]
+    return list(zip(said, inside, strict=True))
+
+
 def _found(runs: MeasuredRuns, mode: int) -> Found:
     """Find what pairs do unexpectedly: slide, stick, or anything else."""
     context, hold = runs.context, runs.limits["mode_hold"]
-    for each in filter(lambda each: each.pairs, context.setup.expected):
-        start, stop = np.moveaxis(each.window[:, :, None], 1, 0)
-        time = context.trace.time[:, :-1] + _ROUNDING * context.trace.timestep[:, None]
-        inside = (time >= start) & (time < stop)
-        for run in runs_where(np.asarray(inside.any(axis=1))):
+    for each, windows in _windows(context):
+        for run in runs_where(_suspects(context, each, windows, mode)):
             width = max(int(np.ceil(hold / context.trace.timestep[run] - _ROUNDING)), 1)
             found = (
-                _misfits(context, each, run, inside[run], width)
+                _misfits(context, each, run, windows[run], width)
                 if mode == NO_CONTACT
-                else _wrong_modes(context, each, run, inside[run], width, mode)
+                else _wrong_modes(context, each, run, windows[run], width, mode)
             )
             for wanted, met, where in found:
                 step = first_step(where)
@@ -62,50 +70,68 @@ def _found(runs: MeasuredRuns, mode: int) -> Found:
                 yield run, Finding(reason, step)
 
 
+def _suspects(context: Context, each: ExpectedContact, windows: Mask, mode: int) -> Mask:
+    """Return (n,) the runs in which a mode is met where another may be wanted, or more is said."""
+    if mode == NO_CONTACT:
+        unbounded = (each.force, each.depth) == ((-np.inf, np.inf), np.inf)
+        return windows.any(axis=1) & (each.mode is not None or not unbounded)
+    if not _wanted(each, mode):
+        return np.zeros(len(windows), np.bool_)
+    modes = context.net.series.mode[np.unique(context.pairs.rows[list(each.pairs)])]
+    return ((modes == mode) & windows).any(axis=(0, 2))
+
+
+def _wanted(each: ExpectedContact, met: int) -> list[tuple[str, str]]:
+    """Return when pairs should be in which mode that is not the one met."""
+    modes = {"slide"} if met == STICK else {"stick", "rolls"}
+    ends = (("first", each.first), ("last", each.last), ("", each.mode))
+    return [(when, mode) for when, mode in ends if mode in modes]
+
+
 def _wrong_modes(
     context: Context, each: ExpectedContact, run: int, inside: Mask, width: int, met: int
 ) -> Faults:
-    modes = {"slide": STICK} if met == STICK else {"stick": SLIDE, "rolls": SLIDE}
-    ends = (("first", each.first), ("last", each.last), ("", each.mode))
-    wanted = [(when, mode) for when, mode in ends if mode in modes]
-    for series in [context.series[index] for index in each.pairs] if wanted else ():
-        mode = series.mode[run]
+    series = context.net.series
+    for pair, row in zip(each.pairs, context.pairs.rows[list(each.pairs)].tolist(), strict=True):
+        mode = series.mode[row, run]
         bad = _lasting(inside & (mode == met), width)
         good = np.flatnonzero(_lasting(inside & (mode == STICK + SLIDE - met), width)).tolist()
         first, last = (good[0], good[-1]) if good else (None, None)
         parts = {"first": slice(first), "last": slice(last, None), "": slice(None)}
-        for when, what in wanted:
+        for when, what in _wanted(each, met):
             where = np.zeros_like(bad)
             where[parts[when]] = bad[parts[when]]
             if where.any():
-                slides = f"slides, at up to {series.slip[run, where].max():.3g} m/s"
+                slides = f"slides, at up to {series.slip[row, run, where].max():.3g} m/s"
                 does = slides if met == SLIDE else "sticks"
-                yield f"{series.name} should {_VERBS[what]} {when}".rstrip(), does, where
+                named = f"{context.pairs.names[pair]} should {_VERBS[what]} {when}".rstrip()
+                yield named, does, where
 
 
 def _misfits(context: Context, each: ExpectedContact, run: int, inside: Mask, width: int) -> Faults:
     timestep, (least, most) = float(context.trace.timestep[run]), each.force
-    series = [context.series[index] for index in each.pairs]
-    touching = inside & np.any([one.mode[run] != NO_CONTACT for one in series], axis=0)
+    rows = context.pairs.rows[list(each.pairs)]
+    series, depths = context.net.series, contact_depths(context)[1]
+    touching = inside & (series.mode[rows, run] != NO_CONTACT).any(axis=0)
     apart = _lasting(inside & ~touching, width) & (each.timed or not touching.any())
     if (each.mode in {"stick", "slide", "rolls"} or least > 0) and apart.any():
         wanted = _VERBS[each.mode] if each.mode else f"press with {least:.3g} N or more"
         met = f"touches nothing for {np.count_nonzero(apart) * timestep:.3g} s"
         yield f"{each.name} should {wanted}", met, apart
-    for index, one in zip(each.pairs, series, strict=True):
-        force, depth = one.normal[run], contact_depths(context)[index][1][run]
+    for pair, row in zip(each.pairs, rows.tolist(), strict=True):
+        name, force, depth = context.pairs.names[pair], series.normal[row, run], depths[row, run]
         if each.mode == "apart" and (pressed := inside & (force > 0)).any():
             met = f"presses with up to {force[pressed].max():.3g} N"
-            yield f"{one.name} should be apart", met, pressed
-        still = inside & (force > 0) & (context.net[index].rolling[run] <= TURNING)
-        still = _lasting(still & (one.mode[run] == STICK), width)
+            yield f"{name} should be apart", met, pressed
+        still = inside & (force > 0) & (context.net.rolling[row, run] <= TURNING)
+        still = _lasting(still & (series.mode[row, run] == STICK), width)
         if each.mode == "rolls" and still.any():
             met = f"does not turn for {np.count_nonzero(still) * timestep:.3g} s"
-            yield f"{one.name} should roll", met, still
+            yield f"{name} should roll", met, still
         if (deep := inside & (depth > each.depth)).any():
             met = f"is up to {depth[deep].max():.3g} m deep"
-            yield f"{one.name} should be at most {each.depth:.3g} m deep", met, deep
-    total = np.sum([one.normal[run] for one in series], axis=0)
+            yield f"{name} should be at most {each.depth:.3g} m deep", met, deep
+    total = np.sum([series.normal[row, run] for row in rows], axis=0)
     mean = _averaged(total, inside if each.timed else touching, width)
     for beyond, worst, bound in (
         (mean < least, np.fmin, f"{least:.3g} N or more"),

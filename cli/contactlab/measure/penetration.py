@@ -10,10 +10,12 @@ from contactlab.measure.context import (
     Context,
     cached,
     contact_depths,
-    each_once,
+    count,
     first_step,
+    median,
     name_of_worst,
     runs_where,
+    share,
     worst_pair,
 )
 from contactlab.measure.entries import Finding, Found, MeasuredRuns, Threshold, label, metric
@@ -53,7 +55,7 @@ _DIP = 0.1  # Longest time [s] for which a geom may dip beyond its middle
 @metric("m", "lower", 1e-9, requires="depth", equivalence=True, heading="depth [m]")
 def penetration_max(context: Context) -> Floats:
     """Largest penetration, which is minus distance, of any contact; not of speculative ones."""
-    return worst_pair(context, each_once(contact_depths(context), lambda each: each[1].max(axis=1)))
+    return worst_pair(context, contact_depths(context)[1].max(axis=-1))
 
 
 @metric("m", "lower", 1e-9, requires="depth", equivalence=True)
@@ -63,28 +65,22 @@ def penetration_mean(context: Context) -> Floats:
     The worst pair counts. Bands for grasps: under 1 mm plausible, over 3 mm exploited, over 5 mm
     broken.
     """
-    return worst_pair(context, mean_depths(context, np.ones_like(context.trace.contacts, np.bool_)))
+    return worst_pair(context, mean_depths(context, np.True_))
 
 
-def mean_depths(context: Context, inside: NDArray[np.bool_]) -> list[Floats]:
-    """Return for each pair (n,) its mean depth [m] over those steps (n, N) in which it touches."""
-    return each_once(
-        contact_depths(context),
-        lambda pair: (pair[1] * inside).sum(axis=1) / (pair[0] & inside).sum(axis=1),
-    )
+def mean_depths(context: Context, inside: NDArray[np.bool_] | np.bool_) -> Floats:
+    """Return (R, n) mean depths [m] of pairs over those steps (n, N) in which they touch."""
+    touching, depth = contact_depths(context)
+    return (depth * inside).sum(axis=-1) / count(touching & inside)
 
 
 @cached
-def steady_by_pair(context: Context) -> list[Floats]:
-    """Return for each pair (n,) its mean depth [m] in the last fifth; NaN unless it rests there."""
-    tail = context.last_fifth
-
-    def steady(pair: tuple[NDArray[np.bool_], Floats]) -> Floats:
-        touching, depth = pair
-        mean = depth[:, tail].sum(axis=1) / touching[:, tail].sum(axis=1)
-        return np.where(touching[:, tail].mean(axis=1) >= _LASTING, mean, np.nan)
-
-    return each_once(contact_depths(context), steady)
+def steady_depths(context: Context) -> Floats:
+    """Return (R, n) mean depths [m] of pairs in the last fifth; NaN unless they rest there."""
+    touching, depth = (each[..., context.last_fifth] for each in contact_depths(context))
+    steps = count(touching)
+    mean = depth.sum(axis=-1) / steps
+    return np.where(steps / touching.shape[-1] >= _LASTING, mean, np.nan)
 
 
 @metric("m", "lower", 1e-9, requires="depth", equivalence=True)
@@ -94,7 +90,7 @@ def penetration_steady(context: Context) -> Floats:
     Only pairs that touch in half of it count, since others bounce. It is compliance, which follows
     from load, mass, solref and solimp, and which a smaller timestep does not cure.
     """
-    return worst_pair(context, steady_by_pair(context))
+    return worst_pair(context, steady_depths(context))
 
 
 @metric("m/s", "lower", 1e-9, tolerance=1e-4, version=2, requires="depth")
@@ -112,28 +108,25 @@ def penetration_growth(context: Context) -> Floats:
 
 
 @cached
-def _gains(context: Context) -> list[Floats]:
-    """Return for each pair (n,) how much deeper [m] it rests in the last quarter than before."""
+def _gains(context: Context) -> Floats:
+    """Return (R, n) how much deeper [m] pairs rest in the last quarter than in the one before."""
+    touching, depth = contact_depths(context)
     quarter = context.trace.steps // 4
-    half = slice(context.trace.steps - 2 * quarter, None)
+    last = slice(context.trace.steps - quarter, None)
+    third = slice(last.start - quarter, last.start)
+    resting = (share(touching[..., third.start :]) >= _RESTING).nonzero()
 
-    def medians(values: Floats) -> tuple[Floats, Floats]:
-        third, last = values[:, half][:, :quarter], values[:, half][:, quarter:]
-        return np.median(third, axis=1), np.median(last, axis=1)
+    def medians(values: Floats) -> list[Floats]:
+        return [median(values[..., part][resting]) for part in (third, last)]
 
-    def gain(index: int) -> Floats:
-        touching, depth = contact_depths(context)[index]
-        resting = touching[:, half].mean(axis=1) >= _RESTING
-        if not resting.any():
-            return context.undefined()
-        before, after = medians(depth)
-        if context.series:
-            # Contacts do not soften with depth: twice the load makes them at most twice as deep.
-            load, later = medians(context.net[index].hardest)
-            before = before * np.where(later > load, later / np.where(load > 0, load, later), 1)
-        return np.where(resting, after - before, np.nan)
-
-    return each_once(context.places or [0], gain)
+    before, after = medians(depth)
+    if context.trace.pairs:
+        # Contacts do not soften with depth: twice the load makes them at most twice as deep.
+        load, later = medians(context.net.hardest)
+        before = before * np.where(later > load, later / np.where(load > 0, load, later), 1)
+    gains = np.full(depth.shape[:2], np.nan)
+    gains[resting] = after - before
+    return gains
 
 
 @metric("1", "lower", 1e-9, kind="detail", requires="depth")
@@ -144,12 +137,9 @@ def standoff(context: Context) -> Floats:
     that moves do not count. Not defined for speculative contacts.
     """
     least, speculative = 1e-5 * context.setup.moving_mass, context.setup.speculative
-    forces = each_once(context.net, lambda net: net.series.normal.mean(axis=1))
-    shares = [
-        np.where(force >= least, net.standoff / thickness, 0)
-        for force, net, thickness in zip(forces, context.net, context.setup.thickness, strict=True)
-    ]
-    worst = worst_pair(context, shares)
+    force, rows = context.net.series.normal.mean(axis=-1), context.pairs.rows
+    shares = context.net.standoff[rows] / context.setup.thickness[:, None]
+    worst = worst_pair(context, np.where(force[rows] >= least, shares, 0))
     return worst if speculative is None else np.where(speculative, np.nan, worst)
 
 
@@ -176,8 +166,8 @@ def tunneling(runs: MeasuredRuns) -> Found:
 @label(62, (_STANDOFF,))
 def contact_at_distance(runs: MeasuredRuns) -> Found:
     """A body is carried or pushed by contacts whose margin keeps it away."""
-    for run, share, limit in runs.over("standoff"):
-        reason = f"contacts bear at {share:.3g} of the thinner body's half extent (limit {limit:g})"
+    for run, part, limit in runs.over("standoff"):
+        reason = f"contacts bear at {part:.3g} of the thinner body's half extent (limit {limit:g})"
         yield run, Finding(reason, first_step(runs.context.trace.contacts[run] > 0))
 
 
@@ -201,20 +191,24 @@ def deep_penetration(runs: MeasuredRuns) -> Found:
     context, setup, limit = runs.context, runs.context.setup, runs.limits["penetration_steady"]
     if context.trace.steps == 0:
         return
-    for index in sorted(set(context.places or [0]), reverse=True):
-        steady, accepted = steady_by_pair(context)[index], np.full(context.trace.runs, limit)
-        touching = contact_depths(context)[index][1][:, context.last_fifth]
-        if "penetration_steady" not in setup.thresholds and context.series:
-            loads, width = _borne(context)[index] / runs.limits[PRESSED.name], setup.widths[index]
-            parts = np.where(width < limit, 2 + np.log2(np.clip(loads, 1, 2)), _SOFT)
-            accepted = np.minimum(max(limit, width), setup.thickness[index] / parts)
+    steady, places = steady_depths(context), context.pairs.places
+    accepted = np.full(steady.shape, limit)
+    if "penetration_steady" not in setup.thresholds and places:
+        loads = _borne(context)[places] / runs.limits[PRESSED.name]
+        width, thickness = setup.widths[places, None], setup.thickness[places, None]
+        parts = np.where(width < limit, 2 + np.log2(np.clip(loads, 1, 2)), _SOFT)
+        accepted = np.minimum(np.maximum(limit, width), thickness / parts)
+    deep = steady > accepted
+    for row in reversed(runs_where(deep.any(axis=1))):
+        depth = contact_depths(context)[1][row, :, context.last_fifth]
         # What a drive presses down for a moment does not rest.
-        lasts = (touching > accepted[:, None]).mean(axis=1)
+        lasts = share(depth > accepted[row, :, None])
         lasts = lasts >= (_DRIVEN if setup.steered else 0)
-        for run in runs_where((steady > accepted) & lasts & ~_idle(context, index)):
-            name = context.series[index].name if context.series else "the model"
-            reason = f"{name} rests {steady[run]:.3g} m deep (limit {accepted[run]:.3g} m)"
-            step = context.last_fifth.start + first_step(touching[run] > accepted[run])
+        for run in runs_where(deep[row] & lasts & ~_idle(context, row)):
+            name = context.pairs.names[places[row]] if places else "the model"
+            limit = accepted[row, run]
+            reason = f"{name} rests {steady[row, run]:.3g} m deep (limit {limit:.3g} m)"
+            step = context.last_fifth.start + first_step(depth[run] > limit)
             yield run, Finding(reason, step)
 
 
@@ -222,30 +216,31 @@ def _pierced(runs: MeasuredRuns) -> Found:
     """Find pairs without a barrier that are deeper in each other than half the thinner."""
     context, given = runs.context, runs.limits.get("pierced")
     guarded = {barrier.pair for barrier in context.setup.barriers}
-    for index in sorted(set(context.places)):
-        if index in guarded:
+    for row, place in enumerate(context.pairs.places):
+        depth, limit = contact_depths(context)[1][row], given or context.setup.thickness[place]
+        if place in guarded or (depth.max(initial=0) <= limit):
             continue
-        series, depth = context.series[index], contact_depths(context)[index][1]
-        limit = given or float(context.setup.thickness[index])
         where = f"{limit:.3g} m" if given else f"its middle, {limit:.3g} m from the surface"
         deep = spans(depth > limit)
         for run, start, stop in np.transpose((deep.run, deep.start, deep.stop)).tolist():
-            dips = _idle(context, index)[run] or _dips(context, index, run, slice(start, stop))
+            dips = _idle(context, row)[run] or _dips(context, row, run, slice(start, stop))
             if given or not dips:
-                yield run, Finding(f"{series.name} is deeper than {where}", start)
+                yield run, Finding(f"{context.pairs.names[place]} is deeper than {where}", start)
 
 
-def _idle(context: Context, index: int) -> NDArray[np.bool_]:
+def _idle(context: Context, row: int) -> NDArray[np.bool_]:
     """Return (n,) whether a pair always lay where it can move neither side, as at a hinge."""
-    if context.checks is None or not context.series:
+    if context.checks is None or not context.trace.pairs:
         return np.zeros(context.trace.runs, bool)
-    depth = contact_depths(context)[index][1]
-    return np.isnan(context.checks.squeeze[:, index]) & (depth[:, 0] > _SAME * depth.max(axis=1))
+    depth, squeeze = contact_depths(context)[1][row], context.checks.squeeze
+    held = np.isnan(squeeze[:, context.pairs.places[row]])
+    return held & (depth[:, 0] > _SAME * depth.max(axis=1))
 
 
-def _dips(context: Context, index: int, run: int, deep: slice) -> bool:
+def _dips(context: Context, row: int, run: int, deep: slice) -> bool:
     """Return whether what dips beyond its middle turns back on its own side, as copies do."""
-    trace, checks, depth = context.trace, context.checks, contact_depths(context)[index][1][run]
+    trace, checks, depth = context.trace, context.checks, contact_depths(context)[1][row, run]
+    index = context.pairs.places[row]
     soon = deep.start > 0 and (deep.stop - deep.start) * trace.timestep[run] <= _DIP
     left = deep.stop < trace.steps and depth[deep.stop] == 0
     extent, ends = context.setup.thickness[index], [deep.start, min(deep.stop, trace.steps - 1)]
@@ -302,12 +297,11 @@ _NO_MASS = 1e9  # Weights that only a contact bears along which no joint moves
 
 
 @cached
-def _borne(context: Context) -> list[Floats]:
-    """Return for each pair (n,) the median of its normal force in the last fifth, in weights."""
-    tail, weights = context.last_fifth, context.setup.weights
-    forces = each_once(context.net, lambda net: np.median(net.series.normal[:, tail], axis=1))
-    borne = [force / own for force, own in zip(forces, weights, strict=True)]
-    return [each * (each < _NO_MASS) for each in borne]
+def _borne(context: Context) -> Floats:
+    """Return (P, n) the median of each pair's normal force in the last fifth, in weights."""
+    forces = median(context.net.series.normal[..., context.last_fifth])
+    borne = forces[context.pairs.rows] / context.setup.weights[:, None]
+    return borne * (borne < _NO_MASS)
 
 
 @metric("1", "lower", 1e-6, kind="detail")
@@ -327,9 +321,9 @@ def squeezed(runs: MeasuredRuns) -> Found:
     if checks is None:
         return
     for run, _, limit in runs.over(PRESSED.name):
-        weights, borne = context.setup.weights, [each[run] for each in _borne(context)]
-        alone = checks.squeeze[run] / weights >= _ALONE * np.array(borne)
-        for pair in runs_where(alone & (np.array(borne) > limit)):
+        borne = _borne(context)[:, run]
+        alone = checks.squeeze[run] / context.setup.weights >= _ALONE * borne
+        for pair in runs_where(alone & (borne > limit)):
             amount = f"{borne[pair]:.3g} times the weight of the lighter (limit {limit:g})"
-            reason = f"{context.series[pair].name} is squeezed by {amount}"
+            reason = f"{context.pairs.names[pair]} is squeezed by {amount}"
             yield run, Finding(reason, context.last_fifth.start)

@@ -101,7 +101,7 @@ def reality_delay(context: Context) -> Floats:
     recorded = context.setup.recorded
     if recorded is None:
         return context.undefined()
-    touching = np.logical_or.reduce([each for each, _ in contact_depths(context)])
+    touching = contact_depths(context)[0].any(axis=0)
     first = np.where(touching.any(axis=1), touching.argmax(axis=1), np.nan)
     return first * context.trace.timestep - recorded.touched
 
@@ -115,9 +115,10 @@ def reality_impulse(context: Context) -> Floats:
     apart, rows = _simulated(context)[1] - recorded.qvel, np.arange(context.trace.runs)
     before, after = (apart[rows, each] for each in recorded.impact.T)
     hit = np.where(recorded.impact[:, :1] >= 0, after - before, np.nan)
-    return worst_body(
-        context, lambda body: body.mass * np.linalg.norm(hit[:, body.dof : body.dof + 3], axis=1)
-    )
+    bodies = context.setup.free_bodies
+    changes = [np.linalg.norm(hit[:, each.dof : each.dof + 3], axis=1) for each in bodies]
+    impulses = [each.mass * own for each, own in zip(bodies, changes, strict=True)]
+    return worst_body(context, impulses)
 
 
 @metric("J", requires="energy")

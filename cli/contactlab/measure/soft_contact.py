@@ -18,7 +18,7 @@ from contactlab.contact.trace_arrays import (
 from contactlab.contact.trace_setup import Barrier
 from contactlab.measure.context import Context, cached, contact_depths, friction, gravity
 from contactlab.measure.entries import metric, oracle
-from contactlab.measure.penetration import steady_by_pair
+from contactlab.measure.penetration import steady_depths
 from contactlab.measure.stick_slip import Rows, Spans, spans
 from contactlab.mjcf import AT_REST
 
@@ -62,7 +62,7 @@ def _bounces(context: Context, barrier: Barrier) -> tuple[Rows, Floats]:
 
 def _first_touches(context: Context, barrier: Barrier) -> tuple[Spans, Rows]:
     """Return each run's first contacts that have a flight before and after, and their number."""
-    found = spans(context.series[barrier.pair].contacts > 0)
+    found = spans(context.net.series.contacts[context.pairs.rows[barrier.pair]] > 0)
     whole = (found.start > 0) & (found.stop < context.trace.steps)
     run = found.run[whole]
     rank = np.arange(len(run)) - np.searchsorted(run, run)
@@ -81,13 +81,14 @@ def _speeds(context: Context, barrier: Barrier, touches: Spans) -> tuple[Floats,
     known = 1.0 if speculative is None else ~speculative[touches.run]
     side = np.sign(_height(context, barrier, np.arange(context.trace.runs), 0))[touches.run]
     normal = side[:, None] * barrier.normal
+    distance = context.net.series.distance[context.pairs.rows[barrier.pair]]
     fall = -(context.setup.gravity[touches.run] * normal).sum(axis=1)
 
     def speed(free: Rows, touching: Rows, direction: int) -> Floats:
         where = touches.run, free
         dof = barrier.body.dof
         away = (context.trace.qvel[*where, dof : dof + 3] * normal).sum(axis=1)
-        depth = context.series[barrier.pair].distance[touches.run, touching]
+        depth = distance[touches.run, touching]
         at_touch = side * _height(context, barrier, touches.run, touching) - depth
         gap = side * _height(context, barrier, *where) - at_touch
         square = np.maximum(away**2 + 2 * fall * gap * known, 0)
@@ -181,7 +182,7 @@ def impact_depth(context: Context) -> tuple[Floats, Floats]:
     depth = speed / rate * np.sqrt(restitution_of(damping_ratio(solref)))
     if context.setup.speculative is not None:
         depth = np.where(context.setup.speculative, np.nan, depth)
-    deepest = np.fmax.reduce([each.max(axis=1) for _, each in contact_depths(context)])
+    deepest = np.fmax.reduce(contact_depths(context)[1].max(axis=-1))
     travel = speed * context.trace.timestep
     return depth / travel, deepest / travel
 
@@ -271,7 +272,7 @@ def rest_penetration(context: Context) -> tuple[Floats, Floats]:
     mass = context.setup.free_bodies[0].mass
     solref, solimp = context.setting("solref"), context.setting("solimp")
     expected = resting_depth(mass * gravity(context), 1 / mass, solref, solimp)
-    return expected, -context.series[0].distance[:, -1]
+    return expected, -context.net.series.distance[context.pairs.rows[0], :, -1]
 
 
 @oracle("m", ("solref", "solimp"), relative=True)
@@ -306,7 +307,7 @@ def foot_depth(context: Context) -> tuple[Floats, Floats]:
     inverse = (1 / foot + 2 / robot) / 3
     solref, solimp = context.setting("solref"), context.setting("solimp")
     expected = resting_depth(robot * gravity(context) / _CORNERS, inverse, solref, solimp)
-    return expected, steady_by_pair(context)[0]
+    return expected, steady_depths(context)[0]
 
 
 def _mean_depth(pair: PairTrace, tail: slice) -> Floats:

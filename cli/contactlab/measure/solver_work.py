@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import Floats
 from contactlab.measure.amounts import part_of
-from contactlab.measure.context import Context, cached, first_step, runs_where
+from contactlab.measure.context import Context, cached, count, first_step, runs_where, share
 from contactlab.measure.entries import Finding, Found, MeasuredRuns, Threshold, label, metric
 from contactlab.schema.comparison import MetricRule
 
@@ -48,7 +48,7 @@ def solver_iterations(context: Context) -> Floats:
 @metric("1", "lower", kind="work")
 def saturated_share(context: Context) -> Floats:
     """Share of the steps in which an island used all its iterations, which alone is no failure."""
-    return saturated(context).mean(axis=1)
+    return share(saturated(context))
 
 
 @metric("1", kind="work")
@@ -66,17 +66,14 @@ def contacts_max(context: Context) -> Floats:
 @metric("1", "lower", kind="work")
 def contacts_cut(context: Context) -> Floats:
     """Steps in which a monitored pair had more contacts than slots; the rest went unrecorded."""
-    nowhere = np.zeros(context.trace.contacts.shape, dtype=np.bool_)
-    cut = np.logical_or.reduce([nowhere, *_cut_by_pair(context).values()])
-    return cut.sum(axis=1).astype(np.float64)
+    return count(_cut(context).any(axis=0)).astype(np.float64)
 
 
 @metric("1", kind="work")
 def ungraded_contacts(context: Context) -> Floats:
     """Steps in which the model had contacts outside the monitored pairs."""
-    found = (context.net[place].found for place in sorted(set(context.places)))
-    monitored = sum(found, np.zeros_like(context.trace.contacts))
-    return (context.trace.contacts > monitored).sum(axis=1).astype(np.float64)
+    monitored = context.net.found.sum(axis=0, dtype=np.int32)
+    return count(context.trace.contacts > monitored).astype(np.float64)
 
 
 @label(80, (SATURATED, _RESIDUAL))
@@ -103,13 +100,13 @@ def solver_nonconvergence(runs: MeasuredRuns) -> Found:
 def unrecorded_contacts(runs: MeasuredRuns) -> Found:
     """A pair had more contacts than slots; what is measured is of the recorded ones alone."""
     context = runs.context
-    for index, cut in _cut_by_pair(context).items():
-        name, slots = context.series[index].name, context.setup.slots[index]
-        for run in runs_where(cut.sum(axis=1) > 0):
-            most = int(context.net[index].found[run].max())
-            had = f"{name} had up to {most} contacts, of which {slots} were recorded"
-            reason = f"{had}, in {cut[run].sum()} steps; give the pair more `slots`"
-            yield run, Finding(reason, first_step(cut[run]))
+    for row, run in np.argwhere(_cut(context).any(axis=2)).tolist():
+        place, cut = context.pairs.places[row], _cut(context)[row, run]
+        name, slots = context.pairs.names[place], context.setup.slots[place]
+        most = int(context.net.found[row, run].max())
+        had = f"{name} had up to {most} contacts, of which {slots} were recorded"
+        reason = f"{had}, in {cut.sum()} steps; give the pair more `slots`"
+        yield run, Finding(reason, first_step(cut))
 
 
 @cached
@@ -127,7 +124,7 @@ def _constrained(context: Context) -> NDArray[np.bool_]:
 def stuck_share(context: Context) -> Floats:
     """Return (n,) the share of the steps with constraints in which all iterations were used."""
     constrained = _constrained(context)
-    return (saturated(context) & constrained).sum(axis=1) / constrained.sum(axis=1)
+    return count(saturated(context) & constrained) / count(constrained)
 
 
 def sustained_residual(context: Context, where: NDArray[np.bool_]) -> Floats:
@@ -144,10 +141,9 @@ def sustained_residual(context: Context, where: NDArray[np.bool_]) -> Floats:
 
 
 @cached
-def _cut_by_pair(context: Context) -> dict[int, NDArray[np.bool_]]:
-    """Return for pairs that differ, by place, (n, N) where one had more contacts than slots."""
-    slots, places = context.setup.slots, sorted(set(context.places))
-    return {place: context.net[place].found > slots[place] for place in places}
+def _cut(context: Context) -> NDArray[np.bool_]:
+    """Return (R, n, N) where pairs had more contacts than slots."""
+    return context.net.found > context.setup.slots[context.pairs.places, None, None]
 
 
 @metric("1", "lower", 1e-12, kind="check", version=4)

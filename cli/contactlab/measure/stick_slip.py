@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from contactlab.contact.trace_arrays import NO_CONTACT, SLIDE, STICK, Floats, PairSeries
+from contactlab.contact.trace_arrays import NO_CONTACT, SLIDE, STICK, Floats
 
 ENTER_USAGE, ENTER_SLIP = 0.999, 5e-3
 LEAVE_USAGE, LEAVE_SLIP = 0.98, 2.5e-3
@@ -96,17 +96,16 @@ def _hold_last(events: Modes) -> Modes:
     return held
 
 
-def changes(series: PairSeries) -> NDArray[np.bool_]:
+def changes(mode: Modes, normal: Floats, usage: Floats) -> NDArray[np.bool_]:
     """Return (n, N - 1) where a pair changes between stick and slide at the next sample.
+
+    (n, N) each: its mode, normal force, and share of the friction bound in use.
 
     Sticking that never uses less than 0.9 of the friction bound is part of the slides beside it:
     a slow slide, whose speed wavers about the least that counts as sliding, does not stick.
     """
-    mode = series.mode
-    if not (mode == SLIDE).any():
-        return np.zeros(mode[:, 1:].shape, dtype=np.bool_)
     stick = spans(mode == STICK)
-    held = (series.normal > 0) & (series.usage < HELD_USAGE)
+    held = (normal > 0) & (usage < HELD_USAGE)
     before = np.zeros((mode.shape[0], mode.shape[1] + 1), dtype=np.int32)
     np.cumsum(held, axis=1, out=before[:, 1:])
     merged = mode.copy()

@@ -134,7 +134,8 @@ def held_pairs(tried: CheckRun, start: float, stop: float) -> Iterator[HeldPair]
         context = context_of(replace(trace, pairs=(pair,)), setup)
         normal, mode = (getattr(context.series[0], name)[0, inside] for name in ("normal", "mode"))
         bearing = normal > 0
-        switches, depth, slip = (float(METRICS[name].of(context)[0]) for name in _HELD)
+        with np.errstate(all="ignore"):
+            switches, depth, slip = (float(METRICS[name].of(context)[0]) for name in _HELD)
         yield HeldPair(
             name=pair.name,
             share=float(bearing.mean()),
