@@ -46,7 +46,7 @@ def compiler() -> Iterator[None]:
 def reduced(way: str, pair: PairTrace, elliptic: np.ndarray[Any, Any], timestep: Floats) -> Any:
     os.environ[SWITCH] = way
     with np.errstate(all="ignore"):
-        return net_contact(pair, elliptic, timestep)
+        return net_contact([pair], elliptic, timestep, pair.slots.shape[1])
 
 
 def assert_same_bits(pair: PairTrace, elliptic: np.ndarray[Any, Any], timestep: Floats) -> None:
@@ -119,7 +119,7 @@ def test_what_is_finite_is_not_left_to_numpy(monkeypatch: pytest.MonkeyPatch) ->
     block = np.random.default_rng(0).uniform(0.1, 1, (2, 30, 3, 23))
     block[..., FOUND] = 3
     pair = PairTrace("a-b", block, np.ones((2, 5)))
-    net = net_contact(pair, np.array([True, False]), np.ones(2))
+    net = net_contact([pair], np.array([True, False]), np.ones(2), 30)
     assert (net.series.normal > 0).all()
 
 

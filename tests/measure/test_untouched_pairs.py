@@ -6,13 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from contactlab.contact.trace_arrays import SelfChecks, Trace
-from contactlab.contact.trace_setup import Setup
+from contactlab.contact.trace_arrays import Trace
 from contactlab.engines import Buffers, PreparedRuns
 from contactlab.engines.mujoco_engine import MujocoEngine
 from contactlab.engines.rollout_trace import make_trace
-from contactlab.measure import assess, assessment
-from contactlab.measure.context import Context, stacked
+from contactlab.measure import assess, context
 from contactlab.scene.run_setup import make_setup
 from contactlab.scene.scene import Scene
 
@@ -37,10 +35,10 @@ def write_towers(folder: Path) -> Scene:
     return Scene.open(str(folder))
 
 
-def one_by_one(trace: Trace, setup: Setup, checks: SelfChecks | None = None) -> Context:
-    """Return a context in which no pair stands for another."""
+def one_by_one(trace: Trace) -> tuple[list[int], np.ndarray]:
+    """Return rows of which no pair stands for another."""
     every = range(len(trace.pairs))
-    return Context(trace, setup, stacked(trace, setup, [*every], np.array(every)), checks)
+    return [*every], np.array(every)
 
 
 @pytest.mark.parametrize("thresholds", [{}, {"pierced": 1e-5, "contact_losses": 0.0}], ids=str)
@@ -57,7 +55,7 @@ def test_one_stands_for_all(
     for checks in (None, MujocoEngine().check_runs(runs, trace)):
         together = assess(trace, setup, checks)
         with monkeypatch.context() as patch:
-            patch.setattr(assessment, "context_of", one_by_one)
+            patch.setattr(context, "rows_of", one_by_one)
             apart = assess(trace, setup, checks)
         assert together.labels == apart.labels
         assert together.coverage == apart.coverage

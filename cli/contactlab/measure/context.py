@@ -10,10 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from contactlab.contact.trace_arrays import (
-    SLOT_WIDTH,
     Floats,
     PairSeries,
-    PairTrace,
     SelfChecks,
     Trace,
     squared_lengths,
@@ -24,7 +22,6 @@ from contactlab.measure.net_contact import NetContact, net_contact
 Cached = TypeVar("Cached")
 
 _OF_SERIES = [each.name for each in fields(PairSeries)][1:]
-_OF_NET = [each.name for each in fields(NetContact)][1:]
 _ROUNDING = 1e-6  # Share of a step by which a time may miss a whole number of steps
 
 
@@ -39,7 +36,7 @@ class StackedPairs:
         net: the contacts of each row, reduced: (R, n, N) where one pair has (n, N), and (R, n).
     """
 
-    names: tuple[str, ...]
+    names: list[str]
     places: list[int]
     rows: NDArray[np.intp]
     net: NetContact
@@ -126,29 +123,19 @@ class Context:
 
 def context_of(trace: Trace, setup: Setup, checks: SelfChecks | None = None) -> Context:
     """Reduce the monitored pairs of a trace, ready to measure."""
-    touched = np.array([pair.found.any() for pair in trace.pairs], np.bool_)
-    places = sorted([*runs_where(touched), *runs_where(~touched)[-1:]])
-    rows = np.searchsorted(places, np.arange(len(touched)))
-    rows[~touched] = len(places) and rows[runs_where(~touched)[-1:]]
-    return Context(trace, setup, stacked(trace, setup, places, rows), checks)
-
-
-def stacked(trace: Trace, setup: Setup, places: list[int], rows: NDArray[np.intp]) -> StackedPairs:
-    """Reduce the pairs at some places, in rows, of which those of all pairs are known."""
-    runs, steps = trace.contacts.shape
-    # Of no pair, what one has that never touches, without its row.
-    none = np.broadcast_to(np.zeros(SLOT_WIDTH), (runs, steps, 1, SLOT_WIDTH))
-    pairs = [trace.pairs[place] for place in places] or [PairTrace("", none, np.zeros((runs, 5)))]
+    places, rows = rows_of(trace)
+    pairs, names = [trace.pairs[place] for place in places], [pair.name for pair in trace.pairs]
     with np.errstate(all="ignore"):
-        nets = [net_contact(pair, setup.elliptic, trace.timestep) for pair in pairs]
+        net = net_contact(pairs, setup.elliptic, trace.timestep, trace.steps)
+    return Context(trace, setup, StackedPairs(names, places, rows, net), checks)
 
-    def stack(parts: Sequence[object], name: str) -> np.ndarray:
-        return np.stack([getattr(each, name) for each in parts])[: len(places)]
 
-    series = [net.series for net in nets]
-    shown = PairSeries("", *(stack(series, name) for name in _OF_SERIES))
-    net = NetContact(shown, *(stack(nets, name) for name in _OF_NET))
-    return StackedPairs(tuple(pair.name for pair in trace.pairs), places, rows, net)
+def rows_of(trace: Trace) -> tuple[list[int], NDArray[np.intp]]:
+    """Return the place of the pair of each row, and the row of each pair."""
+    touched = np.array([pair.found.any() for pair in trace.pairs], np.bool_)
+    alone = runs_where(~touched)[-1:]
+    places = sorted([*runs_where(touched), *alone])
+    return places, np.searchsorted(places, np.where(touched, np.arange(len(touched)), alone or 0))
 
 
 def cached(function: Callable[[Context], Cached]) -> Callable[[Context], Cached]:
@@ -186,45 +173,25 @@ def bearing(context: Context) -> NDArray[np.bool_]:
 
 
 @cached
-def coordinates(context: Context) -> Floats:
-    """Return (nq, n, N + 1) the configuration, each coordinate contiguous in time."""
-    return _by_coordinate(context.trace.qpos)
-
-
-@cached
-def speeds(context: Context) -> Floats:
+def _speeds(context: Context) -> Floats:
     """Return (nv, n, N + 1) the velocity, each degree of freedom contiguous in time."""
-    return _by_coordinate(context.trace.qvel)
+    velocity = context.trace.qvel
+    speeds = np.empty((velocity.shape[2], *velocity.shape[:2]))
+    for run, rows in enumerate(velocity):  # One by one, since the rows of a run fit into the cache.
+        speeds[:, run] = rows.T
+    return speeds
 
 
-def _by_coordinate(states: Floats) -> Floats:
-    columns = np.empty((states.shape[2], *states.shape[:2]))
-    for run, rows in enumerate(states):  # One by one, since the rows of a run fit into the cache.
-        columns[:, run] = rows.T
-    return columns
+def squares_from(context: Context, place: int) -> Floats:
+    """Return (B, n, N + 1) squares of three speeds of each free body, from its place-th on."""
+    dofs = np.array([body.dof for body in context.setup.free_bodies], np.intp)
+    return squared_lengths(np.moveaxis(_speeds(context)[dofs[:, None] + place + range(3)], 1, -1))
 
 
 @cached
 def squared_speeds(context: Context) -> Floats:
     """Return (B, n, N + 1) the squared speed of each free body's frame [m^2/s^2]."""
-    return squares_from(context, [body.dof for body in context.setup.free_bodies])
-
-
-def squares_from(context: Context, dofs: list[int]) -> Floats:
-    """Return (B, n, N + 1) squared lengths of three speeds each, from some on."""
-    own = speeds(context)
-    first, *others = (own[[dof + axis for dof in dofs]] for axis in range(3))
-    square = first * first
-    for each in others:
-        square += each * each
-    return square
-
-
-@cached
-def displacements(context: Context) -> Floats:
-    """Return (B, n, 3) the displacement of each free body's frame [m] over the run."""
-    moved = [context.displacement(body) for body in context.setup.free_bodies]
-    return np.reshape(moved, (-1, context.trace.runs, 3))
+    return squares_from(context, 0)
 
 
 @cached

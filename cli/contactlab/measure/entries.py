@@ -215,10 +215,11 @@ class Oracle:
 
     def of(self, context: Context) -> OracleResult:
         """Return what the law expects of every run of a context, and how far off it is."""
-        expected, measured = self.function(context)
-        error = np.abs(measured - expected)
-        scale = np.abs(expected) if self.relative else 1
-        return OracleResult(expected, measured, error / scale)
+        with np.errstate(all="ignore"):
+            expected, measured = self.function(context)
+            error = np.abs(measured - expected)
+            scale = np.abs(expected) if self.relative else 1
+            return OracleResult(expected, measured, error / scale)
 
 
 class _WorstFirst(Registry[Label]):

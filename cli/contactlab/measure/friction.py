@@ -212,7 +212,7 @@ def chatter(runs: MeasuredRuns) -> Found:
     held = context.setup.hold is not None
     masks = hold_switch_masks(context) if held else switch_masks(context)
     between = "stick, slide and no contact in its hold" if held else "stick and slide"
-    for row in runs_where(masks.any(axis=(1, 2))):
+    for row in runs_where(np.asarray(masks.any(axis=(1, 2)))):
         place = context.pairs.places[row]
         extent = context.setup.thickness[place]
         # What tumbles is held and slides in turn as it meets with one point after another.
@@ -273,7 +273,7 @@ def _all_losses(context: Context) -> dict[int, Spans]:
     """Return, for rows of pairs that part, the gaps in which they lose contact while they stick."""
     bears = bearing(context)
     parts = (bears[..., :-1] > bears[..., 1:]).any(axis=(1, 2))
-    return {row: lost_contacts(context, row) for row in runs_where(parts)}
+    return {row: lost_contacts(context, row) for row in runs_where(np.asarray(parts))}
 
 
 def _is_held(

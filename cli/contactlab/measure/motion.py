@@ -9,7 +9,6 @@ from contactlab.measure.amounts import part_of
 from contactlab.measure.context import (
     Context,
     cached,
-    displacements,
     down,
     energy,
     energy_budget,
@@ -143,13 +142,17 @@ def drift(context: Context) -> Floats:
 
     For bodies at rest it is creep, which grows with time and vanishes with impratio.
     """
-    return np.sqrt(worst_body(context, _across(displacements(context), down(context))))
+    below, bodies = down(context), context.setup.free_bodies
+    squares = [_across(context.displacement(body), below) for body in bodies]
+    return np.sqrt(worst_body(context, squares))
 
 
 @metric("m", "lower", 1e-12)
 def drop(context: Context) -> Floats:
     """Most that a free body sinks along gravity over the run; negative where all rise."""
-    return worst_body(context, (displacements(context) * down(context)).sum(axis=-1))
+    below, bodies = down(context), context.setup.free_bodies
+    sunk = [(context.displacement(body) * below).sum(axis=1) for body in bodies]
+    return worst_body(context, sunk)
 
 
 @metric("m/s", "lower", 1e-12)
@@ -182,8 +185,8 @@ def actuator_effort(context: Context) -> Floats:
 @metric("rad", resolution=1e-9)
 def turn(context: Context) -> Floats:
     """Angular speed summed over time of the free body that turns most."""
-    rates = squares_from(context, [body.dof + 3 for body in context.setup.free_bodies])
-    return worst_body(context, np.sqrt(rates)[..., 1:].sum(axis=-1)) * context.trace.timestep
+    angles = np.sqrt(squares_from(context, 3))[..., 1:].sum(axis=-1)
+    return worst_body(context, angles) * context.trace.timestep
 
 
 @label(60, (_ENERGY_GAIN, _SPEED_RATIO, INTEGRATION_GAIN))
@@ -239,7 +242,7 @@ def unsettled(runs: MeasuredRuns) -> Found:
     for run, speed, limit in runs.over("rest_speed"):
         reason = f"a body moved at {speed:.3g} m/s in the last fifth (limit {limit:g} m/s)"
         fast = (squares[:, run, start + 1 :] > limit**2).any(axis=0)
-        yield run, Finding(reason, start + first_step(fast))
+        yield run, Finding(reason, start + first_step(np.asarray(fast)))
 
 
 @cached
@@ -269,7 +272,7 @@ def _stored_at_start(context: Context) -> Floats:
     stored = np.zeros(context.trace.runs) if given is None else np.nan_to_num(given[:, 3])
     # What does not touch at the start stores nothing, unless its force at the end is no number.
     ends = context.net.found[..., 0].any(axis=1), context.net.series.normal[..., -1]
-    for row in runs_where(ends[0] | ~np.isfinite(ends[1]).all(axis=1)):
+    for row in runs_where(np.asarray(ends[0] | ~np.isfinite(ends[1]).all(axis=1))):
         place = context.pairs.places[row]
         pair, thickness = context.trace.pairs[place], context.setup.thickness[place]
         first, last = pair.slots[:, 0], pair.slots[:, -1]

@@ -1,4 +1,4 @@
-"""The contacts of one pair, reduced over its slots: net force, friction in use, slip and mode.
+"""The contacts of pairs, reduced over their slots: net force, friction in use, slip and mode.
 
 Tangential forces and velocities are summed in the world frame, and the 1-norm of a pyramidal cone
 is taken in the frame of the first contact. Two components along the tangents are kept as one
@@ -7,6 +7,7 @@ one pass.
 """
 
 import ctypes
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,10 +20,10 @@ from contactlab.contact.trace_arrays import (
     DISTANCE,
     FORCE,
     LINEAR_VELOCITY,
-    NO_CONTACT,
     NORMAL,
     TANGENT,
     Floats,
+    Integers,
     PairSeries,
     PairTrace,
 )
@@ -42,18 +43,19 @@ _FORCELESS = 1e-9  # Share of a run's largest normal force below which direction
 
 @dataclass(frozen=True)
 class NetContact:
-    """One pair's contacts, summed over its slots or reduced to the worst slot."""
+    """The contacts of R pairs, summed over their slots or reduced to the worst slot."""
 
-    series: PairSeries  # the net quantities over time
-    found: NDArray[np.int32]  # (n, N) contacts that matched, recorded or not
-    hardest: Floats  # (n, N) largest normal force of one contact [N]
-    grip: Floats  # (n, N) share of the bound that the contacts use, each by itself
-    rolling: Floats  # (n, N) relative angular speed of the first contact about its tangents [rad/s]
-    spinning: Floats  # (n, N) the same about its normal
-    excess: Floats  # (n,) most that one contact's tangential force exceeds its bound, as a share
-    detached: Floats  # (n,) most that one contact's normal force times its positive distance is [J]
-    farthest: Floats  # (n,) largest distance of a contact [m]; 0 if all overlap
-    standoff: Floats  # (n,) mean positive distance of contacts, weighted by normal force [m]
+    series: PairSeries  # the net quantities over time, (R, n, N)
+    found: Integers  # (R, n, N) contacts that matched, recorded or not
+    hardest: Floats  # (R, n, N) largest normal force of one contact [N]
+    grip: Floats  # (R, n, N) share of the bound that the contacts use, each by itself
+    rolling: Floats
+    """(R, n, N) relative angular speed of the first contact about its tangents [rad/s]."""
+    spinning: Floats  # (R, n, N) the same about its normal
+    excess: Floats  # (R, n) most that one contact's tangential force exceeds its bound, as a share
+    detached: Floats  # (R, n) most that a contact's normal force times its positive distance is [J]
+    farthest: Floats  # (R, n) largest distance of a contact [m]; 0 if all overlap
+    standoff: Floats  # (R, n) mean positive distance of contacts, weighted by normal force [m]
 
 
 @dataclass(frozen=True)
@@ -85,30 +87,34 @@ class _SlotColumns:
     frame: Complexes | None  # (3, S, N) normal and tangent, two by two; None for a single slot
 
 
-def net_contact(pair: PairTrace, elliptic: NDArray[np.bool_], timestep: Floats) -> NetContact:
-    """Reduce the slots of a pair, run by run, so that what is gathered stays in the cache.
+def net_contact(
+    pairs: Sequence[PairTrace], elliptic: NDArray[np.bool_], timestep: Floats, steps: int
+) -> NetContact:
+    """Reduce the slots of pairs, run by run, so that what is gathered stays in the cache.
 
     Slots that a run never fills, which come last, are left out. `elliptic` (n,) is the cone's form
     and `timestep` (n,) [s] the length of a step.
     """
-    runs, steps, slots, _ = pair.slots.shape
-    found = pair.found
-    if not found.any():
-        none, apart = np.zeros((runs, steps)), np.full((runs, steps), NO_CONTACT, np.int8)
-        shown = PairSeries(pair.name, found, none, none, none, none, none, apart)
-        return NetContact(shown, found, none, none, none, none, *np.zeros((4, runs)))
+    shape = len(pairs), len(timestep), steps
+    series, worst = np.zeros((shape[0], 9, *shape[1:])), np.zeros((shape[0], 4, shape[1]))
+    found, slots = np.zeros(shape, np.int32), np.zeros((shape[0], 1, 1), np.int32)
+    for row, pair in enumerate(pairs):
+        found[row], slots[row] = pair.found, pair.slots.shape[2]
     contacts = np.minimum(found, slots)
-    series, worst = np.empty((9, runs, steps)), np.empty((4, runs))
-    first, second = pair.friction[:, 0], pair.friction[:, 1]
-    stretch = np.where(first == second, 1, first / second)
-    bounds = first.copy(), stretch, np.ascontiguousarray(elliptic)
-    for run in _left_by_c(pair.slots, contacts, bounds, series, worst):
-        cone = _Cone(*(each[run].item() for each in bounds))
-        series[:, run], worst[:, run] = _reduced(pair.slots[run], contacts[run], cone)
-    normal, tangential, usage, slip, distance, hardest, grip, rolling, spinning = series
+    for row in np.flatnonzero(contacts.any(axis=(1, 2))).tolist():
+        pair = pairs[row]
+        first, second = pair.friction[:, 0], pair.friction[:, 1]
+        stretch = np.where(first == second, 1, first / second)
+        bounds = first.copy(), stretch, np.ascontiguousarray(elliptic)
+        for run in _left_by_c(pair.slots, contacts[row], bounds, series[row], worst[row]):
+            cone = _Cone(*(each[run].item() for each in bounds))
+            reduced = _reduced(pair.slots[run], contacts[row, run], cone)
+            series[row, :, run], worst[row, :, run] = reduced
+    normal, tangential, usage, slip, distance, *others = np.moveaxis(series, 1, 0)
+    hardest, grip, rolling, spinning = others
     mode = modes(normal > 0, usage, grip, slip, timestep)
-    shown = PairSeries(pair.name, contacts, normal, tangential, usage, slip, distance, mode)
-    return NetContact(shown, found, hardest, grip, rolling, spinning, *worst)
+    shown = PairSeries("", contacts, normal, tangential, usage, slip, distance, mode)
+    return NetContact(shown, found, hardest, grip, rolling, spinning, *np.moveaxis(worst, 1, 0))
 
 
 def _left_by_c(

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import NO_CONTACT, SLIDE, STICK, Floats
 from contactlab.contact.trace_setup import ExpectedContact
-from contactlab.measure.context import Context, cached, contact_depths, first_step, runs_where
+from contactlab.measure.context import Context, contact_depths, first_step, runs_where
 from contactlab.measure.coverage import TURNING
 from contactlab.measure.entries import Finding, Found, MeasuredRuns, Threshold, label
 from contactlab.measure.stick_slip import spans
@@ -42,27 +42,19 @@ def pair_expectation(runs: MeasuredRuns) -> Found:
     return _found(runs, NO_CONTACT)
 
 
-@cached
-def _windows(context: Context) -> list[tuple[ExpectedContact, Mask]]:
-    """Return what is expected of pairs, each with the steps (n, N) in which it is."""
-    timestep = context.trace.timestep[:, None]
-    time = context.trace.time[:, :-1] + _ROUNDING * timestep
-    said = [each for each in context.setup.expected if each.pairs]
-    starts, stops = ([each.window[:, end, None] for each in said] for end in (0, 1))
-    inside = [(time >= one) & (time < other) for one, other in zip(starts, stops, strict=True)]
-    return list(zip(said, inside, strict=True))
-
-
 def _found(runs: MeasuredRuns, mode: int) -> Found:
     """Find what pairs do unexpectedly: slide, stick, or anything else."""
     context, hold = runs.context, runs.limits["mode_hold"]
-    for each, windows in _windows(context):
-        for run in runs_where(_suspects(context, each, windows, mode)):
+    for each in filter(lambda each: each.pairs, context.setup.expected):
+        start, stop = np.moveaxis(each.window[:, :, None], 1, 0)
+        time = context.trace.time[:, :-1] + _ROUNDING * context.trace.timestep[:, None]
+        inside = (time >= start) & (time < stop)
+        for run in runs_where(inside.any(axis=1) & _may_fail(context, each, mode)):
             width = max(int(np.ceil(hold / context.trace.timestep[run] - _ROUNDING)), 1)
             found = (
-                _misfits(context, each, run, windows[run], width)
+                _misfits(context, each, run, inside[run], width)
                 if mode == NO_CONTACT
-                else _wrong_modes(context, each, run, windows[run], width, mode)
+                else _wrong_modes(context, each, run, inside[run], width, mode)
             )
             for wanted, met, where in found:
                 step = first_step(where)
@@ -70,15 +62,13 @@ def _found(runs: MeasuredRuns, mode: int) -> Found:
                 yield run, Finding(reason, step)
 
 
-def _suspects(context: Context, each: ExpectedContact, windows: Mask, mode: int) -> Mask:
-    """Return (n,) the runs in which a mode is met where another may be wanted, or more is said."""
+def _may_fail(context: Context, each: ExpectedContact, mode: int) -> Mask | bool:
+    """Return (n,) which runs meet a mode that is not wanted, or whether more than modes is said."""
     if mode == NO_CONTACT:
-        unbounded = (each.force, each.depth) == ((-np.inf, np.inf), np.inf)
-        return windows.any(axis=1) & (each.mode is not None or not unbounded)
-    if not _wanted(each, mode):
-        return np.zeros(len(windows), np.bool_)
-    modes = context.net.series.mode[np.unique(context.pairs.rows[list(each.pairs)])]
-    return ((modes == mode) & windows).any(axis=(0, 2))
+        said = each.mode, each.force, each.depth
+        return said != (None, (-np.inf, np.inf), np.inf)
+    modes = context.net.series.mode[context.pairs.rows[[*each.pairs]]]
+    return bool(_wanted(each, mode)) & np.logical_or.reduce((modes == mode).any(axis=2))
 
 
 def _wanted(each: ExpectedContact, met: int) -> list[tuple[str, str]]:
@@ -92,7 +82,7 @@ def _wrong_modes(
     context: Context, each: ExpectedContact, run: int, inside: Mask, width: int, met: int
 ) -> Faults:
     series = context.net.series
-    for pair, row in zip(each.pairs, context.pairs.rows[list(each.pairs)].tolist(), strict=True):
+    for pair, row in zip(each.pairs, context.pairs.rows[[*each.pairs]].tolist(), strict=True):
         mode = series.mode[row, run]
         bad = _lasting(inside & (mode == met), width)
         good = np.flatnonzero(_lasting(inside & (mode == STICK + SLIDE - met), width)).tolist()
@@ -110,7 +100,7 @@ def _wrong_modes(
 
 def _misfits(context: Context, each: ExpectedContact, run: int, inside: Mask, width: int) -> Faults:
     timestep, (least, most) = float(context.trace.timestep[run]), each.force
-    rows = context.pairs.rows[list(each.pairs)]
+    rows = context.pairs.rows[[*each.pairs]]
     series, depths = context.net.series, contact_depths(context)[1]
     touching = inside & (series.mode[rows, run] != NO_CONTACT).any(axis=0)
     apart = _lasting(inside & ~touching, width) & (each.timed or not touching.any())

@@ -77,10 +77,11 @@ def mean_depths(context: Context, inside: NDArray[np.bool_] | np.bool_) -> Float
 @cached
 def steady_depths(context: Context) -> Floats:
     """Return (R, n) mean depths [m] of pairs in the last fifth; NaN unless they rest there."""
-    touching, depth = (each[..., context.last_fifth] for each in contact_depths(context))
-    steps = count(touching)
-    mean = depth.sum(axis=-1) / steps
-    return np.where(steps / touching.shape[-1] >= _LASTING, mean, np.nan)
+    touching, depth = contact_depths(context)
+    tail = context.last_fifth
+    steps = count(touching[..., tail])
+    mean = depth[..., tail].sum(axis=-1) / steps
+    return np.where(share(touching[..., tail]) >= _LASTING, mean, np.nan)
 
 
 @metric("m", "lower", 1e-9, requires="depth", equivalence=True)
@@ -199,7 +200,7 @@ def deep_penetration(runs: MeasuredRuns) -> Found:
         parts = np.where(width < limit, 2 + np.log2(np.clip(loads, 1, 2)), _SOFT)
         accepted = np.minimum(np.maximum(limit, width), thickness / parts)
     deep = steady > accepted
-    for row in reversed(runs_where(deep.any(axis=1))):
+    for row in reversed(runs_where(np.asarray(deep.any(axis=1)))):
         depth = contact_depths(context)[1][row, :, context.last_fifth]
         # What a drive presses down for a moment does not rest.
         lasts = share(depth > accepted[row, :, None])

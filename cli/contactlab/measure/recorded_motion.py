@@ -101,7 +101,7 @@ def reality_delay(context: Context) -> Floats:
     recorded = context.setup.recorded
     if recorded is None:
         return context.undefined()
-    touching = contact_depths(context)[0].any(axis=0)
+    touching = np.logical_or.reduce(contact_depths(context)[0])
     first = np.where(touching.any(axis=1), touching.argmax(axis=1), np.nan)
     return first * context.trace.timestep - recorded.touched
 

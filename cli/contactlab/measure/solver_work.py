@@ -66,7 +66,7 @@ def contacts_max(context: Context) -> Floats:
 @metric("1", "lower", kind="work")
 def contacts_cut(context: Context) -> Floats:
     """Steps in which a monitored pair had more contacts than slots; the rest went unrecorded."""
-    return count(_cut(context).any(axis=0)).astype(np.float64)
+    return count(np.logical_or.reduce(_cut(context))).astype(np.float64)
 
 
 @metric("1", kind="work")

@@ -54,20 +54,18 @@ def spans(mask: NDArray[np.bool_]) -> Spans:
 def modes(
     bearing: NDArray[np.bool_], usage: Floats, grip: Floats, slip: Floats, timestep: Floats
 ) -> Modes:
-    """Return the mode (n, N) of a pair by the rule of this module.
+    """Return the modes (..., n, N) of pairs by the rule of this module.
 
-    (n, N) each: whether it carries a normal force, the share of the friction bound that the net
-    force uses and that the contacts use by themselves, and slip [m/s]; and timesteps (n,) [s].
+    (..., n, N) each: whether they carry a normal force, the share of the friction bound that the
+    net force uses and that the contacts use by themselves, and slip [m/s]; and timesteps (n,) [s].
     """
-    events = _events(bearing, usage, grip, slip)
-    _mark_long_gaps(events, bearing, np.floor(LONGEST_GAP / timestep + 1e-6))
-    return _hold_last(events)
-
-
-def _events(bearing: NDArray[np.bool_], usage: Floats, grip: Floats, slip: Floats) -> Modes:
+    *shape, steps = bearing.shape
+    longest = np.broadcast_to(np.floor(LONGEST_GAP / timestep + 1e-6), shape).ravel()
     enter = (usage >= ENTER_USAGE) & (slip >= ENTER_SLIP) & bearing
     leave = ((grip < LEAVE_USAGE) | (slip < LEAVE_SLIP)) & bearing
-    return enter * np.int8(SLIDE) + leave * np.int8(STICK)
+    events = (enter * np.int8(SLIDE) + leave * np.int8(STICK)).reshape(len(longest), steps)
+    _mark_long_gaps(events, bearing.reshape(events.shape), longest)
+    return _hold_last(events).reshape(bearing.shape)
 
 
 def _mark_long_gaps(events: Modes, bearing: NDArray[np.bool_], longest: Floats) -> None:
