@@ -7,6 +7,7 @@ Source: MuJoCo's documentation, Computation, "Parameters"; solved for impact and
 """
 
 from collections.abc import Callable
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -106,12 +107,20 @@ def rest_penetration(
 
     It solves ``r = F A (1 - d(r)) dwidth^2 / (K d(r)^2)`` with A = 1/m1 + 1/m2 [1/kg] of the two
     bodies, for impedances that do not fall with depth. Exact for elliptic cones and frictionless
-    contacts; pyramids soften it.
+    contacts; pyramids soften it. What was found is remembered, since many runs ask the same.
     """
+    given = [np.asarray(each, np.float64) for each in (load, inverse_mass, solref, solimp)]
+    return _rest_penetration(*((each.shape, each.tobytes()) for each in given)).copy()
+
+
+@lru_cache(maxsize=64)
+def _rest_penetration(*given: tuple[tuple[int, ...], bytes]) -> Floats:
+    load, inverse_mass, solref, solimp = (
+        np.frombuffer(values).reshape(shape) for shape, values in given
+    )
     stiffness, _ = stiffness_damping(solref)
-    end = np.clip(np.asarray(solimp, dtype=np.float64)[..., 1], *IMPEDANCE_RANGE)
-    weight = np.asarray(load, dtype=np.float64) * np.asarray(inverse_mass, dtype=np.float64)
-    scale = weight * end**2 / stiffness
+    end = np.clip(solimp[..., 1], *IMPEDANCE_RANGE)
+    scale = load * inverse_mass * end**2 / stiffness
     curve = _impedance_curve(solimp)
 
     def carried(depth: Floats) -> Floats:

@@ -20,6 +20,7 @@ TURNING = 0.1
 """Least angular velocity [rad/s] of a contact that rolls or spins; soft ones rock more slowly."""
 _LEAST_LOAD = 1e-4  # Share of the model's weight below which an equality bears next to nothing
 _AT_LIMIT = 1e-9  # Share of its range by which a force at its limit may miss it by rounding
+_LARGEST = float(np.finfo(np.float64).max)
 _RANGE = ("low", "high", "margin")
 _ENDS: tuple[tuple[End, ...], ...] = ((), ("upper",), ("lower",), ("lower", "upper"))
 
@@ -66,7 +67,7 @@ def _rows(
     values = np.stack([*fields.values()], axis=-1) if parts else np.zeros((runs, 0, 0))
     return [
         {part.name: _row(fields, row) for part, row in zip(parts, rows, strict=True)}
-        for rows in np.nan_to_num(values, nan=np.nan).tolist()
+        for rows in np.clip(values, -_LARGEST, _LARGEST).tolist()
     ]
 
 

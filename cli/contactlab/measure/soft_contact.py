@@ -130,7 +130,7 @@ def at_rest_error(context: Context) -> Floats:
     for pair in context.trace.pairs if asked else ():
         begin = context.setting("margin")[:, None, None]
         slots = pair.slots[:, tail]
-        rests = pair.touching[:, tail].any(axis=2).mean(axis=1) >= _RESTING
+        rests = (slots[..., FOUND] > 0).any(axis=2).mean(axis=1) >= _RESTING
         depth = _mean_of_contacts(pair, tail, begin - slots[..., DISTANCE])
         found = {
             "stiffness": _mean_of_contacts(pair, tail, slots[..., FORCE.start]) / depth,
@@ -317,6 +317,6 @@ def _mean_depth(pair: PairTrace, tail: slice) -> Floats:
 
 def _mean_of_contacts(pair: PairTrace, tail: slice, values: Floats) -> Floats:
     """Return (n,) what values (n, T, S) are, averaged over a pair's contacts and then over time."""
-    total = sum_of_slots(values * pair.touching[:, tail], axis=2)
+    total = sum_of_slots(values * (pair.slots[:, tail, :, FOUND] > 0), axis=2)
     touching = np.minimum(pair.slots[:, tail, 0, FOUND], pair.slots.shape[2])
     return (total / np.maximum(touching, 1)).mean(axis=1)
