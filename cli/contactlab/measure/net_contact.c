@@ -216,6 +216,9 @@ static int reduce_run(const Pair* pair, int64_t run) {
   for (int64_t step = 0; step < steps; step++) {
     const double* slot = pair->slots + run * pair->by_run + step * pair->by_step;
     double now[SERIES] = {0};
+    for (int64_t each = 0; each < width * 23; each += 8) {
+      __builtin_prefetch(slot + 8 * pair->by_step + each);
+    }
     if (contacts[step] &&
         reduce_step(slot, pair->by_slot, contacts[step], step, &cone, &columns, now)) {
       return 1;
