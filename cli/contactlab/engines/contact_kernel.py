@@ -31,6 +31,7 @@ from contactlab.scene.mujoco_versions import VERSION, has_batch, library_file
 _SOURCE = Path(__file__).with_suffix(".c")
 _CHECKED_STEPS = 64  # after the first contact of a run that is compared with sensors
 _OFF = int(mujoco.mjtDisableBit.mjDSBL_SENSOR)
+_NO_CONTROL = np.empty((1, 0, 0))
 _POINTER, _INT = ctypes.c_void_p, ctypes.c_int
 
 
@@ -82,11 +83,15 @@ class KernelStepper(BatchStepper):
 
     def __init__(self, library: Kernel, runs: PreparedRuns) -> None:
         """Raise a MemoryError if there is not enough memory."""
-        self._library, self._models, self._starts = library, runs.models, runs.starts
+        self._library, self._models, starts = library, runs.models, runs.starts
         self._pairs, self._steps, model = len(runs.base.pairs), runs.steps, runs.base.model
         first = model.sensor(f"{PREFIX}contacts").id - self._pairs
         self.width = model.nsensordata - runs.base.layout.contacts
         self.warnings = np.zeros((len(self._models), int(mujoco.mjtWarning.mjNWARNING)), np.int32)
+        begin = starts.qpos, starts.qvel, starts.ctrl, starts.applied, starts.act
+        self._rows = [*map(np.ascontiguousarray, begin), self.warnings]
+        # Of the first run, and how far those of the next are; looked up once for all runs.
+        self._addresses = [(each.ctypes.data, each.strides[0]) for each in self._rows]
         sizes = self._pairs, len(self._models), runs.steps
         self._handle = library.open_recording(model._address, first, *sizes)
         if not self._handle:
@@ -97,14 +102,12 @@ class KernelStepper(BatchStepper):
 
     def step(self, run: int, inputs: Mapping[str, Any], out: Mapping[Any, np.ndarray]) -> str:
         """Make a run, and record it as a batch does; return what went wrong."""
-        starts, control = self._starts, inputs.get("control", np.empty((1, 0, 0)))
-        begin = starts.qpos, starts.qvel, starts.ctrl, starts.applied, starts.act
-        taken = [*map(np.ascontiguousarray, (*(each[run] for each in begin), control))]
-        left = out[STATE], out["sensordata"], out["solver_niter"], *map(out.get, FORCES)
-        arrays = (*taken, *left, self.warnings[run])
+        control = np.ascontiguousarray(inputs.get("control", _NO_CONTROL))
+        *taken, warned = (first + run * stride for first, stride in self._addresses)
+        arrays = control, out[STATE], out["sensordata"], out["solver_niter"], *map(out.get, FORCES)
         addresses = [0 if each is None else each.ctypes.data for each in arrays]
-        numbers = run, inputs.get("control_spec", 0), control.shape[2]
-        task = np.array([self._models[run]._address, *addresses, *numbers])
+        numbers = warned, run, inputs.get("control_spec", 0), control.shape[2]
+        task = np.array([self._models[run]._address, *taken, *addresses, *numbers])
         said = self._library.record_run(self._handle, task.ctypes.data)
         if said == b"out of memory":
             raise MemoryError
@@ -138,10 +141,11 @@ def recorded_slots(
     if not library.find_slots(handle, runs, addresses.ctypes.data, widths.ctypes.data):
         raise MemoryError
     none = np.broadcast_to(np.zeros(SLOT_WIDTH), (runs, steps, 1, SLOT_WIDTH))
-    return tuple(
-        np.asarray(_Memory(owner, address, (runs, steps, width, SLOT_WIDTH))) if width else none
-        for address, width in zip(addresses.tolist(), widths.tolist(), strict=True)
-    )
+    slots = [none] * pairs
+    for pair in np.flatnonzero(widths).tolist():
+        shape = runs, steps, int(widths[pair]), SLOT_WIDTH
+        slots[pair] = np.asarray(_Memory(owner, int(addresses[pair]), shape))
+    return tuple(slots)
 
 
 def _agrees(runs: PreparedRuns, rollout: Rollout) -> bool:

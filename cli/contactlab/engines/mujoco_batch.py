@@ -191,7 +191,7 @@ def recorded(
             arrays.iterations[run] = 0
     return Rollout(
         *arrays.rows(slice(count)),
-        steps=tuple(_valid_steps(arrays.state[run, :, 0]) for run in range(count)),
+        steps=_valid_steps(arrays.state[:count, :, 0]),
         cost=cost,
         warnings=tuple(map(_warnings, warnings)),
         errors=tuple(errors[:count]),
@@ -199,10 +199,9 @@ def recorded(
     )
 
 
-def _valid_steps(clock: Floats) -> int:
-    """Return how many steps the clock grew; a stopped run repeats its last record."""
-    stuck = np.flatnonzero(np.diff(clock) <= 0)
-    return int(stuck[0]) if len(stuck) else len(clock) - 1
+def _valid_steps(clocks: Floats) -> tuple[int, ...]:
+    """Return (n) how many steps the clocks (n, N + 1) grew; a stopped run repeats its last one."""
+    return tuple((np.diff(clocks, append=-np.inf) <= 0).argmax(axis=1).tolist())
 
 
 def _warnings(counts: np.ndarray) -> dict[str, int]:

@@ -34,11 +34,11 @@ def with_loads(runs: PreparedRuns, rollout: Rollout) -> Rollout:
     for run, steps in enumerate(rollout.steps):
         model = runs.prepared[run].model
         controls = rollout.controls[run] if rollout.controls else None
-        if controls is None:
+        if controls is not None:
+            ranges[run] = np.stack([controls.levels.min(axis=0), controls.levels.max(axis=0)], 1)
+        elif first.nu:
             end = max(steps - 1, 0) * model.opt.timestep
             ranges[run] = runs.starts.control_ranges(run, end)
-        else:
-            ranges[run] = np.stack([controls.levels.min(axis=0), controls.levels.max(axis=0)], 1)
         if sampler is None and not model.opt.enableflags & _SLEEP:
             continue
         start = runs.starts.pick(run)

@@ -96,6 +96,7 @@ class Books:
 
 
 def _fields(models: Sequence[mujoco.MjModel]) -> list[str]:
+    models = [*{id(model): model for model in models}.values()]
     if any(model.opt.integrator == _RK4 for model in models) or all(map(is_conservative, models)):
         return []
     fields = ["qfrc_constraint"]
