@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from contactlab.schema.evidence import StoreManifest
 from contactlab.store.atomic_files import sha256_of
 from contactlab.store.finished_store import Store
+from contactlab.store.runs_table import GROUP
 
-PART = 100_000
+PART = 6 * GROUP
 Rows = NDArray[np.int64]
 Columns = Mapping[str, pa.Array]
 
@@ -63,9 +64,22 @@ def tables(
 def write_store(path: Path, runs: int, template: Store, parts: Iterable[pa.Table]) -> Path:
     """Write a store of so many runs, whose table comes in parts."""
     path.mkdir()
-    with pq.ParquetWriter(path / "runs.parquet", template.table.schema) as writer:
+    schema = template.table.schema
+    kinds = {field.name: field.type for field in schema}
+    writer = pq.ParquetWriter(
+        path / "runs.parquet",
+        schema,
+        # As `write_table` has them.
+        compression="zstd",
+        compression_level=3,
+        use_dictionary=[name for name, kind in kinds.items() if kind == pa.string()],  # pyright: ignore[reportArgumentType]
+        column_encoding={
+            name: "BYTE_STREAM_SPLIT" for name, kind in kinds.items() if kind == pa.float64()
+        },
+    )
+    with writer:
         for part in parts:
-            writer.write_table(part)
+            writer.write_table(part, row_group_size=GROUP)
     identity = template.manifest.sweep.model_copy(update={"runs_asked": runs})
     (path / "sweep.json").write_text(identity.model_dump_json())
     labels = pq.read_table(path / "runs.parquet", columns=["label"])["label"].value_counts()

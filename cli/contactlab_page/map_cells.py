@@ -26,7 +26,10 @@ def label_counts(axes: MapAxes, labels: RunLabels) -> NDArray[np.int64]:
 
 def cell_statistic(axes: MapAxes, quantity: Quantity, kind: Statistic) -> Floats:
     """Return (rows, columns) one statistic of a quantity over the runs of each cell."""
-    statistics = cell_statistics(axes.cells, axes.size, quantity, ascending_runs(quantity))
+    ascending = ascending_runs(quantity)
+    own, values = axes.cells[ascending], quantity.values[ascending]
+    counts = np.bincount(own, minlength=axes.size)
+    statistics = cell_statistics(own, values, counts, quantity.column.better)
     return statistics[STATISTICS.index(kind)].reshape(axes.shape)
 
 
@@ -36,25 +39,27 @@ def ascending_runs(quantity: Quantity) -> NDArray[np.intp]:
 
 
 def cell_statistics(
-    cells: NDArray[np.integer], size: int, quantity: Quantity, ascending: NDArray[np.intp]
+    own: NDArray[np.integer], values: Floats, counts: NDArray[np.int64], better: str
 ) -> Floats:
-    """Return (3, cells) worst, median and mean of a quantity in each cell, NaN where it has none.
+    """Return (3, cells) worst, median and mean of values in each cell, NaN where it has none.
 
     The worst is the largest magnitude, or the least value of a quantity of which more is better.
     One sort of the values serves every pair of axes: a stable sort of these by cell, which is
-    linear in time for small integers, leaves each cell's values in order. Runs (n,) are in cells
-    below a size; those that have a value are `ascending` (m,), the least first.
+    linear in time for small integers, leaves each cell's values in order. Values (m,) are the least
+    first; `own` (m,) is the cell of each, and `counts` (cells,) how many a cell has.
     """
-    own, values = cells[ascending], quantity.values[ascending]
-    by_cell = values[np.argsort(own, kind="stable")]
-    counts = np.bincount(own, minlength=size)
+    size = len(counts)
+    # Equal values, as of what never happens, are in any order.
+    differ = len(values) and values[0] < values[-1]
+    order = np.argsort(own, kind="stable") if differ else np.arange(len(values))
     filled = counts > 0
     number = counts[filled]
     ends = counts.cumsum()[filled]
     starts = ends - number
-    low, high = by_cell[starts], by_cell[ends - 1]
-    worst = low if quantity.column.better == "higher" else np.maximum(np.abs(low), np.abs(high))
-    median = (by_cell[starts + (number - 1) // 2] + by_cell[starts + number // 2]) / 2
+    low, high = values[order[starts]], values[order[ends - 1]]
+    worst = low if better == "higher" else np.maximum(np.abs(low), np.abs(high))
+    middle = values[order[starts + (number - 1) // 2]], values[order[starts + number // 2]]
+    median = (middle[0] + middle[1]) / 2
     mean = np.bincount(own, values, minlength=size)[filled] / number
     statistics = np.full((3, size), np.nan)
     statistics[:, filled] = worst, median, mean
@@ -89,15 +94,26 @@ def aggregated_columns(
     maps = {f"cells:{index}:": MapAxes(axis, None) for index, axis in enumerate(axes)}
     for (first, x), (second, y) in combinations(enumerate(axes), 2):
         maps[f"cells:{first}:{second}"] = MapAxes(x, y)
-    columns: dict[str, NDArray[Any]] = {
-        f"{name}:labels": packed_integers(label_counts(each, labels).ravel())
-        for name, each in maps.items()
-    }
-    cells = {name: each.cells.astype(np.uint16) for name, each in maps.items()}
+    columns: dict[str, NDArray[Any]] = {}
+    runs: dict[str, NDArray[np.int64]] = {}
+    for name, each in maps.items():
+        counts = label_counts(each, labels)
+        columns[f"{name}:labels"] = packed_integers(counts.ravel())
+        runs[name] = counts.sum(axis=-1).ravel()
+    codes = {axis.name: packed_integers(axis.codes) for axis in axes}
     for quantity in quantities:
         ascending = ascending_runs(quantity)
+        values = quantity.values[ascending]
+        own = {name: each[ascending] for name, each in codes.items()}
         for name, each in maps.items():
-            statistics = cell_statistics(cells[name], each.size, quantity, ascending)
-            for kind, values in zip(STATISTICS, statistics, strict=True):
-                columns[f"{name}:{quantity.name}:{kind}"] = rounded_floats(values)
+            # The smaller the numbers, the sooner they are sorted.
+            kind = np.min_scalar_type(each.size)
+            cells = own[each.x.name].astype(kind)
+            if each.y is not None:
+                cells += np.multiply(own[each.y.name], len(each.x.ticks), dtype=kind)
+            is_whole = len(values) == len(quantity.values)
+            counts = runs[name] if is_whole else np.bincount(cells, minlength=each.size)
+            found = cell_statistics(cells, values, counts, quantity.column.better)
+            for statistic, numbers in zip(STATISTICS, found, strict=True):
+                columns[f"{name}:{quantity.name}:{statistic}"] = rounded_floats(numbers)
     return columns
