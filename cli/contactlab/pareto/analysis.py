@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from contactlab.contact.trace_arrays import Floats
 from contactlab.pareto.configurations import (
     ESTIMATES,
+    PASS_COLUMNS,
     STABLE,
     Evaluated,
     ResolvedCriteria,
@@ -56,7 +57,7 @@ def analyse(store: Store, criteria: Criteria = _DEFAULT) -> TradeoffReport:
     tolerances = tolerances_of(store, criteria)
     error = error_measure(store, criteria, tolerances)
     resolved = ResolvedCriteria(error, time_measure(store), tolerances)
-    runs = read_runs(store, (error.name, resolved.time.name, *tolerances))
+    runs = read_runs(store, (error.name, resolved.time.name, *tolerances, *PASS_COLUMNS))
     evaluated = evaluate(runs, resolved)
     front = feasible_front(evaluated)
     baseline = None if runs.baseline is None else evaluated[0].summary

@@ -29,15 +29,14 @@ _UNCHANGED = 1.01  # ratio of errors within which a knob counts as idle
 
 STABLE = "stable"
 
-# Columns of the timing and accuracy passes that a trade-off reads, where they exist.
-_PASS_COLUMNS = ("step_p99", "impacts")
 # The column with the estimated uncertainty of the reference, by error.
 ESTIMATES = {
     "error_final": "error_final_estimate",
     "error_mean": "error_mean_estimate",
     "error_peak": "error_estimate",
 }
-_FLAGS = ("chaotic", "solref_clamped")
+# Columns of the timing and accuracy passes that a trade-off reads.
+PASS_COLUMNS = ("step_p99", "impacts", "chaotic", "solref_clamped", *ESTIMATES.values())
 _SOLREF_RULE = "solref_rule"
 _MOST_KEYS = 1 << 62
 Rows = NDArray[np.int64]
@@ -59,11 +58,8 @@ class StoredRuns:
 
 
 def read_runs(store: Store, names: Iterable[str]) -> StoredRuns:
-    """Read the runs of a store, with these columns beside those that every trade-off needs."""
-    columns = store.columns
-    required = [*names]
-    names = [*required, *_PASS_COLUMNS, *ESTIMATES.values(), *_FLAGS]
-    present = columns.schema.names
+    """Read the runs of a store with some columns, NaN where the store does not have one."""
+    columns, present = store.columns, store.columns.schema.names
     roles = Sweep.model_validate(store.manifest.sweep.resolved).roles
 
     def of(kind: Role) -> dict[str, CodedColumn]:
@@ -77,8 +73,12 @@ def read_runs(store: Store, names: Iterable[str]) -> StoredRuns:
         scenarios=of("scenario"),
         seeds=columns.coded("seed"),
         labels=columns.coded("label"),
-        numbers=dict.fromkeys(required, np.broadcast_to(np.nan, columns.runs))
-        | {name: columns.numbers(name).values for name in names if name in present},
+        numbers={
+            name: columns.numbers(name).values
+            if name in present
+            else np.broadcast_to(np.nan, columns.runs)
+            for name in names
+        },
         solref_rules=columns.coded(_SOLREF_RULE).values if _SOLREF_RULE in present else (),
         baseline=place,
         written=None if place is None else _options_of(store.record(columns.run_id(place))),

@@ -128,7 +128,8 @@ class Store:
 
     def miscounts(self) -> Iterator[str]:
         """Yield which counts of the manifest are not those of the table."""
-        for name, counted in count_outcomes(self.columns.arrow(OUTCOME_COLUMNS)).items():
+        outcomes = self.columns.arrow(OUTCOME_COLUMNS, coded=("label", "status"))
+        for name, counted in count_outcomes(outcomes).items():
             if (stated := getattr(self.manifest, name)) != counted:
                 yield f"{name} is {stated}, but {TABLE} has {counted}"
 

@@ -77,10 +77,10 @@ class RunColumns:
         """The columns of measured values by name, in table order."""
         return {name: each for name, each in self.described.items() if each.better}
 
-    def arrow(self, names: Sequence[str] | None = None) -> pa.Table:
-        """Return the table, or some of its columns."""
+    def arrow(self, names: Sequence[str] | None = None, coded: Sequence[str] = ()) -> pa.Table:
+        """Return the table, or some of its columns, some of these by their codes."""
         with table_errors(self.path):
-            table = self._file.read(names and list(names), use_threads=False)
+            table = self._coding(*coded).read(names and list(names), use_threads=False)
             # Text that is no UTF-8 is damage too.
             table.validate(full=True)
             return table
@@ -119,8 +119,7 @@ class RunColumns:
 
     def coded(self, name: str) -> CodedColumn:
         """Return a column by the codes that it is stored with, its text not written out."""
-        file = pq.ParquetFile(self._source, metadata=self._file.metadata, read_dictionary=[name])
-        encoded = self._read(name, file).dictionary_encode()
+        encoded = self._read(name, self._coding(name)).dictionary_encode()
         values = [*encoded.dictionary.to_pylist(), *([None] if encoded.null_count else [])]
         last = pa.scalar(len(values) - 1, encoded.indices.type)
         codes = compute("coalesce", encoded.indices, last)
@@ -159,11 +158,11 @@ class RunColumns:
         return self.arrow(names).to_pydict()
 
     def distinct(self, names: Sequence[str]) -> Iterator[dict[str, Any]]:
-        """Yield what rows hold in some columns, once or more, reading a row group at a time."""
+        """Yield what rows hold in some columns, a row group at a time, and in it each once."""
         with table_errors(self.path):
             for group in range(self._file.num_row_groups):
                 part = self._file.read_row_group(group, columns=[*names])
-                yield from part.group_by([*names]).aggregate([]).to_pylist()
+                yield from part.group_by([*names], use_threads=False).aggregate([]).to_pylist()
 
     def row(self, index: int) -> dict[str, Any]:
         """Return one row of the table, reading no more than its row group."""
@@ -178,6 +177,9 @@ class RunColumns:
     @cached_property
     def _identities(self) -> pa.Table:
         return self.arrow(["run_id", "seed", *self.axis_names])
+
+    def _coding(self, *names: str) -> pq.ParquetFile:
+        return pq.ParquetFile(self._source, metadata=self._file.metadata, read_dictionary=[*names])
 
     def _read(self, name: str, file: pq.ParquetFile | None = None) -> pa.Array:
         if name not in self.schema.names:

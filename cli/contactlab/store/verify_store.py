@@ -91,8 +91,8 @@ def damaged_traces(store: Store) -> Iterator[str]:
     if store.manifest.traces_left_out:
         return
     left = _READ_BYTES
-    columns = store.columns.to_pydict(("trace_file", "trace_bytes", "trace_sha256"))
-    for file, expected, sha256 in zip(*columns.values(), strict=True):
+    for trace in store.columns.distinct(("trace_file", "trace_bytes", "trace_sha256")):
+        file, expected, sha256 = trace.values()
         if file is None:
             continue
         left -= expected or 0
