@@ -14,6 +14,8 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import warnings
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 
@@ -23,6 +25,7 @@ from contactlab.resources import user_cache
 # Without fused multiplications, which round once where NumPy rounds twice.
 _FLAGS = ("-std=c11", "-O2", "-fPIC", "-shared", "-ffp-contract=off", "-fno-math-errno")
 _MOST_SECONDS = 120  # A compiler that takes longer hangs.
+_agreed, _given_up = set[Path](), set[Path]()  # by this process
 
 
 def is_wanted() -> bool:
@@ -32,7 +35,24 @@ def is_wanted() -> bool:
 
 def functions_of(source: Path) -> ctypes.CDLL | None:
     """Return the functions of a C file that needs no other library; None where NumPy stays."""
-    return _loaded(source) if is_wanted() else None
+    return _loaded(source) if is_wanted() and source not in _given_up else None
+
+
+def agrees(source: Path, in_c: Callable[[], bytes], by_numpy: Callable[[], bytes]) -> bool:
+    """Return whether functions in C left what NumPy leaves; asked once in a process.
+
+    If they did not, as with a NumPy that adds in another order, NumPy stays, and a warning says so.
+    """
+    if source not in _agreed:
+        found = in_c()
+        _given_up.add(source)
+        if by_numpy() != found:
+            said = f"{source.name} disagrees with NumPy, which takes its place from now on"
+            warnings.warn(said, stacklevel=2)
+            return False
+        _given_up.remove(source)
+        _agreed.add(source)
+    return True
 
 
 @cache

@@ -21,7 +21,7 @@ from contactlab.errors import CompilerError
 from contactlab.measure import net_contact as module
 from contactlab.measure.net_contact import net_contact
 from contactlab.scene.scene import Scene
-from contactlab.store.controls_file import read_control_table
+from contactlab.store.control_tables import read_control_table
 
 SWITCH = "CONTACTLAB_KERNEL"
 SOURCE = Path(module.__file__).with_suffix(".c")
@@ -116,11 +116,36 @@ def test_what_is_finite_is_not_left_to_numpy(monkeypatch: pytest.MonkeyPatch) ->
     """Or the other tests would compare NumPy with itself."""
     monkeypatch.setenv(SWITCH, "on")
     monkeypatch.setattr(module, "_reduced", None)
+    monkeypatch.setattr(module, "agrees", lambda *_: True)
     block = np.random.default_rng(0).uniform(0.1, 1, (2, 30, 3, 23))
     block[..., FOUND] = 3
     pair = PairTrace("a-b", block, np.ones((2, 5)))
     net = net_contact([pair], np.array([True, False]), np.ones(2), 30)
     assert (net.series.normal > 0).all()
+
+
+def test_a_numpy_that_disagrees_stays(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The first result of a process is compared, as if NumPy added in another order."""
+    monkeypatch.setenv(SWITCH, "on")
+    monkeypatch.setattr(native, "_agreed", set())
+    monkeypatch.setattr(native, "_given_up", set())
+    true = module._reduced  # pyright: ignore[reportPrivateUsage]
+
+    def other(*arguments: Any) -> Any:
+        (normal, *series), worst = true(*arguments)
+        return (np.nextafter(normal, np.inf), *series), worst
+
+    monkeypatch.setattr(module, "_reduced", other)
+    block = np.random.default_rng(0).uniform(0.1, 1, (2, 30, 3, 23))
+    block[..., FOUND] = 3
+    pair, rest = PairTrace("a-b", block, np.ones((2, 5))), (np.array([True, False]), np.ones(2))
+    with pytest.warns(UserWarning, match="disagrees with NumPy") as said:
+        first = net_contact(pair, *rest)
+    assert len(said) == 1
+    assert native.functions_of(SOURCE) is None
+    assert (first.series.normal == net_contact(pair, *rest).series.normal).all()
+    monkeypatch.setenv(SWITCH, "off")
+    assert (first.series.normal == net_contact(pair, *rest).series.normal).all()
 
 
 @pytest.mark.slow

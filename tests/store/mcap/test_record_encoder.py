@@ -15,6 +15,7 @@ from tests.random_traces import trace_sizes
 from tests.sanitizers import run_sanitized
 from tests.written_traces import TraceExtras
 
+from contactlab import native
 from contactlab.contact.trace_arrays import PairSeries, Trace
 from contactlab.schema.vocabulary import TraceFormat
 from contactlab.store.mcap import compact_blocks, file_parts
@@ -107,6 +108,28 @@ def test_blocks_are_the_same_for_every_width_and_count() -> None:
                 found.append([bytes(each) for each in record_encoder().planes(records, layout)])
         assert found[0] == found[1]
         assert [len(each) for each in found[0]] == [count * width for width in (1, 2, 12, 8)]
+
+
+def test_a_first_file_that_differs_is_written_by_numpy(
+    make_trace: MakeTrace, extras: TraceExtras, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    encoder = TraceEncoder(*make_trace(runs=1))
+    monkeypatch.setenv(SWITCH, "off")
+    expected = encoder.encode(0, *extras)
+    monkeypatch.setenv(SWITCH, "on")
+    monkeypatch.setattr(native, "_agreed", set())
+    monkeypatch.setattr(native, "_given_up", set())
+    true = NativeEncoder.write
+
+    def write(self: NativeEncoder, data: Any, *arguments: Any) -> None:
+        true(self, data, *arguments)
+        data[len(data) // 2] ^= 1
+
+    monkeypatch.setattr(NativeEncoder, "write", write)
+    with pytest.warns(UserWarning, match="disagrees with NumPy") as said:
+        assert encoder.encode(0, *extras) == expected
+    assert encoder.encode(0, *extras) == expected
+    assert len(said) == 1
 
 
 @pytest.mark.slow

@@ -6,7 +6,7 @@ over the chunks; `record_encoder.c` writes each to its place.
 
 import ctypes
 import struct
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,7 @@ import numpy as np
 from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
-from contactlab.native import functions_of
+from contactlab.native import agrees, functions_of
 from contactlab.store.mcap.scratch import SCRATCH
 from contactlab.store.mcap.trace_messages import MessageLayout
 
@@ -158,6 +158,13 @@ def record_encoder() -> RecordEncoder:
     """Return what writes records here."""
     library = functions_of(_SOURCE)
     return _native(library) if library else _NUMPY
+
+
+def as_numpy_writes(encode: Callable[[], bytes]) -> bytes:
+    """Return a file; the first that functions in C write in a process is held against NumPy's."""
+    in_numpy = functions_of(_SOURCE) is None
+    content = encode()
+    return content if in_numpy or agrees(_SOURCE, lambda: content, encode) else encode()
 
 
 _NUMPY = RecordEncoder()

@@ -40,6 +40,7 @@ from contactlab.store.mcap.message_encoder import (
     state_groups,
     state_values,
 )
+from contactlab.store.mcap.record_encoder import as_numpy_writes
 from contactlab.store.mcap.trace_messages import (
     CONTACTS,
     EVIDENCE_TOPIC,
@@ -109,11 +110,16 @@ class TraceEncoder:
         counts = dict.fromkeys(start.topics, 0) | {EVIDENCE_TOPIC: 1}
         for group in groups:
             counts[start.topics[group.channel - 1]] += len(group.rows)
-        if form == "compact":
-            groups, times = compacted(groups, times, float(trace.timestep[run]))
-        last = len(times) - 1
-        groups.append(single_message(len(start.topics), last, int(times[last]), record_json))
-        return encode_file(start, interleave(groups, len(start.topics), times)), counts
+
+        def encoded() -> bytes:
+            parts, begins = groups, times
+            if form == "compact":
+                parts, begins = compacted(groups, times, float(trace.timestep[run]))
+            channels, last = len(start.topics), len(begins) - 1
+            record = single_message(channels, last, int(begins[last]), record_json)
+            return encode_file(start, interleave([*parts, record], channels, begins))
+
+        return as_numpy_writes(encoded), counts
 
     def _groups(self, run: int) -> Iterator[MessageGroup]:
         yield from state_groups(self._trace, self._states, run)
