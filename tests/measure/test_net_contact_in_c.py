@@ -138,14 +138,14 @@ def test_a_numpy_that_disagrees_stays(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "_reduced", other)
     block = np.random.default_rng(0).uniform(0.1, 1, (2, 30, 3, 23))
     block[..., FOUND] = 3
-    pair, rest = PairTrace("a-b", block, np.ones((2, 5))), (np.array([True, False]), np.ones(2))
+    pairs, rest = [PairTrace("a-b", block, np.ones((2, 5)))], (np.array([True, False]), np.ones(2))
     with pytest.warns(UserWarning, match="disagrees with NumPy") as said:
-        first = net_contact(pair, *rest)
+        first = net_contact(pairs, *rest, 30)
     assert len(said) == 1
     assert native.functions_of(SOURCE) is None
-    assert (first.series.normal == net_contact(pair, *rest).series.normal).all()
+    assert (first.series.normal == net_contact(pairs, *rest, 30).series.normal).all()
     monkeypatch.setenv(SWITCH, "off")
-    assert (first.series.normal == net_contact(pair, *rest).series.normal).all()
+    assert (first.series.normal == net_contact(pairs, *rest, 30).series.normal).all()
 
 
 @pytest.mark.slow
