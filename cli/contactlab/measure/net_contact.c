@@ -16,6 +16,8 @@ enum { NORMAL = 1, ALONG = 2, ACROSS = 3, DISTANCE = 7, FRAME = 11, SLIP = 18, T
 enum { FORCE, TANGENTIAL, USAGE, SPEED, LEAST, HARDEST, GRIP, ROLLING, SPINNING, SERIES };
 enum { EXCESS, DETACHED, FARTHEST, STANDOFF };
 
+enum { AHEAD = 8 }; /* steps by which slots are fetched before they are reduced */
+
 static const double forceless = 1e-9; /* As _FORCELESS. */
 
 typedef struct {
@@ -25,7 +27,7 @@ typedef struct {
   const int32_t* contacts;                    /* (n, N) filled slots, which come first */
   const double *friction, *stretch;           /* (n,) of the cone, as is the next */
   const uint8_t* elliptic;
-  double *series, *worst;                     /* (SERIES, n, N) and (4, n) */
+  double *series, *worst;                     /* (SERIES, n, N), zero, and (4, n) */
   double* room;                               /* for (3, S, N) and (6, S) numbers */
   uint8_t* left;                              /* (n,) whether a run is left to NumPy */
 } Pair;
@@ -213,14 +215,18 @@ static int reduce_run(const Pair* pair, int64_t run) {
   Columns columns = {steps, width, pair->room, pair->room + count, pair->room + 2 * count,
                      pair->room + 3 * count, 0, 0};
   memset(pair->room, 0, 3 * count * sizeof(double));
-  for (int64_t step = 0; step < steps; step++) {
-    const double* slot = pair->slots + run * pair->by_run + step * pair->by_step;
-    double now[SERIES] = {0};
-    for (int64_t each = 0; each < width * 23; each += 8) {
-      __builtin_prefetch(slot + 8 * pair->by_step + each);
+  const double* slot = pair->slots + run * pair->by_run;
+  for (int64_t step = 0; step < steps; step++, slot += pair->by_step) {
+    if (step + AHEAD < steps && contacts[step + AHEAD]) {
+      for (int64_t each = 0; each < width * 23; each += 8) {
+        __builtin_prefetch(slot + AHEAD * pair->by_step + each);
+      }
     }
-    if (contacts[step] &&
-        reduce_step(slot, pair->by_slot, contacts[step], step, &cone, &columns, now)) {
+    if (!contacts[step]) {
+      continue;
+    }
+    double now[SERIES];
+    if (reduce_step(slot, pair->by_slot, contacts[step], step, &cone, &columns, now)) {
       return 1;
     }
     for (int kind = 0; kind < SERIES; kind++) {
