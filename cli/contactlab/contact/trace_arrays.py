@@ -59,6 +59,17 @@ def squared_lengths(vectors: Floats) -> Floats:
     return square
 
 
+def median(values: Floats) -> Floats:
+    """Return (...) medians of values (..., T) as `np.median` does, in a third of its time."""
+    count = values.shape[-1]
+    if not count:
+        return np.full(values.shape[:-1], np.nan)
+    middle = slice((count - 1) // 2, count // 2 + 1)
+    ranked = np.partition(values, sorted({middle.start, middle.stop - 1, count - 1}), axis=-1)
+    # Numbers that are none come last.
+    return np.where(np.isnan(ranked[..., -1]), np.nan, ranked[..., middle].mean(axis=-1))
+
+
 def sum_of_slots(values: Floats, axis: int) -> Floats:
     """Return sums along slots, one after the other, so that empty ones change no bit."""
     return values.cumsum(axis=axis).take(-1, axis=axis)
@@ -182,6 +193,8 @@ class Trace(Told):
 
     def select(self, runs: Sequence[int], steps: int | None = None) -> "Trace":
         """Return the given runs, cut to their first `steps` steps; views where NumPy allows."""
+        if [*runs] == [*range(self.runs)] and steps in {None, self.steps}:
+            return self
         contiguous = range(runs[0], runs[-1] + 1)
         index = slice(runs[0], runs[-1] + 1) if list(runs) == list(contiguous) else list(runs)
         steps = self.steps if steps is None else steps
@@ -285,7 +298,8 @@ def motion_at_rest(velocity: Floats) -> Floats:
     late = velocity[..., 3 * velocity.shape[-2] // 4 :, :]
     change = np.diff(late, axis=-2, prepend=late[..., :1, :])
     turns = np.abs(np.diff(change, axis=-2, prepend=change[..., :1, :])) / 4
-    return np.stack((np.sqrt((late**2).mean(axis=-2)), np.median(turns, axis=-2)), axis=-2)
+    swing = median(np.swapaxes(turns, -1, -2))
+    return np.stack((np.sqrt((late**2).mean(axis=-2)), swing), axis=-2)
 
 
 class Invariants(NamedTuple):

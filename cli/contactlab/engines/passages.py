@@ -7,6 +7,7 @@ in a step is followed within it.
 """
 
 from collections.abc import Iterator
+from functools import lru_cache
 
 import mujoco
 import numpy as np
@@ -42,14 +43,7 @@ class Passages:
 
     def __init__(self, model: mujoco.MjModel, runs: int) -> None:
         """Look for passages in n runs; their geoms are those of one model."""
-        meeting = np.triu(may_touch(model), 1)
-        on = read_flag(model, "contact") and (meeting.any() or model.nflex)
-        half = _half_extents(model)
-        self._thinnest = half.min(initial=np.inf) if on else np.inf
-        self._lengths, self._reach = _lengths(model), reaches(model)
-        half[np.isin(model.geom_type, (_PLANE, _HFIELD))] = 0
-        self._least = _SLOW * (half[:, None] + half)
-        self._least[~meeting] = np.inf
+        self._thinnest, self._lengths, self._reach, self._least = _reach_of_steps(model)
         self.found = [tuple[Passage, ...]()] * runs
 
     def enter(self, run: int, model: mujoco.MjModel, starts: InitialStates, states: Floats) -> None:
@@ -163,6 +157,22 @@ class _Within:
     def _distance(self, pair: tuple[int, int]) -> float:
         mujoco.mj_kinematics(self._model, self._data)
         return mujoco.mj_geomDistance(self._model, self._data, *pair, 1e3, None)
+
+
+@lru_cache(maxsize=4)
+def _reach_of_steps(model: mujoco.MjModel) -> tuple[float, Floats, Floats, Floats]:
+    """Return the thinnest half extent, `_lengths`, `reaches`, and how far steps matter [m].
+
+    The last is (ngeom, ngeom) by how much a step must move two geoms at least.
+    """
+    meeting = np.triu(may_touch(model), 1)
+    on = read_flag(model, "contact") and (meeting.any() or model.nflex)
+    half = _half_extents(model)
+    thinnest = float(half.min(initial=np.inf)) if on else np.inf
+    half[np.isin(model.geom_type, (_PLANE, _HFIELD))] = 0
+    least = _SLOW * (half[:, None] + half)
+    least[~meeting] = np.inf
+    return thinnest, _lengths(model), reaches(model), least
 
 
 def _turns(rotation: Floats) -> Floats:

@@ -1,6 +1,6 @@
 """From what an engine recorded to a Trace, and its hash."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import fields
 
 import numpy as np
@@ -48,7 +48,7 @@ def make_trace(base: CompiledScene, models: Sequence[PreparedModel], rollout: Ro
         iterations_most=iterations.max(axis=2),
         momentum=_vector(sensors, layout.momentum, mass[:, None, None]),
         angular_momentum=_vector(sensors, layout.angular_momentum, np.ones((1, 1, 1))),
-        pairs=tuple(_pair_trace(base, models, rollout, index) for index in range(len(base.pairs))),
+        pairs=tuple(_pair_traces(base, models, rollout)),
         warnings=rollout.warnings,
         held=held,
         forces=sensors[:, :, layout.forces : layout.forces + model.nu],
@@ -71,17 +71,16 @@ def _vector(sensors: Floats, address: int | None, factor: Floats) -> Floats | No
     return None if address is None else sensors[:, :, address : address + 3] * factor
 
 
-def _pair_trace(
-    base: CompiledScene, models: Sequence[PreparedModel], rollout: Rollout, index: int
-) -> PairTrace:
-    pair, address = base.pairs[index], base.layout.pairs[index]
-    if rollout.slots is None:
-        block = rollout.sensors[:, :, address : address + pair.slots * SLOT_WIDTH]
-        slots = block.reshape(*block.shape[:2], pair.slots, SLOT_WIDTH)
-    else:
-        slots = rollout.slots[index]
-    return PairTrace(
-        name=pair.name,
-        slots=slots,
-        friction=np.array([each.pairs[pair.name].friction for each in models]),
+def _pair_traces(
+    base: CompiledScene, models: Sequence[PreparedModel], rollout: Rollout
+) -> Iterator[PairTrace]:
+    friction = np.array(
+        [[each.pairs[pair.name].friction for pair in base.pairs] for each in models]
     )
+    for index, (pair, address) in enumerate(zip(base.pairs, base.layout.pairs, strict=True)):
+        if rollout.slots is None:
+            block = rollout.sensors[:, :, address : address + pair.slots * SLOT_WIDTH]
+            slots = block.reshape(*block.shape[:2], pair.slots, SLOT_WIDTH)
+        else:
+            slots = rollout.slots[index]
+        yield PairTrace(pair.name, slots, friction[:, index])

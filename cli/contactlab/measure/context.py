@@ -1,6 +1,5 @@
 """What a metric or a label reads: a trace, its setup, its pair series, and shared results."""
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, fields
 from functools import cached_property, wraps
@@ -132,7 +131,10 @@ def context_of(trace: Trace, setup: Setup, checks: SelfChecks | None = None) -> 
 
 def rows_of(trace: Trace) -> tuple[list[int], NDArray[np.intp]]:
     """Return the place of the pair of each row, and the row of each pair."""
-    touched = np.array([pair.found.any() for pair in trace.pairs], np.bool_)
+    # Those that never touch may share one array.
+    slots = {id(pair.slots): pair for pair in trace.pairs}
+    touches = {key: pair.found.any() for key, pair in slots.items()}
+    touched = np.array([touches[id(pair.slots)] for pair in trace.pairs], np.bool_)
     alone = runs_where(~touched)[-1:]
     places = sorted([*runs_where(touched), *alone])
     return places, np.searchsorted(places, np.where(touched, np.arange(len(touched)), alone or 0))
@@ -172,26 +174,19 @@ def bearing(context: Context) -> NDArray[np.bool_]:
     return context.net.series.normal > 0
 
 
-@cached
-def _speeds(context: Context) -> Floats:
-    """Return (nv, n, N + 1) the velocity, each degree of freedom contiguous in time."""
-    velocity = context.trace.qvel
-    speeds = np.empty((velocity.shape[2], *velocity.shape[:2]))
-    for run, rows in enumerate(velocity):  # One by one, since the rows of a run fit into the cache.
-        speeds[:, run] = rows.T
-    return speeds
-
-
-def squares_from(context: Context, place: int) -> Floats:
-    """Return (B, n, N + 1) squares of three speeds of each free body, from its place-th on."""
-    dofs = np.array([body.dof for body in context.setup.free_bodies], np.intp)
-    return squared_lengths(np.moveaxis(_speeds(context)[dofs[:, None] + place + range(3)], 1, -1))
+def squares_from(states: Floats, starts: Sequence[int], width: int = 3) -> Floats:
+    """Return (B, n, T) squared lengths of vectors that start at some places of states (n, T, k)."""
+    places = np.array(starts, np.intp)[:, None] + range(width)
+    squares = np.empty((len(starts), *states.shape[:2]))
+    for run, rows in enumerate(states):  # One by one, since the rows of a run fit into the cache.
+        squares[:, run] = squared_lengths(np.moveaxis(rows.T[places], 1, -1))
+    return squares
 
 
 @cached
 def squared_speeds(context: Context) -> Floats:
     """Return (B, n, N + 1) the squared speed of each free body's frame [m^2/s^2]."""
-    return squares_from(context, 0)
+    return squares_from(context.trace.qvel, [body.dof for body in context.setup.free_bodies])
 
 
 @cached
@@ -312,23 +307,9 @@ def hold_seconds(context: Context) -> Floats:
     return np.where(steps > 0, steps, np.nan) * context.trace.timestep
 
 
-def median(values: Floats) -> Floats:
-    """Return (...) medians of values (..., T) as `np.median` does, in a third of its time."""
-    count = values.shape[-1]
-    if not count:
-        return np.full(values.shape[:-1], np.nan)
-    middle = slice((count - 1) // 2, count // 2 + 1)
-    ranked = np.partition(values, sorted({middle.start, middle.stop - 1, count - 1}), axis=-1)
-    # Numbers that are none come last.
-    return np.where(np.isnan(ranked[..., -1]), np.nan, ranked[..., middle].mean(axis=-1))
-
-
 def count(mask: NDArray[np.bool_]) -> NDArray[np.intp]:
-    """Return (...) in how many steps a mask (..., N) holds."""
-    *shape, steps = mask.shape
-    # Row by row: NumPy counts whole arrays many times faster than along an axis.
-    rows = mask.reshape(math.prod(shape), steps)
-    return np.array([np.count_nonzero(row) for row in rows], np.intp).reshape(shape)
+    """Return (...) in how many steps a mask (..., N) holds, faster than by a sum."""
+    return np.bitwise_count(np.packbits(mask, axis=-1)).sum(axis=-1, dtype=np.intp)
 
 
 def share(mask: NDArray[np.bool_]) -> Floats:

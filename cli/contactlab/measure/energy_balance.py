@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from contactlab.contact.trace_arrays import ACTUATORS, CONSTRAINTS, OTHERS, Floats
+from contactlab.contact.trace_arrays import ACTUATORS, CONSTRAINTS, OTHERS, Floats, median
 from contactlab.measure.amounts import part_of
 from contactlab.measure.context import (
     Context,
@@ -80,7 +80,7 @@ def integration_loss(context: Context) -> Floats:
 
     The median of the last quarter, since steps give and take in turn where springs swing.
     """
-    return -np.median(_unexplained(context)[:, 3 * context.trace.steps // 4 :], axis=1)
+    return -median(_unexplained(context)[:, 3 * context.trace.steps // 4 :])
 
 
 @metric("1", "lower", 1e-9, kind="detail", requires="energy")

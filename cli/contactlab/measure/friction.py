@@ -17,6 +17,7 @@ from contactlab.contact.trace_arrays import (
     STICK,
     TORQUE,
     Floats,
+    median,
     squared_lengths,
 )
 from contactlab.measure.context import (
@@ -26,7 +27,6 @@ from contactlab.measure.context import (
     count,
     hold_seconds,
     hold_window,
-    median,
     name_of_worst,
     runs_where,
     share,

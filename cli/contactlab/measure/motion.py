@@ -185,7 +185,8 @@ def actuator_effort(context: Context) -> Floats:
 @metric("rad", resolution=1e-9)
 def turn(context: Context) -> Floats:
     """Angular speed summed over time of the free body that turns most."""
-    angles = np.sqrt(squares_from(context, 3))[..., 1:].sum(axis=-1)
+    starts = [body.dof + 3 for body in context.setup.free_bodies]
+    angles = np.sqrt(squares_from(context.trace.qvel, starts))[..., 1:].sum(axis=-1)
     return worst_body(context, angles) * context.trace.timestep
 
 

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contactlab.contact.rotations import rotate
-from contactlab.contact.trace_arrays import DISTANCE, NORMAL, Floats
+from contactlab.contact.trace_arrays import DISTANCE, NORMAL, Floats, median
 from contactlab.contact.trace_setup import Barrier
 from contactlab.measure.context import (
     Context,
@@ -12,7 +12,6 @@ from contactlab.measure.context import (
     contact_depths,
     count,
     first_step,
-    median,
     name_of_worst,
     runs_where,
     share,

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from contactlab.measure.context import Context, energy, first_step, runs_where
+from contactlab.measure.context import Context, energy, first_step, runs_where, squares_from
 from contactlab.measure.entries import LABELS, Finding, Found, Label, MeasuredRuns, Threshold, label
 
 LABELS.add(Label("crashed", "The process that simulated the run died.", 100, voids=True))
@@ -95,13 +95,15 @@ def _clock(runs: MeasuredRuns) -> Found:
 def _quaternions(runs: MeasuredRuns) -> Found:
     limit = runs.limits["quaternion_error"]
     low, high = (1 - limit) ** 2, (1 + limit) ** 2
-    for start in runs.context.setup.quaternions:
-        w, x, y, z = (runs.context.trace.qpos[:, :, start + part] for part in range(4))
-        square = w * w + x * x + y * y + z * z
-        unit = (square.min(axis=1) >= low) & (square.max(axis=1) <= high)
-        for run in runs_where(~unit & np.isfinite(square).all(axis=1)):
-            state = first_step((square[run] < low) | (square[run] > high))
-            reason = f"the quaternion at qpos {start} has norm {np.sqrt(square[run, state]):.4g}"
+    starts = runs.context.setup.quaternions
+    squares = squares_from(runs.context.trace.qpos, starts, 4)
+    unit = (squares.min(axis=2) >= low) & (squares.max(axis=2) <= high)
+    for place, run in np.argwhere(~unit).tolist():
+        square = squares[place, run]
+        if np.isfinite(square).all():
+            state = first_step((square < low) | (square > high))
+            norm = f"{np.sqrt(square[state]):.4g}"
+            reason = f"the quaternion at qpos {starts[place]} has norm {norm}"
             yield run, Finding(reason, max(state - 1, 0))
 
 

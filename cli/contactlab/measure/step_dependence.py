@@ -19,6 +19,7 @@ from contactlab.measure.context import (
     kinetic,
     peak_kinetic,
     runs_where,
+    squared_speeds,
 )
 from contactlab.measure.energy_balance import LOSS, constraint_loss
 from contactlab.measure.entries import (
@@ -127,11 +128,12 @@ def suspects(context: Context) -> NDArray[np.bool_]:
     found |= _abrupt(context)
     changes = (np.diff(trace.contacts[:, : trace.steps // 2]) != 0).sum(axis=1)
     rattles = changes > _RATTLES * trace.steps / 2
-    for body in context.setup.free_bodies:
-        speed = np.sqrt(squared_lengths(context.velocity(body)))
+    squares = squared_speeds(context)
+    early = squares[..., : 1 + trace.steps // 10]
+    first, fastest = (np.sqrt(each.max(axis=2)) for each in (early, squares))
+    for body, rested in zip(context.setup.free_bodies, first < 0.01 * fastest, strict=True):
         # What falls or rolls from the start was not at rest.
-        rested = speed[:, : 1 + trace.steps // 10].max(axis=1) < 0.01 * speed.max(axis=1)
-        far = np.linalg.norm(context.displacement(body), axis=1) > size
+        far = np.sqrt(squared_lengths(context.displacement(body))) > size
         found |= (rested | rattles) & far & (trace.contacts[:, :1] > 0).any(axis=1)
     return found
 

@@ -92,9 +92,9 @@ def make_setup(
         steered=any(drive_word(run.drive) not in _STEADY for run in runs),
         passive=passive,
         conservative=passive and all(map(is_conservative, distinct)),
-        quaternions=quaternions(base.model),
         free_bodies=tuple(bodies.values()),
         barriers=tuple(_barriers(base, bodies)),
+        **_of_base(base),
         **_of_pairs(base, models[0]),
         slots=np.array([pair.slots for pair in base.pairs], np.int32),
         duration=np.array([run.duration for run in runs]),
@@ -105,9 +105,14 @@ def make_setup(
         oracle_tolerance=oracle.tolerance if oracle else np.inf,
         thresholds={**(manifest.thresholds if manifest else {}), **thresholds},
         hold=HoldWindow(*np.transpose(windows)) if holding else None,
-        mechanism=find_mechanism(base.model),
         springs=any(each.jnt_stiffness.any() or each.tendon_stiffness.any() for each in distinct),
     )
+
+
+@lru_cache(maxsize=4)
+def _of_base(base: CompiledScene) -> Mapping[str, Any]:
+    """Return what the setup says of the parts of the model, which runs of a structure share."""
+    return {"quaternions": quaternions(base.model), "mechanism": find_mechanism(base.model)}
 
 
 @lru_cache(maxsize=4)
@@ -169,39 +174,51 @@ def _is_pushed(manifest: SceneManifest | None, runs: Sequence[ResolvedRun]) -> b
 
 def _free_bodies(models: Sequence[mujoco.MjModel]) -> dict[int, FreeBody]:
     model = models[0]
+    masses = np.array([each.body_subtreemass for each in models])
+    weights = np.array([each.dof_invweight0 for each in models])
     bodies: dict[int, FreeBody] = {}
     for joint in np.flatnonzero(model.jnt_type == _JOINT.mjJNT_FREE):
         body = int(model.jnt_bodyid[joint])
         places = int(model.jnt_qposadr[joint]), int(model.jnt_dofadr[joint])
-        mass = np.array([each.body_subtreemass[body] for each in models])
+        mass = masses[:, body].copy()
         # Of three inverse masses, whose mean is known, two are at least that of the whole.
-        share = 1 / (3 * np.array([each.dof_invweight0[places[1]] for each in models]) * mass - 2)
+        share = 1 / (3 * weights[:, places[1]] * mass - 2)
         bodies[body] = FreeBody(name_of(model, "body", body), *places, mass, share)
     return bodies
 
 
 def _barriers(base: CompiledScene, bodies: Mapping[int, FreeBody]) -> Iterator[Barrier]:
     """Yield the planes and boxes, fixed to the world, that free bodies can touch."""
+    for root, wall in _walls(base):
+        if body := bodies.get(root):
+            yield Barrier(body=body, **wall)
+
+
+@lru_cache(maxsize=4)
+def _walls(base: CompiledScene) -> list[tuple[int, Mapping[str, Any]]]:
+    """Return the body that each may stop, and the rest of what a barrier says of it."""
     model = base.model
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
+    walls = list[tuple[int, Mapping[str, Any]]]()
     for index, pair in enumerate(base.pairs):
         for wall, other in ((0, 1), (1, 0)):
             geom, mover = pair.geoms[wall][0], pair.geoms[other][0]
+            kind, size = int(model.geom_type[geom]), model.geom_size[geom]
             still = model.body_weldid[model.geom_bodyid[geom]] == 0
-            root = int(model.body_weldid[model.geom_bodyid[mover]])
-            body = bodies.get(root)
-            if pair.bodies or not still or body is None:
+            if pair.bodies or not still or kind not in (_GEOM.mjGEOM_PLANE, _GEOM.mjGEOM_BOX):
                 continue
+            root = int(model.body_weldid[model.geom_bodyid[mover]])
             point, axes = data.geom_xpos[geom].copy(), data.geom_xmat[geom].reshape(3, 3)
-            offset = data.geom_xpos[mover] - data.xpos[root]
-            centre, size = rotate_back(data.xquat[root], offset), model.geom_size[geom]
-            if int(model.geom_type[geom]) == _GEOM.mjGEOM_PLANE:
-                yield Barrier(index, body, point, axes[:, 2].copy(), np.inf, centre)
-            elif int(model.geom_type[geom]) == _GEOM.mjGEOM_BOX:
+            centre = rotate_back(data.xquat[root], data.geom_xpos[mover] - data.xpos[root])
+            thin, reach = 2, np.inf
+            if kind == _GEOM.mjGEOM_BOX:
                 thin = int(np.argmin(size))
                 reach = float(np.delete(size, thin).min())
-                yield Barrier(index, body, point, axes[:, thin].copy(), reach, centre)
+            normal = axes[:, thin].copy()
+            said = {"point": point, "normal": normal, "reach": reach, "centre": centre}
+            walls.append((root, {"pair": index, **said}))
+    return walls
 
 
 def _thicknesses(base: CompiledScene) -> Floats:
