@@ -35,7 +35,10 @@ assert glfw.get_version()
 assert "glfw.library" in sys.modules
 """
 ARROW = """
+from importlib.metadata import distributions
+before = [each.name for each in distributions()]
 import contactlab.startup
+assert [each.name for each in distributions()] == before
 import pyarrow as pa
 import pyarrow.compute as pc
 assert pa.compute is pc

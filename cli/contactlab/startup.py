@@ -53,17 +53,16 @@ class _LaterLoader(SourceFileLoader):
         pass
 
 
-class _LaterFinder(PathFinder):
+class _LaterFinder:
     """Finds such modules as they are imported; to run them, they are reloaded as others are."""
 
-    @classmethod
+    @staticmethod
     def find_spec(
-        cls, fullname: str, path: Sequence[str] | None = None, target: ModuleType | None = None
+        name: str, path: Sequence[str] | None, target: ModuleType | None = None
     ) -> ModuleSpec | None:
-        is_later = fullname in _LATER and target is None
-        found = super().find_spec(fullname, path) if is_later else None
+        found = PathFinder.find_spec(name, path) if name in _LATER and target is None else None
         if found is not None:
-            found.loader = _LaterLoader(fullname, str(found.origin))
+            found.loader = _LaterLoader(name, str(found.origin))
         return found
 
 
