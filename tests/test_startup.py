@@ -87,6 +87,16 @@ import os
 os.write(2, b"started\\n")
 os.register_at_fork(before=lambda: os.write(2, b"forked\\n"))
 """
+# A plug-in with a thread, which waits as long as its process lives.
+THREADED = """
+import threading
+from contactlab.measure import metric
+threading.Thread(target=threading.Event().wait, daemon=True).start()
+@metric(unit="1")
+def nothing(context):
+    \"\"\"Nothing.\"\"\"
+    return context.trace.timestep
+"""
 # Prints what a worker loads that the server had not; a process needs two modules to become one.
 LOADED = """
 import os, sys
@@ -167,6 +177,13 @@ def test_a_command_loads_no_more_than_it_prints(folder: Path) -> None:
 def test_all_is_loaded_once(folder: Path) -> None:
     """Forked are the resource tracker, the server, and from it a worker."""
     assert starts(folder, "-o", "store", "--workers", "2") == ["started", *["forked"] * 3]
+
+
+def test_workers_are_forked_before_others_start_threads(folder: Path) -> None:
+    """A fork has none of them, but what they hold; without plug-ins it has all that was planned."""
+    (folder / "busy.py").write_text(THREADED)
+    arguments = ("-o", "store", "--workers", "1", "--plugin", "busy.py")
+    assert starts(folder, *arguments) == ["started", *["forked"] * 3]
 
 
 def test_what_runs_nothing_forks_nothing(folder: Path) -> None:
