@@ -24,7 +24,7 @@ _OUTCOMES: dict[Level, CheckOutcome] = {"gate": "failed", "warn": "warned", "not
 
 def verdict_counts(verdicts: Verdicts) -> dict[Verdict, int]:
     """Return the number of each verdict that occurs."""
-    counts = np.bincount(verdicts, minlength=len(NAMES)).tolist()
+    counts = [int(np.count_nonzero(verdicts == code)) for code in range(len(NAMES))]
     return {name: count for name, count in zip(NAMES, counts, strict=True) if count}
 
 

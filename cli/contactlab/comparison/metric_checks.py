@@ -70,7 +70,8 @@ def metric_checks(paired: PairedStores) -> Iterator[Check]:
                 yield subject.skipped(reason or "")
             else:
                 rows = np.flatnonzero(member)
-                before, after = (each.at(rows) for each in columns)
+                whole = len(rows) == len(member)
+                before, after = columns if whole else (each.at(rows) for each in columns)
                 yield MetricPairs(paired, rows, before, after, exempt[rows]).check(subject, rule)
 
 
@@ -110,9 +111,10 @@ class MetricPairs:
         runs = int(applies.sum())
         if not runs:
             return subject.check(verdicts[:0], "applies to no run")
-        before, after = self.baseline.values[both], self.candidate.values[both]
+        known = slice(None) if both.all() else both
+        before, after = self.baseline.values[known], self.candidate.values[known]
         if rule.statistic == "each":
-            verdicts[both] = judge(rule, before, after)
+            verdicts[known] = judge(rule, before, after)
             message = _format_counts(verdicts, runs) or f"within {format_percent(rule.rel)}"
             return subject.check(verdicts[applies], message, self._worst(rule, verdicts))
         judged = verdicts[applies & ~both]
@@ -127,18 +129,14 @@ class MetricPairs:
     def _worst(self, rule: EffectiveRule, verdicts: Verdicts) -> list[RunPair]:
         """Return the pairs of the worst verdict that are farthest beyond the tolerance."""
         least = CHANGED if rule.better == "none" else WORSE
-        shown = verdicts >= least if (verdicts >= least).any() else verdicts != SAME
-        if not shown.any():
-            return []
-        baseline, candidate = self.baseline.values, self.candidate.values
+        shown = np.flatnonzero(verdicts >= least)
+        shown = shown if len(shown) else np.flatnonzero(verdicts)
+        baseline, candidate = self.baseline.values[shown], self.candidate.values[shown]
         with np.errstate(all="ignore"):
             excess = np.abs(candidate - baseline) / allowed_change(rule, baseline)
         # Less than 1, so that it only orders pairs of equal verdict.
         ordering = np.nan_to_num(excess / _MOST_EXCESS, nan=0, posinf=0.5).clip(0, 0.5)
-        score = np.where(shown, verdicts + ordering, 0)
-        count = min(MOST_SHOWN, int(shown.sum()))
-        worst = np.argpartition(-score, count - 1)[:count]
-        worst = worst[np.argsort(-score[worst], kind="stable")]
+        worst = shown[np.argsort(-(verdicts[shown] + ordering), kind="stable")[:MOST_SHOWN]]
         return self.paired.run_pairs(
             self.indices[worst].tolist(),
             [_value(self.baseline, index) for index in worst.tolist()],

@@ -161,8 +161,9 @@ class RunColumns:
         """Yield what rows hold in some columns, a row group at a time, and in it each once."""
         with table_errors(self.path):
             for group in range(self._file.num_row_groups):
-                part = self._file.read_row_group(group, columns=[*names])
-                yield from part.group_by([*names], use_threads=False).aggregate([]).to_pylist()
+                columns = self._file.read_row_group(group, columns=[*names]).to_pydict()
+                for values in dict.fromkeys(zip(*columns.values(), strict=True)):
+                    yield dict(zip(columns, values, strict=True))
 
     def row(self, index: int) -> dict[str, Any]:
         """Return one row of the table, reading no more than its row group."""
