@@ -74,11 +74,11 @@ import contactlab.startup
 import json
 from contactlab.store.store_writer import StoreWriter
 append = StoreWriter.append
-def watched(writer, rows):
+def watched(writer, rows, shared=b""):
     for row in rows:
         assert None not in json.loads(row).values()
         print(len(row))
-    append(writer, rows)
+    append(writer, rows, shared)
 StoreWriter.append = watched
 """
 # Prints a line for each Python that starts, and one for each process that is forked from it.

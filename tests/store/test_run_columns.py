@@ -35,6 +35,10 @@ def test_columns_are_the_rows(store: Path) -> None:
     assert columns.place_of("none") is None
     distinct = [tuple(row.values()) for row in columns.distinct(["label", "seed"])]
     assert {*distinct} == {(row["label"], row["seed"]) for row in rows}
+    for first in ("trace_file", "status_reason", "seed"):
+        given = [{name: row[name] for name in (first, "label")} for row in rows]
+        present = [row for row in given if row[first] is not None]
+        assert [*columns.present([first, "label"])] == present
     assert columns.byte_strings("run_id").tolist() == [row["run_id"].encode() for row in rows]
     assert columns.identify([2, 0]) == [
         {name: rows[place][name] for name in ("run_id", "seed", "timestep")} for place in (2, 0)

@@ -165,6 +165,14 @@ class RunColumns:
                 for values in dict.fromkeys(zip(*columns.values(), strict=True)):
                     yield dict(zip(columns, values, strict=True))
 
+    def present(self, names: Sequence[str]) -> Iterator[dict[str, Any]]:
+        """Yield what rows hold in some columns where the first is not null, likewise."""
+        with table_errors(self.path):
+            for group in range(self._file.num_row_groups):
+                part = self._file.read_row_group(group, columns=[*names]).select([*names])
+                is_there = compute("is_valid", part.column(0))
+                yield from compute("filter", part, is_there).to_pylist()
+
     def row(self, index: int) -> dict[str, Any]:
         """Return one row of the table, reading no more than its row group."""
         with table_errors(self.path):

@@ -90,10 +90,8 @@ def _read(lines: BinaryIO, spans: NDArray[np.void], schema: pa.Schema) -> pa.Tab
     shared = spans[firsts]
     shared["start"], shared["size"] = shared["shared"], shared["shared_size"]
     said = pa.concat_tables([_parsed(block, schema) for block in _blocks(lines, shared)])
-    pairs = zip(own.columns, said.take(pa.array(places)).columns, strict=True)
-    columns = [
-        b if a.null_count == len(a) else pc.call_function("coalesce", [a, b]) for a, b in pairs
-    ]
+    pairs = zip(own.columns, compute("take", said, pa.array(places)).columns, strict=True)
+    columns = [b if a.null_count == len(a) else compute("coalesce", a, b) for a, b in pairs]
     return pa.table(columns, schema=schema)
 
 

@@ -91,10 +91,8 @@ def damaged_traces(store: Store) -> Iterator[str]:
     if store.manifest.traces_left_out:
         return
     left = _READ_BYTES
-    for trace in store.columns.distinct(("trace_file", "trace_bytes", "trace_sha256")):
+    for trace in store.columns.present(("trace_file", "trace_bytes", "trace_sha256")):
         file, expected, sha256 = trace.values()
-        if file is None:
-            continue
         left -= expected or 0
         size = store.backend.trace_size(file)
         if size is None:
