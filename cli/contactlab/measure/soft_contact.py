@@ -52,6 +52,8 @@ def restitution_measured(context: Context) -> Floats:
 def _bounces(context: Context, barrier: Barrier) -> tuple[Rows, Floats]:
     """Return run and restitution of the impacts that count, in order of run and time."""
     touches, rank = _first_touches(context, barrier)
+    if not rank.size:
+        return rank, np.empty(0)
     approach, rebound = _speeds(context, barrier, touches)
     first = np.zeros(context.trace.runs)
     first[touches.run[rank == 0]] = np.nan_to_num(approach[rank == 0])
