@@ -17,7 +17,14 @@ from contactlab.plan.grid import Plan
 from contactlab.plan.overrides import Overrides
 from contactlab.plan.sweep_file import read_sweep
 from contactlab.run.forecast import forecast
-from contactlab.run.planned_runs import JOB_BYTES, LEAST_WORK, MAX_RUNS, RunIndex, pack_jobs
+from contactlab.run.planned_runs import (
+    JOB_BYTES,
+    LEAST_WORK,
+    MAX_RUNS,
+    SMALL_WORK,
+    RunIndex,
+    pack_jobs,
+)
 from contactlab.run.sweep_request import SceneLoader
 from contactlab.run.tasks import PlannedRun
 from contactlab.scene.resolution import ResolvedRun
@@ -102,9 +109,10 @@ def _check_jobs(left: list[tuple[PlannedRun, ResolvedRun]], scene: Scene, worker
         assert len({(*run.structure.values(), run.steps) for run in each}) == 1
         model, steps = scene.base_of(each[0]).model, each[0].steps
         assert len(job) == 1 or len(job) * bytes_of_run(model, steps) <= JOB_BYTES
-        # As many as give each worker four jobs, or as take next to no time.
-        quick = LEAST_WORK // (steps * model.nv**2)
-        assert len(job) <= max(1, min(MAX_RUNS, max(quick, len(left) // (4 * max(1, workers)))))
+        # As many as give each worker four jobs, or one if they are quick, or as take no time.
+        work, workers = steps * model.nv**2, max(1, workers)
+        quick = max(LEAST_WORK // work, min(SMALL_WORK // work, -(-len(left) // workers)))
+        assert len(job) <= max(1, min(MAX_RUNS, max(quick, len(left) // (4 * workers))))
 
 
 def test_short_runs_share_a_job(sweeper: Any) -> None:

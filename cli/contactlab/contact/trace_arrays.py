@@ -93,6 +93,11 @@ class PairTrace:
         """(n, N) contacts of this pair that matched, which may exceed the slots."""
         return self.slots[:, :, 0, FOUND].astype(np.int32, order="C")
 
+    @cached_property
+    def touched(self) -> NDArray[np.bool_]:
+        """(n,) whether the pair had a contact at any time."""
+        return np.asarray(self.found.any(axis=1))
+
     @property
     def touching(self) -> NDArray[np.bool_]:
         """(n, N, S) whether a slot holds a contact."""

@@ -193,7 +193,7 @@ def recorded(
         *arrays.rows(slice(count)),
         steps=_valid_steps(arrays.state[:count, :, 0]),
         cost=cost,
-        warnings=tuple(map(_warnings, warnings)),
+        warnings=tuple(map(_warnings, warnings)) if warnings.any() else ({},) * count,
         errors=tuple(errors[:count]),
         controls=tuple(controls),
     )

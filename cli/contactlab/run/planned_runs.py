@@ -39,8 +39,9 @@ from contactlab.store.store_files import SCENES, Address
 
 # Runs of a job at most: of short ones as many as have so many steps, so that they share more.
 MAX_RUNS, _FEW_RUNS, _SHORT_STEPS = 512, 32, 1 << 13
-# Steps of a job, times the square of the degrees of freedom, from which on its own costs are small.
-LEAST_WORK = 1 << 19
+# Steps of a job, times the square of the degrees of freedom: from the second on, what a job takes
+# by itself is small; below the first it is more than what an idle worker would save.
+LEAST_WORK, SMALL_WORK = 1 << 19, 1 << 22
 # Recorded states and sensors of a job; with temporary arrays a worker needs three times as much.
 JOB_BYTES = 64 << 20
 RUN_BYTES = 1 << 30
@@ -124,9 +125,9 @@ class RunIndex:
             for index, seed in enumerate(row.seeds, row.first):
                 run_id = self._ids[ID_BYTES * index : ID_BYTES * (index + 1)].hex()
                 if distinct[index] and run_id not in done:
-                    resolved = resolved or self._rows.row(row.values)
+                    resolved = resolved or self._rows.row(row.values).resolved(seed)
                     run = PlannedRun(index, run_id, row.values, seed)
-                    yield run, resolved.resolved(seed)
+                    yield run, resolved.seeded(seed)
 
     def rows(self) -> Iterator[tuple[ResolvedRow, int]]:
         """Yield the settings of rows, each with the number of its distinct runs."""
@@ -200,22 +201,24 @@ def pack_jobs(
     Each worker gets several jobs, which become smaller towards the end, so that none has a large
     one while the others have none.
     """
-    most = count // (4 * max(1, workers))
+    most, fair = count // (4 * max(1, workers)), -(-count // max(1, workers))
     shares = 2 * workers if workers > 1 else 1
     waiting: dict[Key, list[PlannedRun]] = {}
     bounds: dict[Key, tuple[int, int]] = {}
+    key, settings = Key(), None
     for taken, (run, resolved) in enumerate(runs):
-        sleep = resolved.flags.get("sleep")
-        structure = resolved.structure.items()
-        key = (*structure, resolved.steps, resolved.engine, sleep, resolved.without)
+        if resolved.settings is not settings:  # Runs that differ only in their seed share them.
+            sleep, settings = resolved.flags.get("sleep"), resolved.settings
+            structure = resolved.structure.items()
+            key = (*structure, resolved.steps, resolved.engine, sleep, resolved.without)
         if key not in bounds:
-            base = scene.base_of(resolved)
-            size = bytes_of_run(base.model, resolved.steps)
-            short, least = _SHORT_STEPS // resolved.steps, _least_runs(base, resolved.steps)
+            base, steps = scene.base_of(resolved), resolved.steps
+            size, work = bytes_of_run(base.model, steps), steps * max(1, base.model.nv) ** 2
+            short, least = _SHORT_STEPS // steps, min(SMALL_WORK // work, fair)
             if isinstance(resolved.drive, PolicyDrive) or resolved.engine == LOOP_ENGINE:
                 short = least = 0
             bound = min(MAX_RUNS, max(_FEW_RUNS, short), JOB_BYTES // size, _max_models(base))
-            least = max(1, min(bound, least))
+            least = max(1, min(bound, max(least, LEAST_WORK // work)))
             bounds[key] = least, max(least, min(bound, most))
         group = waiting.setdefault(key, [])
         group.append(run)
@@ -225,11 +228,6 @@ def pack_jobs(
         elif len(waiting) > _MAX_OPEN:
             yield tuple(waiting.pop(next(iter(waiting))))
     yield from (tuple(group) for group in waiting.values())
-
-
-def _least_runs(base: CompiledScene, steps: int) -> int:
-    """Return how many runs take so long that what a job takes beside them is little."""
-    return LEAST_WORK // (steps * max(1, base.model.nv) ** 2)
 
 
 def _max_models(base: CompiledScene) -> int:
@@ -281,7 +279,9 @@ class Preparer:
 
     def plans(self, job: Job) -> list[RunPlan]:
         """Return settings, model and initial state of each run of a job of one structure."""
-        resolved = [self._rows.row(run.values).resolved(run.seed) for run in job]
+        rows = {id(run.values): run for run in job}
+        first = {key: self._rows.row(run.values).resolved(0) for key, run in rows.items()}
+        resolved = [first[id(run.values)].seeded(run.seed) for run in job]
         starts = self.scene.starts(resolved)
         initial = [self._acted_on(run, starts.pick(place)) for place, run in enumerate(job)]
         keys: dict[int, str] = {}  # of the models of runs that share their values

@@ -111,7 +111,7 @@ def _motion(trace: Trace, run: int, name: str) -> str | None:
     """Return the first motion in a contact that a friction effect would oppose."""
     word, unit, least, *_ = _MOTIONS[name]
     found: list[tuple[int, str, float]] = []
-    for pair in (each for each in trace.pairs if each.found[run].any()):
+    for pair in (each for each in trace.pairs if each.touched[run]):
         speed = _speed(pair.slots[run], name)
         steps = np.flatnonzero(speed > least)
         found += [(step, pair.name, float(speed.max())) for step in steps[:1].tolist()]

@@ -94,7 +94,8 @@ class InitialStates(NamedTuple):
 
     def pick(self, run: int) -> "InitialStates":
         """Return the initial state of one run, n being 1."""
-        return self.rows([run])
+        picked = {name: getattr(self, name)[run : run + 1] for name in PARTS}
+        return self._replace(**picked, signals=(self.signals[run],))
 
     def rows(self, runs: Sequence[int]) -> "InitialStates":
         """Return the initial states of some runs."""
@@ -234,15 +235,16 @@ def initial_states(
 ) -> InitialStates:
     """Return the initial states for each run's initial values, seed, and factor of its offsets."""
     states = np.tile(rule.state, (len(runs), 1))
+    places, sizes = [*rule.perturbed], np.array([*rule.perturbed.values()])
+    formulas = [(formula, list(indices)) for formula, indices in rule.formulas]
     for row, (initial, seed, factor) in zip(states, runs, strict=True):
         if rule.recorded:
             start = rule.recorded.start(initial[RECORDED_RUN])
             np.copyto(row[: len(start)], start, where=np.isfinite(start))
-        for formula, indices in rule.formulas:
-            row[list(indices)] = computed(formula, initial)
-        if rule.perturbed and factor:
-            offsets = np.random.default_rng(seed).uniform(-1, 1, len(rule.perturbed))
-            row[[*rule.perturbed]] += np.array([*rule.perturbed.values()]) * factor * offsets
+        for formula, indices in formulas:
+            row[indices] = computed(formula, initial)
+        if places and factor:
+            row[places] += sizes * factor * np.random.default_rng(seed).uniform(-1, 1, len(places))
     # Dividing by a norm of exactly 1 would be harmless; of 1 + 1e-16, it would change bits.
     for address in rule.quaternions if rule.formulas or rule.perturbed else ():
         part = states[:, address : address + 4]

@@ -73,6 +73,13 @@ class ResolvedRun:
         """Structure, settings and initial values in one table."""
         return {**self.structure, **self.settings, **self.initial}
 
+    def seeded(self, seed: int) -> "ResolvedRun":
+        """Return the same run of another seed."""
+        before = self.structure, self.settings, self.changed, self.flags, self.initial
+        # Three times as fast as `replace`.
+        after = self.duration, self.effect_request, self.without, self.drive
+        return ResolvedRun(*before, seed, *after)
+
     def edits(self) -> dict[str, object]:
         """Return the settings, flags and effects to write into the compiled scene's model."""
         # Model fields go last: they are more particular than the settings that write them too.
