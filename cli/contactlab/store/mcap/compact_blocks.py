@@ -23,6 +23,7 @@ from contactlab.store.mcap.record_encoder import (
     Bytes,
     Integers,
     Items,
+    Records,
     Unsigned,
     overlapping,
     overlapping_numbers,
@@ -42,6 +43,7 @@ from contactlab.store.mcap.trace_messages import (
     MessageLayout,
     contacts_record,
     last_state_record,
+    message_head,
     point_counts,
     state_record,
 )
@@ -56,27 +58,46 @@ _MOST_GROWTH = 4
 
 
 def compacted(
-    groups: Sequence[MessageGroup], times: Times, timestep: float
+    records: Sequence[Records], times: Times, timestep: float
 ) -> tuple[list[MessageGroup], Times]:
     """Return the messages of (N + 1,) times as blocks, and the (B,) times at which these start."""
     sizes = np.zeros(len(times), np.int64)
-    for group in groups:
-        sizes[group.rows] += group.layout.size
+    for each in records:
+        sizes[each.rows] += each.layout.size
     starts = np.flatnonzero(np.diff(np.cumsum(sizes) // BLOCK_SIZE, prepend=-1))
-    parts: dict[tuple[int, int], list[bytes | memoryview]] = defaultdict(list)
-    for group in groups:
-        size, count = group.layout.size, len(group.rows)
-        records = SCRATCH.take("block", count * size)
-        group.write(records, np.arange(count) * size)
-        ends = np.searchsorted(group.rows, np.append(starts, len(times))).tolist()
+    parts: dict[tuple[int, int], list[Records]] = defaultdict(list)
+    for each in records:
+        ends = np.searchsorted(each.rows, np.append(starts, len(times))).tolist()
         for block, (first, last) in enumerate(pairwise(ends)):
             if first < last:
-                head = _HEAD.pack(last - first, size, timestep)
-                planes = record_encoder().planes(records[first * size : last * size], group.layout)
-                parts[group.channel, block] += head, *planes
+                part = each._replace(rows=each.rows[first:last])
+                parts[each.channel, block].append(part)
     begins = times[starts]
-    blocks = [single_message(*key, int(begins[key[1]]), *part) for key, part in parts.items()]
+    blocks = [_block(*key, int(begins[key[1]]), part, timestep) for key, part in parts.items()]
     return blocks, begins
+
+
+def _block(
+    channel: int, row: int, time: int, parts: Sequence[Records], timestep: float
+) -> MessageGroup:
+    """Return the message that is a block of these records."""
+    sizes = [len(each.rows) * each.layout.packed for each in parts]
+    head = message_head(len(parts) * _HEAD.size + sum(sizes), channel, time)
+
+    def write(data: Bytes, starts: Integers) -> None:
+        encoder, data, before = record_encoder(), data[starts[0] :], head
+        for each, size in zip(parts, sizes, strict=True):
+            count, length = len(each.rows), each.layout.size
+            records = SCRATCH.take("block", count * length)
+            encoder.write(each, records, np.arange(count) * length)
+            before += _HEAD.pack(count, length, timestep)
+            data[: len(before)] = np.frombuffer(before, np.uint8)
+            encoder.pack(records, each.layout, data[len(before) :])
+            data, before = data[len(before) + size :], b""
+
+    return MessageGroup(
+        channel, np.array([row]), len(head) + len(parts) * _HEAD.size + sum(sizes), write
+    )
 
 
 def expanded(data: bytes) -> bytes:
@@ -131,7 +152,7 @@ def _group(channel: Channel, layout: MessageLayout, items: Items, times: Times) 
         # NumPy copies records field by field, and bytes at once.
         overlapping(data, layout.size)[starts] = items.view(f"V{layout.size}")
 
-    return MessageGroup(channel.id, rows, layout, write)
+    return MessageGroup(channel.id, rows, layout.size, write)
 
 
 def _read_block(channel: Channel, content: bytes) -> Iterator[tuple[MessageLayout, Items]]:

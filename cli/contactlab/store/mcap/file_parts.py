@@ -110,7 +110,7 @@ def interleave(groups: Sequence[MessageGroup], channels: int, times: Times) -> M
     """Return the records of all groups in one buffer, valid until the next call."""
     sizes = np.zeros((len(times), channels), np.int64)
     for group in groups:
-        sizes[span_of(group.rows), group.channel - 1] = group.layout.size
+        sizes[span_of(group.rows), group.channel - 1] = group.size
     ends = np.cumsum(sizes)
     offsets = ends.reshape(sizes.shape) - sizes
     data = SCRATCH.take("stream", int(ends[-1]))

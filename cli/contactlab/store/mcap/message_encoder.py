@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -14,13 +15,19 @@ from contactlab.contact.trace_arrays import (
     PairTrace,
     Trace,
 )
-from contactlab.store.mcap.record_encoder import Bytes, Integers, Rows, Values, record_encoder
+from contactlab.store.mcap.record_encoder import (
+    Bytes,
+    Integers,
+    Records,
+    Rows,
+    Values,
+    record_encoder,
+)
 from contactlab.store.mcap.trace_messages import (
-    MessageLayout,
     contacts_record,
     last_state_record,
+    message_head,
     state_record,
-    whole_record,
 )
 
 Times = NDArray[np.uint64]
@@ -50,23 +57,28 @@ PAIR_ARRAYS = {
 
 @dataclass(frozen=True)
 class MessageGroup:
-    """Message records of one channel and one length."""
+    """Messages of one channel whose records have one length."""
 
     channel: int  # the channel's id
-    rows: Rows  # (m,) state row of each record, ascending; at most one record a channel and row
-    layout: MessageLayout  # layout of a record
-    # Writes them into a buffer, each to where it starts (m,).
-    write: Callable[[Bytes, Integers], None]
+    rows: Rows  # (m,) state row of each, ascending; at most one message a channel and row
+    size: int  # length of a record
+    write: Callable[[Bytes, Integers], None]  # writes records to where they start in a buffer
 
 
-def single_message(channel: int, row: int, time: int, *parts: bytes | memoryview) -> MessageGroup:
-    """Return one message, of which these are the bytes, one part after the other."""
-    layout = whole_record(channel, time, parts)
+def message_group(records: Records) -> MessageGroup:
+    """Return records as messages."""
+    write = partial(record_encoder().write, records)
+    return MessageGroup(records.channel, records.rows, records.layout.size, write)
+
+
+def single_message(channel: int, row: int, time: int, content: bytes) -> MessageGroup:
+    """Return one message."""
+    record = message_head(len(content), channel, time) + content
 
     def write(data: Bytes, starts: Integers) -> None:
-        data[starts[0] :][: layout.size] = np.frombuffer(layout.template, np.uint8)
+        data[starts[0] :][: len(record)] = np.frombuffer(record, np.uint8)
 
-    return MessageGroup(channel, np.array([row]), layout, write)
+    return MessageGroup(channel, np.array([row]), len(record), write)
 
 
 def state_values(trace: Trace, times: Times) -> Values:
@@ -81,13 +93,13 @@ def state_values(trace: Trace, times: Times) -> Values:
     return Values(_head(STATE_CHANNEL, times) | arrays)
 
 
-def state_groups(trace: Trace, values: Values, run: int) -> Iterator[MessageGroup]:
+def state_records(trace: Trace, values: Values, run: int) -> Iterator[Records]:
     """Yield the state before each step with the step's quantities, then the last state."""
     nq, nv = trace.qpos.shape[2], trace.qvel.shape[2]
     momentum = 0 if trace.momentum is None else 3
     rows = np.arange(trace.steps + 1)
-    yield _group(STATE_CHANNEL, rows[:-1], state_record(nq, nv, momentum), values, run)
-    yield _group(STATE_CHANNEL, rows[-1:], last_state_record(nq, nv), values, run)
+    yield Records(STATE_CHANNEL, rows[:-1], state_record(nq, nv, momentum), values, run)
+    yield Records(STATE_CHANNEL, rows[-1:], last_state_record(nq, nv), values, run)
 
 
 def contact_values(
@@ -103,30 +115,21 @@ def contact_values(
     return Values(_head(channel, times) | arrays)
 
 
-def contact_groups(
+def contact_records(
     channel: int, series: PairSeries, values: Values, run: int
-) -> Iterator[MessageGroup]:
+) -> Iterator[Records]:
     """Yield the steps in which a pair touches, grouped by their number of contact points."""
     counts = series.contacts[run]
     for count in np.flatnonzero(np.bincount(counts)).tolist():
         if count:
             rows = np.flatnonzero(counts == count)
-            yield _group(channel, rows, contacts_record(count), values, run)
+            yield Records(channel, rows, contacts_record(count), values, run)
 
 
 def _head(channel: int, times: Times) -> dict[str, NDArray[Any]]:
     """Return what the heads of a channel's records hold."""
     number = np.broadcast_to(np.uint16(channel), times.shape)
     return {"channel": number, "log_time": times, "publish_time": times}
-
-
-def _group(
-    channel: int, rows: Rows, layout: MessageLayout, values: Values, run: int
-) -> MessageGroup:
-    def write(data: Bytes, starts: Integers) -> None:
-        record_encoder().write(data, starts, layout, values, run, rows)
-
-    return MessageGroup(channel, rows, layout, write)
 
 
 def derived(

@@ -108,7 +108,7 @@ void write_indexes(const uint64_t* times, const int64_t* sizes, const int64_t* o
   }
 }
 
-enum { LINES = 64 };
+enum { LINES = 32 };
 
 /* Define a function that writes the planes of columns of so wide a type; see `write_planes`.
  *

@@ -6,10 +6,10 @@ over the chunks; `record_encoder.c` writes each to its place.
 
 import ctypes
 import struct
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from mcap.opcode import Opcode
@@ -25,6 +25,7 @@ Integers = NDArray[np.int64]
 Items = NDArray[np.void]
 Unsigned = NDArray[np.unsignedinteger]
 
+_SINGLE = np.dtype("<f4")
 _SOURCE = Path(__file__).with_suffix(".c")
 INDEX_HEAD = struct.Struct("<BQHI")
 _ENTRY_SIZE = 16
@@ -38,36 +39,38 @@ class Values:
 
     def __init__(self, arrays: Mapping[str, NDArray[Any]]) -> None:
         self.arrays = dict(arrays)
-        self._sources: dict[tuple[str, ...], tuple[Integers, int]] = {}
+        self._tables: dict[MessageLayout, Integers] = {}
 
-    def sources(self, layout: MessageLayout) -> int:
-        """Return where (fields, 5) addresses and strides are of what a layout's fields hold."""
-        paths = layout.paths
-        if paths not in self._sources:
-            found = [self._source(path, field.source) for path, field in layout.fields.items()]
-            table = np.array(found, np.int64)
-            self._sources[paths] = table, table.ctypes.data
-        return self._sources[paths][1]
+    def table(self, layout: MessageLayout) -> Integers:
+        """Return (fields, 5) addresses and strides of what a layout's fields hold."""
+        if layout not in self._tables:
+            found = [self._source(path, field.kind) for path, field in layout.fields.items()]
+            self._tables[layout] = np.array(found, np.int64)
+        return self._tables[layout]
 
     def _source(self, path: str, kind: np.dtype[Any]) -> list[int]:
-        array = self.arrays[path] = np.asarray(self.arrays[path], kind)
+        exact = np.dtype(np.float64) if kind == _SINGLE else kind
+        array = self.arrays[path] = np.asarray(self.arrays[path], exact)
         run, row, *others = array.strides
-        return [array.ctypes.data, run, row, *[0] * (2 - len(others)), *others]
+        return [_at(array), run, row, *[0] * (2 - len(others)), *others]
+
+
+class Records(NamedTuple):
+    """Message records of one channel and one length, in ascending rows of one run."""
+
+    channel: int
+    rows: Rows
+    layout: MessageLayout
+    values: Values
+    run: int
 
 
 class RecordEncoder:
     """By NumPy."""
 
-    def write(
-        self,
-        data: Bytes,
-        starts: Integers,
-        layout: MessageLayout,
-        values: Values,
-        run: int,
-        rows: Rows,
-    ) -> None:
-        """Write the records of one run in these rows to where they start in a buffer."""
+    def write(self, records: Records, data: Bytes, starts: Integers) -> None:
+        """Write records to where they start (m,) in a buffer."""
+        _, rows, layout, values, run = records
         items = layout.fill(SCRATCH.take("records", len(rows) * layout.size))
         with np.errstate(over="ignore"):
             for path, field in layout.fields.items():
@@ -92,8 +95,8 @@ class RecordEncoder:
         ]
         return b"".join(found), [*map(len, found)]
 
-    def planes(self, records: Bytes, layout: MessageLayout) -> Iterator[memoryview]:
-        """Yield the values of records as a block has them, width by width."""
+    def pack(self, records: Bytes, layout: MessageLayout, data: Bytes) -> None:
+        """Write the values of records to a buffer as a block has them, width by width."""
         items = records.view(layout.dtype)
         for width, places in layout.values:
             values = overlapping_numbers(items, width)[:, places]
@@ -104,7 +107,8 @@ class RecordEncoder:
             signed <<= 1
             signed ^= signs
             columns = np.ascontiguousarray(signed.T).view(np.uint8).reshape(-1, width)
-            yield columns.T.ravel().data
+            data[: columns.size] = columns.T.ravel()
+            data = data[columns.size :]
 
 
 class NativeEncoder(RecordEncoder):
@@ -112,27 +116,18 @@ class NativeEncoder(RecordEncoder):
 
     def __init__(self, library: ctypes.CDLL) -> None:
         pointer, size = ctypes.c_void_p, ctypes.c_int64
-        self._write, self._indexes = library.write_records, library.write_indexes
-        self._planes = library.write_planes
-        self._write.argtypes = (
-            *(ctypes.c_char_p, size, pointer, pointer, size),
-            *(size, pointer, size, pointer, pointer, size),
-        )
-        self._indexes.argtypes = pointer, pointer, pointer, size, size, pointer, pointer
-        self._planes.argtypes = pointer, size, size, pointer, size, size, pointer
+        self._library, sizes = library, (size, size)
+        layout = ctypes.c_char_p, size, pointer, pointer, size
+        library.write_records.argtypes = *layout, size, pointer, size, pointer, pointer, size
+        library.write_indexes.argtypes = (*(pointer,) * 3, *sizes, pointer, pointer)
+        library.write_planes.argtypes = pointer, *sizes, pointer, *sizes, pointer
 
-    def write(  # noqa: D102
-        self,
-        data: Bytes,
-        starts: Integers,
-        layout: MessageLayout,
-        values: Values,
-        run: int,
-        rows: Rows,
-    ) -> None:
-        fields = layout.address, values.sources(layout), len(layout.paths)
+    def write(self, records: Records, data: Bytes, starts: Integers) -> None:  # noqa: D102
+        _, rows, layout, values, run = records
+        sources = values.table(layout)
+        described = layout.template, layout.size, _fields(layout)[1], _at(sources), len(sources)
         places = _at(data), _at(starts), starts.strides[0]
-        self._write(layout.template, layout.size, *fields, run, _at(rows), len(rows), *places)
+        self._library.write_records(*described, run, _at(rows), len(rows), *places)
 
     def indexes(  # noqa: D102
         self, times: NDArray[np.uint64], sizes: Integers, offsets: Integers
@@ -141,17 +136,28 @@ class NativeEncoder(RecordEncoder):
         out = SCRATCH.take("indexes", rows * channels * _ENTRY_SIZE + channels * INDEX_HEAD.size)
         lengths = np.empty(channels, np.int64)
         given = [*map(np.ascontiguousarray, (times, sizes, offsets))]
-        self._indexes(*map(_at, given), rows, channels, _at(out), _at(lengths))
+        self._library.write_indexes(*map(_at, given), rows, channels, _at(out), _at(lengths))
         found = lengths.tolist()
         return out[: sum(found)].tobytes(), found
 
-    def planes(self, records: Bytes, layout: MessageLayout) -> Iterator[memoryview]:  # noqa: D102
-        count = len(records) // layout.size
+    def pack(self, records: Bytes, layout: MessageLayout, data: Bytes) -> None:  # noqa: D102
+        count, start = len(records) // layout.size, _at(data)
         for width, places in layout.values:
-            out = np.empty(count * len(places) * width, np.uint8)
             columns = _at(places), len(places), width
-            self._planes(_at(records), count, layout.size, *columns, _at(out))
-            yield out.data
+            self._library.write_planes(_at(records), count, layout.size, *columns, start)
+            start += count * len(places) * width
+
+
+@cache
+def _fields(layout: MessageLayout) -> tuple[Integers, int]:
+    """Return (fields, 7) start, two axes' lengths and strides, width, and whether it is single."""
+    found: list[list[int]] = []
+    for kind, start, shape, strides in layout.fields.values():
+        missing = 2 - len(shape)
+        axes = *[1] * missing, *shape, *[0] * missing, *strides
+        found.append([start, *axes, kind.itemsize, kind == _SINGLE])
+    table = np.array(found, np.int64)
+    return table, _at(table)  # NumPy takes a microsecond to say where an array lies.
 
 
 def record_encoder() -> RecordEncoder:

@@ -35,7 +35,6 @@ _OPTIONAL, _REPEATED = 1, 3
 _TYPE_MESSAGE, _TYPE_ENUM = 11, 14
 
 _FRAME_SIZE = 9
-_SINGLE, _DOUBLE = np.dtype("<f4"), np.dtype("<f8")
 _MESSAGE_HEAD = struct.Struct("<BQHIQQ")
 _HEADER = (("channel", "<u2", 9), ("log_time", "<u8", 15), ("publish_time", "<u8", 23))
 HEADER_SIZE = 31  # length of a Message record before its content
@@ -170,16 +169,6 @@ class FieldPlace(NamedTuple):
     strides: tuple[int, ...] = ()
 
     @property
-    def source(self) -> np.dtype[Any]:
-        """The type of the numbers that are written there: single precision is rounded to."""
-        return _DOUBLE if self.is_single else self.kind
-
-    @property
-    def is_single(self) -> bool:
-        """Whether the numbers have single precision."""
-        return self.kind == _SINGLE
-
-    @property
     def starts(self) -> NDArray[np.intp]:
         """Where each number starts."""
         starts = np.array(self.start)
@@ -188,7 +177,7 @@ class FieldPlace(NamedTuple):
         return starts.ravel()
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class MessageLayout:
     """Constant bytes, and columns (name, NumPy format, offset) for the values."""
 
@@ -214,25 +203,6 @@ class MessageLayout:
         return dict(_fields("", FieldPlace(self.dtype, 0)))
 
     @cached_property
-    def paths(self) -> tuple[str, ...]:
-        """The paths of the fields."""
-        return tuple(self.fields)
-
-    @cached_property
-    def table(self) -> NDArray[np.int64]:
-        """(fields, 7) start, two axes' lengths and strides, width, and whether it is single."""
-        found: list[Sequence[int]] = []
-        for each in self.fields.values():
-            axes = *_two(each.shape, 1), *_two(each.strides, 0)
-            found.append((each.start, *axes, each.kind.itemsize, each.is_single))
-        return np.array(found, np.int64)
-
-    @cached_property
-    def address(self) -> int:
-        """Where the table lies in memory: NumPy takes longer to say so than it should."""
-        return self.table.ctypes.data
-
-    @cached_property
     def constant(self) -> NDArray[np.bool_]:
         """(size,) which bytes are the same in all items: those of the template, not of values."""
         constant = np.ones(self.size, np.bool_)
@@ -249,6 +219,11 @@ class MessageLayout:
             if path not in _DERIVED:
                 starts.setdefault(each.kind.itemsize, []).append(each.starts)
         return [(width, np.sort(np.concatenate(places))) for width, places in starts.items()]
+
+    @cached_property
+    def packed(self) -> int:
+        """Length of these values in bytes."""
+        return sum(width * len(starts) for width, starts in self.values)
 
     def after(self, head: bytes) -> "MessageLayout":
         """Return this layout with constant bytes before it."""
@@ -271,10 +246,6 @@ def _fields(path: str, item: FieldPlace) -> Iterator[tuple[str, FieldPlace]]:
         yield from _fields(f"{path}{name}.", field) if inner.fields else [(path + name, field)]
 
 
-def _two(axes: tuple[int, ...], filler: int) -> tuple[int, ...]:
-    return (filler,) * (2 - len(axes)) + axes
-
-
 HEAD = MessageLayout(
     bytes(HEADER_SIZE), (("opcode", "u1", 0), ("length", "<u8", 1), *_HEADER)
 ).dtype
@@ -283,17 +254,12 @@ HEAD = MessageLayout(
 
 def message_record(body: MessageLayout) -> MessageLayout:
     """Return the layout of the Message record around a message; its sequence number is zero."""
-    framed = body.after(_message_head(body.size))
+    framed = body.after(message_head(body.size))
     return MessageLayout(framed.template, (*_HEADER, *framed.columns))
 
 
-def whole_record(channel: int, time: int, parts: Sequence[bytes | memoryview]) -> MessageLayout:
-    """Return the layout, all of it constant, of a record with a message of these bytes."""
-    head = _message_head(sum(map(len, parts)), channel, time)
-    return MessageLayout(b"".join((head, *parts)))
-
-
-def _message_head(size: int, channel: int = 0, time: int = 0) -> bytes:
+def message_head(size: int, channel: int = 0, time: int = 0) -> bytes:
+    """Return what a Message record starts with that has a content of so many bytes."""
     length = HEADER_SIZE - _FRAME_SIZE + size
     return _MESSAGE_HEAD.pack(Opcode.MESSAGE, length, channel, 0, time, time)
 

@@ -32,15 +32,15 @@ from contactlab.store.mcap.file_parts import (
 )
 from contactlab.store.mcap.message_encoder import (
     STATE_CHANNEL,
-    MessageGroup,
     Times,
-    contact_groups,
+    contact_records,
     contact_values,
+    message_group,
     single_message,
-    state_groups,
+    state_records,
     state_values,
 )
-from contactlab.store.mcap.record_encoder import as_numpy_writes
+from contactlab.store.mcap.record_encoder import Records, as_numpy_writes
 from contactlab.store.mcap.trace_messages import (
     CONTACTS,
     EVIDENCE_TOPIC,
@@ -106,26 +106,27 @@ class TraceEncoder:
         encoding = BLOCKS if form == "compact" else PROTOBUF
         start = _scene_start(pairs, sizes, model_xml, encoding)
         start = with_metadata(start, _METADATA_NAME, metadata)
-        groups = [*self._groups(run)]
+        records = [*self._records(run)]
         counts = dict.fromkeys(start.topics, 0) | {EVIDENCE_TOPIC: 1}
-        for group in groups:
-            counts[start.topics[group.channel - 1]] += len(group.rows)
+        for each in records:
+            counts[start.topics[each.channel - 1]] += len(each.rows)
 
         def encoded() -> bytes:
-            parts, begins = groups, times
             if form == "compact":
-                parts, begins = compacted(groups, times, float(trace.timestep[run]))
+                groups, begins = compacted(records, times, float(trace.timestep[run]))
+            else:
+                groups, begins = [*map(message_group, records)], times
             channels, last = len(start.topics), len(begins) - 1
-            record = single_message(channels, last, int(begins[last]), record_json)
-            return encode_file(start, interleave([*parts, record], channels, begins))
+            groups.append(single_message(channels, last, int(begins[last]), record_json))
+            return encode_file(start, interleave(groups, channels, begins))
 
         return as_numpy_writes(encoded), counts
 
-    def _groups(self, run: int) -> Iterator[MessageGroup]:
-        yield from state_groups(self._trace, self._states, run)
+    def _records(self, run: int) -> Iterator[Records]:
+        yield from state_records(self._trace, self._states, run)
         contacts = zip(self._series, self._contacts, strict=True)
         for channel, (net, values) in enumerate(contacts, STATE_CHANNEL + 1):
-            yield from contact_groups(channel, net, values, run)
+            yield from contact_records(channel, net, values, run)
 
 
 def _log_times(time: Floats) -> tuple[Times, NDArray[np.bool_]]:
