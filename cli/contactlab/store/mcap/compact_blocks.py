@@ -92,7 +92,10 @@ def _block(
             encoder.write(each, records, np.arange(count) * length)
             before += _HEAD.pack(count, length, timestep)
             data[: len(before)] = np.frombuffer(before, np.uint8)
-            encoder.pack(records, each.layout, data[len(before) :])
+            # Planes lie far apart: they are gathered where memory is fast.
+            packed = SCRATCH.take("packed", size)
+            encoder.pack(records, each.layout, packed)
+            data[len(before) :][:size] = packed
             data, before = data[len(before) + size :], b""
 
     return MessageGroup(

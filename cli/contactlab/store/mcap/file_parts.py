@@ -8,26 +8,14 @@ import struct
 import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import accumulate, pairwise
+from itertools import accumulate, chain, pairwise, starmap
 from types import MappingProxyType
+from typing import NamedTuple
 
 import numpy as np
 from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
-from mcap.records import (
-    Attachment,
-    AttachmentIndex,
-    Channel,
-    ChunkIndex,
-    DataEnd,
-    Footer,
-    Header,
-    McapRecord,
-    Metadata,
-    MetadataIndex,
-    Schema,
-    Statistics,
-)
+from mcap.records import Attachment, AttachmentIndex, Channel, Header, McapRecord, Schema
 from mcap.writer import MCAP0_MAGIC
 from numpy.typing import NDArray
 
@@ -42,11 +30,16 @@ CHUNK_HEAD = struct.Struct(f"<BQQQQII{len(_COMPRESSION)}sQ")
 # The content's checksum is zstd's own, which takes a tenth of the time and which decoders verify.
 _NO_CRC = 0
 _NOT_YET: Mapping[int, bytes] = MappingProxyType({})
-_FRAME_SIZE = 9
 LIBRARY = "contactlab"
-_CRC_SIZE = 4
-# Six of these in every file: by the library they would take a tenth of the time of a tiny run.
+# What every file has of its own: by the library it would take a tenth of the time of a tiny run.
+FRAME = struct.Struct("<BQ")
+DATA_END = struct.Struct("<BQI")
+FOOTER = struct.Struct("<BQQQI")
 _SUMMARY_OFFSET = struct.Struct("<BQBQQ")
+_STATISTICS = struct.Struct("<QHIIIIQQ")
+_CHUNK_INDEX = struct.Struct("<QQQQ")
+_SIZES = struct.Struct("<QQ")
+SIZE, _LENGTH, _OF_CHANNEL = map(struct.Struct, ("<I", "<Q", "<HQ"))
 
 
 @dataclass(frozen=True)
@@ -80,11 +73,22 @@ def file_start(
 
 def with_metadata(start: FileStart, name: str, entries: Mapping[str, str]) -> FileStart:
     """Return the start of a file with its metadata."""
-    metadata = _encoded(Metadata(name, dict(entries)))
-    index = MetadataIndex(offset=len(start.data), length=len(metadata), name=name)
-    summary = {**start.summary, Opcode.METADATA_INDEX: _encoded(index)}
+    said = b"".join(map(_text, chain.from_iterable(entries.items())))
+    metadata = _record(Opcode.METADATA, _text(name), _sized(said))
+    place = _SIZES.pack(len(start.data), len(metadata))
+    index = _record(Opcode.METADATA_INDEX, place, _text(name))
+    summary = {**start.summary, Opcode.METADATA_INDEX: index}
     crc = zlib.crc32(metadata, start.crc)
     return replace(start, data=start.data + metadata, crc=crc, summary=summary)
+
+
+class _Chunk(NamedTuple):
+    """A chunk with its message indexes."""
+
+    parts: Sequence[bytes]
+    index: bytes  # the record of the summary
+    first: int  # times of its messages
+    last: int
 
 
 @dataclass(frozen=True)
@@ -127,13 +131,13 @@ def encode_file(
     Its chunks may be packed already, each by its first row: another zstd may pack them otherwise.
     """
     parts, crc, position = [start.data], start.crc, len(start.data)
-    chunks: list[ChunkIndex] = []
+    chunks: list[_Chunk] = []
     cuts = [*packed, len(stream.times)] if packed else stream.cuts()
     for first, last in pairwise(cuts):
-        chunk, index = _chunk(stream, slice(first, last), position, packed.get(first))
-        parts += chunk
-        chunks.append(index)
-        position += index.chunk_length + index.message_index_length
+        chunk = _chunk(stream, slice(first, last), position, packed.get(first))
+        parts += chunk.parts
+        chunks.append(chunk)
+        position += sum(map(len, chunk.parts))
     for part in parts[1:]:
         crc = zlib.crc32(part, crc)
     counts = np.count_nonzero(stream.sizes, axis=0).tolist()
@@ -141,69 +145,72 @@ def encode_file(
     return b"".join(parts)
 
 
-def _chunk(
-    stream: MessageStream, rows: slice, position: int, packed: bytes | None
-) -> tuple[list[bytes], ChunkIndex]:
-    """Return a chunk at a position in the file with its message indexes, and its own index."""
+def _chunk(stream: MessageStream, rows: slice, position: int, packed: bytes | None) -> _Chunk:
+    """Return a chunk at a position in the file."""
     stop = stream.offsets[rows.stop, 0] if rows.stop < len(stream.times) else len(stream.data)
     content = stream.data[stream.offsets[rows.start, 0] : stop].data
     compressed = packed or SCRATCH.compressor.compress(content)
-    first, last = int(stream.times[rows.start]), int(stream.times[rows.stop - 1])
-    length = CHUNK_HEAD.size + len(compressed)
-    fields = length - _FRAME_SIZE, first, last, len(content), _NO_CRC
-    name = _COMPRESSION.encode()
-    head = CHUNK_HEAD.pack(Opcode.CHUNK, *fields, len(name), name, len(compressed))
+    times = int(stream.times[rows.start]), int(stream.times[rows.stop - 1])
+    length, name = CHUNK_HEAD.size + len(compressed), _COMPRESSION.encode()
+    described = len(content), _NO_CRC, len(name), name, len(compressed)
+    head = CHUNK_HEAD.pack(Opcode.CHUNK, length - FRAME.size, *times, *described)
     where = stream.times[rows], stream.sizes[rows], stream.offsets[rows]
     indexes, lengths = record_encoder().indexes(*where)
     starts = accumulate(lengths, initial=position + length)
-    index = ChunkIndex(
-        chunk_length=length,
-        chunk_start_offset=position,
-        compression=_COMPRESSION,
-        compressed_size=len(compressed),
-        message_end_time=last,
-        message_index_length=len(indexes),
-        message_index_offsets={
-            channel: start
-            for channel, (start, size) in enumerate(zip(starts, lengths, strict=False), start=1)
-            if size
-        },
-        message_start_time=first,
-        uncompressed_size=len(content),
+    found = zip(starts, lengths, strict=False)
+    places = {channel: start for channel, (start, size) in enumerate(found, 1) if size}
+    index = _record(
+        Opcode.CHUNK_INDEX,
+        _CHUNK_INDEX.pack(*times, position, length),
+        _by_channel(places),
+        _LENGTH.pack(len(indexes)),
+        _text(_COMPRESSION),
+        _SIZES.pack(len(compressed), len(content)),
     )
-    return [head, compressed, indexes], index
+    return _Chunk([head, compressed, indexes], index, *times)
 
 
 def _file_tail(
-    start: FileStart, chunks: Sequence[ChunkIndex], counts: Sequence[int], position: int, crc: int
+    start: FileStart, chunks: Sequence[_Chunk], counts: Sequence[int], position: int, crc: int
 ) -> bytes:
     """Return the end of a file, at a position, given the CRC-32 of all bytes before it.
 
     It is the data section's end, the summary and the footer; there is at least one chunk.
     """
-    statistics = Statistics(
-        attachment_count=1,
-        channel_count=len(counts),
-        channel_message_counts=dict(enumerate(counts, start=1)),
-        chunk_count=len(chunks),
-        message_count=sum(counts),
-        message_end_time=chunks[-1].message_end_time,
-        message_start_time=chunks[0].message_start_time,
-        metadata_count=1,
-        schema_count=start.schemas,
-    )
-    found = {Opcode.STATISTICS: _encoded(statistics), Opcode.CHUNK_INDEX: _encoded(*chunks)}
-    groups, data_end = {**start.summary, **found}, _encoded(DataEnd(crc))
-    summary_start = position + len(data_end)
+    times = chunks[0].first, chunks[-1].last
+    numbers = sum(counts), start.schemas, len(counts), 1, 1, len(chunks)
+    by_channel = _by_channel(dict(enumerate(counts, start=1)))
+    statistics = _record(Opcode.STATISTICS, _STATISTICS.pack(*numbers, *times), by_channel)
+    indexes = b"".join(chunk.index for chunk in chunks)
+    groups = {**start.summary, Opcode.STATISTICS: statistics, Opcode.CHUNK_INDEX: indexes}
+    summary_start = position + DATA_END.size
     summary = offsets = b""
     for kind, records in groups.items():
         group = summary_start + len(summary), len(records)
         offsets += _SUMMARY_OFFSET.pack(Opcode.SUMMARY_OFFSET, 17, kind, *group)
         summary += records
-    footer = Footer(summary_start, summary_start + len(summary), 0)
+    sections = summary_start, summary_start + len(summary)
+    footer = FOOTER.pack(Opcode.FOOTER, FOOTER.size - FRAME.size, *sections, 0)
     # The summary's CRC covers the footer's own first fields too.
-    end = summary + offsets + _encoded(footer)[:-_CRC_SIZE]
-    return data_end + end + zlib.crc32(end).to_bytes(_CRC_SIZE, "little") + MCAP0_MAGIC
+    end = summary + offsets + footer[: -SIZE.size]
+    data_end = DATA_END.pack(Opcode.DATA_END, SIZE.size, crc)
+    return data_end + end + SIZE.pack(zlib.crc32(end)) + MCAP0_MAGIC
+
+
+def _record(kind: Opcode, *parts: bytes) -> bytes:
+    return FRAME.pack(kind, sum(map(len, parts))) + b"".join(parts)
+
+
+def _sized(data: bytes) -> bytes:
+    return SIZE.pack(len(data)) + data
+
+
+def _text(text: str) -> bytes:
+    return _sized(text.encode())
+
+
+def _by_channel(numbers: Mapping[int, int]) -> bytes:
+    return _sized(b"".join(starmap(_OF_CHANNEL.pack, numbers.items())))
 
 
 def _encoded(*records: McapRecord) -> bytes:

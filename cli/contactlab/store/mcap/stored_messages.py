@@ -22,6 +22,10 @@ from numpy.typing import NDArray
 
 from contactlab.store.mcap.file_parts import (
     CHUNK_HEAD,
+    DATA_END,
+    FOOTER,
+    FRAME,
+    SIZE,
     FileStart,
     MessageStream,
     encode_file,
@@ -49,10 +53,6 @@ UNREADABLE = (
     MemoryError,
 )
 """What a file can raise that has its checksums, but is not ours."""
-_FRAME_SIZE = 9
-_FOOTER = struct.Struct("<BQQQI")
-_DATA_END = struct.Struct("<BQI")
-_CRC_SIZE = 4
 _MOST_CHUNK = 64 << 20
 """Bytes that a chunk may hold: one that is written has 1 MiB, and as much as one step records."""
 
@@ -63,21 +63,21 @@ def find_damage(data: bytes) -> str | None:
     The two checksums cover all bytes, so any flipped byte is found.
     """
     end = len(data) - len(MCAP0_MAGIC)
-    tail = end - _FOOTER.size
-    if tail < len(MCAP0_MAGIC) + _DATA_END.size or not data.startswith(MCAP0_MAGIC):
+    tail = end - FOOTER.size
+    if tail < len(MCAP0_MAGIC) + DATA_END.size or not data.startswith(MCAP0_MAGIC):
         return "this is no MCAP file"
     if not data.endswith(MCAP0_MAGIC):
         return "the file is truncated, or its end is damaged"
-    *_, start, offsets, _ = _FOOTER.unpack_from(data, tail)
-    data_end = start - _DATA_END.size
-    if not 0 <= data_end <= tail - _DATA_END.size:
+    *_, start, offsets, _ = FOOTER.unpack_from(data, tail)
+    data_end = start - DATA_END.size
+    if not 0 <= data_end <= tail - DATA_END.size:
         return "the footer does not say where the summary is"
-    view, length = memoryview(data), _FOOTER.size - _FRAME_SIZE
-    crc = zlib.crc32(view[start : end - _CRC_SIZE])
-    if data[tail:end] != _FOOTER.pack(Opcode.FOOTER, length, start, offsets, crc):
+    view, length = memoryview(data), FOOTER.size - FRAME.size
+    crc = zlib.crc32(view[start : end - SIZE.size])
+    if data[tail:end] != FOOTER.pack(Opcode.FOOTER, length, start, offsets, crc):
         return "the summary does not match its checksum"
-    if data[data_end:start] != _DATA_END.pack(
-        Opcode.DATA_END, _CRC_SIZE, zlib.crc32(view[:data_end])
+    if data[data_end:start] != DATA_END.pack(
+        Opcode.DATA_END, SIZE.size, zlib.crc32(view[:data_end])
     ):
         return "the data section does not match its checksum"
     return None
@@ -101,7 +101,7 @@ class ChannelMessages:
         lengths = self.heads["length"]
         if np.any(lengths > len(self.data)):
             raise ValueError("a message is larger than its chunk")
-        return lengths.astype(np.int64) + _FRAME_SIZE
+        return lengths.astype(np.int64) + FRAME.size
 
     def pick(self, chosen: slice | NDArray[np.bool_], layout: MessageLayout) -> NDArray[np.void]:
         """Return the chosen records, all of which must have this layout."""
