@@ -86,7 +86,7 @@ class _Chunk(NamedTuple):
     """A chunk with its message indexes."""
 
     parts: Sequence[bytes]
-    index: bytes  # the record of the summary
+    entry: bytes  # its record in the summary
     first: int  # times of its messages
     last: int
 
@@ -181,7 +181,7 @@ def _file_tail(
     numbers = sum(counts), start.schemas, len(counts), 1, 1, len(chunks)
     by_channel = _by_channel(dict(enumerate(counts, start=1)))
     statistics = _record(Opcode.STATISTICS, _STATISTICS.pack(*numbers, *times), by_channel)
-    indexes = b"".join(chunk.index for chunk in chunks)
+    indexes = b"".join(chunk.entry for chunk in chunks)
     groups = {**start.summary, Opcode.STATISTICS: statistics, Opcode.CHUNK_INDEX: indexes}
     summary_start = position + DATA_END.size
     summary = offsets = b""
