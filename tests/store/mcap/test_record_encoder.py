@@ -19,7 +19,13 @@ from contactlab import native
 from contactlab.contact.trace_arrays import PairSeries, Trace
 from contactlab.schema.vocabulary import TraceFormat
 from contactlab.store.mcap import compact_blocks, file_parts
-from contactlab.store.mcap.record_encoder import NativeEncoder, record_encoder
+from contactlab.store.mcap.record_encoder import (
+    Bytes,
+    Integers,
+    NativeEncoder,
+    Records,
+    record_encoder,
+)
 from contactlab.store.mcap.trace_messages import MessageLayout
 from contactlab.store.mcap.trace_writer import TraceEncoder
 
@@ -120,8 +126,8 @@ def test_a_first_file_that_differs_is_written_by_numpy(
     monkeypatch.setattr(native, "_given_up", set())
     true = NativeEncoder.write
 
-    def write(self: NativeEncoder, data: Any, *arguments: Any) -> None:
-        true(self, data, *arguments)
+    def write(self: NativeEncoder, records: Records, data: Bytes, starts: Integers) -> None:
+        true(self, records, data, starts)
         data[len(data) // 2] ^= 1
 
     monkeypatch.setattr(NativeEncoder, "write", write)
