@@ -279,13 +279,19 @@ def similar_ids(run: str, ids: pa.Array) -> list[str]:
     They share the longest possible prefix or suffix with the given one.
     """
     found: list[str] = []
-    lengths = range(len(run), 0, -1)
+    lengths = range(1, len(run) + 1)
     for function, parts in (
         ("starts_with", [run[:length] for length in lengths]),
         ("ends_with", [run[-length:] for length in lengths]),
     ):
-        matches = (ids.filter(_matches(ids, function, part)) for part in parts)
-        longest = next((each for each in matches if len(each)), ids[:0])
+        longest = ids[:0]
+        for part in parts:
+            # What shares more is among those that share less.
+            among = longest if len(longest) else ids
+            matches = among.filter(_matches(among, function, part))
+            if not len(matches):
+                break
+            longest = matches
         found += longest[:_MAX_SIMILAR].to_pylist()
     return found
 
