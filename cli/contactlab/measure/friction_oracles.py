@@ -217,7 +217,7 @@ def rolling_plate(context: Context) -> tuple[Floats, Floats]:
     push = surplus / plate.mass / (_SPHERE / mass + count / plate.mass)
     error = _velocity_error(context, plate, (surplus - count * push) / plate.mass)
     errors = [_velocity_error(context, ball, push / mass) for ball in balls]
-    return np.zeros_like(error), error + np.mean(errors, axis=0)
+    return np.zeros_like(error), error + sum(errors, np.zeros_like(error)) / count
 
 
 def _speed(context: Context) -> Floats:
