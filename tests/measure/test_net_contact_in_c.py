@@ -124,6 +124,14 @@ def test_what_is_finite_is_not_left_to_numpy(monkeypatch: pytest.MonkeyPatch) ->
     assert (net.series.normal > 0).all()
 
 
+def test_counts_that_no_contact_has_are_none() -> None:
+    """As a damaged trace may have them: beyond what 32 bits count."""
+    block = np.random.default_rng(0).uniform(0.1, 1, (1, 30, 2, 23))
+    block[:, ::2, :, FOUND], block[:, 1::2, :, FOUND] = np.nan, 2.0**32
+    with np.errstate(all="ignore"):
+        assert_same_bits(PairTrace("a-b", block, np.ones((1, 5))), np.array([True]), np.ones(1))
+
+
 def test_a_numpy_that_disagrees_stays(monkeypatch: pytest.MonkeyPatch) -> None:
     """The first result of a process is compared, as if NumPy added in another order."""
     monkeypatch.setenv(SWITCH, "on")

@@ -101,7 +101,7 @@ def net_contact(
     found, slots = np.zeros(shape, np.int32), np.zeros((shape[0], 1, 1), np.int32)
     for row, pair in enumerate(pairs):
         found[row], slots[row] = pair.found, pair.slots.shape[2]
-    contacts = np.minimum(found, slots)
+    contacts = np.clip(found, 0, slots)
     for row in np.flatnonzero(contacts.any(axis=(1, 2))).tolist():
         pair = pairs[row]
         first, second = pair.friction[:, 0], pair.friction[:, 1]
