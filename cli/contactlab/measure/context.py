@@ -21,6 +21,7 @@ from contactlab.measure.net_contact import NetContact, net_contact
 Cached = TypeVar("Cached")
 
 _OF_SERIES = [each.name for each in fields(PairSeries)][1:]
+_ROWS = 1 << 11  # of states that go through together, and so fit into the cache
 _ROUNDING = 1e-6  # Share of a step by which a time may miss a whole number of steps
 
 
@@ -178,8 +179,12 @@ def squares_from(states: Floats, starts: Sequence[int], width: int = 3) -> Float
     """Return (B, n, T) squared lengths of vectors that start at some places of states (n, T, k)."""
     places = np.array(starts, np.intp)[:, None] + range(width)
     squares = np.empty((len(starts), *states.shape[:2]))
-    for run, rows in enumerate(states):  # One by one, since the rows of a run fit into the cache.
-        squares[:, run] = squared_lengths(np.moveaxis(rows.T[places], 1, -1))
+    squares = np.empty((len(starts), *states.shape[:2]))
+    stride = max(1, _ROWS // max(1, states.shape[1]))
+    for first in range(0, len(states), stride):
+        some = slice(first, first + stride)
+        parts = states[some].transpose(2, 0, 1)[places]
+        squares[:, some] = squared_lengths(np.moveaxis(parts, 1, -1))
     return squares
 
 

@@ -4,9 +4,11 @@ And which are on in a run, and why: by what its structure and initial state deci
 """
 
 from collections.abc import Collection, Mapping
+from functools import lru_cache
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from contactlab.registry import Registry
 from contactlab.scene.compile_model import PREFIX
@@ -231,11 +233,17 @@ def is_straight(model: mujoco.MjModel, start: InitialStates) -> bool:
     """Return whether everything at a start (n being 1) moves, and is pushed, along z at most."""
     speed, push = start.qvel[0], start.applied[0]
     if speed.any():
-        free = np.asarray(model.jnt_dofadr)[model.jnt_type == int(mujoco.mjtJoint.mjJNT_FREE)]
-        speed = np.delete(speed, free + 2)
+        speed = speed[_but_vertical(model)]
     if push.any():
         push = np.delete(push.reshape(-1, 6), 2, axis=1)
     return not (speed.any() or push.any() or start.driven.size)
+
+
+@lru_cache(maxsize=4)
+def _but_vertical(model: mujoco.MjModel) -> NDArray[np.bool_]:
+    """Return (nv,) which degrees of freedom are not those along z of free joints."""
+    free = np.asarray(model.jnt_dofadr)[model.jnt_type == int(mujoco.mjtJoint.mjJNT_FREE)]
+    return ~np.isin(np.arange(model.nv), free + 2)
 
 
 _COMPILED = ("sensor", "tendon", "energy")
