@@ -143,6 +143,31 @@ def test_no_row_takes_what_another_job_shares(data: st.DataObject, lines: list[b
     assert all(row == rows[name] for name, row in found.items())
 
 
+@pytest.mark.parametrize("block", [8 << 20, 5000, 1])
+def test_a_row_lacks_what_is_not_in_its_line(
+    write: Write,
+    lines: list[bytes],
+    columns_of: Callable[..., Any],
+    record_of: Callable[..., EvidenceRecord],
+    block: int,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(runs_table, "_BLOCK", block)
+    journal, target = write(0).with_name("some.jsonl"), write(0).with_name("some.parquet")
+    columns, rng = columns_of([record_of(index) for index in range(RUNS)]), np.random.default_rng(1)
+    names = rng.permutation([*json.loads(lines[0]).keys() - {"run_id", "index"}])
+    rows: list[dict[str, Any]] = []
+    for index, line in enumerate(lines):
+        # Every row may have a field that none before it had.
+        kept = {"run_id", "index", *rng.choice(names[: index + 1], 8)}
+        rows.append({name: each for name, each in json.loads(line).items() if name in kept})
+    journal.write_bytes(b"".join(sealed(json.dumps(row).encode()) for row in rows))
+    write_table(journal, target, columns, {})
+    whole = [dict.fromkeys(table_schema(columns).names) | row for row in rows]
+    plain = pa.Table.from_pylist(whole, schema=table_schema(columns))
+    assert pq.read_table(target).equals(plain)
+
+
 def test_the_table_does_not_depend_on_the_order_in_which_runs_finished(write: Write) -> None:
     assert len({write(seed).read_bytes() for seed in range(3)}) == 1
 

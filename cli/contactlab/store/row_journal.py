@@ -55,14 +55,15 @@ def is_sealed(line: bytes) -> bool:
     return line[-SEAL_SIZE : 1 - SEAL_SIZE] == b"\t"
 
 
-def row_size(line: bytes) -> int:
-    """Return how many bytes of a whole line are its row."""
-    return line.find(b"\t") if is_sealed(line) else len(line) - 1
+def row_extent(line: bytes) -> tuple[int, bytes]:
+    """Return how many bytes of a whole line are its row, and the name of what the row shares.
 
-
-def shared_by(line: bytes) -> bytes:
-    """Return the name of what a row shares, or `SHARED` of the line that holds it; else nothing."""
-    return line[row_size(line) + 1 : -SEAL_SIZE]
+    The name is `SHARED` of the line that holds it, and empty of a row that shares nothing.
+    """
+    if not is_sealed(line):
+        return len(line) - 1, b""
+    size = line.find(b"\t")
+    return size, line[size + 1 : -SEAL_SIZE]
 
 
 def parsed(line: bytes) -> dict[str, Any]:
@@ -70,7 +71,7 @@ def parsed(line: bytes) -> dict[str, Any]:
     if is_sealed(line) and line != sealed(line[:-SEAL_SIZE]):
         raise ValueError("does not match its checksum")
     try:
-        content = from_json(line[: row_size(line)])
+        content = from_json(line[: row_extent(line)[0]])
     except ValueError as error:
         raise ValueError("is not JSON") from error
     if not isinstance(content, dict):
@@ -86,7 +87,7 @@ class _LineReader:
 
     def row(self, line: bytes) -> dict[str, Any] | None:
         """Return the row of a whole line, None of what rows share; see `parsed`."""
-        row, name = parsed(line), shared_by(line)
+        row, name = parsed(line), row_extent(line)[1]
         if name == SHARED:
             self._name, self._shared = line[1 - SEAL_SIZE : -1], row
             return None

@@ -23,7 +23,7 @@ from pydantic_core import from_json
 
 from contactlab.errors import StoreError
 from contactlab.store.atomic_files import atomic_write
-from contactlab.store.row_journal import SHARED, row_size, shared_by
+from contactlab.store.row_journal import SHARED, row_extent
 from contactlab.store.table_layout import Column, table_schema, texts_of
 
 OUTCOME_COLUMNS = ["label", "status", "trace_file", "expectation_met"]
@@ -66,9 +66,10 @@ def write_table(
             column_encoding=dict.fromkeys(reals, "BYTE_STREAM_SPLIT"),
         ) as writer,
     ):
+        reader = _RowReader(lines, schema)
         for spans in _row_groups(lines):
             try:
-                table = _read(lines, spans, schema)
+                table = reader.table(spans)
             except pa.ArrowException as error:
                 raise StoreError(
                     f"{journal} has a row that does not fit the table: {error}; add --repair to "
@@ -81,18 +82,48 @@ def write_table(
     return digest.hex(pq.read_schema(target))
 
 
-def _read(lines: BinaryIO, spans: NDArray[np.void], schema: pa.Schema) -> pa.Table:
-    """Return rows of a journal, with what they share."""
-    own = pa.concat_tables([_parsed(block, schema) for block in _blocks(lines, spans)])
-    if (spans["shared"] == spans["start"]).all():
+class _RowReader:
+    """Reads rows of a journal as parts of its table."""
+
+    def __init__(self, lines: BinaryIO, schema: pa.Schema) -> None:
+        self._lines, self._schema = lines, schema
+        self._found = dict[str, None]()  # fields that rows by themselves had so far
+
+    def table(self, spans: NDArray[np.void]) -> pa.Table:
+        """Return rows, with what they share."""
+        own = pa.concat_tables([self._rows(block) for block in _blocks(self._lines, spans)])
+        if (spans["shared"] == spans["start"]).all():
+            return own
+        _, firsts, places = np.unique(spans["shared"], return_index=True, return_inverse=True)
+        shared = spans[firsts]
+        shared["start"], shared["size"] = shared["shared"], shared["shared_size"]
+        blocks = _blocks(self._lines, shared)
+        said = pa.concat_tables([_parsed(block, self._schema) for block in blocks])
+        pairs = zip(own.columns, said.columns, strict=True)
+        columns = [_filled(*pair, pa.array(places)) for pair in pairs]
+        return pa.table(columns, schema=self._schema)
+
+    def _rows(self, block: bytes) -> pa.Table:
+        """Return rows by themselves, with nulls in the fields that they lack."""
+        try:
+            # The parser takes time for every field that a row may have.
+            rows = _parsed(block, pa.schema([self._schema.field(name) for name in self._found]))
+        except pa.ArrowInvalid:
+            rows = _parsed(block, self._schema)
+            columns = zip(rows.column_names, rows.columns, strict=True)
+            self._found |= {name: None for name, each in columns if each.null_count < len(each)}
+            return rows
+        absent = ((each.name, pa.nulls(len(rows), each.type)) for each in self._schema)
+        found = dict(zip(rows.column_names, rows.columns, strict=True))
+        return pa.table({**dict(absent), **found}, schema=self._schema)
+
+
+def _filled(own: pa.ChunkedArray, said: pa.ChunkedArray, places: pa.Array) -> pa.ChunkedArray:
+    """Return a column of rows, with what the lines at these places say where it is null."""
+    if said.null_count == len(said):
         return own
-    _, firsts, places = np.unique(spans["shared"], return_index=True, return_inverse=True)
-    shared = spans[firsts]
-    shared["start"], shared["size"] = shared["shared"], shared["shared_size"]
-    said = pa.concat_tables([_parsed(block, schema) for block in _blocks(lines, shared)])
-    pairs = zip(own.columns, compute("take", said, pa.array(places)).columns, strict=True)
-    columns = [b if a.null_count == len(a) else compute("coalesce", a, b) for a, b in pairs]
-    return pa.table(columns, schema=schema)
+    taken = compute("take", said, places)
+    return taken if own.null_count == len(own) else compute("coalesce", own, taken)
 
 
 def _parsed(lines: bytes, schema: pa.Schema) -> pa.Table:
@@ -125,12 +156,13 @@ def _line_spans(lines: BinaryIO) -> Iterator[tuple[int, int, int, int, int]]:
     """Yield index, start and size of each row, with those of what it shares, else its own."""
     start, shared = 0, (0, 0)
     for line in lines:
-        head, own, name = _LINE_START.match(line), (start, row_size(line)), shared_by(line)
+        size, name = row_extent(line)
         if name == SHARED:
-            shared = own
+            shared = start, size
         else:
-            index = int(head[1]) if head else int(from_json(line[: own[1]])["index"])
-            yield index, *own, *(shared if name else own)  # pyright: ignore[reportReturnType]
+            head = _LINE_START.match(line)
+            index = int(head[1]) if head else int(from_json(line[:size])["index"])
+            yield index, start, size, *(shared if name else (start, size))
         start += len(line)
 
 
@@ -270,15 +302,21 @@ def _streams(name: str, column: pa.Array) -> Iterator[tuple[str, bytes | memoryv
         yield from _streams(f"{name}[]", compute("list_flatten", column))
     elif pa.types.is_string(kind):
         yield f"{name}#", _lengths(compute("binary_length", column))
-        texts = compute("drop_null", column).view(pa.binary())
-        whole = pa.ListArray.from_arrays(pa.array([0, len(texts)], pa.int32()), texts)
-        yield f"{name}=", compute("binary_join", whole, b"")[0].as_buffer()
+        yield f"{name}=", _joined(compute("drop_null", column))
     else:
         if column.null_count:
             column = compute(
                 "coalesce", column, pa.scalar(False if kind == pa.bool_() else 0, kind)
             )
         yield f"{name}=", column.to_numpy(zero_copy_only=False).data
+
+
+def _joined(texts: pa.Array) -> memoryview:
+    _, places, letters = texts.buffers()
+    if not len(texts) or letters is None:
+        return memoryview(b"")
+    ends = np.frombuffer(places, np.int32)[texts.offset :][[0, len(texts)]]
+    return memoryview(letters)[slice(*ends.tolist())]
 
 
 def _lengths(lengths: pa.Array) -> memoryview:
