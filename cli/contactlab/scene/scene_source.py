@@ -8,6 +8,7 @@ import importlib
 from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -184,11 +185,7 @@ def _folder(
 def read_manifest(path: Path) -> SceneManifest:
     """Read a scene's manifest; a SceneError says that it is not YAML, or lists all wrong keys."""
     try:
-        text = path.read_text(encoding="utf-8-sig")
-        check_extent(text)
-        yaml = YAML(typ="safe", pure=True)
-        yaml.composer.warn_double_anchors = False
-        return SceneManifest.model_validate(yaml.load(text))
+        return _manifest(path.read_text(encoding="utf-8-sig"))
     except ValidationError as error:
         found = [([str(part) for part in each["loc"]], each["msg"]) for each in error.errors()]
         # Parts with @ tell forms of a value apart.
@@ -196,3 +193,12 @@ def read_manifest(path: Path) -> SceneManifest:
         raise SceneError("\n".join([f"{path}: invalid manifest", *errors])) from error
     except (YAMLError, ValueError, OSError, RecursionError) as error:
         raise SceneError(f"{path}: not YAML: {error}") from error
+
+
+@lru_cache(maxsize=4)
+def _manifest(text: str) -> SceneManifest:
+    """Return what YAML says, read once for a sweep's process and the workers forked from it."""
+    check_extent(text)
+    yaml = YAML(typ="safe", pure=True)
+    yaml.composer.warn_double_anchors = False
+    return SceneManifest.model_validate(yaml.load(text))
