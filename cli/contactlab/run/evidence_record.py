@@ -5,10 +5,11 @@ import math
 import os
 import platform
 import subprocess
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
 from importlib.metadata import version
+from itertools import groupby
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -32,7 +33,6 @@ from contactlab.schema.evidence import (
     Engine,
     EvidenceRecord,
     Host,
-    InitialState,
     LabelEntry,
     Provenance,
 )
@@ -42,6 +42,8 @@ from contactlab.store.table_layout import to_row
 
 Fields = dict[str, Any]  # of a record, by name
 _NONE = np.array(None)
+# What a record leaves out where it has nothing to say of it.
+_UNSAID = {name for name, field in EvidenceRecord.model_fields.items() if field.exclude_if}
 
 
 @cache
@@ -70,6 +72,7 @@ class Common:
     def __init__(self, task: Task, plan: RunPlan) -> None:
         run, resolved, identity = plan.run, plan.resolved, task.identity
         self._of = run.values, plan.prepared  # As long as they live, so do their ids.
+        self._parts: dict[tuple[str, ...], list[bytes | list[str]]] = {}
         engine = engine_of(resolved)
         # What its engine ignores is off.
         off = {name: EffectState(False, why) for name, why in engine.ignored(resolved).items()}
@@ -102,6 +105,34 @@ class Common:
         """The entries of a row, as JSON has them."""
         row = to_row(self.fields).items()
         return [to_json({name: value})[1:-1] for name, value in row if value is not None]
+
+    def record_json(self, own: Fields) -> bytes:
+        """Return a run's record without cost and times of day: equal runs have equal records."""
+        labels = [each._asdict() for each in own["labels"]]
+        own = own | {"labels": labels, "initial": vars(own["initial"])}
+        names = tuple(name for name, each in own.items() if each is not None or name not in _UNSAID)
+        if names not in self._parts:
+            self._parts[names] = self._record_parts(names)
+        parts = self._parts[names]
+        # Here NaN, as in all records, is null.
+        texts = (
+            to_json({name: own[name] for name in each}, inf_nan_mode="null")[1:-1]
+            if isinstance(each, list)
+            else each
+            for each in parts
+        )
+        return b"{%b}" % b",".join(texts)
+
+    def _record_parts(self, own: Collection[str]) -> list[bytes | list[str]]:
+        """Return a record in its order: what is common as JSON, what is a run's own by name."""
+        common = EvidenceRecord.model_construct(None, **self.fields)
+        parts: list[bytes | list[str]] = []
+        for is_own, names in groupby(EvidenceRecord.model_fields, own.__contains__):
+            if is_own:
+                parts.append([*names])
+            elif text := common.model_dump_json(include={*names})[1:-1]:
+                parts.append(text.encode())
+        return parts
 
 
 RunRow = tuple[Fields, Common]
@@ -211,19 +242,6 @@ def _fields(
         "expectation_reason": missed,
         "tolerances_met": within_tolerances(task.sweep.tolerances, metrics),
     }
-
-
-def record_of(common: Common, own: Fields) -> EvidenceRecord:
-    """Return a run's record without cost and times of day: equal runs have equal records."""
-    labels = tuple(
-        LabelEntry(label=each.label, reason=each.reason, step=each.step) for each in own["labels"]
-    )
-    built = {
-        "labels": labels,
-        "initial": InitialState.model_construct(None, **vars(own["initial"])),
-    }
-    # Of the right types as it is made: to check them takes longer than all else of a short run.
-    return EvidenceRecord.model_construct(None, **{**common.fields, **own, **built})
 
 
 def journalled(rows: Sequence[RunRow]) -> list[Finished]:

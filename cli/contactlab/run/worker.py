@@ -32,6 +32,7 @@ from contactlab.measure import assess
 from contactlab.plugins import require_plugins
 from contactlab.run.evidence_record import (
     Common,
+    Fields,
     MeasuredGroup,
     RunOutcome,
     RunPlan,
@@ -39,7 +40,6 @@ from contactlab.run.evidence_record import (
     cost_and_times,
     fields_of,
     journalled,
-    record_of,
     row_of_crash,
 )
 from contactlab.run.planned_runs import Preparer, reference_models
@@ -49,7 +49,7 @@ from contactlab.scene.initial_states import InitialStates
 from contactlab.scene.model_names import name_of
 from contactlab.scene.run_setup import kind_of, make_setup
 from contactlab.scene.scene_source import BINARY
-from contactlab.schema.evidence import EvidenceRecord, LabelEntry, TraceFile
+from contactlab.schema.evidence import LabelEntry, TraceFile
 from contactlab.store.controls_file import controls_name, encode_controls
 from contactlab.store.folder_backend import backend_at
 from contactlab.store.mcap.trace_reader import ACTIVATIONS
@@ -303,7 +303,7 @@ class Worker:
         if outcome.controls is not None:
             own["controls"] = self._write_controls(outcome.controls, plan.prepared.model)
         if self._keeps_trace(plan.run, own["label"]):
-            own["trace"] = self._write_trace(record_of(common, own), outcome)
+            own["trace"] = self._write_trace(own, common, outcome)
         return own | cost_and_times(self._task, outcome), common
 
     def _keeps_trace(self, run: PlannedRun, label: str) -> bool:
@@ -322,11 +322,11 @@ class Worker:
             self._controls.add(sha256)
         return sha256
 
-    def _write_trace(self, record: EvidenceRecord, outcome: RunOutcome) -> TraceFile:
+    def _write_trace(self, own: Fields, common: Common, outcome: RunOutcome) -> TraceFile:
         """Store a run's trace; its record has neither cost nor times of day, so that it repeats."""
-        group, name = outcome.group, _trace_name(record.run_id)
-        metadata = _metadata(record, outcome.plan.prepared.model.na)
-        said = record.model_dump_json().encode(), metadata, self._model_xml
+        group, name = outcome.group, _trace_name(own["run_id"])
+        metadata = _metadata({**common.fields, **own}, outcome.plan.prepared.model.na)
+        said = common.record_json(own), metadata, self._model_xml
         form = self._task.sweep.trace_format
         content, messages = group.encoder.encode(outcome.row, *said, form=form)
         self._store.put(name, content)
@@ -334,11 +334,11 @@ class Worker:
         return TraceFile(file=name, sha256=sha256, bytes=len(content), messages=dict(messages))
 
 
-def _metadata(record: EvidenceRecord, activations: int) -> dict[str, str]:
+def _metadata(record: Fields, activations: int) -> dict[str, str]:
     fields = ("run_id", "sweep", "scene", "scene_hash", "seed", "label")
     return {
-        **{name: str(getattr(record, name)) for name in fields},
-        "engine": f"{record.engine.name} {record.engine.version}",
-        "contactlab": record.provenance.contactlab,
+        **{name: str(record[name]) for name in fields},
+        "engine": f"{record['engine'].name} {record['engine'].version}",
+        "contactlab": record["provenance"].contactlab,
         ACTIVATIONS: str(activations),
     }

@@ -8,6 +8,7 @@ import re
 import secrets
 from collections.abc import Generator
 from contextlib import contextmanager
+from io import FileIO
 from pathlib import Path
 from threading import Timer
 
@@ -27,7 +28,7 @@ def atomic_write(target: Path, *, durable: bool = False) -> Generator[Path]:
     No other process, nor a link that one left, has its name. Where it is durable, it is synced to
     the disk. Raises an OutputError if the file cannot be written; nothing is left behind.
     """
-    temporary = target.with_name(f"{target.name}.{secrets.token_hex(4)}{TEMPORARY_SUFFIX}")
+    temporary = target.with_name(_temporary_name(target.name))
     try:
         with write_errors(target):
             yield temporary
@@ -39,6 +40,25 @@ def atomic_write(target: Path, *, durable: bool = False) -> Generator[Path]:
     except BaseException:
         temporary.unlink(missing_ok=True)
         raise
+
+
+def write_file(target: str, data: bytes) -> None:
+    """Create or replace a file, as `atomic_write` does, without what paths take for a small one."""
+    temporary = _temporary_name(target)
+    try:
+        with write_errors(target):
+            with FileIO(temporary, "x") as file:
+                rest = memoryview(data)
+                while rest:  # The system may take a part at a time.
+                    rest = rest[file.write(rest) :]
+            os.replace(temporary, target)  # noqa: PTH105 - a path would take as long as the rest
+    except BaseException:
+        Path(temporary).unlink(missing_ok=True)
+        raise
+
+
+def _temporary_name(target: str) -> str:
+    return f"{target}.{secrets.token_hex(4)}{TEMPORARY_SUFFIX}"
 
 
 def target_name(name: str) -> str:

@@ -17,6 +17,7 @@ from contactlab.store.atomic_files import (
     sync_filesystem,
     target_name,
     write_errors,
+    write_file,
 )
 from contactlab.store.backend import Backend
 from contactlab.store.store_files import (
@@ -48,7 +49,7 @@ class FolderBackend:
     def __init__(self, folder: Path, error: type[ContactlabError]) -> None:
         self.address = folder
         self._error = error
-        self._made: set[Path] = set()
+        self._made: set[str] = set()
 
     def top_names(self) -> set[str]:
         """Return the names of the files and folders at the top."""
@@ -63,14 +64,13 @@ class FolderBackend:
 
     def put(self, name: str, data: bytes) -> None:
         """Create or replace a file as a whole."""
-        path = self.address / name
+        folder = name.rpartition("/")[0]
         # Remembered: asking the system for each file takes longer.
-        if path.parent not in self._made:
-            with write_errors(path):
-                path.parent.mkdir(parents=True, exist_ok=True)
-            self._made.add(path.parent)
-        with atomic_write(path) as temporary:
-            temporary.write_bytes(data)
+        if folder not in self._made:
+            with write_errors(self.address / name):
+                (self.address / folder).mkdir(parents=True, exist_ok=True)
+            self._made.add(folder)
+        write_file(f"{self.address}/{name}", data)
 
     def delete(self, names: Iterable[str]) -> None:
         """Delete files; missing ones are no error."""
