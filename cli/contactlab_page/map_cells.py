@@ -1,13 +1,17 @@
 """What a map shows: labels or one number in each cell."""
 
+import ctypes
 from collections.abc import Sequence
+from functools import partial
 from itertools import combinations
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import Floats
+from contactlab.native import agrees, functions_of
 from contactlab.reporting.map_axes import MapAxes
 from contactlab.reporting.report_columns import SEED, STABLE, GridAxis, Quantity, RunLabels
 from contactlab_page.packing import packed_integers, rounded_floats
@@ -15,6 +19,7 @@ from contactlab_page.packing import packed_integers, rounded_floats
 Statistic = Literal["worst", "median", "mean"]
 STATISTICS: tuple[Statistic, ...] = ("worst", "median", "mean")
 _MOST_AXES = 8
+_SOURCE = Path(__file__).with_suffix(".c")
 
 
 def label_counts(axes: MapAxes, labels: RunLabels) -> NDArray[np.int64]:
@@ -46,24 +51,56 @@ def cell_statistics(
     The worst is the largest magnitude, or the least value of a quantity of which more is better.
     One sort of the values serves every pair of axes: a stable sort of these by cell, which is
     linear in time for small integers, leaves each cell's values in order. Values (m,) are the least
-    first; `own` (m,) is the cell of each, and `counts` (cells,) how many a cell has.
+    first; `own` (m,) is the cell of each, and `counts` (cells,) how many a cell has. The
+    first two are contiguous.
     """
     size = len(counts)
-    # Equal values, as of what never happens, are in any order.
-    differ = len(values) and values[0] < values[-1]
-    order = np.argsort(own, kind="stable") if differ else np.arange(len(values))
+    grouped, sums = _grouped(own, values, counts)
     filled = counts > 0
     number = counts[filled]
     ends = counts.cumsum()[filled]
     starts = ends - number
-    low, high = values[order[starts]], values[order[ends - 1]]
+    low, high = grouped[starts], grouped[ends - 1]
     worst = low if better == "higher" else np.maximum(np.abs(low), np.abs(high))
-    middle = values[order[starts + (number - 1) // 2]], values[order[starts + number // 2]]
+    middle = grouped[starts + (number - 1) // 2], grouped[starts + number // 2]
     median = (middle[0] + middle[1]) / 2
-    mean = np.bincount(own, values, minlength=size)[filled] / number
+    mean = sums[filled] / number
     statistics = np.full((3, size), np.nan)
     statistics[:, filled] = worst, median, mean
     return statistics
+
+
+def _grouped(
+    own: NDArray[np.integer], values: Floats, counts: NDArray[np.int64]
+) -> tuple[Floats, Floats]:
+    """Return values (m,) cell by cell, in order in each, and the sum of each cell (cells,)."""
+    by_numpy = partial(_grouped_by_numpy, own, values, len(counts))
+    library = functions_of(_SOURCE)
+    if library is None or not _differ(values):
+        return by_numpy()
+    grouped, sums, starts = np.empty(len(values)), np.zeros(len(counts)), counts.cumsum() - counts
+    cells, given, *found = (
+        ctypes.c_void_p(each.ctypes.data) for each in (own, values, starts, sums, grouped)
+    )
+    width, count = ctypes.c_int64(own.itemsize), ctypes.c_int64(len(values))
+    library.group_by_cell(cells, width, given, count, *found)
+    if agrees(_SOURCE, lambda: _bits(grouped, sums), lambda: _bits(*by_numpy())):
+        return grouped, sums
+    return by_numpy()
+
+
+def _grouped_by_numpy(own: NDArray[np.integer], values: Floats, size: int) -> tuple[Floats, Floats]:
+    grouped = values[np.argsort(own, kind="stable")] if _differ(values) else values
+    return grouped, np.bincount(own, values, minlength=size).astype(np.float64)
+
+
+def _differ(values: Floats) -> bool:
+    """Return whether values in order differ; equal ones, as of what never happens, need no sort."""
+    return len(values) > 0 and bool(values[0] < values[-1])
+
+
+def _bits(grouped: Floats, sums: Floats) -> bytes:
+    return grouped.tobytes() + sums.tobytes()
 
 
 def most_frequent_failure(counts: NDArray[np.int64], labels: RunLabels) -> NDArray[np.int64]:

@@ -1,6 +1,8 @@
 """Cells of maps against a slow, obvious loop over runs."""
 
+import shutil
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,10 +10,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from contactlab.contact.trace_arrays import Floats
+from contactlab.native import functions_of
 from contactlab.palette import STABLE_COLOUR
 from contactlab.reporting.map_axes import MapAxes, most_informative_axes
 from contactlab.reporting.report_columns import GridAxis, Quantity, RunLabels
 from contactlab.store.table_layout import REAL, Column
+from contactlab_page import map_cells
 from contactlab_page.heatmap import label_rows
 from contactlab_page.map_cells import (
     STATISTICS,
@@ -24,6 +28,7 @@ from contactlab_page.map_cells import (
 from contactlab_page.page_charts import knob_changes
 from contactlab_page.run_series import decimated
 
+SOURCE = Path(map_cells.__file__).with_suffix(".c")
 NAMES = ("diverged", "chatter", "stable")
 SLOW: dict[Statistic, Callable[[Floats], float]] = {
     "worst": lambda values: float(np.abs(values).max()),
@@ -99,6 +104,29 @@ def test_aggregated_cells_are_those_of_each_map(rows: Runs, better: str) -> None
         for kind in STATISTICS:
             one = cell_statistic(drawn, quantity(values, better), kind).ravel()
             np.testing.assert_allclose(found[f"{name}:q:{kind}"], one, rtol=2.0**-23, atol=1e-9)
+
+
+@pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler")
+@pytest.mark.parametrize("sizes", [(3, 4), (40, 30), (300, 300)])
+def test_c_leaves_the_bits_of_numpy(
+    sizes: tuple[int, int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Cells are numbered in one byte, two or four; some quantities lack values or never differ."""
+    rng = np.random.default_rng(0)
+    xs, ys = (rng.integers(0, size - 1, 5000).tolist() for size in sizes)
+    axes = axis("x", xs, sizes[0]), axis("y", ys, sizes[1])
+    numbers = rng.normal(size=5000).round(2)
+    gaps = np.where(rng.random(5000) < 0.3, np.nan, numbers)
+    labels, bits = run_labels([2] * 5000), list[bytes]()
+    for kernel in ("on", "off"):
+        monkeypatch.setenv("CONTACTLAB_KERNEL", kernel)
+        assert (functions_of(SOURCE) is not None) == (kernel == "on")
+        for values in (numbers, gaps, np.zeros(5000), np.full(5000, np.nan)):
+            known = quantity(values.tolist())
+            found = aggregated_columns(axes, labels, [known])
+            single = cell_statistic(MapAxes(*axes), known, "median")
+            bits.append(b"".join(each.tobytes() for each in (*found.values(), single)))
+    assert bits[:4] == bits[4:]
 
 
 def test_the_worst_value_is_the_least_where_higher_is_better() -> None:
