@@ -214,11 +214,12 @@ def pack_jobs(
         if key not in bounds:
             base, steps = scene.base_of(resolved), resolved.steps
             size, work = bytes_of_run(base.model, steps), steps * max(1, base.model.nv) ** 2
-            short, least = _SHORT_STEPS // steps, min(SMALL_WORK // work, fair)
+            short = _SHORT_STEPS // steps
+            least = max(LEAST_WORK, min(SMALL_WORK, fair * work)) // work
             if isinstance(resolved.drive, PolicyDrive) or resolved.engine == LOOP_ENGINE:
                 short = least = 0
             bound = min(MAX_RUNS, max(_FEW_RUNS, short), JOB_BYTES // size, _max_models(base))
-            least = max(1, min(bound, max(least, LEAST_WORK // work)))
+            least = max(1, min(bound, least))
             bounds[key] = least, max(least, min(bound, most))
         group = waiting.setdefault(key, [])
         group.append(run)
