@@ -22,7 +22,7 @@ import numpy as np
 from bench.planning import EnoughError, grid, spent_by
 
 from contactlab.store.finished_store import Store
-from contactlab.store.row_journal import row_size, sealed
+from contactlab.store.row_journal import SEAL_SIZE, SHARED, row_extent, sealed
 
 SIZES = (100_000, 1_000_000)
 _OTHERS = "duration: 0.1\ntrace: none\nchecks: none\n"
@@ -59,14 +59,16 @@ def make_journal(file: Path) -> None:
     with contextlib.suppress(EnoughError):
         run_sweep(ask, lambda *_: None, _enough)
     journal = _store_of(file) / "journal.jsonl"
-    rows = journal.read_bytes().splitlines(keepends=True)
+    lines = journal.read_bytes().splitlines(keepends=True)
+    rows = [line for line in lines if row_extent(line)[1] != SHARED]
     ids = [run.run_id for run, _ in RunIndex(ask.plan, ask.scene).runs()]
     late = np.random.default_rng(0).uniform(0, _LATE, len(ids))
     with journal.open("wb") as made_up:
+        made_up.writelines(line for line in lines if row_extent(line)[1] == SHARED)
         for place in np.argsort(np.arange(len(ids)) + late).tolist():
             head = b'{"run_id":"%b","index":%d' % (ids[place].encode(), place)
             row = rows[place % len(rows)]
-            made_up.write(sealed(_HEAD.sub(head, row[: row_size(row)])))
+            made_up.write(sealed(_HEAD.sub(head, row[:-SEAL_SIZE])))
 
 
 def _enough(_: object) -> None:

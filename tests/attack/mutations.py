@@ -20,7 +20,7 @@ import pyarrow.parquet as pq
 from contactlab.store.mcap.file_parts import encode_file
 from contactlab.store.mcap.stored_messages import message_stream, start_of, stored_file
 from contactlab.store.mcap.trace_messages import HEADER_SIZE
-from contactlab.store.row_journal import SEAL_SIZE, is_sealed, row_size, sealed
+from contactlab.store.row_journal import SEAL_SIZE, is_sealed, row_extent, sealed
 from contactlab.store.runs_table import count_outcomes, rows_digest
 
 TABLE, MANIFEST, IDENTITY = "runs.parquet", "manifest.json", "sweep.json"
@@ -298,9 +298,10 @@ def edit_line(target: Target) -> str:
     path = target.store / JOURNAL
     lines = path.read_bytes().splitlines(keepends=True)
     place = target.chance.randrange(len(lines))
-    row = json.loads(lines[place][: row_size(lines[place])])
+    size, _ = row_extent(lines[place])
+    row = json.loads(lines[place][:size])
     said = _edit(row, target.chance)
-    lines[place] = json.dumps(row).encode() + lines[place][row_size(lines[place]) :]
+    lines[place] = json.dumps(row).encode() + lines[place][size:]
     path.write_bytes(b"".join(lines))
     return f"line {place}: {said}"
 
