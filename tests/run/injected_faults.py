@@ -81,9 +81,10 @@ def doomed_step(self: Any, run: int, *args: Any) -> Any:
 
 
 def doomed_checks(runs: Any, *args: Any) -> Any:
-    """Check runs; what a fault waited for happens when its run begins once more."""
-    hanging = {each: "hang" for each, fault in doomed.items() if fault == IN_CHECKS}
-    doomed.update(hanging)
+    """Check runs; a fault that waited for that happens first."""
+    for model in runs.models:
+        if doomed.get(id(model)) == IN_CHECKS:
+            meet("hang", model)
     return check_runs(runs, *args)
 
 

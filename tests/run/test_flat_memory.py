@@ -92,6 +92,7 @@ def test_a_worker_does_not_grow(
     with monkeypatch.context() as patch:
         patch.setattr(Worker, "run", watched)
         patch.setattr(planned_runs, "LEAST_WORK", 0)
+        patch.setattr(planned_runs, "SMALL_WORK", 0)
         sweeper.run(f"{SWEEP}trace: {trace}\n")
     todo = fresh(jobs, models)
     for job in islice(todo, WARM):

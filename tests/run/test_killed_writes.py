@@ -37,6 +37,7 @@ class Fuse:
         self._open = io.open
         sys.addaudithook(self._hear)
         builtins.open = io.open = self._opened  # pyright: ignore[reportAttributeAccessIssue]
+        atomic_files.FileIO = self._created  # pyright: ignore[reportPrivateImportUsage, reportAttributeAccessIssue]
 
     def burn(self) -> None:
         self._left -= 1
@@ -55,6 +56,12 @@ class Fuse:
             return self._open(file, mode, *more, **rest)
         self.burn()
         return HalfWriter(self._open(file, mode, *more, **rest), self)
+
+    def _created(self, file: str, mode: str) -> Any:
+        if not self.is_below(file):
+            return io.FileIO(file, mode)
+        self.burn()
+        return HalfWriter(io.FileIO(file, mode), self)
 
 
 class HalfWriter:

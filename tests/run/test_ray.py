@@ -14,6 +14,7 @@ from typing import Any
 import pytest
 from tests.run.spoiled_workers import spoil_workers
 
+from contactlab.store.row_journal import SHARED, row_extent
 from contactlab.store.verify_store import verify
 
 pytest.importorskip("ray", reason="contactlab[ray] is not installed")
@@ -183,7 +184,8 @@ def test_a_node_lost_in_mid_sweep_loses_no_run(
 def stored(folder: Path) -> int:
     """Return how many runs the store in a folder holds."""
     journal = folder / "store" / "journal.jsonl"
-    return journal.read_bytes().count(b"\n") if journal.exists() else 0
+    lines = journal.read_bytes().splitlines(keepends=True) if journal.exists() else []
+    return sum(row_extent(line)[1] != SHARED for line in lines if line.endswith(b"\n"))
 
 
 @pytest.mark.usefixtures("on_nodes")
