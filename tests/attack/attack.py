@@ -119,7 +119,7 @@ def begin_store(folder: Path, height: float = 0.12) -> Path:
             raise KeyboardInterrupt
 
     request = request_in(folder, height)
-    with suppress(KeyboardInterrupt), patch.object(planned_runs, "LEAST_WORK", 0):
+    with suppress(KeyboardInterrupt), patch.multiple(planned_runs, LEAST_WORK=0, SMALL_WORK=0):
         resume(request, stop)
     assert isinstance(request.store, Path)
     return request.store

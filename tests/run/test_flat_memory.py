@@ -91,8 +91,8 @@ def test_a_worker_does_not_grow(
 
     with monkeypatch.context() as patch:
         patch.setattr(Worker, "run", watched)
-        patch.setattr(planned_runs, "LEAST_WORK", 0)
-        patch.setattr(planned_runs, "SMALL_WORK", 0)
+        for work in ("LEAST_WORK", "SMALL_WORK"):
+            patch.setattr(planned_runs, work, 0)
         sweeper.run(f"{SWEEP}trace: {trace}\n")
     todo = fresh(jobs, models)
     for job in islice(todo, WARM):
