@@ -49,6 +49,15 @@ CLOCK = {"started", "finished", "compile_time"}
 COSTS = ("cost_", "time_", "step_p")
 
 
+@pytest.fixture(scope="session", autouse=True)
+def _compiler_or_none() -> None:
+    """Ask for no functions in C where there is no compiler: sweeps would say so beside all else."""
+    from tests.compilers import has_compiler  # noqa: PLC0415 - as below
+
+    if not has_compiler():
+        os.environ["CONTACTLAB_KERNEL"] = "off"
+
+
 @pytest.fixture
 def _registries_restored() -> Iterator[None]:
     """Forget after the test what it adds to registries."""

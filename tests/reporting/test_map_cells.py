@@ -1,6 +1,5 @@
 """Cells of maps against a slow, obvious loop over runs."""
 
-import shutil
 from collections.abc import Callable
 from pathlib import Path
 
@@ -8,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from tests.compilers import has_compiler
 
 from contactlab.contact.trace_arrays import Floats
 from contactlab.native import functions_of
@@ -106,7 +106,7 @@ def test_aggregated_cells_are_those_of_each_map(rows: Runs, better: str) -> None
             np.testing.assert_allclose(found[f"{name}:q:{kind}"], one, rtol=2.0**-23, atol=1e-9)
 
 
-@pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler")
+@pytest.mark.skipif(not has_compiler(), reason="there is no C compiler that works")
 @pytest.mark.parametrize("sizes", [(3, 4), (40, 30), (300, 300)])
 def test_c_leaves_the_bits_of_numpy(
     sizes: tuple[int, int], monkeypatch: pytest.MonkeyPatch

@@ -1,6 +1,5 @@
 """Functions in C write the bytes that NumPy writes."""
 
-import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -11,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from tests.compilers import has_compiler
 from tests.random_traces import trace_sizes
 from tests.sanitizers import run_sanitized
 from tests.written_traces import TraceExtras
@@ -31,7 +31,7 @@ from contactlab.store.mcap.trace_writer import TraceEncoder
 
 MakeTrace = Callable[..., tuple[Trace, list[PairSeries]]]
 
-pytestmark = pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler")
+pytestmark = pytest.mark.skipif(not has_compiler(), reason="there is no C compiler that works")
 SWITCH = "CONTACTLAB_KERNEL"
 
 
