@@ -8,19 +8,27 @@ NODE_MODULES := $(NODE_READER)/node_modules
 endif
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
-.PHONY: bounce test test-slow test-lowest check lint format stubs schemas picture constraints wheel
+.PHONY: bounce test test-rest test-all test-night test-lowest check lint format stubs schemas snapshots picture constraints wheel
 .PHONY: attack bench kernel site verdicts clean
 
 bounce: .venv/run
 	$(BIN)/contactlab sweep bounce
 
-# On all cores; a file's tests share what they made, so they stay together.
-test: .venv/dev $(NODE_MODULES)
+# Every law on small cases, within two minutes on two cores: before each commit.
+# A file's tests share what they made; files that are left are shared out as workers get idle.
+test: .venv/dev
 	$(BIN)/python -m pytest -n auto --dist loadfile
 
-test-slow: .venv/dev $(NODE_MODULES)
-	$(BIN)/python -m pytest -n auto --dist loadfile -m "slow and not timed"
-	$(BIN)/python -m pytest -n 0 -m "slow and timed"
+# What `make test` leaves to CI: browsers, clusters, object storage, processes, whole catalogues.
+test-rest: .venv/dev $(NODE_MODULES)
+	$(BIN)/python -m pytest -n auto --dist loadfile -m "long and not night and not timed"
+
+test-all: test test-rest
+
+# What takes minutes each: verdicts, attacks, kernels, public robots; and what compares times.
+test-night: .venv/dev $(NODE_MODULES)
+	$(BIN)/python -m pytest -n auto --dist loadfile -m "night and not timed"
+	$(BIN)/python -m pytest -n 0 -m timed
 
 check: lint test
 
@@ -40,8 +48,14 @@ stubs: .stubs/mujoco-stubs/py.typed
 	$(BIN)/pybind11-stubgen mujoco -o .stubs --root-suffix=-stubs --ignore-all-errors >/dev/null 2>&1
 	printf 'partial\n' > $@
 
+# The schemas, and the list of the table's columns in docs/evidence.md.
 schemas: .venv/dev
 	$(BIN)/contactlab schema --write schemas
+	$(BIN)/python -m tests.docs.table_columns
+
+# What sweeps, help and the page come to, which a test compares with what it was.
+snapshots: .venv/dev
+	$(BIN)/python -m tests.snapshots
 
 # What `contactlab sweeps` lists without the engine.
 sweeps/index.json: .venv/dev sweeps/*.yaml
@@ -67,7 +81,7 @@ verdicts: .venv/dev
 
 # Every hard case as it is written, by contact sensors, and in C by any number of workers: minutes.
 kernel: .venv/dev
-	WHOLE_CATALOGUE=1 $(BIN)/python -m pytest -n 0 -m slow -k every_case \
+	WHOLE_CATALOGUE=1 $(BIN)/python -m pytest -n 0 -m night -k every_case \
 	  tests/engines/test_contact_kernel.py
 
 bench: .venv/dev

@@ -23,8 +23,8 @@ from tests.planted_recordings import MODEL, WIDTH, plant
 from contactlab.contact.trace_arrays import Floats
 from contactlab.errors import SceneError
 from contactlab.run.sweep_request import SceneLoader
+from contactlab.studies.fit.fitting import FitRequest, run
 from contactlab.studies.session import Session, Values
-from contactlab_fit.fitting import FitRequest, run
 
 FREE = ("friction.slide", "solref.timeconst=0.005:0.06")
 
@@ -72,7 +72,7 @@ def fitted(case: int, folder: Path, *, sweeps: bool) -> dict[str, tuple[bool, fl
     scene = plant(folder / "puck", friction, case, timeconst=timeconst, tossed=tossed, trials=12)
     request, session = FitRequest(scene, FREE, fitted=8), Session(folder / "fit")
     try:
-        plain = mock.patch("contactlab_fit.fitting._Trials.run", PlainRuns(scene))
+        plain = mock.patch("contactlab.studies.fit.fitting._Trials.run", PlainRuns(scene))
     except SceneError as error:
         # Some pucks rock faster than frames show: their velocities are not those of the poses.
         print(case, error, flush=True)

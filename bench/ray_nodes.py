@@ -22,9 +22,9 @@ from pathlib import Path
 from statistics import median
 from typing import Any, NamedTuple
 
+from contactlab.run.ray.connection import ray_cluster
 from contactlab.run.sweep_request import SweepRequest, read_request
 from contactlab.run.sweep_runner import run_sweep
-from contactlab_ray.connection import ray_cluster
 
 ROUNDS, SEEDS, NODES = 3, 40, 3
 SWEEP = """

@@ -27,7 +27,7 @@ from bench.made_up import Rows, ids_of, parts_of, real_store, tables, write_stor
 
 from contactlab.contact.trace_arrays import Floats
 from contactlab.measure import METRICS
-from contactlab.reporting.report import write_page
+from contactlab.page.report_files import write_page
 from contactlab.store.finished_store import Store
 
 # Values of timestep, integrator, cone, solref, friction.slide, direction and seed.

@@ -61,7 +61,7 @@ def make_journal(file: Path) -> None:
     journal = _store_of(file) / "journal.jsonl"
     lines = journal.read_bytes().splitlines(keepends=True)
     rows = [line for line in lines if row_extent(line)[1] != SHARED]
-    ids = [run.run_id for run, _ in RunIndex(ask.plan, ask.scene).runs()]
+    ids = [run.run_id for run in RunIndex(ask.plan, ask.scene).runs()]
     late = np.random.default_rng(0).uniform(0, _LATE, len(ids))
     with journal.open("wb") as made_up:
         made_up.writelines(line for line in lines if row_extent(line)[1] == SHARED)
@@ -82,7 +82,7 @@ def _store_of(file: Path) -> Path:
 def resume(file: Path) -> None:
     """Go on with a sweep of which all runs are stored, and print what it takes as JSON."""
     times = [(time.time(), 0.0, 0)]
-    from contactlab.commands.store_commands import print_summary  # noqa: PLC0415
+    from contactlab.command_line.store_summary import summary_text  # noqa: PLC0415 - as above
     from contactlab.run.sweep_request import read_request  # noqa: PLC0415 - imports are measured
     from contactlab.run.sweep_runner import run_sweep  # noqa: PLC0415 - imports are measured
 
@@ -94,7 +94,7 @@ def resume(file: Path) -> None:
     run_sweep(ask, take, lambda _: None)
     take()
     with contextlib.redirect_stdout(io.StringIO()):
-        print_summary(Store.open(_store_of(file)), "text")
+        summary_text(Store.open(_store_of(file)), {})
     take()
     spent = zip(("going on", "finishing", "summary"), times[:-1], times[1:], strict=True)
     print(json.dumps({name: (b[0] - a[0], b[1] - a[1], b[2]) for name, a, b in spent}))

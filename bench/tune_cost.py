@@ -52,7 +52,7 @@ class Run(NamedTuple):
 
 def runs_of(reference: str, drive: Drive | None, seconds: float) -> list[Run]:
     """Return the runs of a model from fresh seeds."""
-    scene = SceneLoader(Path(), drive, bare="exercise").open(reference).with_effects("all")
+    scene = SceneLoader(Path(), drive).open(reference).with_effects("all")
     found: list[Run] = []
     for seed in SEEDS:
         run = scene.resolve({}, seed, seconds)

@@ -17,8 +17,8 @@ from contactlab.run.planned_runs import stored_sweep_scene
 from contactlab.schema.tradeoff_report import Configuration, TradeoffReport
 from contactlab.store.finished_store import Store
 from contactlab.studies.session import Values
-from contactlab_tune.knobs import integrators_of
-from contactlab_tune.search import Knob, Search, Space, key_of
+from contactlab.studies.tune.knobs import integrators_of
+from contactlab.studies.tune.search import Knob, Search, Space, key_of
 
 
 def excess(each: Configuration, tolerances: dict[str, float]) -> float:

@@ -61,12 +61,12 @@ def make_store(file: Path) -> None:
     journal = store / "journal.jsonl"
     template = next(read_lines(journal))
     with journal.open("wb") as made_up:
-        for run, resolved in RunIndex(ask.plan, ask.scene).runs():
+        for run in RunIndex(ask.plan, ask.scene).runs():
             own = {"run_id": run.run_id, "index": run.index, "seed": run.seed}
-            axes = {name: as_written(value) for name, value in run.values.items()}
-            simulated = template["steps"] * resolved.timestep
+            axes = {name: as_written(value) for name, value in run.axes.items()}
+            simulated = template["steps"] * run.timestep
             cost = {"cost_cpu_per_sim_s": template["cost_cpu_s"] / simulated}
-            row = template | own | axes | cost | {"settings": dict(resolved.values)}
+            row = template | own | axes | cost | {"settings": run.values}
             made_up.write(sealed(to_json(row)))
     run_sweep(ask, lambda *_: None, lambda _: None)
 

@@ -22,10 +22,10 @@ from bench.cases import BALL, COLUMNS, FALL, STACK
 from bench.measuring import SWEEPS
 from bench.reading_contacts import write_columns
 
+from contactlab.accuracy.reference import PlannedModel
 from contactlab.errors import StoppedError
 from contactlab.plan.overrides import Overrides
 from contactlab.run import sweep_runner
-from contactlab.run.evidence_record import RunPlan
 from contactlab.run.planned_runs import Preparer
 from contactlab.run.sweep_request import read_request
 from contactlab.run.tasks import Finished, Job, Task
@@ -56,15 +56,15 @@ def jobs_of(sweep: Path, store: Path, changes: Iterable[str]) -> tuple[Task, lis
     return asked[0]
 
 
-def stepped(scene: Scene, plans: Iterable[RunPlan]) -> float:
+def stepped(scene: Scene, plans: Iterable[PlannedModel]) -> float:
     """Return what bare steps of runs take [s]."""
     seconds = 0.0
     for plan in plans:
-        model = scene.compile_without_sensors(plan.resolved)
+        model = scene.compile_without_sensors(plan.run)
         data = mujoco.MjData(model)
         data.qpos[:], data.qvel[:] = plan.start.qpos[0], plan.start.qvel[0]
         begin = time.thread_time()
-        mujoco.mj_step(model, data, plan.resolved.steps)
+        mujoco.mj_step(model, data, plan.run.steps)
         seconds += time.thread_time() - begin
     return seconds
 

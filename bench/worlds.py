@@ -25,7 +25,7 @@ from contactlab.engines import ENGINES
 from contactlab.engines.adapted_engine import AdaptedEngine
 from contactlab.engines.engine import PreparedRuns
 from contactlab.plan.overrides import Overrides
-from contactlab_parity.panel import Panel, roll_out
+from contactlab.studies.parity.panel import Panel, roll_out
 
 SWEEP = """\
 version: 1

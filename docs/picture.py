@@ -16,7 +16,7 @@ from rich.console import Console
 from rich.text import Text
 
 import contactlab
-from contactlab_view.render import PictureOptions, render
+from contactlab.view.render import PictureOptions, render
 
 _COMMAND = ["contactlab", "sweep", "bounce"]
 _WIDTH = 118

@@ -1,18 +1,16 @@
-"""Whether functions in C can be had here."""
+"""Whether the kernel in C can be had here."""
 
 from functools import cache
-from pathlib import Path
 
+from contactlab.engines.contact_kernel import compiled_kernel
 from contactlab.errors import CompilerError
-from contactlab.measure import net_contact
-from contactlab.native import compiled
 
 
 @cache
 def has_compiler() -> bool:
     """Return whether there is a C compiler that works."""
     try:
-        compiled(Path(net_contact.__file__).with_suffix(".c"))
+        compiled_kernel()
     except CompilerError:
         return False
     return True

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from contactlab.run.sweep_request import SweepRequest
     from contactlab.run.tasks import Finished
     from contactlab.schema.evidence import StoreManifest
+    from contactlab.store.objects.client import ObjectClient
     from contactlab.store.store_files import ObjectAddress
-    from contactlab_objects.client import ObjectClient
 
 # A busy machine is no defect of the code under test. HYPOTHESIS_PROFILE=thorough, as in CI's run
 # with the lowest versions, looks at twice as many examples.
@@ -35,6 +35,13 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN and (
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
+# CPU time that a test of the first tier may take, with its fixtures and the processes that it waits
+# for [s]; `make test` would lose its two minutes one test at a time.
+FIRST_TIER_SECONDS = 1.5
+# So many squares are summed on a quiet core in that time.
+_COUNT, _QUIET_SECONDS = 2_000_000, 0.1
+_LATER_TIERS = ("long", "night", "timed")
+
 BALL = """
 version: 1
 scene: ball_drop
@@ -47,6 +54,48 @@ axes:
 # What depends on the clock, not on the run.
 CLOCK = {"started", "finished", "compile_time"}
 COSTS = ("cost_", "time_", "step_p")
+
+
+def _cpu_seconds() -> float:
+    """Return the CPU time of this process and of the children that it has waited for [s]."""
+    spent = os.times()
+    return spent.user + spent.system + spent.children_user + spent.children_system
+
+
+_cpu_at_start = pytest.StashKey[float]()
+
+
+@pytest.hookimpl(wrapper=True, tryfirst=True)
+def pytest_runtest_setup(item: pytest.Item) -> Iterator[None]:
+    """Note the CPU time before a test's fixtures are made; the first test pays no imports."""
+    import scipy.stats  # noqa: F401, PLC0415 # pyright: ignore[reportUnusedImport]
+
+    import contactlab.run.sweep_runner  # noqa: F401, PLC0415 # pyright: ignore[reportUnusedImport]
+
+    item.stash[_cpu_at_start] = _cpu_seconds()
+    return (yield)
+
+
+@pytest.hookimpl(wrapper=True, tryfirst=True)
+def pytest_runtest_call(item: pytest.Item) -> Iterator[None]:
+    """Fail a test of the first tier that takes longer than such a test may."""
+    result = yield
+    spent = _cpu_seconds() - item.stash[_cpu_at_start]
+    later = "HYPOTHESIS_PROFILE" in os.environ or any(map(item.get_closest_marker, _LATER_TIERS))
+    if spent > FIRST_TIER_SECONDS and not later and spent > FIRST_TIER_SECONDS * _slowness():
+        pytest.fail(
+            f"{item.nodeid} took {spent:.1f} s of CPU; a test of the first tier may take "
+            f"{FIRST_TIER_SECONDS:g} s: make it smaller, or mark it `long`",
+            pytrace=False,
+        )
+    return result
+
+
+def _slowness() -> float:
+    """Return by how much this machine is slower now than a quiet one, at least 1."""
+    begin = _cpu_seconds()
+    sum(number * number for number in range(_COUNT))
+    return max(1.0, (_cpu_seconds() - begin) / _QUIET_SECONDS)
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -141,23 +190,12 @@ class Sweeper:
         )
 
     def ask(self, text: str, name: str = "store", workers: int = 0) -> "SweepRequest":
-        from contactlab.plan.sweep_file import read_sweep  # noqa: PLC0415 - as below
         from contactlab.run.sweep_request import (  # noqa: PLC0415 - collection is quick without
-            SceneLoader,
-            SweepRequest,
+            read_request,
         )
 
-        scenes = SceneLoader(self.folder)
-        read = read_sweep(text, scenes.vocabulary)
-        return SweepRequest(
-            plan=read.plan,
-            scene=scenes.open(read.sweep.scene),
-            name="small",
-            source=text,
-            overrides=(),
-            store=self.folder / name,
-            workers=workers,
-        )
+        store = self.folder / name
+        return read_request(text, "small", store, folder=self.folder, workers=workers)
 
     def rows(self, name: str = "store") -> list[dict[str, Any]]:
         import pyarrow.parquet as pq  # noqa: PLC0415 - as above
@@ -225,7 +263,7 @@ def connect() -> "Callable[[ObjectAddress], ObjectClient]":
     """Return a function that makes a client of an address in object storage."""
     pytest.importorskip("obstore", reason="obstore is an extra")
     from contactlab.errors import OutputError  # noqa: PLC0415 - an extra
-    from contactlab_objects.client import ObjectClient  # noqa: PLC0415 - an extra
+    from contactlab.store.objects.client import ObjectClient  # noqa: PLC0415 - an extra
 
     return lambda address: ObjectClient(address, OutputError)
 

@@ -25,7 +25,7 @@ def run_sanitized(file: str, chosen: str, cache: Path) -> str:
         "XDG_CACHE_HOME": str(cache),
     }
     command = [sys.executable, "-m", "pytest", "-q", "-x", "-n", "0", "-p", "no:cacheprovider"]
-    command += ["-m", "slow or not slow", "-k", chosen, file]
+    command += ["-m", "long or not long", "-k", chosen, file]
     done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-3000:]
     assert " passed" in done.stdout

@@ -11,6 +11,7 @@ import pyarrow as pa
 import pytest
 
 import contactlab
+from contactlab.command_line.modules import command_modules
 from contactlab.errors import StoreError, SweepFileError
 from contactlab.store.finished_store import Store
 
@@ -46,6 +47,7 @@ def test_importing_it_loads_no_engine() -> None:
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
+@pytest.mark.long
 def test_reading_loads_no_engine(store: Store, again: Store) -> None:
     code = (
         "import contactlab, sys; store = contactlab.open(sys.argv[1]); len(store.runs)\n"
@@ -55,21 +57,25 @@ def test_reading_loads_no_engine(store: Store, again: Store) -> None:
 
 
 def test_its_functions_are_named_after_commands() -> None:
-    runs = {"check", "effects", "fit", "stability", "sweep", "tradeoff", "tune"}
-    assert set(FUNCTIONS) == {*runs, "compare", "report", "open", "record"}
-    assert all(callable(getattr(contactlab, name)) for name in FUNCTIONS)
+    # Packages have the names of two commands, and three functions are no commands.
+    commands = set(command_modules()) - {"engines", "schema"}
+    assert set(FUNCTIONS) == commands | {"open", "progress", "record"}
+    assert all(
+        callable(getattr(contactlab, name)) for name in {*FUNCTIONS} - {"baseline", "traces"}
+    )
     assert set(FUNCTIONS) <= set(dir(contactlab))
-    with pytest.raises(AttributeError, match="no attribute 'sweeps'"):
-        _ = contactlab.sweeps  # pyright: ignore[reportAttributeAccessIssue]
+    with pytest.raises(AttributeError, match="no attribute 'sweep_all'"):
+        _ = contactlab.sweep_all  # pyright: ignore[reportAttributeAccessIssue]
 
 
 def test_what_tune_cannot_do_is_said_before_anything_runs(tmp_path: Path) -> None:
-    for asked, words in (({"free": ["friction"]}, "--free"), ({"tolerance": {"slip": 1}}, "slip")):
+    for asked, words in (({"free": ["friction"]}, "--free"), ({"within": {"slp": 1}}, "slp")):
         with pytest.raises(SweepFileError, match=words):
             contactlab.tune("box_stack", output=tmp_path / "out", **asked)  # pyright: ignore[reportArgumentType]
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.long
 def test_a_name_stays_a_function_after_its_package_is_imported() -> None:
     code = (
         "import contactlab, contactlab.comparison, contactlab.reporting, contactlab.pareto\n"
@@ -90,8 +96,9 @@ def test_progress_counts_runs(tmp_path: Path) -> None:
     def count(done: int, total: int) -> None:
         calls.append((done, total))
 
-    contactlab.sweep(SWEEP, output=tmp_path / "store", workers=0, progress=count)
-    contactlab.sweep(SWEEP, output=tmp_path / "store", workers=0, progress=count)
+    for _ in range(2):
+        with contactlab.progress(count):
+            contactlab.sweep(SWEEP, output=tmp_path / "store", workers=0)
     assert (calls[0], calls[-2], calls[-1]) == ((0, 4), (4, 4), (4, 4))
 
 
@@ -143,11 +150,12 @@ STUDIES: dict[str, Callable[[Path], Any]] = {
 }
 
 
-@pytest.mark.parametrize("name", [pytest.param("check", marks=pytest.mark.slow), "stability"])
+@pytest.mark.long
+@pytest.mark.parametrize("name", [pytest.param("check", marks=pytest.mark.night), "stability"])
 def test_a_study_reports_what_its_command_prints(name: str, tmp_path: Path) -> None:
     report = STUDIES[name](tmp_path / "api")
     arguments = {"check": ["box_stack", "--only", "timestep"], "stability": ["free_fall"]}
-    command = [sys.executable, "-c", "from contactlab.commands.main import main; main()", name]
+    command = [sys.executable, "-c", "from contactlab.command_line.main import main; main()", name]
     printed = subprocess.run(
         [*command, *arguments[name], "--workers", "0", "--format", "json", "-o", tmp_path / "cli"],
         capture_output=True,

@@ -107,6 +107,8 @@ def test_does_not_run_away(text: str) -> None:
         ("a is b", 0, 6),
         ("f'{a}'", 0, 6),
         ("é + max(1)", 4, 6),
+        ("1 + * 2", 4, 1),
+        ("  1 + )", 6, 1),
     ],
 )
 def test_refuses_all_else_and_says_where(text: str, start: int, width: int) -> None:

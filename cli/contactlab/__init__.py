@@ -12,52 +12,109 @@ Python, where the answers are data:
 Importing this loads neither the physics engine nor Arrow; the first call does, if it needs them.
 """
 
+from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-if TYPE_CHECKING:
-    from contactlab.api.reading_functions import compare, open, report
-    from contactlab.api.running_functions import check, effects, stability, sweep, tradeoff
-    from contactlab_fit.function import fit
-    from contactlab_loop.recording import record
-    from contactlab_tune.function import tune
+import contactlab.parts  # noqa: F401 # pyright: ignore[reportUnusedImport] - it registers them
 
+if TYPE_CHECKING:
+    from contactlab.command_line.surroundings import progress
+    from contactlab.commands import baseline, traces
+    from contactlab.commands.bisect import bisect
+    from contactlab.commands.check import check
+    from contactlab.commands.compare import compare
+    from contactlab.commands.effects import effects
+    from contactlab.commands.examine import examine
+    from contactlab.commands.explain import explain
+    from contactlab.commands.fit import fit
+    from contactlab.commands.init import init
+    from contactlab.commands.labels import labels
+    from contactlab.commands.lock import lock
+    from contactlab.commands.metrics import metrics
+    from contactlab.commands.parity import parity
+    from contactlab.commands.render import render
+    from contactlab.commands.replay import replay
+    from contactlab.commands.report import report
+    from contactlab.commands.scenes import scenes
+    from contactlab.commands.show import show
+    from contactlab.commands.stability import stability
+    from contactlab.commands.sweep import sweep
+    from contactlab.commands.sweeps import sweeps
+    from contactlab.commands.thresholds import thresholds
+    from contactlab.commands.tradeoff import tradeoff
+    from contactlab.commands.tune import tune
+    from contactlab.commands.verify import verify
+    from contactlab.loop.recording import record
+    from contactlab.store.finished_store import Store
+
+    open = Store.open  # noqa: A001 - as it is called
     __version__: str
 
 __all__ = [
     "__version__",
+    "baseline",
+    "bisect",
     "check",
     "compare",
     "effects",
+    "examine",
+    "explain",
     "fit",
+    "init",
+    "labels",
+    "lock",
+    "metrics",
     "open",
+    "parity",
+    "progress",
     "record",
+    "render",
+    "replay",
     "report",
+    "scenes",
+    "show",
     "stability",
     "sweep",
+    "sweeps",
+    "thresholds",
+    "traces",
     "tradeoff",
     "tune",
+    "verify",
 ]
-_READING = {"compare", "open", "report"}
 
 
 def __getattr__(name: str) -> Any:  # noqa: ANN401 - each function has a type of its own
     if name not in __all__:
-        raise AttributeError(f"module 'contactlab' has no attribute '{name}'")
+        return _installed(name)
     if name == "__version__":
         from importlib.metadata import version
 
         return version("contactlab")
-    if name in _READING:
-        from contactlab.api import reading_functions as functions
-    elif name == "fit":
-        from contactlab_fit import function as functions
-    elif name == "tune":
-        from contactlab_tune import function as functions
-    elif name == "record":
-        from contactlab_loop import recording as functions
-    else:
-        from contactlab.api import running_functions as functions
-    return getattr(functions, name)
+    if name == "open":
+        from contactlab.store.finished_store import Store
+
+        return Store.open
+    if name == "record":
+        from contactlab.loop.recording import record
+
+        return record
+    if name == "progress":
+        from contactlab.command_line.surroundings import progress
+
+        return progress
+    module = import_module(f"contactlab.commands.{name}")
+    return getattr(module, name, module)
+
+
+def _installed(name: str) -> Any:  # noqa: ANN401 - as above
+    """Return a command that another package adds."""
+    from contactlab.plugins import extensions
+
+    found = None if name.startswith("_") else extensions("command").get(name)
+    if found is None:
+        raise AttributeError(f"module 'contactlab' has no attribute '{name}'")
+    return found.load()
 
 
 def __dir__() -> list[str]:

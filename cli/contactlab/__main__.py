@@ -7,7 +7,7 @@ import contactlab.startup  # noqa: F401 # pyright: ignore[reportUnusedImport]
 def main() -> None:
     """Run the command line; Ctrl-C while it loads is no error to report."""
     try:
-        from contactlab.commands.main import main as run  # noqa: PLC0415 - takes a while
+        from contactlab.command_line.main import main as run  # noqa: PLC0415 - takes a while
 
         run()
     except KeyboardInterrupt:

@@ -101,7 +101,7 @@ def _with_texts(part: Any, changed: Callable[[str], str], kept: Container[str] =
             for key, value in part.items()
         }
     if isinstance(part, list):
-        return [_with_texts(each, changed, kept) for each in part]
+        return [_with_texts(item, changed, kept) for item in part]
     return changed(part) if isinstance(part, str) else part
 
 
@@ -159,7 +159,7 @@ def render_chart(spec: Spec, form: str, scale: float = 1.0) -> bytes:
     written = io.BytesIO()
     with pikepdf.open(io.BytesIO(pdf)) as opened:
         for page in opened.pages if scale != 1 else ():
-            page.mediabox = pikepdf.Array([float(each) * scale for each in page.mediabox.as_list()])
+            page.mediabox = pikepdf.Array([float(side) * scale for side in page.mediabox.as_list()])
             page.contents_add(f"q {scale:.9f} 0 0 {scale:.9f} 0 0 cm".encode(), prepend=True)
             page.contents_add(b"Q")
         opened.save(written, deterministic_id=True)

@@ -7,7 +7,9 @@ from xml.etree import ElementTree as ET
 from contactlab.printable import visible
 from contactlab.schema.comparison import JudgedCheck
 
-_MOST_ANNOTATIONS = 9  # a step shows ten errors and ten warnings, and silently drops the others
+_MOST_ANNOTATIONS_OF_A_STEP = (
+    9  # a step shows ten errors and ten warnings, and silently drops the others
+)
 # XML cannot represent these characters, not even escaped.
 _FORBIDDEN = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
@@ -63,7 +65,7 @@ def annotations(title: str, errors: Sequence[str], warnings: Sequence[str]) -> s
 
 
 def _annotations(command: str, title: str, messages: Sequence[str]) -> Iterator[str]:
-    shown = list(messages[:_MOST_ANNOTATIONS])
+    shown = list(messages[:_MOST_ANNOTATIONS_OF_A_STEP])
     if len(messages) > len(shown):
         shown.append(f"and {len(messages) - len(shown):,} more; see the summary")
     titled = _data(title).replace(":", "%3A").replace(",", "%2C")

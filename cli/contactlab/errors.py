@@ -84,11 +84,11 @@ class StoppedError(ContactlabError):
 
 
 class ModelWarning(UserWarning):
-    """What MuJoCo warns of when it compiles a model."""
+    """Warning of MuJoCo when it compiles a model."""
 
 
 class UnheldWarning(ModelWarning):
-    """What a drive that holds a model cannot hold."""
+    """Warning of parts that a drive which holds a model cannot hold."""
 
 
 def suggestion(name: str, known: Iterable[str]) -> str:
@@ -108,11 +108,11 @@ def in_one_line(error: BaseException, caller: str) -> str:
     The caller is the `__file__` of the module that ran the code.
     """
     frames = [
-        each
-        for each in traceback.extract_tb(error.__traceback__)
-        if each.filename != caller and "importlib" not in each.filename
+        frame
+        for frame in traceback.extract_tb(error.__traceback__)
+        if frame.filename != caller and "importlib" not in frame.filename
     ]
-    lines = [each.lineno for each in frames if each.filename == frames[0].filename]
+    lines = [frame.lineno for frame in frames if frame.filename == frames[0].filename]
     where = f"line {lines[-1]} of {Path(frames[0].filename).name}: " if lines else ""
     text = " ".join(str(error).split())
     return f"{where}{type(error).__name__}" + (f": {text}" if text else "")

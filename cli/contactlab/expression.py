@@ -8,12 +8,13 @@ once.
 import ast
 import math
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
+from typing import ClassVar
 
 Result = float | bool | str
 
-_MAX_CHARACTERS = 1000
+_MOST_CHARACTERS = 1000
 
 
 class ExpressionError(ValueError):
@@ -32,30 +33,46 @@ class NoValueError(ExpressionError):
     """A name that an expression uses has no value."""
 
 
-class Expression:
-    """An expression that is parsed once and evaluated for many sets of values.
+class CheckedText:
+    """Text that is parsed and checked once: an expression of this language or one like it.
 
-    It may hold numbers, quoted words, names (dotted ones too), `+ - * / **`, comparisons,
-    `and or not`, parentheses, the functions abs, min, max, sqrt, sin, cos, tan, exp, log, radians
-    and degrees, and the constant pi. Angles are in radians. Other text is an ExpressionError.
     `places` has the names that it uses, with the start of each one's first use.
     """
 
     def __init__(self, text: str) -> None:
         self.text = text
         self.places: dict[str, int] = {}
-        if len(text) > _MAX_CHARACTERS:
-            raise ExpressionError(f"longer than {_MAX_CHARACTERS} characters", 0, len(text))
+        if len(text) > _MOST_CHARACTERS:
+            raise ExpressionError(f"longer than {_MOST_CHARACTERS} characters", 0, len(text))
         try:
-            tree = ast.Expression(_Checker(text, self.places).visit(_parse(text)))
+            tree = ast.Expression(self._checker(text).visit(_parse(text)))
             self._code = compile(ast.fix_missing_locations(tree), "expression", "eval")
         except (RecursionError, MemoryError) as error:
             raise ExpressionError("nested too deeply", 0, len(text)) from error
+
+    def _checker(self, text: str) -> "Checker":
+        return Checker(text, self.places)
 
     @property
     def names(self) -> tuple[str, ...]:
         """The names that it uses."""
         return tuple(self.places)
+
+    def __reduce__(self) -> tuple[type["CheckedText"], tuple[str]]:
+        """Pickle as text."""
+        return type(self), (self.text,)
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self.text!r})"
+
+
+class Expression(CheckedText):
+    """An expression that is parsed once and evaluated for many sets of values.
+
+    It may hold numbers, quoted words, names (dotted ones too), `+ - * / **`, comparisons,
+    `and or not`, parentheses, the functions abs, min, max, sqrt, sin, cos, tan, exp, log, radians
+    and degrees, and the constant pi. Angles are in radians. Other text is an ExpressionError.
+    """
 
     def evaluate(self, values: Mapping[str, object]) -> Result:
         """Return the result; an ExpressionError if a name has no value, or it is not finite."""
@@ -80,13 +97,6 @@ class Expression:
         if not math.isfinite(result):
             raise ExpressionError("the result is not a finite number", 0, len(self.text))
         return float(result)
-
-    def __reduce__(self) -> tuple[type["Expression"], tuple[str]]:
-        """Pickle as text."""
-        return Expression, (self.text,)
-
-    def __repr__(self) -> str:
-        return f"Expression({self.text!r})"
 
 
 def _parse(text: str) -> ast.expr:
@@ -171,32 +181,41 @@ _OPERATORS: dict[type[ast.AST], tuple[tuple[type[ast.AST], ...], str]] = {
 """By node, the operators that it may have, and what is said of others."""
 
 
-def _call(name: str, *arguments: ast.expr) -> ast.expr:
+def call(name: str, *arguments: ast.expr) -> ast.expr:
+    """Return the node of a call."""
     return ast.Call(ast.Name(name, ast.Load()), list(arguments), [])
 
 
-class _Checker(ast.NodeTransformer):
-    """Refuses what is not listed here; has names, words and powers called, and notes the names."""
+class Checker(ast.NodeTransformer):
+    """Refuses what is not listed here; has names, words and powers called, and notes the names.
+
+    A language of more functions than these has a checker with their names, which says of each
+    whether it has the right arguments.
+    """
+
+    functions: ClassVar[Collection[str]] = tuple(_FUNCTIONS)
 
     def __init__(self, text: str, places: dict[str, int]) -> None:
         self._text = text
         self._places = places
 
     def generic_visit(self, node: ast.AST) -> ast.AST:
+        """Return an operation of those that are listed."""
         if isinstance(node, ast.operator | ast.unaryop | ast.boolop | ast.cmpop):
             return node
         if not isinstance(node, ast.UnaryOp | ast.BinOp | ast.BoolOp | ast.Compare):
             raise self._error(node, "only numbers, names, operators and functions are allowed here")
         allowed, message = _OPERATORS[type(node)]
         operators = node.ops if isinstance(node, ast.Compare) else [node.op]
-        if not all(isinstance(each, allowed) for each in operators):
+        if not all(isinstance(operator, allowed) for operator in operators):
             raise self._error(node, message)
         return super().generic_visit(node)
 
     def visit_Constant(self, node: ast.Constant) -> ast.expr:
+        """Return a float, a truth value or a word."""
         value = node.value
         if isinstance(value, str):
-            return _call("word", node)
+            return call("word", node)
         if not isinstance(value, int | float):
             raise self._error(node, "only numbers and quoted words are literals here")
         try:
@@ -205,30 +224,38 @@ class _Checker(ast.NodeTransformer):
             raise self._error(node, "a number is too large") from error
 
     def visit_Name(self, node: ast.Name | ast.Attribute) -> ast.expr:
+        """Return the call that reads a name, whose place is noted."""
         name = self._dotted(node)
         if name == "pi":
             return ast.Constant(math.pi)
-        if name in _FUNCTIONS:
+        if name in self.functions:
             raise self._error(node, f"'{name}' is a function: write {name}(...)")
         self._places.setdefault(name, self._span(node)[0])
-        return _call("read", ast.Constant(name))
+        return call("read", ast.Constant(name))
 
     def visit_Attribute(self, node: ast.Attribute) -> ast.expr:
+        """Return the call that reads a dotted name."""
         return self.visit_Name(node)
 
     def visit_BinOp(self, node: ast.BinOp) -> ast.AST:
+        """Return the operation, or the call that a power is."""
         checked = self.generic_visit(node)
-        return _call("power", node.left, node.right) if isinstance(node.op, ast.Pow) else checked
+        return call("power", node.left, node.right) if isinstance(node.op, ast.Pow) else checked
 
     def visit_Call(self, node: ast.Call) -> ast.expr:
+        """Return a call of a function that is listed, with as many arguments as it takes."""
         name = node.func.id if isinstance(node.func, ast.Name) else ""
-        if name not in _FUNCTIONS:
-            raise self._error(node.func, "the functions are " + ", ".join(_FUNCTIONS))
-        several = name in {"max", "min"}
-        if node.keywords or (len(node.args) < 2 if several else len(node.args) != 1):
-            takes = "two or more numbers" if several else "one number"
-            raise self._error(node, f"{name} takes {takes}")
-        return _call(name, *[self.visit(each) for each in node.args])
+        if name not in self.functions:
+            raise self._error(node.func, "the functions are " + ", ".join(self.functions))
+        if node.keywords or not self._accepts(name, len(node.args)):
+            raise self._error(node, f"{name} takes {self._takes(name)}")
+        return call(name, *[self.visit(argument) for argument in node.args])
+
+    def _accepts(self, name: str, count: int) -> bool:
+        return count >= 2 if name in {"max", "min"} else count == 1
+
+    def _takes(self, name: str) -> str:
+        return "two or more numbers" if name in {"max", "min"} else "one number"
 
     def _dotted(self, node: ast.expr) -> str:
         if isinstance(node, ast.Name):

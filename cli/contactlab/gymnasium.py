@@ -1,5 +1,5 @@
 """A wrapper that records the episodes of environments; it needs Gymnasium, which is an extra."""
 
-from contactlab_loop.environment import Evidence
+from contactlab.loop.environment import Evidence
 
 __all__ = ["Evidence"]

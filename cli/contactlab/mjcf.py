@@ -16,7 +16,7 @@ CONTACT = ("solref", "solimp", "friction", "condim", "margin", "gap")
 """Attributes of both <geom> and <pair>."""
 
 AT_REST = {"stiffness": "N/m", "depth_at_rest": "m"}
-"""What contacts are at rest, in units: no attributes, but settings that decide solref of pairs."""
+"""Contacts at rest, in units: no attributes, but settings that decide solref of pairs."""
 
 
 def attribute_of(axis: str) -> str:

@@ -1,10 +1,8 @@
-"""Functions in C: compiled on first use by the user's compiler, kept in the user's cache.
+"""The kernel in C: compiled on first use by the user's compiler, kept in the user's cache.
 
-They leave the bits that Python leaves, which takes their place without a compiler and with
-CONTACTLAB_KERNEL=off.
+CONTACTLAB_KERNEL=off does without.
 """
 
-import ctypes
 import hashlib
 import importlib.util
 import os
@@ -14,9 +12,6 @@ import shutil
 import subprocess
 import sys
 import tempfile
-import warnings
-from collections.abc import Callable
-from functools import cache
 from pathlib import Path
 
 from contactlab.errors import CompilerError
@@ -24,43 +19,12 @@ from contactlab.resources import user_cache
 
 # Without fused multiplications, which round once where NumPy rounds twice.
 _FLAGS = ("-std=c11", "-O2", "-fPIC", "-shared", "-ffp-contract=off", "-fno-math-errno")
-_MOST_SECONDS = 120  # A compiler that takes longer hangs.
-_agreed, _given_up = set[Path](), set[Path]()  # by this process
+_MOST_SECONDS_OF_A_COMPILER = 120  # A compiler that takes longer hangs.
 
 
 def is_wanted() -> bool:
-    """Return whether functions in C may be used."""
+    """Return whether the kernel may be used."""
     return os.environ.get("CONTACTLAB_KERNEL") != "off"
-
-
-def functions_of(source: Path) -> ctypes.CDLL | None:
-    """Return the functions of a C file that needs no other library; None where NumPy stays."""
-    return _loaded(source) if is_wanted() and source not in _given_up else None
-
-
-def agrees(source: Path, in_c: Callable[[], bytes], by_numpy: Callable[[], bytes]) -> bool:
-    """Return whether functions in C left what NumPy leaves; asked once in a process.
-
-    If they did not, as with a NumPy that adds in another order, NumPy stays, and a warning says so.
-    """
-    if source not in _agreed:
-        found = in_c()
-        _given_up.add(source)
-        if by_numpy() != found:
-            said = f"{source.name} disagrees with NumPy, which takes its place from now on"
-            warnings.warn(said, stacklevel=2)
-            return False
-        _given_up.remove(source)
-        _agreed.add(source)
-    return True
-
-
-@cache
-def _loaded(source: Path) -> ctypes.CDLL | None:
-    try:
-        return ctypes.CDLL(str(compiled(source)))
-    except (CompilerError, OSError):
-        return None
 
 
 def compiled(source: Path, *arguments: str, version: str = "") -> Path:
@@ -91,7 +55,7 @@ def compiled(source: Path, *arguments: str, version: str = "") -> Path:
         command = [*_compiler(), *command, "-o", str(library)]
         try:
             subprocess.run(  # noqa: S603 - the user's own compiler
-                command, check=True, capture_output=True, timeout=_MOST_SECONDS
+                command, check=True, capture_output=True, timeout=_MOST_SECONDS_OF_A_COMPILER
             )
         except (OSError, subprocess.SubprocessError) as error:
             raise CompilerError(f"no C compiler that works: {error}") from error

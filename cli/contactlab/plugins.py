@@ -1,7 +1,7 @@
-"""Plug-ins: installed packages and single files that add metrics, labels, oracles and engines.
+"""Plug-ins: installed packages and files with metrics, labels, oracles, checks and engines.
 
 A plug-in adds entries to registries when it is imported, most simply by the decorators of
-`contactlab.measure` and by `ENGINES.add` of `contactlab.engines`. An installed package names its
+`contactlab.plugin`. An installed package names its
 modules, or single entries, in the entry-point groups of `GROUPS`.
 
 Plug-ins are loaded because the user installs them or names a file, never because a store or a
@@ -19,18 +19,20 @@ from pathlib import Path
 from types import ModuleType
 
 from contactlab.errors import PluginError, in_one_line
-from contactlab.registry import REGISTRIES, Named, transaction
+from contactlab.registry import PARTS, REGISTRIES, Named, Part, transaction
 
-GROUPS = {f"contactlab.{kind}s": kind for kind in ("metric", "label", "oracle", "engine")}
+GROUPS = {f"contactlab.{kind}s": kind for kind in ("metric", "label", "oracle", "check", "engine")}
 """Entry-point groups, with the kind of entry that each adds."""
 
 
-def extensions(kind: str) -> dict[str, EntryPoint]:
-    """Return what installed packages offer of a kind, by name: `command`, `schema` or `viewer`.
+def extensions(kind: str) -> dict[str, Part | EntryPoint]:
+    """Return the extensions of a kind by name: `command`, `schema`, `viewer`, ...
 
-    They are loaded when they are asked for, and are no part of the evidence.
+    These are contactlab's own parts and those of installed packages. They are loaded when they are
+    asked for, and are no part of the evidence.
     """
-    return {each.name: each for each in sorted(entry_points(group=f"contactlab.{kind}s"))}
+    installed = {entry.name: entry for entry in entry_points(group=f"contactlab.{kind}s")}
+    return dict(sorted({**PARTS.get(kind, {}), **installed}.items()))
 
 
 @dataclass(frozen=True)
@@ -64,7 +66,7 @@ def load_plugins(files: Sequence[Path] = ()) -> tuple[Plugin, ...]:
 
     A PluginError says that one cannot be loaded; nothing of it is left.
     """
-    for distribution in sorted(_distributions(), key=lambda each: each.name):
+    for distribution in sorted(_distributions(), key=lambda distributed: distributed.name):
         _load(distribution)
     for file in files:
         _load_file(file)
@@ -80,18 +82,22 @@ def require_plugins(plugins: Iterable[Plugin]) -> None:
 
 
 def _load_installed(name: str) -> Plugin:
-    found = next((each for each in _distributions() if each.name == name), None)
+    found = next(
+        (distribution for distribution in _distributions() if distribution.name == name), None
+    )
     if found is None:
         raise PluginError(f"plug-in {name} is not installed here; install it on every node")
     return _load(found)
 
 
 def _distributions() -> list[Distribution]:
-    return [each for each in distributions() if _entry_points(each)]
+    return [distribution for distribution in distributions() if _entry_points(distribution)]
 
 
 def _entry_points(distribution: Distribution) -> list[EntryPoint]:
-    return sorted(each for each in distribution.entry_points if each.group in GROUPS)
+    return sorted(
+        entry_point for entry_point in distribution.entry_points if entry_point.group in GROUPS
+    )
 
 
 def _describe(distribution: Distribution) -> Plugin:
@@ -139,7 +145,7 @@ def _add(kind: str, entry: object) -> None:
     """Add an entry that was not registered when its module was imported."""
     registry = REGISTRIES[kind]
     if isinstance(entry, type):
-        if not any(type(each) is entry for each in registry.values()):
+        if not any(type(known) is entry for known in registry.values()):
             registry.add(entry())
     elif isinstance(entry, Named) and not isinstance(entry, ModuleType):
         registry.add(entry)
@@ -162,7 +168,7 @@ def _load_file(file: Path) -> Plugin:
         sys.modules[module.__name__] = module
         exec(compile(source, path, "exec"), module.__dict__)  # noqa: S102 - the user names it
         if _entries() == before:
-            raise PluginError("it adds no metric, label, oracle or engine")
+            raise PluginError("it adds no metric, label, oracle, check or engine")
     version = str(getattr(module, "__version__", ""))
     return _loaded.setdefault(path.stem, Plugin(path.stem, version, sha256, path))
 

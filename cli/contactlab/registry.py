@@ -1,7 +1,8 @@
 """Registries that this package fills, and that plug-ins may add to."""
 
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import Any, Generic, Protocol, TypeVar, runtime_checkable
 
 from contactlab.errors import PluginError
@@ -39,14 +40,54 @@ REGISTRIES: dict[str, Registry[Any]] = {}
 """The registries of this process, by the kind of their entries; of a kind, the first one."""
 
 
+_Entries = dict[str, tuple[Registry[Any], dict[str, Any]]]
+_OPEN: list[_Entries] = []
+
+
 @contextmanager
 def transaction() -> Generator[None]:
     """Take back what is added to any registry if an exception leaves the context."""
-    before = [(registry, dict(registry)) for registry in REGISTRIES.values()]
+    before: _Entries = {}
+    _OPEN.append(before)
+    settle()
     try:
         yield
     except BaseException:
-        for registry, entries in before:
+        for registry, entries in before.values():
             registry.clear()
             registry.update(entries)
         raise
+    finally:
+        _OPEN.pop()
+
+
+def settle() -> None:
+    """Keep what registries have that were made since a transaction began, if it is taken back.
+
+    A package with a registry calls it when it has all its own entries, since a plug-in may be the
+    first to import it.
+    """
+    for before in _OPEN:
+        for kind, registry in REGISTRIES.items():
+            before.setdefault(kind, (registry, dict(registry)))
+
+
+@dataclass(frozen=True)
+class Part:
+    """An extension that is imported when it is loaded, as an installed package's entry point is."""
+
+    load: Callable[[], Any]
+
+
+PARTS: dict[str, dict[str, Part]] = {}
+"""contactlab's own extensions by kind and name."""
+
+
+def part(kind: str, *names: str) -> Callable[[Callable[[], Any]], Callable[[], Any]]:
+    """Register a function that imports and returns an extension of a kind, under some names."""
+
+    def register(load: Callable[[], Any]) -> Callable[[], Any]:
+        PARTS.setdefault(kind, {}).update(dict.fromkeys(names, Part(load)))
+        return load
+
+    return register

@@ -16,6 +16,7 @@ from sphinx.cmd.build import build_main
 ROOT = Path(__file__).resolve().parents[2]
 SECTIONS = {
     "Guides": (
+        "budget",
         "sweeps",
         "scenes",
         "driving",
@@ -30,7 +31,7 @@ SECTIONS = {
     ),
     "In a team": ("compare", "ci", "upgrading", "report", "viewing", "stores", "clusters"),
     "Beyond": ("engines", "lock", "parity", "plugins"),
-    "Concepts": ("evidence", "accuracy", "timestep", "speed", "design"),
+    "Concepts": ("evidence", "accuracy", "budget-derivation", "timestep", "speed", "design"),
 }
 """The pages of docs, each in one section."""
 _LINK = re.compile(r"\]\(([^)#:\s]+)(#[^)\s]*)?\)")

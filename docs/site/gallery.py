@@ -11,7 +11,7 @@ import contactlab
 from contactlab.measure import LABELS
 from contactlab.schema.evidence import EvidenceRecord
 from contactlab.store.finished_store import Store
-from contactlab_view.render import PictureOptions, render
+from contactlab.view.render import PictureOptions, render
 
 _CASES = sorted((Path(__file__).parents[2] / "sweeps/stability").glob("*.yaml"))
 _STATIC = "_static/gallery"
@@ -63,6 +63,6 @@ def _films(case: Path, media: Path) -> Iterator[str]:
 
 def _shown(store: Store) -> list[EvidenceRecord]:
     """Return the run with the worst label and the one with the best; one, if all are alike."""
-    severities = {label.name: label.severity for label in LABELS.values()}
-    ranked = sorted(store.records(), key=lambda record: severities[record.label])
+    places = {name: place for place, name in enumerate(reversed(LABELS))}
+    ranked = sorted(store.records(), key=lambda record: places[record.label])
     return ranked[:1] if ranked[0].label == ranked[-1].label else [ranked[-1], ranked[0]]

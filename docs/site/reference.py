@@ -18,11 +18,10 @@ _FILES = {
     "policy": "The policy of a comparison",
 }
 _CLASSES = (
-    "contactlab.api.running_functions.RunOptions",
     "contactlab.store.finished_store.Store",
     "contactlab.store.finished_store.Runs",
 )
-_GROUPS = ("baseline", "engines")
+_GROUPS = ("baseline", "engines", "traces")
 
 
 def write(folder: Path) -> tuple[str, ...]:

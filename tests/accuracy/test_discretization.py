@@ -67,7 +67,7 @@ def slope(found: Rows, column: str, **picked: object) -> float:
     return float(np.polyfit(points[:, 0], points[:, 1], 1)[0])
 
 
-@pytest.mark.slow
+@pytest.mark.night
 @pytest.mark.parametrize("even", [True, False], ids=["even", "uneven"])
 @pytest.mark.parametrize("scene", MOTIONS)
 @pytest.mark.parametrize("column", ["error_final", "error_mean", "error_peak"])
@@ -87,7 +87,7 @@ def test_smooth_motion_converges_as_theory_says(
     assert {row["chaotic"] for row in found} == {False}
 
 
-@pytest.mark.slow
+@pytest.mark.night
 @pytest.mark.parametrize("scene", MOTIONS)
 def test_local_errors_converge_as_well(orders: Callable[[str], Rows], scene: str) -> None:
     """Restarts last equally long at every timestep, so that errors fall with the same order."""
@@ -100,6 +100,7 @@ def test_local_errors_converge_as_well(orders: Callable[[str], Rows], scene: str
         assert short["error_mean"] < long["error_peak"]
 
 
+@pytest.mark.long
 def test_a_finer_reference_moves_errors_by_less_than_the_estimate(
     orders: Callable[[str], Rows],
 ) -> None:
@@ -114,6 +115,7 @@ def test_a_finer_reference_moves_errors_by_less_than_the_estimate(
         assert one["error_estimate"] > other["error_estimate"]
 
 
+@pytest.mark.long
 def test_many_timesteps_share_the_memory_of_a_reference(
     sweeper: Any, orders: Callable[[str], Rows], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -124,7 +126,7 @@ def test_many_timesteps_share_the_memory_of_a_reference(
     """
     text = smooth("tumbling_box", "{error: trajectory}")
     usual = orders(text)
-    monkeypatch.setattr(discretization, "_MAX_BYTES", 1)
+    monkeypatch.setattr(discretization, "_MOST_BYTES_OF_STATES", 1)
     sweeper.run(text)
     for few, many in zip(sweeper.rows(), usual, strict=True):
         assert few["error_final"] == pytest.approx(many["error_final"], rel=1e-6)
@@ -159,6 +161,7 @@ accuracy: {{error: {error}, refine: 8}}
 """
 
 
+@pytest.mark.long
 def test_chaos_is_recognised_by_a_perturbed_copy(sweeper: Any) -> None:
     """Ten seconds of swinging from 120 degrees part what was 1e-8 apart; one second does not."""
     sweeper.run(CHAOS.format(duration=10.0, error="auto"), "long")
@@ -172,6 +175,7 @@ def test_chaos_is_recognised_by_a_perturbed_copy(sweeper: Any) -> None:
     assert errors["RK4", 4e-3] < 0.1 * errors["Euler", 4e-3], "RK4 keeps the energy"
 
 
+@pytest.mark.long
 def test_a_scene_may_be_declared_chaotic_or_not(sweeper: Any) -> None:
     sweeper.run(CHAOS.format(duration=10.0, error="trajectory"), "path")
     sweeper.run(CHAOS.format(duration=1.0, error="invariants"), "kept")
@@ -239,6 +243,7 @@ def test_a_run_that_does_not_complete_has_no_error(sweeper: Any) -> None:
     assert rk4["error_final"] > rk4["error_final_estimate"] > 0
 
 
+@pytest.mark.long
 def test_the_impulse_engine_has_no_reference(sweeper: Any) -> None:
     sweeper.run(
         "version: 1\nscene: ball_drop\nduration: 0.1\ntrace: none\nchecks: none\n"

@@ -24,6 +24,7 @@ timing: {rounds: 4}
 """
 
 
+@pytest.mark.long
 def test_every_run_has_its_times_and_its_work(sweeper: Any) -> None:
     sweeper.run(TIMED)
     found = sweeper.rows()
@@ -41,7 +42,7 @@ def test_every_run_has_its_times_and_its_work(sweeper: Any) -> None:
     assert len({row["timing_settings"] for row in found}) == 1
 
 
-@pytest.mark.slow
+@pytest.mark.night
 def test_four_evaluations_take_four_times_as_long(sweeper: Any) -> None:
     """RK4 evaluates the forces four times a step; interleaved, both see the same machine."""
     sweeper.run(TIMED)
@@ -54,7 +55,7 @@ def test_four_evaluations_take_four_times_as_long(sweeper: Any) -> None:
     assert least["Euler", 1e-3, 0] / least["Euler", 2e-3, 0] == pytest.approx(2, rel=0.3)
 
 
-@pytest.mark.slow
+@pytest.mark.night
 def test_work_repeats_and_settings_tell_rounds_apart(sweeper: Any) -> None:
     sweeper.run(TIMED, "one")
     sweeper.run(TIMED.replace("rounds: 4", "rounds: 3"), "two", workers=2)
@@ -64,6 +65,7 @@ def test_work_repeats_and_settings_tell_rounds_apart(sweeper: Any) -> None:
         assert one["timing_settings"] != two["timing_settings"]
 
 
+@pytest.mark.long
 def test_runs_are_interleaved_within_each_round(
     sweeper: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -85,6 +87,7 @@ def test_runs_are_interleaved_within_each_round(
 CONTENDERS = TIMED.replace("rounds: 4", "rounds: 4, contenders: true")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("limit", [0.0, 0.5, 1e3])
 def test_only_what_may_be_recommended_is_timed_again(
     sweeper: Any, monkeypatch: pytest.MonkeyPatch, limit: float
@@ -120,6 +123,7 @@ def test_only_what_may_be_recommended_is_timed_again(
         assert seen.count(key) == 1 + (4 if key in feasible and not beaten else 1), key
 
 
+@pytest.mark.long
 def test_seeds_share_their_times(sweeper: Any) -> None:
     sweeper.run(CONTENDERS)
     first, second = ([row for row in sweeper.rows() if row["seed"] == seed] for seed in (0, 1))
@@ -130,6 +134,7 @@ def test_seeds_share_their_times(sweeper: Any) -> None:
         assert two["work_steps"] is None
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("cost", "steps"), [(1e-6, 200 * 50), (1e-4, 200), (1e-3, 8 * 13)])
 def test_neither_short_nor_long_runs_take_too_long(
     sweeper: Any, monkeypatch: pytest.MonkeyPatch, cost: float, steps: int
@@ -146,6 +151,7 @@ def test_neither_short_nor_long_runs_take_too_long(
     assert set(made[2:]) == {steps}
 
 
+@pytest.mark.timed
 def test_the_plan_counts_what_passes_take(sweeper: Any) -> None:
     asks = {
         "plain": TIMED.replace("timing: {rounds: 4}", ""),

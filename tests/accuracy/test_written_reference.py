@@ -19,6 +19,7 @@ FALL = """<mujoco>
 SWEEP = """
 version: 1
 scene: fall.xml
+drive: none
 duration: 1.0
 seeds: 2
 axes:
@@ -37,6 +38,7 @@ def fall(sweeper: Any) -> Any:
     return sweeper
 
 
+@pytest.mark.long
 def test_another_gravity_is_off_by_what_it_moves(fall: Any) -> None:
     """By dg t^2 / 2 and dg t; energy by g' dg m t^2 / 2, of a peak of m g^2 T^2 / 2.
 
@@ -58,6 +60,7 @@ def test_another_gravity_is_off_by_what_it_moves(fall: Any) -> None:
         assert row["divergence"] <= 3e-8, "1e-8 m and 1e-8 m/s, along each of three axes"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("start", ["keyframe: [qpos0, high]", "perturbation: [0.0, 9.0]"])
 def test_scenario_and_start_are_the_runs_own(fall: Any, start: str) -> None:
     """Runs in another scenario, or from elsewhere, are compared with runs that are there too."""
@@ -67,6 +70,7 @@ def test_scenario_and_start_are_the_runs_own(fall: Any, start: str) -> None:
     assert all(row["error_peak"] <= 1e-9 for row in fall.rows())
 
 
+@pytest.mark.long
 def test_runs_that_differ_in_numerics_alone_have_the_same_error_either_way(fall: Any) -> None:
     """Euler is off by g h t / 2 at time t, whichever reference says so."""
     for against in ("own", "written"):
@@ -96,6 +100,7 @@ def test_a_reference_that_flies_away_is_none(sweeper: Any) -> None:
     sweeper.run("""
 version: 1
 scene: damper.xml
+drive: none
 duration: 0.048
 axes: {timestep: [0.008]}
 accuracy: {error: trajectory, refine: 2}

@@ -114,7 +114,7 @@ def job(tmp_path: Path) -> Job:
     return Job(tmp_path)
 
 
-@pytest.mark.slow
+@pytest.mark.night
 def test_the_first_run_needs_no_baseline(job: Job) -> None:
     assert job.run(sweep="drop.yaml") == 0, job.err
     assert job.outputs["verdict"] == "passed"
@@ -126,7 +126,7 @@ def test_the_first_run_needs_no_baseline(job: Job) -> None:
     assert (job.folder / "results/contactlab/page.html").stat().st_size > 10_000
 
 
-@pytest.mark.slow
+@pytest.mark.night
 def test_a_change_is_told_at_its_line_and_in_the_same_comment(job: Job) -> None:
     assert job.run(sweep="drop.yaml") == 0, job.err
     (job.folder / "results/contactlab/store").rename(job.folder / "kept")
@@ -149,7 +149,7 @@ def test_a_change_is_told_at_its_line_and_in_the_same_comment(job: Job) -> None:
     assert "❌" in (job.folder / "summary.md").read_text()
 
 
-@pytest.mark.slow
+@pytest.mark.night
 def test_a_lock_takes_the_place_of_a_baseline(job: Job) -> None:
     program = job.folder / "temp/contactlab/bin/contactlab"
     subprocess.run([program, "lock", "drop.yaml"], cwd=job.folder, check=True)
@@ -167,6 +167,7 @@ def test_a_lock_and_a_baseline_are_one_too_many(job: Job) -> None:
     assert "a lock or a baseline, not both" in job.err
 
 
+@pytest.mark.long
 def test_a_wrong_sweep_ends_the_job_without_a_comment(job: Job) -> None:
     (job.folder / "drop.yaml").write_text("version: 1\nscene: nowhere\n")
     assert job.run(sweep="drop.yaml") == 2

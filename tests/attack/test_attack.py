@@ -29,7 +29,7 @@ NAMES = (
 )
 
 
-@pytest.mark.slow
+@pytest.mark.night
 def test_no_bent_store_is_sound(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     # All of a store with each of three drives; most of a baseline and of an unfinished store.
@@ -40,6 +40,7 @@ def test_no_bent_store_is_sound(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     assert found.counts["detected"] > 0.7 * count
 
 
+@pytest.mark.long
 def test_some_bent_stores(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     found = attack(tmp_path, 12, seed=8)

@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 import pytest
 
-from contactlab.commands import terminal
-from contactlab.commands.main import main
+from contactlab.command_line import terminal
+from contactlab.command_line.main import main
 
 SWEEP = """
 version: 1

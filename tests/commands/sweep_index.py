@@ -7,7 +7,7 @@ import json
 from hashlib import sha256
 
 from contactlab import resources
-from contactlab.commands.list_commands import sweep_row
+from contactlab.commands.sweeps import sweep_row
 
 
 def sweep_index() -> dict[str, list[object]]:

@@ -13,6 +13,7 @@ from jsonschema import Draft202012Validator
 
 from contactlab.schema.check_report import CheckReport
 from contactlab.schema.json_schemas import json_schemas
+from contactlab.store.finished_store import Store
 
 Run = Callable[..., Any]
 XSD = xmlschema.XMLSchema(Path(__file__).parent.with_name("comparison") / "junit.xsd")
@@ -38,12 +39,13 @@ def _own(tmp_path: Path) -> None:
     (tmp_path / "own.xml").write_text(SHELL)
 
 
+@pytest.mark.long
 def test_a_model_that_misses_a_rule_of_thumb(contactlab: Run, tmp_path: Path) -> None:
     code, out, err = contactlab(*SHORT, "--only", "shells", "--only", "timestep")
     assert (code, err) == (0, "")
     assert "own, from keyframe high, driven by exercise, for manipulation" in out
     assert re.search("warning +shell", out)
-    assert "shell 20 mm (floor-box, limit 0.1 mm)" in out
+    assert "margin lets contact force start 20 mm before touch (floor-box, limit 0.1 mm)" in out
     assert "contactlab stability own.xml" in out
     page = (tmp_path / "results/check/own/check.md").read_text()
     assert page.startswith("# own: passes\n")
@@ -70,6 +72,7 @@ accept:
 """
 
 
+@pytest.mark.long
 def test_what_is_accepted_fails_no_job(contactlab: Run, tmp_path: Path) -> None:
     file = tmp_path / "accepted.yaml"
     file.write_text(ACCEPTED)
@@ -90,16 +93,19 @@ def test_what_is_accepted_fails_no_job(contactlab: Run, tmp_path: Path) -> None:
     assert "did you mean 'travel'?" in err
 
 
+@pytest.mark.long
 def test_limits_of_ones_own(contactlab: Run) -> None:
     only = (*SHORT, "--only", "shells", "--no-remedies", "--set", "margin=1e-3")
-    assert "shell 1 mm (floor-box, limit 0.1 mm)" in contactlab(*only).out
-    assert "warning" not in contactlab(*only, "--limit", "shell=2e-3").out
-    code, out, err = contactlab(*only, "--limit", "shel=1")
+    assert "force start 1 mm before touch (floor-box, limit 0.1 mm)" in contactlab(*only).out
+    assert "warning" not in contactlab(*only, "--within", "shell=2e-3").out
+    code, out, err = contactlab(*only, "--within", "shel=1")
     assert (code, out) == (2, "")
-    assert "no limit 'shel'; did you mean 'shell'?; there are step_ratio, " in err
-    assert "'shell' is not a limit; write METRIC=VALUE" in contactlab(*only, "--limit", "shell").err
+    assert "no limit 'shel'; did you mean 'shell'?; there are penetration_steady, " in err
+    wrong = contactlab(*only, "--within", "shell").err
+    assert "'--within shell' is no tolerance; write a share or a length" in wrong
 
 
+@pytest.mark.long
 def test_outputs_for_jobs(contactlab: Run) -> None:
     only = (*CHECK, "thin_plate", "--only", "timestep", "--only", "hold", "--no-remedies")
     code, out, _ = contactlab(*only, "--format", "junit")
@@ -114,6 +120,7 @@ def test_outputs_for_jobs(contactlab: Run) -> None:
     assert out.startswith("::error title=contactlab check thin_plate::travel 20 mm")
 
 
+@pytest.mark.long
 def test_a_model_that_passes_as_json(contactlab: Run, tmp_path: Path) -> None:
     code, out, err = contactlab(
         *SHORT, "--set", "margin=0", "--set", "solref=0.005 1", "--format", "json", "-o", "out"
@@ -127,41 +134,53 @@ def test_a_model_that_passes_as_json(contactlab: Run, tmp_path: Path) -> None:
     assert report.remedies == ()
     assert report.overrides == ("duration=0.3", "margin=0", "solref=0.005 1")
     verdicts = {each.name: each.verdict for each in report.checks}
-    assert list(verdicts) == ["timestep", "free_motion", "flat_contact", "hold", "repeat", "shells"]
+    assert list(verdicts) == [
+        "timestep",
+        "free_motion",
+        "flat_contact",
+        "hold",
+        "must",
+        "repeat",
+        "shells",
+    ]
     assert set(verdicts.values()) <= {"pass", "warning", "not applicable"}
     reference = json.loads((tmp_path / "out/reference.json").read_text())
     Draft202012Validator(json_schemas()["reference.schema.json"]).validate(reference)
 
 
+@pytest.mark.long
 def test_the_evidence_stands_by_itself(contactlab: Run, tmp_path: Path) -> None:
     only = ("--only", "shells", "--only", "flat_contact")
-    low = ("--keyframe", "low")
-    assert contactlab(*SHORT, "--set", "margin=0", *only, *low, "-o", "out")[0] == 0
+    # It rests for the first third, in which the box has to come to rest.
+    low = ("--start", "low", "--duration", "1.5s")
+    assert contactlab(*CHECK, "own.xml", "--set", "margin=0", *only, *low, "-o", "out")[0] == 0
     (tmp_path / "own.xml").unlink()
     for store in ("run", "flat_contact", "remedies/1/run"):
         assert contactlab("verify", f"out/{store}")[0] == 0
-        code, out, _ = contactlab("show", f"out/{store}", "", "--format", "json")
-        assert code == 0
-        run = json.loads(out)["run_id"]
+        run = Store.open(tmp_path / "out" / store).table["run_id"][0].as_py()
         assert contactlab("replay", f"out/{store}", run)[0] == 0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("keyframe", "height"), [(None, 0.5), ("low", 0.06), ("qpos0", 0.06)])
-def test_runs_start_from_the_keyframe(contactlab: Run, keyframe: str | None, height: float) -> None:
-    option = ("--keyframe", keyframe) if keyframe else ()
+def test_runs_start_from_the_keyframe(
+    contactlab: Run, keyframe: str | None, height: float, tmp_path: Path
+) -> None:
+    option = ("--start", keyframe) if keyframe else ()
     contactlab(*SHORT, *option, "--only", "shells", "-o", "out")
-    record = json.loads(contactlab("show", "out/run", "", "--format", "json")[1])
-    x, y, z, *_ = record["initial"]["qpos"]
-    assert z == height
-    # As a bare model's: off by up to 0.1 mm, so that no symmetry hides a fault.
-    assert 0 < abs(x) <= 1e-4
-    assert 0 < abs(y) <= 1e-4
+    store = Store.open(tmp_path / "out/run")
+    assert store.table["seed"].to_pylist() == [0, 1, 2]
+    first = store.table["run_id"][0].as_py()
+    record = json.loads(contactlab("show", "out/run", first, "--format", "json")[1])
+    # The first seed starts as the model is written.
+    assert record["initial"]["qpos"][:3] == [0, 0, height]
 
 
+@pytest.mark.long
 def test_it_is_run_again_in_the_same_folder(contactlab: Run) -> None:
     once = (*SHORT, "--only", "shells", "--no-remedies")
     assert contactlab(*once) == contactlab(*once)
-    again = contactlab(*SHORT, "--only", "shells", "--set", "margin=0", "--keyframe", "low")
+    again = contactlab(*SHORT, "--only", "shells", "--set", "margin=0", "--start", "low")
     assert again.code == 0
 
 
@@ -171,11 +190,11 @@ def test_it_is_run_again_in_the_same_folder(contactlab: Run) -> None:
         (["gone.xml"], ["no model file gone.xml"]),
         (["ball_drp"], ["did you mean 'ball_drop'?"]),
         (["own.xml", "--only", "shels"], ["no check 'shels'; did you mean 'shells'?"]),
-        (["own.xml", "--keyframe", "hig"], ["keyframe=hig", "write one of high, low, qpos0"]),
+        (["own.xml", "--start", "hig"], ["keyframe=hig", "write one of high, low, qpos0"]),
         (["own.xml", "--set", "timestp=1"], ["did you mean 'timestep'?"]),
         (["own.xml", "--set", "cone=round", "--set", "impratio=-1"], ["'round'", "above 0"]),
         (["own.xml", "--set", "solref=0.02 1,0.005 1"], ["one value, not 2"]),
-        (["own.xml", "--set", "seeds=3"], ["axes of the scene and duration only"]),
+        (["own.xml", "--set", "seeds=3"], ["axes of the scene, duration and must only"]),
         (["own.xml", "--set", "engine=impulse"], ["engine"]),
         (["open.xml"], ["does not compile", "body 'rotor'", "1 + 1 < 3"]),
     ],
@@ -191,6 +210,7 @@ def test_bad_input(
     assert not (tmp_path / "results").exists()
 
 
+@pytest.mark.long
 def test_a_model_without_a_timestep(contactlab: Run, tmp_path: Path) -> None:
     timeless = SHELL.replace("<mujoco>", '<mujoco><option timestep="0"/>')
     (tmp_path / "own.xml").write_text(timeless)

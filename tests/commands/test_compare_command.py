@@ -105,6 +105,7 @@ def slides(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     return stores
 
 
+@pytest.mark.long
 def test_the_same_sweep_twice(contactlab: Run, slides: dict[str, Path]) -> None:
     code, out, err = contactlab("compare", str(slides["a"]), str(slides["b"]))
     assert (code, err) == (0, "")
@@ -112,6 +113,7 @@ def test_the_same_sweep_twice(contactlab: Run, slides: dict[str, Path]) -> None:
     assert "4 paired by id, all bitwise equal" in out
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["friction", "margin"])
 def test_a_changed_scene_is_not_comparable_by_id(
     contactlab: Run, slides: dict[str, Path], name: str
@@ -122,6 +124,7 @@ def test_a_changed_scene_is_not_comparable_by_id(
     assert err.endswith("add --match axes\n")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("name", "line"),
     [
@@ -143,7 +146,7 @@ def test_a_changed_scene_by_axes(
     assert err == f"error: {out.splitlines()[0]}\n"
 
 
-@pytest.mark.slow
+@pytest.mark.night
 def test_a_millionth_of_a_millionth(tmp_path: Path, contactlab: Run) -> None:
     """The throw is chaotic enough that a start 1e-6 away turns some label, 1e-12 none.
 
@@ -166,6 +169,7 @@ def test_a_millionth_of_a_millionth(tmp_path: Path, contactlab: Run) -> None:
     assert report["pairs"]["knife_edge"] == (flags[0] | flags[1]).sum() >= 1
 
 
+@pytest.mark.long
 def test_a_baseline_is_small_sound_and_comparable(
     contactlab: Run, slides: dict[str, Path], tmp_path: Path
 ) -> None:
@@ -188,6 +192,7 @@ def test_a_baseline_is_no_store_with_traces(contactlab: Run, store: Path) -> Non
     assert err == "error: other is no baseline, so it is not replaced; name another folder\n"
 
 
+@pytest.mark.long
 def test_files_are_written_by_their_endings(
     contactlab: Run, slides: dict[str, Path], tmp_path: Path
 ) -> None:
@@ -204,6 +209,7 @@ def test_files_are_written_by_their_endings(
     assert "a.html: write a name that ends in .txt, .json, .md, .xml" in err
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("view", ["json", "markdown", "junit", "github"])
 def test_every_view_is_printed(contactlab: Run, slides: dict[str, Path], view: str) -> None:
     code, out, _ = contactlab("compare", str(slides["a"]), str(slides["b"]), "--format", view)
@@ -212,6 +218,7 @@ def test_every_view_is_printed(contactlab: Run, slides: dict[str, Path], view: s
     assert out.startswith(starts[view])
 
 
+@pytest.mark.long
 def test_in_a_github_job(
     contactlab: Run, slides: dict[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -254,6 +261,7 @@ def test_a_changed_byte_of_a_trace_is_found(contactlab: Run, store: Path, asked:
     assert "changed since it was written" in err
 
 
+@pytest.mark.long
 def test_accepting_what_changed(contactlab: Run, slides: dict[str, Path], tmp_path: Path) -> None:
     policy = tmp_path / "policy.yaml"
     arguments = ["compare", str(slides["a"]), str(slides["friction"]), "--match", "axes"]

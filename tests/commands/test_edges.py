@@ -9,12 +9,13 @@ from typing import Any
 import pytest
 
 from contactlab import __main__ as command_line
-from contactlab.commands import main as commands
+from contactlab.command_line import main as commands
 
 Run = Callable[..., Any]
 SWEEP = "version: 1\nscene: ball_drop\nduration: {duration}\naxes: {{timestep: {timesteps}}}\n"
 
 
+@pytest.mark.long
 def test_a_full_device_is_one_line() -> None:
     with Path("/dev/full").open("w") as full:
         done = subprocess.run(

@@ -4,9 +4,10 @@ import json
 from pathlib import Path
 from typing import Any
 
+import pytest
 from typer.testing import CliRunner
 
-from contactlab.commands.main import command_line
+from contactlab.command_line.main import command_line
 from contactlab.schema.study_reports import EffectsReport
 from contactlab.store.finished_store import Store
 from contactlab.store.verify_store import verify
@@ -18,6 +19,7 @@ def run(*args: str) -> Any:
     return CliRunner().invoke(command_line(), ["effects", *args, "--workers", "0"])
 
 
+@pytest.mark.long
 def test_report_figure_and_evidence(tmp_path: Path) -> None:
     sweep, figure = tmp_path / "s.yaml", tmp_path / "bars.png"
     sweep.write_text(SLIDE)

@@ -100,6 +100,7 @@ def test_replay_needs_only_the_store(
     assert result["hash"] == result["stored_hash"]
 
 
+@pytest.mark.long
 def test_replay_is_by_the_engine_of_the_run(
     contactlab: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

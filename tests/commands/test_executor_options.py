@@ -40,11 +40,12 @@ def test_a_wrong_address(contactlab: Any, small: Any, address: str, says: str) -
     assert len(err.splitlines()) == 1
 
 
+@pytest.mark.long
 def test_an_address_where_something_else_listens(
     contactlab: Any, small: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("ray", reason="contactlab[ray] is not installed")
-    monkeypatch.setattr("contactlab_ray.connection._ANSWER_TIMEOUT", 0.5)
+    monkeypatch.setattr("contactlab.run.ray.connection._ANSWER_TIMEOUT", 0.5)
     with socket.create_server(("127.0.0.1", 0)) as server:
         address = f"127.0.0.1:{server.getsockname()[1]}"
         code, out, err = contactlab("sweep", str(small), "--executor", "ray", "--address", address)

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from contactlab.commands.main import command_line
+from contactlab.command_line.main import command_line
 
 Run = Callable[..., Any]
 COMMANDS = [
@@ -19,7 +19,7 @@ COMMANDS = [
 ]
 LOADED = """
 import sys
-from contactlab.commands.main import main
+from contactlab.command_line.main import main
 sys.argv = ["contactlab", *sys.argv[1:]]
 try:
     main()
@@ -61,6 +61,7 @@ def test_every_command_has_help(contactlab: Run, name: str) -> None:
     assert "\n  Exit codes: 0 " in out
 
 
+@pytest.mark.long
 def test_help_loads_little() -> None:
     """Some 330 modules as it is; the engine's or Arrow's alone are hundreds more."""
     counted = f"{LOADED}    print(len(sys.modules), file=sys.stderr)\n"
@@ -69,6 +70,7 @@ def test_help_loads_little() -> None:
     assert int(done.stderr.splitlines()[-1]) < 450
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("arguments", "modules"),
     [
@@ -87,12 +89,13 @@ def test_commands_load_no_more_than_they_need(
     assert set(loaded(*arguments, folder=tmp_path).split(",")) <= set(modules.split(","))
 
 
+@pytest.mark.long
 def test_a_reader_that_leaves_is_no_error(store: Path, tmp_path: Path) -> None:
     """As in `contactlab show store | head -1`."""
     assert (tmp_path / store).is_dir()
     read, write = os.pipe()
     os.close(read)
-    command = [sys.executable, "-c", "from contactlab.commands.main import main; main()"]
+    command = [sys.executable, "-c", "from contactlab.command_line.main import main; main()"]
     with os.fdopen(write, "wb") as closed:
         done = subprocess.run(
             [*command, "show", "store", "--format", "json"],

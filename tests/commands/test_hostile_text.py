@@ -60,7 +60,8 @@ MORE = [
 ]
 
 
-@pytest.mark.parametrize("commands", [FEW, pytest.param(MORE, marks=pytest.mark.slow)])
+@pytest.mark.long
+@pytest.mark.parametrize("commands", [FEW, pytest.param(MORE, marks=pytest.mark.night)])
 def test_hostile_names_are_shown(
     contactlab: Callable[..., Any], hostile: Path, commands: list[tuple[str, ...]]
 ) -> None:
@@ -84,7 +85,7 @@ def test_a_markup_is_no_markup(contactlab: Callable[..., Any], tmp_path: Path) -
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.slow
+@pytest.mark.night
 def test_a_page_of_hostile_labels(contactlab: Callable[..., Any], store: Path) -> None:
     """An escape sequence in a label ended the process that draws the charts."""
     path = store / "runs.parquet"

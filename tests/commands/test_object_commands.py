@@ -23,6 +23,7 @@ def swept(contactlab: Any, small: Path, at: str) -> str:
     return shown.out.rsplit(maxsplit=1)[-1]
 
 
+@pytest.mark.long
 def test_readers(contactlab: Any, swept: str, at: str) -> None:
     for arguments, expected in {
         ("show", at): f"4 runs, 4 traces in {at}",
@@ -34,13 +35,14 @@ def test_readers(contactlab: Any, swept: str, at: str) -> None:
         ("render", at, swept, "-o", "run.mcap"): "run.mcap",
         ("baseline", "update", at, "baseline"): f"holds the 4 runs of {at}",
         ("compare", "baseline", at): "same: no check",
-        ("tradeoff", at, "--error", "oracle_error", "--tolerance", "oracle_error=50%"): "oracle",
+        ("tradeoff", at, "--error", "oracle_error", "--within", "oracle_error=50%"): "oracle",
     }.items():
         code, out, err = contactlab(*arguments)
         assert (code, expected in out) == (0, True), (arguments, out, err)
         assert "contactlab-" not in out + err, "it names the folder that it was fetched to"
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("swept")
 def test_the_same_store_twice(contactlab: Any, at: str) -> None:
     code, _, err = contactlab("compare", at, at)
@@ -48,7 +50,7 @@ def test_the_same_store_twice(contactlab: Any, at: str) -> None:
     assert f"{at} and {at} are the same store" in err
 
 
-@pytest.mark.slow
+@pytest.mark.night
 @pytest.mark.usefixtures("swept")
 def test_a_report(contactlab: Any, at: str) -> None:
     pytest.importorskip("jinja2", reason="reports are an extra")
@@ -60,6 +62,7 @@ def test_a_report(contactlab: Any, at: str) -> None:
     assert "/contactlab-" not in page, "it names the folder that it was fetched to"
 
 
+@pytest.mark.long
 def test_a_sweep_speaks_of_its_address(contactlab: Any, small: Path, at: str) -> None:
     asked = ("sweep", str(small), "--workers", "0", "-o")
     code, out, err = contactlab(*asked, at, "--format", "json")
@@ -70,6 +73,7 @@ def test_a_sweep_speaks_of_its_address(contactlab: Any, small: Path, at: str) ->
     assert f"look closer: contactlab show {at} " in again.out
 
 
+@pytest.mark.long
 def test_refused_in_one_message(contactlab: Any, small: Path, at: str, connect: Any) -> None:
     address = parse_address(at)
     assert isinstance(address, ObjectAddress)
@@ -88,6 +92,7 @@ def test_refused_in_one_message(contactlab: Any, small: Path, at: str, connect: 
         assert result.err == f"error: {at} is not a store: it has no manifest.json\n"
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("swept")
 def test_an_unfinished_one(contactlab: Any, at: str, connect: Any) -> None:
     address = parse_address(at)
@@ -98,6 +103,7 @@ def test_an_unfinished_one(contactlab: Any, at: str, connect: Any) -> None:
     assert f"{at} is unfinished; run its sweep again to resume it" in result.err
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "command", [("stability",), ("check", "ball_drop"), ("effects", "ball_drop")]
 )

@@ -7,75 +7,19 @@ from typing import Any
 
 import pytest
 
-from contactlab.commands.main import command_line
+from contactlab.command_line.main import command_line
 from contactlab.store.finished_store import Store
 from contactlab.store.verify_store import verify
 
 Run = Callable[..., Any]
 
-BOX = """<mujoco>
-  <worldbody>
-    <geom name="floor" type="plane" size="1 1 .1"/>
-    <body name="box" pos="0 0 .06">
-      <freejoint/>
-      <geom name="box" type="box" size=".05 .05 .05"/>
-    </body>
-  </worldbody>
-</mujoco>
-"""
-BARE = """<mujoco>
-  <worldbody>
-    <geom type="plane" size="1 1 .1"/>
-    <body pos="0 0 .06"><freejoint/><geom size=".05"/></body>
-    <body pos="0 0 .17"><freejoint/><geom size=".05"/></body>
-  </worldbody>
-</mujoco>
-"""
-MESH = """<mujoco>
-  <compiler meshdir="parts"/>
-  <asset><mesh name="wedge" file="wedge.obj"/></asset>
-  <worldbody>
-    <geom type="plane" size="1 1 .1"/>
-    <body pos="0 0 .05"><freejoint/><geom type="mesh" mesh="wedge"/></body>
-  </worldbody>
-</mujoco>
-"""
-WEDGE = """v 0 0 0
-v .1 0 0
-v 0 .1 0
-v 0 0 .1
-f 1 3 2
-f 1 2 4
-f 1 4 3
-f 2 3 4
-"""
-URDF = """<robot name="arm">
-  <link name="base">
-    <inertial>
-      <mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>
-    </inertial>
-    <collision><geometry><box size="1 1 1"/></geometry></collision>
-  </link>
-  <link name="arm">
-    <inertial>
-      <mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>
-    </inertial>
-    <collision><origin xyz="0 0 2"/><geometry><sphere radius=".1"/></geometry></collision>
-  </link>
-  <joint name="hinge" type="continuous">
-    <parent link="base"/><child link="arm"/><axis xyz="0 1 0"/>
-  </joint>
-</robot>
-"""
-PENDULUM = """<mujoco>
-  <worldbody>
-    <body>
-      <joint name="hinge" type="hinge" axis="0 1 0"/>
-      <geom type="capsule" fromto="0 0 0 .5 0 0" size=".02"/>
-    </body>
-  </worldbody>
-</mujoco>
-"""
+MODELS = Path(__file__).parent / "own_models"
+BOX = (MODELS / "box.xml").read_text(encoding="utf-8")
+BARE = (MODELS / "bare.xml").read_text(encoding="utf-8")
+MESH = (MODELS / "mesh.xml").read_text(encoding="utf-8")
+WEDGE = (MODELS / "wedge.obj").read_text(encoding="utf-8")
+URDF = (MODELS / "arm.urdf").read_text(encoding="utf-8")
+PENDULUM = (MODELS / "pendulum.xml").read_text(encoding="utf-8")
 MANIFEST = """version: 1
 title: A box
 description: It lies on the floor.
@@ -103,6 +47,7 @@ def sweep_of(folder: Path, scene: str, axes: str = "{timestep: [1.0e-3, 2.0e-3]}
     return "own.yaml"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("scene", "files", "stored"),
     [
@@ -200,6 +145,7 @@ def test_mistakes_are_told(
     assert not (tmp_path / "store").exists()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("scene", ["ball_drop", "box_slide", "box_stack", "box.xml"])
 def test_a_starter_file_runs(contactlab: Run, tmp_path: Path, scene: str) -> None:
     write(tmp_path, box_xml=BOX)
@@ -224,21 +170,23 @@ UNNAMED = PENDULUM.replace(
 )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("scene", ["pendulum.xml", "models/arm.xml", "box"])
 def test_a_starter_file_may_lie_anywhere(contactlab: Run, tmp_path: Path, scene: str) -> None:
     write(tmp_path, box__scene_yaml=MANIFEST, box__scene_xml=BOX, sweeps__here="")
     write(tmp_path, pendulum_xml=UNNAMED, models__arm_xml=UNNAMED)
     bare = scene.endswith(".xml")
     code, _, err = contactlab("init", scene, "-o", "sweeps/own.yaml")
-    # Three timesteps, two integrators, two cones and two seeds; with contact, two solrefs.
-    assert (code, f", {24 if bare else 48} runs of" in err) == (0, True)
+    # Three timesteps, two integrators, two cones and three seeds; with contact, two solrefs.
+    assert (code, f", {36 if bare else 72} runs of" in err) == (0, True)
     text = (tmp_path / "sweeps" / "own.yaml").read_text()
     assert f'scene: "../{scene}' in text
-    assert ("\ndrive: hold" in text, "[0.004, 0.002, 0.008]" in text) == (bare, bare)
+    assert ("\ndrive: auto" in text, "[0.004, 0.002, 0.008]" in text) == (bare, bare)
     assert ('# keyframe: ["key[0]", qpos0]' in text) == bare
     assert contactlab("sweep", "sweeps/own.yaml", "--plan")[0] == 0
 
 
+@pytest.mark.long
 def test_a_keyframe_without_a_name_is_chosen_by_an_option(contactlab: Run, tmp_path: Path) -> None:
     write(tmp_path, pendulum_xml=UNNAMED)
     sweep_of(tmp_path, "pendulum.xml", '{keyframe: ["key[0]", qpos0]}')
@@ -247,10 +195,10 @@ def test_a_keyframe_without_a_name_is_chosen_by_an_option(contactlab: Run, tmp_p
             contactlab("sweep", "own.yaml", option, "keyframe=key[0]", "-o", "s" + option)[0] == 0
         )
         assert Store.open(tmp_path / ("s" + option)).table["keyframe"].to_pylist() == ["key[0]"]
-    assert contactlab("check", "pendulum.xml", "--keyframe", "key[0]", "--only", "shells")[0] < 2
+    assert contactlab("check", "pendulum.xml", "--start", "key[0]", "--only", "shells")[0] < 2
 
 
-@pytest.mark.slow
+@pytest.mark.night
 def test_a_tradeoff_of_a_model_is_that_of_its_starter_file(contactlab: Run, tmp_path: Path) -> None:
     write(tmp_path, pendulum_xml=UNNAMED)
     assert contactlab("init", "pendulum.xml", "-o", "own.yaml")[0] == 0
@@ -295,6 +243,7 @@ LISTS = [
 ]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("arguments", [[name] for name in LISTS] + [["scenes", "ball_drop"]])
 def test_lists_in_both_formats(contactlab: Run, arguments: list[str]) -> None:
     code, out, err = contactlab(*arguments)
@@ -307,6 +256,7 @@ def test_lists_in_both_formats(contactlab: Run, arguments: list[str]) -> None:
         assert str(next(iter(row.values()))) in out
 
 
+@pytest.mark.long
 def test_schemas(contactlab: Run, tmp_path: Path) -> None:
     names = contactlab("schema")[1].splitlines()
     assert "record.schema.json" in names

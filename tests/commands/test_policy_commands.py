@@ -5,7 +5,10 @@ from typing import Any
 
 import pytest
 
+pytestmark = pytest.mark.long
+
 COMMANDS: dict[str, list[str]] = {
+    "examine": ["examine", "arm.xml", "--drive", "still.py:Still", "--duration", "0.05"],
     "sweep": ["sweep", "sweep.yaml", "--workers", "0"],
     "tradeoff": ["tradeoff", "sweep.yaml", "--workers", "0"],
 }

@@ -83,7 +83,7 @@ def words(command: str, data: Any) -> str:
             return f"{best['configuration']}, x{best['real_time_factor']:.0f} real time"
 
 
-@pytest.mark.slow
+@pytest.mark.night
 @pytest.mark.filterwarnings("ignore::contactlab.errors.ModelWarning")
 @pytest.mark.parametrize(
     "robot",

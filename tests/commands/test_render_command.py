@@ -101,7 +101,7 @@ def test_what_is_not_installed_is_named_with_how_to_get_it(
     module: str,
     extra: str,
 ) -> None:
-    ours = ("contactlab_view.", f"{module}.")
+    ours = ("contactlab.view.", f"{module}.")
     for name in [each for each in sys.modules if each.startswith(ours)]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, module, None)

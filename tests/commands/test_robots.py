@@ -76,7 +76,7 @@ def use(contactlab: Run, folder: Path, monkeypatch: pytest.MonkeyPatch) -> list[
     return records
 
 
-@pytest.mark.slow
+@pytest.mark.night
 @pytest.mark.usefixtures("robot")
 def test_a_robot_is_used_as_any_model(
     contactlab: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -86,6 +86,7 @@ def test_a_robot_is_used_as_any_model(
     assert starts == {"home": pytest.approx(0.05, abs=1e-4), "qpos0": pytest.approx(0, abs=1e-4)}
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("robot")
 def test_a_starter_file_of_a_robot_runs(contactlab: Run) -> None:
     assert contactlab("init", ROBOT)[0] == 0
@@ -104,7 +105,7 @@ def test_a_robot_that_is_not_there_is_a_message(
         assert "set MENAGERIE_ROOT" in err
 
 
-@pytest.mark.slow
+@pytest.mark.night
 @pytest.mark.skipif(
     "MENAGERIE_ROOT" not in os.environ,
     reason="MENAGERIE_ROOT names no folder with the robot's meshes",

@@ -7,7 +7,7 @@ import threading
 
 import pytest
 
-from contactlab.commands.terminal import stop_on_signals
+from contactlab.command_line.terminal import stop_on_signals
 from contactlab.run.tasks import Stop
 
 SAID = "finishing the current runs; interrupt again to stop at once\n"
@@ -90,7 +90,7 @@ def test_other_threads_hear_nothing() -> None:
 # As a signal that comes while the main thread is writing, which may not be begun twice.
 WRITING = """
 import io, os, signal, sys
-from contactlab.commands.terminal import stop_on_signals
+from contactlab.command_line.terminal import stop_on_signals
 from contactlab.run.tasks import Stop
 
 class Interrupted(io.RawIOBase):
@@ -110,6 +110,7 @@ assert stop.is_set
 """
 
 
+@pytest.mark.long
 def test_it_may_come_while_something_is_written() -> None:
     done = subprocess.run(
         [sys.executable, "-c", WRITING], capture_output=True, text=True, check=False

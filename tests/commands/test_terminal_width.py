@@ -36,6 +36,7 @@ def swept(contactlab: Run, tmp_path: Path) -> Path:
     return tmp_path / "store"
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("swept")
 @pytest.mark.parametrize("width", [60, 80, 120])
 def test_a_summary_fits_the_terminal(
@@ -55,6 +56,7 @@ def test_a_summary_fits_the_terminal(
     assert text == golden.read_text()
 
 
+@pytest.mark.long
 def test_a_pipe_gets_all_and_may_close_early(contactlab: Run, swept: Path) -> None:
     assert "other labels" in contactlab("show", "store").out
     rows = list(csv.DictReader(io.StringIO(contactlab("show", "store", "--format", "csv").out)))

@@ -44,6 +44,7 @@ def files(folder: Path) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in folder.rglob("*.mcap")}
 
 
+@pytest.mark.long
 def test_expanded_traces_are_the_messages_of_the_other_sweep(
     contactlab: Run, stores: tuple[Path, Path]
 ) -> None:
@@ -69,7 +70,7 @@ def test_messages_are_copied_as_they_are(contactlab: Run, stores: tuple[Path, Pa
     assert files(Path("copy")) == files(stores[1])
 
 
-@pytest.mark.slow
+@pytest.mark.night
 def test_commands_read_both_forms_alike(contactlab: Run, stores: tuple[Path, Path]) -> None:
     compact, messages = (str(each) for each in stores)
     run = Store.open(stores[0]).table["run_id"].to_pylist()[1]
@@ -116,6 +117,7 @@ def test_what_cannot_be_expanded_is_refused_in_one_line(
     assert files(stores[0]) == before
 
 
+@pytest.mark.long
 def test_a_store_without_traces_says_so(contactlab: Run, tmp_path: Path) -> None:
     store = swept(tmp_path, "compact", "none")
     done = contactlab("traces", "expand", str(store), "-o", "x")
@@ -139,6 +141,7 @@ def test_a_damaged_trace_is_refused(
     assert not Path("x").exists()
 
 
+@pytest.mark.long
 def test_a_plan_says_what_each_form_takes(contactlab: Run, small: Path) -> None:
     done = contactlab("sweep", small.name, "--plan")
     assert "MB with trace_format: compact" in done.out

@@ -54,6 +54,7 @@ def swung(_swung: Path, tmp_path: Path) -> str:
     return "swung"
 
 
+@pytest.mark.long
 def test_a_sweep_is_run_timed_and_weighed(contactlab: Run, swing: Path, tmp_path: Path) -> None:
     code, out, err = contactlab("tradeoff", swing.name, "--workers", "0")
     assert code == 0, err
@@ -67,7 +68,9 @@ def test_a_sweep_is_run_timed_and_weighed(contactlab: Run, swing: Path, tmp_path
     same, _, _ = again.out.replace(str(store), "results/tradeoff/swing").partition(
         "\ninto the model"
     )
-    assert out.startswith(same)
+    task, _, rest = out.partition("\n")
+    assert task.startswith("qpos0 without controls, 0.3 s, 1 seed; watched: all bodies")
+    assert rest.startswith(same)
 
 
 def test_a_store_is_weighed_as_json(contactlab: Run, swung: str) -> None:
@@ -106,7 +109,7 @@ def test_no_folder_with_files_is_written_into(contactlab: Run, swung: str, tmp_p
 
 
 def test_a_tolerance_that_nothing_meets_ends_in_1(contactlab: Run, swung: str) -> None:
-    code, out, err = contactlab("tradeoff", swung, "--tolerance", "steps=1%")
+    code, out, err = contactlab("tradeoff", swung, "--within", "steps=1%")
     assert code == 1
     assert "nothing is feasible" in out
     assert err == (
@@ -130,6 +133,7 @@ def test_the_recommendation_is_written_and_met_again(
     assert again.err == "error: recommended.yaml exists; choose another file with --write\n"
 
 
+@pytest.mark.long
 def test_a_figure_is_drawn(contactlab: Run, swung: str, tmp_path: Path) -> None:
     code, _, err = contactlab("tradeoff", swung, "--figure", "chart.svg")
     assert (code, err) == (0, "drew chart.svg\n")
@@ -139,17 +143,21 @@ def test_a_figure_is_drawn(contactlab: Run, swung: str, tmp_path: Path) -> None:
 MISTAKES = [
     (["swung", "--error", "oracle_eror"], 2, "error: no number 'oracle_eror' in the table of swu"),
     (["swung", "--error", "error_peak"], 3, "error: no run in swung has a value of error_peak; "),
-    (["swung", "--tolerance", "depth=1"], 2, "error: no number 'depth' in the table of swung"),
+    (["swung", "--within", "depth=1"], 2, "error: no number 'depth' in the table of swung"),
     (
-        ["swung", "--tolerance", "oracle_error"],
+        ["swung", "--within", "oracle_error"],
         2,
-        "error: 'oracle_error' is not a tolerance; write",
+        "error: '--within oracle_error' is no tolerance; write",
     ),
-    (["swung", "--tolerance", "oracle_error=-1"], 2, "error: 'oracle_error=-1' is not a tolerance"),
     (
-        ["swung", "--tolerance", "oracle_error=nan"],
+        ["swung", "--within", "oracle_error=-1"],
         2,
-        "error: 'oracle_error=nan' is not a tolerance",
+        "error: '--within oracle_error=-1' is no tolerance",
+    ),
+    (
+        ["swung", "--within", "oracle_error=nan"],
+        2,
+        "error: '--within oracle_error=nan' is no tolerance",
     ),
     (["swung", "--figure", "chart.bmp"], 2, "error: chart.bmp: write a name that ends in .png or"),
     (["swung", "--figure", "no/chart.png"], 2, "error: cannot write no/chart.png: no folder no"),
@@ -176,10 +184,11 @@ def test_bad_input(
     assert sorted(tmp_path.iterdir()) == before
 
 
+@pytest.mark.long
 def test_a_store_is_weighed_and_drawn_without_the_engine(swung: str, tmp_path: Path) -> None:
     command = """
 import sys
-from contactlab.commands.main import main
+from contactlab.command_line.main import main
 sys.argv = ["contactlab", "tradeoff", *sys.argv[1:]]
 try:
     main()

@@ -38,7 +38,7 @@ def read(folder: Path) -> TuneReport:
     return TuneReport.model_validate_json((folder / "tune.json").read_text())
 
 
-@pytest.mark.slow
+@pytest.mark.night
 def test_a_model_becomes_one_that_moves_the_same_in_fewer_steps(
     contactlab: Run, pendulum: Path, tmp_path: Path
 ) -> None:
@@ -80,8 +80,8 @@ def test_a_model_becomes_one_that_moves_the_same_in_fewer_steps(
         (("--error", "near"), "--error near: write a number above 0"),
         (("--budget", "soon"), "--budget soon: write a time, such as 90s, 5min or 1h"),
         (("--budget", "1e-3s"), "--budget 0.001s is too short: 3 runs of the model"),
-        (("--tolerance", "penetration_mx=1"), "did you mean 'penetration_max'?"),
-        (("--tolerance", "slip"), "'slip' is not a tolerance"),
+        (("--within", "penetration_mx=1"), "did you mean 'penetration_max'?"),
+        (("--within", "slip"), "'--within slip' is no tolerance"),
         (("--free", "friction"), "--free: no 'friction'"),
         (("--drive", "push"), "push"),
     ],

@@ -66,6 +66,7 @@ def report_of(same: ComparisonReport, *checks: Check) -> ComparisonReport:
     return same.model_copy(update={"checks": checks, "exit_code": 1})
 
 
+@pytest.mark.long
 def test_json_fits_its_schema(worse: ComparisonReport) -> None:
     data = json.loads(worse.model_dump_json())
     jsonschema.validate(data, json_schemas()["comparison.schema.json"])

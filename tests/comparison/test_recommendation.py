@@ -57,6 +57,7 @@ def test_it_is_not_feasible_any_more(weighed: Runs, stored: Stored) -> None:
     assert found.message.endswith("timestep=0.004")
 
 
+@pytest.mark.long
 def test_nothing_is_feasible_any_more(weighed: Runs, stored: Stored) -> None:
     after = weighed()
     for index in range(8):

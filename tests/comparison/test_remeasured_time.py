@@ -63,6 +63,7 @@ def remeasure(runs: int, *pythons: Path) -> Remeasure:
     return Remeasure(runs, *(partial(timing_process, python) for python in pythons))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("factors", "verdict", "code"),
     [

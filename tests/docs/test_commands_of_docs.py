@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 import typer.main
 
-from contactlab.commands.main import command_line
+from contactlab.command_line.main import command_line
 from contactlab.plan.sweep_file import read_sweep
 from contactlab.resources import scene_names
 from contactlab.run.sweep_request import SceneLoader
@@ -49,6 +49,7 @@ def parse(line: str) -> None:
     command.make_parser(context).parse_args(words)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("line", SHOWN)
 def test_a_command_has_the_options_that_are_shown(line: str) -> None:
     parse(line)

@@ -8,6 +8,8 @@ import pytest
 
 from contactlab.engines import ENGINES
 from contactlab.measure import LABELS, METRICS, ORACLES, THRESHOLDS
+from contactlab.studies.check.check_entries import CHECKS
+from contactlab.studies.check.check_results import LIMITS
 
 TEXT = (Path(__file__).parents[2] / "CONTRIBUTING.md").read_text(encoding="utf-8")
 EXAMPLES = re.findall(r"^```python\n(.*?)^```", TEXT, re.MULTILINE | re.DOTALL)
@@ -23,4 +25,5 @@ def test_each_example_adds_its_entries() -> None:
     assert LABELS["overspeed"].thresholds == (THRESHOLDS["joint_speed_max"],)
     assert ORACLES["fall"].relative
     assert ENGINES["mine"].version == "1.0"
-    assert len(EXAMPLES) == 3
+    assert CHECKS["mass"].limits == (LIMITS["mass"],)
+    assert len(EXAMPLES) == 4

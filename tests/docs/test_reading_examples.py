@@ -48,6 +48,7 @@ def test_every_example_is_run() -> None:
     assert len(EXAMPLES) == 3
 
 
+@pytest.mark.long
 def test_own_means(example: Any, store: Store) -> None:
     found = example("import contactlab")
     assert found["bounce"].units["timestep"] == "s"
@@ -64,6 +65,7 @@ def test_own_means(example: Any, store: Store) -> None:
     assert all(len(getattr(found["pair"], name)) for name in found["pair"].units)
 
 
+@pytest.mark.long
 def test_duckdb_and_polars_agree(example: Any, store: Store) -> None:
     by_duckdb, by_polars = example("import duckdb"), example("import polars")
     counts = {(each[0], each[1]): each[2] for each in by_duckdb["by_timestep"]}

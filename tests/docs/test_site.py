@@ -18,7 +18,7 @@ def test_each_page_has_its_place() -> None:
     assert sorted(placed) == sorted(page.stem for page in (ROOT / "docs").glob("*.md"))
 
 
-@pytest.mark.slow
+@pytest.mark.night
 def test_the_site_builds_and_names_every_command_label_and_case(tmp_path: Path) -> None:
     asked = [sys.executable, "-m", "docs.site.build", "--target", str(tmp_path)]
     done = subprocess.run(asked, cwd=ROOT, capture_output=True, text=True, check=False)

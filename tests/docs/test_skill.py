@@ -69,7 +69,7 @@ def ended(folder: Path, *arguments: str) -> "subprocess.CompletedProcess[str]":
     return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
 
 
-@pytest.mark.slow
+@pytest.mark.night
 @pytest.mark.parametrize(("words", "fields"), HERE, ids=[row[0].split()[0] for row in HERE])
 def test_a_command_answers_with_the_fields(words: str, fields: str, folder: Path) -> None:
     if words.startswith(("compare", "show", "traces")):
@@ -89,7 +89,7 @@ def test_a_command_answers_with_the_fields(words: str, fields: str, folder: Path
     assert named <= set(first)
 
 
-@pytest.mark.slow
+@pytest.mark.night
 def test_a_release_is_looked_for(folder: Path) -> None:
     ((words, fields),) = (row for row in ROWS if row[0].startswith("bisect"))
     (folder / "tumble.yaml").write_text(TUMBLE)

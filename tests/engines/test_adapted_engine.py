@@ -120,6 +120,7 @@ def pairs(store: Store) -> list[tuple[Any, Any]]:
     return [(each["mujoco"], each["twin"]) for each in found.values()]
 
 
+@pytest.mark.long
 def test_another_process_makes_the_same_runs(install: Install, tmp_path: Path) -> None:
     install()
     store = swept(tmp_path)
@@ -140,6 +141,7 @@ def test_another_process_makes_the_same_runs(install: Install, tmp_path: Path) -
     assert verify(tmp_path / "store") == []
 
 
+@pytest.mark.long
 def test_what_is_raised_there_is_told_of_its_runs(install: Install, tmp_path: Path) -> None:
     install(extra='if step == 7: raise ValueError("no\\nway")')
     for ours, theirs in pairs(swept(tmp_path)):
@@ -148,6 +150,7 @@ def test_what_is_raised_there_is_told_of_its_runs(install: Install, tmp_path: Pa
         assert "ValueError: no way" in theirs.status_reason
 
 
+@pytest.mark.long
 def test_a_process_that_dies_costs_its_job(install: Install, tmp_path: Path) -> None:
     engine = install(extra="import os; os._exit(3) if step == 7 else None")
     for _, theirs in pairs(swept(tmp_path)):
@@ -155,6 +158,7 @@ def test_a_process_that_dies_costs_its_job(install: Install, tmp_path: Path) -> 
     assert engine.version == "7.1"
 
 
+@pytest.mark.long
 def test_an_overflow_is_a_label(install: Install, tmp_path: Path) -> None:
     install(overflow="True")
     for ours, theirs in pairs(swept(tmp_path)):

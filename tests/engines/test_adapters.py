@@ -16,10 +16,10 @@ from contactlab.plan.overrides import Overrides
 from contactlab.resources import ADAPTERS
 from contactlab.run.sweep_request import read_request
 from contactlab.run.sweep_runner import run_sweep
-from contactlab.scene.resolution import ResolvedRun
+from contactlab.scene.run_spec import RunSpec
 from contactlab.schema.evidence import EvidenceRecord
 from contactlab.store.finished_store import Store
-from contactlab_parity.panel import Panel, roll_out
+from contactlab.studies.parity.panel import Panel, roll_out
 
 ENGINES = {each.name: each for each in adapted_engines()}
 BALL = """
@@ -51,31 +51,8 @@ REFUSED = [
     ("pinocchio", {"option": 'density="1"', "flag": '<flag contact="disable"/>'}, "medium"),
 ]
 # Every kind of joint, off its reference and its body's origin; a motor, a servo, springs, damping.
-TREE = """
-<mujoco>
-  <option timestep="0.001" integrator="Euler" gravity="1 0 -9"><flag contact="disable"/></option>
-  <worldbody>
-    <body name="flying" pos="0 0 1" quat=".8 .6 0 0"><freejoint/>
-      <geom type="box" size=".1 .2 .3" pos=".05 0 0" mass="2"/>
-      <body pos=".1 .2 .3" euler="20 30 40"><joint type="ball" pos="0 .1 0" damping=".02"/>
-        <geom type="capsule" size=".02 .2" mass=".5" pos="0 0 .2"/></body>
-    </body>
-    <body name="arm" pos="2 0 1" euler="0 10 0">
-      <inertial pos="0 0 0" mass=".1" diaginertia="1 1 1"/>
-      <body name="upper" euler="30 0 0">
-        <joint name="turn" axis="1 2 0" pos=".1 0 0" ref="20" armature=".1" damping=".3"/>
-        <joint name="shift" type="slide" axis="0 1 1" ref=".1" stiffness="30" springref=".2"/>
-        <geom type="box" size=".1 .1 .3" mass="1"/>
-        <body pos="0 0 .3"><geom size=".1" mass=".4"/>
-          <body pos="0 .1 .2"><joint name="elbow" axis="0 1 0"/>
-            <geom type="capsule" size=".03 .2" mass=".3" pos=".1 0 .1"/></body>
-        </body>
-      </body>
-    </body>
-  </worldbody>
-  <actuator><motor joint="turn" gear="2" ctrlrange="-1 1" ctrllimited="true"/>
-    <position joint="elbow" kp="5" kv=".1"/></actuator>
-</mujoco>"""
+MODELS = Path(__file__).parent / "adapted"
+TREE = (MODELS / "tree.xml").read_text(encoding="utf-8")
 
 # The same without free and ball joints, and with a body for each joint.
 ARM = re.sub(
@@ -85,22 +62,7 @@ ARM = re.sub(
     flags=re.DOTALL,
 )
 # A free body that turns about a centre of mass beside its origin, and joints off their references.
-THROWN = """
-<mujoco>
-  <option timestep="0.002" integrator="implicitfast"/>
-  <worldbody>
-    <body name="thrown" pos="0 0 2" quat=".8 .6 0 0"><freejoint/>
-      <geom type="box" size=".1 .2 .3" pos=".05 .1 0" mass="2"/></body>
-    <body name="arm" pos="2 0 1" euler="0 10 0">
-      <joint name="turn" axis="1 2 0" pos=".1 0 0" ref="20" armature=".1" damping=".3"/>
-      <geom type="capsule" size=".03 .2" mass="1" pos="0 .1 .2"/>
-      <body pos="0 .1 .2"><joint name="shift" type="slide" axis="0 1 1" ref=".1" damping="1"/>
-        <geom type="capsule" size=".03 .1" mass=".3"/></body>
-    </body>
-  </worldbody>
-  <actuator><motor joint="turn" gear="2"/><position joint="shift" kp="5" kv=".1"/></actuator>
-  <keyframe><key qpos="0 0 2 .8 .6 0 0 .5 .2" qvel="1 0 2 3 2 1 -1 .2" ctrl=".3 .2"/></keyframe>
-</mujoco>"""
+THROWN = (MODELS / "thrown.xml").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize(("name", "differing", "word"), REFUSED)
@@ -166,7 +128,7 @@ axes: {engine: [mujoco, NAME], timestep: [0.001, 0.002], friction.slide: [0.3, 1
 """
 
 
-@pytest.mark.slow
+@pytest.mark.night
 @installed("warp")
 def test_worlds_of_one_launch_have_their_own_parameters(tmp_path: Path) -> None:
     found = differences(tmp_path, "warp", SLIDES.replace("NAME", "warp"))
@@ -189,7 +151,7 @@ axes:
 """
 
 
-@pytest.mark.slow
+@pytest.mark.night
 @installed("warp")
 def test_a_world_among_many_is_that_world_alone(tmp_path: Path) -> None:
     """Not a bit of it depends on where it is, or on the worlds beside it, of other parameters."""
@@ -198,7 +160,7 @@ def test_a_world_among_many_is_that_world_alone(tmp_path: Path) -> None:
     runs = [replace(each.ours, duration=60 * each.ours.timestep) for each in panel.runs]
     engine = ENGINES["warp"].on("cpu")
 
-    def rolled(*some: ResolvedRun) -> np.ndarray:
+    def rolled(*some: RunSpec) -> np.ndarray:
         return roll_out(engine, PreparedRuns.of(panel.scene, *some)).state[:, :, 1:].copy()
 
     many = rolled(*runs)
@@ -208,7 +170,7 @@ def test_a_world_among_many_is_that_world_alone(tmp_path: Path) -> None:
     assert len(np.unique(many[:, -1], axis=0)) == 24
 
 
-@pytest.mark.slow
+@pytest.mark.night
 @installed("mjx")
 def test_double_precision_agrees_to_the_solvers_tolerance(tmp_path: Path) -> None:
     found = differences(tmp_path, "mjx", SLIDES.replace("NAME", "mjx"))
@@ -217,7 +179,7 @@ def test_double_precision_agrees_to_the_solvers_tolerance(tmp_path: Path) -> Non
     assert max(far for _, far in found) < 1e-7
 
 
-@pytest.mark.slow
+@pytest.mark.night
 @installed("newton")
 def test_what_newton_imports_moves_as_it_does_in_mujoco(tmp_path: Path) -> None:
     (tmp_path / "thrown.xml").write_text(THROWN)
@@ -232,7 +194,7 @@ axes: {engine: [mujoco, newton], timestep: [0.002]}
     assert max(far for _, far in found) < 100 * 6e-8 * 2
 
 
-@pytest.mark.slow
+@pytest.mark.night
 @pytest.mark.parametrize(
     ("name", "tree"),
     [
@@ -271,7 +233,7 @@ axes: {engine: [drake], timestep: [0.001, 0.002], restitution: [0.6, 0.8]}
 """
 
 
-@pytest.mark.slow
+@pytest.mark.night
 @installed("drake")
 def test_a_ball_of_drake_is_the_implicit_spring_of_its_solref(tmp_path: Path) -> None:
     """SAP ends a step where the spring presses: v' = v + h (K (d - h v') - B v' - g), d > 0."""
@@ -300,7 +262,7 @@ axes: {engine: [drake], timestep: [0.001, 0.002]}
 """
 
 
-@pytest.mark.slow
+@pytest.mark.night
 @installed("drake")
 def test_boxes_of_drake_slide_and_press_as_coulomb_and_newton_say(tmp_path: Path) -> None:
     (tmp_path / "slide").mkdir()

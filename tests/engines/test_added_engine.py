@@ -21,7 +21,7 @@ from contactlab.errors import EngineError, PluginError, SceneError
 from contactlab.run.stored_runs import replay
 from contactlab.run.sweep_request import read_request
 from contactlab.run.sweep_runner import run_sweep
-from contactlab.scene.resolution import ResolvedRun
+from contactlab.scene.run_spec import RunSpec
 from contactlab.scene.scene import Scene
 from contactlab.scene.setting_values import as_number
 from contactlab.schema.evidence import EvidenceRecord
@@ -39,14 +39,14 @@ class FreeFallEngine(SimulationEngine):
         """The version of this file."""
         return "2.5"
 
-    def refusal(self, scene: Scene, run: ResolvedRun) -> str | None:
+    def refusal(self, scene: Scene, run: RunSpec) -> str | None:
         """Return why it cannot simulate a run: more than one free body, or what could touch it."""
         model, start = scene.base_of(run).model, scene.starts([run])
         if (model.nq, model.nv, model.ngeom) != (7, 6, 1) or start.qvel[0, 3:].any():
             return "the free_fall engine moves one free body that does not turn; use engine: mujoco"
         return super().refusal(scene, run)
 
-    def ignored(self, run: ResolvedRun) -> Mapping[str, str]:
+    def ignored(self, run: RunSpec) -> Mapping[str, str]:
         """Return what solves nothing here."""
         reason = f"a closed form needs no {run.settings['solver']}"
         return {"warmstart": reason, "solver": reason}
@@ -121,6 +121,7 @@ def by_engine(store: Store) -> dict[str, list[EvidenceRecord]]:
     return found
 
 
+@pytest.mark.long
 def test_a_sweep_has_it_as_a_value_of_an_axis() -> None:
     """Positions are exact; MuJoCo's semi-implicit Euler falls by g h t / 2 more."""
     store = swept(SWEEP)
@@ -137,6 +138,7 @@ def test_a_sweep_has_it_as_a_value_of_an_axis() -> None:
         assert abs(record.metrics["energy_drift"] or 0) < 1e-12
 
 
+@pytest.mark.long
 def test_the_record_has_what_it_ignores_as_off() -> None:
     records = by_engine(swept(SWEEP))
     for record in records["free_fall"]:
@@ -146,6 +148,7 @@ def test_the_record_has_what_it_ignores_as_off() -> None:
     assert all(record.effects["warmstart"] for record in records["mujoco"])
 
 
+@pytest.mark.long
 def test_passes_leave_out_what_it_cannot_do() -> None:
     records = by_engine(swept(SWEEP))
     for record in records["mujoco"]:
@@ -160,6 +163,7 @@ def test_passes_leave_out_what_it_cannot_do() -> None:
         assert record.timing.time_min is None
 
 
+@pytest.mark.long
 def test_it_replays_its_runs() -> None:
     store = swept(SWEEP)
     for record in by_engine(store)["free_fall"]:
@@ -187,6 +191,7 @@ def test_the_axis_lists_it() -> None:
     assert axis.description.endswith("or the closed form of free fall")
 
 
+@pytest.mark.long
 def test_without_it_a_stored_run_says_what_is_missing() -> None:
     store = swept(SWEEP)
     run = by_engine(store)["free_fall"][0].run_id

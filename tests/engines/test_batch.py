@@ -78,6 +78,7 @@ def test_every_parameter_is_tried() -> None:
         assert PARAMETERS[name].parse(value) == value
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", PARAMETERS)
 def test_parameter(name: str, mixed: Scene, roll: Any) -> None:
     if name in AT_REST:  # geoms of many pairs have no solref that gives it to each
@@ -116,6 +117,7 @@ def test_mass(roll: Any) -> None:
     roll(Scene.open("ball_drop"), values, 400).assert_equals_loop(400)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", resources.scene_names())
 def test_shipped_scene(name: str, roll: Any) -> None:
     scene = Scene.open(name, tables=read_control_table)

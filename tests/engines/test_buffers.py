@@ -14,6 +14,7 @@ from contactlab.engines.rollout_trace import trajectory_hash
 from contactlab.scene.scene import Scene
 
 
+@pytest.mark.long
 @given(
     calls=st.lists(
         st.tuples(st.integers(1, 3), st.integers(1, 40), st.integers(1, 3)), min_size=2, max_size=5

@@ -170,6 +170,7 @@ def test_a_policy_holds_an_unstable_pole(cart: Scene) -> None:
     assert np.abs(slow.state[:, :, 2]).max() > math.pi / 2
 
 
+@pytest.mark.long
 def test_noise_has_the_stated_size_and_is_the_same_at_any_timestep(cart: Scene) -> None:
     seen: list[tuple[np.ndarray, ...]] = []
 

@@ -185,7 +185,7 @@ def test_random_models(make_scene: Any, monkeypatch: pytest.MonkeyPatch) -> None
     assert_same_on_random_models(range(8), make_scene, monkeypatch)
 
 
-@pytest.mark.slow
+@pytest.mark.night
 @pytest.mark.usefixtures("kernel")
 def test_many_random_models(make_scene: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     assert_same_on_random_models(range(8, 200), make_scene, monkeypatch)
@@ -269,6 +269,7 @@ def test_a_cache_that_others_may_write_is_not_trusted(
         compiled_kernel()
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("kernel")
 def test_processes_may_compile_it_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
@@ -344,6 +345,7 @@ QUICK = [
 ]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("case", QUICK, ids=lambda case: case.stem)
 def test_a_case_is_stored_alike(
     case: Path, kernel: contact_kernel.Kernel, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -352,7 +354,7 @@ def test_a_case_is_stored_alike(
     assert not kernel.failed
 
 
-@pytest.mark.slow
+@pytest.mark.night
 @pytest.mark.parametrize("case", CATALOGUE, ids=lambda case: case.stem)
 def test_every_case_is_stored_alike(
     case: Path, kernel: contact_kernel.Kernel, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -361,7 +363,7 @@ def test_every_case_is_stored_alike(
     assert not kernel.failed
 
 
-@pytest.mark.slow
+@pytest.mark.night
 @pytest.mark.usefixtures("kernel")
 def test_sanitizers_find_nothing(tmp_path: Path) -> None:
     """The tests of this file again, with a kernel that stops at whatever C leaves undefined."""

@@ -82,7 +82,7 @@ knot_lists = st.lists(st.tuples(times, numbers), min_size=1, max_size=5).map(sor
 INPUTS = ["turn.ctrl", "move.ctrl", "box.fx", "box.tz", "cart.fx"]
 
 
-@pytest.mark.slow
+@pytest.mark.night
 @given(
     lines=st.dictionaries(st.sampled_from(INPUTS), knot_lists, min_size=1),
     timesteps=st.lists(st.sampled_from([5e-4, 1e-3, 2e-3, 3.7e-3]), min_size=1, max_size=3),

@@ -1,6 +1,7 @@
 """What runs exercised: planted motions, and equality with loops that look at every step."""
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import mujoco
@@ -22,55 +23,8 @@ Make = Callable[..., Scene]
 GRAVITY, FRICTION, SECONDS = 9.81, 0.5, 1.0
 BOX_SPEED = 0.4 * FRICTION * GRAVITY * SECONDS
 """A box this fast slides for 0.4 of the time."""
-PLANTED = f"""
-<mujoco>
-  <option timestep="0.002" cone="elliptic"/>
-  <default><geom friction="{FRICTION} .001 .0001" condim="3"/></default>
-  <worldbody>
-    <geom name="floor" type="plane" size="9 9 .1"/>
-    <site name="hook" pos="0 9 2"/>
-    <body pos="0 1 1" gravcomp="1">
-      <joint name="mover" type="slide" axis="1 0 0" limited="true" range="-.5 .5"/>
-      <geom size=".05" contype="0" conaffinity="0"/><site name="end"/>
-    </body>
-    <body pos="0 2 1" gravcomp="1">
-      <joint name="stopped" type="slide" axis="1 0 0" limited="true" range="-1 .2"/>
-      <geom size=".05" contype="0" conaffinity="0"/>
-    </body>
-    <body name="box" pos="0 0 .01">
-      <freejoint name="box"/><geom name="box" type="box" size=".1 .1 .01" mass="1"/>
-    </body>
-    <body name="ball" pos="0 3 .1">
-      <freejoint name="ball"/><geom name="ball" type="sphere" size=".1" mass="1"/>
-    </body>
-    <body name="post" pos="0 4 1"/>
-    <body name="hung" pos="0 4 1">
-      <freejoint name="hung"/>
-      <geom size=".1" mass="2" contype="0" conaffinity="0"/><site name="tip"/>
-    </body>
-    <body pos="0 5 1">
-      <joint name="idle" type="slide" axis="1 0 0"/>
-      <geom size=".05" contype="0" conaffinity="0"/>
-    </body>
-  </worldbody>
-  <tendon>
-    <spatial name="slack" limited="true" range="0 9">
-      <site site="hook"/><site site="end"/>
-    </spatial>
-    <spatial name="taut" springlength=".5" stiffness="1">
-      <site site="hook"/><site site="tip"/>
-    </spatial>
-  </tendon>
-  <equality>
-    <weld name="loaded" body1="post" body2="hung"/>
-    <joint name="unloaded" joint1="idle"/>
-  </equality>
-  <actuator>
-    <motor name="weak" joint="idle" forcelimited="true" forcerange="-1 1" ctrllimited="true"
-      ctrlrange="-4 4" gear="0"/>
-  </actuator>
-</mujoco>
-"""
+# Its friction is FRICTION.
+PLANTED = Path(__file__).with_name("planted_motions.xml").read_text(encoding="utf-8")
 MANIFEST = f"""
 subject: box
 pairs: [{{geoms: [floor, box]}}, {{geoms: [floor, ball]}}, {{geoms: [box, ball]}}]
@@ -203,6 +157,7 @@ def angle_between(first: np.ndarray, other: np.ndarray) -> float:
     return float(np.linalg.norm(difference))
 
 
+@pytest.mark.long
 @given(seed=st.integers(0, 10**6))
 @settings(max_examples=15, deadline=None)
 def test_coverage_equals_a_loop_that_looks_at_every_step(make_scene: Make, seed: int) -> None:

@@ -91,6 +91,7 @@ def batches() -> dict[str, Rollout]:
     }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["ball_drop", "box_stack", "grasp_mug", "mug_drop"])
 def test_settings(name: str, request: pytest.FixtureRequest) -> None:
     batch = see(name, SETTINGS).rollout
@@ -98,7 +99,7 @@ def test_settings(name: str, request: pytest.FixtureRequest) -> None:
     assert_same(batch, see(name, SETTINGS).rollout)
 
 
-@pytest.mark.slow
+@pytest.mark.night
 @pytest.mark.parametrize("name", resources.scene_names())
 def test_every_scene_without_contact_sensors(
     name: str, batches: dict[str, Rollout], request: pytest.FixtureRequest
@@ -107,6 +108,7 @@ def test_every_scene_without_contact_sensors(
     assert_same(batches[name], see(name, [{}, {"integrator": "RK4"}]).rollout)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["box_stack", "mug_drop"])
 def test_settings_without_contact_sensors(name: str, request: pytest.FixtureRequest) -> None:
     # After a fall of 0.2 s, the mug meets fingers that it comes second to.
@@ -118,6 +120,7 @@ def test_settings_without_contact_sensors(name: str, request: pytest.FixtureRequ
     assert_same(batch, loop.rollout)
 
 
+@pytest.mark.long
 def test_slots_of_sleeping_bodies_stay(request: pytest.FixtureRequest) -> None:
     quick = [{"boxes": 2, "solref": (0.005, 1.0), "sleep": True}]
     batch = see("box_stack", quick, 400)
@@ -127,6 +130,7 @@ def test_slots_of_sleeping_bodies_stay(request: pytest.FixtureRequest) -> None:
     assert_same(batch.rollout, see("box_stack", quick, 400).rollout)
 
 
+@pytest.mark.long
 def test_a_run_that_diverges(request: pytest.FixtureRequest) -> None:
     values = [{}, EXPLODING, {}]
     batch = see("ball_drop", values, 300).rollout
@@ -136,6 +140,7 @@ def test_a_run_that_diverges(request: pytest.FixtureRequest) -> None:
     assert_same(batch, see("ball_drop", values, 300).rollout)
 
 
+@pytest.mark.long
 def test_a_run_that_the_engine_refuses(request: pytest.FixtureRequest) -> None:
     seen = see("ball_drop", [{}, {}], 20)
     models = [each.model for each in seen.prepared]
@@ -149,12 +154,14 @@ def test_a_run_that_the_engine_refuses(request: pytest.FixtureRequest) -> None:
     assert (loop.state[1] == loop.state[1, 0]).all()
 
 
+@pytest.mark.long
 def test_inputs_that_change(request: pytest.FixtureRequest) -> None:
     batch = see("gripping_pad", [{}, {"integrator": "RK4"}]).rollout
     request.getfixturevalue("by_loop")
     assert_same(batch, see("gripping_pad", [{}, {"integrator": "RK4"}]).rollout)
 
 
+@pytest.mark.long
 def test_integrating_and_counting(request: pytest.FixtureRequest) -> None:
     seen = see("box_stack", [{}], 1)
     model, start = seen.prepared[0].model, seen.starts.pick(0)
@@ -172,6 +179,7 @@ def test_integrating_and_counting(request: pytest.FixtureRequest) -> None:
     assert recounted.states.tobytes() == counted.states.tobytes()
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("by_loop")
 def test_cost_is_that_of_native_steps() -> None:
     engine, scene = OlderMujocoEngine(), Scene.open("ball_drop")
@@ -185,6 +193,7 @@ def test_cost_is_that_of_native_steps() -> None:
     assert list(engine.null_fields(driven=True)) == ["cost"]
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("without_sensors")
 def test_the_callback_does_not_outlive_its_run() -> None:
     see("ball_drop", [{}], 5)

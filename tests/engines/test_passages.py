@@ -42,6 +42,7 @@ def reasons(sweeper: Any, **parts: object) -> list[str]:
     return [each for each in row["label_reasons"] if "passed" in each or "deeper" in each]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("joint", [FREE, SLIDE], ids=["free", "slide"])
 @pytest.mark.parametrize("wall", WALLS)
 @pytest.mark.parametrize(("speed", "passes"), [(60, True), (2, False)])

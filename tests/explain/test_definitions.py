@@ -6,7 +6,7 @@ from contactlab.errors import SweepFileError
 from contactlab.measure import LABELS, METRICS, THRESHOLDS
 from contactlab.scene.effects.effect_table import EFFECTS
 from contactlab.scene.parameters import PARAMETERS
-from contactlab_explain.definitions import CHANGES, define
+from contactlab.studies.explain.definitions import define
 
 
 def test_every_word_has_its_own_definition() -> None:
@@ -24,7 +24,8 @@ def test_every_word_has_its_own_definition() -> None:
 
 
 def test_every_label_says_what_to_change() -> None:
-    assert CHANGES.keys() == {*LABELS}
+    assert all(f"change: {label.advice}" in define(label.name) for label in LABELS.values())
+    assert all(label.advice for label in LABELS.values())
 
 
 def test_an_unknown_word_is_met_with_the_closest() -> None:

@@ -1,21 +1,25 @@
 """A fit finds planted settings again, tells what it cannot tell, and is resumed."""
 
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from tests.planted_recordings import TRIALS, WIDTH, plant
 
 import contactlab
+from contactlab.contact.trace_arrays import Floats
 from contactlab.errors import SceneError, SweepFileError
 from contactlab.schema.study_reports import FIT_REPORT, FitReport
+from contactlab.studies.fit import fitting
+from contactlab.studies.fit.fitting import FitRequest, run
 from contactlab.studies.session import Session
-from contactlab_fit.fitting import FitRequest, run
 
 FITTED = 12
 
 
-@pytest.mark.slow
+@pytest.mark.night
 @pytest.mark.parametrize("true", [0.15, 0.4])
 def test_planted_friction_is_found_and_stiffness_is_not(tmp_path: Path, true: float) -> None:
     """A puck that slides tells its friction; how stiff the floor is does not move it."""
@@ -45,7 +49,7 @@ def test_planted_friction_is_found_and_stiffness_is_not(tmp_path: Path, true: fl
     assert all(total == done for total, done in begun)
 
 
-@pytest.mark.slow
+@pytest.mark.night
 def test_intervals_have_what_recordings_were_made_with(tmp_path: Path) -> None:
     """Of four intervals of 95 % two miss by chance in one of 70 such tests.
 
@@ -69,7 +73,7 @@ def test_intervals_have_what_recordings_were_made_with(tmp_path: Path) -> None:
     assert within >= 3
 
 
-@pytest.mark.slow
+@pytest.mark.night
 def test_a_fit_to_one_strange_run_shows_on_those_held_out(tmp_path: Path) -> None:
     """Fitted to two runs on another floor, the error of the others is far larger."""
     scene = plant(tmp_path / "puck", 0.3, seed=7)
@@ -103,3 +107,28 @@ def test_wrong_settings_are_named(tmp_path: Path, free: str, message: str) -> No
 def test_a_scene_without_a_recording_is_refused(tmp_path: Path) -> None:
     with pytest.raises(SceneError, match="a fit needs a `recording` of three runs or more"):
         run(FitRequest("box_slide", ["friction.slide"]), Session(tmp_path))
+
+
+def test_a_search_knows_nothing_of_the_runs_held_out(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Errors are how far log friction is from a truth, so that nothing has to be simulated."""
+    true, asked = 0.3, dict[str, set[float]]()
+
+    def errors(_: Any, name: str, settings: Sequence[Any], runs: Sequence[float]) -> Floats:
+        asked.setdefault(name, set()).update(runs)
+        slides = [each.get("friction.slide", 1.0) for each in settings]
+        scatter = 1e-3 * (1 + np.arange(len(runs)) % 3)
+        return np.asarray(np.abs(np.log(np.array(slides) / true))[:, None] + scatter, np.float64)
+
+    monkeypatch.setattr(fitting._Trials, "run", errors)  # pyright: ignore[reportPrivateUsage]
+    scene = plant(tmp_path / "puck", true, seed=1)
+    report = run(FitRequest(scene, ["friction.slide"], fitted=FITTED), Session(tmp_path / "fit"))
+    held_out = set(map(float, report.held_out))
+    assert asked["held-out"] == asked["as-written"] == held_out
+    for name, runs in asked.items():
+        assert name in {"held-out", "as-written", "noise"} or not runs & held_out
+    assert len(held_out) + len(report.fitted_runs) == TRIALS
+    (friction,) = report.settings
+    # Points are drawn around the best until their spread is the least, 1 % of the range or so.
+    assert abs(np.log(float(str(friction.value)) / true)) < 0.1

@@ -20,9 +20,9 @@ from contactlab.errors import (
     SweepFileError,
 )
 from contactlab.resources import MODELS
-from contactlab_lock import versions
-from contactlab_lock.bisection import SweepOutcomes, bisect, remembered
-from contactlab_lock.versions import releases, run_sweep, run_test
+from contactlab.studies.lock import versions
+from contactlab.studies.lock.bisection import SweepOutcomes, bisect, remembered
+from contactlab.studies.lock.versions import releases, run_sweep, run_test
 
 
 def ignore(_: str) -> None:
@@ -102,6 +102,7 @@ def slides(tmp_path: Path, ran: list[str]) -> SweepOutcomes:
     return SweepOutcomes(tmp_path, run, DEFAULT_POLICY)
 
 
+@pytest.mark.long
 def test_a_release_that_changed_friction_is_found_with_the_run(
     slides: SweepOutcomes, ran: list[str]
 ) -> None:
@@ -124,6 +125,7 @@ def test_a_release_that_changed_friction_is_found_with_the_run(
     assert len(ran) == 4
 
 
+@pytest.mark.long
 def test_equal_ends_and_unknown_questions_are_errors(slides: SweepOutcomes) -> None:
     with pytest.raises(ExpectationError, match=r"1\.0 and 1\.1 give the same"):
         slides.begin("1.0", "1.1")
@@ -147,6 +149,7 @@ def test_a_test_runs_once_until_its_file_changes(tmp_path: Path) -> None:
     assert asked("test_b")
 
 
+@pytest.mark.long
 def test_pytest_says_whether_a_test_passes(tmp_path: Path) -> None:
     file = tmp_path / "test_it.py"
     file.write_text("def test_a(): pass\n\ndef test_b(): raise ValueError('why')\n")
@@ -181,7 +184,7 @@ axes: {integrator: [implicitfast], timestep: [0.01]}
 """
 
 
-@pytest.mark.slow
+@pytest.mark.night
 def test_a_change_of_a_real_release_is_found(tmp_path: Path) -> None:
     """docs/upgrading.md: implicitfast loses the energy of free rotation since 3.11.0."""
     file = tmp_path / "tumble.yaml"

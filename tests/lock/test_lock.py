@@ -7,20 +7,22 @@ from typing import Any
 
 import numpy as np
 import pytest
-import typer
+from hypothesis import assume, given
+from hypothesis import strategies as st
+from scipy import stats
 from tests import push_env
 from tests.push_env import PUSHED
 from typer.testing import CliRunner
 
 import contactlab
+from contactlab.command_line.main import command_line
 from contactlab.comparison.compare_stores import DEFAULT_POLICY
 from contactlab.errors import ContactlabError, SweepFileError
 from contactlab.schema.comparison import ComparePolicy, ComparisonReport
 from contactlab.store.finished_store import Store
-from contactlab_lock.commands import bisect, lock
-from contactlab_lock.judgement import change_by_chance, judge
-from contactlab_lock.lock_file import gated_metrics, lock_of, read, write
-from contactlab_lock.lock_model import Lock
+from contactlab.studies.lock.judgement import change_by_chance, judge
+from contactlab.studies.lock.lock_file import gated_metrics, lock_of, read, write
+from contactlab.studies.lock.lock_model import Lock
 
 SLIDE: dict[str, Any] = {
     "version": 1,
@@ -111,6 +113,7 @@ def test_more_friction_is_seen(slid: Store, swept: Swept) -> None:
     assert slip.worst[0].candidate_run in set(more.table["run_id"].to_pylist())
 
 
+@pytest.mark.long
 def test_another_integrator_is_seen_where_it_matters(dropped: Store, swept: Swept) -> None:
     report = judged(frozen(dropped), swept(DROP, **axes(DROP, integrator=["RK4"])))
     assert report.exit_code == 1
@@ -145,6 +148,7 @@ def pushed(swept: Swept) -> Store:
     return swept(PUSH)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("change", "exit_code"),
     [
@@ -167,6 +171,7 @@ def test_episodes_of_an_environment_are_judged_by_their_seeds(
     assert ("by repetition" in report.headline) == ("seeds" not in change)
 
 
+@pytest.mark.long
 def test_a_drive_draws_by_the_seed_too(swept: Swept, tmp_path: Path) -> None:
     (tmp_path / "arm.xml").write_text(PUSHED, encoding="utf-8")
     sweep = {"version": 1, "scene": str(tmp_path / "arm.xml"), "duration": 0.3, "seeds": 8}
@@ -176,6 +181,7 @@ def test_a_drive_draws_by_the_seed_too(swept: Swept, tmp_path: Path) -> None:
     assert "by the spread" in judged(lock, others).headline
 
 
+@pytest.mark.long
 def test_a_policy_says_what_counts(slid: Store, swept: Swept) -> None:
     policy = ComparePolicy.model_validate(
         {"version": 1, "metrics": {"*": {"level": "note"}, "slip_*": {"level": "gate", "rel": 0.5}}}
@@ -202,6 +208,7 @@ def test_lost_groups_and_labels_are_seen(slid: Store) -> None:
     )
 
 
+@pytest.mark.long
 def test_single_runs_of_other_starts_cannot_be_judged(swept: Swept) -> None:
     one, other = (swept(DROP, seeds=[seed]) for seed in (0, 1))
     report = judged(frozen(one), other)
@@ -209,6 +216,24 @@ def test_single_runs_of_other_starts_cannot_be_judged(swept: Swept) -> None:
     assert "not comparable" in report.headline
 
 
+@given(
+    old=st.lists(st.floats(-1, 1).map(lambda value: round(value, 3)), min_size=2, max_size=9),
+    new=st.lists(st.floats(-1, 1).map(lambda value: round(value, 3)), min_size=2, max_size=9),
+)
+def test_means_differ_by_chance_as_students_test_has_it(old: list[float], new: list[float]) -> None:
+    """A difference at the edge of chance is one whose p-value in Student's test is alpha."""
+    spreads = [(float(np.std(each, ddof=1)), len(each)) for each in (old, new)]
+    means = [float(np.mean(each)) for each in (old, new)]
+    assume(max(spread for spread, _ in spreads) > 0)
+    (first, second), (before, after) = zip(means, spreads, strict=True), spreads
+    test: Any = stats.ttest_ind_from_stats(*first[:1], *first[1], *second[:1], *second[1])
+    assume(1e-6 < test.pvalue < 0.999)
+    # The p-value and its inverse are each good to about 1e-9 in the range assumed.
+    edge = change_by_chance(before, after, float(test.pvalue))
+    assert edge == pytest.approx(abs(means[1] - means[0]), rel=1e-6, abs=1e-9)
+
+
+@pytest.mark.long
 def test_chance_alone_exceeds_a_tolerance_as_often_as_stated() -> None:
     """Of normal values, in a share alpha of checks; the count is within 4 standard deviations."""
     rng, rounds, n, m, alpha = np.random.default_rng(1), 4_000, 5, 9, 0.05
@@ -225,9 +250,7 @@ def test_chance_alone_exceeds_a_tolerance_as_often_as_stated() -> None:
 def command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Any]:
     """Run a command of the package in an empty folder, and raise what it raises."""
     monkeypatch.chdir(tmp_path)
-    app = typer.Typer()
-    app.command()(lock)
-    app.command()(bisect)
+    app = command_line()
 
     def run(*words: str) -> Any:
         done = CliRunner().invoke(app, words)

@@ -46,6 +46,7 @@ def _first(store: Store) -> EvidenceRecord:
     return next(iter(store.records()))
 
 
+@pytest.mark.long
 def test_an_episode_is_a_run_of_each_value(tmp_path: Path) -> None:
     store = _sweep(tmp_path, axes=AXES, seeds=2)
 
@@ -70,6 +71,7 @@ def test_an_episode_is_a_run_of_each_value(tmp_path: Path) -> None:
     assert not verify(tmp_path / "store")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("case", CASES)
 def test_an_episode_has_the_bits_of_a_sweep_with_its_controls(tmp_path: Path, case: str) -> None:
     axes: Mapping[str, Any] = CASES[case]
@@ -106,6 +108,7 @@ def test_an_episode_has_the_bits_of_a_sweep_with_its_controls(tmp_path: Path, ca
     assert (episode.labels, episode.pairs) == (run.labels, run.pairs)
 
 
+@pytest.mark.long
 def test_workers_order_and_resume_change_nothing(tmp_path: Path) -> None:
     store = _sweep(tmp_path, axes=AXES, seeds=2)
     hashes = {each.run_id: each.trajectory_hash for each in store.records()}
@@ -115,6 +118,7 @@ def test_workers_order_and_resume_change_nothing(tmp_path: Path) -> None:
     assert {each.run_id: each.trajectory_hash for each in again.records()} == hashes
 
 
+@pytest.mark.long
 def test_an_environment_says_when_its_episode_ends(tmp_path: Path) -> None:
     policy = {"policy": f"{tmp_path / FILE.name}:Seeing"}
     store = _sweep(tmp_path, drive=policy, duration=2.0, axes={"gravity": ["0 0 0"]})
@@ -133,6 +137,7 @@ def test_an_environment_says_when_its_episode_ends(tmp_path: Path) -> None:
     assert "acts in each step of the environment" in str(record.status_reason)
 
 
+@pytest.mark.long
 def test_a_policy_acts_at_its_rate(tmp_path: Path) -> None:
     shutil.copy(FILE, tmp_path)
     drive = {"policy": f"{tmp_path / FILE.name}:Constant"}
@@ -148,6 +153,7 @@ def test_a_policy_acts_at_its_rate(tmp_path: Path) -> None:
     assert "at 400 Hz, but the environment asks for actions at 100 Hz" in str(record.status_reason)
 
 
+@pytest.mark.long
 def test_what_the_environment_changes_is_recorded_and_its_own(tmp_path: Path) -> None:
     for record in _sweep(tmp_path, "Varied", axes={"friction.slide": [0.5]}, seeds=2).records():
         assert record.loop is not None
@@ -158,6 +164,7 @@ def test_what_the_environment_changes_is_recorded_and_its_own(tmp_path: Path) ->
     assert {each.trajectory_hash for each in again} == damped
 
 
+@pytest.mark.long
 def test_a_model_made_anew_is_written_too(tmp_path: Path) -> None:
     axes = {"friction.slide": [0.2, 1.0], "timestep": [1e-3]}
     anew = [each.trajectory_hash for each in _sweep(tmp_path, "Anew", axes=axes).records()]
@@ -165,6 +172,7 @@ def test_a_model_made_anew_is_written_too(tmp_path: Path) -> None:
     assert anew == kept
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("name", "reason", "steps"),
     [
@@ -202,6 +210,7 @@ def test_a_policy_that_returns_no_number_ends_its_run(tmp_path: Path) -> None:
     assert record.steps == 0.06 / 0.002
 
 
+@pytest.mark.long
 def test_others_are_run_where_one_fails(tmp_path: Path) -> None:
     failing = _sweep(tmp_path, "Failing", seeds=4, axes={"gravity": ["0 0 -5"]})
     kept = {each.seed: each.trajectory_hash for each in failing.records() if each.status == "ok"}
@@ -211,6 +220,7 @@ def test_others_are_run_where_one_fails(tmp_path: Path) -> None:
     }
 
 
+@pytest.mark.long
 def test_code_runs_only_if_it_is_allowed(tmp_path: Path) -> None:
     with pytest.raises(SweepFileError, match=r"environment .* is Python code, .*--allow-code"):
         _sweep(tmp_path, allow_code=False)

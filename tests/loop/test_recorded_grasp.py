@@ -7,7 +7,7 @@ import pytest
 from typer.testing import CliRunner
 
 import contactlab
-from contactlab.commands.main import command_line
+from contactlab.command_line.main import command_line
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "recorded_grasp.py"
 

@@ -12,11 +12,11 @@ import pytest
 
 import contactlab
 from contactlab.errors import ContactlabError, OutputError, SceneError
+from contactlab.loop.recording import Recording
 from contactlab.run.recomputed_runs import recomputed_problems
 from contactlab.run.stored_runs import replay
 from contactlab.schema.evidence import EvidenceRecord
 from contactlab.store.verify_store import verify
-from contactlab_loop.recording import Recording
 
 BALL = """
 <mujoco><option timestep="0.002"/><worldbody>
@@ -89,6 +89,7 @@ def test_each_reset_begins_an_episode(
     assert [row["success"] for row in table] == [None, True, None]
 
 
+@pytest.mark.long
 def test_what_is_done_to_state_and_model_is_said(
     model: mujoco.MjModel, data: mujoco.MjData, start: Start, tmp_path: Path
 ) -> None:
@@ -229,6 +230,7 @@ def test_what_never_touches_is_refused(tmp_path: Path) -> None:
         contactlab.record(model, mujoco.MjData(model), tmp_path / "mine")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("monitor", "pairs"),
     [
@@ -262,6 +264,7 @@ os._exit(9)
 """
 
 
+@pytest.mark.long
 def test_a_killed_recording_goes_on(start: Start, tmp_path: Path) -> None:
     command = [sys.executable, "-c", KILLED, BALL, str(tmp_path / "mine")]
     assert subprocess.run(command, check=False).returncode == 9

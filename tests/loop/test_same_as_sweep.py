@@ -11,6 +11,8 @@ from contactlab.measure import METRICS
 from contactlab.schema.evidence import EvidenceRecord
 from contactlab.store.finished_store import Store
 
+pytestmark = pytest.mark.long
+
 STEPS = 400
 FALL = """
 <mujoco><option timestep="0.002" {option}/>

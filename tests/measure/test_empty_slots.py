@@ -30,6 +30,7 @@ def with_slots(pair: PairTrace, count: int) -> PairTrace:
     return replace(pair, slots=slots)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", resources.scene_names())
 def test_they_change_no_bit(name: str) -> None:
     scene = Scene.open(name, tables=read_control_table)

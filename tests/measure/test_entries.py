@@ -44,10 +44,10 @@ def declare_top_speed() -> Callable[[Context], Floats]:
     return top_speed
 
 
-def declare_racing(severity: float = 46) -> None:
+def declare_racing(rank: float = 7.5) -> None:
     limit = Threshold("top_speed", 10.0, "rad/s", "Largest metric top_speed.")
 
-    @label(severity, thresholds=(limit,))
+    @label("poor", rank=rank, thresholds=(limit,))
     def racing(runs: MeasuredRuns) -> Findings:
         """A joint moves faster than its limit."""
         return {run: Finding(f"at {speed:g} rad/s", 0) for run, speed, _ in runs.over("top_speed")}
@@ -101,7 +101,7 @@ def test_metrics_come_last_and_labels_by_severity() -> None:
 
 
 def test_labels_of_equal_severity_keep_their_order() -> None:
-    declare_racing(LABELS["drift"].severity)
+    declare_racing(LABELS["drift"].rank)
     names = list(LABELS)
     assert names.index("racing") == names.index("drift") + 1
 
@@ -135,7 +135,7 @@ def test_a_name_that_is_taken_is_refused(name: str) -> None:
     with pytest.raises(PluginError, match=f"a metric named '{name}' already"):
         metric(unit="1", name=name)(mine)
     with pytest.raises(PluginError, match="a threshold named 'drift' already"):
-        label(1, thresholds=(Threshold("drift", 1.0, "m", "Mine."),))(_nothing)
+        label("noted", thresholds=(Threshold("drift", 1.0, "m", "Mine."),))(_nothing)
 
 
 def test_an_entry_needs_a_definition() -> None:

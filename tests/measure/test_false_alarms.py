@@ -4,6 +4,8 @@ from typing import Any
 
 import pytest
 
+pytestmark = pytest.mark.long
+
 WORLD = (
     '<mujoco>{option}<worldbody><geom name="floor" type="{floor}"/>{bodies}</worldbody></mujoco>'
 )

@@ -88,6 +88,7 @@ def euler_equations(inertia: np.ndarray) -> Vector:
     return lambda w: (after - before) * np.roll(w, -1) * np.roll(w, 1) / inertia
 
 
+@pytest.mark.long
 @settings(max_examples=30)
 @given(
     st.floats(0.3, 0.8), st.floats(1.2, 2.0), st.booleans(), st.floats(0.05, 0.5), st.floats(-2, 2)

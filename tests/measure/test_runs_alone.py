@@ -11,6 +11,8 @@ from contactlab.scene.run_setup import make_setup
 from contactlab.scene.scene import Scene
 from contactlab.store.control_tables import read_control_table
 
+pytestmark = pytest.mark.long
+
 RUNS, STEPS, SECONDS = 3, 150, 0.3
 
 

@@ -27,7 +27,7 @@ def test_a_spring_travels_four_amplitudes_a_period(tmp_path: Path) -> None:
     model = f"""<mujoco><option gravity="0 0 0"/><worldbody><body>
       <joint name="j" type="slide" axis="1 0 0" stiffness="{(2 * np.pi) ** 2}" springref="0.1"/>
       <geom size=".1" mass="1"/></body></worldbody></mujoco>"""
-    found = _measured(tmp_path, model, 2.0)
+    found = _measured(tmp_path, model, 2.0, _SWEEP + "drive: none\n")
     assert found["joint_travel"] == pytest.approx(2 * 4 * 0.1, rel=2e-3)
     assert found["turn"] is None
 

@@ -116,6 +116,7 @@ def test_the_rerun_is_the_configuration_in_the_same_scenarios_from_fresh_seeds(
     assert {row["scene_hash"] for row in again} == set(store.table["scene_hash"].to_pylist())
 
 
+@pytest.mark.timed
 def test_the_rerun_of_a_tolerance_that_is_too_strict_fails(
     store: Store, report: TradeoffReport, tmp_path: Path
 ) -> None:
@@ -131,7 +132,9 @@ def test_a_model_file_of_ones_own_is_run_again_from_the_stores_copy(
 ) -> None:
     model = tmp_path / "own.xml"
     model.write_text((resources.MODELS / "free_fall" / "scene.xml").read_text())
-    found = written(f'version: 1\nscene: "{model}"\naxes: {{timestep: [1.0e-3, 2.0e-3]}}\n')
+    found = written(
+        f'version: 1\nscene: "{model}"\ndrive: none\naxes: {{timestep: [1.0e-3, 2.0e-3]}}\n'
+    )
     model.unlink()
     own = analyse(found, Criteria(error="energy_drift"))
     text = recommended_sweep(found, own, found.path.parent, seeds=1)

@@ -15,6 +15,8 @@ from contactlab.store.finished_store import Store
 from contactlab.studies.session import Session
 from contactlab.studies.tradeoff_sweep import TradeoffRequest, run
 
+pytestmark = pytest.mark.long
+
 SWEEP = """
 version: 1
 scene: double_pendulum

@@ -69,6 +69,7 @@ def test_the_recommendation_is_the_slow_loops(
     assert found == slow(rows, least_margin)
 
 
+@pytest.mark.long
 @given(rows=sweeps())
 def test_nothing_feasible_is_more_accurate_and_no_more_expensive(
     weighed: Weigh, rows: list[dict[str, Any]]

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from contactlab.charts import save_figure
-from contactlab.commands.options import check_figure
+from contactlab.command_line.options import check_figure
 from contactlab.errors import OutputError
 from contactlab.pareto.tradeoff_chart import chart_data, specification
 from contactlab.schema.tradeoff_report import TradeoffReport
@@ -34,6 +34,7 @@ def changed(report: TradeoffReport, index: int, **changes: Any) -> TradeoffRepor
     return report.model_copy(update={"configurations": tuple(configurations)})
 
 
+@pytest.mark.long
 def test_every_configuration_has_its_point_within_the_frame(report: TradeoffReport) -> None:
     shown = chart_data(report)
     assert len(shown.points) == len(report.configurations)
@@ -101,6 +102,7 @@ def test_methods_beyond_eight_without_integrators_share_one_grey(report: Tradeof
     assert "others" in {each["method"] for each in points(alike)}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("suffix", [".png", ".svg"])
 def test_a_file_is_drawn(report: TradeoffReport, tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"chart{suffix}"
@@ -134,6 +136,7 @@ def test_a_folder_that_is_not_there(report: TradeoffReport, tmp_path: Path) -> N
         draw(report, tmp_path / "nowhere" / "chart.png")
 
 
+@pytest.mark.long
 def test_a_report_without_a_feasible_configuration_is_drawn(
     report: TradeoffReport, tmp_path: Path
 ) -> None:

@@ -42,7 +42,7 @@ def orders(store: Store) -> dict[object, Order]:
     return {each.configuration["integrator"]: each.order for each in report.methods}
 
 
-@pytest.mark.slow
+@pytest.mark.night
 @pytest.mark.parametrize(
     ("scene", "duration", "rk4"), [("double_pendulum", 0.5, 4), ("tumbling_box", 2.0, RK4_TURNING)]
 )
@@ -55,7 +55,7 @@ def test_euler_is_of_first_and_rk4_of_fourth_order(
     assert min(each.points for each in found.values()) >= 3
 
 
-@pytest.mark.slow
+@pytest.mark.night
 def test_across_impacts_there_is_no_order(written: Written) -> None:
     for order in orders(written(BOUNCING)).values():
         assert order.slope is None

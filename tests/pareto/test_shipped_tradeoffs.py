@@ -15,7 +15,7 @@ from contactlab.schema.tradeoff_report import TradeoffReport
 from contactlab.store.finished_store import Store
 
 Weighed = Callable[[str], tuple[Store, TradeoffReport]]
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.night
 
 
 def run(source: Path | str, store: Path) -> Store:

@@ -8,7 +8,7 @@ from contactlab import resources
 from contactlab.run.sweep_request import read_request
 from contactlab.run.sweep_runner import run_sweep
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.night
 
 
 @pytest.mark.parametrize("name", ["grip", "plate", "ball", "disk"])

@@ -10,9 +10,9 @@ from contactlab.engines import ENGINES
 from contactlab.engines.adapted_engine import AdaptedEngine
 from contactlab.plan.overrides import Overrides
 from contactlab.schema.comparison import ComparePolicy
-from contactlab_parity.panel import Panel
-from contactlab_parity.parity_report import ParityReport
-from contactlab_parity.sweep_parity import ParityRequest, run
+from contactlab.studies.parity.panel import Panel
+from contactlab.studies.parity.parity_report import ParityReport
+from contactlab.studies.parity.sweep_parity import ParityRequest, run
 
 ADAPTER = Path(__file__).with_name("stand_in.py")
 

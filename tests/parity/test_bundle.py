@@ -13,11 +13,11 @@ from contactlab.engines.adapted_engine import SERVER, load_adapter
 from contactlab.errors import EngineError, OutputError, StoreError
 from contactlab.plan.overrides import Overrides
 from contactlab.schema.comparison import ComparePolicy
-from contactlab_parity.bundle import ENGINE, Bundle, write_bundle
-from contactlab_parity.bundled_engine import BundledEngine
-from contactlab_parity.panel import Panel
-from contactlab_parity.parity_report import ParityReport
-from contactlab_parity.sweep_parity import ParityRequest, run
+from contactlab.studies.parity.bundle import ENGINE, Bundle, write_bundle
+from contactlab.studies.parity.bundled_engine import BundledEngine
+from contactlab.studies.parity.panel import Panel
+from contactlab.studies.parity.parity_report import ParityReport
+from contactlab.studies.parity.sweep_parity import ParityRequest, run
 
 SCRIPT = Path(__file__).with_name("check_mujoco.py")
 SLIDE = """
@@ -51,6 +51,7 @@ def judged(folder: Path, *defect: str) -> ParityReport:
     return run(request, lambda _total: None, lambda _run: None)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("text", [SLIDE, GRIP], ids=["slide", "grip"])
 def test_results_without_a_defect_are_the_same(tmp_path: Path, text: str) -> None:
     bundle, folder = bundled(tmp_path, text)
@@ -63,6 +64,7 @@ def test_results_without_a_defect_are_the_same(tmp_path: Path, text: str) -> Non
     assert all(each.step is not None and each.step < 1e-9 for each in report.runs)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("text", "defect", "stage"),
     [(SLIDE, "friction", "one step"), (SLIDE, "buffer", "buffers")],
@@ -97,6 +99,7 @@ def test_expected_results_have_floors(tmp_path: Path) -> None:
     assert 0 < expected["floor"].max() < 1e-3
 
 
+@pytest.mark.long
 def test_what_newton_cannot_do_is_left_out_by_name(tmp_path: Path) -> None:
     text = SLIDE.replace("timestep: [0.002]", "timestep: [0.002], solver: [Newton, PGS]")
     bundle, folder = bundled(tmp_path, text)
@@ -118,6 +121,7 @@ def test_a_run_without_a_result_has_failed(tmp_path: Path) -> None:
     assert "no result" in report.runs[0].reason
 
 
+@pytest.mark.long
 def test_other_states_of_mujoco_are_not_judged(tmp_path: Path) -> None:
     bundle, folder = bundled(tmp_path, SLIDE)
     file = folder / "runs" / f"{bundle.runs[0].id}.npz"

@@ -9,8 +9,8 @@ from jsonschema import Draft202012Validator
 
 from contactlab.errors import SweepFileError
 from contactlab.resources import SCHEMAS
-from contactlab_parity.formats import as_annotations, as_junit, as_markdown, as_text
-from contactlab_parity.parity_report import ParityReport
+from contactlab.studies.parity.formats import as_annotations, as_junit, as_markdown, as_text
+from contactlab.studies.parity.parity_report import ParityReport
 
 Parity = Callable[..., ParityReport]
 # It slides from the start, so that friction acts in full.
@@ -29,14 +29,15 @@ axes: {timestep: [0.002], shape: [2]}
 """
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("sweep", "defect", "stage", "quantity"),
     [
         (INCLINE, "friction", "contacts", "friction of floor - box"),
         (INCLINE, "contact", "contacts", "count of floor - box"),
         (INCLINE, "buffer", "buffers", "contactfull"),
-        pytest.param(GRASP, "gravity", "forces", "qfrc_bias", marks=pytest.mark.slow),
-        pytest.param(GRASP, "late", "whole run", "qpos", marks=pytest.mark.slow),
+        pytest.param(GRASP, "gravity", "forces", "qfrc_bias", marks=pytest.mark.night),
+        pytest.param(GRASP, "late", "whole run", "qpos", marks=pytest.mark.night),
     ],
     ids=["friction", "contact", "buffer", "gravity", "late"],
 )
@@ -51,8 +52,9 @@ def test_a_defect_is_found_at_its_stage(
     assert report.exit_code == 1
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
-    "sweep", [INCLINE, pytest.param(GRASP, marks=pytest.mark.slow)], ids=["incline", "grasp"]
+    "sweep", [INCLINE, pytest.param(GRASP, marks=pytest.mark.night)], ids=["incline", "grasp"]
 )
 def test_without_a_defect_every_number_is_the_same(parity: Parity, sweep: str) -> None:
     report = parity(sweep)
@@ -62,6 +64,7 @@ def test_without_a_defect_every_number_is_the_same(parity: Parity, sweep: str) -
     assert {each.outcome for each in report.checks} == {"passed"}
 
 
+@pytest.mark.long
 def test_what_is_set_for_the_engine_alone_is_found_as_if_it_were_planted(parity: Parity) -> None:
     report = parity(INCLINE, "", "friction.slide=0.525")
     (run,) = report.runs
@@ -82,6 +85,7 @@ def test_what_cannot_be_set_for_the_engine_alone_is_refused(
         parity(INCLINE, "", change)
 
 
+@pytest.mark.long
 def test_a_refused_run_is_neither_good_nor_bad(parity: Parity) -> None:
     both = INCLINE.replace("axes: {", "axes: {solver: [Newton, PGS], ")
     report = parity(both)
@@ -92,12 +96,14 @@ def test_a_refused_run_is_neither_good_nor_bad(parity: Parity) -> None:
     assert (alone.exit_code, alone.verdicts) == (3, {"refused": 1})
 
 
+@pytest.mark.long
 def test_an_engine_that_fails_is_not_compared(parity: Parity) -> None:
     report = parity(INCLINE, "crash")
     assert (report.exit_code, report.verdicts) == (3, {"failed": 1})
     assert "planted" in report.runs[0].reason
 
 
+@pytest.mark.long
 def test_a_policy_may_allow_more_and_accept_a_difference(parity: Parity) -> None:
     accepted = {"check": "stages agree", "max": 1, "reason": "another friction on purpose"}
     rules = {name: {"rel": 1.0} for name in ("success", "penetration_mean", "energy")}
@@ -105,6 +111,7 @@ def test_a_policy_may_allow_more_and_accept_a_difference(parity: Parity) -> None
     assert (report.exit_code, report.verdicts) == (0, {"different": 1})
 
 
+@pytest.mark.long
 def test_every_format_tells_the_same_finding(parity: Parity) -> None:
     report = parity(INCLINE, "friction")
     told = "friction of floor - box"

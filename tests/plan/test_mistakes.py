@@ -306,6 +306,7 @@ ANYTHING = st.recursive(
 )
 
 
+@pytest.mark.long
 @given(st.dictionaries(st.sampled_from(sorted(Sweep.model_fields)), ANYTHING, max_size=6))
 def test_any_data_is_read_or_refused_politely(vocabulary: Any, data: dict[str, object]) -> None:
     text = json.dumps({"version": 1, "scene": "ball"} | data)
@@ -324,6 +325,7 @@ def read_or_refused(text: str, vocabulary: Any) -> Plan | SweepMistakesError:
         return error
 
 
+@pytest.mark.long
 @given(st.text(max_size=60))
 def test_any_text_is_read_or_refused_politely(text: str) -> None:
     with pytest.raises(SweepFileError):
@@ -429,6 +431,7 @@ def test_a_merge_of_what_is_no_mapping_is_told(mistakes: Mistakes) -> None:
     assert mistakes("axes: {<<: 3}\n") == [("syntax", "3")]
 
 
+@pytest.mark.long
 def test_merges_of_merges_are_counted(mistakes: Mistakes) -> None:
     """Each line has twice as many entries as the one before."""
     lines = [

@@ -76,6 +76,7 @@ def listed(plan: Plan) -> list[tuple[dict[str, Any], int]]:
     return [(dict(run.values), run.seed) for run in plan.runs()]
 
 
+@pytest.mark.long
 @given(sweep=sweeps(), data=st.data())
 def test_runs_equal_a_slow_loop(read: Reader, sweep: dict[str, Any], data: st.DataObject) -> None:
     expected = slow_runs(sweep)
@@ -91,6 +92,7 @@ def test_runs_equal_a_slow_loop(read: Reader, sweep: dict[str, Any], data: st.Da
     assert [run.index for run in plan.runs()] == list(range(plan.count))
 
 
+@pytest.mark.long
 @given(sweep=sweeps(), data=st.data())
 def test_only_equals_a_filter(read: Reader, sweep: dict[str, Any], data: st.DataObject) -> None:
     rows = slow_runs(sweep)
@@ -246,7 +248,7 @@ def test_limits(read: Reader) -> None:
         read(limit=0)
 
 
-@pytest.mark.slow
+@pytest.mark.night
 def test_a_million_runs_stream(vocabulary: Any) -> None:
     text = (
         "version: 1\nscene: ball\naxes:\n  timestep: {linspace: [1e-4, 1e-2, 500]}\n"

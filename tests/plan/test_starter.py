@@ -33,7 +33,7 @@ def test_the_starter_reads(vocabulary: Any) -> None:
     file = read_sweep(text, vocabulary)
     assert text.splitlines()[0] == f"# yaml-language-server: $schema=./{SCHEMA_NAME}"
     assert (file.sweep.duration, file.sweep.drive, file.sweep.trace) == (1.5, "hold", "flagged")
-    assert len(file.sweep.seed_values) == 2
+    assert len(file.sweep.seed_values) == 3
     assert file.plan.warnings == ()
 
 
@@ -78,4 +78,4 @@ def test_its_commented_lines_read_too(vocabulary: Any) -> None:
 def test_a_scene_without_axes_or_plain_name_reads(reference: str) -> None:
     empty = Vocabulary((), lambda _: None, (), ())
     file = read_sweep(starter(reference, {}, 1.0, None, empty), lambda _: empty)
-    assert (file.sweep.scene, file.plan.count) == (reference, 2)
+    assert (file.sweep.scene, file.plan.count) == (reference, 3)

@@ -7,10 +7,11 @@ from typing import Any
 import pytest
 
 from contactlab.engines import ENGINES
-from contactlab.errors import PluginError, StoreError
+from contactlab.errors import ContactlabError, PluginError, StoreError
 from contactlab.measure import METRICS
-from contactlab.plugins import Plugin, load_plugins, loaded_plugins, require_plugins
-from contactlab.registry import REGISTRIES
+from contactlab.plugins import Plugin, extensions, load_plugins, loaded_plugins, require_plugins
+from contactlab.registry import PARTS, REGISTRIES
+from contactlab.run.ray.worker import pack_bundle, unpack_bundle
 from contactlab.run.stored_runs import replay
 from contactlab.run.sweep_request import read_request
 from contactlab.run.sweep_runner import run_sweep
@@ -19,7 +20,6 @@ from contactlab.schema.evidence import EvidenceRecord
 from contactlab.store.finished_store import Store
 from contactlab.store.store_files import ObjectAddress
 from contactlab.store.verify_store import verify
-from contactlab_ray.worker import pack_bundle, unpack_bundle
 
 pytestmark = pytest.mark.usefixtures("forgotten")
 
@@ -52,7 +52,7 @@ def load(folder: Path, *names: str) -> tuple[Plugin, ...]:
     return load_plugins([folder / name for name in names])
 
 
-@pytest.mark.parametrize("workers", [0, pytest.param(1, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("workers", [0, pytest.param(1, marks=pytest.mark.night)])
 def test_what_a_plugin_adds_is_in_the_store(folder: Path, workers: int) -> None:
     plugins = load(folder, *FILES)
     assert [(each.name, each.version) for each in plugins] == [(name, "") for name in NAMES]
@@ -111,7 +111,7 @@ def test_a_stored_run_says_which_plugin_it_needs(
         ("x = 1\nraise ValueError('no luck')\n", "line 2 of broken.py: ValueError: no luck"),
         ("import sys\nsys.exit(3)\n", "SystemExit: 3"),
         ("import contactlab_of_tomorrow\n", "No module named 'contactlab_of_tomorrow'"),
-        ("x = 1\n", "it adds no metric, label, oracle or engine"),
+        ("x = 1\n", "it adds no metric, label, oracle, check or engine"),
         (METRIC.replace("strange(", f"{TAKEN}("), f"a metric named '{TAKEN}'"),
         (METRIC.replace('"""Something strange."""', ""), "no docstring"),
         (METRIC + "raise ValueError('late')\n", "ValueError: late"),
@@ -177,6 +177,7 @@ def test_a_file_goes_along_to_the_nodes_of_a_cluster(
     require_plugins(there.plugins)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("max_runs", [1, 32])
 def test_a_metric_that_fails_is_null_and_the_run_invalid(
     folder: Path, max_runs: int, monkeypatch: pytest.MonkeyPatch
@@ -196,6 +197,7 @@ def test_a_metric_that_fails_is_null_and_the_run_invalid(
         assert record.metrics["hover_height"] == 0
 
 
+@pytest.mark.long
 def test_a_metric_of_the_wrong_shape_fails(folder: Path) -> None:
     (folder / "strange.py").write_text(METRIC.format(body="return np.zeros((2, 2))"))
     load(folder, *FILES, "strange.py")
@@ -204,6 +206,7 @@ def test_a_metric_of_the_wrong_shape_fails(folder: Path) -> None:
         assert "it returns shape (2, 2) for 1 runs" in record.labels[0].reason
 
 
+@pytest.mark.long
 def test_a_label_that_fails_makes_its_runs_invalid(folder: Path) -> None:
     text = (folder / "hover.py").read_text()
     broken = text.replace('runs.limits["hover"]', "(1 / 0)")
@@ -213,3 +216,12 @@ def test_a_label_that_fails_makes_its_runs_invalid(folder: Path) -> None:
     for record in sweep(folder).records():
         reason = "label 'hovering' failed: ZeroDivisionError: division by zero"
         assert (record.label, record.labels[0].reason) == ("invalid", reason)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("kind", "name"), [(kind, name) for kind in PARTS for name in PARTS[kind]])
+def test_every_part_is_where_it_is_said_to_be(kind: str, name: str) -> None:
+    try:
+        assert callable(extensions(kind)[name].load())
+    except ContactlabError as error:  # an extra is not installed
+        pytest.skip(str(error))

@@ -10,7 +10,7 @@ import pytest
 
 from contactlab.store.finished_store import Store
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.night
 
 SOURCE = Path(__file__).parent / "springs"
 
@@ -36,7 +36,7 @@ def environment(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def contactlab(python: Path, *arguments: str, folder: Path) -> "subprocess.CompletedProcess[str]":
-    main = "from contactlab.commands.main import main; main()"
+    main = "from contactlab.command_line.main import main; main()"
     return subprocess.run(
         [python, "-c", main, *arguments],
         cwd=folder,

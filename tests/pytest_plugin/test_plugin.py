@@ -76,11 +76,12 @@ def run(inner: pytest.Pytester, *options: str) -> pytest.RunResult:
     return inner.runpytest_subprocess("-p", "no:cacheprovider", *options)
 
 
+@pytest.mark.long
 def test_what_is_firm_is_held(inner: pytest.Pytester) -> None:
     run(inner, "-k", "test_firm").assert_outcomes(passed=1)
 
 
-@pytest.mark.slow
+@pytest.mark.night
 @pytest.mark.parametrize(
     ("name", "message"),
     [
@@ -107,7 +108,7 @@ def test_a_failure_says_what_when_and_where(
         assert "page: " in text
 
 
-@pytest.mark.slow
+@pytest.mark.night
 def test_a_baseline_is_accepted_then_held(inner: pytest.Pytester) -> None:
     run(inner, "-k", "test_same", "--contact-baseline", "update").assert_outcomes(passed=1)
     run(inner, "-k", "test_same").assert_outcomes(passed=1)
@@ -119,13 +120,15 @@ def test_a_baseline_is_accepted_then_held(inner: pytest.Pytester) -> None:
     result.stdout.fnmatch_lines(["*(against *baseline)*"])
 
 
+@pytest.mark.long
 def test_a_run_that_does_not_ask_loads_nothing(inner: pytest.Pytester) -> None:
     inner.makepyfile(
         test_inner="""
             import sys
 
             def test_none():
-                assert not {"contactlab", "mujoco"} & set(sys.modules)
+                heavy = {"contactlab.loop", "contactlab.store", "mujoco", "pyarrow"}
+                assert not heavy & set(sys.modules)
         """
     )
     run(inner).assert_outcomes(passed=1)

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from contactlab.reporting.report import write_page
+from contactlab.page.report_files import write_page
 from contactlab.run.sweep_request import read_request
 from contactlab.run.sweep_runner import run_sweep
 from contactlab.store.finished_store import Store

@@ -8,10 +8,13 @@ import pytest
 from tests.reporting.conftest import run
 
 from contactlab.errors import StoreError
-from contactlab.reporting.report import PageRequest, read_report_data, write_page
+from contactlab.page.engine_parts import engine_parts, engines_sentence
+from contactlab.page.report_files import write_page
+from contactlab.reporting.report import PageRequest, read_report_data
 from contactlab.store.finished_store import Store
-from contactlab_page.engine_parts import engine_parts, engines_sentence
-from contactlab_parity.parity_report import Finding, Measured, ParityReport, RunParity
+from contactlab.studies.parity.parity_report import Finding, Measured, ParityReport, RunParity
+
+pytestmark = pytest.mark.long
 
 # More heights than a map has columns: pairs are of exact values, not of bins.
 BOTH = """

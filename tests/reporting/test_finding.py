@@ -2,12 +2,12 @@
 
 import re
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from tests.reporting.test_map_cells import axis, run_labels
 
 from contactlab.measure import LABELS
-from contactlab.palette import LABEL_COLOURS, LABEL_LETTERS
 from contactlab.reporting.finding import finding, headline
 from contactlab.reporting.report_columns import GridAxis
 
@@ -36,9 +36,9 @@ def meets(condition: str, row: Run) -> bool:
     name, said = condition.split(" ", 1)
     value = row["abc".index(name)]
     number = [int(each) for each in re.findall(r"\d+", said)]
-    if said.startswith("up to"):
+    if said.endswith(" or less"):
         return value <= number[0]
-    if said.startswith("from"):
+    if said.endswith(" or more"):
         return value >= number[0]
     if " to " in said:
         return number[0] <= value <= number[1]
@@ -67,9 +67,10 @@ def check(sentence: str, rows: list[Run]) -> str:
         assert not {each[0] for each in parts} & set(re.findall(r"\b[abc]\b", found[3] or ""))
         return "exact"
     if found := re.fullmatch(
-        r"Runs (are stable|fail) only with (.*): (\d+) of (\d+) (?:are|do)\.", sentence
+        r"Every (stable run|failure) has (.*) \((\d+) of these (\d+) runs (?:are stable|fail)\)\.",
+        sentence,
     ):
-        own = stable if found[1] == "are stable" else failed
+        own = stable if found[1] == "stable run" else failed
         inside = [row for row in rows if all(meets(e, row) for e in re.split(r" and ", found[2]))]
         assert all(row in inside for row in own)
         assert (int(found[3]), int(found[4])) == (len(own), len(inside))
@@ -80,10 +81,10 @@ def check(sentence: str, rows: list[Run]) -> str:
 def check_shares(sentence: str, rows: list[Run], stable: list[Run], failed: list[Run]) -> str:
     """Hold a sentence against all runs that gives a share of them, or of an outcome."""
     if found := re.fullmatch(
-        r"All runs (are stable|fail) (.*): (\d+) of the (\d+) that (?:are|do)\.", sentence
+        r"Every run (.*) (is stable|fails): (\d+) of (\d+) (?:stable runs|failures)\.", sentence
     ):
-        own = stable if found[1] == "are stable" else failed
-        parts = [each.removeprefix("with ") for each in re.split(r", and (?=with )", found[2])]
+        own = stable if found[2] == "is stable" else failed
+        parts = [each.removeprefix("with ") for each in re.split(r", or (?=with )", found[1])]
         named = [row for row in rows if any(meets(each, row) for each in parts)]
         assert all(row in own for row in named)
         assert (int(found[3]), int(found[4])) == (len(named), len(own))
@@ -104,6 +105,7 @@ def check_shares(sentence: str, rows: list[Run], stable: list[Run], failed: list
     return "count"
 
 
+@pytest.mark.long
 @given(runs_of, st.data())
 def test_the_sentence_is_true_of_any_runs(
     given_rows: list[tuple[int, int, int]], data: st.DataObject
@@ -130,7 +132,7 @@ def test_each_kind_of_sentence_is_said_of_what_calls_for_it() -> None:
         sentence = finding(swept(rows), run_labels([row[3] for row in rows]))
         assert check(sentence, rows) == kind
         if kind == "exact":
-            assert sentence == "Only a up to 2 with b grey is stable; c does not matter."
+            assert sentence == "Only a 2 or less with b grey is stable; c does not matter."
 
 
 def test_the_headline_counts_all_runs() -> None:
@@ -140,5 +142,7 @@ def test_the_headline_counts_all_runs() -> None:
 
 
 def test_every_label_has_a_letter_and_a_colour_of_its_own() -> None:
-    assert {*LABEL_LETTERS} == {*LABEL_COLOURS} == {*LABELS} - {"stable"}
-    assert len({*LABEL_LETTERS.values()}) == len({*LABEL_COLOURS.values()}) == len(LABEL_LETTERS)
+    marked = [label for label in LABELS.values() if not label.is_good]
+    assert all(label.letter and label.colour for label in marked)
+    assert len({label.letter for label in marked}) == len(marked)
+    assert len({label.colour for label in LABELS.values()}) == len(LABELS)

@@ -1,23 +1,15 @@
 """Cells of maps against a slow, obvious loop over runs."""
 
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from tests.compilers import has_compiler
 
 from contactlab.contact.trace_arrays import Floats
-from contactlab.native import functions_of
-from contactlab.palette import STABLE_COLOUR
-from contactlab.reporting.map_axes import MapAxes, most_informative_axes
-from contactlab.reporting.report_columns import GridAxis, Quantity, RunLabels
-from contactlab.store.table_layout import REAL, Column
-from contactlab_page import map_cells
-from contactlab_page.heatmap import label_rows
-from contactlab_page.map_cells import (
+from contactlab.page.heatmap import label_rows
+from contactlab.page.map_cells import (
     STATISTICS,
     Statistic,
     aggregated_columns,
@@ -25,10 +17,14 @@ from contactlab_page.map_cells import (
     label_counts,
     most_frequent_failure,
 )
-from contactlab_page.page_charts import knob_changes
-from contactlab_page.run_series import decimated
+from contactlab.page.page_charts import knob_changes
+from contactlab.page.run_series import decimated
+from contactlab.palette import STABLE_COLOUR
+from contactlab.reporting.map_axes import MapAxes, most_informative_axes
+from contactlab.reporting.report_columns import GridAxis, Quantity, RunLabels
+from contactlab.schema.evidence import LabelFacts
+from contactlab.store.table_layout import REAL, Column
 
-SOURCE = Path(map_cells.__file__).with_suffix(".c")
 NAMES = ("diverged", "chatter", "stable")
 SLOW: dict[Statistic, Callable[[Floats], float]] = {
     "worst": lambda values: float(np.abs(values).max()),
@@ -48,7 +44,7 @@ def run_labels(codes: list[int]) -> RunLabels:
     return RunLabels(
         names=NAMES,
         letters=("D", "C", ""),
-        colours=("#111111", "#222222", STABLE_COLOUR),
+        facts=tuple(LabelFacts(colour=colour) for colour in ("#111111", "#222222", STABLE_COLOUR)),
         codes=placed,
         masks=np.zeros(len(placed), dtype=np.int64),
         every=(),
@@ -72,6 +68,7 @@ runs = st.lists(
 )
 
 
+@pytest.mark.long
 @given(runs)
 def test_cells_are_those_of_a_loop(rows: Runs) -> None:
     xs, ys, labels, values = (list(each) for each in zip(*rows, strict=True))
@@ -92,6 +89,7 @@ def test_cells_are_those_of_a_loop(rows: Runs) -> None:
                     assert np.isnan(found)
 
 
+@pytest.mark.long
 @given(runs, st.sampled_from(["lower", "higher"]))
 def test_aggregated_cells_are_those_of_each_map(rows: Runs, better: str) -> None:
     """In single precision."""
@@ -104,29 +102,6 @@ def test_aggregated_cells_are_those_of_each_map(rows: Runs, better: str) -> None
         for kind in STATISTICS:
             one = cell_statistic(drawn, quantity(values, better), kind).ravel()
             np.testing.assert_allclose(found[f"{name}:q:{kind}"], one, rtol=2.0**-23, atol=1e-9)
-
-
-@pytest.mark.skipif(not has_compiler(), reason="there is no C compiler that works")
-@pytest.mark.parametrize("sizes", [(3, 4), (40, 30), (300, 300)])
-def test_c_leaves_the_bits_of_numpy(
-    sizes: tuple[int, int], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Cells are numbered in one byte, two or four; some quantities lack values or never differ."""
-    rng = np.random.default_rng(0)
-    xs, ys = (rng.integers(0, size - 1, 5000).tolist() for size in sizes)
-    axes = axis("x", xs, sizes[0]), axis("y", ys, sizes[1])
-    numbers = rng.normal(size=5000).round(2)
-    gaps = np.where(rng.random(5000) < 0.3, np.nan, numbers)
-    labels, bits = run_labels([2] * 5000), list[bytes]()
-    for kernel in ("on", "off"):
-        monkeypatch.setenv("CONTACTLAB_KERNEL", kernel)
-        assert (functions_of(SOURCE) is not None) == (kernel == "on")
-        for values in (numbers, gaps, np.zeros(5000), np.full(5000, np.nan)):
-            known = quantity(values.tolist())
-            found = aggregated_columns(axes, labels, [known])
-            single = cell_statistic(MapAxes(*axes), known, "median")
-            bits.append(b"".join(each.tobytes() for each in (*found.values(), single)))
-    assert bits[:4] == bits[4:]
 
 
 def test_the_worst_value_is_the_least_where_higher_is_better() -> None:

@@ -9,7 +9,7 @@ import vl_convert
 from PIL import Image
 
 from contactlab.charts import as_svg
-from contactlab_page.outlined_text import outlined
+from contactlab.page.outlined_text import outlined
 
 FONT = 'font-family="sans-serif" font-size="24px"'
 TEXT = f'<text transform="translate({{x}},30)" {FONT} {{more}}>{{said}}</text>'
@@ -40,6 +40,7 @@ def test_outlines_look_like_the_text(said: str, more: str) -> None:
     assert np.abs(ink(drawn) - wanted).sum() < 0.005 * wanted.sum()
 
 
+@pytest.mark.long
 def test_lines_of_a_title_are_below_each_other() -> None:
     spec = {"data": {"values": [{}]}, "mark": "point", "title": ["One line", "and another"]}
     svg = as_svg(spec)

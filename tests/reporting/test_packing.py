@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from contactlab_page.packing import (
+from contactlab.page.packing import (
     as_json,
     pack,
     packed_integers,

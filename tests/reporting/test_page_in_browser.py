@@ -10,11 +10,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from contactlab.page.map_cells import STATISTICS, cell_statistic
+from contactlab.page.report_files import write_page
 from contactlab.printable import visible
 from contactlab.reporting.map_axes import MapAxes
-from contactlab.reporting.report import read_report_data, write_page
+from contactlab.reporting.report import read_report_data
 from contactlab.store.finished_store import Store
-from contactlab_page.map_cells import STATISTICS, cell_statistic
 
 Swept = Callable[[str], Store]
 Reported = Callable[[str], Path]
@@ -32,9 +33,10 @@ def pairs(page: Any, place: int) -> dict[str, str]:
     return dict(page.locator("#run dl.pairs").nth(place).evaluate(READ))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "name",
-    [pytest.param(each, marks=[] if each == "bounce" else pytest.mark.slow) for each in SWEEPS],
+    [pytest.param(each, marks=[] if each == "bounce" else pytest.mark.night) for each in SWEEPS],
 )
 def test_a_page_works_alone(visit: Visit, reported: Reported, name: str) -> None:
     """No message, no error, and nothing is asked for but the file itself."""
@@ -45,6 +47,7 @@ def test_a_page_works_alone(visit: Visit, reported: Reported, name: str) -> None
     assert seen.requests == [path.as_uri()]
 
 
+@pytest.mark.long
 def test_the_axes_of_the_map_can_be_changed(visit: Visit, reported: Reported) -> None:
     page = visit(reported("bounce")).page
     before = text(page, "#map-picture svg")
@@ -64,6 +67,7 @@ def test_the_axes_of_the_map_can_be_changed(visit: Visit, reported: Reported) ->
     assert page.input_value("[data-key=what] select") == "penetration_max"
 
 
+@pytest.mark.long
 def test_the_table_has_the_statistics_of_the_store(
     visit: Visit, reported: Reported, swept: Swept
 ) -> None:
@@ -85,6 +89,7 @@ def test_the_table_has_the_statistics_of_the_store(
             assert [float(each) for each in shown] == pytest.approx(values, rel=5e-4)
 
 
+@pytest.mark.long
 def test_a_click_leads_to_the_run(visit: Visit, reported: Reported, swept: Swept) -> None:
     """Its numbers are those of the table, to the six digits that are shown."""
     page = visit(reported("bounce"), "#x=timestep&y=drop_height&only.restitution=1").page
@@ -107,6 +112,7 @@ def test_a_click_leads_to_the_run(visit: Visit, reported: Reported, swept: Swept
     assert all(each.label in text(page, "#run ul") for each in record.labels)
 
 
+@pytest.mark.long
 def test_time_series_end_as_the_trace_does(visit: Visit, reported: Reported, swept: Swept) -> None:
     store = swept("bounce")
     run = store.columns.identify([0])[0]["run_id"]
@@ -128,6 +134,7 @@ def test_time_series_end_as_the_trace_does(visit: Visit, reported: Reported, swe
     assert trace.pairs[0].name in packed[-1]
 
 
+@pytest.mark.long
 def test_the_keyboard_reaches_a_run(visit: Visit, reported: Reported) -> None:
     page = visit(reported("bounce"), "#x=timestep&y=drop_height&only.restitution=0").page
     page.focus("#map-picture")
@@ -143,6 +150,7 @@ def test_the_keyboard_reaches_a_run(visit: Visit, reported: Reported) -> None:
     assert page.evaluate("document.activeElement.textContent") == "0.9"
 
 
+@pytest.mark.long
 def test_a_click_in_one_of_several_maps_leads_to_its_runs(visit: Visit, reported: Reported) -> None:
     page = visit(reported("bounce"), "#x=timestep&y=restitution&facet=drop_height").page
     cell = page.locator("#map-picture .concat_1_group .mark-rect").first.locator("path").last
@@ -155,7 +163,7 @@ def test_a_click_in_one_of_several_maps_leads_to_its_runs(visit: Visit, reported
     assert text(page, "#map-cell").startswith("drop_height 1, timestep [s] 0.02, restitution 0.9:")
 
 
-@pytest.mark.slow
+@pytest.mark.night
 @pytest.mark.parametrize(("sides", "place"), [("x=tilt&y=cone", "x"), ("x=cone&y=tilt", "y")])
 def test_a_line_parts_cells_where_the_closed_form_expects_motion(
     visit: Visit, reported: Reported, sides: str, place: str
@@ -175,6 +183,7 @@ def test_a_line_parts_cells_where_the_closed_form_expects_motion(
 STRICT = "default-src 'none'; img-src 'self'; style-src 'self'"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["bounce", "tradeoff"])
 def test_a_strict_policy_still_shows_the_essentials(
     visit: Visit, reported: Reported, tmp_path: Path, name: str
@@ -198,7 +207,7 @@ def test_a_strict_policy_still_shows_the_essentials(
     assert len(fills) >= 2, "colours do not need the style sheet"
 
 
-@pytest.mark.slow
+@pytest.mark.night
 @pytest.mark.parametrize("media", ["light", "dark", "print"])
 def test_words_stand_out_from_the_page(visit: Visit, reported: Reported, media: str) -> None:
     """WCAG's contrast of 4.5 between words and page, of the text and of the charts."""
@@ -232,6 +241,7 @@ def luminance(colour: str) -> float:
     return float(linear @ [0.2126, 0.7152, 0.0722])
 
 
+@pytest.mark.long
 def test_a_narrow_page_does_not_scroll_sideways(visit: Visit, reported: Reported) -> None:
     page = visit(reported("tradeoff"), device_scale_factor=1).page
     page.set_viewport_size({"width": 390, "height": 800})
@@ -240,6 +250,7 @@ def test_a_narrow_page_does_not_scroll_sideways(visit: Visit, reported: Reported
     assert page.evaluate("document.documentElement.scrollWidth") <= 390
 
 
+@pytest.mark.long
 def test_names_are_text(visit: Visit, swept: Swept, tmp_path: Path) -> None:
     """A name that looks like markup is shown, and does nothing."""
     evil = "</script><b id=evil>&\u2028"

@@ -54,7 +54,7 @@ def overlap(one: list[float], other: list[float]) -> float:
     return max(0.0, width) * max(0.0, height) / max(1e-9, min(areas))
 
 
-@pytest.mark.slow
+@pytest.mark.night
 @pytest.mark.parametrize("width", [1400, 390])
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_no_view_is_empty_clipped_or_written_over(
@@ -87,6 +87,7 @@ def test_no_view_is_empty_clipped_or_written_over(
         page.context.close()
 
 
+@pytest.mark.long
 def test_the_page_says_what_was_found(visit: Visit, reported: Reported, swept: Swept) -> None:
     page = visit(reported("bounce")).page
     data = read_report_data(swept("bounce"))
@@ -95,6 +96,7 @@ def test_the_page_says_what_was_found(visit: Visit, reported: Reported, swept: S
     assert page.inner_text(".tile").split() == [str(stable), "of", "12", "runs", "stable"]
 
 
+@pytest.mark.long
 def test_dragging_along_an_axis_chooses_runs(
     visit: Visit, reported: Reported, swept: Swept
 ) -> None:
@@ -117,6 +119,7 @@ def test_dragging_along_an_axis_chooses_runs(
     assert reading.inner_text().startswith("12 of 12 runs")
 
 
+@pytest.mark.long
 def test_a_label_has_one_colour_on_the_page(visit: Visit, reported: Reported) -> None:
     page = visit(reported("bounce")).page
     fill = "each => [...new Set(each.map((one) => getComputedStyle(one).fill))]"
@@ -125,6 +128,7 @@ def test_a_label_has_one_colour_on_the_page(visit: Visit, reported: Reported) ->
     assert set(cells) == set(chips)
 
 
+@pytest.mark.long
 def test_runs_are_sorted_searched_filtered_and_saved(
     visit: Visit, reported: Reported, swept: Swept
 ) -> None:
@@ -158,6 +162,7 @@ def test_runs_are_sorted_searched_filtered_and_saved(
         assert float(saved[str(run)]["penetration_max"]) == pytest.approx(depth, rel=1e-6)
 
 
+@pytest.mark.long
 def test_what_to_change_is_the_nearest_stable_run(
     visit: Visit, reported: Reported, swept: Swept
 ) -> None:
@@ -175,6 +180,7 @@ def test_what_to_change_is_the_nearest_stable_run(
         assert page.inner_text("#run .change").count("→") == fewest
 
 
+@pytest.mark.long
 def test_tabs_follow_the_keyboard_and_the_address(visit: Visit, reported: Reported) -> None:
     page = visit(reported("bounce")).page
     page.focus("#tab-map")

@@ -10,14 +10,15 @@ import pytest
 from PIL import Image
 
 from contactlab.errors import OutputError
+from contactlab.page.paper_figures import FIGURES, figure_files, figure_list
+from contactlab.page.paper_size import parse_width
 from contactlab.reporting.report import read_report_data
-from contactlab_page.paper_figures import FIGURES, figure_files, figure_list
-from contactlab_page.paper_size import parse_width
 
 Swept = Callable[[str], Any]
 POINT = 25.4 / 72
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("width", ["85mm", "17cm"])
 def test_figures_are_as_wide_as_asked_for(swept: Swept, width: str) -> None:
     """A pixel of a PNG is a 300th of an inch; its width is rounded to whole pixels."""
@@ -37,6 +38,7 @@ def test_figures_are_as_wide_as_asked_for(swept: Swept, width: str) -> None:
             assert (box[2] - box[0]) * POINT == pytest.approx(wanted, abs=POINT)
 
 
+@pytest.mark.long
 def test_a_pdf_holds_every_font_that_it_uses(swept: Swept) -> None:
     files, _ = figure_files(read_report_data(swept("bounce")), ("pdf",), "85mm")
     for content in files.values():
@@ -47,6 +49,7 @@ def test_a_pdf_holds_every_font_that_it_uses(swept: Swept) -> None:
             assert all("/FontFile2" in each["/FontDescriptor"] for each in fonts)
 
 
+@pytest.mark.long
 def test_an_svg_needs_no_font(swept: Swept) -> None:
     """All that it says is drawn, at its width on paper as on a page."""
     for width in (None, "85mm"):
@@ -57,6 +60,7 @@ def test_an_svg_needs_no_font(swept: Swept) -> None:
             assert b"aria-label=" in content
 
 
+@pytest.mark.long
 def test_text_on_paper_is_near_eight_points(swept: Swept) -> None:
     """Narrow figures keep the size of their text, where pictures of a page would shrink it."""
     files, _ = figure_files(read_report_data(swept("bounce")), ("svg",), "85mm")
@@ -67,6 +71,7 @@ def test_text_on_paper_is_near_eight_points(swept: Swept) -> None:
     assert 6 <= points <= 10
 
 
+@pytest.mark.long
 def test_panels_that_share_labels_have_their_own_in_a_column(swept: Swept) -> None:
     """Beside each other only the first has them; below each other each has."""
     data = read_report_data(swept("tradeoff"))
@@ -85,6 +90,7 @@ def test_other_widths_are_refused(width: str) -> None:
         parse_width(width)
 
 
+@pytest.mark.long
 def test_the_list_says_what_would_be_written(swept: Swept) -> None:
     data = read_report_data(swept("bounce"))
     files, missing = figure_files(data, ("svg",))

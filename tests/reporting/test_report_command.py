@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from contactlab.commands.main import command_line
+from contactlab.command_line.main import command_line
 from contactlab.errors import ContactlabError, OutputError, SweepFileError
 from contactlab.store.finished_store import Store
 
@@ -22,6 +22,7 @@ def call(*arguments: object) -> str:
     return done.stdout
 
 
+@pytest.mark.long
 def test_the_page_is_written_beside_its_store(swept: Swept) -> None:
     store = swept("hard").path
     page = store.with_name("store.html")
@@ -29,6 +30,7 @@ def test_the_page_is_written_beside_its_store(swept: Swept) -> None:
     assert page.read_text().startswith("<!doctype html>")
 
 
+@pytest.mark.long
 def test_figures_are_listed(swept: Swept, tmp_path: Path) -> None:
     store = swept("hard").path
     printed = call(store, "--figures", tmp_path / "new" / "figures", "--format", "svg,png").split()
@@ -42,7 +44,7 @@ def test_figures_are_listed(swept: Swept, tmp_path: Path) -> None:
         (("-o", "page.pdf"), OutputError, "ends in .html"),
         (("-o", "nowhere/page.html"), OutputError, "no folder nowhere"),
         (("--traces", "some"), OutputError, "a number of runs, all or none"),
-        (("--tolerance", "oracle_error"), SweepFileError, "METRIC=VALUE"),
+        (("--within", "oracle_error"), SweepFileError, "METRIC=VALUE"),
         (("--figures", "new", "--format", "gif"), OutputError, "png, svg, pdf"),
     ],
 )
@@ -53,6 +55,7 @@ def test_invalid_options_are_refused(
         call(swept("hard").path, *options)
 
 
+@pytest.mark.long
 def test_traces_limits_the_time_series(swept: Swept, tmp_path: Path) -> None:
     counts: dict[str, int] = {}
     for traces in ("none", "3", "all"):

@@ -11,21 +11,22 @@ from tests.planted_recordings import plant
 from tests.reporting.test_map_cells import axis
 
 from contactlab.errors import SceneError
-from contactlab.reporting.report import ReportData, read_report_data, write_page
-from contactlab.reporting.report_columns import Quantity
-from contactlab.run.sweep_request import read_request
-from contactlab.run.sweep_runner import run_sweep
-from contactlab.store.finished_store import Store
-from contactlab.store.table_layout import REAL, Column
-from contactlab_page.header_films import header_films
-from contactlab_page.html_page import first_look
-from contactlab_page.sentences import (
+from contactlab.page.header_films import header_films
+from contactlab.page.html_page import first_look
+from contactlab.page.report_files import write_page
+from contactlab.page.sentences import (
     closest_settings,
     compared_settings,
     reality_sentence,
     tradeoff_sentence,
 )
-from contactlab_view.film import graphics
+from contactlab.reporting.report import ReportData, read_report_data
+from contactlab.reporting.report_columns import Quantity
+from contactlab.run.sweep_request import read_request
+from contactlab.run.sweep_runner import run_sweep
+from contactlab.store.finished_store import Store
+from contactlab.store.table_layout import REAL, Column
+from contactlab.view.film import graphics
 
 Swept = Callable[[str], Any]
 
@@ -57,6 +58,7 @@ def test_a_trade_off_says_what_the_recommended_configuration_saves() -> None:
     assert said([wrong], None) == none
 
 
+@pytest.mark.long
 def test_the_sentence_of_a_real_trade_off_counts_as_its_table(swept: Swept) -> None:
     report = read_report_data(swept("tradeoff")).tradeoff
     assert report is not None
@@ -81,6 +83,7 @@ def compared(tmp_path_factory: pytest.TempPathFactory) -> ReportData:
     return read_report_data(Store.open(ask.store))
 
 
+@pytest.mark.long
 def test_the_closest_setting_is_named_and_the_table_is_in_order(compared: ReportData) -> None:
     [reality] = compared.quantities_named("reality")
     [axis] = [each for each in compared.axes if each.name == "friction.slide"]
@@ -122,6 +125,7 @@ def test_settings_are_compared_over_all_their_recordings() -> None:
     assert [each.distance for each in settings] == pytest.approx([0.2, 0.4])
 
 
+@pytest.mark.long
 def test_a_page_has_a_tab_of_reality_only_where_runs_were_compared(
     compared: ReportData, swept: Swept, tmp_path: Path
 ) -> None:
@@ -130,6 +134,7 @@ def test_a_page_has_a_tab_of_reality_only_where_runs_were_compared(
         assert ('href="#reality"' in (tmp_path / "page.html").read_text()) == has
 
 
+@pytest.mark.long
 def test_the_head_has_films_of_a_stable_and_of_the_worst_run(swept: Swept) -> None:
     try:
         with graphics(64, 64):

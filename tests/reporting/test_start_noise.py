@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 from tests.planted_recordings import plant
 
-from contactlab.reporting.report import read_report_data, write_page
+from contactlab.page.report_files import write_page
+from contactlab.page.sentences import closest_settings, compared_settings, reality_sentence
+from contactlab.reporting.report import read_report_data
 from contactlab.reporting.start_noise import distance_to_reality, noise_floor
 from contactlab.run.sweep_request import SceneLoader, read_request
 from contactlab.run.sweep_runner import run_sweep
 from contactlab.store.finished_store import Store
-from contactlab_page.sentences import closest_settings, compared_settings, reality_sentence
 
 NOISE = "perturb: {coordinates: {puck.x: 1.0e-3, puck.vx: 0.02}}\n"
 
@@ -37,6 +38,7 @@ def test_the_floor_is_the_mean_distance_of_pairs() -> None:
     assert noise_floor(np.zeros(3, np.int64), np.array([1, np.nan, np.nan])) is None
 
 
+@pytest.mark.long
 def test_show_and_page_tell_it_beside_the_error(tmp_path: Path) -> None:
     """Only runs that differ in seed or perturbation count, also where an axis is drawn in bins."""
     scene = plant(tmp_path / "puck", 0.3, seed=5, trials=3)

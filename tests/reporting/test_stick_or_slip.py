@@ -8,10 +8,10 @@ import pytest
 from tests.reporting.conftest import run
 
 from contactlab.contact.trace_arrays import SLIDE
+from contactlab.page.paper_figures import figure_list, figure_specs
+from contactlab.page.stick_or_slip import slope_runs, stick_slip_panel
 from contactlab.reporting.report import read_report_data
 from contactlab.store.finished_store import Store
-from contactlab_page.paper_figures import figure_list, figure_specs
-from contactlab_page.stick_or_slip import slope_runs, stick_slip_panel
 
 SLOPES = """
 version: 1
@@ -51,6 +51,7 @@ def slopes(tmp_path_factory: pytest.TempPathFactory) -> Store:
     return run(SLOPES, tmp_path_factory.mktemp("slopes"))
 
 
+@pytest.mark.long
 def test_points_are_what_a_slow_loop_finds_in_the_records(slopes: Store) -> None:
     """The tilt of the force is an axis; the trace has what the box does at last."""
     rows = slope_runs(slopes)
@@ -63,6 +64,7 @@ def test_points_are_what_a_slow_loop_finds_in_the_records(slopes: Store) -> None
         assert row["contact"] == ("slides" if slides else "sticks")
 
 
+@pytest.mark.long
 def test_runs_are_on_their_side_of_the_boundary(slopes: Store) -> None:
     """That of the scene's closed form, max(1 - mu / tan(tilt), 0), which is 0 for what sticks.
 
@@ -76,6 +78,7 @@ def test_runs_are_on_their_side_of_the_boundary(slopes: Store) -> None:
         assert (row["contact"] == "slides") == (steepness > held)
 
 
+@pytest.mark.long
 def test_the_line_is_the_boundary(slopes: Store) -> None:
     values = stick_slip_panel(slope_runs(slopes))["data"]["values"]
     line = [each for each in values if each.get("line")]
@@ -92,6 +95,7 @@ def test_gravity_is_a_load(tmp_path: Path) -> None:
         assert (each["contact"] == "slides") == slides
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["bounce", "grasp"])
 def test_level_ground_and_grips_have_none(swept: Callable[[str], Store], name: str) -> None:
     data = read_report_data(swept(name))
@@ -99,9 +103,11 @@ def test_level_ground_and_grips_have_none(swept: Callable[[str], Store], name: s
     assert "at rest on a plane" in dict(figure_list(data))["stick-slip"]
 
 
+@pytest.mark.long
 def test_what_rolls_needs_less_friction_and_has_none(tmp_path: Path) -> None:
     assert slope_runs(run(ROLLING, tmp_path)) == []
 
 
+@pytest.mark.long
 def test_a_page_and_papers_have_it(slopes: Store) -> None:
     assert not isinstance(figure_specs(read_report_data(slopes))["stick-slip"], str)

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 
 from contactlab.pareto.analysis import analyse
 from contactlab.pareto.configurations import ResolvedCriteria, StoredRuns, evaluate
@@ -23,6 +24,8 @@ from contactlab.schema.tradeoff_report import ErrorMeasure, TimeMeasure, Tradeof
 from contactlab.store.finished_store import Store
 from contactlab.store.run_columns import CodedColumn
 
+pytestmark = pytest.mark.long
+
 Swept = Callable[[str], Store]
 Reported = Callable[[str], Path]
 Visit = Callable[..., Any]
@@ -33,7 +36,7 @@ RULES = {
     "safeMargin": SAFE_MARGIN,
     "configurations": [[0, 0], *([number, number % 2] for number in range(1, 12))],
 }
-SCRIPT = resources.files("contactlab_page").joinpath("script/evaluation.js")
+SCRIPT = resources.files("contactlab.page").joinpath("script/evaluation.js")
 
 
 def text(page: Any, selector: str) -> str:
@@ -166,7 +169,7 @@ def test_a_tolerance_of_any_metric_can_be_added(
     seen.page.fill("tr[data-name=solver_iterations_mean] input", "1e-9")
     assert analysed(store, solver_iterations_mean=1e-9).recommendation is None
     assert "No configuration is feasible" in text(seen.page, "#recommendation-text")
-    assert "--tolerance solver_iterations_mean=1e-9" in text(seen.page, "#tradeoff-command")
+    assert "--within solver_iterations_mean=1e-9" in text(seen.page, "#tradeoff-command")
     assert seen.complaints == []
 
 

@@ -14,10 +14,11 @@ from tests.reporting.conftest import run
 
 from contactlab.comparison.compare_stores import compare
 from contactlab.errors import OutputError, SweepFileError
+from contactlab.page.paper_figures import bouncing_runs, first_impacts
+from contactlab.page.report_files import write_figures, write_page
 from contactlab.pareto.criteria import Criteria
-from contactlab.reporting.report import PageRequest, read_report_data, write_figures, write_page
+from contactlab.reporting.report import PageRequest, read_report_data
 from contactlab.store.finished_store import Store
-from contactlab_page.paper_figures import bouncing_runs, first_impacts
 
 Swept = Callable[[str], Store]
 
@@ -27,14 +28,14 @@ from pathlib import Path
 
 sys.modules["mujoco"] = None
 from contactlab.store.finished_store import Store
-from contactlab.reporting.report import write_page
+from contactlab.page.report_files import write_page
 
 write_page(Store.open(Path(sys.argv[1])), Path(sys.argv[2]))
 print(sorted({"contactlab.run", "contactlab.scene", "contactlab.engines"} & set(sys.modules)))
 """
 
 
-@pytest.mark.slow
+@pytest.mark.night
 def test_the_same_store_gives_the_same_bytes(swept: Swept, tmp_path: Path) -> None:
     for name in ("one.html", "two.html"):
         write_page(swept("bounce"), tmp_path / name)
@@ -48,6 +49,7 @@ def test_the_same_store_gives_the_same_bytes(swept: Swept, tmp_path: Path) -> No
         assert (tmp_path / "one" / name).read_bytes() == (tmp_path / "two" / name).read_bytes()
 
 
+@pytest.mark.long
 def test_no_engine_is_loaded(swept: Swept, tmp_path: Path) -> None:
     done = subprocess.run(
         [sys.executable, "-c", ENGINE_FREE, str(swept("bounce").path), str(tmp_path / "page.html")],
@@ -58,6 +60,7 @@ def test_no_engine_is_loaded(swept: Swept, tmp_path: Path) -> None:
     assert (done.stdout, done.stderr) == ("[]\n", "")
 
 
+@pytest.mark.long
 def test_figures_are_those_for_which_the_store_has_data(swept: Swept, tmp_path: Path) -> None:
     written, missing = write_figures(swept("bounce"), tmp_path, ("svg",))
     assert list(missing) == ["cone", "stick-slip"]
@@ -103,6 +106,7 @@ def test_impacts_of_a_sphere_lie_on_their_side_of_the_cone(tmp_path: Path) -> No
             assert (each["contact"] == "sticks") == (each["slip"] < each["bound"])
 
 
+@pytest.mark.long
 def test_impacts_of_a_body_that_turns_are_not_held_against_the_cone(tmp_path: Path) -> None:
     """How much of a slip friction must stop depends on how the body turns."""
     thrown = (
@@ -111,6 +115,7 @@ def test_impacts_of_a_body_that_turns_are_not_held_against_the_cone(tmp_path: Pa
     assert first_impacts(run(thrown, tmp_path)) == []
 
 
+@pytest.mark.long
 def test_a_held_mug_neither_bounces_nor_hits(swept: Swept) -> None:
     data = read_report_data(swept("grasp"))
     assert bouncing_runs(data.store, data.axes, ~data.labels.failed) == []
@@ -126,6 +131,7 @@ def test_unknown_formats_are_refused(
     assert not (tmp_path / "figures").exists()
 
 
+@pytest.mark.long
 def test_a_page_that_cannot_be_written_leaves_no_file(swept: Swept, tmp_path: Path) -> None:
     with pytest.raises(OutputError, match="cannot write"):
         write_page(swept("bounce"), tmp_path / "missing" / "page.html")
@@ -142,14 +148,14 @@ def test_a_tolerance_of_an_unknown_metric_is_refused(swept: Swept, tmp_path: Pat
 def test_a_missing_library_is_named(
     swept: Swept, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for module in ("contactlab_page.html_page", "contactlab_page.heatmap", "contactlab.charts"):
+    for module in ("contactlab.page.html_page", "contactlab.page.heatmap", "contactlab.charts"):
         monkeypatch.delitem(sys.modules, module, raising=False)
     monkeypatch.setitem(sys.modules, "vl_convert", None)
     with pytest.raises(OutputError, match=r"needs vl_convert, .* 'contactlab\[figures\]'"):
         write_page(swept("bounce"), tmp_path / "page.html")
 
 
-@pytest.mark.slow
+@pytest.mark.night
 def test_above_its_size_a_page_has_aggregated_cells(
     swept: Swept, tmp_path: Path, visit: Callable[..., Any]
 ) -> None:
@@ -174,6 +180,7 @@ def test_above_its_size_a_page_has_aggregated_cells(
     assert "Aggregated" in page
 
 
+@pytest.mark.long
 def test_a_page_compares_with_a_baseline(swept: Swept, tmp_path: Path) -> None:
     before = tmp_path / "before"
     shutil.copytree(swept("bounce").path, before)

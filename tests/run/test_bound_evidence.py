@@ -176,6 +176,7 @@ def edit_tags(store: Path) -> None:
     edit_messages(store, lambda data: data.replace(b"\x09", b"\x79", 1))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("attack", "said"),
     [
@@ -229,6 +230,7 @@ def drop_traces(store: Path) -> None:
     in_manifest("traces_left_out", value=True)(store)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("attack", "said"),
     [
@@ -258,6 +260,7 @@ def test_without_traces_the_engine_tells(bent: Path, attack: Attack, said: str) 
     assert any(said in each for each in problems(bent))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("attack", "said"),
     [
@@ -278,6 +281,7 @@ def test_without_traces_outcomes_are_told_by_simulating_again(
     assert said in found
 
 
+@pytest.mark.long
 def test_what_only_a_trace_holds_is_told_by_simulating_again(bent: Path) -> None:
     edit_energy(bent)
     assert problems(bent) == []
@@ -331,6 +335,7 @@ def test_an_edited_table_is_not_opened(bent: Path) -> None:
         Store.open(bent)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("repair", [False, True])
 def test_runs_of_other_definitions_are_not_mixed(
     sweeper: Any, ball: str, half: Path, whole: Any, monkeypatch: pytest.MonkeyPatch, repair: bool
@@ -379,6 +384,7 @@ def whole(sweeper: Any, ball: str) -> Any:
     return sweeper.outcome("whole")
 
 
+@pytest.mark.long
 def test_a_model_that_was_changed_is_not_resumed(
     sweeper: Any, ball: str, half: Path, whole: Any
 ) -> None:
@@ -396,6 +402,7 @@ def zero_trace(store: Path) -> None:
     trace.write_bytes(bytes(trace.stat().st_size))
 
 
+@pytest.mark.long
 def test_a_trace_of_zeros_is_run_again(sweeper: Any, ball: str, half: Path, whole: Any) -> None:
     zero_trace(half)
     sweeper.run(ball)
@@ -403,6 +410,7 @@ def test_a_trace_of_zeros_is_run_again(sweeper: Any, ball: str, half: Path, whol
     assert sweeper.outcome() == whole
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("spoil", [zero_trace, reverse_rows, edit_model, drop_traces])
 def test_a_finished_store_is_repaired(sweeper: Any, ball: str, spoil: Attack, whole: Any) -> None:
     sweeper.run(ball)
@@ -418,6 +426,7 @@ def test_a_finished_store_is_repaired(sweeper: Any, ball: str, spoil: Attack, wh
     assert problems(store) == []
 
 
+@pytest.mark.long
 def test_repair_of_a_sound_store_does_nothing(sweeper: Any, ball: str) -> None:
     sweeper.run(ball)
     before = (sweeper.folder / "store" / "manifest.json").stat().st_mtime_ns
@@ -435,6 +444,7 @@ def line_of(change: Callable[[dict[str, Any]], object]) -> Callable[[bytes], byt
     return changed
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("change", "why"),
     [
@@ -481,6 +491,7 @@ def test_a_damaged_journal_is_refused_in_one_line_then_repaired(
     assert problems(half) == []
 
 
+@pytest.mark.long
 def test_runs_without_an_identity_are_refused_then_kept(
     sweeper: Any, ball: str, half: Path, whole: Any
 ) -> None:
@@ -492,6 +503,7 @@ def test_runs_without_an_identity_are_refused_then_kept(
     assert sweeper.outcome() == whole
 
 
+@pytest.mark.long
 def test_a_journal_of_an_older_version_is_resumed_with_a_word(
     sweeper: Any, ball: str, half: Path, whole: Any, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -505,7 +517,7 @@ def test_a_journal_of_an_older_version_is_resumed_with_a_word(
     assert "3 runs were stored by an older version, without checksums" in caplog.text
 
 
-@pytest.mark.slow
+@pytest.mark.night
 def test_a_journal_cut_anywhere_is_resumed(
     sweeper: Any,
     ball: str,

@@ -9,15 +9,17 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from tests.run.bare_runs import bare_run
 
 from contactlab.run import worker_pool
-from contactlab.run.tasks import Crashed, Job, PlannedRun, Stop
+from contactlab.run.tasks import Crashed, Job, Stop
 from contactlab.run.worker_pool import WorkerHandle, WorkerPool, end_halted
 
-JOB: Job = (PlannedRun(0, "first", {}, 0),)
+JOB: Job = (bare_run(0, "first"),)
 MODULES = ("selectors", "signal", "numpy", "socket", "contactlab", "struct")
 
 
+@pytest.mark.long
 def test_modules_of_the_current_folder_are_not_run(command: Any, tmp_path: Path) -> None:
     for name in MODULES:
         (tmp_path / f"{name}.py").write_text(f"open('{tmp_path}/ran-{name}', 'w').close()\n")

@@ -32,6 +32,7 @@ def swept(
     return pq.read_table(folder / name / "runs.parquet").to_pylist()
 
 
+@pytest.mark.long
 def test_a_driven_run_repeats_from_its_store_alone(tmp_path: Path) -> None:
     rows = swept(tmp_path, "store")
     assert [row["label"] for row in rows] == ["stable"] * 4
@@ -45,6 +46,7 @@ def test_a_driven_run_repeats_from_its_store_alone(tmp_path: Path) -> None:
         assert again.step is None
 
 
+@pytest.mark.long
 def test_the_programme_decides_the_run(tmp_path: Path) -> None:
     rows = swept(tmp_path, "store")
     assert len({row["trajectory_hash"] for row in rows}) == 4
@@ -59,6 +61,7 @@ def test_the_programme_decides_the_run(tmp_path: Path) -> None:
         assert one["trajectory_hash"] != other["trajectory_hash"]
 
 
+@pytest.mark.long
 def test_workers_change_nothing(tmp_path: Path) -> None:
     one, two = (swept(tmp_path, str(workers), workers=workers) for workers in (0, 2))
     assert [row["trajectory_hash"] for row in one] == [row["trajectory_hash"] for row in two]

@@ -3,7 +3,11 @@
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 from contactlab.store.verify_store import verify
+
+pytestmark = pytest.mark.long
 
 MINE = """
 from contextlib import contextmanager

@@ -114,7 +114,7 @@ def watched(command: Any, tmp_path: Path) -> Callable[[], tuple[int, str]]:
     return run
 
 
-@pytest.mark.slow
+@pytest.mark.night
 def test_a_clock_that_jumps(
     watched: Any, jumping: str, sweeper: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -101,7 +101,7 @@ def quiet(
     return Quiet(make_sweeper(tmp_path_factory.mktemp("quiet")), rule)
 
 
-@pytest.mark.slow
+@pytest.mark.night
 @pytest.mark.parametrize("full", ["while it runs", "at its end"])
 def test_a_full_disk(
     full: str, rule: str, quiet: Quiet, command: Any, disk: Disk, outcome: Any
@@ -137,14 +137,14 @@ def refused(command: Any, tmp_path: Path, store: str) -> str:
     return err
 
 
-@pytest.mark.slow
+@pytest.mark.night
 def test_a_disk_that_is_read_only(command: Any, tmp_path: Path, disk: Disk) -> None:
     disk.mount("remount,ro")
     assert os.strerror(errno.EROFS) in refused(command, tmp_path, "disk/store")
     assert list(disk.path.iterdir()) == []
 
 
-@pytest.mark.slow
+@pytest.mark.night
 def test_a_store_that_became_read_only(
     command: Any, tmp_path: Path, disk: Disk, outcome: Any
 ) -> None:
@@ -157,7 +157,7 @@ def test_a_store_that_became_read_only(
     assert outcome(disk.path / "store") == before
 
 
-@pytest.mark.slow
+@pytest.mark.night
 @pytest.mark.parametrize("place", ["file", "file/store", "/proc/store"])
 def test_places_where_nobody_can_write(command: Any, tmp_path: Path, place: str) -> None:
     (tmp_path / "file").write_text("not a folder")

@@ -56,6 +56,7 @@ FAULTS = {
 }
 
 
+@pytest.mark.long
 def test_only_the_culprits_are_lost(sweep: Any, quiet: Any, sweeper: Any, but: Any) -> None:
     faults = {place: fault for place, (fault, _, _) in FAULTS.items()}
     code, out, err = sweep(faults, "--workers", "2")
@@ -72,7 +73,7 @@ def test_only_the_culprits_are_lost(sweep: Any, quiet: Any, sweeper: Any, but: A
     assert verify(sweeper.folder / "store") == []
 
 
-@pytest.mark.slow
+@pytest.mark.night
 def test_what_hangs_while_it_is_checked_is_a_timeout(
     sweep: Any, sweeper: Any, but: Any, tmp_path: Path
 ) -> None:
@@ -90,7 +91,7 @@ def test_what_hangs_while_it_is_checked_is_a_timeout(
     assert verify(sweeper.folder / "store") == []
 
 
-@pytest.mark.slow
+@pytest.mark.night
 def test_an_error_of_the_engine_is_its_runs_own(
     sweep: Any, quiet: Any, sweeper: Any, but: Any
 ) -> None:
@@ -104,14 +105,14 @@ def test_an_error_of_the_engine_is_its_runs_own(
     assert verify(sweeper.folder / "store") == []
 
 
-@pytest.mark.slow
+@pytest.mark.night
 def test_a_result_larger_than_a_pipe_arrives(sweep: Any, quiet: Any, sweeper: Any) -> None:
     code, _, err = sweep({CULPRIT: "huge", CULPRIT + 1: "huge"}, "--workers", "1")
     assert (code, err) == (0, "")
     assert sweeper.outcome() == quiet
 
 
-@pytest.mark.slow
+@pytest.mark.night
 @pytest.mark.parametrize("fault", ["segfault", "kill", "exit 3"])
 def test_a_sweep_of_nothing_but_culprits_ends(sweep: Any, sweeper: Any, fault: str) -> None:
     code, out, _ = sweep(dict.fromkeys(range(RUNS), fault), "--workers", "2")

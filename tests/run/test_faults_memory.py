@@ -47,7 +47,7 @@ def quiet(tmp_path_factory: pytest.TempPathFactory, make_sweeper: Callable[[Path
     return sweeper.outcome()
 
 
-@pytest.mark.slow
+@pytest.mark.night
 def test_only_runs_that_do_not_fit_are_lost(
     command: Any, sweeper: Any, inject: Any, tmp_path: Path, quiet: Any, but: Any
 ) -> None:
@@ -72,7 +72,7 @@ def test_only_runs_that_do_not_fit_are_lost(
     assert verify(tmp_path / "store") == []
 
 
-@pytest.mark.slow
+@pytest.mark.night
 def test_workers_that_can_have_no_memory_end_the_sweep(
     command: Any, inject: Any, tmp_path: Path
 ) -> None:

@@ -48,7 +48,7 @@ def steps(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[], bool]
     return lambda: any(name.isdigit() for _, _, names in os.walk(folder) for name in names)
 
 
-@pytest.mark.slow
+@pytest.mark.night
 def test_a_long_run_ends_with_the_command(
     command: Any, tmp_path: Path, until: Until, steps: Callable[[], bool]
 ) -> None:
@@ -65,7 +65,7 @@ def test_a_long_run_ends_with_the_command(
     assert time.monotonic() - killed < SOON
 
 
-@pytest.mark.slow
+@pytest.mark.night
 def test_a_hang_ends_with_the_command(
     command: Any, tmp_path: Path, until: Until, steps: Callable[[], bool], inject: Any
 ) -> None:
@@ -81,7 +81,7 @@ def test_a_hang_ends_with_the_command(
     assert time.monotonic() - killed < SOON
 
 
-@pytest.mark.slow
+@pytest.mark.night
 def test_a_worker_that_is_killed_in_a_long_run_is_replaced(
     command: Any, tmp_path: Path, until: Until, steps: Callable[[], bool]
 ) -> None:
@@ -104,7 +104,7 @@ def test_a_worker_that_is_killed_in_a_long_run_is_replaced(
     assert verify(tmp_path / "store") == []
 
 
-@pytest.mark.slow
+@pytest.mark.night
 def test_killing_the_fork_server_loses_nothing(
     command: Any, sweeper: Any, tmp_path: Path, until: Until
 ) -> None:

@@ -74,7 +74,7 @@ def kill_workers(command: Any, process: Any, journal: Path, dice: random.Random)
     return killed
 
 
-@pytest.mark.slow
+@pytest.mark.night
 def test_twenty_rounds_of_random_faults(
     command: Any, sweeper: Any, inject: Any, but: Callable[..., Any], tmp_path: Path, until: Any
 ) -> None:

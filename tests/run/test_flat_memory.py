@@ -61,20 +61,21 @@ def fresh(jobs: list[Job], models: str) -> Iterator[Job]:
                 run,
                 run_id=f"{number:016x}",
                 seed=number,
-                values=dict(run.values)
-                | ({"friction.slide": 0.3 + 1e-6 * number} if models == "new" else {}),
+                settings=run.settings
+                if models == "same"
+                else run.settings | {"friction": (0.3 + 1e-6 * number,) * 2 + (0.005, 1e-4, 1e-4)},
             )
             for number, run in enumerate(job, start=first)
         )
 
 
-@pytest.mark.slow
+@pytest.mark.night
 @pytest.mark.parametrize(
     ("trace", "models"),
     [
         ("none", "same"),
-        pytest.param("none", "new", marks=pytest.mark.slow),
-        pytest.param("all", "new", marks=pytest.mark.slow),
+        pytest.param("none", "new", marks=pytest.mark.night),
+        pytest.param("all", "new", marks=pytest.mark.night),
     ],
 )
 def test_a_worker_does_not_grow(

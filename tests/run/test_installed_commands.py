@@ -3,17 +3,30 @@
 from pathlib import Path
 from typing import Any
 
-MINE = """
-import typer
+import pytest
 
+pytestmark = pytest.mark.long
+
+MINE = """
+from typing import Annotated
+
+from contactlab.command_line.declaration import Argument, Option, command
 from contactlab.errors import SweepFileError
 
 
-def ring(bell: str = typer.Argument(help="Which one."), times: int = 1) -> None:
+@command("list", formats={"text": lambda sound, given: print(sound)})
+def ring(
+    bell: Annotated[str, Argument("BELL", "Which one.")],
+    times: Annotated[int, Option("N", "How often.")] = 1,
+) -> str:
     \"\"\"Ring a bell.\"\"\"
     if times < 1:
         raise SweepFileError("a bell rings once at least")
-    print(" ".join([bell] * times))
+    return " ".join([bell] * times)
+
+
+def knoll() -> None:
+    \"\"\"It is not declared.\"\"\"
 """
 
 
@@ -23,7 +36,7 @@ def test_an_installed_command_stands_among_our_own(command: Any, tmp_path: Path)
     metadata.mkdir(parents=True)
     (metadata / "METADATA").write_text("Metadata-Version: 2.1\nName: bell\nVersion: 1.0\n")
     (metadata / "entry_points.txt").write_text(
-        "[contactlab.commands]\nring = bell:ring\nknell = bell:knell\n"
+        "[contactlab.commands]\nring = bell:ring\nknell = bell:knell\nknoll = bell:knoll\n"
     )
     (site / "bell.py").write_text(MINE)
 
@@ -34,6 +47,7 @@ def test_an_installed_command_stands_among_our_own(command: Any, tmp_path: Path)
     assert code == 0, err
     assert "Ring a bell." in out
     assert err.startswith("warning: there is no command knell: ")
+    assert "\nwarning: there is no command knoll: " in err
     assert run("ring", "ding", "--times", "2")[:2] == (0, "ding ding\n")
     code, out, err = run("ring", "ding", "--times", "0")
     assert (code, out) == (2, "")

@@ -110,15 +110,16 @@ def slow(command: Any, tmp_path: Path) -> Slow:
     return Slow(command, tmp_path)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("workers", "number", "tell"),
     [
         (1, signal.SIGINT, os.killpg),
-        pytest.param(2, signal.SIGTERM, os.killpg, marks=pytest.mark.slow),
-        pytest.param(0, signal.SIGINT, os.kill, marks=pytest.mark.slow),
-        pytest.param(0, signal.SIGTERM, os.kill, marks=pytest.mark.slow),
-        pytest.param(1, signal.SIGTERM, os.kill, marks=pytest.mark.slow),
-        pytest.param(2, signal.SIGINT, os.kill, marks=pytest.mark.slow),
+        pytest.param(2, signal.SIGTERM, os.killpg, marks=pytest.mark.night),
+        pytest.param(0, signal.SIGINT, os.kill, marks=pytest.mark.night),
+        pytest.param(0, signal.SIGTERM, os.kill, marks=pytest.mark.night),
+        pytest.param(1, signal.SIGTERM, os.kill, marks=pytest.mark.night),
+        pytest.param(2, signal.SIGINT, os.kill, marks=pytest.mark.night),
     ],
 )
 def test_told_once_it_keeps_the_runs_in_flight(
@@ -148,7 +149,7 @@ def assert_goes_on(sweeper: Any, stored: int) -> None:
     assert verify(sweeper.folder / "elsewhere") == []
 
 
-@pytest.mark.slow
+@pytest.mark.night
 @pytest.mark.parametrize(
     ("asked", "then"),
     [
@@ -173,12 +174,13 @@ def test_every_command_that_sweeps_can_be_told(
     until(lambda: slow.command.living(process.pid) == [])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("workers", "numbers", "tell"),
     [
         (2, (signal.SIGINT, signal.SIGINT), os.killpg),
-        pytest.param(1, (signal.SIGTERM, signal.SIGTERM), os.killpg, marks=pytest.mark.slow),
-        pytest.param(1, (signal.SIGTERM, signal.SIGINT), os.kill, marks=pytest.mark.slow),
+        pytest.param(1, (signal.SIGTERM, signal.SIGTERM), os.killpg, marks=pytest.mark.night),
+        pytest.param(1, (signal.SIGTERM, signal.SIGINT), os.kill, marks=pytest.mark.night),
     ],
 )
 def test_told_twice_it_stops_at_once(
@@ -201,6 +203,7 @@ def test_told_twice_it_stops_at_once(
     assert slow.rows == []
 
 
+@pytest.mark.long
 def test_a_worker_within_a_long_call_ends_with_its_parent(slow: Slow, until: Until) -> None:
     """A library loaded as Python's own keeps all of Python waiting while it pauses."""
     process = slow.start(2, "ctypes.PyDLL(None).pause()")
@@ -210,6 +213,7 @@ def test_a_worker_within_a_long_call_ends_with_its_parent(slow: Slow, until: Unt
     until(lambda: slow.command.living(process.pid) == [])
 
 
+@pytest.mark.long
 def test_one_sweep_a_store(slow: Slow, sweeper: Any, until: Until) -> None:
     process = slow.start(1, "signal.pause()")
     until(lambda: slow.begun == 1)
@@ -237,8 +241,8 @@ class After:
             self.stop.set()
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("workers", [0, pytest.param(1, marks=pytest.mark.slow), 2])
+@pytest.mark.night
+@pytest.mark.parametrize("workers", [0, pytest.param(1, marks=pytest.mark.night), 2])
 @pytest.mark.parametrize("label", ["held against references", "counted"])
 @pytest.mark.usefixtures("_short_clocks")
 def test_a_pass_stops_and_goes_on(sweeper: Any, label: str, workers: int) -> None:

@@ -30,6 +30,7 @@ def kept(found: list[dict[str, Any]]) -> list[int]:
     return [row["index"] for row in found if row["trace_file"] is not None]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("rule", "indices"),
     [
@@ -53,11 +54,13 @@ def test_traces_of_flagged_runs_are_kept(sweeper: Any) -> None:
     assert kept(found) == [1]
 
 
+@pytest.mark.long
 def test_equal_runs_run_once(sweeper: Any) -> None:
     found = rows(sweeper, f"{SWEEP}include:\n  - {{timestep: 2.0e-3, drop_height: 0.1}}\n")
     assert len(found) == 6
 
 
+@pytest.mark.long
 def test_settings_that_only_some_runs_have(sweeper: Any) -> None:
     rare = "geom_friction[ball,0]"
     included = f'{{timestep: 2.0e-3, drop_height: 0.2, "{rare}": 0.5}}'
@@ -68,6 +71,7 @@ def test_settings_that_only_some_runs_have(sweeper: Any) -> None:
     assert [rare in record.settings for record in store.records()] == [False] * 6 + [True, False]
 
 
+@pytest.mark.long
 def test_tolerances_and_the_latency_budget(sweeper: Any) -> None:
     found = rows(sweeper, f"{SWEEP}tolerances: {{penetration_max: 0.005}}\nlatency_budget: 1.0\n")
     for row in found:

@@ -35,7 +35,7 @@ def size(path: Path) -> int:
     return path.stat().st_size if path.exists() else 0
 
 
-@pytest.mark.slow
+@pytest.mark.night
 def test_killed_five_times(
     command: Any, tmp_path: Path, until: Until, outcome: Callable[[Path], Any]
 ) -> None:
@@ -59,9 +59,9 @@ def test_killed_five_times(
     assert (table, traces) == outcome(tmp_path / "whole")
 
 
-@pytest.mark.slow
+@pytest.mark.night
 @pytest.mark.parametrize(
-    "begun", [pytest.param("store", marks=pytest.mark.slow), "servers", "workers"]
+    "begun", [pytest.param("store", marks=pytest.mark.night), "servers", "workers"]
 )
 def test_interrupted_while_workers_start(
     command: Any, tmp_path: Path, until: Until, begun: str
@@ -79,6 +79,7 @@ def test_interrupted_while_workers_start(
     until(lambda: command.living(process.pid) == [])
 
 
+@pytest.mark.long
 def test_interrupted_and_resumed(command: Any, tmp_path: Path, until: Until) -> None:
     limit = ("--limit", "100", "--workers", "2", "-o", "store")
     process = command.start("sweep", "long.yaml", *limit)
@@ -95,7 +96,7 @@ def test_interrupted_and_resumed(command: Any, tmp_path: Path, until: Until) -> 
     assert verify(tmp_path / "store") == []
 
 
-@pytest.mark.slow
+@pytest.mark.night
 def test_workers_end_with_their_parent(command: Any, tmp_path: Path, until: Until) -> None:
     process = command.start("sweep", "long.yaml", "-o", "store", "--workers", "2")
     until(lambda: size(tmp_path / "store" / "journal.jsonl") > 0)

@@ -12,7 +12,7 @@ import os
 import shutil
 import signal
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from itertools import count
 from pathlib import Path
 from typing import Any, Self
@@ -137,12 +137,14 @@ def refused(act: Callable[[], object]) -> str:
     return ""
 
 
-def kills(folder: Path, act: Callable[[], object]) -> Iterator[int]:
+def kills(
+    folder: Path, act: Callable[[], object], changes: Iterable[int] | None = None
+) -> Iterator[int]:
     """Do an act in a child that dies at its first change, then its second, until it gets through.
 
-    Yields after each death.
+    Or at the changes that are given alone. Yields after each death.
     """
-    for change in count(1):
+    for change in changes or count(1):
         child = os.fork()
         if child == 0:
             Fuse(folder, change)
@@ -158,7 +160,18 @@ def kills(folder: Path, act: Callable[[], object]) -> Iterator[int]:
         yield change
 
 
-@pytest.mark.slow
+def test_a_sweep_killed_early_and_late_is_resumed(sweeper: Any) -> None:
+    """At its identity and within the table; the next test kills at every write."""
+    sweeper.run(TINY, "whole")
+    whole, store = sweeper.outcome("whole"), sweeper.folder / "store"
+    for killed in kills(store, lambda: sweeper.run(TINY), (4, 30)):
+        sweeper.run(TINY)
+        assert sweeper.outcome() == whole, killed
+        assert verify(store) == [], killed
+        shutil.rmtree(store)
+
+
+@pytest.mark.night
 def test_a_sweep_killed_at_every_write_is_resumed(sweeper: Any) -> None:
     sweeper.run(TINY, "whole")
     whole, store = sweeper.outcome("whole"), sweeper.folder / "store"
@@ -172,7 +185,7 @@ def test_a_sweep_killed_at_every_write_is_resumed(sweeper: Any) -> None:
     assert killed > 30
 
 
-@pytest.mark.slow
+@pytest.mark.night
 @pytest.mark.parametrize("zeros", [False, True])
 def test_a_sweep_cut_off_from_power_at_every_write_is_resumed_or_repaired(
     sweeper: Any, tmp_path: Path, zeros: bool
@@ -197,7 +210,7 @@ def test_a_sweep_cut_off_from_power_at_every_write_is_resumed_or_repaired(
     assert cut > 30
 
 
-@pytest.mark.slow
+@pytest.mark.night
 def test_a_resumed_sweep_killed_at_every_write_is_resumed(
     sweeper: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -223,7 +236,7 @@ def test_a_resumed_sweep_killed_at_every_write_is_resumed(
     assert killed > 20
 
 
-@pytest.mark.slow
+@pytest.mark.night
 def test_a_baseline_killed_at_every_write_is_the_old_or_the_new(
     sweeper: Any, tmp_path: Path
 ) -> None:

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pyarrow.parquet as pq
+import pytest
 
 from contactlab.run.sweep_request import read_request
 from contactlab.run.sweep_runner import run_sweep
@@ -27,6 +28,7 @@ def swept(folder: Path, asked: str) -> list[dict[str, Any]]:
     return pq.read_table(folder / asked / "runs.parquet").to_pylist()
 
 
+@pytest.mark.long
 def test_the_twin_changes_nothing_but_the_answer(tmp_path: Path) -> None:
     plain, asked = swept(tmp_path, "false"), swept(tmp_path, "true")
     assert {row["knife_edge"] for row in plain} == {None}

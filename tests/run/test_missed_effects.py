@@ -28,6 +28,7 @@ def recorded(tmp_path: Path) -> Recorded:
     return run
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("scene", "effect", "word"),
     [

@@ -7,6 +7,8 @@ import pytest
 
 from contactlab.run import planned_runs
 
+pytestmark = pytest.mark.long
+
 
 @pytest.mark.parametrize("models", [1, 2])
 def test_a_bound_on_models_changes_nothing(

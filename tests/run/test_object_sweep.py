@@ -15,13 +15,13 @@ from contactlab.errors import OutputError
 from contactlab.run.sweep_runner import run_sweep
 from contactlab.run.tasks import Job, Result, Stop, Task
 from contactlab.run.worker import Worker
+from contactlab.store.objects import lease
+from contactlab.store.objects.lease import LockHolder
 from contactlab.store.store_files import Address, ObjectAddress, parse_address
 from contactlab.store.verify_store import verify
-from contactlab_objects import lease
-from contactlab_objects.lease import LockHolder
 
 if TYPE_CHECKING:
-    from contactlab_objects.client import ObjectClient
+    from contactlab.store.objects.client import ObjectClient
 
 Until = Callable[[Callable[[], bool]], None]
 
@@ -82,7 +82,7 @@ def rows(client: "ObjectClient") -> int:
     return sum(1 for _ in client.sizes("journal"))
 
 
-@pytest.mark.slow
+@pytest.mark.night
 @pytest.mark.parametrize("workers", [0, 2])
 def test_equals_a_local_one(
     sweeper: Any,
@@ -118,7 +118,7 @@ class FarMachine:
             yield worker.run(job)
 
 
-@pytest.mark.slow
+@pytest.mark.night
 def test_workers_of_another_machine(
     sweeper: Any, ball: str, address: ObjectAddress, outcome_at: Callable[[Address], Any]
 ) -> None:
@@ -130,7 +130,7 @@ def test_workers_of_another_machine(
     assert verify(address) == []
 
 
-@pytest.mark.slow
+@pytest.mark.night
 def test_passes_are_resumed_too(
     sweeper: Any, address: ObjectAddress, outcome_at: Callable[[Address], Any]
 ) -> None:
@@ -152,7 +152,7 @@ def test_passes_are_resumed_too(
     assert outcome_at(address) == sweeper.outcome("local")
 
 
-@pytest.mark.slow
+@pytest.mark.night
 def test_interrupted_and_resumed(
     command: Any,
     tmp_path: Path,
@@ -179,7 +179,7 @@ def test_interrupted_and_resumed(
     assert outcome_at(address) == outcome_at(tmp_path / "local")
 
 
-@pytest.mark.slow
+@pytest.mark.night
 def test_killed_twice(
     command: Any,
     tmp_path: Path,
@@ -205,6 +205,7 @@ def test_killed_twice(
     assert outcome_at(address) == outcome_at(tmp_path / "local")
 
 
+@pytest.mark.long
 def test_resumed_on_another_machine(
     sweeper: Any,
     ball: str,
@@ -234,6 +235,7 @@ def test_resumed_on_another_machine(
     assert outcome_at(address) == sweeper.outcome("local")
 
 
+@pytest.mark.long
 def test_a_server_that_goes_away(
     sweeper: Any,
     ball: str,
@@ -263,7 +265,7 @@ def test_a_server_that_goes_away(
     assert outcome_at(address) == sweeper.outcome("local")
 
 
-@pytest.mark.slow
+@pytest.mark.night
 def test_a_command_whose_server_goes_away(
     command: Any,
     tmp_path: Path,
@@ -294,7 +296,7 @@ def test_a_command_whose_server_goes_away(
     until(lambda: command.living(process.pid) == [])
 
 
-@pytest.mark.slow
+@pytest.mark.night
 def test_nothing_is_left_on_this_machine(
     command: Any, address: ObjectAddress, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

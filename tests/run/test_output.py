@@ -18,7 +18,7 @@ resource.setrlimit(resource.RLIMIT_FSIZE, ({size}, {size}))
 """
 
 
-@pytest.mark.slow
+@pytest.mark.night
 @pytest.mark.parametrize(
     "limited",
     [
@@ -27,7 +27,7 @@ resource.setrlimit(resource.RLIMIT_FSIZE, ({size}, {size}))
         (120_000, r"runs\.parquet"),
     ],
 )
-@pytest.mark.parametrize("workers", ["0", pytest.param("2", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("workers", ["0", pytest.param("2", marks=pytest.mark.night)])
 def test_files_that_cannot_grow(
     command: Any, sweeper: Any, ball: str, tmp_path: Path, limited: tuple[int, str], workers: str
 ) -> None:

@@ -62,6 +62,7 @@ def outcome(folder: Path, **keys: Any) -> Any:
     """Return the record of one run of the model."""
     (folder / "model.xml").write_text(MODEL, encoding="utf-8")
     sweep: dict[str, Any] = {"version": 1, "scene": str(folder / "model.xml"), "duration": 1}
+    sweep["drive"] = "none"
     sweep |= keys
     store = contactlab.sweep(sweep, output=folder / "store", workers=0, fresh=True)
     return next(iter(store.records()))
@@ -78,6 +79,7 @@ def test_what_coulomb_and_newton_say_is_met(tmp_path: Path) -> None:
     assert (record.expectation_met, of_pairs(record)) == (True, [])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("said", "label", "reason"), UNMET)
 def test_the_opposite_is_labelled(
     tmp_path: Path, said: dict[str, Any], label: str, reason: str
@@ -121,6 +123,7 @@ def scene(folder: Path, entries: str) -> Path:
     return folder
 
 
+@pytest.mark.long
 def test_a_scene_says_it_of_its_own_pairs(tmp_path: Path) -> None:
     entries = "  - {geoms: [floor, ball], mode: rolls}\n  - {body: box, mode: slide, from: late}\n"
     (tmp_path / "scene").mkdir()

@@ -13,6 +13,8 @@ from contactlab.run.sweep_runner import run_sweep
 from contactlab.run.tasks import Finished, Job, Stop, Task
 from contactlab.run.worker import Worker
 
+pytestmark = pytest.mark.long
+
 ONE_JOB = """
 version: 1
 scene: ball_drop

@@ -55,14 +55,15 @@ def whole(tmp_path_factory: pytest.TempPathFactory, make_sweeper: Callable[[Path
     return sweeper.outcome()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("label", "after", "workers"),
     [
-        pytest.param("held against references", 5, 0, marks=pytest.mark.slow),
-        pytest.param("held against references", 5, 2, marks=pytest.mark.slow),
+        pytest.param("held against references", 5, 0, marks=pytest.mark.night),
+        pytest.param("held against references", 5, 2, marks=pytest.mark.night),
         ("counted", 1, 0),
-        pytest.param("counted", 12, 2, marks=pytest.mark.slow),
-        pytest.param("timed", 7, 0, marks=pytest.mark.slow),
+        pytest.param("counted", 12, 2, marks=pytest.mark.night),
+        pytest.param("timed", 7, 0, marks=pytest.mark.night),
     ],
 )
 def test_stopped_in_a_pass_it_goes_on(
@@ -79,6 +80,7 @@ def test_stopped_in_a_pass_it_goes_on(
     assert not (store / "notes.jsonl").exists()
 
 
+@pytest.mark.long
 def test_torn_notes_are_made_again(sweeper: Any, whole: Any) -> None:
     with pytest.raises(StopError):
         sweeper.run(PASSES, progress=Stop("held against references", 7))
@@ -102,12 +104,12 @@ Worker.run = deadly
 """
 
 
-@pytest.mark.slow
+@pytest.mark.night
 @pytest.mark.parametrize(
     ("purpose", "column"),
     [
         ("errors", "error_final"),
-        pytest.param("work", "time_min", marks=pytest.mark.slow),
+        pytest.param("work", "time_min", marks=pytest.mark.night),
     ],
 )
 def test_a_pass_that_ends_a_worker_leaves_its_runs_without(

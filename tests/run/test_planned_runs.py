@@ -2,10 +2,13 @@
 
 import hashlib
 import json
+import pickle
 import tracemalloc
 from collections import Counter
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from typing import Any
+from unittest.mock import patch
 
 import pytest
 from hypothesis import given, settings
@@ -16,18 +19,19 @@ from contactlab.errors import SceneError
 from contactlab.plan.grid import Plan
 from contactlab.plan.overrides import Overrides
 from contactlab.plan.sweep_file import read_sweep
+from contactlab.run import planned_runs
 from contactlab.run.forecast import forecast
 from contactlab.run.planned_runs import (
     JOB_BYTES,
     LEAST_WORK,
+    MAX_KEPT,
     MAX_RUNS,
     SMALL_WORK,
     RunIndex,
     pack_jobs,
 )
 from contactlab.run.sweep_request import SceneLoader
-from contactlab.run.tasks import PlannedRun
-from contactlab.scene.resolution import ResolvedRun
+from contactlab.scene.run_spec import RunSpec
 from contactlab.scene.scene import Scene
 
 Draw = Callable[[st.SearchStrategy[Any]], Any]
@@ -48,13 +52,14 @@ OWN: dict[str, dict[str, list[object]]] = {
 }
 
 
-def planned(plan: Plan, scene: Scene) -> list[tuple[PlannedRun, ResolvedRun]]:
+def planned(plan: Plan, scene: Scene) -> list[RunSpec]:
     """Return all runs at once, each resolved by itself."""
-    found: dict[str, tuple[PlannedRun, ResolvedRun]] = {}
+    found: dict[str, RunSpec] = {}
     for run in plan.runs():
         resolved = scene.resolve(run.values, run.seed, plan.sweep.duration)
         run_id = scene.run_id(resolved)
-        found.setdefault(run_id, (PlannedRun(run.index, run_id, run.values, run.seed), resolved))
+        place = {"axes": run.values, "index": run.index, "run_id": run_id}
+        found.setdefault(run_id, replace(resolved, **place))
     return list(found.values())
 
 
@@ -78,30 +83,37 @@ def plans(draw: Draw) -> tuple[Plan, Scene]:
     return read.plan, SCENES.open(name)
 
 
+@pytest.mark.long
 @settings(max_examples=100, deadline=None)
-@given(drawn=plans(), done=st.randoms(use_true_random=False), workers=st.integers(0, 3))
+@given(
+    drawn=plans(),
+    done=st.randoms(use_true_random=False),
+    workers=st.integers(0, 3),
+    kept=st.sampled_from([0, 3, 1 << 12]),
+)
 def test_a_roster_is_the_list_of_its_runs(
-    drawn: tuple[Plan, Scene], done: Any, workers: int
+    drawn: tuple[Plan, Scene], done: Any, workers: int, kept: int
 ) -> None:
     plan, scene = drawn
     expected = planned(plan, scene)
-    roster = RunIndex(plan, scene)
+    with patch.object(planned_runs, "MAX_KEPT", kept):
+        roster = RunIndex(plan, scene)
     assert len(roster) == len(expected)
     assert list(roster.runs()) == expected
-    ids = [run.run_id for run, _ in expected]
+    ids = [run.run_id for run in expected]
     assert roster.hash == hashlib.sha256("".join(ids).encode()).hexdigest()[:32]
     stored = {run_id for run_id in ids if done.random() < 0.5} | {"0" * 16}
-    left = [each for each in expected if each[0].run_id not in stored]
+    left = [run for run in expected if run.run_id not in stored]
     assert roster.count(stored) == len(expected) - len(left)
     assert list(roster.runs(stored)) == left
     assert sum(count for _, count in roster.rows()) == len(expected)
     _check_jobs(left, scene, workers)
 
 
-def _check_jobs(left: list[tuple[PlannedRun, ResolvedRun]], scene: Scene, workers: int) -> None:
+def _check_jobs(left: list[RunSpec], scene: Scene, workers: int) -> None:
     """Check that every run is in one job, in order within each, and that jobs are bounded."""
     jobs = list(pack_jobs(iter(left), len(left), scene, workers))
-    resolved = {run.run_id: each for run, each in left}
+    resolved = {run.run_id: run for run in left}
     assert Counter(run for job in jobs for run in map(_id, job)) == Counter(resolved.keys())
     for job in jobs:
         assert [run.index for run in job] == sorted(run.index for run in job)
@@ -115,6 +127,31 @@ def _check_jobs(left: list[tuple[PlannedRun, ResolvedRun]], scene: Scene, worker
         assert len(job) <= max(1, min(MAX_RUNS, max(quick, len(left) // (4 * workers))))
 
 
+def test_a_plan_is_resolved_once(sweeper: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each row of a small sweep once, whatever its seeds and whoever asks: index, job or worker."""
+    taken: list[object] = []
+    resolve = Scene.resolve
+
+    def counted(self: Scene, values: Any, *rest: Any) -> RunSpec:
+        taken.extend(values.items())
+        return resolve(self, values, *rest)
+
+    monkeypatch.setattr(Scene, "resolve", counted)
+    text = "version: 1\nscene: ball_drop\nduration: 0.01\nseeds: 2\ntrace: none\nchecks: none\n"
+    sweeper.run(f"{text}axes: {{drop_height: [0.3, 0.4]}}")
+    assert taken == [("drop_height", 0.3), ("drop_height", 0.4)]
+
+
+def test_a_run_is_what_it_was_after_its_way_to_a_worker() -> None:
+    scene = SCENES.open("grasp_mug")
+    job = tuple(scene.planned({"timestep": 1e-3}, [3, 5], None, 7))
+    sent = pickle.loads(pickle.dumps(job))  # noqa: S301 - it is our own
+    assert sent == job
+    assert {*sent} == {*job}
+    assert sent[0].settings is sent[1].settings
+    assert len({*job}) == 2
+
+
 def test_short_runs_share_a_job(sweeper: Any) -> None:
     """Up to 512 of them, whatever a step costs; long ones go 32 at a time."""
     for duration, most in (("1.0e-2", 512), ("2.0", 32)):
@@ -125,15 +162,16 @@ def test_short_runs_share_a_job(sweeper: Any) -> None:
         assert max(map(len, jobs)) == most
 
 
-def _id(run: PlannedRun) -> str:
+def _id(run: RunSpec) -> str:
     return run.run_id
 
 
+@pytest.mark.long
 @settings(max_examples=50, deadline=None)
 @given(drawn=plans())
 def test_a_forecast_adds_up_all_runs(drawn: tuple[Plan, Scene]) -> None:
     plan, scene = drawn
-    expected = [resolved for _, resolved in planned(plan, scene)]
+    expected = planned(plan, scene)
     told = forecast(plan, scene, 1)
     assert told.runs == len(expected)
     assert told.steps == sum(run.steps for run in expected)
@@ -159,6 +197,7 @@ def large() -> tuple[Plan, Scene]:
     return read.plan, SCENES.open("ball_drop")
 
 
+@pytest.mark.long
 def test_a_plan_takes_little_memory(large: tuple[Plan, Scene]) -> None:
     plan, scene = large
     assert plan.count == 100_000
@@ -166,18 +205,19 @@ def test_a_plan_takes_little_memory(large: tuple[Plan, Scene]) -> None:
     roster = RunIndex(plan, scene)
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
-    # A run is 8 bytes of id, held twice while bytes are made of what grew by an eighth at most,
-    # then sorted (ids and places, 8 bytes each, and as much to sort them by) and marked (1 byte);
-    # what rows share, 70 values here, is far below a MB. A list of runs took 3.6 kB each.
-    assert peak < 100_000 * (8 * 1.125 + 8 + 4 * 8 + 1) + 1e6
+    # A run is 8 bytes of id, in an array that grows by half, then sorted (ids and places, 8 bytes
+    # each, and as much to sort them by) and marked (1 byte). The first runs were kept until they
+    # were too many: of 20 seeds each, some kB for what the seeds share and 1 kB for each.
+    assert peak < 100_000 * (8 * 1.5 + 4 * 8 + 1) + MAX_KEPT * 2e3
     assert len(roster) == 100_000
 
 
+@pytest.mark.long
 def test_jobs_are_handed_out_as_they_are_asked_for(large: tuple[Plan, Scene]) -> None:
     plan, scene = large
     roster, taken = RunIndex(plan, scene), 0
 
-    def counted() -> Iterator[tuple[PlannedRun, ResolvedRun]]:
+    def counted() -> Iterator[RunSpec]:
         nonlocal taken
         for each in roster.runs():
             taken += 1
@@ -190,12 +230,12 @@ def test_jobs_are_handed_out_as_they_are_asked_for(large: tuple[Plan, Scene]) ->
 
 
 @pytest.fixture
-def checked(monkeypatch: pytest.MonkeyPatch) -> list[ResolvedRun]:
+def checked(monkeypatch: pytest.MonkeyPatch) -> list[RunSpec]:
     """What is checked of a scene whose runs depend on time."""
-    seen: list[ResolvedRun] = []
+    seen: list[RunSpec] = []
     check = Scene.check_start
 
-    def watched(self: Scene, run: ResolvedRun) -> None:
+    def watched(self: Scene, run: RunSpec) -> None:
         seen.append(run)
         check(self, run)
 
@@ -210,7 +250,7 @@ def timed(times: list[float]) -> RunIndex:
     return RunIndex(plan, SCENES.open("grasp_mug"))
 
 
-def test_what_depends_on_time_is_checked_once_a_start(checked: list[ResolvedRun]) -> None:
+def test_what_depends_on_time_is_checked_once_a_start(checked: list[RunSpec]) -> None:
     assert len(timed([0.2, 0.3, 0.4])) == 3 * 3 * 2 * 5
     starts = [(run.structure["shape"], run.initial["lift_time"]) for run in checked]
     assert sorted(starts) == [(shape, time) for shape in (1, 2) for time in (0.2, 0.3, 0.4)]

@@ -81,6 +81,7 @@ def test_a_policy_runs_only_where_the_user_allows_it(folder: Path) -> None:
     assert not Path("ran").exists()
 
 
+@pytest.mark.long
 def test_runs_repeat_from_their_store_without_the_policy(folder: Path) -> None:
     keys: dict[str, Any] = {"axes": {"drive.latency": [0.0, 0.02]}, "seeds": 2, "checks": "all"}
     swept(folder, knife_edge=True, drive={"noise": {"qpos": 1e-3}}, **keys)
@@ -92,6 +93,7 @@ def test_runs_repeat_from_their_store_without_the_policy(folder: Path) -> None:
         replay(Store.open(folder / "store"), rows(folder)[0]["run_id"])
 
 
+@pytest.mark.long
 def test_replays_run_no_code(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     write_policy(folder, COUNTED)
     monkeypatch.chdir(folder)
@@ -110,6 +112,7 @@ def test_replays_run_no_code(folder: Path, monkeypatch: pytest.MonkeyPatch) -> N
     assert (folder / "calls").stat().st_size == calls
 
 
+@pytest.mark.long
 def test_equal_controls_are_stored_once(folder: Path) -> None:
     write_policy(folder, "wanted = 0 * wanted")
     swept(folder, seeds=4)
@@ -136,6 +139,7 @@ def test_records_say_what_acted(folder: Path) -> None:
     assert "cost" not in Store.open(folder / "store").manifest.sweep.lacking
 
 
+@pytest.mark.long
 def test_its_file_is_part_of_what_runs_are(folder: Path) -> None:
     swept(folder, "first")
     swept(folder, "again")
@@ -158,6 +162,7 @@ def test_files_that_it_reads_are_part_of_it(folder: Path) -> None:
         swept(folder, drive={"files": ["absent"]})
 
 
+@pytest.mark.long
 def test_latency_in_periods_is_that_in_seconds(folder: Path) -> None:
     swept(folder, "share", axes={"drive.latency": ["50%"], "drive.rate": [25.0, 50.0]})
     swept(folder, "seconds", axes={"drive.latency": [0.02, 0.01]})
@@ -167,6 +172,7 @@ def test_latency_in_periods_is_that_in_seconds(folder: Path) -> None:
     assert [row["settings"]["drive.latency"] for row in share] == [0.02, 0.01]
 
 
+@pytest.mark.long
 def test_an_interrupted_sweep_goes_on(folder: Path) -> None:
     swept(folder, "whole", seeds=4)
     swept(folder, seeds=4)
@@ -194,6 +200,7 @@ def test_a_damaged_or_lost_control_is_found(folder: Path) -> None:
     assert "is missing" in verify(folder / "store")[0]
 
 
+@pytest.mark.long
 def test_a_baseline_keeps_them(folder: Path) -> None:
     swept(folder)
     write_baseline(folder / "store", folder / "baseline")
@@ -202,6 +209,7 @@ def test_a_baseline_keeps_them(folder: Path) -> None:
     assert replay(Store.open(folder / "baseline"), rows(folder)[0]["run_id"]).equal
 
 
+@pytest.mark.long
 def test_errors_and_times_are_those_of_recorded_controls(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -245,7 +253,7 @@ def test_a_bad_policy_is_one_line_in_the_record(folder: Path, kind: str) -> None
         replay(Store.open(folder / "store"), bad["run_id"])
 
 
-@pytest.mark.slow
+@pytest.mark.night
 def test_a_policy_that_kills_its_process_or_hangs_costs_its_runs_alone(folder: Path) -> None:
     write_policy(
         folder,
@@ -294,7 +302,7 @@ def test_a_rate_above_that_of_the_steps_costs_those_runs_alone(folder: Path) -> 
 def test_what_no_drive_has_is_no_axis(folder: Path) -> None:
     sweep = {"version": 1, "scene": "cart.xml", "axes": {"drive.latency": [0.1]}}
     ask = read_request(sweep, "s", folder / "store", folder=folder, workers=0)
-    with pytest.raises(SceneError, match=r"drive\.latency: the drive hold has no such number"):
+    with pytest.raises(SceneError, match=r"drive\.latency: the drive auto has no such number"):
         run_sweep(ask, lambda _total, _done: None, lambda _finished: None)
 
 
@@ -313,6 +321,7 @@ def test_a_scene_may_name_its_policy(folder: Path) -> None:
     assert replay(Store.open(folder / "store"), rows(folder)[0]["run_id"]).equal
 
 
+@pytest.mark.long
 def test_recorded_controls_drive_a_sweep_as_the_policy_did(folder: Path) -> None:
     swept(folder, drive={"latency": 0.01})
     (controls,) = (folder / "store" / "controls").rglob("*.arrow")

@@ -10,15 +10,16 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from tests.run.bare_runs import bare_run
 from tests.run.spoiled_workers import spoil_workers
 
 from contactlab.run import fork_server
-from contactlab.run.tasks import Crashed, Finished, Job, PlannedRun, Stop
+from contactlab.run.tasks import Crashed, Finished, Job, Stop
 from contactlab.run.worker_pool import WorkerHandle, WorkerPool
 from contactlab.store.verify_store import verify
 
-FIRST: Job = (PlannedRun(0, "first", {}, 0),)
-SECOND: Job = (PlannedRun(1, "second", {}, 0),)
+FIRST: Job = (bare_run(0, "first"),)
+SECOND: Job = (bare_run(1, "second"),)
 
 CULPRIT = """
 import os, signal
@@ -39,7 +40,7 @@ COUNT_THREADS = """import numpy
         os._exit(len(os.listdir("/proc/self/task")))"""
 
 
-@pytest.mark.slow
+@pytest.mark.night
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSEGV])
 def test_killing_workers_from_outside_loses_nothing(
     sweeper: Any, ball: str, number: signal.Signals
@@ -57,17 +58,18 @@ def test_killing_workers_from_outside_loses_nothing(
     assert verify(sweeper.folder / "store") == []
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("death", "reason"),
     [
         pytest.param(
             "os.kill(os.getpid(), signal.SIGSEGV)",
             "the worker was ended by SIGSEGV",
-            marks=pytest.mark.slow,
+            marks=pytest.mark.night,
         ),
-        pytest.param("os.abort()", "the worker was ended by SIGABRT", marks=pytest.mark.slow),
+        pytest.param("os.abort()", "the worker was ended by SIGABRT", marks=pytest.mark.night),
         ("os._exit(3)", "the worker exited with code 3"),
-        pytest.param(COUNT_THREADS, "the worker exited with code 2", marks=pytest.mark.slow),
+        pytest.param(COUNT_THREADS, "the worker exited with code 2", marks=pytest.mark.night),
     ],
 )
 def test_only_the_culprit_is_labelled(
@@ -96,6 +98,7 @@ def test_only_the_culprit_is_labelled(
     assert command.run("verify", "store")[0] == 0
 
 
+@pytest.mark.long
 def test_a_slow_run_times_out(command: Any, stack: str, tmp_path: Path) -> None:
     slow = stack.replace("duration: 0.1", "duration: 30\ntimeout: 0.05")
     (tmp_path / "slow.yaml").write_text(slow)
@@ -154,7 +157,7 @@ def test_a_worker_that_dies_in_mid_message_loses_its_job(worker: tuple[Any, Any]
     ]
 
 
-@pytest.mark.slow
+@pytest.mark.night
 def test_a_long_temporary_path_is_no_hindrance(
     command: Any, ball: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -168,6 +171,7 @@ def test_a_long_temporary_path_is_no_hindrance(
     assert list(folder.iterdir()) == []
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "error", [ConnectionRefusedError, ConnectionResetError, BrokenPipeError, EOFError]
 )

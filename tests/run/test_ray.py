@@ -18,7 +18,7 @@ from contactlab.store.row_journal import SHARED, row_extent
 from contactlab.store.verify_store import verify
 
 pytest.importorskip("ray", reason="contactlab[ray] is not installed")
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.night
 
 Until = Callable[[Callable[[], bool]], None]
 Outcome = Callable[[Path], Any]
@@ -46,12 +46,12 @@ Worker.run = deadly
 NEWER = """
 import sys
 if any(each.endswith("contactlab") for each in sys.orig_argv):
-    import contactlab_ray.connection as connecting
+    import contactlab.run.ray.connection as connecting
     enter = connecting._connect
 
     def entering(address, workers):
         enter(address, workers)
-        from contactlab_ray import executor as ray_executor
+        from contactlab.run.ray import executor as ray_executor
         ray_executor.version = lambda name: "9.9"
 
     connecting._connect = entering

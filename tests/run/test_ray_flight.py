@@ -18,18 +18,19 @@ from ray.exceptions import (
     TaskCancelledError,
     WorkerCrashedError,
 )
+from tests.run.bare_runs import bare_run
 
 from contactlab.errors import ClusterError, OutputError
-from contactlab.run.tasks import Crashed, Job, PlannedRun, Stop
-from contactlab_ray import executor as flight
-from contactlab_ray import node
-from contactlab_ray.executor import MAX_LOSSES, InFlight
+from contactlab.run.ray import executor as flight
+from contactlab.run.ray import node
+from contactlab.run.ray.executor import MAX_LOSSES, InFlight
+from contactlab.run.tasks import Crashed, Job, Stop
 
 GONE = [NodeDiedError("gone"), RaySystemError("gone"), WorkerCrashedError()]
 
 
 def jobs(count: int) -> list[Job]:
-    return [(PlannedRun(index, str(index), {}, 0),) for index in range(count)]
+    return [(bare_run(index, str(index)),) for index in range(count)]
 
 
 class MadeUp:

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 pytest.importorskip("ray", reason="contactlab[ray] is not installed")
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.night
 
 Until = Callable[[Callable[[], bool]], None]
 

@@ -12,10 +12,13 @@ from typing import Any
 import pytest
 
 from contactlab.run import worker_pool
-from contactlab.run.tasks import Crashed, PlannedRun, Task
+from contactlab.run.ray import worker as ray_worker
+from contactlab.run.tasks import Crashed, Task
+from contactlab.scene.scene import Scene
 from contactlab.scene.scene_source import stored_scene
 from contactlab.store.store_files import ObjectAddress
-from contactlab_ray import worker as ray_worker
+
+pytestmark = pytest.mark.long
 
 # Above what any system counts to.
 NO_PROCESS = 1 << 23
@@ -59,7 +62,7 @@ def test_a_scene_goes_along_with_a_store_that_is_no_folder(task: Task, tmp_path:
 
 
 def test_folders_go_with_their_processes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("contactlab_ray.worker.gettempdir", lambda: str(tmp_path))
+    monkeypatch.setattr("contactlab.run.ray.worker.gettempdir", lambda: str(tmp_path))
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     first = ray_worker.own_folder()
     gone = Path(str(first).replace(f"-{os.getpid()}-", f"-{NO_PROCESS}-"))
@@ -82,7 +85,8 @@ def process(task: Task) -> Iterator[Any]:
 
     def run(runs: int, sweep: str = "one") -> Any:
         values = {"timestep": 1e-3, "drop_height": 0.02}
-        job = tuple(PlannedRun(index, f"{index:016x}", values, 0) for index in range(runs))
+        (run,) = Scene.open("ball_drop").planned(values, [0], 0.01)
+        job = tuple(replace(run, index=index, run_id=f"{index:016x}") for index in range(runs))
         return ray_worker.run_on_worker(
             sweep, lambda: ray_worker.pack_bundle(task), pickle.dumps(job)
         )

@@ -58,6 +58,7 @@ def planted(tmp_path: Path) -> Path:
     return folder
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("planted")
 def test_the_planted_friction_explains_the_recordings(sweeper: Any) -> None:
     """Only it has no error; a wrong one is off by much more, and each run ends when recorded."""
@@ -83,6 +84,7 @@ def test_the_planted_friction_explains_the_recordings(sweeper: Any) -> None:
     assert errors[1.0] == pytest.approx(np.mean([row["reality"] for row in wrong]))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("form", ["messages", "compact"])
 def test_a_trace_is_a_recording(sweeper: Any, planted: Path, form: str) -> None:
     """A run is its own recording to the last bits; another friction is not."""
@@ -99,6 +101,7 @@ def test_a_trace_is_a_recording(sweeper: Any, planted: Path, form: str) -> None:
     assert other > 1e-2
 
 
+@pytest.mark.long
 def test_runs_are_drawn_and_seeds_perturb_them(sweeper: Any, planted: Path) -> None:
     text = "axes: {recorded_run: {sample: 4, seed: 3}}\n"
     sweeper.run(SWEEP + text, "first")

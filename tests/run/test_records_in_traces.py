@@ -33,6 +33,7 @@ def check(store: Path, runs: int) -> None:
         assert EvidenceRecord.model_validate_json(text).model_dump_json().encode() == text
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", SWEEPS)
 def test_of_sweeps(sweeper: Any, name: str) -> None:
     sweeper.run(f"version: 1\ntrace: all\n{SWEEPS[name]}")

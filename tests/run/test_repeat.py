@@ -16,7 +16,7 @@ def test_workers_change_nothing(sweeper: Any, sweep_text: str, workers: int) -> 
     assert multiprocessing.active_children() == []
 
 
-@pytest.mark.slow
+@pytest.mark.night
 def test_portions_change_nothing(
     sweeper: Any, sweep_text: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -28,6 +28,7 @@ def test_portions_change_nothing(
         assert sweeper.outcome(f"by{most}") == usual
 
 
+@pytest.mark.long
 def test_the_memory_bound_changes_nothing(
     sweeper: Any, ball: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -48,6 +49,7 @@ axes:
 """
 
 
+@pytest.mark.long
 def test_no_run_depends_on_those_of_its_job(sweeper: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     sweeper.run(OF_MANY_KINDS, "usual")
     monkeypatch.setattr(planned_runs, "MAX_RUNS", 1)

@@ -51,7 +51,7 @@ def half(sweeper: Any, ball: str, whole: Any) -> Path:
     return sweeper.folder / "store"
 
 
-@pytest.mark.slow
+@pytest.mark.night
 @pytest.mark.parametrize(("portions", "workers"), [(1, 0), (5, 0), (9, 0), (5, 2)])
 def test_stopped_by_an_error(
     sweeper: Any, ball: str, whole: Any, portions: int, workers: int
@@ -66,6 +66,7 @@ def test_stopped_by_an_error(
     assert verify(sweeper.folder / "store") == []
 
 
+@pytest.mark.long
 def test_stopped_again_and_again(sweeper: Any, ball: str, whole: Any) -> None:
     for _ in range(8):
         with pytest.raises(StopError):
@@ -76,6 +77,7 @@ def test_stopped_again_and_again(sweeper: Any, ball: str, whole: Any) -> None:
     assert sweeper.outcome() == whole
 
 
+@pytest.mark.long
 def test_a_finished_sweep_runs_nothing(sweeper: Any, ball: str) -> None:
     first = sweeper.run(ball)
     before = (sweeper.folder / "store" / "runs.parquet").stat().st_mtime_ns
@@ -84,6 +86,7 @@ def test_a_finished_sweep_runs_nothing(sweeper: Any, ball: str) -> None:
     assert (sweeper.folder / "store" / "runs.parquet").stat().st_mtime_ns == before
 
 
+@pytest.mark.long
 def test_a_torn_line_of_the_journal_is_run_again(
     sweeper: Any, ball: str, whole: Any, half: Path
 ) -> None:
@@ -94,6 +97,7 @@ def test_a_torn_line_of_the_journal_is_run_again(
     assert sweeper.outcome() == whole
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("place", "lost"), [(4, 1), (3, 2)], ids=["row", "shared by two rows"])
 def test_a_garbled_line_of_the_journal_is_named_and_repaired(
     sweeper: Any, ball: str, whole: Any, half: Path, place: int, lost: int
@@ -110,6 +114,7 @@ def test_a_garbled_line_of_the_journal_is_named_and_repaired(
     assert sweeper.outcome() == whole
 
 
+@pytest.mark.long
 def test_half_written_files_are_removed(sweeper: Any, ball: str, whole: Any, half: Path) -> None:
     trace = next((half / "traces").rglob("*.mcap"))
     names = ("runs.parquet.tmp", "journal.jsonl.0123abcd.tmp")
@@ -121,6 +126,7 @@ def test_half_written_files_are_removed(sweeper: Any, ball: str, whole: Any, hal
     assert sweeper.outcome() == whole
 
 
+@pytest.mark.long
 def test_what_a_killed_worker_half_wrote_is_removed_at_the_end(sweeper: Any, ball: str) -> None:
     store = sweeper.folder / "store"
 
@@ -133,6 +139,7 @@ def test_what_a_killed_worker_half_wrote_is_removed_at_the_end(sweeper: Any, bal
     assert verify(store) == []
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("keep", [None, 100], ids=["deleted", "truncated"])
 def test_a_lost_trace_is_run_again(
     sweeper: Any, ball: str, whole: Any, half: Path, keep: int | None
@@ -148,6 +155,7 @@ def test_a_lost_trace_is_run_again(
     assert verify(half) == []
 
 
+@pytest.mark.long
 def test_stopped_between_table_and_manifest(
     sweeper: Any, ball: str, whole: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -168,6 +176,7 @@ def test_stopped_between_table_and_manifest(
     assert verify(store) == []
 
 
+@pytest.mark.long
 def test_a_journal_left_beside_the_manifest_goes(sweeper: Any, ball: str, whole: Any) -> None:
     sweeper.run(ball)
     journal = sweeper.folder / "store" / "journal.jsonl"
@@ -177,6 +186,7 @@ def test_a_journal_left_beside_the_manifest_goes(sweeper: Any, ball: str, whole:
     assert sweeper.outcome() == whole
 
 
+@pytest.mark.long
 def test_stopped_before_the_identity_is_there(
     sweeper: Any, ball: str, whole: Any, half: Path
 ) -> None:
@@ -189,6 +199,7 @@ def test_stopped_before_the_identity_is_there(
     assert verify(half) == []
 
 
+@pytest.mark.long
 def test_traces_without_a_row_are_written_again(
     sweeper: Any, ball: str, whole: Any, half: Path
 ) -> None:

@@ -5,10 +5,14 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 from contactlab.run.stored_runs import MAX_STEPS, timed_run
 from contactlab.run.sweep_request import read_request
 from contactlab.run.sweep_runner import run_sweep
 from contactlab.store.finished_store import Store
+
+pytestmark = pytest.mark.long
 
 SERVE = "from contactlab.run.stored_runs import main; main()"
 SWEEP = """\

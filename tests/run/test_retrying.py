@@ -53,8 +53,10 @@ def lossy(command: Any, sweeper: Any, ball: str, tmp_path: Path) -> Any:
     return lossy
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
-    "extra", [pytest.param("", id="runs"), pytest.param(EXTRA, id="passes", marks=pytest.mark.slow)]
+    "extra",
+    [pytest.param("", id="runs"), pytest.param(EXTRA, id="passes", marks=pytest.mark.night)],
 )
 def test_only_failed_runs_are_run_again(
     lossy: Any, command: Any, sweeper: Any, ball: str, extra: str
@@ -77,7 +79,7 @@ def began(sweeper: Any) -> Any:
     return lambda total, done: sweeper.began.append((total, done))
 
 
-@pytest.mark.slow
+@pytest.mark.night
 def test_a_retry_may_be_interrupted_and_goes_on(lossy: Any, sweeper: Any, ball: str) -> None:
     store = lossy()
     stop = Stop()

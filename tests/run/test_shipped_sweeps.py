@@ -56,6 +56,7 @@ def pick(rows: Rows, **values: object) -> Rows:
     return picked
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["bounce", "slide", "stack"])
 def test_everything_expected_comes_out(rows_of: Callable[[str], Rows], name: str) -> None:
     rows = rows_of(name)

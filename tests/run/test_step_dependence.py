@@ -92,6 +92,7 @@ def test_its_twin_is_sound_also_on_a_second_look(checked: Checked) -> None:
     assert checked(SERVO.format(gain=5), 1.0, "all").label == "stable"
 
 
+@pytest.mark.long
 def test_chaos_is_no_step_dependence(checked: Checked, tmp_path: Path) -> None:
     """RK4 resolves the double pendulum; 1e-9 becomes a million times as much all the same."""
     _, checks = checks_of(CHAOS, 15.0, tmp_path)
@@ -143,12 +144,11 @@ SHOVED = """
 """
 
 
-@pytest.mark.parametrize(("checks", "label"), [("none", "chatter"), ("flagged", "stable")])
-def test_switches_that_the_control_causes_are_no_chatter(
-    checked: Checked, checks: str, label: str
-) -> None:
+@pytest.mark.long
+@pytest.mark.parametrize("checks", ["none", "flagged"])
+def test_switches_that_the_control_causes_are_no_chatter(checked: Checked, checks: str) -> None:
     drive = {"noise": 1.0, "rate": 20}
-    assert checked(SHOVED, 2.0, checks, drive=drive).label == label
+    assert checked(SHOVED, 2.0, checks, drive=drive).label == "stable"
 
 
 @pytest.mark.parametrize(("step", "label"), [(0.02, "step_dependent"), (0.0005, "stable")])

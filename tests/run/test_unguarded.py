@@ -25,7 +25,7 @@ print(manifest.runs)
 """
 
 
-@pytest.mark.slow
+@pytest.mark.night
 def test_a_script_without_a_guard_sweeps_once(tmp_path: Path, ball: str) -> None:
     (tmp_path / "small.yaml").write_text(ball)
     (tmp_path / "script.py").write_text(SCRIPT)

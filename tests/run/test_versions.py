@@ -19,7 +19,7 @@ from contactlab.store.finished_store import Store
 
 HERE = version("mujoco")
 OTHER = "3.17.0" if HERE != "3.17.0" else "3.16.0"
-MAIN = [sys.executable, "-c", "from contactlab.commands.main import main; main()"]
+MAIN = [sys.executable, "-c", "from contactlab.command_line.main import main; main()"]
 # Notes what it is told, and makes a Python that says what a real one would.
 UV = """#!/bin/sh
 echo "$@" >> "$NOTES"
@@ -114,7 +114,7 @@ def test_uv_as_a_module(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None
     assert made[:5] == [sys.executable, "-P", "-m", "uv", "venv"]
 
 
-@pytest.mark.slow
+@pytest.mark.night
 @pytest.mark.parametrize("option", [["--mujoco", OTHER], [f"--mujoco={OTHER}"]])
 def test_the_other_one_takes_over(option: list[str], notes: Path, tmp_path: Path) -> None:
     done = run("sweep", "bounce", *option, "--limit", "2", folder=tmp_path)
@@ -131,7 +131,7 @@ def test_the_other_one_takes_over(option: list[str], notes: Path, tmp_path: Path
     assert notes.is_file()
 
 
-@pytest.mark.slow
+@pytest.mark.night
 @pytest.mark.usefixtures("notes")
 def test_a_store_that_is_named_stays_so(tmp_path: Path) -> None:
     done = run("sweep", "bounce", "-o", "mine", "--mujoco", OTHER, folder=tmp_path)
@@ -176,6 +176,7 @@ def test_what_is_no_engine(asked: str, message: str, cache: Path) -> None:
     assert not cache.exists()
 
 
+@pytest.mark.long
 def test_a_mistake_is_one_line(cache: Path, tmp_path: Path) -> None:
     done = run("sweep", "bounce", "--mujoco", "2.3.7", folder=tmp_path)
     assert (done.returncode, done.stdout) == (2, "")
@@ -194,7 +195,7 @@ def test_a_python_without_mujoco(cache: Path, tmp_path: Path) -> None:
     assert cache.exists()
 
 
-@pytest.mark.slow
+@pytest.mark.night
 def test_a_python_that_is_given(cache: Path) -> None:
     found = find_interpreter(sys.executable, lambda _: None)
     assert found is not None
@@ -207,7 +208,7 @@ def test_options_are_taken_out() -> None:
     assert without_option(given, "--mujoco") == ["sweep", "x", "--set", "a=1"]
 
 
-@pytest.mark.slow
+@pytest.mark.night
 def test_bounce_under_another_version(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     options = ("--limit", "6", "--workers", "1", "-o", "store")

@@ -92,13 +92,14 @@ def touching(model: mujoco.MjModel, seed: int) -> dict[frozenset[int], int]:
     return found
 
 
+@pytest.mark.long
 @given(text=models(), seed=st.integers(0, 1000))
 @settings(max_examples=80)
 def test_no_contact_is_ungraded(text: str, seed: int) -> None:
     assert_graded(text, seed)
 
 
-@pytest.mark.slow
+@pytest.mark.night
 @given(text=models(), seed=st.integers(0, 1000))
 @settings(max_examples=1500)
 def test_no_contact_is_ungraded_in_many_models(text: str, seed: int) -> None:
@@ -115,6 +116,7 @@ def assert_graded(text: str, seed: int) -> None:
         assert count <= monitored[both].slots
 
 
+@pytest.mark.long
 @pytest.mark.skipif(
     int(mujoco.__version__.partition(".")[0]) < 4,
     reason="before MuJoCo 4, a box and a cylinder about one centre have no contact",

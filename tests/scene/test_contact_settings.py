@@ -101,6 +101,7 @@ def test_shipped_scenes(scene_name: str, name: str) -> None:
             assert_has(touching[frozenset(pair.sides)], setting, run.settings[setting])
 
 
+@pytest.mark.long
 def test_what_is_as_written_already_changes_nothing(unequal: Scene, differing: Any) -> None:
     for scene in (unequal, Scene.open("box_slide")):
         base = scene.base({})

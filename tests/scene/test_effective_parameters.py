@@ -81,6 +81,7 @@ def assert_effective(model: mujoco.MjModel) -> None:
             assert getattr(found, name) == pytest.approx(getattr(contact, name).tolist(), rel=1e-14)
 
 
+@pytest.mark.long
 @given(geoms(), geoms())
 @settings(max_examples=200)
 def test_geoms_mix_as_in_mujoco(floor: str, ball: str) -> None:
@@ -88,6 +89,7 @@ def test_geoms_mix_as_in_mujoco(floor: str, ball: str) -> None:
     assert_effective(mujoco.MjModel.from_xml_string(text))
 
 
+@pytest.mark.long
 @given(geoms(), geoms(), attributes(frictions=5), st.booleans())
 @settings(max_examples=60)
 def test_an_explicit_pair_decides(floor: str, ball: str, own: str, swapped: bool) -> None:

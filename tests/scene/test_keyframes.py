@@ -9,7 +9,7 @@ import pytest
 from contactlab.engines import Buffers
 from contactlab.engines.mujoco_batch import roll_out
 from contactlab.errors import SceneError
-from contactlab.scene.resolution import RunIdentity
+from contactlab.scene.run_spec import run_ids
 from contactlab.scene.scene import Scene
 
 Make = Callable[..., Scene]
@@ -40,16 +40,22 @@ def spec_of(scene: Scene) -> tuple[str, ...]:
     return axis.choices
 
 
-def test_a_bare_model_starts_from_its_first_keyframe(make_scene: Make) -> None:
+def test_a_bare_model_starts_from_its_first_keyframe_with_controls(make_scene: Make) -> None:
     scene = make_scene(MODEL)
     assert spec_of(scene) == ("key[0]", "near", "far", "qpos0")
     starts = ({}, *({"keyframe": each} for each in spec_of(scene)))
     runs = [scene.resolve(each, 0, None) for each in starts]
     places = scene.starts(runs).qpos[:, 0]
-    assert places == pytest.approx([-0.2, -0.2, 0.1, 9.0, 0.0], abs=1e-4)
+    # The seed 0 starts as the model is written.
+    assert places.tolist() == [0.1, -0.2, 0.1, 9.0, 0.0]
     ids = [scene.run_id(run) for run in runs]
-    assert ids[0] == ids[1]
+    assert ids[0] == ids[2]
     assert len(set(ids)) == 4
+
+
+def test_without_any_controls_it_starts_from_the_first_one(make_scene: Make) -> None:
+    scene = make_scene(MODEL.replace(' ctrl=".4"', ""))
+    assert scene.starts([scene.resolve({}, 0, None)]).qpos[:, 0].tolist() == [-0.2]
 
 
 def test_what_starts_from_no_keyframe_has_the_id_of_a_model_without(make_scene: Make) -> None:
@@ -58,11 +64,10 @@ def test_what_starts_from_no_keyframe_has_the_id_of_a_model_without(make_scene: 
     known = make_scene(KEYED.replace("<key ", '<key name="near" '), manifest)
     unknown, none = make_scene(KEYED, manifest), make_scene(STILL, manifest)
 
-    def settings(scene: Scene) -> RunIdentity:
-        run = scene.resolve({}, 0, None)
-        return RunIdentity(scene.base({}), run, "one scene")
+    def run_id(scene: Scene) -> str:
+        return next(run_ids(scene.base({}), scene.resolve({}, 0, None), "one scene", [0]))
 
-    ids = [settings(each).digests([], [0]) for each in (none, unknown, known)]
+    ids = [run_id(scene) for scene in (none, unknown, known)]
     assert ids[0] == ids[1] != ids[2]
 
 

@@ -35,6 +35,7 @@ def hashes(folder: Path, scene: Path, duration: float, axis: str) -> list[str | 
     return [record.trajectory_hash for record in Store.open(folder).records()]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("scene", "duration", "axis"),
     [("grasp_mug", 0.5, "shape: [1, 2]"), ("mug_drop", 0.4, "solref: ['0.005 1', '0.02 0.2']")],

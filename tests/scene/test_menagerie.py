@@ -14,6 +14,8 @@ from contactlab.errors import SceneError
 from contactlab.scene.scene import Scene
 from contactlab.scene.scene_source import find_scene, menagerie_name, stored_scene
 
+pytestmark = pytest.mark.long
+
 Write = Callable[[Path, Mapping[str, str]], None]
 ROBOT = "franka_emika_panda"
 BALL = "<mujoco><worldbody><body><freejoint/><geom size='.1'/></body></worldbody></mujoco>"

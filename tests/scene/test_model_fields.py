@@ -84,6 +84,7 @@ def test_margin_and_gap_are_those_of_two_geoms(
     assert differing(edited(plain, **{name: value}), edited(both), REL) == set()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("field", "value", "attribute", "text"),
     [

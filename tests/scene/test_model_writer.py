@@ -23,60 +23,12 @@ Write = Callable[[Path, Mapping[str, str]], None]
 Differing = Callable[..., set[str]]
 Change = Callable[[mujoco.MjSpec], None]
 
-TETRAHEDRON = "0 0 0  .1 0 0  0 .1 0  0 0 .1"
 # One of each way in which MJCF makes several objects of an element, or one of several.
-MODEL = f"""<?xml version="1.0"?>
-<!-- <geom name='comment'/> -->
-<mujoco model="all ways">
-  <compiler angle="degree"/>
-  <option timestep='0.002'
-          cone="elliptic"/>
-  <asset>
-    <model name="arm" file="parts/arm.xml"/>
-    <mesh name="tetrahedron" vertex="{TETRAHEDRON}"/>
-  </asset>
-  <default>
-    <geom solref="0.01 1"/>
-    <default class="stiff"><geom solref="0.005 1" friction=".7"/></default>
-  </default>
-  <include file="parts/legs.xml"/>
-  <worldbody>
-    <geom type="plane" size="1 1 1"/> <geom name="edge > here" class='stiff' size=".1"
-      pos="0 0 .2" /><!-- behind -->
-    <replicate count="3" offset=".5 0 0">
-      <body name="ball" pos="0 0 .1"><freejoint/><geom size=".1" class="stiff"/></body>
-    </replicate>
-    <frame pos="1 1 .1" childclass="stiff">
-      <geom type="mesh" mesh="tetrahedron"/>
-      <attach model="arm" body="arm" prefix="left_"/>
-    </frame>
-    <attach model="arm" body="arm" prefix="right_"/>
-    <body name="cloth" pos="0 0 1">
-      <flexcomp name="cloth" type="grid" count="3 3 1" spacing=".1 .1 .1" dim="2" radius=".01">
-        <contact condim="3"/><edge equality="true"/>
-      </flexcomp>
-    </body>
-  </worldbody>
-  <contact><pair name="rub" geom1="left_hand" geom2="right_hand" condim="4"/></contact>
-  <sensor>
-    <jointpos name="angle" joint="knee"/>
-    <touch site="left_tip"/>
-  </sensor>
-</mujoco>
-"""
-LEGS = """<mujocoinclude><worldbody>
-  <body name="leg" pos="0 1 1"><joint name="knee" axis="0 1 0" range="-90 90"/>
-    <geom name="shin" type="capsule" fromto="0 0 0 0 0 -.4" size=".05"/></body>
-</worldbody></mujocoinclude>"""
-ARM = """<mujoco>
-  <default><geom condim="4"/></default>
-  <worldbody>
-    <body name="arm"><joint name="elbow"/>
-      <geom name="hand" size=".1"/><site name="tip"/></body>
-  </worldbody>
-</mujoco>
-"""
-FILES = {"robot.xml": MODEL, "parts/legs.xml": LEGS, "parts/arm.xml": ARM}
+ROBOT = Path(__file__).parent / "written_model"
+FILES = {
+    name: (ROBOT / name).read_text(encoding="utf-8")
+    for name in ("robot.xml", "parts/legs.xml", "parts/arm.xml")
+}
 
 
 @pytest.fixture
@@ -429,7 +381,7 @@ def robot_file(package: str) -> Path:
     return Path(place, ROBOTS[package])
 
 
-@pytest.mark.slow
+@pytest.mark.night
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize("package", ROBOTS)
 def test_robots_as_they_are_published(package: str, tmp_path: Path, unlike: Differing) -> None:

@@ -189,6 +189,7 @@ def met(model: mujoco.MjModel, configurations: int, seed: int = 1) -> set[GeomPa
     return found
 
 
+@pytest.mark.long
 @settings(max_examples=25)
 @given(text=trees())
 def test_no_configuration_of_random_trees_brings_proven_pairs_together(text: str) -> None:
@@ -197,6 +198,7 @@ def test_no_configuration_of_random_trees_brings_proven_pairs_together(text: str
     assert not found & met(model, 200)
 
 
+@pytest.mark.long
 @settings(max_examples=25)
 @given(text=trees(), seed=st.integers(0, 99))
 def test_a_joint_moves_geoms_no_further_than_its_lever(text: str, seed: int) -> None:
@@ -221,6 +223,7 @@ def test_no_configuration_of_shipped_models_brings_proven_pairs_together(name: s
     assert not unreachable_pairs(model, filtered_pairs(model)) & met(model, 300)
 
 
+@pytest.mark.long
 @pytest.mark.skipif(
     "MENAGERIE_ROOT" not in os.environ,
     reason="MENAGERIE_ROOT names no folder with the robot's meshes",

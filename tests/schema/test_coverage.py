@@ -19,9 +19,25 @@ def exercised(*coverages: Coverage | None, drive: str = '"hold"') -> Exercised:
 
 def test_one_run_that_does_it_is_enough() -> None:
     assert exercised(STILL, MOVED).lack(["motion", "actuation"]) is None
-    assert exercised(STILL).lack(["motion"]) == "no joint moved; write drive: exercise"
+    assert exercised(STILL).lack(["motion"]) == "no joint moved"
     assert exercised(STUCK).lack(["contact"]) is None
     assert exercised(STUCK, SLID).lack(["friction"]) is None
+
+
+def test_what_all_runs_left_alone_is_named_by_kind() -> None:
+    pairs = {"a-b": {}, "a-c": {}}
+
+    def idle(*coverages: Coverage | None) -> tuple[str, ...]:
+        texts = (each and each.model_dump_json(exclude_defaults=True) for each in coverages)
+        return Exercised.of({"coverage": each, "pairs": pairs} for each in texts).idle()
+
+    still = "joints never moved: j", "limits never reached: j", "actuators never moved: a"
+    assert idle(STILL) == (*still, "pairs never touched: a-b, a-c")
+    assert idle(STILL, STUCK) == (*still, "pairs never touched: a-c", "friction never loaded: a-b")
+    assert idle(STUCK, SLID) == ("pairs never touched: a-c",)
+    reached = Coverage(joints={"j": Travel(moved=1, share=1, ends=("lower",))})
+    assert idle(MOVED, reached) == (still[2], "pairs never touched: a-b, a-c")
+    assert idle(STILL, None) == (), "of one nothing is known"
 
 
 def test_no_row_is_read_once_one_did_what_is_asked_about() -> None:
@@ -29,13 +45,6 @@ def test_no_row_is_read_once_one_did_what_is_asked_about() -> None:
     rows = ({"coverage": text, "drive": None} for text in texts)
     assert Exercised.of(rows, enough=["actuation"]).lack(["actuation"]) is None
     assert len([*rows]) <= 1, "the first did not, the second did"
-
-
-def test_an_exercise_that_did_not_do_it_asks_for_a_file() -> None:
-    said = exercised(STUCK, drive='"exercise"').lack(["friction"])
-    assert said == (
-        "nothing rubbed in a contact; write drive: {file: FILE}, of controls that do it"
-    )
 
 
 def test_of_runs_without_coverage_nothing_is_said() -> None:

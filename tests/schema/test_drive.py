@@ -8,17 +8,14 @@ from pydantic import TypeAdapter, ValidationError
 from contactlab.schema.drive import (
     Drive,
     FileDrive,
-    NoiseDrive,
-    Springs,
-    drive_data,
     drive_identity,
     drive_text,
     read_drive,
-    with_springs,
 )
 
 ADAPTER: TypeAdapter[Drive] = TypeAdapter(Drive)
 FORMS: dict[str, Any] = {
+    "auto": "auto",
     "none": "none",
     "hold": "hold",
     "exercise": "exercise",
@@ -42,18 +39,6 @@ def test_short_form_data_and_canonical_form_agree(text: str) -> None:
     assert read_drive(text) == drive
     assert read_drive(drive_text(drive)) == drive
     assert ADAPTER.validate_json(ADAPTER.dump_json(drive)) == drive
-
-
-def test_springs_are_part_of_what_drives_a_run() -> None:
-    springs = Springs(actuators=(1,), stiffness=(2.0,), damping=(0.5,), forces=(0, 9), settling=0.1)
-    for text in ("hold", "exercise", "noise=0.3", "x.csv"):
-        drive = read_drive(text)
-        given = with_springs(drive, springs)
-        assert ADAPTER.validate_python(drive_data(given)) == given
-        assert drive_identity(given) != drive_identity(drive)
-        assert drive_text(given) == text or isinstance(drive, NoiseDrive)
-        assert "springs" not in ADAPTER.dump_json(drive).decode()
-    assert with_springs("none", springs) == "none"
 
 
 BAD: list[Any] = [

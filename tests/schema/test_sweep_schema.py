@@ -41,6 +41,7 @@ GOOD: dict[str, Any] = {
         {"pair": "floor-ball", "mode": "apart", "to": 0.3},
         {"body": "ball", "mode": {"last": "stick"}, "force": {"max": 9}, "depth": {"max": 1e-3}},
     ],
+    "must": ["still(ball, 1 mm, from: 0.5 s)", "held(mug, by: hand)", "passes(peg, hole)"],
     "tolerances": {"penetration_max": 1e-3, "energy_gain": "1%"},
     "thresholds": {"chatter": 5},
     "expect": [
@@ -88,6 +89,8 @@ BAD: list[dict[str, Any]] = [
     {"pairs": [{"mode": "roll"}]},
     {"pairs": [{"depth": {"max": -1}}]},
     {"pairs": [{"mode": {"middle": "stick"}}]},
+    {"must": "stil(ball)"},
+    {"must": ["still(ball)", "upright torso"]},
     {"trace": "sample:0"},
     {"trace_format": "small"},
     {"accuracy": {"error": "global"}},
@@ -119,6 +122,7 @@ def test_a_full_file_is_accepted_by_both() -> None:
     assert set(GOOD) == set(Sweep.model_fields)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("change", BAD)
 def test_a_mistake_is_refused_by_both(change: dict[str, Any]) -> None:
     data = GOOD | change
@@ -170,6 +174,7 @@ def test_every_key_of_a_sweep_file_is_described() -> None:
             assert key.get("description"), name
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", sorted(EMITTED))
 def test_schemas_of_files_that_contactlab_writes_are_sound(name: str) -> None:
     Draft202012Validator.check_schema(json_schemas()[name])

@@ -3,6 +3,7 @@
 import contextlib
 import hashlib
 import json
+import uuid
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -37,7 +38,7 @@ from contactlab.store.table_layout import (
 )
 
 if TYPE_CHECKING:
-    from contactlab_objects.client import ObjectClient
+    from contactlab.store.objects.client import ObjectClient
 
 STEPS = 4
 SCENE = "<mujoco/>"
@@ -248,6 +249,28 @@ def scene_file() -> SceneFile:
 @pytest.fixture(scope="session")
 def write_run_to() -> Callable[[Path, EvidenceRecord], EvidenceRecord]:
     return write_run
+
+
+@pytest.fixture(params=["memory", pytest.param("server", marks=pytest.mark.long)])
+def bucket(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
+    """The address of an empty bucket: in the memory of this process, and on a server."""
+    if request.param == "server":
+        return f"s3://{request.getfixturevalue('object_server').make_bucket()}"
+    pytest.importorskip("obstore", reason="obstore is an extra")
+    from obstore.store import MemoryStore  # noqa: PLC0415 - an extra
+
+    from contactlab.store.objects import client  # noqa: PLC0415 - an extra
+
+    stores: dict[tuple[str, str], MemoryStore] = {}
+
+    def in_memory(bucket: str, *, prefix: str, **_: object) -> MemoryStore:
+        return stores.setdefault((bucket, prefix), MemoryStore())
+
+    monkeypatch.setitem(client._STORES, "s3", in_memory)  # pyright: ignore[reportPrivateUsage]
+    for name in ("AWS_ENDPOINT_URL", "AWS_EC2_METADATA_DISABLED"):
+        monkeypatch.delenv(name, raising=False)
+    # What a process fetched of a store, it knows by the store's address.
+    return f"s3://{uuid.uuid4().hex}"
 
 
 @dataclass

@@ -67,6 +67,7 @@ def at_once(journal: Path, schema: pa.Schema) -> pa.Table:
     return read.select(schema.names).sort_by("index").cast(schema)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("group", "block"), [(1 << 16, 8 << 20), (7, 1), (25, 10_000), (60, 1)])
 def test_a_table_in_parts_is_the_table(
     write: Write,
@@ -103,6 +104,7 @@ def jobs_of(lines: list[bytes], sizes: list[int]) -> list[list[bytes]]:
     return jobs
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("parts", [(1 << 16, 8 << 20), (7, 1), (25, 10_000)])
 def test_what_rows_share_is_in_each_of_them(
     write: Write,
@@ -126,6 +128,7 @@ def test_what_rows_share_is_in_each_of_them(
         assert [rows[index] for index in range(RUNS)] == [json.loads(each) for each in lines]
 
 
+@pytest.mark.long
 @given(data=st.data())
 def test_no_row_takes_what_another_job_shares(data: st.DataObject, lines: list[bytes]) -> None:
     """Whatever lines are lost or exchanged, what is read is some of the rows."""
@@ -143,6 +146,7 @@ def test_no_row_takes_what_another_job_shares(data: st.DataObject, lines: list[b
     assert all(row == rows[name] for name, row in found.items())
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("block", [8 << 20, 5000, 1])
 def test_a_row_lacks_what_is_not_in_its_line(
     write: Write,
@@ -178,6 +182,7 @@ def test_nor_on_how_much_is_read_at_once(write: Write, monkeypatch: pytest.Monke
     assert write(0).read_bytes() == whole
 
 
+@pytest.mark.long
 def test_rows_have_one_digest_as_they_are_written_and_as_they_are_read(
     tmp_path: Path,
     lines: list[bytes],

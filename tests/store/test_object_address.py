@@ -12,6 +12,8 @@ from contactlab.errors import OutputError
 from contactlab.plugins import extensions
 from contactlab.store.store_files import ObjectAddress, parse_address
 
+pytestmark = pytest.mark.long
+
 NAMES = st.text("abcdefghij0123456789-_. ", min_size=1, max_size=12).filter(
     lambda name: name not in {".", ".."}
 )

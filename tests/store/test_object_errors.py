@@ -17,6 +17,8 @@ from contactlab.store.finished_store import Store
 from contactlab.store.store_files import Address, parse_address
 from contactlab.store.store_writer import open_writer
 
+pytestmark = pytest.mark.long
+
 KEYS = "AWS_ACCESS_KEY_ID, AWS_SECRET_ACCESS_KEY and AWS_REGION"
 
 
@@ -129,7 +131,7 @@ def test_in_the_servers_own_words(use: Use, monkeypatch: pytest.MonkeyPatch) -> 
 @pytest.mark.usefixtures("object_server")
 def test_nobody_listens(use: Use, monkeypatch: pytest.MonkeyPatch) -> None:
     point_to(monkeypatch, free_port())
-    monkeypatch.setattr("contactlab_objects.client._RETRIES", 1)
+    monkeypatch.setattr("contactlab.store.objects.client._RETRIES", 1)
     start = time.monotonic()
     assert "the server does not respond; check the network and AWS_ENDPOINT_URL" in said(use)
     assert time.monotonic() - start < 15
@@ -138,7 +140,7 @@ def test_nobody_listens(use: Use, monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.usefixtures("object_server")
 def test_nobody_answers(use: Use, monkeypatch: pytest.MonkeyPatch) -> None:
     """With the patience of a second instead of twelve."""
-    monkeypatch.setattr("contactlab_objects.client._SILENCE", timedelta(seconds=1))
+    monkeypatch.setattr("contactlab.store.objects.client._SILENCE", timedelta(seconds=1))
     with listening() as port:
         point_to(monkeypatch, port)
         start = time.monotonic()
@@ -154,7 +156,7 @@ def test_plain_http_is_not_taken_for_safe(use: Use, monkeypatch: pytest.MonkeyPa
 
 def test_not_installed(use: Use, monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("backend", "client"):
-        monkeypatch.delitem(sys.modules, f"contactlab_objects.{name}", raising=False)
+        monkeypatch.delitem(sys.modules, f"contactlab.store.objects.{name}", raising=False)
     monkeypatch.setitem(sys.modules, "obstore", None)
     act, _ = use
     with pytest.raises(OutputError) as raised:

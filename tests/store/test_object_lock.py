@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING
 import pytest
 
 from contactlab.errors import OutputError
+from contactlab.store.objects.lease import LockHolder, StoreLease, hold_lease
 from contactlab.store.store_files import LOCK, ObjectAddress, parse_address
-from contactlab_objects.lease import LockHolder, StoreLease, hold_lease
 
 if TYPE_CHECKING:
-    from contactlab_objects.client import ObjectClient
+    from contactlab.store.objects.client import ObjectClient
 
 Connect = Callable[[ObjectAddress], "ObjectClient"]
 
@@ -96,6 +96,7 @@ def test_of_another_version_is_waited_out(client: "ObjectClient") -> None:
         pass
 
 
+@pytest.mark.long
 def test_of_another_machine_that_is_alive(client: "ObjectClient") -> None:
     """It shows signs of life; the wait ends with the first, however long the lease."""
     other = elsewhere()

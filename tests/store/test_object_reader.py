@@ -14,6 +14,8 @@ from contactlab.store.finished_store import Store
 from contactlab.store.store_files import parse_address
 from contactlab.store.verify_store import verify, write_baseline
 
+pytestmark = pytest.mark.long
+
 SCENE = "scenes/35472800cb1450b5/scene.xml"
 TRACE = "traces/01/0000000000000001.mcap"
 

@@ -135,6 +135,7 @@ def kinds(record: EvidenceRecord) -> dict[str, type]:
     return {name: type(value) for name, value in record.settings.items()}
 
 
+@pytest.mark.long
 @given(changes=st.lists(CHANGES, min_size=1, max_size=4))
 @settings(deadline=None, max_examples=50)
 def test_records_survive_the_table(
@@ -153,6 +154,7 @@ def test_records_survive_the_table(
     assert [kinds(each) for each in read] == [kinds(each) for each in records]
 
 
+@pytest.mark.long
 @given(changes=st.lists(CHANGES, min_size=1, max_size=4))
 @settings(deadline=None, max_examples=50)
 def test_a_table_survives_the_journal(

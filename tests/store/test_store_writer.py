@@ -230,6 +230,7 @@ def test_two_writers_of_one_file_do_not_share_what_they_write(tmp_path: Path) ->
     assert list(tmp_path.iterdir()) == [target]
 
 
+@pytest.mark.long
 def test_many_changes_are_synced_together_and_all_of_them_by_the_end(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -2,8 +2,12 @@
 
 from pathlib import Path
 
+import pytest
+
 from contactlab.run.sweep_request import SceneLoader
 from contactlab.studies.session import Session
+
+pytestmark = pytest.mark.long
 
 
 def test_the_same_sweep_is_run_once_and_another_one_replaces_it(tmp_path: Path) -> None:

@@ -8,12 +8,13 @@ from typing import Any
 import pytest
 
 from contactlab.errors import ExpectationError, SceneError
+from contactlab.plan.task_options import TaskOptions
 from contactlab.run.sweep_request import SceneLoader
 from contactlab.studies.configuration_runs import ConfigurationRows
 from contactlab.studies.effects.effects_request import AblationSetup
 from contactlab.studies.session import Session
-from contactlab_tune.trials import Contender, Trials
-from contactlab_tune.tune_request import BASELINE, FRESH, TuneRequest, by_seeds, limits_of
+from contactlab.studies.tune.trials import Contender, Trials
+from contactlab.studies.tune.tune_request import BASELINE, FRESH, TuneRequest, by_seeds, limits_of
 
 
 def rows(peak: float, final: float, divergence: float = 0.0) -> ConfigurationRows:
@@ -46,9 +47,9 @@ def test_of_reality_the_mean_over_recorded_runs_counts() -> None:
     limits = limits_of(request, now)
     assert limits.sizes == {"reality": pytest.approx(1.05 * 0.2)}
     assert limits.excess(off(0.4, 0.0)) == pytest.approx(0.2 / 0.21)
-    assert limits.broken(off(0.3, 0.3), now) == "reality is 0.3 over 2 runs (limit 0.21)"
+    assert limits.broken(off(0.3, 0.3), now) == "reality 0.3 over 2 runs, limit 0.21"
     assert limits.excess(off(0.1, None)) == math.inf
-    asked = limits_of(replace(request, tolerances={"reality": 0.5}), now)
+    asked = limits_of(replace(request, task=TaskOptions(limits={"reality": 0.5})), now)
     assert asked.sizes == {"reality": 0.5}
     with pytest.raises(ExpectationError, match="not every run has a distance from reality"):
         limits_of(request, off(0.1, None))

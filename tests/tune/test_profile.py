@@ -8,7 +8,7 @@ import pytest
 from contactlab.engines import engine_of
 from contactlab.engines.engine import Segments, TimesSteps
 from contactlab.scene.scene import Scene
-from contactlab_tune.profile import PARTS, costs_without
+from contactlab.studies.tune.profile import PARTS, costs_without
 
 PRICES = {"sensors": 3.0, "contacts": 5.0, "constraints, contacts included": 7.0}
 REST = 4.0

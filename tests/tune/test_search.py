@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from contactlab.studies.session import Values
-from contactlab_tune.search import Knob, Search, Space
+from contactlab.studies.tune.search import Knob, Search, Space
 
 STEPS = tuple(1e-3 * 2.0 ** (each / 2) for each in range(-4, 8))
 ORDERS = {"Euler": 1, "implicitfast": 1, "RK4": 4}

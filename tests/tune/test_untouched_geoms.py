@@ -13,7 +13,7 @@ from contactlab.engines.engine import Buffers, PreparedRuns
 from contactlab.scene.model_draft import ModelEdits
 from contactlab.scene.scene import Scene
 from contactlab.scene.unreachable import filtered_pairs, unreachable_pairs
-from contactlab_tune.profile import untouched_geoms
+from contactlab.studies.tune.profile import untouched_geoms
 
 # An arm that turns by 1.5 rad either way, a post at 1.4 rad, a wall out of reach, a lamp above all;
 # and a box on the floor, which may be anywhere.
@@ -96,6 +96,7 @@ def edited(text: str, found: ModelEdits) -> str:
 ALONE = re.sub('(?s)<geom name="post".*?/>|<body name="box".*?</body>', "", WORKSHOP)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("text", "masks"), [(WORKSHOP, False), (ALONE, True)])
 def test_without_them_states_stay_bit_equal_from_fresh_seeds(
     tmp_path: Path, text: str, *, masks: bool

@@ -3,7 +3,7 @@
     python -m tests.verdicts [corpus|public|all] [--only PATTERN] [--held-back]
 
 The first table has the failing models of the corpus and their healthy twins; the second the models
-of public wheels under three drives. The same is written as JSON.
+of public wheels under their tasks. The same is written as JSON.
 """
 
 import argparse
@@ -17,17 +17,10 @@ from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from tests.verdicts.cases import CASES
-from tests.verdicts.corpus import Case
+from tests.verdicts.corpus import Case, CorpusError, read_corpus
 from tests.verdicts.deserved import deserved
-from tests.verdicts.held_back import HELD_BACK
-from tests.verdicts.held_back_2 import HELD_BACK_2
-from tests.verdicts.held_back_3 import HELD_BACK_3
-from tests.verdicts.held_back_4 import HELD_BACK_4
-from tests.verdicts.held_back_5 import HELD_BACK_5
-from tests.verdicts.held_back_6 import HELD_BACK_6
-from tests.verdicts.judge import NO_MODEL, Job, Verdict, judged
-from tests.verdicts.public_models import DRIVES, public_models
+from tests.verdicts.judge import NO_MODEL, SOUND, Job, Verdict, judged
+from tests.verdicts.public_models import public_models
 
 # Whatever else would drive the models would make others of them than the truth is known of.
 AS_IT_IS = "none"
@@ -53,22 +46,22 @@ def of_corpus(case: Case, verdict: Verdict, part: str, *, healthy: bool) -> Row:
     if verdict.label in _UNDECIDED:
         outcome = "no verdict"
     elif healthy:
-        outcome = "sound" if verdict.sound else "FALSE ALARM"
+        outcome = "sound" if verdict.label == SOUND else "FALSE ALARM"
     else:
-        outcome = "MISSED" if verdict.sound else "found"
+        outcome = "MISSED" if verdict.label == SOUND else "found"
     return _row(part, case.kind, case.name, "twin" if healthy else "failing", outcome, verdict)
 
 
-def of_public(job: Job, drive: str, verdict: Verdict) -> Row:
-    """Return the row of a public model under a drive."""
+def of_public(job: Job, verdict: Verdict) -> Row:
+    """Return the row of a public model under its task."""
     why = deserved(job.name, verdict.label)
     if verdict.label in _UNDECIDED:
         outcome = "no verdict"
-    elif verdict.sound:
+    elif verdict.label == SOUND:
         outcome = "sound"
     else:
         outcome = f"deserved: {why}" if why else "FALSE ALARM"
-    return _row("public", job.name.partition("/")[0], job.name, drive, outcome, verdict)
+    return _row("public", job.name.partition("/")[0], job.name, job.drive, outcome, verdict)
 
 
 def _row(part: str, kind: str, name: str, run: str, outcome: str, verdict: Verdict) -> Row:
@@ -77,26 +70,17 @@ def _row(part: str, kind: str, name: str, run: str, outcome: str, verdict: Verdi
 
 def corpus_rows(options: argparse.Namespace, folder: Path) -> list[Row]:
     """Judge each failing model of the corpus, and each twin."""
-    parts = {"open": CASES}
-    if options.held_back:
-        parts |= {
-            "held back": HELD_BACK,
-            "held back 2": HELD_BACK_2,
-            "held back 3": HELD_BACK_3,
-            "held back 4": HELD_BACK_4,
-            "held back 5": HELD_BACK_5,
-            "held back 6": HELD_BACK_6,
-        }
     asked: dict[Path, tuple[Case, str, bool]] = {}
-    for part, cases in parts.items():
-        for case in cases if options.part in {"", part} else ():
-            for healthy in (False, True) if case.failing else (True,):
+    for part in read_corpus():
+        shown = options.held_back or not part.held_back
+        for case in part.cases if options.part == part.name or (shown and not options.part) else ():
+            for healthy in case.told:
                 if options.only in case.name or options.only in case.kind:
                     path = folder / f"model_{len(asked)}.xml"
                     path.write_text(case.text(healthy=healthy), encoding="utf-8")
-                    asked[path] = (case, part, healthy)
-    jobs = [Job(case.name, path, case.duration, (AS_IT_IS,)) for path, (case, *_) in asked.items()]
-    found = {job.path: verdicts[0] for job, verdicts in _judged(jobs, options)}
+                    asked[path] = (case, part.name, healthy)
+    jobs = [Job(case.name, path, case.duration, AS_IT_IS) for path, (case, *_) in asked.items()]
+    found = {job.path: verdict for job, verdict in _judged(jobs, options)}
     return [
         of_corpus(case, found[path], part, healthy=healthy)
         for path, (case, part, healthy) in asked.items()
@@ -104,25 +88,20 @@ def corpus_rows(options: argparse.Namespace, folder: Path) -> list[Row]:
 
 
 def public_rows(options: argparse.Namespace, folder: Path) -> list[Row]:
-    """Judge each public model under each drive."""
+    """Judge each public model under its task, of 3 s."""
     models = public_models(folder, options.only)
-    jobs = [Job(model.name, model.path, 2.0, DRIVES) for model in models]
-    rows = [
-        of_public(job, drive, verdict)
-        for job, verdicts in _judged(jobs, options)
-        for drive, verdict in zip(DRIVES, verdicts, strict=True)
-        if verdict.label != NO_MODEL
-    ]
+    jobs = [Job(model.name, model.path, 3.0, "auto") for model in models]
+    found = _judged(jobs, options)
+    rows = [of_public(job, verdict) for job, verdict in found if verdict.label != NO_MODEL]
     return sorted(rows, key=lambda row: row.name)
 
 
-def _judged(
-    jobs: Sequence[Job], options: argparse.Namespace
-) -> Iterable[tuple[Job, tuple[Verdict, ...]]]:
-    for done, each in enumerate(judged(jobs, workers=options.jobs, seconds=options.seconds), 1):
+def _judged(jobs: Sequence[Job], options: argparse.Namespace) -> Iterable[tuple[Job, Verdict]]:
+    found = judged(jobs, workers=options.jobs, seconds=options.seconds)
+    for done, job_and_verdict in enumerate(found, 1):
         if sys.stderr.isatty():
             print(f"\r{done}/{len(jobs)}", end="\r", file=sys.stderr)
-        yield each
+        yield job_and_verdict
 
 
 def print_rows(title: str, rows: Sequence[Row]) -> None:
@@ -160,7 +139,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("table", nargs="?", choices=["corpus", "public", "all"], default="all")
     parser.add_argument("--only", default="", metavar="PATTERN", help="names or kinds with this")
     parser.add_argument("--held-back", action="store_true", help="also what rules may not know")
-    parser.add_argument("--part", default="", help="of the corpus, this part alone")
+    parser.add_argument(
+        "--part",
+        choices=[part.name for part in read_corpus()],
+        help="of the corpus, this part alone, held back or not",
+    )
     parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="models side by side")
     parser.add_argument("--seconds", type=float, default=600, help="time limit for each model")
     parser.add_argument("--json", type=Path, default=Path("results/verdicts.json"))
@@ -181,6 +164,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
 if __name__ == "__main__":
     try:
         main()
+    except CorpusError as error:
+        sys.exit(f"error: {error}")
     except KeyboardInterrupt:
         sys.exit(128 + signal.SIGINT)
     except BrokenPipeError:

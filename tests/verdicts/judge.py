@@ -1,14 +1,14 @@
 """What contactlab says of a model: the label of a sweep of one run, in a process of its own."""
 
+import json
 import os
+import subprocess
+import sys
 import tempfile
 import time
-from collections import deque
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
-from multiprocessing import connection, get_context
-from multiprocessing.connection import Connection
-from multiprocessing.process import BaseProcess
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from tests.verdicts.public_models import moves
@@ -18,7 +18,7 @@ from contactlab.errors import ContactlabError
 
 SOUND = "stable"
 NO_MODEL = "no model"
-_CONTEXT = get_context("forkserver")
+_ROOT = Path(__file__).parents[2]
 
 
 @dataclass(frozen=True)
@@ -29,36 +29,21 @@ class Verdict:
     reason: str
     seconds: float = 0.0
 
-    @property
-    def sound(self) -> bool:
-        return self.label == SOUND
-
 
 @dataclass(frozen=True)
 class Job:
-    """A model to judge under each of some drives."""
+    """A model to judge under a drive."""
 
     name: str
     path: Path
     duration: float
-    drives: tuple[str, ...]
-
-
-@dataclass
-class _Trial:
-    job: Job
-    process: BaseProcess
-    deadline: float
-    verdicts: list[Verdict] = field(default_factory=list)
-
-    def finish(self, label: str, reason: str) -> tuple[Job, tuple[Verdict, ...]]:
-        """Return the verdicts, with what ended the process for those that it never reached."""
-        missing = len(self.job.drives) - len(self.verdicts)
-        return self.job, (*self.verdicts, *[Verdict(label, reason)] * missing)
+    drive: str
 
 
 def judge(path: Path, duration: float, drive: str) -> Verdict:
     """Return what one run of a model is labelled."""
+    if not moves(path):
+        return Verdict(NO_MODEL, "part of others, or nothing in it can move")
     started = time.perf_counter()
     with tempfile.TemporaryDirectory() as folder:
         try:
@@ -76,47 +61,34 @@ def judge(path: Path, duration: float, drive: str) -> Verdict:
     return Verdict(label, " ".join(reason.split()), time.perf_counter() - started)
 
 
-def judged(
-    jobs: Iterable[Job], *, workers: int, seconds: float
-) -> Iterator[tuple[Job, tuple[Verdict, ...]]]:
+def judged(jobs: Iterable[Job], *, workers: int, seconds: float) -> Iterator[tuple[Job, Verdict]]:
     """Judge models side by side, each within a time; yield them as they are done."""
-    _CONTEXT.set_forkserver_preload(["tests.verdicts.judge", "contactlab.api.running_functions"])
-    waiting, running = deque(jobs), dict[Connection, _Trial]()
-    while waiting or running:
-        while waiting and len(running) < workers:
-            receiver, trial = _start(waiting.popleft(), seconds)
-            running[receiver] = trial
-        patience = min(trial.deadline for trial in running.values()) - time.monotonic()
-        for receiver in connection.wait(list(running), max(patience, 0.0)):
-            assert isinstance(receiver, Connection)
-            try:
-                running[receiver].verdicts.append(receiver.recv())
-            except EOFError:
-                trial = running.pop(receiver)
-                trial.process.join()
-                yield trial.finish("died", f"exit code {trial.process.exitcode}")
-        for receiver, trial in list(running.items()):
-            if time.monotonic() > trial.deadline:
-                del running[receiver]
-                trial.process.kill()
-                yield trial.finish("too slow", f"no verdict within {seconds:g} s for the model")
+    with ThreadPoolExecutor(workers) as pool:
+        trials = {pool.submit(_tried, job, seconds): job for job in jobs}
+        for trial in as_completed(trials):
+            yield trials[trial], trial.result()
 
 
-def _start(job: Job, seconds: float) -> tuple[Connection, _Trial]:
-    receiver, sender = _CONTEXT.Pipe(duplex=False)
-    process = _CONTEXT.Process(target=_tell, args=(job, sender), daemon=True)
-    process.start()
-    sender.close()
-    return receiver, _Trial(job, process, time.monotonic() + seconds)
+def _tried(job: Job, seconds: float) -> Verdict:
+    command = [sys.executable, "-m", "tests.verdicts.judge"]
+    command += [str(job.path), str(job.duration), job.drive]
+    # The engine writes its warnings into a file of the current folder.
+    with tempfile.TemporaryDirectory() as folder:
+        try:
+            done = subprocess.run(
+                command,
+                cwd=folder,
+                env=os.environ | {"PYTHONPATH": str(_ROOT)},
+                capture_output=True,
+                timeout=seconds,
+                check=False,
+            )
+        except subprocess.TimeoutExpired:
+            return Verdict("too slow", f"no verdict within {seconds:g} s for the model")
+    if done.returncode:
+        return Verdict("died", f"exit code {done.returncode}")
+    return Verdict(**json.loads(done.stdout.splitlines()[-1]))
 
 
-def _tell(job: Job, sender: Connection) -> None:
-    with tempfile.TemporaryDirectory() as folder, Path(os.devnull).open("w") as nothing:
-        os.chdir(folder)  # The engine writes its warnings into a file there.
-        for stream in (1, 2):
-            os.dup2(nothing.fileno(), stream)
-        for drive in job.drives:
-            if moves(job.path):
-                sender.send(judge(job.path, job.duration, drive))
-            else:
-                sender.send(Verdict(NO_MODEL, "part of others, or nothing in it can move"))
+if __name__ == "__main__":
+    sys.stdout.write(json.dumps(asdict(judge(Path(sys.argv[1]), float(sys.argv[2]), sys.argv[3]))))

@@ -21,7 +21,6 @@ from pathlib import Path
 import mujoco
 
 PACKAGES = ("mujoco", "gymnasium", "gymnasium_robotics", "dm_control", "robosuite")
-DRIVES = ("hold", "noise=0.3,rate=10", "exercise")
 _URDF = "cmeel.prefix/share/example-robot-data"
 _AS_URDF = """<mujoco><compiler strippath="false" discardvisual="true" balanceinertia="true"/>
 </mujoco>"""

@@ -15,8 +15,8 @@ from contactlab.run.sweep_request import SceneLoader, SweepRequest
 from contactlab.run.sweep_runner import run_sweep
 from contactlab.store.finished_store import Store
 from contactlab.store.mcap.trace_reader import StoredTrace
-from contactlab_view.drawn_motion import BodyMotion, ContactForces, JointMotion, Stage
-from contactlab_view.drawn_shapes import BodyShape, Form
+from contactlab.view.drawn_motion import BodyMotion, ContactForces, JointMotion, Stage
+from contactlab.view.drawn_shapes import BodyShape, Form
 
 SWEEPS = {
     "ball": "{version: 1, scene: ball_drop, duration: 0.4, axes: {drop_height: [0.1]}}",

@@ -9,7 +9,7 @@ import pytest
 
 from contactlab.contact.trace_arrays import Floats
 from contactlab.scene.model_names import name_by_address
-from contactlab_view.drawn_shapes import BodyShape, poses, shapes
+from contactlab.view.drawn_shapes import BodyShape, poses, shapes
 
 GEOMS = {
     "box": 'type="box" size="0.1 0.2 0.3"',

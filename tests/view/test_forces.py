@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from contactlab.contact.trace_arrays import DISTANCE, FORCE, NORMAL, POSITION, SLOT_WIDTH, TANGENT
 from contactlab.store.mcap.trace_reader import StoredPair
-from contactlab_view.drawn_motion import frame_rows, peak_forces, read_motion, world_force
+from contactlab.view.drawn_motion import frame_rows, peak_forces, read_motion, world_force
 
 TIMES = st.lists(st.floats(1e-3, 0.5), max_size=30).map(lambda steps: np.cumsum([0.0, *steps]))
 

@@ -12,9 +12,9 @@ from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
 from contactlab.schema.evidence import LabelEntry
-from contactlab_view.drawn_motion import run_events
-from contactlab_view.foxglove_files import evidence_schema, message_path
-from contactlab_view.render import render
+from contactlab.view.drawn_motion import run_events
+from contactlab.view.foxglove_files import evidence_schema, message_path
+from contactlab.view.render import render
 
 Read = Callable[[str], Any]
 # What the importers of Foxglove and Lichtblick read of a JSON Schema.
@@ -129,6 +129,7 @@ def without_null(value: Any) -> Any:
     return value
 
 
+@pytest.mark.long
 def test_the_schema_of_a_record_is_read_by_viewers_and_true(
     rendered: Callable[[str], Path],
 ) -> None:

@@ -18,9 +18,9 @@ from tests.written_traces import TraceExtras, assert_viewable, write_trace
 from contactlab.contact.trace_arrays import PairSeries, Trace
 from contactlab.palette import MODE_COLOURS
 from contactlab.store.mcap.trace_reader import read_trace
-from contactlab_view.drawn_motion import BodyMotion
-from contactlab_view.drawn_shapes import BodyShape
-from contactlab_view.foxglove_layer import write_with_layer
+from contactlab.view.drawn_motion import BodyMotion
+from contactlab.view.drawn_shapes import BodyShape
+from contactlab.view.foxglove_layer import write_with_layer
 
 MakeTrace = Callable[..., tuple[Trace, list[PairSeries]]]
 MakeMotion = Callable[..., BodyMotion]
@@ -151,6 +151,7 @@ def assert_joints(found: Found, motion: BodyMotion) -> None:
             assert each.velocity == motion.joints.velocity[frame, index]
 
 
+@pytest.mark.long
 @settings(max_examples=25, deadline=None)
 @given(steps=st.integers(0, 12), seed=st.integers(0, 2**32 - 1), data=st.data())
 def test_python_reads_the_motion_and_all_that_was_there(

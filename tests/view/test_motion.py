@@ -17,7 +17,7 @@ from tests.written_traces import assert_viewable
 from contactlab.errors import StoreError
 from contactlab.schema.evidence import LabelEntry
 from contactlab.store.mcap.trace_reader import read_trace
-from contactlab_view.drawn_motion import (
+from contactlab.view.drawn_motion import (
     arrow_scale,
     failing_pair,
     read_motion,
@@ -25,9 +25,10 @@ from contactlab_view.drawn_motion import (
     telling_moments,
     widened,
 )
-from contactlab_view.render import render
+from contactlab.view.render import render
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["ball", "slide", "stack"])
 def test_poses_in_the_file_are_those_of_the_trajectory(
     name: str, drawn: Callable[[str], Any], target: Callable[[str], Path]

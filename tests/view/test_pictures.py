@@ -15,15 +15,15 @@ from PIL import Image
 from contactlab.contact.trace_arrays import STICK
 from contactlab.contact.trace_setup import RecordedMotion
 from contactlab.errors import OutputError, SceneError
-from contactlab_view.drawn_motion import ContactForces, following, read_motion
-from contactlab_view.film import (
+from contactlab.view.drawn_motion import ContactForces, following, read_motion
+from contactlab.view.film import (
     Picture,
     draw_pictures,
     force_bar,
     recorded_poses,
     side_by_side,
 )
-from contactlab_view.render import PictureOptions, render
+from contactlab.view.render import PictureOptions, render
 
 SIZE = (160, 120)
 Draw = Callable[[str], Any]
@@ -58,6 +58,7 @@ def greenish(picture: Picture) -> Any:
     return (green - red > 45) & (green > blue)
 
 
+@pytest.mark.long
 def test_a_ball_is_where_the_camera_sees_it(drawn: Draw) -> None:
     """By a pinhole camera: azimuth 120, elevation -18 degrees, 45 degrees of view up and down."""
     run = drawn("ball")
@@ -86,6 +87,7 @@ def test_a_ball_is_where_the_camera_sees_it(drawn: Draw) -> None:
         assert np.median(rows) == pytest.approx(y, abs=radius / 2)
 
 
+@pytest.mark.long
 def test_arrows_show_only_during_contact(drawn: Draw) -> None:
     run = drawn("stack")
     motion = read_motion(run.start.prepared, run.trace, 60)
@@ -96,6 +98,7 @@ def test_arrows_show_only_during_contact(drawn: Draw) -> None:
     assert not greenish(falling).any()
 
 
+@pytest.mark.long
 def test_an_arrow_is_as_long_as_its_bar_says(drawn: Draw) -> None:
     """An arrow across the view; its tip, a twentieth of its length, is too thin to tell."""
     run, azimuth = drawn("ball"), np.radians(120)
@@ -115,6 +118,7 @@ def test_an_arrow_is_as_long_as_its_bar_says(drawn: Draw) -> None:
     assert np.ptp(columns) == pytest.approx(expected, rel=0.05)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("scale", [1e-6, 3e-4, 0.02, 5.0])
 def test_bars_are_of_round_forces_and_of_a_fair_length(drawn: Draw, scale: float) -> None:
     run = drawn("ball")
@@ -125,6 +129,7 @@ def test_bars_are_of_round_forces_and_of_a_fair_length(drawn: Draw, scale: float
     assert 640 / 5 / 2.5 - 1 <= pixels <= 640 / 5 + 1
 
 
+@pytest.mark.long
 def test_the_camera_follows_the_pair_and_the_whole_is_an_inset(drawn: Draw) -> None:
     run = drawn("ball")
     far = run.trace.qpos.copy()
@@ -145,6 +150,7 @@ def test_the_camera_follows_the_pair_and_the_whole_is_an_inset(drawn: Draw) -> N
     assert following(read_motion(run.start.prepared, run.trace, 60), [0]) is None
 
 
+@pytest.mark.long
 def test_runs_beside_each_other_are_seen_from_one_place(drawn: Draw, target: Target) -> None:
     run = drawn("slide")
     options = PictureOptions(SIZE, beside=run.run, at=(0.0, 0.2))
@@ -163,6 +169,7 @@ def test_the_shorter_of_two_films_keeps_its_last_picture() -> None:
     assert seen == [(1, 7), (2, 7), (3, 7)]
 
 
+@pytest.mark.long
 def test_what_was_recorded_is_a_ghost_where_it_is_elsewhere(drawn: Draw) -> None:
     """Where it is as simulated, or was not recorded, the picture is the same to the last bit."""
     run = drawn("ball")
@@ -183,6 +190,7 @@ def test_what_was_recorded_is_a_ghost_where_it_is_elsewhere(drawn: Draw) -> None
         assert (picture({0: same}) == plain).all()
 
 
+@pytest.mark.long
 def test_ghosts_are_at_the_nearest_row() -> None:
     times, qpos = np.array([[0.0, 0.1, 0.2, np.nan]]), np.arange(4.0).reshape(1, 4, 1)
     none = np.full((1, 2), -1)
@@ -192,11 +200,13 @@ def test_ghosts_are_at_the_nearest_row() -> None:
     assert recorded_poses(None, np.zeros(3)) == {}
 
 
+@pytest.mark.long
 def test_an_unknown_camera_is_refused(drawn: Draw) -> None:
     with pytest.raises(SceneError, match="the model has no camera 'front'; leave --camera out"):
         take(drawn("ball"), [0], "front")
 
 
+@pytest.mark.long
 def test_a_camera_of_the_model_is_used(drawn: Draw) -> None:
     run = drawn("ball")
     model = mujoco.MjModel.from_xml_string(
@@ -212,7 +222,7 @@ def test_a_camera_of_the_model_is_used(drawn: Draw) -> None:
         assert bluish(picture).any() == seen
 
 
-@pytest.mark.slow
+@pytest.mark.night
 @pytest.mark.parametrize("speed", [None, 0.25])
 def test_films_last_as_long_as_the_run(drawn: Draw, target: Target, speed: float | None) -> None:
     run, path = drawn("ball"), target(".mp4")
@@ -229,6 +239,7 @@ def test_films_last_as_long_as_the_run(drawn: Draw, target: Target, speed: float
     assert np.abs(frames[0][: SIZE[1]].astype(float) - first).mean() < 4
 
 
+@pytest.mark.long
 def test_animations_last_as_long_as_the_run(drawn: Draw, target: Target) -> None:
     run, path = drawn("ball"), target(".gif")
     render(run.store, run.run, path, PictureOptions(SIZE))
@@ -241,6 +252,7 @@ def test_animations_last_as_long_as_the_run(drawn: Draw, target: Target) -> None
     assert lasting == 40 * (int(run.trace.time[-1] * 25 + 1e-6) + 1)
 
 
+@pytest.mark.long
 def test_a_sheet_has_a_picture_for_each_moment(drawn: Draw, target: Target) -> None:
     run, path = drawn("ball"), target(".png")
     render(run.store, run.run, path, PictureOptions(SIZE, at=(0.1, 0.0, 0.1, 0.2)))
@@ -255,6 +267,7 @@ def test_a_sheet_has_a_picture_for_each_moment(drawn: Draw, target: Target) -> N
     np.testing.assert_array_equal(cells[1][: SIZE[1]], first)
 
 
+@pytest.mark.long
 def test_equal_runs_give_equal_pictures(drawn: Draw, target: Target) -> None:
     run = drawn("slide")
     contents: list[bytes] = []
@@ -264,6 +277,7 @@ def test_equal_runs_give_equal_pictures(drawn: Draw, target: Target) -> None:
     assert contents[0] == contents[1]
 
 
+@pytest.mark.long
 def test_pictures_do_not_depend_on_what_memory_held(
     drawn: Draw, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -283,6 +297,7 @@ def test_pictures_do_not_depend_on_what_memory_held(
     assert (seen[0] == seen[2]).all()
 
 
+@pytest.mark.long
 def test_films_drawn_by_turns_are_as_drawn_alone(drawn: Draw) -> None:
     """Also when one ends or is given up before the other: what OpenGL holds is numbered alike."""
     run = drawn("slide")
@@ -304,6 +319,7 @@ def test_films_drawn_by_turns_are_as_drawn_alone(drawn: Draw) -> None:
     np.testing.assert_array_equal([each for each in other if each is not None], alone)
 
 
+@pytest.mark.long
 def test_missing_graphics_name_a_remedy(
     drawn: Draw, target: Target, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -316,6 +332,7 @@ def test_missing_graphics_name_a_remedy(
     assert list(target("").parent.iterdir()) == []
 
 
+@pytest.mark.long
 def test_a_full_disk_leaves_no_half_film(drawn: Draw, tmp_path: Path) -> None:
     run, folder = drawn("ball"), tmp_path / "taken.mp4"
     folder.mkdir()

@@ -11,9 +11,9 @@ from tests.written_traces import TraceExtras, write_trace
 from contactlab.contact.trace_arrays import PairSeries, Trace
 from contactlab.errors import OutputError
 from contactlab.store.mcap.trace_reader import StoredTrace, read_trace
-from contactlab_view.drawn_motion import BodyMotion, RunEvent
+from contactlab.view.drawn_motion import BodyMotion, RunEvent
 
-write_rrd = pytest.importorskip("contactlab_view.rerun_export").write_rrd
+write_rrd = pytest.importorskip("contactlab.view.rerun_export").write_rrd
 MakeTrace = Callable[..., tuple[Trace, list[PairSeries]]]
 Columns = dict[str, dict[str, list[Any]]]
 

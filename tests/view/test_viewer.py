@@ -6,10 +6,12 @@ import sys
 
 import pytest
 
+pytestmark = pytest.mark.long
+
 CODE = """
 from contactlab.errors import SceneError
 from contactlab.scene.scene import Scene
-from contactlab_view.render import open_viewer
+from contactlab.view.render import open_viewer
 scene = Scene.open("ball_drop")
 run = scene.resolve({}, 0, None)
 try:

@@ -16,19 +16,19 @@ from contactlab.accuracy.reference import (
 from contactlab.contact.contact_laws import refsafe_solref
 from contactlab.contact.trace_arrays import Floats
 from contactlab.engines import Watch
-from contactlab.scene.resolution import ResolvedRun
+from contactlab.scene.run_spec import RunSpec
 from contactlab.scene.scene import Scene
 from contactlab.schema.evidence import Accuracy, ErrorKind, SolrefRule
 from contactlab.schema.sweep_schema import AccuracyRequest
 
 Note = Mapping[str, Any]
-"""What a pass finds of one run, in JSON's types; empty where the run does not go through."""
+"""Findings of a pass for one run, in JSON's types; empty where the run does not go through."""
 
 # Common times of a run and its reference, and restarts from the reference's states; fewer where
 # runs of many timesteps would have the reference keep too many states.
 _SAMPLES, _MIN_SAMPLES = 256, 16
 _RESTARTS = 32
-_MAX_BYTES = 32 << 20
+_MOST_BYTES_OF_STATES = 32 << 20
 # A family is chaotic if a start 1e-8 away diverges by this share of the model's extent, and by this
 # share of the runs' median error or by this multiple of the reference's own error estimate.
 _EXTENT = 1e-3
@@ -49,7 +49,7 @@ class _Times(NamedTuple):
 
 
 def families(
-    models: Mapping[str, ResolvedRun],
+    models: Mapping[str, RunSpec],
     scene: Scene,
     controls: Mapping[str, str | None] = MappingProxyType({}),
 ) -> list[list[str]]:
@@ -65,7 +65,7 @@ def families(
 
 
 def reference_steps(
-    refine: int, runs: Mapping[str, ResolvedRun], models: Mapping[str, ResolvedRun], scene: Scene
+    refine: int, runs: Mapping[str, RunSpec], models: Mapping[str, RunSpec], scene: Scene
 ) -> float:
     """Return how many force evaluations it takes to compare runs with references, of `models`."""
     return sum(
@@ -74,7 +74,7 @@ def reference_steps(
     )
 
 
-def _steps(family: list[ResolvedRun], model: ResolvedRun, refine: int) -> float:
+def _steps(family: list[RunSpec], model: RunSpec, refine: int) -> float:
     finest = max(run.duration / run.timestep for run in (*family, model))
     # The coarse solution, its perturbed copy, and the fine one with twice as many steps.
     reference = 4 * refine * finest * _EVALUATIONS
@@ -84,7 +84,7 @@ def _steps(family: list[ResolvedRun], model: ResolvedRun, refine: int) -> float:
 def discretization_errors(
     scene: Scene,
     family: Sequence[PlannedModel],
-    model: ResolvedRun,
+    model: RunSpec,
     request: AccuracyRequest,
     watch: Watch,
 ) -> list[Note]:
@@ -93,19 +93,21 @@ def discretization_errors(
     `model` is that of their reference; `watch` is called before steps, to start their time limit.
     """
     local = request.error == "local"
-    timesteps = [run.resolved.timestep for run in family]
+    timesteps = [run.run.timestep for run in family]
     samples, shared = _samples(family), request.against == "written"
     times = [
         _restarts(run, max(timesteps)) if local else _common(run, samples, to_the_end=shared)
         for run in family
     ]
-    needed = np.unique(np.concatenate([part for each in times for part in each]))
+    needed = np.unique(np.concatenate([part for family_times in times for part in family_times]))
     solved = Family(scene, family[0], model, watch)
     reference = solved.reference(needed, min(*timesteps, model.timestep) / request.refine)
     if reference is None:
         return [{} for _ in family]
     compare = _compare_locally if local else _compare
-    notes = [compare(reference, run, each) for run, each in zip(family, times, strict=True)]
+    notes = [
+        compare(reference, run, run_times) for run, run_times in zip(family, times, strict=True)
+    ]
     found: dict[str, object] = {"integrator": reference.integrator, "timestep": reference.timestep}
     if not local:
         found["divergence"] = divergence = reference.divergence()
@@ -117,13 +119,13 @@ def _samples(family: Sequence[PlannedModel]) -> int:
     """Return at how many times of each run the reference may keep its state."""
     model = family[0].prepared.model
     state = 8 * (1 + model.nq + model.nv + model.na)
-    timesteps = len({run.resolved.timestep for run in family})
-    return max(_MIN_SAMPLES, min(_SAMPLES, _MAX_BYTES // (state * timesteps)))
+    timesteps = len({run.run.timestep for run in family})
+    return max(_MIN_SAMPLES, min(_SAMPLES, _MOST_BYTES_OF_STATES // (state * timesteps)))
 
 
 def _common(run: PlannedModel, samples: int, *, to_the_end: bool) -> _Times:
     """Return times of a run's own steps or, up to the end, times that no timestep decides."""
-    resolved = run.resolved
+    resolved = run.run
     if to_the_end:
         return _Times(np.empty(0), np.linspace(0, resolved.duration, samples + 1)[1:])
     return _Times(np.empty(0), resolved.timestep * _spread(1, resolved.steps, samples))
@@ -131,7 +133,7 @@ def _common(run: PlannedModel, samples: int, *, to_the_end: bool) -> _Times:
 
 def _restarts(run: PlannedModel, longest: float) -> _Times:
     """Spread restarts over a run, each of as many steps as the family's longest timestep takes."""
-    total, timestep = run.resolved.steps, run.resolved.timestep
+    total, timestep = run.run.steps, run.run.timestep
     steps = min(total, max(1, round(longest / timestep)))
     begins = _spread(0, total - steps, _RESTARTS)
     return _Times(timestep * begins, timestep * (begins + steps))
@@ -178,7 +180,7 @@ def _is_chaotic(
     errors = [note["trajectory"] for note in notes if note]
     if divergence is None or not errors:
         return None
-    hides_errors = divergence >= _ERROR * float(np.median([each["peak"] for each in errors]))
+    hides_errors = divergence >= _ERROR * float(np.median([error["peak"] for error in errors]))
     above_estimate = divergence >= _ESTIMATE * errors[0]["estimate"]
     visible = divergence >= _EXTENT * float(reference.fine.prepared.model.stat.extent)
     return visible and (hides_errors or above_estimate)
@@ -187,7 +189,7 @@ def _is_chaotic(
 def accuracies(
     request: AccuracyRequest,
     scene: Scene,
-    runs: Mapping[str, ResolvedRun],
+    runs: Mapping[str, RunSpec],
     notes: Mapping[str, Note],
 ) -> dict[str, Accuracy]:
     """Return the accuracy of every run, by run id, from what the pass found of most."""
@@ -211,7 +213,7 @@ def accuracies(
             impacts=note.get("impacts"),
             solref_rule=rules[run_id],
             solref_clamped=resolved.flags["refsafe"]
-            and any(refsafe_solref(each, resolved.timestep) != each for each in solrefs),
+            and any(refsafe_solref(solref, resolved.timestep) != solref for solref in solrefs),
         )
     return found
 
@@ -220,11 +222,11 @@ def _kind(request: AccuracyRequest, notes: Mapping[str, Note]) -> ErrorKind:
     """Return one kind of error for all runs, as different kinds cannot be compared."""
     if request.error != "auto":
         return request.error
-    known = [each["chaotic"] for each in notes.values() if each.get("chaotic") is not None]
+    known = [note["chaotic"] for note in notes.values() if note.get("chaotic") is not None]
     return "invariants" if sum(known) > len(known) / 2 else "trajectory"
 
 
-def solref_rules(runs: Mapping[str, ResolvedRun]) -> dict[str, SolrefRule | None]:
+def solref_rules(runs: Mapping[str, RunSpec]) -> dict[str, SolrefRule | None]:
     """Return how solref goes with the timestep among runs that are equal otherwise, by run id.
 
     It is tied where the time constant is the same multiple of every timestep, else absolute; None
@@ -241,7 +243,7 @@ def solref_rules(runs: Mapping[str, ResolvedRun]) -> dict[str, SolrefRule | None
     return found
 
 
-def _rule(runs: Sequence[ResolvedRun]) -> SolrefRule | None:
+def _rule(runs: Sequence[RunSpec]) -> SolrefRule | None:
     if len({run.timestep for run in runs}) == 1:
         return None
     solrefs = [run.settings.get("solref") for run in runs]

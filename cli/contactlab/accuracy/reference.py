@@ -29,8 +29,8 @@ from contactlab.engines.engine import SampledStates, SolvesReferences, Watch
 from contactlab.scene.compiled_scene import PreparedModel
 from contactlab.scene.initial_states import InitialStates, perturbed_copy
 from contactlab.scene.model_edits import read_flag
-from contactlab.scene.resolution import ResolvedRun
 from contactlab.scene.run_setup import joints_of
+from contactlab.scene.run_spec import RunSpec
 from contactlab.scene.scene import Scene
 from contactlab.scene.setting_values import Settings
 
@@ -114,7 +114,7 @@ The values are those of a reference; None where each reference chooses.
 """
 
 
-def with_reference_numerics(run: ResolvedRun, integrator: str, timestep: float) -> ResolvedRun:
+def with_reference_numerics(run: RunSpec, integrator: str, timestep: float) -> RunSpec:
     """Return a run with the numerics of a reference, whose timestep [s] is given.
 
     Runs that differ only in numerics give equal references.
@@ -137,9 +137,9 @@ Rows = NDArray[np.intp] | slice
 
 @dataclass(frozen=True)
 class PlannedModel:
-    """A run before it starts: what it resolves to, its model, and its start (n = 1)."""
+    """A run before it starts: its model, and its start (n = 1)."""
 
-    resolved: ResolvedRun
+    run: RunSpec
     prepared: PreparedModel
     start: InitialStates
 
@@ -158,7 +158,7 @@ class Family:
     scene: Scene
     run: PlannedModel  # one of them
     # What the reference has in common with all of them: its numerics do not matter.
-    model: ResolvedRun
+    model: RunSpec
     watch: Watch  # called before steps, to start their time limit
 
     def integrate(
@@ -171,7 +171,7 @@ class Family:
         state: Floats | None = None,
     ) -> SampledStates | None:
         """Return a model's states at some times [s], or None; see `SolvesReferences`."""
-        engine = engine_of(self.run.resolved)
+        engine = engine_of(self.run.run)
         assert isinstance(engine, SolvesReferences)
         start = start or self.run.start
         return engine.integrate_to(
@@ -197,7 +197,7 @@ class Family:
                 found.append(ReferenceSolution(self, integrator, timestep / 2, times, fine, coarse))
                 if found[-1].estimate <= fine.prepared.model.stat.extent:
                     break
-        return min(found, key=lambda each: each.estimate, default=None)
+        return min(found, key=lambda reference: reference.estimate, default=None)
 
 
 @dataclass(frozen=True)
@@ -242,7 +242,7 @@ class ReferenceSolution:
         expected, model = self.fine.sampled, self.fine.prepared.model
         free = self.family.scene.base_of(self.family.model).free
         both = (sampled.qpos, sampled.qvel), (expected.qpos[rows], expected.qvel[rows])
-        return Discrepancy.of(drifts(*(invariants(model, *each, free=free) for each in both)))
+        return Discrepancy.of(drifts(*(invariants(model, *side, free=free) for side in both)))
 
     def local_error(
         self, prepared: PreparedModel, begins: Floats, ends: Floats
@@ -256,7 +256,7 @@ class ReferenceSolution:
             self.family.integrate(prepared, end, begin=begin, state=state)
             for begin, end, state in zip(begins.tolist(), ends[:, None], states, strict=True)
         ]
-        qpos = [each.qpos for each in restarts if each is not None]
+        qpos = [restart.qpos for restart in restarts if restart is not None]
         if len(qpos) < len(restarts):
             return None
         expected = self.fine.sampled.qpos[self.rows(ends)]
@@ -270,7 +270,7 @@ class ReferenceSolution:
         than the runs' own errors.
         """
         run = self.family.run
-        start = perturbed_copy(run.start, self.joints, run.resolved.seed)
+        start = perturbed_copy(run.start, self.joints, run.run.seed)
         perturbed = self.family.solve(self.integrator, 2 * self.timestep, self.times, start)
         if perturbed is None:
             return None
@@ -284,7 +284,7 @@ def invariants(model: mujoco.MjModel, qpos: Floats, qvel: Floats, *, free: bool)
     Where nothing external acts on it, it is free, so that momenta are conserved as well.
     """
     data = mujoco.MjData(model)
-    rows = np.array([_row(model, data, *each) for each in zip(qpos, qvel, strict=True)])
+    rows = np.array([_row(model, data, *state) for state in zip(qpos, qvel, strict=True)])
     mass = float(model.body_subtreemass[0])
     weight = mass * float(np.linalg.norm(model.opt.gravity)) * read_flag(model, "gravity")
     conserved = free and not weight

@@ -22,15 +22,15 @@ from contactlab.contact.trace_arrays import RecordedControls
 from contactlab.engines import engine_of
 from contactlab.engines.engine import SEGMENTS, Segments, TimesSteps, Watch, Work
 from contactlab.scene.mujoco_versions import silence_mujoco
-from contactlab.scene.resolution import ResolvedRun
+from contactlab.scene.run_spec import RunSpec
 from contactlab.scene.scene import Scene
 from contactlab.schema.evidence import Timing
 from contactlab.schema.sweep_schema import TimingRequest
 
 # CPU time of a run in a round, least and most, and of its single steps at most [s].
 MIN_SECONDS, MAX_SECONDS, STEP_SECONDS = 0.02, 0.1, 0.02
-_MAX_REPEATS = 50
-_MAX_SINGLE_STEPS = 1000
+_MOST_REPEATS_OF_A_RUN = 50
+_MOST_SINGLE_STEPS = 1000
 _WARM_STEPS = 10
 _CLOCKED = ("time_min", "time_median", "step_p50", "step_p99", "compile_time")
 Groups = Sequence[Sequence[str]]
@@ -45,16 +45,16 @@ def work_of_runs(scene: Scene, runs: Sequence[PlannedModel], watch: Watch) -> It
     The runs are of one structure and engine; `watch` is called before steps, to start their time
     limit. The models are those that are timed, so that the states fit them.
     """
-    compiled = scene.compile_without_sensors(runs[0].resolved)
-    engine = _timing_engine(runs[0].resolved)
+    compiled = scene.compile_without_sensors(runs[0].run)
+    engine = _timing_engine(runs[0].run)
     for run in runs:
-        model = scene.prepare(run.resolved, run.start, compiled).model
-        work = engine.count_work(model, run.start, run.resolved.steps, watch)
+        model = scene.prepare(run.run, run.start, compiled).model
+        work = engine.count_work(model, run.start, run.run.steps, watch)
         states = base64.b64encode(work.states.astype("<f8").tobytes()).decode() if work else ""
         yield {**work._asdict(), "states": states} if work else {}
 
 
-def _timing_engine(run: ResolvedRun) -> TimesSteps:
+def _timing_engine(run: RunSpec) -> TimesSteps:
     engine = engine_of(run)
     assert isinstance(engine, TimesSteps)
     return engine
@@ -68,7 +68,7 @@ def _work_of(note: Note) -> Work:
 
 def timing_seconds(request: TimingRequest, steps: Sequence[int], per_step: float) -> float:
     """Return how long it takes to time runs of so many steps, one after the other [s]."""
-    seconds = [min(max(each * per_step, MIN_SECONDS), MAX_SECONDS) for each in steps]
+    seconds = [min(max(step * per_step, MIN_SECONDS), MAX_SECONDS) for step in steps]
     return request.rounds * (sum(seconds) + len(seconds) * STEP_SECONDS)
 
 
@@ -94,7 +94,7 @@ class InterleavedTimer:
 
     def times(
         self,
-        runs: Mapping[str, ResolvedRun],
+        runs: Mapping[str, RunSpec],
         work: Mapping[str, Note],
         groups: Groups,
         select: Select,
@@ -123,16 +123,16 @@ class InterleavedTimer:
                     advance(1)
                 before = sum(map(len, groups))
                 groups = select(
-                    {each: median(time for time, *_ in found) for each, found in taken.items()}
+                    {key: median(time for time, *_ in found) for key, found in taken.items()}
                 )
                 advance(later * (before - sum(map(len, groups))))
         for run_id, rounds in taken.items():
             times, p50, p99 = zip(*rounds, strict=True)
-            medians = (median(each) for each in (times, p50, p99))
+            medians = (median(samples) for samples in (times, p50, p99))
             clocked = (min(times), *medians, self._model(runs[run_id])[1])
             yield run_id, dict(zip(_CLOCKED, clocked, strict=True))
 
-    def _segments(self, run_id: str, resolved: ResolvedRun, work: Work) -> Segments:
+    def _segments(self, run_id: str, resolved: RunSpec, work: Work) -> Segments:
         """Return what is timed of a run; made anew each time, so that memory does not grow."""
         start = self.scene.starts([resolved])
         if run_id in self.controls:
@@ -140,7 +140,7 @@ class InterleavedTimer:
         model = self.scene.prepare(resolved, start, self._model(resolved)[0]).model
         return Segments(model, start, work)
 
-    def _model(self, resolved: ResolvedRun) -> tuple[mujoco.MjModel, float]:
+    def _model(self, resolved: RunSpec) -> tuple[mujoco.MjModel, float]:
         """Return a run's compiled structure, and the least CPU time that compiling it took [s]."""
         key = json.dumps([resolved.structure, sorted(resolved.without)])
         if key not in self._compiled:
@@ -149,7 +149,7 @@ class InterleavedTimer:
         return self._compiled[key]
 
 
-def _clocked_compile(scene: Scene, resolved: ResolvedRun) -> tuple[mujoco.MjModel, float]:
+def _clocked_compile(scene: Scene, resolved: RunSpec) -> tuple[mujoco.MjModel, float]:
     # MuJoCo compiles meshes on threads of its own, which a thread's clock does not see.
     begin = time.process_time()
     compiled = scene.compile_without_sensors(resolved)
@@ -169,8 +169,8 @@ def _portion(engine: TimesSteps, segments: Segments, runs: int) -> _Portion:
     cost = runs * max(seconds / steps, 1e-7)
     most = max(1, math.ceil(MAX_SECONDS / (cost * len(segments.work.places))))
     repeats = math.ceil(MIN_SECONDS / (cost * sum(segments.lengths(most))))
-    single = min(_MAX_SINGLE_STEPS / runs, STEP_SECONDS / cost) / len(segments.work.places)
-    return _Portion(most, min(_MAX_REPEATS, max(1, repeats)), max(1, math.ceil(single)))
+    single = min(_MOST_SINGLE_STEPS / runs, STEP_SECONDS / cost) / len(segments.work.places)
+    return _Portion(most, min(_MOST_REPEATS_OF_A_RUN, max(1, repeats)), max(1, math.ceil(single)))
 
 
 @contextmanager
@@ -184,7 +184,7 @@ def _no_garbage_collection() -> Generator[None]:
 
 
 def timings(
-    runs: Mapping[str, ResolvedRun],
+    runs: Mapping[str, RunSpec],
     request: TimingRequest,
     work: Mapping[str, Note],
     times: Mapping[str, Note],

@@ -1,1 +1,1 @@
-"""The command line: one file a command."""
+"""The commands: each module has the function of its name; one that groups several has them all."""

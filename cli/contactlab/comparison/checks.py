@@ -30,7 +30,7 @@ def verdict_counts(verdicts: Verdicts) -> dict[Verdict, int]:
 
 @dataclass(frozen=True)
 class CheckSubject:
-    """What a check is about: its name is the same in every comparison.
+    """Subject of a check: its name is the same in every comparison.
 
     A fraction of the verdicts, the budget, may fail with a warning. Of a two-sided check any change
     fails, as of a metric without a better direction.

@@ -42,7 +42,7 @@ from contactlab.store.verify_store import verify
 
 DEFAULT_POLICY = ComparePolicy(version=1)
 _COMPARABLE = CheckSubject("stores can be compared", "evidence", "gate")
-_MOST_PROBLEMS = 3
+_MOST_PROBLEMS_SHOWN = 3
 # Metrics and labels are checked one by one: those that have not changed stay comparable.
 _JUDGED_ONE_BY_ONE = {"metric_versions", "thresholds"}
 _ABOUT_RUNS = {"runs", "labels", "metrics", "recommendation"}
@@ -66,7 +66,7 @@ def compare(
         StoreError: a store is not sound or not the pinned one, or they have no run in common.
         PolicyError: both are the same store, or the policy names what they do not have.
     """
-    paths = [each for each in (baseline, candidate) if isinstance(each, Path) and each.exists()]
+    paths = [store for store in (baseline, candidate) if isinstance(store, Path) and store.exists()]
     if baseline == candidate or (len(paths) == 2 and paths[0].samefile(paths[1])):
         raise PolicyError(
             f"{baseline} and {candidate} are the same store; compare the stores of two sweeps"
@@ -90,8 +90,8 @@ def _open(role: str, address: Address, *, thorough: bool) -> Store:
     except StoreError as error:
         raise StoreError(f"the {role} cannot be read: {error}") from error
     if problems:
-        first = "; ".join(problems[:_MOST_PROBLEMS])
-        more = len(problems) - _MOST_PROBLEMS
+        first = "; ".join(problems[:_MOST_PROBLEMS_SHOWN])
+        more = len(problems) - _MOST_PROBLEMS_SHOWN
         rest = f"; and {more} more problems" if more > 0 else ""
         raise StoreError(
             f"the {role} {address} is not sound: {first}{rest} (see `contactlab verify {address}`)"
@@ -125,7 +125,7 @@ def pair_runs(baseline: Store, candidate: Store, policy: ComparePolicy) -> Pairi
     Runs of equal id have the same scene content, settings, seed and duration.
     """
     by_axes = policy.match == "axes"
-    ids = (each.columns.byte_strings("run_id") for each in (baseline, candidate))
+    ids = (store.columns.byte_strings("run_id") for store in (baseline, candidate))
     pairing = pair_by_axes(baseline, candidate) if by_axes else pair(*ids)
     if len(pairing.baseline):
         return pairing

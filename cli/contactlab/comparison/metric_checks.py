@@ -42,10 +42,12 @@ _WORDS: Mapping[Verdict, str] = {
     "changed": "changed",
     "better": "better",
 }
-_MOST_EXCESS = 1e6  # changes of more than half as many tolerances are not ordered among each other
+_MOST_TOLERANCES_ORDERED = (
+    1e6  # changes of more than half as many tolerances are not ordered among each other
+)
 _CONFIDENCE = 0.95
-_LEAST_TIME = 0.05  # CPU time that each timing of a run takes at least [s]
-_MOST_REPEATS = 200
+_LEAST_SECONDS_OF_A_TIMING = 0.05  # CPU time that each timing of a run takes at least [s]
+_MOST_REPEATS_OF_A_TIMING = 200
 
 
 def metric_checks(paired: PairedStores) -> Iterator[Check]:
@@ -71,7 +73,7 @@ def metric_checks(paired: PairedStores) -> Iterator[Check]:
             else:
                 rows = np.flatnonzero(member)
                 whole = len(rows) == len(member)
-                before, after = columns if whole else (each.at(rows) for each in columns)
+                before, after = columns if whole else (column.at(rows) for column in columns)
                 yield MetricPairs(paired, rows, before, after, exempt[rows]).check(subject, rule)
 
 
@@ -80,7 +82,7 @@ def _not_comparable(paired: PairedStores, metric: Column, rule: EffectiveRule) -
     if metric.name not in paired.baseline.columns.measured:
         return "the baseline was made before there was this metric"
     versions = [store.manifest.sweep.metric_versions for store, _ in paired.sides]
-    before, after = (each.get(metric.name) for each in versions)
+    before, after = (version.get(metric.name) for version in versions)
     required = "metric_versions" in paired.policy.require.same
     if required and None not in (before, after) and before != after:
         return f"its definition changed from version {before} to {after}"
@@ -135,7 +137,7 @@ class MetricPairs:
         with np.errstate(all="ignore"):
             excess = np.abs(candidate - baseline) / allowed_change(rule, baseline)
         # Less than 1, so that it only orders pairs of equal verdict.
-        ordering = np.nan_to_num(excess / _MOST_EXCESS, nan=0, posinf=0.5).clip(0, 0.5)
+        ordering = np.nan_to_num(excess / _MOST_TOLERANCES_ORDERED, nan=0, posinf=0.5).clip(0, 0.5)
         worst = shown[np.argsort(-(verdicts[shown] + ordering), kind="stable")[:MOST_SHOWN]]
         return self.paired.run_pairs(
             self.indices[worst].tolist(),
@@ -170,8 +172,8 @@ def gap_verdicts(baseline: NumberColumn, candidate: NumberColumn, exempt: Mask) 
     one = (baseline.valid != candidate.valid) & ~exempt
     verdicts[one & baseline.valid] = MISSING
     verdicts[one & candidate.valid] = CHANGED
-    for each in (baseline, candidate):
-        verdicts[each.valid & ~np.isfinite(each.values)] = NOT_COMPARABLE
+    for store in (baseline, candidate):
+        verdicts[store.valid & ~np.isfinite(store.values)] = NOT_COMPARABLE
     return verdicts
 
 
@@ -186,7 +188,9 @@ def aggregate(rule: EffectiveRule, baseline: Floats, candidate: Floats) -> tuple
         return np.ones(1), np.array([np.median(ratios)])
     worst = np.min if rule.better == "higher" else np.max
     function = {"mean": np.mean, "median": np.median, "worst": worst}[rule.statistic]
-    before, after = (np.array([function(x)], dtype=np.float64) for x in (baseline, candidate))
+    before, after = (
+        np.array([function(metrics)], dtype=np.float64) for metrics in (baseline, candidate)
+    )
     return before, after
 
 
@@ -231,7 +235,7 @@ StartTimer = Callable[[Path], AbstractContextManager[RunTimer]]
 
 @dataclass(frozen=True)
 class Remeasure:
-    """What to time again: so many pairs of runs, spread evenly over all."""
+    """Pairs of runs to time again: so many, spread evenly over all."""
 
     runs: int
     baseline: StartTimer
@@ -290,7 +294,9 @@ def _time_pair(before: RunTimer, after: RunTimer, pair: RunPair) -> tuple[float,
     assert pair.baseline_run is not None
     assert pair.candidate_run is not None
     least = min(before.time(pair.baseline_run, 1)[0], after.time(pair.candidate_run, 1)[0])
-    repeats = min(_MOST_REPEATS, max(1, math.ceil(_LEAST_TIME / max(least, 1e-9))))
+    repeats = min(
+        _MOST_REPEATS_OF_A_TIMING, max(1, math.ceil(_LEAST_SECONDS_OF_A_TIMING / max(least, 1e-9)))
+    )
     first = before.time(pair.baseline_run, repeats)[1]
     others = [after.time(pair.candidate_run, repeats)[1] for _ in range(2)]
     last = before.time(pair.baseline_run, repeats)[1]

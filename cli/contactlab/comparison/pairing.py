@@ -37,7 +37,7 @@ def pair_by_axes(baseline: Store, candidate: Store) -> Pairing:
     An axis with a single value may be missing in the other store. A StoreError says that the
     stores sweep different axes, or that two runs of one store are equal in all.
     """
-    names, other = (set(each.columns.axis_names) for each in (baseline, candidate))
+    names, other = (set(store.columns.axis_names) for store in (baseline, candidate))
     if differing := {
         name
         for store, own in ((baseline, names - other), (candidate, other - names))
@@ -79,17 +79,17 @@ def rounded(values: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def _codes(stores: Sequence[Store], axis: str) -> tuple[NDArray[np.int64], Sequence[float | str]]:
     """Return a code for each run of some stores, store by store, and the value of each code."""
-    kinds = {each.columns.is_number(axis) for each in stores}
+    kinds = {store.columns.is_number(axis) for store in stores}
     if len(kinds) > 1:
         raise StoreError(f"runs cannot be matched: axis '{axis}' is text in one store only")
     if kinds == {True}:
-        values = np.concatenate([rounded(each.columns.numbers(axis).values) for each in stores])
+        values = np.concatenate([rounded(store.columns.numbers(axis).values) for store in stores])
         distinct, codes = np.unique(values, return_inverse=True)
         return codes, distinct.tolist()
     known: dict[str | None, int] = {None: 0}
     parts: list[NDArray[np.int64]] = []
-    for each in stores:
-        codes, words = each.columns.coded(axis)
+    for store in stores:
+        codes, words = store.columns.coded(axis)
         numbers = [known.setdefault(word, len(known)) for word in words]
         parts.append(np.array(numbers, dtype=np.int64)[codes])
     return np.concatenate(parts), ["none" if word is None else word for word in known]
@@ -100,7 +100,7 @@ def _refuse_repeated(store: Store, role: str, keys: NDArray[np.int64]) -> None:
     if (counts == 1).all():
         return
     first, second = np.flatnonzero(keys == values[counts > 1][0])[:2].tolist()
-    ids = [str(each["run_id"]) for each in store.columns.identify([first, second])]
+    ids = [str(identity["run_id"]) for identity in store.columns.identify([first, second])]
     raise StoreError(
         f"runs cannot be matched by axes: {' and '.join(ids)} of the {role} have equal axis "
         "values and seed"
@@ -128,7 +128,7 @@ def groups(baseline: Store, pairing: Pairing, axes: Sequence[str]) -> Iterator[t
     group = member.reshape(-1)[pairing.baseline]
     for number, combination in enumerate(combinations.tolist()):
         values = [known[code] for code, (_, known) in zip(combination, columns, strict=True)]
-        texts = [f"{each:.9g}" if isinstance(each, float) else each for each in values]
+        texts = [f"{value:.9g}" if isinstance(value, float) else value for value in values]
         name = ", ".join(f"{axis}={text}" for axis, text in zip(axes, texts, strict=True))
         yield name, group == number
 
@@ -173,9 +173,11 @@ class PairedStores:
         Labels that this order does not name count as the worst.
         """
         stores = (self.candidate, self.baseline)
-        stored = [str(name) for each in stores for name in each.columns.shared.get("severity", ())]
+        stored = [
+            str(name) for store in stores for name in store.columns.shared.get("severity", ())
+        ]
         known = self.policy.labels.severity or tuple(dict.fromkeys(stored))
-        used = {name for each in stores for name in each.manifest.labels}
+        used = {name for store in stores for name in store.manifest.labels}
         order = dict.fromkeys((*sorted(used - set(known) - {"stable"}), *known))
         order.pop("stable", None)
         return (*order, "stable")
@@ -198,7 +200,7 @@ class PairedStores:
     @cached_property
     def half_checked(self) -> Mask:
         """Pairs (n,) of which both sweeps checked one run only in their second pass."""
-        sweeps = (each.manifest.sweep.resolved for each in (self.baseline, self.candidate))
+        sweeps = (store.manifest.sweep.resolved for store in (self.baseline, self.candidate))
         if any(sweep.get("checks") != "flagged" for sweep in sweeps):
             return np.zeros(len(self.pairing.baseline), dtype=np.bool_)
         stable = len(self.ranks) - 1
@@ -230,8 +232,8 @@ def unpaired_runs(store: Store, role: str, rows: Sequence[int]) -> list[RunPair]
     """Return some runs of the baseline or candidate that have no partner in the other store."""
     none = RunPair(baseline_run=None, candidate_run=None, axes={}, baseline=None, candidate=None)
     return [
-        none.model_copy(update={f"{role}_run": str(each["run_id"]), "axes": _axes(each)})
-        for each in store.columns.identify(rows)
+        none.model_copy(update={f"{role}_run": str(identity["run_id"]), "axes": _axes(identity)})
+        for identity in store.columns.identify(rows)
     ]
 
 
@@ -251,24 +253,24 @@ def engine_of(store: Store) -> str:
 
 
 _PROPERTIES: Mapping[Sameness, Callable[[Store], str | Mapping[str, object]]] = {
-    "sweep": lambda each: each.manifest.sweep.name,
-    "scene": lambda each: each.manifest.sweep.scene,
-    "scene_hash": lambda each: each.manifest.sweep.scene_hash,
-    "metric_versions": lambda each: each.manifest.sweep.metric_versions,
-    "thresholds": lambda each: each.manifest.sweep.resolved.get("thresholds", {}),
+    "sweep": lambda store: store.manifest.sweep.name,
+    "scene": lambda store: store.manifest.sweep.scene,
+    "scene_hash": lambda store: store.manifest.sweep.scene_hash,
+    "metric_versions": lambda store: store.manifest.sweep.metric_versions,
+    "thresholds": lambda store: store.manifest.sweep.resolved.get("thresholds", {}),
     "engine": engine_of,
-    "contactlab": lambda each: each.manifest.provenance.contactlab,
-    "python": lambda each: each.manifest.provenance.python,
-    "numpy": lambda each: each.manifest.provenance.numpy,
-    "cpu_model": lambda each: each.manifest.provenance.host.cpu_model,
-    "cpu_flags": lambda each: each.manifest.provenance.host.cpu_flags,
-    "os": lambda each: each.manifest.provenance.host.os,
+    "contactlab": lambda store: store.manifest.provenance.contactlab,
+    "python": lambda store: store.manifest.provenance.python,
+    "numpy": lambda store: store.manifest.provenance.numpy,
+    "cpu_model": lambda store: store.manifest.provenance.host.cpu_model,
+    "cpu_flags": lambda store: store.manifest.provenance.host.cpu_flags,
+    "os": lambda store: store.manifest.provenance.host.os,
 }
 
 
 def difference(baseline: Store, candidate: Store, what: Sameness) -> tuple[str, str] | None:
     """Return the two values of a property in which two stores differ; None if they do not."""
-    before, after = (_PROPERTIES[what](each) for each in (baseline, candidate))
+    before, after = (_PROPERTIES[what](store) for store in (baseline, candidate))
     if isinstance(before, str) or isinstance(after, str):
         return (str(before), str(after)) if before != after else None
     shared = what == "metric_versions"

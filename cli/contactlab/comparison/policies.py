@@ -28,7 +28,9 @@ from contactlab.store.atomic_files import atomic_write
 from contactlab.store.table_layout import Column
 
 REMEASURED = "remeasured_time"
-_LEAST_CHANGE = 1e-6  # allowed change of every metric in its own unit: about what noise makes of 0
+_LEAST_METRIC_CHANGE = (
+    1e-6  # allowed change of every metric in its own unit: about what noise makes of 0
+)
 _TIME = MetricRule(
     rel=0.15, statistic="ratio", budget=0.0, level="warn", needs_same=("cpu_model", "cpu_flags")
 )
@@ -52,7 +54,9 @@ version: 1
 def check_names(policy: ComparePolicy, metrics: Iterable[str], labels: Iterable[str]) -> None:
     """Raise PolicyError if the policy names metrics or labels that the stores do not have."""
     ruled = [name for name in policy.metrics if not set(name) & _WILDCARDS]
-    moved = [name for each in policy.labels.allow for name in (each.from_, each.to)]
+    moved = [
+        name for transition in policy.labels.allow for name in (transition.from_, transition.to)
+    ]
     for what, kind, names, known in (
         ("has a rule for", "metric", ruled, [*metrics, REMEASURED]),
         ("allows a transition of", "label", moved, list(labels)),
@@ -82,11 +86,11 @@ def effective_rule(metric: Column, policy: ComparePolicy) -> EffectiveRule:
     Defaults, the metric's own rule and the policy are merged key by key; the closest pattern wins,
     and the policy if two are equally close.
     """
-    effective = EffectiveRule(metric.better, max(_LEAST_CHANGE, metric.resolution))
+    effective = EffectiveRule(metric.better, max(_LEAST_METRIC_CHANGE, metric.resolution))
     declared = METRICS[metric.name].rule if metric.name in METRICS else None
     own = {metric.name: declared} if declared else {}
     rules = (*_DEFAULTS.items(), *own.items(), *policy.metrics.items())
-    for pattern, rule in sorted(rules, key=lambda each: _specificity(each[0])):
+    for pattern, rule in sorted(rules, key=lambda item: _specificity(item[0])):
         if fnmatchcase(metric.name, pattern):
             effective = replace(effective, **rule.model_dump(exclude_none=True))
     return effective
@@ -121,9 +125,9 @@ def acceptance(
     reason = reason.strip()
     return [
         AcceptedCheck(
-            check=name, group=each.group or None, max=each.failing, reason=reason, until=until
+            check=name, group=check.group or None, max=check.failing, reason=reason, until=until
         )
-        for each in failing
+        for check in failing
     ]
 
 
@@ -141,7 +145,11 @@ def accept(path: Path, entries: Sequence[AcceptedCheck]) -> None:
     listed = document.setdefault("accept", CommentedSeq())
     for entry in entries:
         named = (entry.check, entry.group)
-        for old in [each for each in listed if (each["check"], each.get("group")) == named]:
+        for old in [
+            listed_entry
+            for listed_entry in listed
+            if (listed_entry["check"], listed_entry.get("group")) == named
+        ]:
             listed.remove(old)
         listed.append(CommentedMap(entry.model_dump(exclude_none=True)))
     with atomic_write(path) as temporary, temporary.open("w", encoding="utf-8") as file:
@@ -192,7 +200,7 @@ def _covers(entry: AcceptedCheck, check: JudgedCheck) -> bool:
 def _accepted(check: _Check, entries: Sequence[AcceptedCheck], today: date) -> _Check:
     if check.outcome not in _FAILING:
         return check
-    entry = next((each for each in entries if _covers(each, check)), None)
+    entry = next((accepted for accepted in entries if _covers(accepted, check)), None)
     if entry is None:
         return check
     if entry.until is not None and entry.until < today:

@@ -121,7 +121,8 @@ def _run_summary(report: ComparisonReport) -> str:
 def _label_changes(report: ComparisonReport) -> list[str]:
     """Return how many runs changed from which worst label to which."""
     return [
-        f"{each.baseline} -> {each.candidate}: {plural(each.runs)}" for each in report.transitions
+        f"{transition.baseline} -> {transition.candidate}: {plural(transition.runs)}"
+        for transition in report.transitions
     ]
 
 
@@ -147,7 +148,7 @@ def _text_lines(report: ComparisonReport) -> Iterator[str]:
     yield f"  baseline   {_store_summary(report.baseline)}"
     yield f"  candidate  {_store_summary(report.candidate)}"
     yield f"  runs       {_run_summary(report)}"
-    yield from (f"  label      {each}" for each in _label_changes(report))
+    yield from (f"  label      {change}" for change in _label_changes(report))
     yield ""
     yield from _columns(report_lines(report))
     yield f"{_WORDS['passed']:4}  {_passed_summary(report)}"
@@ -206,7 +207,7 @@ def _markdown_lines(report: ComparisonReport) -> Iterator[str]:
     if rest := shown[first:]:
         yield from _folded(f"{len(rest)} more", _rows(rest))
     if report.advice:
-        parts = (each.partition(": ") for each in report.advice)
+        parts = (advice.partition(": ") for advice in report.advice)
         lines = (line for what, _, command in parts for line in (f"# {what}", command))
         commands = (in_one_line(line).replace("`", "'") for line in lines)
         yield from _folded("commands", ["", "```sh", *commands, "```"])

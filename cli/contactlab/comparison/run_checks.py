@@ -71,12 +71,12 @@ def knife_edge_check(paired: PairedStores) -> Check:
     rules = paired.policy.knife_edge
     subject = CheckSubject("few knife-edge runs", "runs", rules.level)
     columns = paired.numbers("knife_edge")
-    before, after = (int((each.values == 1).sum()) for each in columns)
+    before, after = (int((column.values == 1).sum()) for column in columns)
     flagged = knife_edge(paired)
     total, excluded = len(flagged), int(flagged.sum()) if rules.exclude else 0
     too_many = after > max(rules.max_share * total, before)
     message = "not looked for"
-    if any(each.valid.any() for each in columns):
+    if any(column.valid.any() for column in columns):
         allowed = format_percent(rules.max_share)
         message = f"{out_of(after, total)}, {before:,} in the baseline ({allowed} may be)"
         message += f"; {plural(excluded)} set apart" if excluded else ""
@@ -252,7 +252,14 @@ def _recommendation(before: TradeoffReport | None, after: TradeoffReport | None)
     if now is None:
         return WORSE, f"{old} is not feasible any more, and nothing else is"
     new = format_settings(now.configuration)
-    found = next((x for x in after.configurations if x.configuration == configuration), None)
+    found = next(
+        (
+            candidate
+            for candidate in after.configurations
+            if candidate.configuration == configuration
+        ),
+        None,
+    )
     if found is None or not found.feasible or found.time is None:
         return WORSE, f"{old} is not feasible any more; now recommends {new}"
     saved = 1 - now.time / found.time

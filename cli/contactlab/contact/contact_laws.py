@@ -109,8 +109,8 @@ def rest_penetration(
     bodies, for impedances that do not fall with depth. Exact for elliptic cones and frictionless
     contacts; pyramids soften it. What was found is remembered, since many runs ask the same.
     """
-    given = [np.asarray(each, np.float64) for each in (load, inverse_mass, solref, solimp)]
-    return _rest_penetration(*((each.shape, each.tobytes()) for each in given)).copy()
+    given = [np.asarray(argument, np.float64) for argument in (load, inverse_mass, solref, solimp)]
+    return _rest_penetration(*((argument.shape, argument.tobytes()) for argument in given)).copy()
 
 
 @lru_cache(maxsize=64)

@@ -54,8 +54,8 @@ def squared_lengths(vectors: Floats) -> Floats:
     """Return (...) squared lengths of vectors (..., k); sums along short axes take far longer."""
     first, *others = (vectors[..., k] for k in range(vectors.shape[-1]))
     square = first * first
-    for each in others:
-        square += each * each
+    for other in others:
+        square += other * other
     return square
 
 
@@ -77,7 +77,7 @@ def sum_of_slots(values: Floats, axis: int) -> Floats:
 
 @dataclass(frozen=True)
 class PairTrace:
-    """What one monitored contact pair did, for n runs of N steps with S contact slots."""
+    """Contacts of one monitored pair, for n runs of N steps with S contact slots."""
 
     name: str
     slots: Floats
@@ -130,7 +130,7 @@ _OF_WHOLE_RUN = ("control_ranges", "equality_loads", "equality_gaps", "creep", "
 
 @dataclass(frozen=True, kw_only=True)
 class Told:
-    """What an engine tells of n runs of N steps beside their states; None where it is not known."""
+    """Outputs of an engine for n runs of N steps beside their states; None where unknown."""
 
     control_ranges: Floats | None = None  # (n, nu, 2) least and greatest control of each actuator
     equality_loads: Floats | None = None
@@ -156,7 +156,7 @@ class Told:
 
 @dataclass(frozen=True)
 class Trace(Told):
-    """What n runs did over N steps."""
+    """Trace of n runs over N steps."""
 
     timestep: Floats  # (n,) step length [s]
     steps_asked: int  # steps requested; N is smaller where the engine stopped a run
@@ -218,8 +218,8 @@ class Trace(Told):
             passages=tuple(self.passages[run] for run in runs if self.passages),
             held=held and HeldPose(held.position[index, :steps], held.rotation[index, :steps]),
             **{
-                name: None if each is None else each[index, : ends[name]]
-                for name, each in arrays.items()
+                name: None if array is None else array[index, : ends[name]]
+                for name, array in arrays.items()
             },
         )
 
@@ -320,15 +320,17 @@ class Invariants(NamedTuple):
 
 @dataclass(frozen=True)
 class RecordedControls:
-    """The controls of one run, each held until the next."""
+    """The controls of one run, and forces on bodies, each held until the next."""
 
     times: Floats  # (K,) when they took effect [s], increasing from 0; the last is the run's end
-    levels: Floats  # (K, nu) the controls
+    levels: Floats  # (K, nu) the controls, or (K, P) those and forces
+    # Their P indices among the inputs of `InitialStates`; empty for all controls and nothing else.
+    places: tuple[int, ...] = ()
 
     @property
     def sha256(self) -> str:
         """Hash of times and levels as float64 bytes: equal controls have the same one."""
-        digest = hashlib.sha256(f"{self.levels.shape}".encode())
+        digest = hashlib.sha256(f"{self.levels.shape}{self.places or ''}".encode())
         for part in (self.times, self.levels):
             digest.update(np.ascontiguousarray(part, np.float64).data)
         return digest.hexdigest()

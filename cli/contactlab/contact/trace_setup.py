@@ -1,4 +1,4 @@
-"""What is known of a group of runs before they start, and their traces are judged by."""
+"""Facts about a group of runs before they start, by which their traces are judged."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -7,6 +7,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from contactlab.contact.expected_motion import ExpectedMotion
 from contactlab.contact.trace_arrays import Floats
 
 SlipMode = Literal["stick", "slide"]
@@ -55,7 +56,7 @@ class HoldWindow:
 
 @dataclass(frozen=True)
 class ExpectedContact:
-    """What some monitored pairs should do in n runs."""
+    """Expected behaviour of some monitored pairs in n runs."""
 
     name: str
     pairs: tuple[int, ...]  # their indices in the trace; the name is what it is said of
@@ -67,6 +68,10 @@ class ExpectedContact:
     force: tuple[float, float] = (-np.inf, np.inf)
     """Least and greatest sum of their normal forces [N]."""
     depth: float = np.inf  # greatest penetration [m]
+
+    def select(self, rows: list[int]) -> "ExpectedContact":
+        """Return what they should do in some of the runs."""
+        return replace(self, window=self.window[rows])
 
 
 @dataclass(frozen=True)
@@ -90,8 +95,8 @@ class Equality:
     name: str  # its name, or its address
     unit: Literal["m", "rad"]  # of its violation, m or rad
     scale: float
-    """What its violation is large or small against: the smaller body that it connects, a tendon's
-    length, a joint's range or a quarter turn; infinite where none is known."""
+    """Length or angle that its violation is compared with: the smaller body that it connects, a
+    tendon's length, a joint's range or a quarter turn; infinite where none is known."""
     constant: float = 0.0  # time constant of its spring [s]
     elastic: bool = False  # whether it may stretch by much for a moment, as edges of a flex
 
@@ -127,7 +132,7 @@ class RecordedPart:
 
 @dataclass(frozen=True)
 class RecordedMotion:
-    """What was recorded of n runs, at M times each; NaN after a run's last row."""
+    """Recordings of n runs, at M times each; NaN after a run's last row."""
 
     parts: tuple[RecordedPart, ...]
     times: Floats  # (n, M) since the start of the run [s]
@@ -152,7 +157,7 @@ class RecordedMotion:
 
 @dataclass(frozen=True)
 class Setup:
-    """What is known of n runs in addition to their trace."""
+    """Facts about n runs in addition to their trace."""
 
     settings: Mapping[str, Sequence[object]]
     """Every resolved setting and initial value, by name, n values each."""
@@ -174,7 +179,8 @@ class Setup:
     weights: Floats  # (P,) weight at 9.81 m/s^2 of the lighter of what each pair presses on [N]
     slots: NDArray[np.int32]  # (P,) contact slots recorded for each pair
     duration: Floats  # (n,) requested simulated time [s]
-    expected: tuple[ExpectedContact, ...] = ()  # what monitored pairs should do
+    expected: tuple[ExpectedContact | ExpectedMotion, ...] = ()
+    """What monitored pairs and bodies should do."""
     oracle: str | None = None  # name of the scene's closed form, if it has one
     oracle_tolerance: float = np.inf
     """Largest accepted relative or absolute oracle error, as the oracle defines."""
@@ -187,7 +193,7 @@ class Setup:
     limits_act: NDArray[np.bool_] | None = None
     """(n,) whether limits of joints and tendons are on; None where all are."""
     mechanism: Mechanism | None = None
-    """What of the model can move and hold; None where that is not asked about."""
+    """Parts of the model that can move and hold; None where nobody asks about them."""
     springs: bool = False  # whether joints or tendons have springs
     recorded: RecordedMotion | None = None  # what the runs are compared with, if that was recorded
 
@@ -197,20 +203,22 @@ class Setup:
         if rows == [*range(len(self.duration))]:
             return self
         bodies = {
-            each.name: replace(each, mass=each.mass[rows], share=(each.share + 0 * each.mass)[rows])
-            for each in self.free_bodies
+            body.name: replace(body, mass=body.mass[rows], share=(body.share + 0 * body.mass)[rows])
+            for body in self.free_bodies
         }
         arrays = {name: getattr(self, name) for name in _BY_RUN}
-        settings = {name: [each[run] for run in rows] for name, each in self.settings.items()}
+        settings = {name: [setting[run] for run in rows] for name, setting in self.settings.items()}
         return replace(
             self,
-            **{name: None if each is None else each[rows] for name, each in arrays.items()},
+            **{name: None if array is None else array[rows] for name, array in arrays.items()},
             settings=settings,
-            expected=tuple(replace(each, window=each.window[rows]) for each in self.expected),
+            expected=tuple(expectation.select(rows) for expectation in self.expected),
             hold=self.hold and HoldWindow(self.hold.start[rows], self.hold.stop[rows]),
             recorded=self.recorded and self.recorded.select(rows),
             free_bodies=tuple(bodies.values()),
-            barriers=tuple(replace(each, body=bodies[each.body.name]) for each in self.barriers),
+            barriers=tuple(
+                replace(barrier, body=bodies[barrier.body.name]) for barrier in self.barriers
+            ),
         )
 
 

@@ -1,10 +1,19 @@
 """Engines: from compiled models and start states to recorded trajectories.
 
-`ENGINES` has every engine by name; plug-ins add theirs to it. What must know an engine asks it:
-nothing compares names.
+`ENGINES` has every engine by name; a module beside this one, or a plug-in, declares its own. What
+must know an engine asks it: nothing compares names.
 """
 
-from contactlab.engines.adapted_engine import adapted_engines
+from importlib import import_module
+from pkgutil import iter_modules
+
+# The order of these imports is the order of engines in lists; others come after them.
+# isort: off
+from contactlab.engines import mujoco_engine as mujoco_engine
+from contactlab.engines import impulse as impulse
+
+# isort: on
+from contactlab.engines.engine import ENGINES as ENGINES
 from contactlab.engines.engine import Buffers as Buffers
 from contactlab.engines.engine import PreparedRuns as PreparedRuns
 from contactlab.engines.engine import Proceed as Proceed
@@ -13,19 +22,13 @@ from contactlab.engines.engine import SimulationEngine as SimulationEngine
 from contactlab.engines.engine import Watch as Watch
 from contactlab.engines.engine import no_limit as no_limit
 from contactlab.engines.engine import proceed_always as proceed_always
-from contactlab.engines.impulse import ImpulseEngine
-from contactlab.engines.mujoco_engine import LoopEngine, MujocoEngine, OlderMujocoEngine
 from contactlab.errors import EngineError
-from contactlab.registry import Registry
-from contactlab.scene.mujoco_versions import has_batch
-from contactlab.scene.resolution import ResolvedRun
+from contactlab.registry import settle
+from contactlab.scene.run_spec import RunSpec
 
-ENGINES: Registry[SimulationEngine] = Registry("engine")
-ENGINES.add(MujocoEngine() if has_batch() else OlderMujocoEngine())
-ENGINES.add(ImpulseEngine())
-ENGINES.add(LoopEngine())
-for _engine in adapted_engines():
-    ENGINES.add(_engine)
+for _module in iter_modules(__path__):
+    import_module(f"{__name__}.{_module.name}")
+settle()
 
 
 def find_engine(name: str) -> SimulationEngine:
@@ -35,6 +38,6 @@ def find_engine(name: str) -> SimulationEngine:
     return ENGINES[name]
 
 
-def engine_of(run: ResolvedRun) -> SimulationEngine:
+def engine_of(run: RunSpec) -> SimulationEngine:
     """Return the engine that simulates a run."""
     return find_engine(run.engine)

@@ -29,6 +29,7 @@ import mujoco
 import numpy as np
 
 from contactlab.engines.engine import (
+    ENGINES,
     Buffers,
     PreparedRuns,
     Proceed,
@@ -41,11 +42,11 @@ from contactlab.engines.engine import (
 from contactlab.engines.mujoco_batch import record_starts
 from contactlab.errors import EngineError
 from contactlab.resources import ADAPTERS, short_hash, user_cache
-from contactlab.scene.resolution import ResolvedRun
+from contactlab.scene.run_spec import RunSpec
 from contactlab.scene.scene import Scene
 
 SERVER = ADAPTERS / "serve.py"
-"""What runs adapters, and has what they share."""
+"""Script that runs adapters, with the code that they share."""
 _SETUP_LIMIT = 900.0  # until a first step is compiled and made [s]
 
 
@@ -69,8 +70,11 @@ class AdaptedEngine(SimulationEngine):
 
     @property
     def requirements(self) -> list[str]:
-        """What its environment has, as pip takes it."""
-        return [each.format(mujoco=mujoco.__version__) for each in self._adapter.REQUIREMENTS]
+        """Packages of its environment, as pip takes them."""
+        return [
+            requirement.format(mujoco=mujoco.__version__)
+            for requirement in self._adapter.REQUIREMENTS
+        ]
 
     @property
     def environment(self) -> Path:
@@ -80,9 +84,9 @@ class AdaptedEngine(SimulationEngine):
     @property
     def version(self) -> str:
         """The version that is installed; empty if none is."""
-        folders = [str(each) for each in self.environment.glob("lib/python*/site-packages")]
+        folders = [str(folder) for folder in self.environment.glob("lib/python*/site-packages")]
         found = distributions(name=self._adapter.PACKAGE, path=folders) if folders else ()
-        return next((each.version for each in found), "")
+        return next((distribution.version for distribution in found), "")
 
     @property
     def refused(self) -> str:
@@ -97,17 +101,17 @@ class AdaptedEngine(SimulationEngine):
         add = f"do so once with `contactlab engines add {self.name}`"
         return "" if self.version else f"the {self.name} engine is not installed; {add}"
 
-    def refusal(self, scene: Scene, run: ResolvedRun) -> str | None:
+    def refusal(self, scene: Scene, run: RunSpec) -> str | None:
         """Return why it cannot simulate a run: it is not here, or what the adapter says."""
         return self.absence or self.refusal_anywhere(scene, run)
 
-    def refusal_anywhere(self, scene: Scene, run: ResolvedRun) -> str | None:
+    def refusal_anywhere(self, scene: Scene, run: RunSpec) -> str | None:
         """Return why it could not simulate a run if it were installed; None if it could."""
         if why := self._adapter.refusal(scene.base_of(run).prepare(run.edits()).model):
             return f"the {self.name} engine cannot simulate this: {why}"
         return super().refusal(scene, run)
 
-    def ignored(self, run: ResolvedRun) -> Mapping[str, str]:  # noqa: ARG002 - of all runs alike
+    def ignored(self, run: RunSpec) -> Mapping[str, str]:  # noqa: ARG002 - of all runs alike
         """Return settings and effects that it leaves out, and why, as the adapter says."""
         return getattr(self._adapter, "IGNORED", {})
 
@@ -221,14 +225,17 @@ def _request(runs: PreparedRuns) -> Mapping[str, object]:
     """Return n runs of N steps as arrays: models as MuJoCo's binaries, starts, and what drives."""
     starts, places = runs.starts, runs.starts.driven
     steps = np.arange(runs.steps)
-    width = sum(each.shape[1] for each in (starts.ctrl, starts.applied, starts.mocap))
+    width = sum(inputs.shape[1] for inputs in (starts.ctrl, starts.applied, starts.mocap))
     levels = [
         starts.inputs(run, model.opt.timestep, steps, width)[:, places]
         for run, model in enumerate(runs.models)
     ]
     arrays = ("qpos", "qvel", "ctrl", "applied", "act", "mocap")
     # Of runs of one model it is written once.
-    binaries = {id(model): _binary(model) for model in {id(x): x for x in runs.models}.values()}
+    binaries = {
+        id(model): _binary(model)
+        for model in {id(shared): shared for shared in runs.models}.values()
+    }
     return {
         "models": [binaries[id(model)] for model in runs.models],
         "steps": runs.steps,
@@ -247,3 +254,7 @@ def adapted_engines() -> list[AdaptedEngine]:
     """Return an engine for each adapter, whether or not it is installed."""
     files = sorted(ADAPTERS.glob("*.py"))
     return [AdaptedEngine(file) for file in files if file != SERVER]
+
+
+for _engine in adapted_engines():
+    ENGINES.add(_engine)

@@ -42,7 +42,7 @@ from contactlab.engines.older_mujoco import SimulationError
 from contactlab.errors import SceneError, in_one_line
 from contactlab.scene.compile_model import PREFIX
 from contactlab.scene.drive.located_drive import LocatedDrive
-from contactlab.scene.resolution import ResolvedRun
+from contactlab.scene.run_spec import RunSpec
 from contactlab.schema.drive import PolicyDrive
 
 _STATE = int(STATE)
@@ -82,13 +82,13 @@ def fly(runs: PreparedRuns, buffers: Buffers, watch: Watch, proceed: Proceed) ->
         if places[0] and not proceed():
             break
         rows = slice(places[0], places[-1] + 1)
-        fields = {name: each[rows] for name, each in recorder.fields.items()}
+        fields = {name: field[rows] for name, field in recorder.fields.items()}
         flown += _together(runs.rows(places), arrays.rows(rows), fields, watch, proceed)
         if len(flown) <= places[-1]:
             break
     cost, warnings, errors, controls = zip(*flown, strict=True)
     rollout = recorded(arrays, np.array(cost), np.array(warnings), errors, controls)
-    acted = {run: each for run, each in enumerate(controls) if each is not None}
+    acted = {run: control for run, control in enumerate(controls) if control is not None}
     if acted:
         # Nothing is asked of those that failed: what acted elsewhere stands in.
         some, *_ = acted.values()
@@ -98,12 +98,12 @@ def fly(runs: PreparedRuns, buffers: Buffers, watch: Watch, proceed: Proceed) ->
     return recorder.told(rollout)
 
 
-def _drive(run: ResolvedRun) -> PolicyDrive:
+def _drive(run: RunSpec) -> PolicyDrive:
     assert isinstance(run.drive, PolicyDrive)
     return run.drive
 
 
-def _pace(run: ResolvedRun) -> tuple[float, ...]:
+def _pace(run: RunSpec) -> tuple[float, ...]:
     """Return what runs share whose policy acts before the same steps."""
     return run.timestep, _drive(run).rate, _drive(run).latency_seconds
 
@@ -124,7 +124,7 @@ def _together(
         if run and not proceed():
             break
         row = slice(run, run + 1)
-        own = {name: each[row] for name, each in fields.items()}
+        own = {name: field[row] for name, field in fields.items()}
         flown += _together(runs.rows([run]), arrays.rows(row), own, watch, proceed)
     return flown
 
@@ -195,7 +195,7 @@ class _Flight:
         steps = (_first_step(call * period) for call in range(most + 1))
         return [step for step in steps if step < self._runs.steps]
 
-    def _drawn(self, run: ResolvedRun) -> Floats:
+    def _drawn(self, run: RunSpec) -> Floats:
         """Return (calls, 2, nv) noise of positions and velocities; the same at any timestep."""
         noise, shape = _drive(run).noise, (len(self._calls), 2, self._models[0].nv)
         if not (noise.qpos or noise.qvel):
@@ -293,7 +293,8 @@ class _Flight:
         """Step runs, record them, and return the CPU time of the steps [s]."""
         shape = len(runs), end - begin
         out = {
-            key: np.empty((*shape, *each.shape[2:]), each.dtype) for key, each in self._out.items()
+            key: np.empty((*shape, *array.shape[2:]), array.dtype)
+            for key, array in self._out.items()
         }
         # A slice where all fly, since it copies faster than a list.
         ids = runs if len(runs) < len(self._models) else None
@@ -305,8 +306,8 @@ class _Flight:
             for run in runs:
                 self._errors[run] = self._batch.error(run) or None
         taken = thread_time() - start
-        for name, each in self._out.items():
-            each[rows, begin:end] = out[name]
+        for name, array in self._out.items():
+            array[rows, begin:end] = out[name]
         return taken
 
     def _inputs(self, runs: list[int], begin: int, end: int) -> dict[str, Any]:
@@ -323,15 +324,15 @@ class _Flight:
         """Leave runs at the state before a step: they stopped or failed."""
         for run in runs:
             self._ends[run] = step
-            for each in self._out.values():
-                each[run, step:] = each[run, max(step - 1, 0)]
+            for array in self._out.values():
+                array[run, step:] = array[run, max(step - 1, 0)]
             self._arrays.state[run, step + 1 :] = self._arrays.state[run, step]
         self._flying = [run for run in self._flying if run not in runs]
 
     def _flown(self, count: int) -> list[_Flown]:
         """Return what the first runs leave."""
         warnings, every = self._batch.warning[:, :, _COUNT], [*chain(*self._sampled)] or [1.0]
-        weights = np.array(self._ends) * [mean(each or every) for each in self._sampled]
+        weights = np.array(self._ends) * [mean(samples or every) for samples in self._sampled]
         cost = self._taken * weights / max(weights.sum(), np.finfo(float).tiny)
         steps, levels = np.array(list(self._acted)), np.array(list(self._acted.values()))
         duration = max(self._runs.resolved[0].duration, self._runs.steps * self._timestep)
@@ -354,7 +355,11 @@ def _first_step(time: float) -> int:
 
 def _own_sensors(model: mujoco.MjModel) -> int:
     """Return how many numbers a model's own sensors measure; those that record come after them."""
-    own = [each for each in range(model.nsensor) if not model.sensor(each).name.startswith(PREFIX)]
+    own = [
+        sensor
+        for sensor in range(model.nsensor)
+        if not model.sensor(sensor).name.startswith(PREFIX)
+    ]
     return int((model.sensor_adr + model.sensor_dim)[own].max(initial=0))
 
 
@@ -396,6 +401,6 @@ def load_code(what: str, file: Path, name: str) -> Callable[..., object]:
 
 
 def _classes(module: ModuleType) -> str:
-    classes = [each for each in vars(module).items() if isinstance(each[1], type)]
-    own = [name for name, each in classes if each.__module__ == module.__name__]
+    classes = [item for item in vars(module).items() if isinstance(item[1], type)]
+    own = [name for name, kind in classes if kind.__module__ == module.__name__]
     return f"; write one of {', '.join(own)}" if own else ""

@@ -49,8 +49,14 @@ class Kernel(ctypes.CDLL):
         self.close_recording.argtypes = self.end_loop.argtypes = (_POINTER,)
         self.open_loop.restype, self.open_loop.argtypes = _POINTER, (_POINTER, *[_INT] * 5)
         self.set_loop.argtypes, self.steps_of.argtypes = (_POINTER,) * 2, (_POINTER,)
-        for each in (self.look, self.start_step, self.read_acting, self.read_left, self.read_step):
-            each.argtypes = (_POINTER,) * 3
+        for function in (
+            self.look,
+            self.start_step,
+            self.read_acting,
+            self.read_left,
+            self.read_step,
+        ):
+            function.argtypes = (_POINTER,) * 3
 
 
 def roll_out_by_kernel(
@@ -63,7 +69,7 @@ def roll_out_by_kernel(
     models, starts, steps = runs.models, runs.starts, runs.steps
     kernel = usable_kernel()
     # What sleeps keeps its slots from before.
-    flags = (each.opt.enableflags & PERSISTENT | each.opt.disableflags & _OFF for each in models)
+    flags = (model.opt.enableflags & PERSISTENT | model.opt.disableflags & _OFF for model in models)
     if kernel is None or any(flags):
         return roll_out(models, starts, steps, buffers, watch, proceed)
     contacts = KernelStepper(kernel, runs)
@@ -91,7 +97,7 @@ class KernelStepper(BatchStepper):
         begin = starts.qpos, starts.qvel, starts.ctrl, starts.applied, starts.act
         self._rows = [*map(np.ascontiguousarray, begin), self.warnings]
         # Of the first run, and how far those of the next are; looked up once for all runs.
-        self._addresses = [(each.ctypes.data, each.strides[0]) for each in self._rows]
+        self._addresses = [(row.ctypes.data, row.strides[0]) for row in self._rows]
         sizes = self._pairs, len(self._models), runs.steps
         self._handle = library.open_recording(model._address, first, *sizes)
         if not self._handle:
@@ -105,7 +111,7 @@ class KernelStepper(BatchStepper):
         control = np.ascontiguousarray(inputs.get("control", _NO_CONTROL))
         *taken, warned = (first + run * stride for first, stride in self._addresses)
         arrays = control, out[STATE], out["sensordata"], out["solver_niter"], *map(out.get, FORCES)
-        addresses = [0 if each is None else each.ctypes.data for each in arrays]
+        addresses = [0 if array is None else array.ctypes.data for array in arrays]
         numbers = warned, run, inputs.get("control_spec", 0), control.shape[2]
         task = np.array([self._models[run]._address, *taken, *addresses, *numbers])
         said = self._library.record_run(self._handle, task.ctypes.data)
@@ -152,15 +158,15 @@ def _agrees(runs: PreparedRuns, rollout: Rollout) -> bool:
     """Return whether there are contacts, and raise an EngineError if sensors see others."""
     assert rollout.slots is not None
     layout = runs.base.layout
-    touching = [each[:, :, 0, FOUND] > 0 for each in rollout.slots if each.strides[0]]
+    touching = [slot[:, :, 0, FOUND] > 0 for slot in rollout.slots if slot.strides[0]]
     for run, step in np.argwhere(np.logical_or.reduce(touching))[:1].tolist():
         stop = min(step + _CHECKED_STEPS, rollout.steps[run])
         expected = roll_out([runs.models[run]], runs.starts.pick(run), stop, Buffers())
         rows = expected.sensors[0].copy()
         rows[:, layout.pairs[0] : layout.contacts] = 0
         rows[:, layout.contacts :] = rollout.sensors[run, :stop]
-        for address, each in zip(layout.pairs, rollout.slots, strict=True):
-            rows[:, address : address + each[0, 0].size] = each[run, :stop].reshape(stop, -1)
+        for address, slot in zip(layout.pairs, rollout.slots, strict=True):
+            rows[:, address : address + slot[0, 0].size] = slot[run, :stop].reshape(stop, -1)
         same = rows.tobytes() == expected.sensors[0].tobytes()
         if not same or rollout.state[run, : stop + 1].tobytes() != expected.state[0].tobytes():
             raise EngineError(f"the kernel disagrees with them in a run of {stop} steps")

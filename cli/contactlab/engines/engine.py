@@ -1,4 +1,4 @@
-"""What an engine is: how runs reach it, and what it hands back.
+"""Engines: how runs reach one, and the arrays that it returns.
 
 An engine is one class in one file, derived from `SimulationEngine` and added to `ENGINES`. It must
 say its version and roll runs out. What else it can do it shows by having the methods of
@@ -14,16 +14,17 @@ from dataclasses import dataclass, replace
 from functools import cache
 from importlib.metadata import version
 from itertools import pairwise
-from typing import Any, NamedTuple, Protocol, runtime_checkable
+from typing import Any, NamedTuple, Protocol, TypeVar, runtime_checkable
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import Floats, RecordedControls, SelfChecks, Told, Trace
+from contactlab.registry import Registry
 from contactlab.scene.compiled_scene import CompiledScene, PreparedModel
 from contactlab.scene.initial_states import InitialStates
-from contactlab.scene.resolution import ResolvedRun
+from contactlab.scene.run_spec import RunSpec
 from contactlab.scene.scene import Scene
 
 _ISLANDS = 20  # Contact islands of which MuJoCo keeps solver statistics: mjNISLAND
@@ -59,7 +60,7 @@ class RolloutArrays(NamedTuple):
 
 @dataclass(frozen=True)
 class Rollout(Told):
-    """What an engine returns for n runs of N steps; rows after a run stopped are not valid.
+    """Result of an engine for n runs of N steps; rows after a run stopped are not valid.
 
     Attributes:
         state: (n, N + 1, nstate) time, qpos, qvel, act; row k is the state before step k.
@@ -120,7 +121,7 @@ class Buffers:
 
 
 class Policy(Protocol):
-    """What acts in closed loop: made of a model once, for runs that go through together."""
+    """Actor of a closed loop: made of a model once, for runs that go through together."""
 
     def __call__(self, time: Floats, qpos: Floats, qvel: Floats, sensordata: Floats, /) -> object:
         """Return (n, nu) controls, from times (n,) [s] and states (n, nq), (n, nv) as observed.
@@ -153,14 +154,14 @@ class PreparedRuns:
     """
 
     scene: Scene
-    resolved: Sequence[ResolvedRun]
+    resolved: Sequence[RunSpec]
     prepared: Sequence[PreparedModel]
     starts: InitialStates
     steps: int
     policy: PolicyClass | None = None
 
     @classmethod
-    def of(cls, scene: Scene, *resolved: ResolvedRun) -> "PreparedRuns":
+    def of(cls, scene: Scene, *resolved: RunSpec) -> "PreparedRuns":
         """Prepare runs of one structure and step count."""
         starts = scene.starts(resolved)
         prepared = [scene.prepare(run, starts.pick(place)) for place, run in enumerate(resolved)]
@@ -174,7 +175,7 @@ class PreparedRuns:
     @property
     def models(self) -> list[mujoco.MjModel]:
         """Their compiled models."""
-        return [each.model for each in self.prepared]
+        return [run.model for run in self.prepared]
 
     def rows(self, runs: Sequence[int]) -> "PreparedRuns":
         """Return some of the runs."""
@@ -187,7 +188,7 @@ class PreparedRuns:
 
     def repeating(self, controls: Sequence[RecordedControls | None]) -> "PreparedRuns":
         """Return the runs driven by what their policies did, if any did, without the policies."""
-        acted = [each for each in controls if each is not None]
+        acted = [control for control in controls if control is not None]
         return replace(self, starts=self.starts.acted_on(acted), policy=None) if acted else self
 
 
@@ -229,7 +230,7 @@ class SimulationEngine(ABC):
         `refusal` should have said so.
         """
 
-    def refusal(self, scene: Scene, run: ResolvedRun) -> str | None:  # noqa: ARG002 - as below
+    def refusal(self, scene: Scene, run: RunSpec) -> str | None:  # noqa: ARG002 - as below
         """Return why it cannot simulate a run, and what to do instead; None if it can.
 
         Every run of a sweep is asked about before the first one starts. By default, runs are
@@ -240,7 +241,7 @@ class SimulationEngine(ABC):
             return f"the {self.name} engine ignores {name}, which is set here: {ignored[name]}"
         return None
 
-    def ignored(self, run: ResolvedRun) -> Mapping[str, str]:  # noqa: ARG002 - some look at it
+    def ignored(self, run: RunSpec) -> Mapping[str, str]:  # noqa: ARG002 - some look at it
         """Return settings and effects of a run that it leaves out, and why; off in its records."""
         return {}
 
@@ -302,7 +303,7 @@ SEGMENTS = 8
 
 
 class Work(NamedTuple):
-    """What the engine did in all steps of a run."""
+    """Work of the engine over all steps of a run."""
 
     steps: int
     iterations: int  # of the solver, summed over contact islands
@@ -346,3 +347,13 @@ class TimesSteps(Protocol):
     def time_steps(self, segments: Segments, most: int) -> Floats:
         """Return the CPU time of single steps [s], less what reading the clock takes."""
         ...
+
+
+ENGINES: Registry[SimulationEngine] = Registry("engine")
+_Engine = TypeVar("_Engine", bound=SimulationEngine)
+
+
+def engine(kind: type[_Engine]) -> type[_Engine]:
+    """Declare an engine, a class that needs no argument; a PluginError if its name is taken."""
+    ENGINES.add(kind())
+    return kind

@@ -33,6 +33,7 @@ from contactlab.engines.engine import (
     RolloutArrays,
     SimulationEngine,
     Watch,
+    engine,
     no_limit,
     package_version,
     proceed_always,
@@ -40,7 +41,7 @@ from contactlab.engines.engine import (
 from contactlab.errors import SceneError
 from contactlab.scene.compiled_scene import CompiledScene, PreparedModel
 from contactlab.scene.initial_states import InitialStates
-from contactlab.scene.resolution import ResolvedRun
+from contactlab.scene.run_spec import RunSpec
 from contactlab.scene.scene import Scene
 
 _FREE, _SLIDE = int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_SLIDE)
@@ -75,6 +76,7 @@ class _Step(NamedTuple):
     impulse: Floats
 
 
+@engine
 class ImpulseEngine(SimulationEngine):
     """Newton's restitution and Coulomb friction, as impulses on one sphere above one plane."""
 
@@ -86,7 +88,7 @@ class ImpulseEngine(SimulationEngine):
         """The version of contactlab."""
         return package_version("contactlab")
 
-    def refusal(self, scene: Scene, run: ResolvedRun) -> str | None:
+    def refusal(self, scene: Scene, run: RunSpec) -> str | None:
         """Return why it cannot simulate a run: other geoms or joints, or external forces."""
         base = scene.base_of(run)
         try:

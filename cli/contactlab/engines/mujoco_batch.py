@@ -140,7 +140,7 @@ def roll_out(  # noqa: PLR0913 - those of an engine, and what steps
 
 
 class Recorder:
-    """What batches record of runs beside states, and what it tells.
+    """Records of batches beside states, and their meaning.
 
     `fields` has arrays (rows, N, ...) by field of MjData, for runs that are recorded together.
     """

@@ -15,6 +15,7 @@ from contactlab.engines.engine import (
     Rollout,
     SimulationEngine,
     Watch,
+    engine,
     no_limit,
     package_version,
     proceed_always,
@@ -25,7 +26,8 @@ from contactlab.engines.single_run import count_work, integrate_to, time_segment
 from contactlab.errors import SceneError
 from contactlab.mjcf import MODEL_ENGINE
 from contactlab.scene.model_edits import LOOP_ENGINE
-from contactlab.scene.resolution import ResolvedRun
+from contactlab.scene.mujoco_versions import has_batch
+from contactlab.scene.run_spec import RunSpec
 from contactlab.scene.scene import Scene
 
 # Read before workers are forked.
@@ -94,6 +96,9 @@ class OlderMujocoEngine(MujocoEngine):
         }
 
 
+engine(MujocoEngine if has_batch() else OlderMujocoEngine)
+
+
 def _native_cost(runs: PreparedRuns, run: int, steps: int) -> float:
     """Return what a run's steps take without Python between them: made again, unrecorded [s]."""
     model, starts = runs.prepared[run].model, runs.starts
@@ -111,6 +116,7 @@ def _native_cost(runs: PreparedRuns, run: int, steps: int) -> float:
 _NOT_HERE = "a loop that is not in the store made the run, so it is not simulated again; render it"
 
 
+@engine
 class LoopEngine(SimulationEngine):
     """Simulates nothing: what loops and environments do is read from MuJoCo's data meanwhile."""
 
@@ -123,7 +129,7 @@ class LoopEngine(SimulationEngine):
         """The version of MuJoCo, which loops step."""
         return _VERSION
 
-    def refusal(self, scene: Scene, run: ResolvedRun) -> str | None:
+    def refusal(self, scene: Scene, run: RunSpec) -> str | None:
         """Return why it runs nothing, or why an environment cannot."""
         environment = scene.source.environment
         return environment.refusal(run) if environment else _NOT_HERE

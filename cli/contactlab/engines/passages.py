@@ -1,4 +1,4 @@
-"""What passed through what between steps, whether or not a step had a contact.
+"""Passages of geoms through each other between steps, whether or not a step had a contact.
 
 Seen from one geom, the centre of another moves along a line from step to step. Where a ray along it
 enters the geom and leaves it again, or gets under a surface, the other has passed through; so do
@@ -21,8 +21,8 @@ from contactlab.scene.model_edits import read_flag
 from contactlab.scene.model_names import name_of
 
 _SLOW = 0.5  # Share of the half thickness of two geoms by which a step must move them to matter
-_MOST_STEPS = 4  # Steps that a fast geom takes to pass through another, at most
-_MOST_PLACES = 200  # Places within a step at which two geoms are looked at, at most
+_MOST_STEPS_OF_A_PASSAGE = 4  # Steps that a fast geom takes to pass through another, at most
+_MOST_PLACES_IN_A_STEP = 200  # Places within a step at which two geoms are looked at, at most
 _SOON, _APART = 0.1, 1.5  # By when [s] what passed a flex is how far off it, in half extents
 _THROUGH = 0.5  # How deep in each other those geoms are, in half extents of the thinner
 _MOST_PAIRS, _MOST_RAYS = 200, 500
@@ -35,7 +35,7 @@ _UP, _ORIGIN, _AXES = np.array([0.0, 0.0, 1.0]), np.zeros(3), np.eye(3).ravel()
 
 
 class Passages:
-    """What passed through what in runs of one structure, by the poses of their bodies.
+    """Passages of geoms through each other in runs of one structure, by the poses of bodies.
 
     Attributes:
         found: what passed through what in each run, in the order of steps.
@@ -63,12 +63,12 @@ class Passages:
             found = [*self._passages(model, pairs, position, rotation, turned)]
             within = _Within(model, states[:, 1 : positions + model.nv], acting)
             for pair in pairs:
-                apart = np.subtract(*(_place(model, position, rotation, each) for each in pair))
+                apart = np.subtract(*(_place(model, position, rotation, geom) for geom in pair))
                 found += within.passages(
                     pair, apart[:-1], moved[:, pair].sum(axis=1), least=float(self._least[pair])
                 )
             found += _through_flexes(model, position, rotation, vertices)
-            self.found[run] = tuple(sorted(found, key=lambda each: each.step))
+            self.found[run] = tuple(sorted(found, key=lambda passage: passage.step))
 
     def _passages(
         self,
@@ -131,7 +131,7 @@ class _Within:
         near = np.linalg.norm(apart, axis=1) < bound + moved
         for step in np.flatnonzero(near & (moved > least))[:_MOST_RAYS].tolist():
             if self._overlaps(pair, step, float(moved[step]), least):
-                mover, wall = (name_of(model, "geom", each) for each in pair)
+                mover, wall = (name_of(model, "geom", geom) for geom in pair)
                 return [Passage(mover, wall, step)]
         return []
 
@@ -141,7 +141,7 @@ class _Within:
         if model.nmocap:
             apply_inputs(model, data, self._acting[step])
         velocity = self._states[step + 1, model.nq :]
-        ahead = max(least / 2, moved / _MOST_PLACES)
+        ahead = max(least / 2, moved / _MOST_PLACES_IN_A_STEP)
         share, deepest = 0.0, 0.0
         while share < 1:
             data.qpos[:] = self._states[step, : model.nq]
@@ -283,7 +283,7 @@ def _lengths(model: mujoco.MjModel) -> Floats:
     reach = reaches(model)
     for body in range(model.nbody - 1, 0, -1):
         joints = range(model.body_jntadr[body], model.body_jntadr[body] + model.body_jntnum[body])
-        slides = any(int(model.jnt_type[each]) in _TRANSLATIONS for each in joints)
+        slides = any(int(model.jnt_type[joint]) in _TRANSLATIONS for joint in joints)
         beyond = 2 * model.stat.extent if slides else np.linalg.norm(model.body_pos[body])
         parent = model.body_parentid[body]
         reach[parent] = max(reach[parent], beyond + reach[body])
@@ -330,10 +330,10 @@ def _first_passage(
     """
     squares = (np.diff(path, axis=0) ** 2).sum(axis=1)
     fast = squares > least**2
-    reach = wall.bound + _MOST_STEPS * np.sqrt(squares.max(initial=0))
+    reach = wall.bound + _MOST_STEPS_OF_A_PASSAGE * np.sqrt(squares.max(initial=0))
     if not (fast & ((path[:-1] ** 2).sum(axis=1) < reach**2)).any():
         return []
-    for steps in range(1, 1 + _MOST_STEPS):
+    for steps in range(1, 1 + _MOST_STEPS_OF_A_PASSAGE):
         begin, end = path[:-steps], path[steps:]
         moving = np.convolve(fast, np.ones(steps))[steps - 1 : len(fast)] > 0
         near = np.linalg.norm(begin, axis=1) < np.linalg.norm(end - begin, axis=1) + wall.bound

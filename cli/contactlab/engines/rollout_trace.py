@@ -29,13 +29,13 @@ def make_trace(base: CompiledScene, models: Sequence[PreparedModel], rollout: Ro
     velocity = 1 + model.nq
     # MuJoCo gives as many islands as it could need; there is at most one a tree.
     iterations = rollout.iterations[:, :, : max(1, model.ntree)]
-    mass = np.array([each.model.body_subtreemass[0] for each in models])
+    mass = np.array([compiled.model.body_subtreemass[0] for compiled in models])
     held = None
     if layout.held is not None:
         pose = sensors[:, :, layout.held : layout.held + 7]
         held = HeldPose(pose[:, :, :3], pose[:, :, 3:])
     return Trace(
-        timestep=np.array([each.model.opt.timestep for each in models]),
+        timestep=np.array([compiled.model.opt.timestep for compiled in models]),
         steps_asked=sensors.shape[1],
         time=rollout.state[:, :, 0],
         qpos=rollout.state[:, :, 1:velocity],
@@ -53,7 +53,7 @@ def make_trace(base: CompiledScene, models: Sequence[PreparedModel], rollout: Ro
         held=held,
         forces=sensors[:, :, layout.forces : layout.forces + model.nu],
         lengths=sensors[:, :, layout.lengths : layout.lengths + model.ntendon],
-        **{each.name: getattr(rollout, each.name) for each in fields(Told)},
+        **{field.name: getattr(rollout, field.name) for field in fields(Told)},
     )
 
 
@@ -75,7 +75,7 @@ def _pair_traces(
     base: CompiledScene, models: Sequence[PreparedModel], rollout: Rollout
 ) -> Iterator[PairTrace]:
     friction = np.array(
-        [[each.pairs[pair.name].friction for pair in base.pairs] for each in models]
+        [[model.pairs[pair.name].friction for pair in base.pairs] for model in models]
     )
     for index, (pair, address) in enumerate(zip(base.pairs, base.layout.pairs, strict=True)):
         if rollout.slots is None:

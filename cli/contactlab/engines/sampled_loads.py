@@ -1,4 +1,4 @@
-"""What a few states of a run tell of it: what equalities bear, brakes that creep, sleepers."""
+"""Loads of equalities, brakes that creep, and sleepers, from a few states of a run."""
 
 import copy
 from dataclasses import replace

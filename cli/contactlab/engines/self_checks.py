@@ -38,20 +38,20 @@ from contactlab.scene.run_setup import lighter_weight
 _JACOBIAN_SAMPLES = 16
 _GEOMETRY_SAMPLES = 128
 # Forces and accelerations below this share of the run's largest may be rounding.
-_LEAST_SHARE = 1e-3
+_LEAST_SHARE_OF_LARGEST = 1e-3
 _NO_ACCELERATION = 1e-2  # m/s^2 or rad/s^2: a thousandth of gravity.
 _TIGHT = 1e-12
-_MOST_ITERATIONS = 1000
+_MOST_SOLVER_ITERATIONS = 1000
 # How the solver of a refined copy is tightened, and how far off a perturbed one starts.
 _FEWEST_ITERATIONS, _FEWEST_LINE_SEARCHES, _REFINED_TOLERANCE = 100, 50, 1e-10
 _PERTURBATION = 1e-9
 # Numbers that a run's sensors may give for it to have copies, which take four times the memory.
-_MOST_NUMBERS = 1 << 25
+_MOST_SENSOR_VALUES_OF_A_RUN = 1 << 25
 _DENSE = int(mujoco.mjtJacobian.mjJAC_DENSE)
 _SPARSE = int(mujoco.mjtJacobian.mjJAC_SPARSE)
 _BUT_CONTACTS = sum(
-    int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{each}"))
-    for each in ("ACTUATION", "EQUALITY", "FRICTIONLOSS", "GRAVITY", "LIMIT", "SPRING")
+    int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{flag}"))
+    for flag in ("ACTUATION", "EQUALITY", "FRICTIONLOSS", "GRAVITY", "LIMIT", "SPRING")
 )
 _RELAXING = 200  # Steps in which what only loads press together parts
 _MOVES = 0.01  # Least mass of the lighter over that which a contact moves; 3 at the end of a rod
@@ -80,7 +80,7 @@ def run_checks(runs: PreparedRuns, trace: Trace, proceed: Proceed = proceed_alwa
         jacobian_steps=jacobian_steps,
         geometry_steps=geometry_steps,
         refined=tuple(refined),
-        bodies=tuple(runs.models[0].body(each).name for each in range(runs.models[0].nbody)),
+        bodies=tuple(runs.models[0].body(body).name for body in range(runs.models[0].nbody)),
         **dict(zip(BY_RUN, map(np.array, zip(*found, strict=True)), strict=True)),
     )
 
@@ -105,7 +105,7 @@ def _copy(
 ) -> tuple[Trace, Floats, Floats]:
     """Copy a run, refined and perturbed; return what `SelfChecks` has of it."""
     model, start, steps = runs.models[run], runs.starts.pick(run), trace.steps
-    if model.nsensordata * steps > _MOST_NUMBERS:
+    if model.nsensordata * steps > _MOST_SENSOR_VALUES_OF_A_RUN:
         return trace.select([run]), *_uncompared(model, motion_at_rest(trace.qvel[run]))
     moving = slice(1 + model.nq, 1 + model.nq + model.nv)
     rollout = _refined(runs, run, steps, buffers)
@@ -118,7 +118,7 @@ def _copy(
         return refined, *_uncompared(model, motion_at_rest(trace.qvel[run]))
     rest = motion_at_rest(trace.qvel[run]), finer, motion_at_rest(nearby[:, moving])
     paths = trace.qpos[run], refined.qpos[0], nearby[:, 1 : moving.start]
-    return refined, np.stack(rest), np.stack([_travel(model, each) for each in paths])
+    return refined, np.stack(rest), np.stack([_travel(model, path) for path in paths])
 
 
 def _uncompared(model: mujoco.MjModel, own: Floats) -> tuple[Floats, Floats]:
@@ -166,8 +166,8 @@ def _thinned(rollout: Rollout) -> Rollout:
     rows = {name: getattr(rollout, name)[:, ::REFINEMENT].copy() for name in names}
     # Those of pairs that never touch are one view of zeros.
     slots = rollout.slots and tuple(
-        each[:, ::REFINEMENT].copy() if each.strides[0] else each[:, ::REFINEMENT]
-        for each in rollout.slots
+        slot[:, ::REFINEMENT].copy() if slot.strides[0] else slot[:, ::REFINEMENT]
+        for slot in rollout.slots
     )
     if work is not None:
         work = work.reshape(1, -1, REFINEMENT, 3).sum(axis=2)
@@ -195,7 +195,8 @@ def _residual(model: mujoco.MjModel, again: dict[int | str, Floats]) -> Floats:
         return np.full(len(gap), np.nan)
     force = np.linalg.norm(again["qfrc_constraint"], axis=1)
     least = max(
-        _LEAST_SHARE * force.max(initial=0), _NO_ACCELERATION * np.linalg.norm(model.dof_M0)
+        _LEAST_SHARE_OF_LARGEST * force.max(initial=0),
+        _NO_ACCELERATION * np.linalg.norm(model.dof_M0),
     )
     return gap / np.maximum(force, max(least, np.finfo(float).tiny))
 
@@ -209,7 +210,7 @@ def _jacobian(
     for kind in (_DENSE, _SPARSE):
         solved = copy.copy(model)
         solved.opt.jacobian, solved.opt.tolerance = kind, _TIGHT
-        solved.opt.iterations = _MOST_ITERATIONS
+        solved.opt.iterations = _MOST_SOLVER_ITERATIONS
         data, accelerations = mujoco.MjData(solved), np.empty((len(steps), 2, model.nv))
         for row, step, inputs in zip(accelerations, steps, acting, strict=True):
             apply_inputs(solved, data, inputs)
@@ -222,7 +223,9 @@ def _jacobian(
     dense, sparse = found
     size = np.abs(dense).max(axis=(1, 2), initial=0)
     # Near rest, or without gravity, an acceleration may be rounding alone.
-    scale = np.maximum(size, max(_LEAST_SHARE * size.max(initial=0), np.finfo(float).tiny))
+    scale = np.maximum(
+        size, max(_LEAST_SHARE_OF_LARGEST * size.max(initial=0), np.finfo(float).tiny)
+    )
     return np.abs(dense[:, 0] - sparse[:, 0]).max(axis=1, initial=0) / scale
 
 
@@ -243,13 +246,13 @@ def _geometry(
         (colliding(touch, pair), made) for pair, made in zip(base.pairs, trace.pairs, strict=True)
     )
     fields = np.flatnonzero(np.isin(model.geom_type, _FIELDS))
-    monitored = [each for each in collided if each[0] and not np.isin(each[0], fields).any()]
+    monitored = [geoms for geoms in collided if geoms[0] and not np.isin(geoms[0], fields).any()]
     for sample, step in enumerate(steps):
         data.qpos[:] = trace.qpos[run, step]
         mujoco.mj_kinematics(model, data)
         for geoms, recorded in monitored:
             # A function that shares nothing with contacts.
-            distance = min(mujoco.mj_geomDistance(model, data, *each, 1, None) for each in geoms)
+            distance = min(mujoco.mj_geomDistance(model, data, *geom, 1, None) for geom in geoms)
             slots = recorded.slots[run, step]
             touching = slots[:, 0] > 0
             if not touching.any():
@@ -273,7 +276,7 @@ def _squeeze(base: CompiledScene, model: mujoco.MjModel, qpos: Floats) -> Floats
         data.sensordata[address : address + pair.slots * SLOT_WIDTH].reshape(-1, SLOT_WIDTH)
         for pair, address in zip(base.pairs, base.layout.pairs, strict=True)
     )
-    borne = np.array([each[:, FORCE.start].sum() for each in slots])
+    borne = np.array([slot[:, FORCE.start].sum() for slot in slots])
     owners = data.contact.geom[data.efc_id] if data.ncon else np.zeros((0, 2))
     for index in np.flatnonzero(borne).tolist():
         pair, generalized, moved = base.pairs[index], np.zeros(model.nv), np.zeros((1, model.nv))

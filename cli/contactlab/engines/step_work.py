@@ -24,7 +24,7 @@ _EULER_IS_EXPLICIT = int(mujoco.mjtDisableBit.mjDSBL_EULERDAMP)
 _OF_ACTUATORS = ("actuator_velocity", "actuator_force")
 _FORCES_OF_OTHERS = ("qfrc_smooth", "qfrc_bias", "qfrc_spring", "qfrc_damper", "qfrc_fluid")
 FORCES = ("qfrc_constraint", "qfrc_actuator", *_OF_ACTUATORS, *_FORCES_OF_OTHERS)
-"""What may be recorded of forces, in the order of `find_forces` in contact_kernel.c."""
+"""Forces that may be recorded, in the order of `find_forces` in contact_kernel.c."""
 
 
 class Books:
@@ -90,7 +90,9 @@ class Books:
         apply_inputs(model, data, inputs)
         mujoco.mj_forward(model, data)
         violation, others = np.abs(data.efc_pos - data.efc_margin), data.qacc_smooth.copy()
-        carried, sprung = (_forces_at_rest(model, data, each) for each in (others, 0 * others))
+        carried, sprung = (
+            _forces_at_rest(model, data, controls) for controls in (others, 0 * others)
+        )
         energies = violation * (sprung / 2 + np.maximum(carried - sprung, 0))
         return float(energies.sum()), float(energies[data.efc_type < _FIRST_OF_CONTACTS].sum())
 
@@ -132,7 +134,7 @@ def _work(model: mujoco.MjModel, velocity: Floats, forces: dict[str, Floats]) ->
         work[:, ACTUATORS] = _dot(step, forces["qfrc_actuator"])
         if model.opt.integrator in _IMPLICIT:
             work[:, ACTUATORS] += _implicit_feedback(
-                model, *(forces[each] for each in _OF_ACTUATORS)
+                model, *(forces[actuator] for actuator in _OF_ACTUATORS)
             )
     if _FORCES_OF_OTHERS[0] in forces:
         smooth, bias, spring, damper, fluid = (forces[name] for name in _FORCES_OF_OTHERS)

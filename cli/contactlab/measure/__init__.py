@@ -31,15 +31,20 @@ from contactlab.measure.entries import Label as Label
 from contactlab.measure.entries import MeasuredRuns as MeasuredRuns
 from contactlab.measure.entries import Metric as Metric
 from contactlab.measure.entries import Requirement as Requirement
+from contactlab.measure.entries import Severity as Severity
 from contactlab.measure.entries import Threshold as Threshold
+from contactlab.measure.entries import added_labels as added_labels
 from contactlab.measure.entries import label as label
+from contactlab.measure.entries import labels_with as labels_with
 from contactlab.measure.entries import limits as limits
 from contactlab.measure.entries import metric as metric
 from contactlab.measure.entries import oracle as oracle
 from contactlab.measure.run_integrity import STABLE as STABLE
+from contactlab.registry import settle
 
 TOPICS = penetration, motion, soft_contact, friction, grasp_hold, solver_work, oracle_error
 """Modules that declare metrics, in the order of the table's columns; others come after them."""
 
 for _module in iter_modules(__path__):
     import_module(f"{__name__}.{_module.name}")
+settle()

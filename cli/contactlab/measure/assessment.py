@@ -12,14 +12,13 @@ from contactlab.contact.trace_setup import Setup
 from contactlab.errors import ContactlabError
 from contactlab.measure.context import Context, StackedPairs, context_of
 from contactlab.measure.coverage import coverages
-from contactlab.measure.entries import LABELS, METRICS, MeasuredRuns, Metric, limits
+from contactlab.measure.entries import LABELS, METRICS, MeasuredRuns, Metric, labels_with, limits
 from contactlab.measure.run_integrity import STABLE, invalid
 from contactlab.measure.step_dependence import suspects
 from contactlab.schema.coverage import Coverage
 
 Failures = dict[int, list[str]]  # why metrics and labels fail, by run
 
-_TRACED = {"tunneling", "energy_injection", "constraint_gain", "penetration_growth", "chatter"}
 _OF_CONTROL = ("mode_switches", "contact_losses")
 """Thresholds of chatter, which controls that change may be the cause of, where the step is not."""
 _CLEAR = 0.5  # Share of these that a copy must keep below to be free of it
@@ -39,7 +38,7 @@ class AppliedLabel(NamedTuple):
 
 @dataclass(frozen=True)
 class Assessment:
-    """What was measured of n runs."""
+    """Measurements of n runs."""
 
     metrics: dict[str, Floats]  # every metric by name, (n,) each; NaN where it does not apply
     # For each run the labels that apply, worst first; `stable` if none does.
@@ -88,9 +87,9 @@ def _labels(runs: MeasuredRuns, failures: Failures) -> tuple[tuple[AppliedLabel,
         for own, finding in zip(applied, findings, strict=True):
             if finding:
                 own.append(AppliedLabel(name, *finding))
-    applied = [[*_with_causes(runs.context, *each)] for each in enumerate(applied)]
+    applied = [[*_with_causes(runs.context, *indexed)] for indexed in enumerate(applied)]
     for run, reasons in failures.items():
-        others = [each for each in applied[run] if each.label != invalid.__name__]
+        others = [verdict for verdict in applied[run] if verdict.label != invalid.__name__]
         applied[run] = [AppliedLabel(invalid.__name__, "; ".join(reasons), 0), *others]
     none = (AppliedLabel(STABLE.name, STABLE.meaning, 0),)
     return tuple(tuple(labels) or none for labels in applied)
@@ -99,20 +98,21 @@ def _labels(runs: MeasuredRuns, failures: Failures) -> tuple[tuple[AppliedLabel,
 def _with_causes(context: Context, run: int, labels: list[AppliedLabel]) -> Iterator[AppliedLabel]:
     """Yield labels of a run with whether they are numerical; what a drive may do is no finding."""
     checks = context.checks
-    if not checks or not checks.compared[run] or _TRACED.isdisjoint(each[0] for each in labels):
+    traced = labels_with("numerical")
+    if not checks or not checks.compared[run] or traced.isdisjoint(label[0] for label in labels):
         yield from labels
         return
     setup, usual = context.setup.select([run]), limits(context.setup.thresholds)
     if setup.steered:
-        lower = {each: _CLEAR * usual[each] for each in _OF_CONTROL}
+        lower = {name: _CLEAR * usual[name] for name in _OF_CONTROL}
         setup = replace(setup, thresholds={**setup.thresholds, **lower})
-    kept = {each.label for each in assess(checks.refined[run], setup).labels[0]}
-    for each in labels:
-        if each.label not in _TRACED:
-            yield each
-        elif not (setup.steered and each.label in kept and each.label == "chatter"):
-            cause = _MODELLED if each.label in kept else _NUMERICAL
-            yield each._replace(reason=f"{each.reason}; {cause}")
+    kept = {verdict.label for verdict in assess(checks.refined[run], setup).labels[0]}
+    for label in labels:
+        if label.label not in traced:
+            yield label
+        elif not (setup.steered and label.label in kept and label.label == "chatter"):
+            cause = _MODELLED if label.label in kept else _NUMERICAL
+            yield label._replace(reason=f"{label.reason}; {cause}")
 
 
 def _tried(

@@ -64,7 +64,9 @@ def _violations(context: Context) -> list[_Violation]:
                 _Violation(one.name, one.unit, one.scale, most, rest, constant=one.constant)
             )
     found += _of_brakes(context, mechanism)
-    return [each for each in found if each is not None and np.isfinite(each.scale)]
+    return [
+        violation for violation in found if violation is not None and np.isfinite(violation.scale)
+    ]
 
 
 def _of_brakes(context: Context, mechanism: Mechanism) -> Iterator[_Violation]:
@@ -72,7 +74,7 @@ def _of_brakes(context: Context, mechanism: Mechanism) -> Iterator[_Violation]:
     if context.trace.creep is None:
         return
     moved = context.trace.creep * context.seconds[:, None]
-    braked = [each for each in mechanism.joints for _ in range(DEGREES[each.kind])]
+    braked = [joint for joint in mechanism.joints for _ in range(DEGREES[joint.kind])]
     braked += mechanism.tendons
     for place in np.flatnonzero(moved.any(axis=0)).tolist():
         part, crept = braked[place], moved[:, place]
@@ -95,7 +97,9 @@ def _of_limit(context: Context, part: Part, places: Floats) -> _Violation | None
     ahead = np.minimum(places - part.low, part.high - places)
     ahead = np.where(ahead < part.margin, np.maximum(ahead, 0), 0)
     if context.setup.limits_act is not None:
-        beyond, ahead = (each * context.setup.limits_act[:, None] for each in (beyond, ahead))
+        beyond, ahead = (
+            distance * context.setup.limits_act[:, None] for distance in (beyond, ahead)
+        )
     beyond = np.maximum(beyond - beyond[:, :1], 0)
     turns = part.kind in {"ball", "hinge"}
     width = part.high - (0 if part.kind == "ball" else part.low)
@@ -114,7 +118,9 @@ def constraint_violation(context: Context) -> Floats:
     of a turn, at most a quarter. For an equality, at sampled states: the reach of the smaller body
     that it connects, the length of a tendon, or as for limits.
     """
-    return worst_pair(context, [each.peak / each.scale for each in _violations(context)])
+    return worst_pair(
+        context, [violation.peak / violation.scale for violation in _violations(context)]
+    )
 
 
 @metric("1", "lower", 1e-9)
@@ -139,13 +145,15 @@ def limit_violation_rest(context: Context) -> Floats:
 
 
 def _at_rest(context: Context, judge: Threshold) -> Floats:
-    return worst_pair(context, [each.rest / each.scale for each in _judged(context, judge)])
+    return worst_pair(
+        context, [violation.rest / violation.scale for violation in _judged(context, judge)]
+    )
 
 
 def _judged(context: Context, judge: Threshold) -> list[_Violation]:
     """Return what a threshold judges: at rest, what is as slow as it says."""
     least = _NEARLY * _CONSTANTS.get(judge, 0.0)
-    return [each for each in _violations(context) if each.constant >= least]
+    return [violation for violation in _violations(context) if violation.constant >= least]
 
 
 def _overshoots(runs: MeasuredRuns) -> Found:
@@ -156,23 +164,33 @@ def _overshoots(runs: MeasuredRuns) -> Found:
     far = checks.compared & (runs.metrics["constraint_violation"] > limit)
     for run in np.flatnonzero(far).tolist():
         copy = _violations(runs.context.refined(run))
-        for each, finer in zip(_violations(runs.context), copy, strict=False):
-            most, less = each.peak[run], finer.peak[0]
-            if each.course is not None and most > max(limit * each.scale, 2 * less):
-                reason = f"{each.name} is off by {most:.3g} {each.unit}; at a quarter of the step,"
-                yield run, Finding(f"{reason} by {less:.3g}", first_step(each.course[run] >= most))
+        for violation, finer in zip(_violations(runs.context), copy, strict=False):
+            most, less = violation.peak[run], finer.peak[0]
+            if violation.course is not None and most > max(limit * violation.scale, 2 * less):
+                reason = (
+                    f"{violation.name} is off by {most:.3g} {violation.unit}; "
+                    f"at a quarter of the step, by {less:.3g}"
+                )
+                yield run, Finding(reason, first_step(violation.course[run] >= most))
 
 
-@label(66, (_PEAK, _AT_REST, _SOFT, _YIELDS, OVERSHOOT))
+@label(
+    "bad",
+    rank=5,
+    thresholds=(_PEAK, _AT_REST, _SOFT, _YIELDS, OVERSHOOT),
+    letter="V",
+    colour="#ffc7a6",
+    advice="a shorter time constant of limit or equality, or less load",
+)
 def constraint_violated(runs: MeasuredRuns) -> Found:
     """A limit was pushed through, or a loop, weld, gear, rope or brake gives way."""
     quarter = 3 * runs.context.trace.steps // 4
-    at_rest = ((each, " at rest", quarter) for each in _CONSTANTS)
+    at_rest = ((constant, " at rest", quarter) for constant in _CONSTANTS)
     for judge, when, begin in ((_PEAK, "", 0), *at_rest):
         for run, _, limit in runs.over(judge.name):
             found = _judged(runs.context, judge)
-            amounts = [each.rest[run] if when else each.peak[run] for each in found]
-            scales = [each.scale for each in found]
+            amounts = [violation.rest[run] if when else violation.peak[run] for violation in found]
+            scales = [violation.scale for violation in found]
             worst = int(np.nanargmax(np.divide(amounts, scales)))
             each, most = found[worst], limit * scales[worst]
             reason = f"{each.name} is off by {amounts[worst]:.3g} {each.unit}{when}"

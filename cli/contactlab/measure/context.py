@@ -1,4 +1,4 @@
-"""What a metric or a label reads: a trace, its setup, its pair series, and shared results."""
+"""Inputs of a metric or a label: a trace, its setup, its pair series, and shared results."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, fields
@@ -20,7 +20,7 @@ from contactlab.measure.net_contact import NetContact, net_contact
 
 Cached = TypeVar("Cached")
 
-_OF_SERIES = [each.name for each in fields(PairSeries)][1:]
+_OF_SERIES = [entry.name for entry in fields(PairSeries)][1:]
 _ROWS = 1 << 11  # of states that go through together, and so fit into the cache
 _ROUNDING = 1e-6  # Share of a step by which a time may miss a whole number of steps
 
@@ -46,7 +46,7 @@ class StackedPairs:
         """The net quantities of each pair over time."""
         stacked = [getattr(self.net.series, name) for name in _OF_SERIES]
         named = zip(self.names, self.rows.tolist(), strict=True)
-        return tuple(PairSeries(name, *(each[row] for each in stacked)) for name, row in named)
+        return tuple(PairSeries(name, *(array[row] for array in stacked)) for name, row in named)
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""What runs exercised: what moved, which limits acted, what was loaded, touched, slid and rolled.
+"""Coverage of runs: parts that moved, were loaded, touched, slid, rolled, or met limits.
 
 A limit of a joint or a tendon acts exactly where the engine has a constraint for it: nearer to its
 end than its margin. Nothing stops the motion before, so that no timestep hides that it was reached.
@@ -25,14 +25,16 @@ from contactlab.schema.coverage import Coverage, End
 
 TURNING = 0.1
 """Least angular velocity [rad/s] of a contact that rolls or spins; soft ones rock more slowly."""
-_LEAST_LOAD = 1e-4  # Share of the model's weight below which an equality bears next to nothing
+_LEAST_LOAD_SHARE = (
+    1e-4  # Share of the model's weight below which an equality bears next to nothing
+)
 _AT_LIMIT = 1e-9  # Share of its range by which a force at its limit may miss it by rounding
 _LARGEST = float(np.finfo(np.float64).max)
 _RANGE = ("low", "high", "margin")
 _ENDS: tuple[tuple[End, ...], ...] = ((), ("upper",), ("lower",), ("lower", "upper"))
 
 Fields = Mapping[str, NDArray[Any]]
-"""What parts did, (n, parts) for each field of the record; NaN where it does not apply."""
+"""Measures of parts, (n, parts) for each field of the record; NaN where it does not apply."""
 
 
 def coverages(context: Context) -> tuple[Coverage, ...] | None:
@@ -50,8 +52,8 @@ def coverages(context: Context) -> tuple[Coverage, ...] | None:
         touched = [trace.pairs[place] for place in context.pairs.places]
         pairs = _rows(touched, _pairs(context), n)
     loads = np.zeros((n, 0)) if trace.equality_loads is None else trace.equality_loads
-    loads = np.where(loads < _LEAST_LOAD * mechanism.weight, 0, loads)
-    names = [each.name for each in mechanism.equalities]
+    loads = np.where(loads < _LEAST_LOAD_SHARE * mechanism.weight, 0, loads)
+    names = [equality.name for equality in mechanism.equalities]
     contacts = share(trace.contacts > 0)
     covered = (
         {
@@ -88,9 +90,9 @@ def _row(names: Iterable[str], values: Sequence[float]) -> dict[str, Any]:
 
 
 def _joints(joints: Sequence[Part], qpos: Floats) -> Fields:
-    widths = [3 if each.kind == "free" else 1 for each in joints]
+    widths = [3 if joint.kind == "free" else 1 for joint in joints]
     columns = [
-        each.place + k for each, width in zip(joints, widths, strict=True) for k in range(width)
+        joint.place + k for joint, width in zip(joints, widths, strict=True) for k in range(width)
     ]
     # Run by run, so that its rows stay in the cache.
     ends = [(rows.min(axis=0), rows.max(axis=0)) for rows in qpos]
@@ -121,8 +123,8 @@ def _turned(qpos: Floats, place: int) -> Floats:
 
 def _travel(parts: Sequence[Part], least: Floats, greatest: Floats, moved: Floats) -> Fields:
     """Return travels from the least and greatest place of each part in each run, (n, parts)."""
-    low, high, margin = (np.array([getattr(each, name) for each in parts]) for name in _RANGE)
-    balls = np.array([each.kind == "ball" for each in parts])
+    low, high, margin = (np.array([getattr(part, name) for part in parts]) for name in _RANGE)
+    balls = np.array([part.kind == "ball" for part in parts])
     span = high - np.where(balls, 0, low)
     return {
         "moved": moved,
@@ -150,8 +152,8 @@ def _actuators(mechanism: Mechanism, trace: Trace) -> Fields:
     slack = np.where(np.isfinite(high - low), _AT_LIMIT * (high - low), 0)
     at_limit = (forces <= low + slack) | (forces >= high - slack)
     least, greatest = controls[:, :, 0], controls[:, :, 1]
-    first = np.array([each.low for each in mechanism.actuators])
-    last = np.array([each.high for each in mechanism.actuators])
+    first = np.array([actuator.low for actuator in mechanism.actuators])
+    last = np.array([actuator.high for actuator in mechanism.actuators])
     used = np.clip(greatest, first, last) - np.clip(least, first, last)
     return {
         **_travel(mechanism.actuators, least, greatest, used),
@@ -172,4 +174,4 @@ def _pairs(context: Context) -> Fields:
         "spun": bears & (net.spinning > TURNING),
     }
     friction = series.tangential.max(axis=-1) / np.where(largest > 0, largest, np.inf)
-    return {**{name: share(each).T for name, each in shares.items()}, "friction": friction.T}
+    return {**{name: share(values).T for name, values in shares.items()}, "friction": friction.T}

@@ -128,7 +128,14 @@ def integration_gains(runs: MeasuredRuns) -> Found:
         yield run, Finding(reason, first_step(_unexplained(runs.context)[run] > limit))
 
 
-@label(58, (LOSS,))
+@label(
+    "poor",
+    rank=12,
+    thresholds=(LOSS,),
+    letter="L",
+    colour="#a63d01",
+    advice="a shorter timestep, or integrator RK4 for free motion",
+)
 def energy_loss(runs: MeasuredRuns) -> Found:
     """The integrator, or constraints of too long a step, took energy that nothing damps."""
     for run, loss, limit in runs.over("integration_loss"):
@@ -142,7 +149,16 @@ def energy_loss(runs: MeasuredRuns) -> Found:
             yield run, Finding(f"{reason}; at a quarter of the step, {part_of(finer)} it", 0)
 
 
-@label(39, (_CONSTRAINT_GAIN,), name="constraint_gain")
+@label(
+    "poor",
+    rank=5,
+    name="constraint_gain",
+    thresholds=(_CONSTRAINT_GAIN,),
+    letter="K",
+    colour="#ff9e67",
+    advice="timestep at most half the shortest time constant, or a longer constant",
+    traits=("numerical",),
+)
 def generous_constraints(runs: MeasuredRuns) -> Found:
     """Contacts, limits or equalities, too stiff for the step, gave more than they had stored."""
     given = runs.context.trace.given

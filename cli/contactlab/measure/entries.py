@@ -1,9 +1,10 @@
-"""What metrics, labels and oracles are, and the decorators that declare them.
+"""Metrics, labels and oracles, and the decorators that declare them.
 
 An entry is declared where it is computed: a decorator on its function states what is known of it,
 and the function's docstring is its published definition. Plug-ins use the same decorators.
 """
 
+import re
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
@@ -18,6 +19,7 @@ from contactlab.errors import PluginError, SceneError
 from contactlab.measure.context import Context, runs_where
 from contactlab.registry import Registry
 from contactlab.schema.comparison import MetricRule
+from contactlab.schema.evidence import LabelFacts
 
 Direction = Literal["lower", "higher", "none"]
 Kind = Literal["physics", "work", "check", "detail"]
@@ -25,7 +27,17 @@ Requirement = Literal["", "energy", "depth"]
 MetricFunction = Callable[[Context], Floats]
 OracleFunction = Callable[[Context], tuple[Floats, Floats]]
 
-_SEVERE = 60
+Severity = Literal["void", "bad", "poor", "noted", "good"]
+SEVERITIES: Mapping[Severity, str] = {
+    "void": "nothing that was measured of the run means anything",
+    "bad": "the run is physically wrong",
+    "poor": "the run is worse than wanted",
+    "noted": "the run is not as expected, or not known as a whole",
+    "good": "no other label applies",
+}
+"""The bands of labels with their meanings, worst first."""
+Trait = Literal["grip", "no impact", "numerical", "pair"]
+_COLOUR = re.compile("#[0-9a-f]{6}")
 _TOLERANCES = {"m": 1e-4, "m/s": 1e-3, "rad": 0.01, "1": 0.01, "any": 0.01, "s": 0.02, "J": 1e-3}
 """By unit: 0.1 mm is the penetration that the guideline accepts; 1 mm/s is a fifth of what tells
 sliding from sticking; ratios count to 1 %."""
@@ -79,7 +91,7 @@ class Metric:
 
 
 class MetricOptions(TypedDict, total=False):
-    """What `metric` may state beside unit, direction and resolution; see `Metric`."""
+    """Options of `metric` beside unit, direction and resolution; see `Metric`."""
 
     name: str
     tolerance: float
@@ -106,7 +118,7 @@ Found = Iterator[tuple[int, Finding]]
 
 @dataclass(frozen=True)
 class MeasuredRuns:
-    """What a label judges.
+    """Runs that a label judges.
 
     Attributes:
         metrics: every metric of these runs, (n,) each.
@@ -153,28 +165,73 @@ class Threshold:
 
 @dataclass(frozen=True)
 class Label:
-    """A named outcome of a run.
+    """A named outcome of a run, and all that is said and drawn of it.
 
     Attributes:
         name: its name in sweeps, evidence and reports.
         meaning: what it says of a run, in words.
-        severity: the worst of a run's labels is the one of the highest severity; 0 is a good run.
+        severity: its band; the worst of a run's labels is that of the worst band.
+        rank: its place within the band: the higher, the worse; of equal ones the first declared.
+        advice: what to change; it follows "change:".
+        letter: one character for it on maps; of a letter that is taken, or none, another is used.
+        colour: its colour in pictures, `#rrggbb`; grey without one.
         thresholds: the limits that its rule reads.
-        voids: whether nothing that was measured of the run means anything.
+        traits: what else holds of it: `grip` if it says that a grip does not hold, `pair` if it is
+            what a scene's expectations of pairs find, `numerical` if its cause may be the step,
+            `no impact` if the first contact of its runs is no impact of rigid bodies.
         rule: finds the runs that it applies to; None where it is known from outside the trace.
     """
 
     name: str
     meaning: str
-    severity: float
+    severity: Severity
+    rank: float = 0
+    advice: str = ""
+    letter: str = ""
+    colour: str = ""
     thresholds: tuple[Threshold, ...] = ()
-    voids: bool = False
+    traits: tuple[Trait, ...] = ()
     rule: LabelRule | None = None
+
+    def __post_init__(self) -> None:
+        """Raise PluginError for a severity, letter or colour that is none."""
+        if self.severity not in SEVERITIES:
+            bands = ", ".join(SEVERITIES)
+            raise PluginError(
+                f"label '{self.name}': severity is one of {bands}; for the order "
+                "within it there is `rank`"
+            )
+        if len(self.letter) > 1:
+            raise PluginError(f"label '{self.name}': letter '{self.letter}' is not one character")
+        if self.colour and not _COLOUR.fullmatch(self.colour):
+            raise PluginError(f"label '{self.name}': colour '{self.colour}' is not like '#1f77b4'")
+
+    @property
+    def facts(self) -> LabelFacts:
+        """Words, letter and colour of it."""
+        return LabelFacts(
+            meaning=self.meaning, advice=self.advice, letter=self.letter, colour=self.colour
+        )
 
     @property
     def is_severe(self) -> bool:
         """Whether the run is physically wrong, and not just worse than wanted."""
-        return self.severity >= _SEVERE
+        return self.severity in {"void", "bad"}
+
+    @property
+    def is_good(self) -> bool:
+        """Whether nothing is wrong with the run."""
+        return self.severity == "good"
+
+    @property
+    def voids(self) -> bool:
+        """Whether nothing that was measured of the run means anything."""
+        return self.severity == "void"
+
+    @property
+    def is_added(self) -> bool:
+        """Whether a plug-in declares it."""
+        return self.rule is not None and self.rule.__module__.partition(".")[0] != "contactlab"
 
     def of(self, runs: MeasuredRuns) -> list[Finding | None]:
         """Return why the label applies, for each run; None where it does not."""
@@ -186,7 +243,7 @@ class Label:
 
 
 class OracleResult(NamedTuple):
-    """What a closed form expects of n runs, what they did, and how far apart that is, each (n,)."""
+    """Values that a closed form expects of n runs, those measured, and their gap, each (n,)."""
 
     expected: Floats
     measured: Floats
@@ -223,14 +280,17 @@ class Oracle:
 
 
 class _WorstFirst(Registry[Label]):
-    """Labels in order of severity, and of declaration where that is equal."""
+    """Labels in order of severity and rank, and of declaration where these are equal."""
 
     def add(self, entry: Label) -> Label:
         """Add a label and its thresholds."""
         for threshold in entry.thresholds:
             THRESHOLDS.add(threshold)
         super().add(entry)
-        worst_first = sorted(self.values(), key=lambda label: -label.severity)
+        bands = list(SEVERITIES)
+        worst_first = sorted(
+            self.values(), key=lambda label: (bands.index(label.severity), -label.rank)
+        )
         self.clear()
         self.update({label.name: label for label in worst_first})
         return entry
@@ -262,9 +322,19 @@ def metric(
     return declare
 
 
-def label(
-    severity: float, thresholds: tuple[Threshold, ...] = (), *, name: str = "", voids: bool = False
-) -> Callable[[LabelRule], LabelRule]:
+class LabelOptions(TypedDict, total=False):
+    """Options of `label` beside the severity; see `Label`."""
+
+    name: str
+    rank: float
+    advice: str
+    letter: str
+    colour: str
+    thresholds: tuple[Threshold, ...]
+    traits: tuple[Trait, ...]
+
+
+def label(severity: Severity, **options: Unpack[LabelOptions]) -> Callable[[LabelRule], LabelRule]:
     """Declare a label: the function finds the runs that it applies to; its docstring says why.
 
     Arguments are those of `Label`: a threshold may belong to several labels, and the name is the
@@ -272,11 +342,21 @@ def label(
     """
 
     def declare(rule: LabelRule) -> LabelRule:
-        meaning = _definition(rule)
-        LABELS.add(Label(name or rule.__name__, meaning, severity, thresholds, voids, rule))
+        given: LabelOptions = {"name": rule.__name__, **options}
+        LABELS.add(Label(meaning=_definition(rule), severity=severity, rule=rule, **given))
         return rule
 
     return declare
+
+
+def added_labels() -> dict[str, dict[str, str]]:
+    """Return the facts of all labels that plug-ins declare, as a store has them."""
+    return {name: label.facts.model_dump() for name, label in LABELS.items() if label.is_added}
+
+
+def labels_with(trait: Trait) -> frozenset[str]:
+    """Return the names of all labels with a trait."""
+    return frozenset(name for name, label in LABELS.items() if trait in label.traits)
 
 
 def oracle(
@@ -308,5 +388,9 @@ def limits(overrides: Mapping[str, float]) -> dict[str, float]:
     rest = f"; there are {', '.join(THRESHOLDS)}"
     for name in overrides:
         SceneError.unless_known(name, THRESHOLDS, f"no threshold '{name}'", rest=rest)
-    usual = {each.name: each.default for each in THRESHOLDS.values() if each.default is not None}
+    usual = {
+        threshold.name: threshold.default
+        for threshold in THRESHOLDS.values()
+        if threshold.default is not None
+    }
     return {**usual, **overrides}

@@ -146,7 +146,7 @@ def _crept(context: Context) -> dict[str, Floats]:
     ways = (steady * context.seconds * speed)[pairs.rows]
     shares = dict(zip(pairs.names, ways / context.setup.reaches[:, None], strict=True))
     together = sum(ways, np.zeros(context.trace.runs))
-    joints = {each.place: each for each in mechanism.joints} if mechanism else {}
+    joints = {joint.place: joint for joint in mechanism.joints} if mechanism else {}
     for body in context.setup.free_bodies:
         place = context.position(body)
         moved = 4 * np.sqrt(squared_lengths(place[:, -1] - place[:, late.start]))
@@ -173,7 +173,14 @@ def normal_impulse(context: Context) -> Floats:
     return worst_pair(context, context.net.series.normal.sum(axis=-1)) * context.trace.timestep
 
 
-@label(28, (_CREEP_SPEED, _CREPT))
+@label(
+    "poor",
+    rank=1,
+    thresholds=(_CREEP_SPEED, _CREPT),
+    letter="R",
+    colour="#ceceb1",
+    advice="an elliptic cone with impratio 10, or a shorter time constant of solref",
+)
 def creep(runs: MeasuredRuns) -> Found:
     """A sticking pair slips faster than the scene accepts; or far for its size, if none says."""
     for run, speed, limit in runs.over("creep_speed"):
@@ -183,7 +190,7 @@ def creep(runs: MeasuredRuns) -> Found:
     judged = not _OF_SCENES.isdisjoint(runs.context.setup.thresholds)
     for run, way, limit in () if judged else runs.over(_CREPT.name):
         crept = _crept(runs.context)
-        name = max(crept, key=lambda each: np.nan_to_num(crept[each][run]))
+        name = max(crept, key=lambda pair: np.nan_to_num(crept[pair][run]))
         reason = f"{name} sticks, but would creep by {way:.3g} of its size (limit {limit:g})"
         yield run, Finding(reason, runs.context.last_fifth.start)
 
@@ -202,7 +209,15 @@ def contact_losses(context: Context) -> Floats:
     return worst_pair(context, counts)
 
 
-@label(40, (_MODE_SWITCHES, _CONTACT_LOSSES, _FEWEST, _HUNTS))
+@label(
+    "poor",
+    rank=6,
+    thresholds=(_MODE_SWITCHES, _CONTACT_LOSSES, _FEWEST, _HUNTS),
+    letter="C",
+    colour="#c849a9",
+    advice="solimp 0.99 0.999 0.001, or a shorter timestep where solref is underdamped",
+    traits=("numerical",),
+)
 def chatter(runs: MeasuredRuns) -> Found:
     """A pair keeps switching between stick and slide, or losing contact; or a servo keeps hunting.
 

@@ -26,7 +26,7 @@ def sliding_distance(context: Context) -> tuple[Floats, Floats]:
     """
     speed, fall = context.setting("speed"), gravity(context)
     early = np.where(semi_implicit(context) > 0, speed * context.setting("timestep") / 2, 0)
-    barriers = [each.body for each in context.setup.barriers if each.pair == 0]
+    barriers = [barrier.body for barrier in context.setup.barriers if barrier.pair == 0]
     moved = context.displacement((barriers or context.setup.free_bodies)[0])
     down = context.setup.gravity / fall[:, None]
     across = moved - (moved * down).sum(axis=1, keepdims=True) * down

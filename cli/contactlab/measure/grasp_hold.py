@@ -118,21 +118,48 @@ def hold_contact(context: Context) -> Floats:
     return count(bearing(context).any(axis=0) & inside) / np.where(steps > 0, steps, np.nan)
 
 
-@label(52, (_EXPLOITED,))
+@label(
+    "poor",
+    rank=10,
+    thresholds=(_EXPLOITED,),
+    letter="X",
+    colour="#d5ecf3",
+    advice="a shorter time constant of solref, and impratio 10 with an elliptic cone",
+    traits=("grip",),
+)
 def exploited(runs: MeasuredRuns) -> Found:
     """The grip relies on penetration, as no solid body could."""
     return _deep(runs, "exploited")
 
 
-@label(76, (_BROKEN,))
+@label(
+    "bad",
+    rank=8,
+    thresholds=(_BROKEN,),
+    letter="B",
+    colour="#102da3",
+    advice="a shorter time constant of solref, solimp nearer 1, or less grip force",
+    traits=(
+        "grip",
+        "no impact",
+    ),
+)
 def broken(runs: MeasuredRuns) -> Found:
     """The penetration of a grip is so deep that its contact means nothing."""
     return _deep(runs, "broken")
 
 
-@label(36, (_HOLD_SLIP, _HOLD_OFFSET, _HOLD_CONTACT))
+@label(
+    "poor",
+    rank=3,
+    thresholds=(_HOLD_SLIP, _HOLD_OFFSET, _HOLD_CONTACT),
+    letter="S",
+    colour="#adad7d",
+    advice="more friction or grip; if it creeps, an elliptic cone with impratio 10",
+    traits=("grip",),
+)
 def slipping(runs: MeasuredRuns) -> Found:
-    """What should be held slips, is no longer in its place, or bears no force."""
+    """A body that should be held slips, is no longer in its place, or bears no force."""
     window, held = hold_window(runs.context), runs.context.trace.held
     share, seconds = runs.metrics["hold_contact"], hold_seconds(runs.context)
     for run in runs_where(share < runs.limits["hold_contact"]):
@@ -152,7 +179,7 @@ def slipping(runs: MeasuredRuns) -> Found:
 def _deep(runs: MeasuredRuns, threshold: str) -> Found:
     inside, (_, depths) = hold_window(runs.context), contact_depths(runs.context)
     for run, depth, limit in runs.over("hold_penetration", threshold):
-        step = max(first_step((each[run] > limit) & inside[run]) for each in depths)
+        step = max(first_step((pair_depth[run] > limit) & inside[run]) for pair_depth in depths)
         name = name_of_worst(runs.context, mean_depths(runs.context, inside), run)
         yield run, Finding(f"{name} is {depth:.3g} m deep on average (limit {limit:g} m)", step)
 

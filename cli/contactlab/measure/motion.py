@@ -190,7 +190,15 @@ def turn(context: Context) -> Floats:
     return worst_body(context, angles) * context.trace.timestep
 
 
-@label(60, (_ENERGY_GAIN, _SPEED_RATIO, INTEGRATION_GAIN))
+@label(
+    "bad",
+    rank=1,
+    thresholds=(_ENERGY_GAIN, _SPEED_RATIO, INTEGRATION_GAIN),
+    letter="E",
+    colour="#ff5e02",
+    advice="a timestep of at most 0.8 times timeconst times dampratio of solref",
+    traits=("numerical",),
+)
 def energy_injection(runs: MeasuredRuns) -> Found:
     """A passive scene gained energy, or ejected a body too fast; or the integrator added some."""
     context = runs.context
@@ -202,7 +210,7 @@ def energy_injection(runs: MeasuredRuns) -> Found:
         yield run, Finding(reason, first_step(risen))
     for run, ratio, limit in runs.over("speed_ratio"):
         reason = f"a body moved {part_of(ratio)} as fast as the energy at the start allows"
-        bounds = [_speed_bound(context, each) for each in context.setup.free_bodies]
+        bounds = [_speed_bound(context, body) for body in context.setup.free_bodies]
         fast = [
             squares[run] > (limit * most[run]) ** 2
             for squares, most in zip(squared_speeds(context), bounds, strict=True)
@@ -211,7 +219,14 @@ def energy_injection(runs: MeasuredRuns) -> Found:
     yield from integration_gains(runs)
 
 
-@label(63, (_UNSUPPORTED,))
+@label(
+    "bad",
+    rank=3,
+    thresholds=(_UNSUPPORTED,),
+    letter="A",
+    colour="#ecbfe1",
+    advice="sleep off, or a lower sleep_tolerance",
+)
 def asleep_unsupported(runs: MeasuredRuns) -> Found:
     """A body was put to sleep where nothing holds it."""
     setup, sleeper = runs.context.setup, runs.context.trace.sleeper
@@ -225,7 +240,15 @@ def asleep_unsupported(runs: MeasuredRuns) -> Found:
         yield run, Finding(reason, int(step))
 
 
-@label(44, (_DRIFT,), name="drift")
+@label(
+    "poor",
+    rank=7,
+    name="drift",
+    thresholds=(_DRIFT,),
+    letter="W",
+    colour="#822f6e",
+    advice="impratio 10 and an elliptic cone, or a shorter time constant of solref",
+)
 def drifting(runs: MeasuredRuns) -> Found:
     """A body that should stay ended farther from its start than the scene accepts."""
     places = [runs.context.position(body) for body in runs.context.setup.free_bodies]
@@ -236,7 +259,14 @@ def drifting(runs: MeasuredRuns) -> Found:
         yield run, Finding(reason, _first_of(away) - 1)
 
 
-@label(32, (_REST_SPEED,))
+@label(
+    "poor",
+    rank=2,
+    thresholds=(_REST_SPEED,),
+    letter="U",
+    colour="#de92cb",
+    advice="a longer run, or more damping",
+)
 def unsettled(runs: MeasuredRuns) -> Found:
     """A body still moves in the last fifth of the run, where the scene says that all rest."""
     squares, start = squared_speeds(runs.context), runs.context.last_fifth.start
@@ -277,7 +307,7 @@ def _stored_at_start(context: Context) -> Floats:
         place = context.pairs.places[row]
         pair, thickness = context.trace.pairs[place], context.setup.thickness[place]
         first, last = pair.slots[:, 0], pair.slots[:, -1]
-        forces = (sum_of_slots(each[..., FORCE.start], axis=1) for each in (first, last))
+        forces = (sum_of_slots(contact[..., FORCE.start], axis=1) for contact in (first, last))
         depth = (context.net.farthest[row][:, None] - first[..., DISTANCE]).max(
             axis=1, where=first.any(axis=2), initial=0
         )

@@ -2,15 +2,11 @@
 
 Tangential forces and velocities are summed in the world frame, and the 1-norm of a pyramidal cone
 is taken in the frame of the first contact. Two components along the tangents are kept as one
-complex number, so that a slot's columns stay contiguous in time. `net_contact.c` does the same in
-one pass.
+complex number, so that a slot's columns stay contiguous in time.
 """
 
-import ctypes
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -29,12 +25,10 @@ from contactlab.contact.trace_arrays import (
     PairTrace,
 )
 from contactlab.measure.stick_slip import modes
-from contactlab.native import agrees, functions_of
 
 Complexes = NDArray[np.complex128]
 """Two numbers each: components along two tangents, or just neighbours that move as one."""
 
-_SOURCE = Path(__file__).with_suffix(".c")
 _NORMAL_FORCE = FORCE.start
 _TANGENTIAL_FORCE = slice(FORCE.start + 1, FORCE.stop)
 _SLIP = slice(LINEAR_VELOCITY.start + 1, LINEAR_VELOCITY.stop)
@@ -78,7 +72,7 @@ class _Cone:
 
 @dataclass(frozen=True)
 class _SlotColumns:
-    """What is read of the slots of one run, (S, N) each and contiguous in time."""
+    """Fields of the slots of one run, (S, N) each and contiguous in time."""
 
     normal: Floats
     distance: Floats
@@ -106,9 +100,8 @@ def net_contact(
         pair = pairs[row]
         first, second = pair.friction[:, 0], pair.friction[:, 1]
         stretch = np.where(first == second, 1, first / second)
-        bounds = first.copy(), stretch, np.ascontiguousarray(elliptic)
-        for run in _left_by_c(pair.slots, contacts[row], bounds, series[row], worst[row]):
-            cone = _Cone(*(each[run].item() for each in bounds))
+        for run in range(shape[1]):
+            cone = _Cone(first[run].item(), stretch[run].item(), elliptic[run].item())
             reduced = _reduced(pair.slots[run], contacts[row, run], cone)
             series[row, :, run], worst[row, :, run] = reduced
     normal, tangential, usage, slip, distance, *others = np.moveaxis(series, 1, 0)
@@ -116,42 +109,6 @@ def net_contact(
     mode = modes(normal > 0, usage, grip, slip, timestep)
     shown = PairSeries("", contacts, normal, tangential, usage, slip, distance, mode)
     return NetContact(shown, found, hardest, grip, rolling, spinning, *np.moveaxis(worst, 1, 0))
-
-
-def _left_by_c(
-    slots: Floats,
-    contacts: NDArray[np.int32],
-    cones: tuple[Floats, Floats, NDArray[np.bool_]],
-    series: Floats,
-    worst: Floats,
-) -> list[int]:
-    """Reduce runs as `_reduced` does, in C; return those that are left for it, all without C."""
-    runs, steps = contacts.shape
-    library = functions_of(_SOURCE)
-    if library is None:
-        return [*range(runs)]
-    if slots.strides[-1] != slots.itemsize:
-        slots = np.ascontiguousarray(slots)
-    most = slots.shape[2]
-    room, left = np.empty(3 * most * (steps + 2)), np.zeros(runs, np.bool_)
-    strides = [each // slots.itemsize for each in slots.strides[:3]]
-    arrays = [each.ctypes.data for each in (contacts, *cones, series, worst, room, left)]
-    task = np.array([slots.ctypes.data, *strides, runs, steps, *arrays])
-    library.reduce_pair(ctypes.c_void_p(task.ctypes.data))
-    done = np.flatnonzero(~left)
-
-    def bits(reduce: bool) -> bytes:
-        """Return what the busiest run is reduced to, by C or by NumPy."""
-        run = int(done[contacts[done].sum(axis=1).argmax()])
-        found = series[:, run], worst[:, run]
-        if reduce:
-            cone = _Cone(*(each[run].item() for each in cones))
-            found = map(np.array, _reduced(slots[run], contacts[run], cone))
-        return b"".join(each.tobytes() for each in found)
-
-    if len(done) and not agrees(_SOURCE, partial(bits, False), partial(bits, True)):
-        return [*range(runs)]
-    return np.flatnonzero(left).tolist()
 
 
 def _reduced(

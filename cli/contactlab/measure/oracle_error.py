@@ -53,7 +53,14 @@ _AT_REST = Threshold(
 )
 
 
-@label(16, (_AT_REST,))
+@label(
+    "noted",
+    rank=2,
+    thresholds=(_AT_REST,),
+    letter="O",
+    colour="#a27fdc",
+    advice="a shorter timestep; what then stays is the model's, as of pyramidal cones",
+)
 def oracle_miss(runs: MeasuredRuns) -> Found:
     """The error against the scene's closed form exceeds the limit, or nothing could be measured.
 

@@ -12,31 +12,54 @@ from contactlab.measure.coverage import TURNING
 from contactlab.measure.entries import Finding, Found, MeasuredRuns, Threshold, label
 from contactlab.measure.stick_slip import spans
 
-PAIR_LABELS = frozenset({"unexpected_slide", "unexpected_stick", "pair_expectation"})
 _VERBS = {"stick": "stick", "slide": "slide", "apart": "be apart", "rolls": "roll"}
-_MODE_HOLD = Threshold(
+MODE_HOLD = Threshold(
     "mode_hold", 0.02, "s", "Shortest that counts; sliding is told from sticking in 4 to 24 ms."
 )
 _ROUNDING = 1e-6  # Share of a step by which a time may miss the start of a step
 
 Mask = NDArray[np.bool_]
 Faults = Iterator[tuple[str, str, Mask]]
-"""What was expected, what is met instead, and the steps (N,) in which it is."""
+"""Expected behaviour, the one met instead, and the steps (N,) in which it is met."""
 
 
-@label(24, (_MODE_HOLD,))
+@label(
+    "noted",
+    rank=4,
+    thresholds=(MODE_HOLD,),
+    letter="Z",
+    colour="#707051",
+    advice="more friction; or priority, if the other geom's should count",
+    traits=("pair",),
+)
 def unexpected_slide(runs: MeasuredRuns) -> Found:
     """A pair slides that is expected to stick or to roll."""
     return _found(runs, SLIDE)
 
 
-@label(20, (_MODE_HOLD,))
+@label(
+    "noted",
+    rank=3,
+    thresholds=(MODE_HOLD,),
+    letter="Y",
+    colour="#e2e2d2",
+    advice="less friction on both geoms, since the larger counts; or priority",
+    traits=("pair",),
+)
 def unexpected_stick(runs: MeasuredRuns) -> Found:
     """A pair sticks that is expected to slide."""
     return _found(runs, STICK)
 
 
-@label(26, (_MODE_HOLD,))
+@label(
+    "noted",
+    rank=5,
+    thresholds=(MODE_HOLD,),
+    letter="5",
+    colour="#c7b2ea",
+    advice="the scene's `pairs` say what is expected: mend the scene, or the model",
+    traits=("pair",),
+)
 def pair_expectation(runs: MeasuredRuns) -> Found:
     """A pair does not press, touch, part or roll as expected, or is deeper."""
     return _found(runs, NO_CONTACT)
@@ -45,16 +68,18 @@ def pair_expectation(runs: MeasuredRuns) -> Found:
 def _found(runs: MeasuredRuns, mode: int) -> Found:
     """Find what pairs do unexpectedly: slide, stick, or anything else."""
     context, hold = runs.context, runs.limits["mode_hold"]
-    for each in filter(lambda each: each.pairs, context.setup.expected):
-        start, stop = np.moveaxis(each.window[:, :, None], 1, 0)
+    for expectation in context.setup.expected:
+        if not (isinstance(expectation, ExpectedContact) and expectation.pairs):
+            continue
+        start, stop = np.moveaxis(expectation.window[:, :, None], 1, 0)
         time = context.trace.time[:, :-1] + _ROUNDING * context.trace.timestep[:, None]
         inside = (time >= start) & (time < stop)
-        for run in runs_where(inside.any(axis=1) & _may_fail(context, each, mode)):
+        for run in runs_where(inside.any(axis=1) & _may_fail(context, expectation, mode)):
             width = max(int(np.ceil(hold / context.trace.timestep[run] - _ROUNDING)), 1)
             found = (
-                _misfits(context, each, run, inside[run], width)
+                _misfits(context, expectation, run, inside[run], width)
                 if mode == NO_CONTACT
-                else _wrong_modes(context, each, run, inside[run], width, mode)
+                else _wrong_modes(context, expectation, run, inside[run], width, mode)
             )
             for wanted, met, where in found:
                 step = first_step(where)
@@ -62,33 +87,35 @@ def _found(runs: MeasuredRuns, mode: int) -> Found:
                 yield run, Finding(reason, step)
 
 
-def _may_fail(context: Context, each: ExpectedContact, mode: int) -> Mask | bool:
+def _may_fail(context: Context, expectation: ExpectedContact, mode: int) -> Mask | bool:
     """Return (n,) which runs meet a mode that is not wanted, or whether more than modes is said."""
     if mode == NO_CONTACT:
-        said = each.mode, each.force, each.depth
+        said = expectation.mode, expectation.force, expectation.depth
         return said != (None, (-np.inf, np.inf), np.inf)
-    modes = context.net.series.mode[context.pairs.rows[[*each.pairs]]]
-    return bool(_wanted(each, mode)) & np.logical_or.reduce((modes == mode).any(axis=2))
+    modes = context.net.series.mode[context.pairs.rows[[*expectation.pairs]]]
+    return bool(_wanted(expectation, mode)) & np.logical_or.reduce((modes == mode).any(axis=2))
 
 
-def _wanted(each: ExpectedContact, met: int) -> list[tuple[str, str]]:
+def _wanted(expectation: ExpectedContact, met: int) -> list[tuple[str, str]]:
     """Return when pairs should be in which mode that is not the one met."""
     modes = {"slide"} if met == STICK else {"stick", "rolls"}
-    ends = (("first", each.first), ("last", each.last), ("", each.mode))
+    ends = (("first", expectation.first), ("last", expectation.last), ("", expectation.mode))
     return [(when, mode) for when, mode in ends if mode in modes]
 
 
 def _wrong_modes(
-    context: Context, each: ExpectedContact, run: int, inside: Mask, width: int, met: int
+    context: Context, expectation: ExpectedContact, run: int, inside: Mask, width: int, met: int
 ) -> Faults:
     series = context.net.series
-    for pair, row in zip(each.pairs, context.pairs.rows[[*each.pairs]].tolist(), strict=True):
+    for pair, row in zip(
+        expectation.pairs, context.pairs.rows[[*expectation.pairs]].tolist(), strict=True
+    ):
         mode = series.mode[row, run]
-        bad = _lasting(inside & (mode == met), width)
-        good = np.flatnonzero(_lasting(inside & (mode == STICK + SLIDE - met), width)).tolist()
+        bad = lasting(inside & (mode == met), width)
+        good = np.flatnonzero(lasting(inside & (mode == STICK + SLIDE - met), width)).tolist()
         first, last = (good[0], good[-1]) if good else (None, None)
         parts = {"first": slice(first), "last": slice(last, None), "": slice(None)}
-        for when, what in _wanted(each, met):
+        for when, what in _wanted(expectation, met):
             where = np.zeros_like(bad)
             where[parts[when]] = bad[parts[when]]
             if where.any():
@@ -98,41 +125,45 @@ def _wrong_modes(
                 yield named, does, where
 
 
-def _misfits(context: Context, each: ExpectedContact, run: int, inside: Mask, width: int) -> Faults:
-    timestep, (least, most) = float(context.trace.timestep[run]), each.force
-    rows = context.pairs.rows[[*each.pairs]]
+def _misfits(
+    context: Context, expectation: ExpectedContact, run: int, inside: Mask, width: int
+) -> Faults:
+    timestep, (least, most) = float(context.trace.timestep[run]), expectation.force
+    rows = context.pairs.rows[[*expectation.pairs]]
     series, depths = context.net.series, contact_depths(context)[1]
     touching = inside & (series.mode[rows, run] != NO_CONTACT).any(axis=0)
-    apart = _lasting(inside & ~touching, width) & (each.timed or not touching.any())
-    if (each.mode in {"stick", "slide", "rolls"} or least > 0) and apart.any():
-        wanted = _VERBS[each.mode] if each.mode else f"press with {least:.3g} N or more"
+    apart = lasting(inside & ~touching, width) & (expectation.timed or not touching.any())
+    if (expectation.mode in {"stick", "slide", "rolls"} or least > 0) and apart.any():
+        wanted = (
+            _VERBS[expectation.mode] if expectation.mode else f"press with {least:.3g} N or more"
+        )
         met = f"touches nothing for {np.count_nonzero(apart) * timestep:.3g} s"
-        yield f"{each.name} should {wanted}", met, apart
-    for pair, row in zip(each.pairs, rows.tolist(), strict=True):
+        yield f"{expectation.name} should {wanted}", met, apart
+    for pair, row in zip(expectation.pairs, rows.tolist(), strict=True):
         name, force, depth = context.pairs.names[pair], series.normal[row, run], depths[row, run]
-        if each.mode == "apart" and (pressed := inside & (force > 0)).any():
+        if expectation.mode == "apart" and (pressed := inside & (force > 0)).any():
             met = f"presses with up to {force[pressed].max():.3g} N"
             yield f"{name} should be apart", met, pressed
         still = inside & (force > 0) & (context.net.rolling[row, run] <= TURNING)
-        still = _lasting(still & (series.mode[row, run] == STICK), width)
-        if each.mode == "rolls" and still.any():
+        still = lasting(still & (series.mode[row, run] == STICK), width)
+        if expectation.mode == "rolls" and still.any():
             met = f"does not turn for {np.count_nonzero(still) * timestep:.3g} s"
             yield f"{name} should roll", met, still
-        if (deep := inside & (depth > each.depth)).any():
+        if (deep := inside & (depth > expectation.depth)).any():
             met = f"is up to {depth[deep].max():.3g} m deep"
-            yield f"{name} should be at most {each.depth:.3g} m deep", met, deep
+            yield f"{name} should be at most {expectation.depth:.3g} m deep", met, deep
     total = np.sum([series.normal[row, run] for row in rows], axis=0)
-    mean = _averaged(total, inside if each.timed else touching, width)
+    mean = _averaged(total, inside if expectation.timed else touching, width)
     for beyond, worst, bound in (
         (mean < least, np.fmin, f"{least:.3g} N or more"),
         (mean > most, np.fmax, f"{most:.3g} N or less"),
     ):
         if beyond.any():
             met = f"presses with {worst.reduce(mean):.3g} N at worst"
-            yield f"{each.name} should press with {bound}", met, beyond
+            yield f"{expectation.name} should press with {bound}", met, beyond
 
 
-def _lasting(mask: Mask, shortest: int) -> Mask:
+def lasting(mask: Mask, shortest: int) -> Mask:
     """Return (N,) where a mask holds for at least so many steps together."""
     found, lasting = spans(mask[None]), mask.copy()
     for start, stop in zip(found.start, found.stop, strict=True):

@@ -151,19 +151,37 @@ def distance_min(context: Context) -> Floats:
     return np.where(touching.any(axis=1), least, np.nan)
 
 
-@label(72, (_PIERCED,))
+@label(
+    "bad",
+    rank=7,
+    thresholds=(_PIERCED,),
+    letter="T",
+    colour="#1845fb",
+    advice="a shorter timestep, thicker geoms, a shorter time constant of solref",
+    traits=(
+        "no impact",
+        "numerical",
+    ),
+)
 def tunneling(runs: MeasuredRuns) -> Found:
     """A body's centre crossed a surface or a geom, or it overlaps beyond the thinner's middle."""
     passed = [
-        (run, Finding(f"{each.mover} passed through {each.wall}", each.step))
+        (run, Finding(f"{passage.mover} passed through {passage.wall}", passage.step))
         for run, passages in enumerate(runs.context.trace.passages)
-        for each in passages
+        for passage in passages
     ]
     found = [*_crossed(runs.context), *_pierced(runs), *passed]
-    yield from sorted(found, key=lambda each: each[1].step)
+    yield from sorted(found, key=lambda placed: placed[1].step)
 
 
-@label(62, (_STANDOFF,))
+@label(
+    "bad",
+    rank=2,
+    thresholds=(_STANDOFF,),
+    letter="F",
+    colour="#0a1c64",
+    advice="margin 0, or gap as large as margin",
+)
 def contact_at_distance(runs: MeasuredRuns) -> Found:
     """A body is carried or pushed by contacts whose margin keeps it away."""
     for run, part, limit in runs.over("standoff"):
@@ -171,7 +189,16 @@ def contact_at_distance(runs: MeasuredRuns) -> Found:
         yield run, Finding(reason, first_step(runs.context.trace.contacts[run] > 0))
 
 
-@label(56, (_GROWTH,), name="penetration_growth")
+@label(
+    "poor",
+    rank=11,
+    name="penetration_growth",
+    thresholds=(_GROWTH,),
+    letter="G",
+    colour="#578290",
+    advice="more load than solref carries: a shorter time constant, or less force",
+    traits=("numerical",),
+)
 def sinking(runs: MeasuredRuns) -> Found:
     """A resting pair keeps sinking into each other, under controls that do not change."""
     if runs.context.setup.steered:
@@ -185,7 +212,14 @@ def sinking(runs: MeasuredRuns) -> Found:
         yield run, Finding(f"{reason} (limit {limit:g} m)", steps // 2)
 
 
-@label(48, (_STEADY,))
+@label(
+    "poor",
+    rank=8,
+    thresholds=(_STEADY,),
+    letter="P",
+    colour="#86c8dd",
+    advice="another solref: contactlab explain depth_at_rest='.1 mm' MODEL",
+)
 def deep_penetration(runs: MeasuredRuns) -> Found:
     """The resting penetration of a pair exceeds the limit."""
     context, setup, limit = runs.context, runs.context.setup, runs.limits["penetration_steady"]
@@ -314,7 +348,14 @@ def weights_borne(context: Context) -> Floats:
     return context.undefined() if context.setup.steered else worst_pair(context, _borne(context))
 
 
-@label(50, (PRESSED,))
+@label(
+    "poor",
+    rank=9,
+    thresholds=(PRESSED,),
+    letter="Q",
+    colour="#b6deeb",
+    advice="start bodies apart: they overlap in the keyframe, or are closed onto each other",
+)
 def squeezed(runs: MeasuredRuns) -> Found:
     """Bodies at rest press each other with many times their weight, by nothing but overlap."""
     context, checks = runs.context, runs.context.checks

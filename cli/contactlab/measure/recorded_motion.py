@@ -51,7 +51,7 @@ def _offsets(context: Context) -> dict[str, Floats]:
         if part.kind == "point":
             speeds = np.linalg.norm((qvel - recorded.qvel)[..., part.qvel], axis=2)
             found.setdefault("velocity", []).append(speeds)
-    return {name: np.fmax.reduce(each) for name, each in found.items()}
+    return {name: np.fmax.reduce(values) for name, values in found.items()}
 
 
 def _last(context: Context, values: Floats) -> Floats:
@@ -113,11 +113,11 @@ def reality_impulse(context: Context) -> Floats:
     if recorded is None or not _offsets(context):
         return context.undefined()
     apart, rows = _simulated(context)[1] - recorded.qvel, np.arange(context.trace.runs)
-    before, after = (apart[rows, each] for each in recorded.impact.T)
+    before, after = (apart[rows, side] for side in recorded.impact.T)
     hit = np.where(recorded.impact[:, :1] >= 0, after - before, np.nan)
     bodies = context.setup.free_bodies
-    changes = [np.linalg.norm(hit[:, each.dof : each.dof + 3], axis=1) for each in bodies]
-    impulses = [each.mass * own for each, own in zip(bodies, changes, strict=True)]
+    changes = [np.linalg.norm(hit[:, body.dof : body.dof + 3], axis=1) for body in bodies]
+    impulses = [body.mass * own for body, own in zip(bodies, changes, strict=True)]
     return worst_body(context, impulses)
 
 
@@ -131,7 +131,7 @@ def reality_energy(context: Context) -> Floats:
     steps /= context.trace.timestep[:, None]
     every = np.arange(context.trace.steps)
     rows = zip(steps, energy(context), strict=True)
-    before, after = np.array([np.interp(at, every, each) for at, each in rows]).T
+    before, after = np.array([np.interp(at, every, values) for at, values in rows]).T
     return before - after - recorded.lost
 
 
@@ -143,8 +143,11 @@ def reality_side(context: Context) -> Floats:
         return context.undefined()
     for body in context.setup.free_bodies:
         turn = slice(body.qpos + 3, body.qpos + 7)
-        ends = [_last(context, each[..., turn]) for each in (_simulated(context)[0], recorded.qpos)]
-        here, there = (_side(rotate_back(each, down(context))) for each in ends)
+        ends = [
+            _last(context, positions[..., turn])
+            for positions in (_simulated(context)[0], recorded.qpos)
+        ]
+        here, there = (_side(rotate_back(end, down(context))) for end in ends)
         same.append(np.where(np.isnan(here + there), np.nan, here == there))
     return np.fmin.reduce(same) if same else context.undefined()
 

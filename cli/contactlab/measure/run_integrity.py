@@ -5,9 +5,37 @@ import numpy as np
 from contactlab.measure.context import Context, energy, first_step, runs_where, squares_from
 from contactlab.measure.entries import LABELS, Finding, Found, Label, MeasuredRuns, Threshold, label
 
-LABELS.add(Label("crashed", "The process that simulated the run died.", 100, voids=True))
-LABELS.add(Label("timeout", "The run took longer than its time limit.", 96, voids=True))
-STABLE = LABELS.add(Label("stable", "No other label applies.", 0))
+LABELS.add(
+    Label(
+        "crashed",
+        "The process that simulated the run died.",
+        "void",
+        rank=5,
+        advice="run it alone: contactlab replay STORE RUN; then a newer MuJoCo, with --mujoco",
+        letter="1",
+        colour="#656364",
+    )
+)
+LABELS.add(
+    Label(
+        "timeout",
+        "The run took longer than its time limit.",
+        "void",
+        rank=4,
+        advice="a shorter run, or a longer `timeout` in the sweep",
+        letter="2",
+        colour="#a3a1a2",
+    )
+)
+STABLE = LABELS.add(
+    Label(
+        "stable",
+        "No other label applies.",
+        "good",
+        advice="nothing",
+        colour="#dbe5de",
+    )
+)
 
 
 _CLOCK = Threshold("clock_error", 1e-9, "1", "Share of a timestep; rounding is 1000 times less.")
@@ -15,7 +43,14 @@ _QUATERNION = Threshold("quaternion_error", 1e-3, "1", "Off unit norm; the engin
 _FULL = {"contactfull", "cnstrfull"}  # warnings of memory for contacts and constraints
 
 
-@label(92, voids=True)
+@label(
+    "void",
+    rank=3,
+    letter="3",
+    colour="#424041",
+    advice="read the reason: it says what the engine refuses, and what to write instead",
+    traits=("no impact",),
+)
 def invalid(runs: MeasuredRuns) -> Found:
     """The run cannot be simulated as requested, or recorded no step."""
     trace, setup = runs.context.trace, runs.context.setup
@@ -27,7 +62,13 @@ def invalid(runs: MeasuredRuns) -> Found:
             yield run, Finding("no step was recorded", 0)
 
 
-@label(90, voids=True)
+@label(
+    "void",
+    rank=2,
+    letter="4",
+    colour="#c9c8c9",
+    advice="give <size memory> more, or fewer geoms that collide",
+)
 def buffer_overflow(runs: MeasuredRuns) -> Found:
     """The engine dropped contacts or constraints, since a buffer was too small for them."""
     for run, counts in enumerate(runs.context.trace.warnings):
@@ -36,7 +77,15 @@ def buffer_overflow(runs: MeasuredRuns) -> Found:
             yield run, Finding(reason, _last(runs.context))
 
 
-@label(88, (_CLOCK, _QUATERNION), voids=True)
+@label(
+    "void",
+    rank=1,
+    thresholds=(_CLOCK, _QUATERNION),
+    letter="D",
+    colour="#c91f16",
+    advice="a shorter timestep; then look for light bodies on stiff joints or strong motors",
+    traits=("no impact",),
+)
 def diverged(runs: MeasuredRuns) -> Found:
     """The simulation failed: a warning, a wrong number, clock or quaternion, or an early end."""
     signs: dict[int, list[Finding]] = {}

@@ -76,7 +76,14 @@ def ungraded_contacts(context: Context) -> Floats:
     return count(context.trace.contacts > monitored).astype(np.float64)
 
 
-@label(80, (SATURATED, _RESIDUAL))
+@label(
+    "bad",
+    rank=9,
+    thresholds=(SATURATED, _RESIDUAL),
+    letter="N",
+    colour="#df7973",
+    advice="solver Newton, more iterations; or softer contacts (solref)",
+)
 def solver_nonconvergence(runs: MeasuredRuns) -> Found:
     """The solver used all its iterations in most steps it worked in, or left a large residual."""
     context, limits, allowed = runs.context, runs.limits, runs.context.setup.iterations
@@ -96,7 +103,14 @@ def solver_nonconvergence(runs: MeasuredRuns) -> Found:
         yield run, Finding(reason, first_step(hit[run]))
 
 
-@label(12, name="contacts_cut")
+@label(
+    "noted",
+    rank=1,
+    name="contacts_cut",
+    letter="6",
+    colour="#69538f",
+    advice="more `slots` of the pair in the scene",
+)
 def unrecorded_contacts(runs: MeasuredRuns) -> Found:
     """A pair had more contacts than slots; what is measured is of the recorded ones alone."""
     context = runs.context
@@ -185,7 +199,14 @@ def repeats(context: Context) -> Floats:
     return context.undefined() if checks is None else checks.repeats.astype(np.float64)
 
 
-@label(84, (_RESIDUAL, _JACOBIAN, _CONE))
+@label(
+    "bad",
+    rank=10,
+    thresholds=(_RESIDUAL, _JACOBIAN, _CONE),
+    letter="I",
+    colour="#ecb1ad",
+    advice="jacobian dense, solver Newton, and a smaller tolerance",
+)
 def solver_inconsistent(runs: MeasuredRuns) -> Found:
     """The solver stopped early and wrong or left the cone, or a sparse Jacobian or run differs."""
     context, checks = runs.context, runs.context.checks
@@ -207,14 +228,29 @@ def solver_inconsistent(runs: MeasuredRuns) -> Found:
         yield run, Finding("a second rollout gave another trajectory", 0)
 
 
-@label(68, (_MISSED,))
+@label(
+    "bad",
+    rank=6,
+    thresholds=(_MISSED,),
+    letter="M",
+    colour="#748ffd",
+    advice="contype, conaffinity and exclude: let the pair collide; multiccd for meshes",
+    traits=("no impact",),
+)
 def missed_contact(runs: MeasuredRuns) -> Found:
     """A monitored pair overlaps without a contact."""
     if checks := runs.context.checks:
         yield from _misjudged(runs, checks.overlap, _MISSED, "a pair overlaps without any contact")
 
 
-@label(64, (_PHANTOM,))
+@label(
+    "bad",
+    rank=4,
+    thresholds=(_PHANTOM,),
+    letter="H",
+    colour="#aebefe",
+    advice="margin 0, or a convex shape that is nearer to what is seen",
+)
 def phantom_contact(runs: MeasuredRuns) -> Found:
     """A contact is reported between separated bodies."""
     if checks := runs.context.checks:

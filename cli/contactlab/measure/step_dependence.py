@@ -72,8 +72,8 @@ def _degrees(context: Context) -> tuple[list[str], Floats]:
     mechanism = context.setup.mechanism
     if mechanism is None:
         return [""] * context.trace.qvel.shape[2], np.ones(1)
-    names = [each.name for each in mechanism.joints for _ in _ALONG[each.kind]]
-    along = [moves for each in mechanism.joints for moves in _ALONG[each.kind]]
+    names = [joint.name for joint in mechanism.joints for _ in _ALONG[joint.kind]]
+    along = [moves for joint in mechanism.joints for moves in _ALONG[joint.kind]]
     return names, np.where(along, mechanism.size, 1.0)
 
 
@@ -84,7 +84,7 @@ def _ends(context: Context) -> _Ends:
     own = motion_at_rest(trace.qvel)[:, None] if checks is None else checks.rest
     speed, amplitude = np.moveaxis(own / _degrees(context)[1], 2, 0)
     # A free body hops as it slides or rattles, which chatter and energy judge.
-    hinged = [each.kind != "free" for each in joints for _ in _ALONG[each.kind]] or [True]
+    hinged = [joint.kind != "free" for joint in joints for _ in _ALONG[joint.kind]] or [True]
     aloft = np.asarray(trace.contacts.max(axis=1, initial=0) == 0)[:, None, None]
     hinged = np.array(hinged) | aloft
     return _Ends(speed, amplitude * (amplitude >= _UNRESOLVED * speed) * hinged)
@@ -130,7 +130,7 @@ def suspects(context: Context) -> NDArray[np.bool_]:
     rattles = changes > _RATTLES * trace.steps / 2
     squares = squared_speeds(context)
     early = squares[..., : 1 + trace.steps // 10]
-    first, fastest = (np.sqrt(each.max(axis=2)) for each in (early, squares))
+    first, fastest = (np.sqrt(speeds.max(axis=2)) for speeds in (early, squares))
     for body, rested in zip(context.setup.free_bodies, first < 0.01 * fastest, strict=True):
         # What falls or rolls from the start was not at rest.
         far = np.sqrt(squared_lengths(context.displacement(body))) > size
@@ -148,7 +148,14 @@ def _abrupt(context: Context) -> NDArray[np.bool_]:
     return (fast[:, :-1] & (moving[:, 1:] < moving[:, :-1] / 2)).any(axis=1)
 
 
-@label(38, (_SHAKING, _REST_RATIO, _TRAVEL))
+@label(
+    "poor",
+    rank=4,
+    thresholds=(_SHAKING, _REST_RATIO, _TRAVEL),
+    letter="J",
+    colour="#83140e",
+    advice="shorten the timestep until the outcome stays: contactlab tune MODEL",
+)
 def step_dependent(runs: MeasuredRuns) -> Found:
     """The outcome depends on the step, and that is not chaos.
 
@@ -205,8 +212,8 @@ def _brakes(context: Context, checks: SelfChecks, run: int) -> str:
     ):
         return ""
     paths = context.trace.qvel[run], checks.refined[run].qvel[0]
-    ways = [np.abs(each.sum(axis=0)) * context.trace.timestep[run] for each in paths]
-    own, refined = (each / _degrees(context)[1] for each in ways)
+    ways = [np.abs(path.sum(axis=0)) * context.trace.timestep[run] for path in paths]
+    own, refined = (way / _degrees(context)[1] for way in ways)
     parted = np.abs(own - refined) / np.maximum(np.maximum(own, refined), 1)
     worst = int(parted.argmax())
     name = _degrees(context)[0][worst]

@@ -1,1 +1,1 @@
-"""What accuracy costs in time: fronts, orders, floors and a recommendation, from stored runs."""
+"""Time that accuracy costs: fronts, orders, floors and a recommendation, from stored runs."""

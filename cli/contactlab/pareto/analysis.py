@@ -62,7 +62,7 @@ def analyse(store: Store, criteria: Criteria = _DEFAULT) -> TradeoffReport:
     front = feasible_front(evaluated)
     baseline = None if runs.baseline is None else evaluated[0].summary
     own = baseline and baseline.configuration
-    summaries = tuple(each.summary for each in evaluated)
+    summaries = tuple(configuration.summary for configuration in evaluated)
     possible = [evaluated[place] for place in places_of_models(summaries)]
     chosen, safe = (equally_fast(possible, margin, own) for margin in (0.0, SAFE_MARGIN))
     best, idle = (chosen[0] if chosen else None), idle_knobs(evaluated)
@@ -77,14 +77,14 @@ def analyse(store: Store, criteria: Criteria = _DEFAULT) -> TradeoffReport:
         knobs=tuple(runs.knobs),
         scenarios=tuple(runs.scenarios),
         idle=tuple(idle),
-        cases=max(each.cases for each in evaluated),
+        cases=max(configuration.cases for configuration in evaluated),
         error=error,
         time=resolved.time,
         tolerances=tolerances,
         chaotic=is_chaotic(runs),
         baseline=baseline,
         configurations=summaries,
-        front=tuple(_point(each.summary) for each in front),
+        front=tuple(_point(configuration.summary) for configuration in front),
         unconstrained_front=tuple(_point(summaries[index]) for index in front_of(summaries)),
         methods=tuple(methods(alike, is_modelling=is_modelling)),
         recommendation=_recommendation(store, chosen),
@@ -93,7 +93,7 @@ def analyse(store: Store, criteria: Criteria = _DEFAULT) -> TradeoffReport:
         blockers=tuple(_blockers(evaluated)),
         notes=(),
     )
-    short = sum(each.cases < report.cases for each in evaluated)
+    short = sum(configuration.cases < report.cases for configuration in evaluated)
     notes = [*_notes(report, runs, best, short), *_not_exercised(store, runs)]
     return report.model_copy(update={"notes": tuple(notes)})
 
@@ -115,7 +115,7 @@ def _not_exercised(store: Store, runs: StoredRuns) -> Iterator[str]:
     exercised = Exercised.of(rows, enough=concerned.keys())
     for feature, names in concerned.items():
         if lack := exercised.lack([feature]):
-            yield f"{', '.join(names)}: not exercised: {lack}"
+            yield f"{', '.join(names)}: not tested: {lack}"
 
 
 def _point(summary: Configuration) -> FrontPoint:
@@ -128,7 +128,7 @@ def _recommendation(store: Store, near: Sequence[Evaluated]) -> Recommendation |
     chosen, *others = near
     return Recommendation(
         **chosen.summary.model_dump(include={*Recommendation.model_fields}),
-        equally_fast=tuple(each.values for each in others),
+        equally_fast=tuple(other.values for other in others),
         run_id=store.columns.run_id(int(chosen.rows[0])),
     )
 
@@ -147,11 +147,11 @@ def _next_step(front: Sequence[Evaluated], chosen: Evaluated) -> NextStep | None
 
 def _blockers(evaluated: Sequence[Evaluated]) -> Iterator[Blocker]:
     """Yield what keeps configurations from being feasible, the most frequent first."""
-    exceeded = Counter(name for each in evaluated for name in each.exceeded)
-    failed = Counter(label for each in evaluated for label in each.failures)
+    exceeded = Counter(name for configuration in evaluated for name in configuration.exceeded)
+    failed = Counter(label for configuration in evaluated for label in configuration.failures)
     for name, count in (exceeded + failed).most_common():
         # Of a metric, the smallest of the worst values.
-        worst = (each.summary.worst.get(name) for each in evaluated)
+        worst = (configuration.summary.worst.get(name) for configuration in evaluated)
         best = min((value for value in worst if value is not None), default=None)
         kind = "tolerance" if name in exceeded else "label"
         yield Blocker(name=name, kind=kind, configurations=count, best=best)
@@ -172,12 +172,12 @@ def _measurement_notes(report: TradeoffReport) -> Iterator[str]:
             f"rounds of the timing pass differ by {time.spread:.0%}, median over minimum: "
             "smaller differences between configurations mean nothing"
         )
-    if below := sum(each.below_estimate for each in found):
+    if below := sum(configuration.below_estimate for configuration in found):
         yield (
             f"{below} of {len(found)} configurations have an error below the uncertainty of "
             "the reference, which is reported in its place"
         )
-    if unknown := sum(each.error is None for each in found):
+    if unknown := sum(configuration.error is None for configuration in found):
         yield f"{unknown} of {len(found)} configurations have runs without {report.error.name}"
 
 
@@ -192,7 +192,7 @@ def _notes(
             "the motion is chaotic, so that distances between trajectories mean little; sweep with "
             "`accuracy: {error: invariants}`"
         )
-    if clamped := sum(each.solref_clamped for each in report.configurations):
+    if clamped := sum(configuration.solref_clamped for configuration in report.configurations):
         yield (
             f"{clamped} of {len(report.configurations)} configurations set a time constant below "
             "two timesteps; refsafe raises it, so that they simulate a softer contact"
@@ -200,7 +200,7 @@ def _notes(
     if chosen is not None and chosen.summary.solref_clamped:
         yield "the recommended configuration is one of these"
     if not report.tolerances:
-        yield "no tolerances: the recommended runs have no failure label, no more; see --tolerance"
+        yield "no tolerances: the recommended runs have no failure label, no more; see --within"
     if short:
         yield f"{short} configurations lack some scenario or seed, and are not feasible"
     if report.idle:
@@ -210,8 +210,10 @@ def _notes(
 
 def _edge_notes(chosen: Mapping[str, Setting], runs: StoredRuns) -> Iterator[str]:
     for name, value in chosen.items():
-        values = (each for each in runs.knobs[name].values if isinstance(each, int | float))
-        numbers = sorted(each for each in values if not isinstance(each, bool))
+        values = (
+            setting for setting in runs.knobs[name].values if isinstance(setting, int | float)
+        )
+        numbers = sorted(setting for setting in values if not isinstance(setting, bool))
         if len(numbers) > 2 and value in (numbers[0], numbers[-1]):
             end = "smallest" if value == numbers[0] else "largest"
             yield f"{name} {value:g} is the {end} value of the sweep"
@@ -233,19 +235,19 @@ def tolerance_table(store: Store, report: TradeoffReport, names: Sequence[str]) 
     """Return the table from which other tolerances of these metrics can be evaluated."""
     groups, columns = group_runs(read_runs(store, ())), store.columns
     order = np.concatenate(groups.rows)
-    counts = np.array([len(each) for each in groups.rows])
+    counts = np.array([len(row) for row in groups.rows])
     configuration = np.empty(len(order), dtype=np.int64)
     configuration[order] = np.repeat(np.arange(len(counts)), counts)
     starts = np.cumsum(counts) - counts
 
     def worst(name: str) -> Floats:
         names = {name, ESTIMATES.get(name, name)} & {*columns.schema.names}
-        numbers = {each: columns.numbers(each).values for each in names}
+        numbers = {column: columns.numbers(column).values for column in names}
         return np.maximum.reduceat(magnitudes(numbers, order, name), starts)
 
     is_sound = [
-        each.time is not None and each.outcomes.labels.keys() <= {STABLE}
-        for each in report.configurations
+        summary.time is not None and summary.outcomes.labels.keys() <= {STABLE}
+        for summary in report.configurations
     ]
     return ToleranceTable(
         configuration=configuration,

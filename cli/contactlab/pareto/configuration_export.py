@@ -51,11 +51,13 @@ def recommended_sweep(
         "seeds": list(range(first, first + seeds)),
         "axes": {**axes, **(blocks if len(blocks) == 1 else {})},
         "zip": [blocks] if len(blocks) > 1 else None,
-        "effects": {name: chosen.get(name, each) for name, each in sweep.effects.items()},
+        "effects": {name: chosen.get(name, effect) for name, effect in sweep.effects.items()},
         "thresholds": sweep.thresholds,
         "accuracy": resolved.get("accuracy") if set(ERRORS) & report.tolerances.keys() else None,
         "tolerances": {
-            name: each for name, each in report.tolerances.items() if name in {*metrics, *ERRORS}
+            name: tolerance
+            for name, tolerance in report.tolerances.items()
+            if name in {*metrics, *ERRORS}
         },
         "expect": [expectation],
         "trace": "none",
@@ -73,10 +75,10 @@ def _lines(content: Mapping[str, object]) -> Iterator[str]:
             continue
         if name in {"axes", "tolerances"} and isinstance(value, dict):
             yield f"{name}:"
-            yield from (f"  {key}: {json.dumps(each)}" for key, each in value.items())
+            yield from (f"  {key}: {json.dumps(setting)}" for key, setting in value.items())
         elif isinstance(value, list) and name != "seeds":
             yield f"{name}:"
-            yield from (f"  - {json.dumps(each)}" for each in value)
+            yield from (f"  - {json.dumps(item)}" for item in value)
         else:
             yield f"{name}: {json.dumps(value)}"
 
@@ -87,8 +89,8 @@ def _scenarios(store: Store, names: Sequence[str]) -> dict[str, object]:
     rows = dict.fromkeys(zip(*columns.values(), strict=True))
     values: Sequence[tuple[Setting, ...]] = list(zip(*rows, strict=True))
     return {
-        name: {"values": list(each), "role": "scenario"}
-        for name, each in zip(names, values, strict=True)
+        name: {"values": list(value), "role": "scenario"}
+        for name, value in zip(names, values, strict=True)
     }
 
 

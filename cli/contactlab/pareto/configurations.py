@@ -182,11 +182,11 @@ def evaluate(runs: StoredRuns, criteria: ResolvedCriteria) -> list[Evaluated]:
     """
     groups, found = group_runs(runs), list[Evaluated]()
     for rows, cases in zip(groups.rows, groups.cases.tolist(), strict=True):
-        values = {name: each[codes[rows[0]]] for name, (codes, each) in runs.knobs.items()}
+        values = {name: settings[codes[rows[0]]] for name, (codes, settings) in runs.knobs.items()}
         if runs.written and not found:
-            for name, (codes, each) in runs.knobs.items():
+            for name, (codes, settings) in runs.knobs.items():
                 # What others leave to the scene as well is the same there.
-                if values[name] is None and (codes == each.index(None)).sum() == len(rows):
+                if values[name] is None and (codes == settings.index(None)).sum() == len(rows):
                     values[name] = runs.written.get(name)
         found.append(_evaluate_one(runs, values, rows, criteria, (cases, groups.every)))
     return found
@@ -204,13 +204,15 @@ def _evaluate_one(
     labels = {names[code]: count for code, count in Counter(outcomes).items()}
     limits, error = criteria.tolerances, criteria.error
     sizes = {name: magnitudes(runs.numbers, rows, name) for name in limits}
-    worst = {name: _size(name, each) for name, each in sizes.items()}
+    worst = {name: _size(name, amounts) for name, amounts in sizes.items()}
     exceeded = tuple(
         name for name, limit in limits.items() if (value := worst[name]) is None or value > limit
     )
     stable = np.array([names[code] == STABLE for code in outcomes])
     # A comparison with NaN is false, as it should be.
-    good = np.logical_and.reduce([stable, *(sizes[name] <= each for name, each in limits.items())])
+    good = np.logical_and.reduce(
+        [stable, *(sizes[name] <= limit for name, limit in limits.items())]
+    )
     low, high = wilson(int(good.sum()), len(rows))
     time = runs.numbers[criteria.time.name][rows]
     time = time[np.isfinite(time)]
@@ -295,7 +297,7 @@ def _excess(name: str, worst: float | None, tolerance: float) -> str:
 
 def idle_knobs(evaluated: Sequence[Evaluated]) -> list[str]:
     """Return the knobs that change no error by more than 1 %, and no label, all else equal."""
-    known = any(each.summary.error is not None for each in evaluated)
+    known = any(configuration.summary.error is not None for configuration in evaluated)
     names = list(evaluated[0].values) if known else []
     return [name for name in names if _is_idle(evaluated, name)]
 
@@ -305,21 +307,25 @@ def with_one_idle_value(
 ) -> list[Evaluated]:
     """Return the configurations with one value of each idle knob: the chosen's, or the first."""
     alike = (chosen or evaluated[0]).values
-    return [each for each in evaluated if all(each.values[name] == alike[name] for name in idle)]
+    return [
+        configuration
+        for configuration in evaluated
+        if all(configuration.values[name] == alike[name] for name in idle)
+    ]
 
 
 def _is_idle(evaluated: Sequence[Evaluated], name: str) -> bool:
     alike: dict[tuple[Setting, ...], list[Evaluated]] = {}
-    for each in evaluated:
-        others = tuple(value for key, value in each.values.items() if key != name)
-        alike.setdefault(others, []).append(each)
-    compared = [each for each in alike.values() if len(each) > 1]
-    return bool(compared) and all(_is_equal(each) for each in compared)
+    for configuration in evaluated:
+        others = tuple(value for key, value in configuration.values.items() if key != name)
+        alike.setdefault(others, []).append(configuration)
+    compared = [group for group in alike.values() if len(group) > 1]
+    return bool(compared) and all(_is_equal(group) for group in compared)
 
 
 def _is_equal(evaluated: Sequence[Evaluated]) -> bool:
-    errors = [each.summary.error for each in evaluated]
+    errors = [configuration.summary.error for configuration in evaluated]
     known = [error for error in errors if error is not None]
     if known and (len(known) < len(errors) or max(known) > _UNCHANGED * min(known)):
         return False
-    return len({tuple(sorted(each.failures)) for each in evaluated}) == 1
+    return len({tuple(sorted(configuration.failures)) for configuration in evaluated}) == 1

@@ -103,25 +103,25 @@ def methods(evaluated: Sequence[Evaluated], *, is_modelling: bool) -> list[Metho
     They may have a floor if the error is against anything but the model itself: if `is_modelling`.
     """
     members: dict[MethodKey, list[Evaluated]] = {}
-    for each in evaluated:
-        members.setdefault(method_key(each.values), []).append(each)
+    for configuration in evaluated:
+        members.setdefault(method_key(configuration.values), []).append(configuration)
     differing = varying([dict(key) for key in members])
     floors: dict[MethodKey, Floor | None] = dict.fromkeys(members)
     # Methods that differ by integrator or solver alone converge to the same solution, and have
     # the least floor of any of them.
     least: dict[MethodKey, float] = {}
-    for key, each in members.items() if is_modelling else ():
-        floors[key] = floor = find_floor(_steps(each))
+    for key, family in members.items() if is_modelling else ():
+        floors[key] = floor = find_floor(_steps(family))
         if floor is not None:
             least[_physics(key)] = min(floor.error, least.get(_physics(key), np.inf))
     return [
         Method(
             name=method_name(dict(key), differing),
             configuration=dict(key),
-            order=_order(each, least.get(_physics(key), 0.0)),
+            order=_order(family, least.get(_physics(key), 0.0)),
             floor=floors[key],
         )
-        for key, each in members.items()
+        for key, family in members.items()
     ]
 
 
@@ -151,11 +151,10 @@ def varying(keys: Sequence[Mapping[str, Setting]]) -> list[str]:
 
 
 def _order(members: Sequence[Evaluated], floor: float) -> Order:
-    impacts = max(each.impacts for each in members)
+    impacts = max(member.impacts for member in members)
     if impacts:
-        return no_order(
-            f"up to {impacts:.0f} impacts a run, and where in a step one falls is chance"
-        )
+        most = "one impact" if impacts == 1 else f"up to {impacts:.0f} impacts"
+        return no_order(f"a run has {most}, at a chance place within a step")
     return order(_steps(members), floor)
 
 
@@ -166,13 +165,13 @@ def _physics(key: MethodKey) -> MethodKey:
 def _steps(members: Sequence[Evaluated]) -> TimestepErrors:
     """Return the timesteps whose runs completed, without a raised time constant."""
     # Runs that mean nothing tell nothing of how an error falls.
-    voided = {each.name for each in LABELS.values() if each.voids}
+    voided = {label.name for label in LABELS.values() if label.voids}
     points = sorted(
-        (float(step), each.summary.error, each.estimate)
-        for each in members
-        if isinstance(step := each.values.get(TIMESTEP), int | float)
-        and each.summary.error
-        and not voided & each.failures.keys()
-        and not each.summary.solref_clamped
+        (float(step), member.summary.error, member.estimate)
+        for member in members
+        if isinstance(step := member.values.get(TIMESTEP), int | float)
+        and member.summary.error
+        and not voided & member.failures.keys()
+        and not member.summary.solref_clamped
     )
     return TimestepErrors(*np.array(points, dtype=np.float64).reshape(-1, 3).T)

@@ -20,7 +20,7 @@ RECORDED = "cost_cpu_per_sim_s"
 
 @dataclass(frozen=True)
 class Criteria:
-    """What makes a configuration accurate enough."""
+    """Criteria by which a configuration is accurate enough."""
 
     # The column that stands for accuracy; None for what the tolerances name.
     error: str | None = None
@@ -112,7 +112,7 @@ def _all_failed(store: Store) -> bool:
 
 
 def _check_number(store: Store, name: str) -> None:
-    known = [each for each in store.columns.schema.names if store.columns.is_number(each)]
+    known = [column for column in store.columns.schema.names if store.columns.is_number(column)]
     message = f"no number '{name}' in the table of {store.address}"
     SweepFileError.unless_known(name, known, message, rest="\nsee `contactlab metrics`")
 

@@ -47,52 +47,57 @@ def equally_fast(
     accurate, and the one that has most of its values comes first.
     """
     feasible = [
-        (each.summary.time, each)
-        for each in evaluated
-        if each.summary.feasible
-        and each.summary.time is not None
-        and all(m is None or m >= least_margin for m in each.summary.margins.values())
+        (configuration.summary.time, configuration)
+        for configuration in evaluated
+        if configuration.summary.feasible
+        and configuration.summary.time is not None
+        and all(m is None or m >= least_margin for m in configuration.summary.margins.values())
     ]
     limit = EQUALLY_FAST * min((time for time, _ in feasible), default=0.0)
-    near = sorted((each for time, each in feasible if time <= limit), key=_error)
+    near = sorted((configuration for time, configuration in feasible if time <= limit), key=_error)
     if baseline is None or not near:
         return near
     same = MORE_ACCURATE * _error(near[0])
 
-    def preference(each: Evaluated) -> tuple[bool, int]:
-        changed = sum(each.values[name] != value for name, value in baseline.items())
-        return (True, 0) if _error(each) > same else (False, changed)
+    def preference(configuration: Evaluated) -> tuple[bool, int]:
+        changed = sum(configuration.values[name] != value for name, value in baseline.items())
+        return (True, 0) if _error(configuration) > same else (False, changed)
 
     return sorted(near, key=preference)
 
 
 def places_of_models(configurations: Sequence[Configuration]) -> list[int]:
     """Return which configurations are of the engine that models are for; all, if none names it."""
-    engines = [each.configuration.get("engine") for each in configurations]
+    engines = [configuration.configuration.get("engine") for configuration in configurations]
     own = [place for place, engine in enumerate(engines) if engine == MODEL_ENGINE]
     return own or [*range(len(engines))]
 
 
 def feasible_front(evaluated: Sequence[Evaluated]) -> list[Evaluated]:
     """Return the Pareto front of the feasible configurations, the cheapest first."""
-    feasible = [each for each in evaluated if each.summary.feasible]
-    return [feasible[index] for index in front_of([each.summary for each in feasible])]
+    feasible = [configuration for configuration in evaluated if configuration.summary.feasible]
+    return [
+        feasible[index] for index in front_of([configuration.summary for configuration in feasible])
+    ]
 
 
 def front_of(configurations: Sequence[Configuration]) -> list[int]:
     """Return the indices of the Pareto front of some configurations, the cheapest first."""
-    points = np.array([(each.time, each.error) for each in configurations], dtype=np.float64)
+    points = np.array(
+        [(configuration.time, configuration.error) for configuration in configurations],
+        dtype=np.float64,
+    )
     return pareto_front(*points.reshape(-1, 2).T)
 
 
 def next_more_accurate(front: Sequence[Evaluated], chosen: Evaluated) -> Evaluated | None:
     """Return the cheapest on a front whose error is smaller by a factor of 1.05 at least."""
     limit = _error(chosen) / MORE_ACCURATE
-    return next((each for each in front if _error(each) < limit), None)
+    return next((configuration for configuration in front if _error(configuration) < limit), None)
 
 
-def _error(each: Evaluated) -> float:
-    return np.inf if each.summary.error is None else each.summary.error
+def _error(configuration: Evaluated) -> float:
+    return np.inf if configuration.summary.error is None else configuration.summary.error
 
 
 def settings_text(values: Settings, names: Iterable[str]) -> str:
@@ -135,7 +140,7 @@ def next_step_text(report: TradeoffReport) -> str:
 def blocker_texts(report: TradeoffReport) -> list[str]:
     """Return what rules out how many configurations, the most frequent first."""
     return [
-        f"{each.kind} {each.name} rules out {each.configurations} configurations"
-        + ("" if each.best is None else f"; the best has {each.best:.3g}")
-        for each in report.blockers
+        f"{blocker.kind} {blocker.name} rules out {blocker.configurations} configurations"
+        + ("" if blocker.best is None else f"; the best has {blocker.best:.3g}")
+        for blocker in report.blockers
     ]

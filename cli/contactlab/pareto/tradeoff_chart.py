@@ -20,7 +20,7 @@ ROBUST = "margin 1.25"
 NOW = "now"
 _PADDING = 1.6  # factor by which the axes extend beyond the outermost points
 
-_MOST_EXCESS = 30.0
+_MOST_TOLERANCES_DRAWN = 30.0
 """Errors above so many tolerances are drawn at the edge, to leave room for the others."""
 
 # A run labelled oracle_miss has a large error, which the chart shows.
@@ -53,54 +53,60 @@ def chart_data(report: TradeoffReport, places: Collection[int] | None = None) ->
     those on the front, then the most accurate. Of more methods, each integrator has one, and its
     line is its own front.
     """
-    keys = {method_key(each.configuration) for each in report.methods}
+    keys = {method_key(method.configuration) for method in report.methods}
     shown = {
-        place: each
-        for place, each in enumerate(report.configurations)
-        if (method_key(each.configuration) in keys or each == report.baseline)
+        place: configuration
+        for place, configuration in enumerate(report.configurations)
+        if (method_key(configuration.configuration) in keys or configuration == report.baseline)
         and (places is None or place in places)
     }
     crowded = len(keys) > len(LETTERS) and _INTEGRATOR in report.varying
-    lines = {place: _line(each.configuration, crowded=crowded) for place, each in shown.items()}
-    front = _front({place: each for place, each in shown.items() if each.feasible})
+    lines = {
+        place: _line(configuration.configuration, crowded=crowded)
+        for place, configuration in shown.items()
+    }
+    front = _front(
+        {place: configuration for place, configuration in shown.items() if configuration.feasible}
+    )
     names = _names(report, shown, lines, front)
     floors: list[Row] = [
-        {"method": names[key], "error": each.floor.error}
-        for each in report.methods
-        if each.floor and (key := _line(each.configuration, crowded=crowded)) in names
+        {"method": names[key], "error": method.floor.error}
+        for method in report.methods
+        if method.floor and (key := _line(method.configuration, crowded=crowded)) in names
     ]
-    frame = _frame(report, shown.values(), [each["error"] for each in floors])
+    frame = _frame(report, shown.values(), [floor["error"] for floor in floors])
     drawn = {place: key for place, key in lines.items() if not _is_failed(shown[place])}
     if crowded:
         fronts = [
             _front({place: shown[place] for place in drawn if drawn[place] == key})
             for key in dict.fromkeys(drawn.values())
         ]
-        drawn = {place: drawn[place] for each in fronts for place in each}
+        drawn = {place: drawn[place] for members in fronts for place in members}
     labelled = {*front, *_ends(shown, drawn)}
     return ChartData(
         frame=frame,
         methods=list(names.values()),
         points=[
             {
-                **_point(each, report, names.get(lines[place], OTHERS), frame),
+                **_point(configuration, report, names.get(lines[place], OTHERS), frame),
                 "place": place,
                 "line": str(lines[place]),
                 "drawn": place in drawn,
                 "labelled": place in labelled,
             }
-            for place, each in shown.items()
+            for place, configuration in shown.items()
         ],
         front=[
-            {"time": shown[each].time, "error": _above(shown[each].error, frame)} for each in front
+            {"time": shown[place].time, "error": _above(shown[place].error, frame)}
+            for place in front
         ],
         floors=floors,
     )
 
 
-def _is_failed(each: Configuration) -> bool:
+def _is_failed(configuration: Configuration) -> bool:
     """Say whether a configuration has no place on the axis of errors."""
-    return each.error is None or not set(each.outcomes.labels) <= _MEASURED
+    return configuration.error is None or not set(configuration.outcomes.labels) <= _MEASURED
 
 
 def _line(values: Settings, *, crowded: bool) -> MethodKey:
@@ -147,9 +153,13 @@ def _frame(
     report: TradeoffReport, shown: Collection[Configuration], floors: list[float]
 ) -> ChartFrame:
     limit = report.tolerances.get(report.error.name)
-    times = [each.time for each in shown if each.time]
-    errors = [each.error for each in shown if each.error and not _is_failed(each)]
-    near = [error for error in errors if not limit or error <= _MOST_EXCESS * limit]
+    times = [configuration.time for configuration in shown if configuration.time]
+    errors = [
+        configuration.error
+        for configuration in shown
+        if configuration.error and not _is_failed(configuration)
+    ]
+    near = [error for error in errors if not limit or error <= _MOST_TOLERANCES_DRAWN * limit]
     return ChartFrame(_around(times), _around([*near, *floors, *([limit] if limit else [])]))
 
 
@@ -157,20 +167,24 @@ def _around(values: list[float]) -> tuple[float, float]:
     return min(values, default=1.0) / _PADDING, max(values, default=1.0) * _PADDING
 
 
-def _point(each: Configuration, report: TradeoffReport, name: str, frame: ChartFrame) -> Row:
-    failed = _is_failed(each) or (each.error or 0.0) > frame.error[1]
-    step = each.configuration.get(TIMESTEP)
+def _point(
+    configuration: Configuration, report: TradeoffReport, name: str, frame: ChartFrame
+) -> Row:
+    failed = _is_failed(configuration) or (configuration.error or 0.0) > frame.error[1]
+    step = configuration.configuration.get(TIMESTEP)
     label = f"{1e3 * step:.3g} ms" if isinstance(step, int | float) else ""
-    chosen = _chosen(each.configuration, report)
+    chosen = _chosen(configuration.configuration, report)
     return {
         "method": name,
-        "time": each.time or frame.time[0],
-        "error": frame.error[1] if failed else _above(each.error, frame),
+        "time": configuration.time or frame.time[0],
+        "error": frame.error[1] if failed else _above(configuration.error, frame),
         "timestep": step,
-        "bound": each.below_estimate,
-        "least": each.error_spread and _above(each.error_spread[0], frame),
+        "bound": configuration.below_estimate,
+        "least": configuration.error_spread and _above(configuration.error_spread[0], frame),
         "label": f"{name[:1]} {label}",
-        "state": "failed" if failed else f"{'within' if each.feasible else 'beyond'} tolerance",
+        "state": "failed"
+        if failed
+        else f"{'within' if configuration.feasible else 'beyond'} tolerance",
         "chosen": f"{chosen} {name[:1]} {label}".strip() if chosen else "",
     }
 
@@ -196,7 +210,7 @@ _SIZE = (640, 440)
 _SHORT = "datum.label && format(datum.value, datum.value < 1e-3 ? '~e' : '~g')"
 _STATES = ("within tolerance", "beyond tolerance", "failed")
 # More labels than this hide the points; then only the front and the ends of lines have theirs.
-_MOST_LABELS = 24
+_MOST_POINTS_LABELLED = 24
 _Channel = TypeVar("_Channel", alt.Color, alt.Shape)
 
 
@@ -219,12 +233,12 @@ def specification(
 def _layers(report: TradeoffReport, shown: ChartData) -> Iterator[alt.Chart]:
     x, y = _axes(report, shown)
     colour = _coloured(shown, alt.Color, [*COLOURS[: len(shown.methods)], OTHERS_COLOUR])
-    measured = [each for each in shown.points if each["state"] != "failed"]
-    failed = [each for each in shown.points if each["state"] == "failed"]
-    named = [each for each in measured if each["method"] != OTHERS]
+    measured = [point for point in shown.points if point["state"] != "failed"]
+    failed = [point for point in shown.points if point["state"] == "failed"]
+    named = [point for point in measured if point["method"] != OTHERS]
     if limit := report.tolerances.get(report.error.name):
         yield from _tolerance(shown.frame, limit)
-    drawn = [each for each in measured if each["drawn"]]
+    drawn = [point for point in measured if point["drawn"]]
     lines = layer_of("lines", drawn).mark_line(strokeWidth=1.2, opacity=0.8)
     yield lines.encode(x, y, colour, detail="line:N", order="time:Q")
     if shown.floors:
@@ -236,13 +250,13 @@ def _layers(report: TradeoffReport, shown: ChartData) -> Iterator[alt.Chart]:
     )
     yield stairs.encode(x, y, order="time:Q")
     yield from _labels(shown, named, x, y)
-    bars = layer_of("spreads", [each for each in drawn if each["least"]])
+    bars = layer_of("spreads", [point for point in drawn if point["least"]])
     yield bars.mark_rule(opacity=0.5).encode(x, y, alt.Y2("least:Q"), colour)
     yield from _markers(shown, named, x, y, colour)
     crosses = layer_of("failures", failed).mark_text(text="\u2715", size=13, dy=8)
     yield crosses.encode(x, y, colour)
     # Upper bounds: errors below the uncertainty of their reference.
-    arrows = layer_of("bounds", [each for each in measured if each["bound"]]).mark_point(
+    arrows = layer_of("bounds", [point for point in measured if point["bound"]]).mark_point(
         shape="arrow", angle=180, size=260, yOffset=14, color=INK
     )
     yield arrows.encode(x, y)
@@ -258,7 +272,7 @@ def _markers(
     fill = alt.Fill("method:N").scale(domain=shown.methods, range=COLOURS[:count]).legend(None)
     opacity = alt.FillOpacity("state:O").scale(domain=_STATES[:2], range=[1, 0]).legend(None)
     for name, size, strength in (("beside", 24, 0.5), ("points", 70, 1.0)):
-        points = layer_of(name, [each for each in named if each["drawn"] == (name == "points")])
+        points = layer_of(name, [point for point in named if point["drawn"] == (name == "points")])
         marked = points.mark_point(size=size, strokeWidth=1.5, opacity=strength)
         yield marked.encode(x, y, colour, shape, fill, opacity)
 
@@ -277,7 +291,7 @@ def _axes(report: TradeoffReport, shown: ChartData) -> tuple[alt.X, alt.Y]:
 def _coloured(shown: ChartData, channel: type[_Channel], values: list[str]) -> _Channel:
     """Return a channel that tells methods apart, with a legend of those that occur."""
     names = [*shown.methods, OTHERS]
-    used = [name for name in names if any(each["method"] == name for each in shown.points)]
+    used = [name for name in names if any(point["method"] == name for point in shown.points)]
     scaled = channel("method:N").scale(domain=names, range=values)
     return scaled.legend(title="method", values=used)
 
@@ -294,20 +308,20 @@ def _tolerance(frame: ChartFrame, limit: float) -> Iterator[alt.Chart]:
 
 def _rings(shown: ChartData, x: alt.X, y: alt.Y) -> Iterator[alt.Chart]:
     """Yield a ring around each recommended configuration, with its name."""
-    rows = [each | _beside(each, shown) for each in shown.points if each["chosen"]]
+    rows = [point | _beside(point, shown) for point in shown.points if point["chosen"]]
     ring = layer_of("chosen", rows)
     marked = ring.mark_point(shape="circle", size=420, strokeWidth=2.2, color=INK, opacity=1)
     yield marked.encode(x, y)
     placed = {name: alt.ExprRef(f"datum.{name}") for name in ("align", "dx", "dy")}
     bold = {"fontSize": 12, "fontWeight": "bold"}
-    for each in haloed(ring, **placed, **bold):
-        yield each.encode(x, y, text="chosen:N")
+    for mark in haloed(ring, **placed, **bold):
+        yield mark.encode(x, y, text="chosen:N")
 
 
 def _beside(row: Row, shown: ChartData) -> Row:
     """Return where the name of a ring stands: within the frame, and not on the other name."""
     right = row["time"] > math.sqrt(math.prod(shown.frame.time))
-    lower = min(each["error"] for each in shown.points if each["chosen"])
+    lower = min(point["error"] for point in shown.points if point["chosen"])
     return {
         "align": "right" if right else "left",
         "dx": -10 if right else 10,
@@ -317,19 +331,19 @@ def _beside(row: Row, shown: ChartData) -> Row:
 
 def _labels(shown: ChartData, named: list[Row], x: alt.X, y: alt.Y) -> Iterator[alt.Chart]:
     """Yield the timesteps beside their points, on alternating sides by method."""
-    rows = [each for each in named if not each["chosen"]]
-    if len(rows) > _MOST_LABELS:
-        rows = [each for each in rows if each["labelled"]]
-    right = [each for each in rows if shown.methods.index(each["method"]) % 2]
-    left = [each for each in rows if each not in right]
+    rows = [point for point in named if not point["chosen"]]
+    if len(rows) > _MOST_POINTS_LABELLED:
+        rows = [row for row in rows if row["labelled"]]
+    right = [row for row in rows if shown.methods.index(row["method"]) % 2]
+    left = [row for row in rows if row not in right]
     for side, part, align, dx in (("right", right, "left", 8), ("left", left, "right", -8)):
         layer = layer_of(f"labels {side}", part)
-        for each in haloed(layer, align=align, dx=dx, dy=-dx, fontSize=10):
-            yield each.encode(x, y, text="label:N")
+        for mark in haloed(layer, align=align, dx=dx, dy=-dx, fontSize=10):
+            yield mark.encode(x, y, text="label:N")
 
 
 def _title(report: TradeoffReport) -> alt.TitleParams:
-    feasible = sum(each.feasible for each in report.configurations)
+    feasible = sum(configuration.feasible for configuration in report.configurations)
     held = f"{feasible} of {len(report.configurations)}"
     return alt.TitleParams(
         f"{report.scene}: what accuracy costs in time",

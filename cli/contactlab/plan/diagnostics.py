@@ -9,7 +9,7 @@ from contactlab.errors import SweepFileError
 
 Severity = Literal["error", "warning"]
 _EXCERPT = 100
-_MOST_SHOWN = 50
+_MOST_MISTAKES_SHOWN = 50
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ class SweepMistakesError(SweepFileError):
 
     def __init__(self, diagnostics: Sequence[Diagnostic]) -> None:
         self.diagnostics = tuple(diagnostics)
-        texts = [str(diagnostic) for diagnostic in self.diagnostics[:_MOST_SHOWN]]
+        texts = [str(diagnostic) for diagnostic in self.diagnostics[:_MOST_MISTAKES_SHOWN]]
         more = len(self.diagnostics) - len(texts)
         super().__init__("\n\n".join([*texts, f"and {more:,} more"] if more else texts))
 
@@ -86,7 +86,9 @@ def _excerpt(place: Place, hint: str) -> list[str]:
     number = str(place.line) if place.source.numbered else ""
     margin = " " * len(number)
     line, start, width = _window(place)
-    before = "".join("\t" if each == "\t" else " " * _cells(each) for each in line[:start])
+    before = "".join(
+        "\t" if character == "\t" else " " * _cells(character) for character in line[:start]
+    )
     caret = before + "^" * max(_cells(line[start : start + width]), 1)
     return [
         f"{margin} --> {place}",
@@ -112,5 +114,5 @@ def _window(place: Place) -> tuple[str, int, int]:
 
 def _cells(text: str) -> int:
     """Return the width of a text in columns of a terminal."""
-    wide = sum(unicodedata.east_asian_width(each) in "WF" for each in text)
-    return len(text) + wide - sum(unicodedata.combining(each) != 0 for each in text)
+    wide = sum(unicodedata.east_asian_width(character) in "WF" for character in text)
+    return len(text) + wide - sum(unicodedata.combining(character) != 0 for character in text)

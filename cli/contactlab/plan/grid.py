@@ -139,8 +139,8 @@ class Grid:
         left, unmet = 0, list(self.excludes)
         for row in self._product():
             if unmet:
-                met = [each for each in self.excludes if each.holds(row)]
-                unmet = [each for each in unmet if each not in met] if met else unmet
+                met = [exclude for exclude in self.excludes if exclude.holds(row)]
+                unmet = [condition for condition in unmet if condition not in met] if met else unmet
                 left += not met
             else:
                 left += not self._excluded(row)
@@ -158,7 +158,7 @@ class Grid:
             yield base | row if base else row
 
     def _excluded(self, row: RowValues) -> bool:
-        return any(each.holds(row) for each in self.excludes)
+        return any(exclude.holds(row) for exclude in self.excludes)
 
 
 @dataclass(frozen=True)
@@ -223,4 +223,4 @@ class Plan:
 
     def expectations(self, run: Run) -> tuple[Expectation, ...]:
         """Return the expectations that apply to a run."""
-        return tuple(each for match, each in self.expected if match.holds(run.values))
+        return tuple(expectation for match, expectation in self.expected if match.holds(run.values))

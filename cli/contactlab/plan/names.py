@@ -10,11 +10,12 @@ from contactlab.errors import did_you_mean, suggestion
 from contactlab.expression import Expression, ExpressionError
 from contactlab.plan.diagnostics import Place
 from contactlab.plan.grid import Match
-from contactlab.plan.validation import Draft, without_unit
+from contactlab.plan.validation import Draft
 from contactlab.plan.yaml_document import Document, KeyPath
 from contactlab.schema.evidence import ERRORS
 from contactlab.schema.pair_expectation import PairExpectation
 from contactlab.schema.sweep_schema import Condition, Sweep
+from contactlab.schema.units import without_unit
 from contactlab.schema.vocabulary import AxisSpec, Vocabulary
 
 UNREADABLE = object()
@@ -83,6 +84,7 @@ def check_names(context: SweepContext) -> None:
                 _add_unknown(document, "label", label, place, vocabulary.labels)
     _check_pairs(context, "pairs", context.sweep.pairs)
     _check_pairs(context, "expect", context.sweep.expect)
+    _check_requirements(context)
 
 
 def check_axis(context: SweepContext, name: str, place: Place, kind: str = "axis") -> None:
@@ -105,7 +107,7 @@ def check_conflicts(context: SweepContext, places: dict[str, Place]) -> None:
 
 def add_not_swept(context: SweepContext, name: str, place: Place, swept: Collection[str]) -> None:
     """Add a mistake about a name in a condition or filter that is not among the swept axes."""
-    if any((spec := context.find(each)) and name in spec.choices for each in swept):
+    if any((spec := context.find(axis)) and name in spec.choices for axis in swept):
         hint = f"quote the word: '{name}'"
     elif context.find(name):
         hint = "add it to `axes`"
@@ -132,14 +134,26 @@ def _check_axes(context: SweepContext) -> None:
     check_conflicts(context, places)
 
 
-def _check_pairs(context: SweepContext, key: str, entries: Sequence[PairExpectation]) -> None:
+def _duration(context: SweepContext) -> float | None:
     # How long a drive takes is known when it is read.
-    duration = context.sweep.duration or (math.inf if context.sweep.drive else None)
-    check = context.vocabulary.mistake_in
-    for index, each in enumerate(entries):
-        if mistake := each.expects and check and check(each, duration):
+    return context.sweep.duration or (math.inf if context.sweep.drive else None)
+
+
+def _check_pairs(context: SweepContext, key: str, entries: Sequence[PairExpectation]) -> None:
+    duration, check = _duration(context), context.vocabulary.mistake_in
+    for index, entry in enumerate(entries):
+        if mistake := entry.expects and check and check(entry, duration):
             place = context.document.value(context.path(key, index, mistake[0]))
             context.document.add("bad-pair", place, mistake[1])
+
+
+def _check_requirements(context: SweepContext) -> None:
+    check = context.vocabulary.mistake_in_requirement
+    alone = isinstance(context.document.at(("must",)), str)
+    for index, text in enumerate(context.sweep.must):
+        if mistake := check and check(text, _duration(context)):
+            path = ("must",) if alone else context.path("must", index)
+            context.document.add("bad-requirement", context.document.value(path), mistake)
 
 
 def _check_tolerances(context: SweepContext) -> None:

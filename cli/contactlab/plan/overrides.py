@@ -58,7 +58,7 @@ def drive_option(text: str | None) -> Drive | None:
         return None if text is None else read_drive(text)
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
-        where = [f"{each}:" for each in first["loc"] if not str(each).startswith("@")]
+        where = [f"{part}:" for part in first["loc"] if not str(part).startswith("@")]
         raise SweepFileError(" ".join([f"--drive {text}:", *where, first["msg"]])) from error
 
 
@@ -136,13 +136,13 @@ def check_values(
     document: Document, filters: Sequence[Filter], taken: Mapping[str, Mapping[object, None]]
 ) -> None:
     """Add a mistake for every filter whose axis never takes any of its values."""
-    for each in filters:
-        values = list(taken.get(each.name, ()))
-        if not set(values).intersection(each.values):
+    for condition in filters:
+        values = list(taken.get(condition.name, ()))
+        if not set(values).intersection(condition.values):
             first = ", ".join(str(value) for value in values[:8])
             more = ", ..." if len(values) > 8 else ""
-            message = f"'{each.name}' never takes this value in this sweep"
-            document.add("value-not-swept", each.place, message, f"it takes {first}{more}")
+            message = f"'{condition.name}' never takes this value in this sweep"
+            document.add("value-not-swept", condition.place, message, f"it takes {first}{more}")
 
 
 def _option(document: Document, flag: str, text: str) -> ParsedOption | None:

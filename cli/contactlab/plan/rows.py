@@ -27,9 +27,9 @@ from contactlab.plan.names import (
     check_conflicts,
     zip_blocks,
 )
-from contactlab.plan.validation import SI_UNITS, split_unit, without_unit
 from contactlab.plan.yaml_document import Document, KeyPath, read_text
 from contactlab.schema.sweep_schema import IncludeFile, Sample
+from contactlab.schema.units import SI_UNITS, split_unit, without_unit
 from contactlab.schema.vocabulary import (
     FORMS,
     Axis,
@@ -108,10 +108,10 @@ def _written_out(
     form: dict[str, object], unit_of: Callable[[str], str], axis: str
 ) -> dict[str, object]:
     """Return a form of an axis, with values in its unit listed; itself if it has none."""
-    name = next((each for each in _LISTED if each in form), "")
+    name = next((key for key in _LISTED if key in form), "")
     parts = form.get(name)
     amounts = cast("list[object]", parts)[: _LISTED[name]] if isinstance(parts, list) else []
-    units = {split_unit(each)[1] for each in amounts}
+    units = {split_unit(amount)[1] for amount in amounts}
     kinds = {SI_UNITS.get(unit, ("",))[0] for unit in units}
     if len(kinds) != 1 or "" in kinds:
         return form
@@ -119,7 +119,7 @@ def _written_out(
     unit = unit_of(axis) if sampled else (units if len(units) == 1 else kinds).pop()
     if sampled and SI_UNITS.get(unit, ("",))[0] not in kinds:
         return form
-    numbers = [without_unit(each, unit) for each in amounts]
+    numbers = [without_unit(amount, unit) for amount in amounts]
     plain = {name: [*numbers, *cast("list[object]", parts)[_LISTED[name] :]]}
     if sampled:
         return {**form, **plain}
@@ -128,7 +128,7 @@ def _written_out(
     except ValidationError:
         return {**form, **plain}
     rest = {key: value for key, value in form.items() if key != name}
-    return {"values": [f"{each!r} {unit}" for each in values], **rest}
+    return {"values": [f"{value!r} {unit}" for value in values], **rest}
 
 
 def sample_points(sample: Sample, dimensions: int) -> Floats:

@@ -4,12 +4,15 @@ import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
 
+from contactlab.schema.task import SEEDS
 from contactlab.schema.vocabulary import Vocabulary
 
 SCHEMA_NAME = "contactlab-sweep.schema.json"
-_MOST_LISTED = 40
-_SEEDS = 2
-_FEW = 4  # timesteps of solref's time constant below which no longer ones are proposed
+_MOST_LISTED_NAMES = 40
+_SEEDS = len(SEEDS)
+_FEW_STEPS_OF_TIMECONST = (
+    4  # timesteps of solref's time constant below which no longer ones are proposed
+)
 _PLAIN = re.compile(r"[A-Za-z][\w.-]*")
 
 
@@ -39,7 +42,7 @@ def starter(
         "version: 1",
         f"scene: {json.dumps(reference, ensure_ascii=False)}",
         f"duration: {_word(duration):<12}# s of simulated time",
-        f"{driven:<22}# none; hold: keep the start posture; exercise: move every actuator;",
+        f"{driven:<22}# auto: the controls of the keyframe, else exercise; none; hold;",
         f"{'':<22}# {{noise: 0.3, rate: 10}}, {{file: controls.csv}} or {{policy: FILE.py:CLASS}}",
         f"seeds: {_SEEDS:<15}# a count, or a list such as [0, 7]",
         "",
@@ -81,9 +84,11 @@ def _varied(settings: Settings, vocabulary: Vocabulary) -> Iterator[tuple[str, S
     for name, own in _own(settings, vocabulary, ("timestep", "integrator", "cone", "solref")):
         others: Sequence[object] = ()
         if isinstance(own, float):
-            others = own / 2, own / 4 if 0 < periods < _FEW else own * 2
+            others = own / 2, own / 4 if 0 < periods < _FEW_STEPS_OF_TIMECONST else own * 2
         elif isinstance(own, tuple) and constant > 0:
-            others = ((constant / 2 if periods >= 2 * _FEW else constant * 2, own[1]),)
+            others = (
+                (constant / 2 if periods >= 2 * _FEW_STEPS_OF_TIMECONST else constant * 2, own[1]),
+            )
         elif isinstance(own, str):
             words = _others(name, own, vocabulary)
             others = [word for word in words if word == "implicitfast"] or words[:1]
@@ -121,7 +126,7 @@ def _word(value: object) -> str:
 
 
 def _listing(vocabulary: Vocabulary) -> list[str]:
-    names = vocabulary.axes[:_MOST_LISTED]
+    names = vocabulary.axes[:_MOST_LISTED_NAMES]
     specs = [spec for name in names if (spec := vocabulary.find(name))]
     width = max((len(spec.name) for spec in specs), default=0)
     lines = ["# Axes of this scene:"] if specs else []

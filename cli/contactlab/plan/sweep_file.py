@@ -84,7 +84,7 @@ def _sorted(document: Document) -> list[Diagnostic]:
         source, argument = place.source, "" if place.source.numbered else place.text
         return source is not document.source, source.name, argument, place.line, place.column
 
-    return sorted(document.mistakes, key=lambda each: position(each.place))
+    return sorted(document.mistakes, key=lambda mistake: position(mistake.place))
 
 
 def _checked(
@@ -107,8 +107,13 @@ def _checked(
     grid = _read_grid(context, folder)
     carried = tuple(dict.fromkeys([*_product_axes(context), *itertools.chain(*grid.added)]))
     expected = tuple(
-        (read_condition(context, each.where, draft.path("expect", index, "where"), carried), each)
-        for index, each in enumerate(draft.sweep.expect)
+        (
+            read_condition(
+                context, expectation.where, draft.path("expect", index, "where"), carried
+            ),
+            expectation,
+        )
+        for index, expectation in enumerate(draft.sweep.expect)
     )
     filters = read_filters(context, overrides.only, carried)
     if document.has_errors:
@@ -123,14 +128,14 @@ def _checked(
     count = _count(context, grid, overrides.limit, warn=not filters)
     if count is None:
         return None
-    warnings = tuple(each for each in document.mistakes if each.severity == "warning")
+    warnings = tuple(mistake for mistake in document.mistakes if mistake.severity == "warning")
     return Plan(draft.sweep, _axes(draft.sweep, grid), count, warnings, grid, expected)
 
 
 def _kept(sweep: Sweep, grid: Grid, filters: Sequence[Filter]) -> Grid:
     """Return the rows that filters keep, and those of the scene as written in their scenarios."""
-    for each in filters:
-        grid = grid.keeping(each.name, each.values)
+    for condition in filters:
+        grid = grid.keeping(condition.name, condition.values)
     return grid.with_baseline(sweep.scenario) if sweep.baseline else grid
 
 
@@ -149,8 +154,8 @@ def _read_grid(context: SweepContext, folder: Path) -> Grid:
         for name, value in switches(context.sweep.effects).items()
     }
     excludes = tuple(
-        read_condition(context, each, context.path("exclude", index), _product_axes(context))
-        for index, each in enumerate(context.sweep.exclude)
+        read_condition(context, condition, context.path("exclude", index), _product_axes(context))
+        for index, condition in enumerate(context.sweep.exclude)
     )
     return Grid(base, blocks, excludes, added)
 

@@ -3,8 +3,6 @@
 What is valid is kept as a draft for further checks, so that one pass finds all mistakes.
 """
 
-import math
-import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from types import UnionType
@@ -17,6 +15,7 @@ from contactlab.errors import suggestion
 from contactlab.plan.yaml_document import Document, KeyPath
 from contactlab.schema.drive import DRIVE_FORMS
 from contactlab.schema.sweep_schema import Sweep
+from contactlab.schema.units import without_unit
 from contactlab.schema.vocabulary import FORMS
 
 _WANTED = {
@@ -82,7 +81,7 @@ def _add(document: Document, detail: ErrorDetails, path: KeyPath, model: type[Ba
 
 def _add_unknown_key(document: Document, path: KeyPath, model: type[BaseModel]) -> None:
     name = str(path[-1])
-    known = [field.alias or each for each, field in model.model_fields.items()]
+    known = [field.alias or key for key, field in model.model_fields.items()]
     hint = suggestion(name, known) or f"known here: {', '.join(known)}"
     hint = "an axis takes one form" if name in FORMS else hint
     document.add("unknown-key", document.key(path), f"unknown key '{name}'", hint)
@@ -101,38 +100,6 @@ def _add_axis_form(document: Document, path: KeyPath) -> None:
     else:
         value = data if (plain := without_unit(data)) is None else f"{plain:g}"
         document.add("wrong-type", path, f"axis '{name}' takes a list", f"write [{value}]")
-
-
-_KINDS = {
-    "s": {"us": 1e-6, "µs": 1e-6, "ms": 1e-3, "s": 1.0},
-    "m": {"um": 1e-6, "µm": 1e-6, "mm": 1e-3, "cm": 1e-2, "m": 1.0},
-    "kg": {"g": 1e-3, "kg": 1.0},
-    "rad": {"deg": math.pi / 180, "rad": 1.0},
-    "m/s": {"mm/s": 1e-3, "cm/s": 1e-2, "m/s": 1.0},
-    "rad/s": {"deg/s": math.pi / 180, "rad/s": 1.0},
-    "N": {"mN": 1e-3, "N": 1.0, "kN": 1e3},
-    "N/m": {"N/m": 1.0, "kN/m": 1e3, "N/mm": 1e3},
-}
-SI_UNITS = {unit: (kind, size) for kind, units in _KINDS.items() for unit, size in units.items()}
-"""The SI unit that each unit measures the same as, and its size in it."""
-_WITH_UNIT = re.compile(rf"([-+]?\d*\.?\d+(?:e[-+]?\d+)?)\s*({'|'.join(SI_UNITS)})")
-
-
-def without_unit(value: object, unit: str = "") -> float | None:
-    """Return the number, in a unit or else in SI, that a text such as `2ms` means.
-
-    None if it is no such text, or measures something else.
-    """
-    number, own = split_unit(value)
-    kind, size = SI_UNITS.get(own, ("", 1.0))
-    wanted, scale = SI_UNITS.get(unit, ("", 1.0)) if unit else (kind, 1.0)
-    return float(f"{number * size / scale:.12g}") if own and kind == wanted else None
-
-
-def split_unit(value: object) -> tuple[float, str]:
-    """Return number and unit of a text such as `2ms`; not a number, and no unit, of others."""
-    parts = _WITH_UNIT.fullmatch(value.strip()) if isinstance(value, str) else None
-    return (float(parts[1]), parts[2]) if parts else (math.nan, "")
 
 
 def _add_length(document: Document, kind: str, path: KeyPath) -> None:

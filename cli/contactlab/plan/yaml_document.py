@@ -42,7 +42,7 @@ class Document:
     @property
     def has_errors(self) -> bool:
         """Whether any mistake is more than a warning."""
-        return any(each.severity == "error" for each in self.mistakes)
+        return any(mistake.severity == "error" for mistake in self.mistakes)
 
     def mapping(self, *path: str | int) -> dict[str, object]:
         """Return the mapping at a path, or an empty one."""
@@ -71,7 +71,7 @@ class Document:
         Missing parents are created, with the place of the new key.
         """
         for places in (self.values, self.keys):
-            for old in [each for each in places if each[: len(path)] == path]:
+            for old in [place for place in places if place[: len(path)] == path]:
                 del places[old]
         parent = cast("dict[str, object]", self.data)
         for depth, part in enumerate(path[:-1], 1):

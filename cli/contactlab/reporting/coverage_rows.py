@@ -1,10 +1,10 @@
-"""What a run exercised, in words."""
+"""Coverage of a run, in words."""
 
 from collections.abc import Iterable
 
 from contactlab.schema.coverage import ActuatorUse, Coverage, PairUse, Travel
 
-_MOST_LISTED = 4
+_MOST_PARTS_LISTED = 4
 _APART = PairUse()
 
 
@@ -14,12 +14,12 @@ def coverage_rows(coverage: Coverage, pairs: Iterable[str]) -> list[tuple[str, s
     The pairs are all that are monitored.
     """
     parts = {**coverage.joints, **coverage.tendons}
-    limited = {name: each for name, each in parts.items() if each.share is not None}
+    limited = {name: part for name, part in parts.items() if part.share is not None}
     kinds = {
-        "joints moved": {name: _travel(each) for name, each in coverage.joints.items()},
-        "limits reached": {name: ", ".join(each.ends) for name, each in limited.items()},
-        "tendons moved": {name: _travel(each) for name, each in coverage.tendons.items()},
-        "actuators used": {name: _use(each) for name, each in coverage.actuators.items()},
+        "joints moved": {name: _travel(joint) for name, joint in coverage.joints.items()},
+        "limits reached": {name: ", ".join(part.ends) for name, part in limited.items()},
+        "tendons moved": {name: _travel(tendon) for name, tendon in coverage.tendons.items()},
+        "actuators used": {name: _use(actuator) for name, actuator in coverage.actuators.items()},
         "equalities loaded": {
             name: f"{load:g}" if load else "" for name, load in coverage.equalities.items()
         },
@@ -37,9 +37,9 @@ def coverage_rows(coverage: Coverage, pairs: Iterable[str]) -> list[tuple[str, s
 
 
 def _listed(texts: list[str], separator: str) -> str:
-    rest = len(texts) - _MOST_LISTED
+    rest = len(texts) - _MOST_PARTS_LISTED
     more = [f"{rest} more"] if rest > 0 else []
-    return separator.join([*texts[:_MOST_LISTED], *more])
+    return separator.join([*texts[:_MOST_PARTS_LISTED], *more])
 
 
 def _travel(travel: Travel) -> str:

@@ -1,27 +1,43 @@
-"""What a sweep found, in one sentence that its table bears out."""
+"""Finding of a sweep, in one sentence that its table bears out."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from contactlab.reporting.report_columns import SEED, STABLE, GridAxis, RunLabels
 
-_MOST_LISTED = 3
-_LEAST_SHARE = 0.5
+_MOST_VALUES_LISTED = 3
+_LEAST_SHARE_OF_OUTCOME = 0.5
 # So many bounds are read easily.
 _FEW_BOUNDS = 2
 # Of a value that fewer of the runs have, a share says little.
-_FEW_RUNS = 0.05
+_LEAST_SHARE_OF_RUNS = 0.05
+
+
+class _Words(NamedTuple):
+    """An outcome in words: of one run, of all, and as verbs of one run and of several."""
+
+    one: str
+    all_of_them: str
+    run_does: str
+    runs_do: str
+
+
+_OF_FAILED = _Words("failure", "failures", "fails", "fail")
+_OF_STABLE = _Words("stable run", "stable runs", "is stable", "are stable")
 
 
 def headline(labels: RunLabels) -> str:
     """Return how many runs are stable, and which other labels are most frequent."""
     counts = Counter(dict(zip(labels.names, labels.counts, strict=True)))
     stable = counts.pop(STABLE, 0)
-    others = [f"{count:,} {name}" for name, count in counts.most_common(_MOST_LISTED) if count]
-    rest = sum(counts.values()) - sum(count for _, count in counts.most_common(_MOST_LISTED))
+    others = [
+        f"{count:,} {name}" for name, count in counts.most_common(_MOST_VALUES_LISTED) if count
+    ]
+    rest = sum(counts.values()) - sum(count for _, count in counts.most_common(_MOST_VALUES_LISTED))
     others += [f"{rest:,} others"] if rest else []
     text = f"{stable:,} of {len(labels.codes):,} runs are stable"
     return f"{text}; {', '.join(others)}" if others else text
@@ -41,19 +57,19 @@ def finding(axes: Sequence[GridAxis], labels: RunLabels) -> str:
         return f"No run is stable; {labels.counts[place]:,} of {runs:,} are {labels.names[place]}."
     # The rarer outcome is the easier one to name.
     rare = ~failed if 2 * failed.sum() > runs else failed
-    verbs = ("are", "is stable", "are stable") if rare is not failed else ("do", "fails", "fail")
+    words = _OF_STABLE if rare is not failed else _OF_FAILED
     swept = [axis for axis in axes if axis.name != SEED]
     within = {axis.name: np.isin(axis.codes, axis.codes[rare]) for axis in swept}
     bound, inside = _conditions(swept, within, rare)
-    if not bound or rare[inside].mean() < _LEAST_SHARE:
-        return _sufficient(swept, rare, verbs) or _most_of(swept, rare, verbs[2])
+    if not bound or rare[inside].mean() < _LEAST_SHARE_OF_OUTCOME:
+        return _sufficient(swept, rare, words) or _most_of(swept, rare, words.runs_do)
     parts = [f"{axis.name} {_values(axis, axis.codes[rare])}" for axis in bound]
     if not rare[inside].all():
-        some = f"{rare.sum():,} of {inside.sum():,} {verbs[0]}"
-        return f"Runs {verbs[2]} only with {' and '.join(parts)}: {some}."
+        some = f"{rare.sum():,} of these {inside.sum():,} runs {words.runs_do}"
+        return f"Every {words.one} has {' and '.join(parts)} ({some})."
     free = [axis.name for axis in swept if within[axis.name].all()]
     rest = f"; {_joined(free)} {'do' if len(free) > 1 else 'does'} not matter" if free else ""
-    return f"Only {' with '.join(parts)} {verbs[1]}{rest}."
+    return f"Only {' with '.join(parts)} {words.run_does}{rest}."
 
 
 def _conditions(
@@ -71,14 +87,16 @@ def _conditions(
         narrowed = inside & within[tightest]
         if narrowed.sum() < inside.sum():
             found.append((names | {tightest}, narrowed))
-    enough = (each for each in found[_FEW_BOUNDS:] if rare[each[1]].mean() >= _LEAST_SHARE)
+    enough = (
+        bounds
+        for bounds in found[_FEW_BOUNDS:]
+        if rare[bounds[1]].mean() >= _LEAST_SHARE_OF_OUTCOME
+    )
     names, inside = found[-1] if rare[found[-1][1]].all() else next(enough, found[-1])
     return [axis for axis in axes if axis.name in names], inside
 
 
-def _sufficient(
-    axes: Sequence[GridAxis], rare: NDArray[np.bool_], verbs: tuple[str, str, str]
-) -> str:
+def _sufficient(axes: Sequence[GridAxis], rare: NDArray[np.bool_], words: _Words) -> str:
     """Return the values of an axis or two that all lead to an outcome; empty if to few of it."""
     parts: list[str] = []
     told = np.zeros(len(rare), dtype=bool)
@@ -87,28 +105,28 @@ def _sufficient(
         if (pure[axis.name] & ~told).any():
             parts.append(f"with {axis.name} {_values(axis, axis.codes[pure[axis.name]])}")
             told |= pure[axis.name]
-    if told.sum() < _LEAST_SHARE * rare.sum():
+    if told.sum() < _LEAST_SHARE_OF_OUTCOME * rare.sum():
         return ""
-    covered = f"{told.sum():,} of the {rare.sum():,} that {verbs[0]}"
-    return f"All runs {verbs[2]} {', and '.join(parts)}: {covered}."
+    covered = f"{told.sum():,} of {rare.sum():,} {words.all_of_them}"
+    return f"Every run {', or '.join(parts)} {words.run_does}: {covered}."
 
 
 def _values(axis: GridAxis, codes: NDArray[np.int64]) -> str:
-    """Return the values of an axis that have some codes: `up to 0.002`, `a or b`."""
+    """Return the values of an axis that have some codes: `0.002 or less`, `a or b`."""
     found = _distinct(codes)
     ticks, last = axis.ticks, len(axis.ticks) - 1
     if axis.is_ordered and len(found) > 1 and found == list(range(found[0], found[-1] + 1)):
         low, high = ticks[found[0]].split(" to ")[0], ticks[found[-1]].split(" to ")[-1]
         if found[0] == 0:
-            return f"up to {high}"
-        return f"from {low}" if found[-1] == last else f"{low} to {high}"
-    if len(found) > max(_MOST_LISTED, len(ticks) / 2):
+            return f"{high} or less"
+        return f"{low} or more" if found[-1] == last else f"{low} to {high}"
+    if len(found) > max(_MOST_VALUES_LISTED, len(ticks) / 2):
         others = [tick for code, tick in enumerate(ticks) if code not in found]
-        if len(others) <= _MOST_LISTED:
+        if len(others) <= _MOST_VALUES_LISTED:
             return f"other than {_joined(others, 'or')}"
     listed = [ticks[code] for code in found]
-    rest = len(listed) - _MOST_LISTED
-    return _joined(listed if rest <= 0 else [*listed[:_MOST_LISTED], f"{rest} others"], "or")
+    rest = len(listed) - _MOST_VALUES_LISTED
+    return _joined(listed if rest <= 0 else [*listed[:_MOST_VALUES_LISTED], f"{rest} others"], "or")
 
 
 def _distinct(codes: NDArray[np.int64]) -> list[int]:
@@ -125,7 +143,7 @@ def _most_of(axes: Sequence[GridAxis], rare: NDArray[np.bool_], verb: str) -> st
     for axis in axes:
         runs = np.bincount(axis.codes, minlength=len(axis.ticks))
         share = np.bincount(axis.codes, rare, len(axis.ticks)) / np.maximum(1, runs)
-        shares.append(np.where(runs >= _FEW_RUNS * len(rare), share, np.nan))
+        shares.append(np.where(runs >= _LEAST_SHARE_OF_RUNS * len(rare), share, np.nan))
     spreads = [0.0 if np.isnan(e).all() else np.nanmax(e) - np.nanmin(e) for e in shares]
     if not any(spreads):
         return f"{rare.sum():,} of {len(rare):,} runs {verb}."

@@ -1,4 +1,4 @@
-"""What a report draws of a table of runs: its axes, its measured quantities, its labels."""
+"""Columns of a report: axes, measured quantities and labels of a table of runs."""
 
 import math
 from collections.abc import Sequence
@@ -8,9 +8,12 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import TypeAdapter, ValidationError
 
 from contactlab.contact.trace_arrays import Floats
-from contactlab.palette import LABEL_COLOURS, LABEL_LETTERS, OTHERS_COLOUR, STABLE_COLOUR
+from contactlab.errors import StoreError
+from contactlab.palette import OTHERS_COLOUR
+from contactlab.schema.evidence import LabelFacts
 from contactlab.schema.sweep_schema import Sweep
 from contactlab.schema.vocabulary import Role
 from contactlab.store.finished_store import Store
@@ -18,12 +21,13 @@ from contactlab.store.run_columns import RunColumns
 from contactlab.store.table_layout import Column
 
 Codes = NDArray[np.int64]
+_ADDED = TypeAdapter(dict[str, LabelFacts])
 
 SEED = "seed"
 SCENES_OWN = "as in the scene"
 STABLE = "stable"
 _UNITLESS = {"", "1", "any"}
-_MOST_VALUES = 40  # an axis with more values than this is drawn in bins
+_MOST_VALUES_OF_AN_AXIS = 40  # an axis with more values than this is drawn in bins
 _BINS = 20
 _MORE_LETTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0789"
 _LOG_SPAN = 50.0
@@ -76,22 +80,20 @@ class RunLabels:
 
     names: tuple[str, ...]  # worst labels that occur, the worst first and `stable` last
     letters: tuple[str, ...]  # one letter for each, all different; empty for `stable`
-    colours: tuple[str, ...]
+    facts: tuple[LabelFacts, ...]  # what is said and drawn of each, as far as it is known
     codes: Codes  # (n,) index into `names` of each run's worst label
     masks: Codes  # (n,) all labels of a run as bits: bit i for `every[i]`
     every: tuple[str, ...]  # labels that occur at all, also beside a worse one
+
+    @property
+    def colours(self) -> tuple[str, ...]:
+        """The colour of each."""
+        return tuple(facts.colour or OTHERS_COLOUR for facts in self.facts)
 
     @cached_property
     def counts(self) -> tuple[int, ...]:
         """The number of runs with each."""
         return tuple(np.bincount(self.codes, minlength=len(self.names)).tolist())
-
-    @property
-    def meanings(self) -> tuple[str, ...]:
-        """What each says of a run; empty for labels of other versions and plug-ins."""
-        from contactlab.measure import LABELS  # noqa: PLC0415 - a summary needs no meanings
-
-        return tuple(LABELS[name].meaning if name in LABELS else "" for name in self.names)
 
     @property
     def failed(self) -> NDArray[np.bool_]:
@@ -135,11 +137,11 @@ def _axis(columns: RunColumns, name: str, kind: Role) -> GridAxis:
     unit = columns.described[name].unit
     if not columns.is_number(name):
         codes, values = columns.coded(name)
-        ticks = tuple(SCENES_OWN if each is None else each.strip() for each in values)
+        ticks = tuple(SCENES_OWN if value is None else value.strip() for value in values)
         return GridAxis(name, unit, kind, ticks, codes.astype(np.int64), None)
     numbers = columns.numbers(name).values
     values, codes = np.unique(numbers, return_inverse=True)
-    if len(values) > _MOST_VALUES and np.isfinite(values).all():
+    if len(values) > _MOST_VALUES_OF_AN_AXIS and np.isfinite(values).all():
         return GridAxis(name, unit, kind, *_binned(numbers), numbers)
     if str(columns.schema.field(name).type) == "bool":
         ticks = [{0.0: "false", 1.0: "true"}.get(value, SCENES_OWN) for value in values.tolist()]
@@ -172,7 +174,9 @@ def summary_metrics() -> list[str]:
     """Return the physical metrics that a sweep's summary prints, the penetration first."""
     from contactlab.measure import METRICS  # noqa: PLC0415 - takes a while
 
-    return [each.name for each in METRICS.values() if each.heading and each.kind == "physics"]
+    return [
+        metric.name for metric in METRICS.values() if metric.heading and metric.kind == "physics"
+    ]
 
 
 def read_quantities(store: Store) -> tuple[Quantity, ...]:
@@ -189,26 +193,39 @@ def read_quantities(store: Store) -> tuple[Quantity, ...]:
 def read_run_labels(store: Store, also: Sequence[str] = ()) -> RunLabels:
     """Return the labels of a store's runs; `also` lists labels beside those that occur."""
     codes, strings = store.columns.coded("label")
+    added, ours = _added_labels(store), _our_labels()
     order = [str(name) for name in store.columns.shared.get("severity", ())]
     unordered = dict.fromkeys((*strings, *also))
     if unordered.keys() - {*order}:
-        from contactlab.measure import LABELS  # noqa: PLC0415 - the table of another version
-
-        order = [*LABELS, *order]
+        order = [*ours, *order]
     ranks = {name: rank for rank, name in enumerate(order)}
     names = sorted(unordered, key=lambda name: (name == STABLE, ranks.get(name, -1), name))
     placed = np.array([names.index(string) for string in strings], dtype=np.int64)[codes]
+    facts = {**dict.fromkeys(sorted(names), LabelFacts()), **added, **ours}
     letters: dict[str, str] = {STABLE: ""}
-    for name in (*LABEL_LETTERS, *sorted({*names} - {*LABEL_LETTERS})):
-        # Of a plug-in's label a letter that no other has.
-        own = [*LABEL_LETTERS.get(name, ""), *name.upper().replace("_", ""), *_MORE_LETTERS]
-        free = (each for each in own if each not in letters.values())
+    for name in (*ours, *sorted(facts.keys() - ours)):
+        # A letter that another label has already is replaced by one that none has.
+        own = [*facts[name].letter, *name.upper().replace("_", ""), *_MORE_LETTERS]
+        free = (letter for letter in own if letter not in letters.values())
         letters.setdefault(name, next(free, "?"))
-    colours = {STABLE: STABLE_COLOUR, **LABEL_COLOURS}
     return RunLabels(
         tuple(names),
         tuple(letters[name] for name in names),
-        tuple(colours.get(name, OTHERS_COLOUR) for name in names),
+        tuple(facts[name] for name in names),
         placed,
         *store.columns.string_sets("labels"),
     )
+
+
+def _our_labels() -> dict[str, LabelFacts]:
+    from contactlab.measure import LABELS  # noqa: PLC0415 - takes a while
+
+    return {name: label.facts for name, label in LABELS.items() if not label.is_added}
+
+
+def _added_labels(store: Store) -> dict[str, LabelFacts]:
+    """Return what a store says of the labels of its plug-ins, which need not be here."""
+    try:
+        return _ADDED.validate_python(store.columns.shared.get("labels", {}))
+    except ValidationError as error:
+        raise StoreError(f"{store.address}: its table describes labels wrongly: {error}") from error

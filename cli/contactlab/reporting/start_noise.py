@@ -26,7 +26,7 @@ def start_noise(axes: Sequence[GridAxis], values: Floats) -> float | None:
     """Return how far values (n,) of runs are apart that differ in seed or perturbation only."""
     others = [axis for axis in axes if axis.name not in (SEED, PERTURBATION)]
     # Where codes are of bins, the numbers are what may differ.
-    places = [each.codes if each.numbers is None else each.numbers for each in others]
+    places = [other.codes if other.numbers is None else other.numbers for other in others]
     table = np.array([np.zeros(len(values)), *places])
     _, alike = np.unique(table, axis=1, return_inverse=True)
     return noise_floor(alike.ravel(), values)

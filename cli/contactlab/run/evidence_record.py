@@ -25,7 +25,7 @@ from contactlab.engines.rollout_trace import trajectory_hash
 from contactlab.measure import METRICS, AppliedLabel, Assessment
 from contactlab.plugins import hash_of_packages
 from contactlab.run.run_verdicts import judge, missing_effects, within_tolerances
-from contactlab.run.tasks import Finished, PlannedRun, Task
+from contactlab.run.tasks import Finished, Task
 from contactlab.scene.effects.effect import NOT_IN_MODEL, EffectState
 from contactlab.scene.initial_states import InitialStates
 from contactlab.schema.evidence import (
@@ -53,15 +53,8 @@ def definitions() -> str:
     return hash_of_packages(f"contactlab.{name}" for name in packages)
 
 
-@dataclass(frozen=True)
-class RunPlan(PlannedModel):
-    """All that determines one run."""
-
-    run: PlannedRun
-
-
 class Common:
-    """What the records of runs have in common that differ only in their seed.
+    """Fields that the records of runs share which differ only in their seed.
 
     Attributes:
         fields: of the record, by name.
@@ -69,31 +62,32 @@ class Common:
         left_out: the effects that they have and do without.
     """
 
-    def __init__(self, task: Task, plan: RunPlan) -> None:
-        run, resolved, identity = plan.run, plan.resolved, task.identity
-        self._of = run.values, plan.prepared  # As long as they live, so do their ids.
+    def __init__(self, task: Task, plan: PlannedModel) -> None:
+        run, identity = plan.run, task.identity
         self._parts: dict[tuple[str, ...], list[bytes | list[str]]] = {}
-        engine = engine_of(resolved)
+        engine = engine_of(run)
         # What its engine ignores is off.
-        off = {name: EffectState(False, why) for name, why in engine.ignored(resolved).items()}
-        effects = {name: off.get(name, each) for name, each in plan.prepared.effects.items()}
-        self.expectations = [each for match, each in task.expected if match.holds(run.values)]
-        unused = {name: each for name, each in plan.prepared.effects.items() if not each.on}
-        self.left_out = {name for name, each in unused.items() if each.reason != NOT_IN_MODEL}
+        off = {name: EffectState(False, why) for name, why in engine.ignored(run).items()}
+        effects = {name: off.get(name, effect) for name, effect in plan.prepared.effects.items()}
+        self.expectations = [
+            expectation for match, expectation in task.expected if match.holds(run.axes)
+        ]
+        unused = {name: effect for name, effect in plan.prepared.effects.items() if not effect.on}
+        self.left_out = {name for name, effect in unused.items() if effect.reason != NOT_IN_MODEL}
         self.fields: Fields = {
             "sweep": identity.name,
             "scene": identity.scene,
             "scene_hash": identity.scene_hash,
             "engine": Engine(name=engine.name, version=engine.version),
-            "axes": {name: as_written(value) for name, value in run.values.items()},
-            "settings": resolved.values,
-            "effects": {name: each.on for name, each in effects.items()},
-            "effect_reasons": {name: each.reason for name, each in effects.items()},
+            "axes": {name: as_written(value) for name, value in run.axes.items()},
+            "settings": run.values,
+            "effects": {name: effect.on for name, effect in effects.items()},
+            "effect_reasons": {name: effect.reason for name, effect in effects.items()},
             "pairs": dict(plan.prepared.pairs),
             "edited_geoms": plan.prepared.edited_geoms,
-            "duration": resolved.duration,
-            "drive": resolved.drive,
-            "steps_asked": resolved.steps,
+            "duration": run.duration,
+            "drive": run.drive,
+            "steps_asked": run.steps,
             "metric_versions": identity.metric_versions,
             "units": {name: metric.unit for name, metric in METRICS.items()},
             "provenance": task.provenance,
@@ -108,18 +102,20 @@ class Common:
 
     def record_json(self, own: Fields) -> bytes:
         """Return a run's record without cost and times of day: equal runs have equal records."""
-        labels = [each._asdict() for each in own["labels"]]
+        labels = [verdict._asdict() for verdict in own["labels"]]
         own = own | {"labels": labels, "initial": vars(own["initial"])}
-        names = tuple(name for name, each in own.items() if each is not None or name not in _UNSAID)
+        names = tuple(
+            name for name, value in own.items() if value is not None or name not in _UNSAID
+        )
         if names not in self._parts:
             self._parts[names] = self._record_parts(names)
         parts = self._parts[names]
         # Here NaN, as in all records, is null.
         texts = (
-            to_json({name: own[name] for name in each}, inf_nan_mode="null")[1:-1]
-            if isinstance(each, list)
-            else each
-            for each in parts
+            to_json({name: own[name] for name in part}, inf_nan_mode="null")[1:-1]
+            if isinstance(part, list)
+            else part
+            for part in parts
         )
         return b"{%b}" % b",".join(texts)
 
@@ -151,12 +147,14 @@ class MeasuredGroup:
     def metrics(self) -> list[dict[str, float | None]]:
         """The metrics of each row, None where they do not apply."""
         found = self.assessment.metrics
-        columns = [np.where(np.isfinite(each), each, _NONE).tolist() for each in found.values()]
+        columns = [
+            np.where(np.isfinite(values), values, _NONE).tolist() for values in found.values()
+        ]
         return [dict(zip(found, row, strict=True)) for row in zip(*columns, strict=True)]
 
     @cached_property
     def encoder(self) -> TraceEncoder:
-        """What encodes the trace of each row."""
+        """Encoders of the traces of rows."""
         return TraceEncoder(self.trace, self.assessment.series)
 
 
@@ -168,7 +166,7 @@ class RunOutcome:
     it.
     """
 
-    plan: RunPlan
+    plan: PlannedModel
     group: MeasuredGroup
     rollout: Rollout
     place: int
@@ -187,8 +185,15 @@ class RunOutcome:
 
     @property
     def controls(self) -> RecordedControls | None:
-        """What its policy did; None without one, and where it failed."""
-        return self.rollout.controls[self.place] if self.rollout.controls else None
+        """Controls applied to it: those of its policy, or of its task.
+
+        None where that failed, and for scenes and files that say themselves what is applied.
+        """
+        if self.rollout.controls:
+            return self.rollout.controls[self.place]
+        run, scene = self.plan.run, self.plan.start
+        held = run.drive == "exercise" or (run.drive == "none" and not scene.driven.size)
+        return scene.applied_until(run.steps * run.timestep) if held else None
 
 
 def fields_of(task: Task, outcome: RunOutcome, common: Common) -> Fields:
@@ -212,7 +217,7 @@ def fields_of(task: Task, outcome: RunOutcome, common: Common) -> Fields:
     }
 
 
-def row_of_crash(task: Task, plan: RunPlan, label: LabelEntry) -> RunRow:
+def row_of_crash(task: Task, plan: PlannedModel, label: LabelEntry) -> RunRow:
     """Return the row of a run whose worker died twice: `crashed` or `timeout`."""
     common = Common(task, plan)
     own = _fields(task, plan, common, dict.fromkeys(METRICS), (label,))
@@ -222,7 +227,7 @@ def row_of_crash(task: Task, plan: RunPlan, label: LabelEntry) -> RunRow:
 
 def _fields(
     task: Task,
-    plan: RunPlan,
+    plan: PlannedModel,
     common: Common,
     metrics: dict[str, float | None],
     labels: Sequence[AppliedLabel | LabelEntry],
@@ -246,21 +251,23 @@ def _fields(
 
 def journalled(rows: Sequence[RunRow]) -> list[Finished]:
     """Return runs as they go to the journal: what the rows of all of them share is said once."""
-    entries = {id(common): common.entries for _, common in rows}
+    entries = {common: common.entries for _, common in rows}
     shared = set.intersection(*map(set, entries.values())) if len(rows) > 1 else set[bytes]()
-    rest = {key: [each for each in own if each not in shared] for key, own in entries.items()}
+    rest = {
+        common: [entry for entry in own if entry not in shared] for common, own in entries.items()
+    }
     said = b"{%b}" % b",".join(sorted(shared)) if shared else b""
     finished: list[Finished] = []
     for own, common in rows:
         row = {name: value for name, value in to_row(own).items() if value is not None}
-        text = b",".join([to_json(row)[:-1], *rest[id(common)]]) + b"}"
+        text = b",".join([to_json(row)[:-1], *rest[common]]) + b"}"
         finished.append(Finished(text, own["label"], own["status"], own["expectation_met"], said))
     return finished
 
 
 def cost_and_times(task: Task, outcome: RunOutcome) -> Fields:
     """Return fields of the record of a run that just ended: its cost and times of day."""
-    cpu, timestep = float(outcome.rollout.cost[outcome.place]), outcome.plan.resolved.timestep
+    cpu, timestep = float(outcome.rollout.cost[outcome.place]), outcome.plan.run.timestep
     known = None if math.isnan(cpu) else (cpu, outcome.steps, timestep, task.sweep.latency_budget)
     return {"started": outcome.started, "finished": time_now(), "cost": known and Cost.of(*known)}
 
@@ -268,7 +275,7 @@ def cost_and_times(task: Task, outcome: RunOutcome) -> Fields:
 def _initial(start: InitialStates) -> SimpleNamespace:
     applied = start.applied if start.applied.any() else start.applied[:, :0]
     parts = {"qpos": start.qpos, "qvel": start.qvel, "ctrl": start.ctrl, "applied": applied}
-    return SimpleNamespace(**{name: tuple(each[0].tolist()) for name, each in parts.items()})
+    return SimpleNamespace(**{name: tuple(part[0].tolist()) for name, part in parts.items()})
 
 
 def as_written(value: object) -> bool | int | float | str:
@@ -288,7 +295,7 @@ def _status(outcome: RunOutcome) -> tuple[str, str | None]:
     """Return how a run ended, and why if it ended early."""
     if (error := outcome.rollout.errors[outcome.place]) is not None:
         return "error", error
-    if outcome.steps == outcome.plan.resolved.steps:
+    if outcome.steps == outcome.plan.run.steps:
         return "ok", None
     warnings = ", ".join(outcome.rollout.warnings[outcome.place]) or "no warning"
     return "stopped", f"the engine stopped after {outcome.steps} steps: {warnings}"

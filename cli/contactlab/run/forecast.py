@@ -1,8 +1,8 @@
-"""What a sweep will cost, before it runs: runs, time, disk; and settings that look wrong."""
+"""Forecast of a sweep before it runs: runs, time, disk; and settings that look wrong."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Hashable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from functools import cache, lru_cache
+from functools import lru_cache
 
 import numpy as np
 
@@ -14,8 +14,7 @@ from contactlab.engines.engine import PreparedRuns, bytes_of_run
 from contactlab.plan.grid import Plan
 from contactlab.run.planned_runs import RunIndex, reference_models
 from contactlab.scene.mujoco_versions import silence_mujoco
-from contactlab.scene.resolution import ResolvedRun
-from contactlab.scene.row_resolution import RowGroup
+from contactlab.scene.run_spec import RunSpec
 from contactlab.scene.scene import Scene
 
 # Above this product of step and natural frequency, contacts gain energy under the Euler family.
@@ -60,7 +59,7 @@ class _Sums:
     bytes: int = 0
     fast: int = 0
     clamped: int = 0
-    sampled: list[ResolvedRun] = field(default_factory=list[ResolvedRun])
+    sampled: list[RunSpec] = field(default_factory=list[RunSpec])
 
 
 def forecast(plan: Plan, scene: Scene, workers: int) -> Forecast:
@@ -73,13 +72,13 @@ def forecast(plan: Plan, scene: Scene, workers: int) -> Forecast:
     accuracy = timing = 0.0
     if sweep.accuracy or sweep.timing:
         planned = list(index.runs())
-        resolved = {run.run_id: each for run, each in planned}
+        resolved = {run.run_id: run for run in planned}
         if sweep.accuracy:
             models = reference_models(scene, sweep, planned)
             steps = reference_steps(sweep.accuracy.refine, resolved, models, scene)
             accuracy = likely * steps / workers
         if sweep.timing:
-            steps = [each.steps for each in resolved.values()]
+            steps = [run.steps for run in resolved.values()]
             # What is counted is run once more by the workers, before the clock runs.
             timing = likely * share + timing_seconds(sweep.timing, steps, likely)
     size, passes = sums.bytes * _traced(sweep.trace, len(index)), accuracy + timing
@@ -97,29 +96,27 @@ def forecast(plan: Plan, scene: Scene, workers: int) -> Forecast:
 
 
 def _summed(index: RunIndex, scene: Scene) -> _Sums:
-    @cache
-    def bytes_of(shape: RowGroup, steps: int) -> int:
-        return bytes_of_run(scene.base_of(shape.first).model, steps)
-
-    sums = _Sums()
+    sums, sizes = _Sums(), dict[Hashable, int]()
     stride, runs = max(1, len(index) // _SAMPLES), 0
-    for row, count in index.rows():
-        steps, shape, solref = row.steps, row.group, row.setting("solref")
+    for run, count in index.rows():
+        steps, solref = run.steps, run.settings.get("solref")
         sums.steps += count * steps
-        sums.bytes += count * bytes_of(shape, steps)
+        shape = (*run.structure.values(), run.without, steps)
+        if shape not in sizes:
+            sizes[shape] = bytes_of_run(scene.base_of(run).model, steps)
+        sums.bytes += count * sizes[shape]
         if isinstance(solref, tuple):
-            safe = shape.first.flags["refsafe"]
-            used = refsafe_solref(solref, row.timestep) if safe else solref
-            sums.fast += count * (round(row.timestep * _frequency(used), 1) > _FASTEST)
+            used = refsafe_solref(solref, run.timestep) if run.flags["refsafe"] else solref
+            sums.fast += count * (round(run.timestep * _frequency(used), 1) > _FASTEST)
             sums.clamped += count * (used != solref)
         # One for each multiple of the stride among the indices of the row's runs.
         samples = -(-(runs + count) // stride) - -(-runs // stride)
-        sums.sampled += [row.resolved(seed) for seed in range(samples)]
+        sums.sampled += [replace(run, seed=seed) for seed in range(samples)]
         runs += count
     return sums
 
 
-def _step_cost(scene: Scene, resolved: ResolvedRun) -> float:
+def _step_cost(scene: Scene, resolved: RunSpec) -> float:
     """Return the CPU time of a step [s]."""
     silence_mujoco()
     runs = PreparedRuns.of(scene, resolved)

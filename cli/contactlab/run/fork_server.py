@@ -1,8 +1,4 @@
-"""The server that worker processes are forked from, once it has loaded what they need.
-
-A command forks it from itself, so that both load that once. Elsewhere, where other threads may hold
-locks and files, it is a new process, and so is one that replaces a server that was killed.
-"""
+"""The server that worker processes are forked from, once it has loaded what they need."""
 
 import contextlib
 import multiprocessing
@@ -10,10 +6,8 @@ import os
 import signal
 import sys
 import tempfile
-import threading
 import time
-from collections.abc import Generator, MutableMapping, Sequence
-from itertools import pairwise
+from collections.abc import Generator, MutableMapping
 from multiprocessing import forkserver, resource_tracker, util
 from multiprocessing.process import BaseProcess
 from types import ModuleType
@@ -25,10 +19,8 @@ CONTEXT = multiprocessing.get_context("forkserver")
 STOP_SIGNALS = frozenset({signal.SIGINT, signal.SIGTERM})
 # A worker has a core: BLAS's threads would share it, and wait for ever where none can be started.
 _ENVIRONMENT = {"PYTHONSAFEPATH": "1", "OPENBLAS_NUM_THREADS": "1"}
-# NumPy loads the last two when they are used, which would be in each worker.
-_PRELOADED = ["contactlab.startup", "contactlab.run.worker_pool", "numpy.ma", "numpy.random"]
 # Of a folder's path, where 32 characters more and an end must fit into the 108 of an address.
-_MAX_FOLDER = 75
+_MOST_CHARACTERS_OF_A_FOLDER = 75
 # How often, and how far apart [s], a process is started while the fork server is being replaced.
 _START_ATTEMPTS, _START_PAUSE = 20, 0.1
 
@@ -36,29 +28,9 @@ _START_ATTEMPTS, _START_PAUSE = 20, 0.1
 def start_server() -> None:
     """Start the server, if it does not run, and go on while it loads."""
     _place_socket()
-    CONTEXT.set_forkserver_preload(_PRELOADED)
+    CONTEXT.set_forkserver_preload(["contactlab.run.preloaded"])
     with _own_imports(), signals_blocked():
         forkserver.ensure_running()
-
-
-def fork_server() -> None:
-    """Fork the server from this process, if it is a command's; it has loaded what workers need."""
-    if _PRELOADED[0] in sys.modules and threading.active_count() == 1:
-        with _replaced(util.__dict__, spawnv_passfds=_fork):
-            start_server()
-
-
-def _fork(_executable: object, arguments: Sequence[str], kept: Sequence[int]) -> int:
-    """Run the code of a Python's arguments in a fork that has the files of a new process alone."""
-    sys.stdout.flush()
-    if process := os.fork():
-        return process
-    try:
-        for before, after in pairwise((2, *sorted(kept), os.sysconf("SC_OPEN_MAX"))):
-            os.closerange(before + 1, after)
-        exec(arguments[-1], {})  # noqa: S102 - of multiprocessing
-    finally:
-        os._exit(0)
 
 
 def start_process(process: BaseProcess) -> None:
@@ -121,7 +93,7 @@ def _place_socket() -> None:
     It would be in the temporary folder, whose name a batch system may make long.
     """
     chosen = tempfile.gettempdir()
-    if len(chosen) > _MAX_FOLDER:
+    if len(chosen) > _MOST_CHARACTERS_OF_A_FOLDER:
         tempfile.tempdir = "/tmp"  # noqa: S108 - a private folder is made in it
         try:
             util.get_temp_dir()

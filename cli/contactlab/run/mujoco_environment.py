@@ -26,7 +26,7 @@ PACKAGES = "CONTACTLAB_PACKAGES"
 """The environment variable that names the packages of the Python that ran another one instead."""
 _OLDEST, _TOO_NEW = (3, 3), (5,)
 _ROBOTS = "mujoco-menagerie"  # robots that sweeps may name; no other optional package steps a model
-_MAX_LINES = 6  # of what a failing installer prints
+_MOST_LINES_OF_THE_INSTALLER = 6  # of what a failing installer prints
 
 
 class Interpreter(NamedTuple):
@@ -127,7 +127,9 @@ def make_environment(
             done = subprocess.run(command, capture_output=True, text=True, check=False)  # noqa: S603
             if done.returncode:
                 output = (done.stderr or done.stdout).strip().splitlines()
-                lines = [line.rstrip() for line in output if line.strip()][-_MAX_LINES:]
+                lines = [line.rstrip() for line in output if line.strip()][
+                    -_MOST_LINES_OF_THE_INSTALLER:
+                ]
                 raise EngineError(
                     f"{name} cannot be installed for Python {platform.python_version()}; {advice}. "
                     "The installer says:\n" + "\n".join(f"  {line}" for line in lines)
@@ -156,8 +158,10 @@ def _probe(python: Path, name: str) -> str:
 
 def _requirements() -> list[str]:
     """Return what contactlab needs beside MuJoCo, each at the version that is installed here."""
-    needed = [each for each in requires("contactlab") or () if "extra ==" not in each]
-    names = [match[0] for each in needed if (match := _NAME.match(each))]
+    needed = [
+        requirement for requirement in requires("contactlab") or () if "extra ==" not in requirement
+    ]
+    names = [match[0] for requirement in needed if (match := _NAME.match(requirement))]
     pinned = [f"{name}=={version(name)}" for name in names if name != "mujoco"]
     with suppress(PackageNotFoundError):
         pinned.append(f"{_ROBOTS}=={version(_ROBOTS)}")

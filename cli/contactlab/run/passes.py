@@ -3,7 +3,7 @@
 import math
 import sys
 from collections import defaultdict
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from statistics import fmean
@@ -15,14 +15,13 @@ from contactlab.engines import engine_of
 from contactlab.engines.engine import SimulationEngine, SolvesReferences, TimesSteps
 from contactlab.errors import OutputError
 from contactlab.pareto.criteria import MODELLING, chosen_error
-from contactlab.run.planned_runs import Planned, RunIndex, pack_jobs, reference_models
+from contactlab.run.planned_runs import RunIndex, pack_jobs, reference_models
 from contactlab.run.run_verdicts import within_tolerances
 from contactlab.run.tasks import (
     BeginCallback,
     Crashed,
     Executor,
     Job,
-    PlannedRun,
     ProgressCallback,
     Purpose,
     Stop,
@@ -31,8 +30,9 @@ from contactlab.run.tasks import (
     noted,
     results_of,
 )
-from contactlab.scene.resolution import ResolvedRun
+from contactlab.scene.run_spec import RunSpec
 from contactlab.scene.scene import Scene
+from contactlab.schema.drive import PolicyDrive
 from contactlab.schema.evidence import ERRORS, Accuracy, Timing
 from contactlab.schema.sweep_schema import AccuracyRequest, TimingRequest
 from contactlab.store.controls_file import read_controls
@@ -42,6 +42,11 @@ from contactlab.store.table_layout import Column, as_ratios
 
 Row = Mapping[str, Any]
 _CLEAR = 1.25  # ratio of times beyond which no further round changes which is the shorter
+
+
+def _acts(run: RunSpec) -> bool:
+    """Return whether only what was recorded says what a policy did."""
+    return isinstance(run.drive, PolicyDrive)
 
 
 @dataclass(frozen=True)
@@ -59,22 +64,22 @@ class SweepSession:
 
     @cached_property
     def outcomes(self) -> dict[str, Row]:
-        """What later passes need of each row, by run id: no errors are in it yet."""
+        """Outcomes of rows that later passes need, by run id: no errors are in them yet."""
         tolerances = self.task.sweep.tolerances.keys() - set(ERRORS)
         names = ("status", "label", "controls", MODELLING, *tolerances)
         return {row["run_id"]: {name: row.get(name) for name in names} for row in self.store.rows()}
 
     @cached_property
-    def planned(self) -> Planned:
-        """All of its runs at once, with their settings; only small sweeps have passes."""
+    def planned(self) -> list[RunSpec]:
+        """All of its runs at once; only small sweeps have passes."""
         return list(self.index.runs())
 
-    def repeatable(self, able: Callable[[SimulationEngine], bool]) -> Planned:
+    def repeatable(self, able: Callable[[SimulationEngine], bool]) -> list[RunSpec]:
         """Return the runs that completed and whose engine is able; no others are repeated."""
         return [
-            (replace(run, controls=row["controls"]), resolved)
-            for run, resolved in self.planned
-            if (row := self.outcomes[run.run_id])["status"] == "ok" and able(engine_of(resolved))
+            replace(run, controls=row["controls"]) if _acts(run) else run
+            for run in self.planned
+            if (row := self.outcomes[run.run_id])["status"] == "ok" and able(engine_of(run))
         ]
 
 
@@ -89,8 +94,8 @@ def run_passes(session: SweepSession) -> tuple[dict[str, dict[str, Any]], Sequen
     sweep = session.task.sweep
     if sweep.accuracy is not None:
         errors = _accuracies(session, sweep.accuracy)
-        values = {run_id: _row(session, run_id, each) for run_id, each in errors.items()}
-        if any(each.error_kind == "invariants" for each in errors.values()):
+        values = {run_id: _row(session, run_id, error) for run_id, error in errors.items()}
+        if any(error.error_kind == "invariants" for error in errors.values()):
             columns = as_ratios(name for name in Accuracy.model_fields if name.startswith("error_"))
     if sweep.timing is not None:
         for run_id, timing in _timings(session, sweep.timing, values).items():
@@ -100,16 +105,16 @@ def run_passes(session: SweepSession) -> tuple[dict[str, dict[str, Any]], Sequen
 
 def _accuracies(session: SweepSession, request: AccuracyRequest) -> dict[str, Accuracy]:
     repeatable = session.repeatable(lambda engine: isinstance(engine, SolvesReferences))
-    runs = {run.run_id: run for run, _ in repeatable}
+    runs = {run.run_id: run for run in repeatable}
     controls = {run_id: run.controls for run_id, run in runs.items()}
     models = reference_models(session.scene, session.task.sweep, repeatable)
     grouped = families(models, session.scene, controls)
-    notes = _pooled(session, "errors", [tuple(map(runs.__getitem__, each)) for each in grouped])
-    return accuracies(request, session.scene, _resolved(session.planned), notes)
+    notes = _pooled(session, "errors", [tuple(map(runs.__getitem__, rows)) for rows in grouped])
+    return accuracies(request, session.scene, _by_id(session.planned), notes)
 
 
-def _resolved(planned: Planned) -> dict[str, ResolvedRun]:
-    return {run.run_id: resolved for run, resolved in planned}
+def _by_id(runs: Iterable[RunSpec]) -> dict[str, RunSpec]:
+    return {run.run_id: run for run in runs}
 
 
 def _row(session: SweepSession, run_id: str, accuracy: Accuracy) -> dict[str, Any]:
@@ -124,20 +129,20 @@ def _timings(
 ) -> dict[str, Timing]:
     able = session.repeatable(lambda engine: isinstance(engine, TimesSteps))
     # Seeds share what a step costs, within what two rounds differ by; scenarios do not.
-    keys = {run.run_id: _key(run) if request.contenders else run.run_id for run, _ in able}
-    firsts = {keys[run.run_id]: run.run_id for run, _ in reversed(able)}
+    keys = {run.run_id: _key(run) if request.contenders else run.run_id for run in able}
+    firsts = {keys[run.run_id]: run.run_id for run in reversed(able)}
     timed = set(firsts.values())
-    runs = [each for each in able if each[0].run_id in timed]
+    runs = [run for run in able if run.run_id in timed]
     jobs = list(pack_jobs(runs, len(runs), session.scene, session.executor.workers))
     work = _pooled(session, "work", jobs)
     taken = _timed(session, request, runs, work, errors)
     times = {run_id: taken[firsts[key]] for run_id, key in keys.items() if firsts[key] in taken}
-    return timings(_resolved(session.planned), request, work, times)
+    return timings(_by_id(session.planned), request, work, times)
 
 
-def _key(run: PlannedRun, but: Collection[str] = ()) -> object:
+def _key(run: RunSpec, but: Collection[str] = ()) -> object:
     """Return what runs share whose values are the same, but for those of some axes."""
-    return tuple(each for each in run.values.items() if each[0] not in but)
+    return tuple(item for item in run.axes.items() if item[0] not in but)
 
 
 def _pooled(session: SweepSession, purpose: Purpose, jobs: Sequence[Job]) -> dict[str, Note]:
@@ -158,17 +163,15 @@ def _pooled(session: SweepSession, purpose: Purpose, jobs: Sequence[Job]) -> dic
 def _timed(
     session: SweepSession,
     request: TimingRequest,
-    planned: Planned,
+    planned: Sequence[RunSpec],
     work: Mapping[str, Note],
     errors: Mapping[str, Row],
 ) -> dict[str, Note]:
     """Return the times of all runs, which are taken together or not at all."""
     times = noted(session.store.notes(), "times")
-    planned = [each for each in planned if work.get(each[0].run_id)]
-    runs, backend = _resolved(planned), backend_at(session.task.store, OutputError)
-    controls = {
-        run.run_id: read_controls(backend, run.controls) for run, _ in planned if run.controls
-    }
+    planned = [run for run in planned if work.get(run.run_id)]
+    runs, backend = _by_id(planned), backend_at(session.task.store, OutputError)
+    controls = {run.run_id: read_controls(backend, run.controls) for run in planned if run.controls}
     turns = request.rounds * len(runs)
     if runs.keys() <= times.keys():
         session.begin(turns, turns)
@@ -181,7 +184,7 @@ def _timed(
     turn = note("times", "", {})
     timer = InterleavedTimer(session.scene, request.rounds, controls)
     found = timer.times(runs, work, groups, select, lambda count: session.progress([turn] * count))
-    session.store.note([note("times", run_id, each).row for run_id, each in found])
+    session.store.note([note("times", run_id, samples).row for run_id, samples in found])
     return noted(session.store.notes(), "times")
 
 
@@ -192,23 +195,27 @@ class _Contenders:
     another is no less accurate, has no smaller a margin and is clearly faster.
     """
 
-    def __init__(self, session: SweepSession, timed: Planned, errors: Mapping[str, Row]) -> None:
+    def __init__(
+        self, session: SweepSession, timed: Sequence[RunSpec], errors: Mapping[str, Row]
+    ) -> None:
         sweep, limits = session.task.sweep, session.task.sweep.tolerances
         name = chosen_error(limits) or (ERRORS[0] if sweep.accuracy else MODELLING)
         every, own = defaultdict[object, list[str]](list), defaultdict[object, list[str]](list)
         for planned, found in ((session.planned, every), (timed, own)):
-            for run, _ in planned:
+            for run in planned:
                 found[_key(run, sweep.scenario)].append(run.run_id)
         # Each with its error, and with the largest share of a tolerance that it uses.
         known: list[tuple[Sequence[str], float, float]] = []
         for key, group in own.items():
             rows = [{**session.outcomes[run_id], **errors.get(run_id, {})} for run_id in every[key]]
             failed = math.inf if any(row["label"] != "stable" for row in rows) else 0.0
-            used = [_share(row.get(each), limit) for each, limit in limits.items() for row in rows]
+            used = [
+                _share(row.get(limited), limit) for limited, limit in limits.items() for row in rows
+            ]
             error = max(_share(row.get(name), 1.0) for row in rows)
             known.append((group, error, max([failed, *used])))
         self.groups: Groups = [group for group, *_ in known]
-        self._known = [each for each in known if each[2] <= 1] or known
+        self._known = [pace for pace in known if pace[2] <= 1] or known
 
     def __call__(self, times: Mapping[str, float]) -> Groups:
         costs = [fmean(times[run_id] for run_id in group) for group, *_ in self._known]

@@ -5,28 +5,27 @@ import hashlib
 import math
 import signal
 from collections import OrderedDict
-from collections.abc import Collection, Generator, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Generator, Hashable, Iterable, Iterator
 from contextlib import contextmanager
 from functools import cached_property, partial
 from pathlib import Path
 
 import numpy as np
 
+from contactlab.accuracy.reference import PlannedModel
 from contactlab.engines import ENGINES, engine_of
 from contactlab.engines.engine import Watch, bytes_of_run, no_limit
 from contactlab.errors import OutputError, SceneError, StoreError, SweepFileError
 from contactlab.mjcf import AT_REST
 from contactlab.plan.grid import Plan
-from contactlab.run.evidence_record import RunPlan
-from contactlab.run.tasks import Job, PlannedRun, Task
+from contactlab.run.tasks import Job, Task
 from contactlab.scene.compiled_scene import CompiledScene, PreparedModel
 from contactlab.scene.drive.located_drive import LocatedDrive
 from contactlab.scene.effects.effect_table import is_straight
 from contactlab.scene.initial_states import InitialStates
 from contactlab.scene.model_edits import LOOP_ENGINE
 from contactlab.scene.mujoco_versions import silence_mujoco
-from contactlab.scene.resolution import ID_BYTES, ResolvedRun
-from contactlab.scene.row_resolution import ResolvedRow, RowGroup, RowResolver
+from contactlab.scene.run_spec import START_SETTINGS, RunSpec
 from contactlab.scene.scene import Scene
 from contactlab.scene.scene_source import stored_scene
 from contactlab.schema.drive import PolicyDrive, parse_drive
@@ -37,7 +36,7 @@ from contactlab.store.controls_file import read_controls
 from contactlab.store.folder_backend import backend_at
 from contactlab.store.store_files import SCENES, Address
 
-# Runs of a job at most: of short ones as many as have so many steps, so that they share more.
+# Most runs in a job; beyond the few, short runs are packed until their steps reach the last.
 MAX_RUNS, _FEW_RUNS, _SHORT_STEPS = 512, 32, 1 << 13
 # Steps of a job, times the square of the degrees of freedom: from the second on, what a job takes
 # by itself is small; below the first it is more than what an idle worker would save.
@@ -50,50 +49,43 @@ MODEL_BYTES = 256 << 20
 _MAX_OPEN = 64
 
 Key = tuple[object, ...]
-Planned = Sequence[tuple[PlannedRun, ResolvedRun]]
-_ID = np.dtype(">u8")
-_DIGITS = 2 * ID_BYTES
+# Runs of a plan that are kept resolved: some kB each where each has settings of its own.
+MAX_KEPT = 1 << 12
 # Initial states that are remembered as checked.
-_MAX_CHECKED = 1 << 12
-_MOST_STEPS = 1e12
+_MOST_STARTS_CHECKED = 1 << 12
+_MOST_STEPS_OF_A_RUN = 1e12
 
 
-def reference_models(scene: Scene, sweep: Sweep, planned: Planned) -> dict[str, ResolvedRun]:
+def reference_models(scene: Scene, sweep: Sweep, runs: Iterable[RunSpec]) -> dict[str, RunSpec]:
     """Return what runs are compared with, by run id: themselves, or the scene as written."""
     asked = sweep.accuracy
     if asked is None or asked.against == "own":
-        return {run.run_id: each for run, each in planned}
+        return {run.run_id: run for run in runs}
     scenario = [*sweep.scenario, *asked.scenario]
-    return {run.run_id: scene.as_written(each, run.values, scenario) for run, each in planned}
+    return {run.run_id: scene.as_written(run, scenario) for run in runs}
 
 
 class RunIndex:
     """The distinct runs of a plan, in its order; of equal runs, the first counts.
 
-    It has 9 bytes of each run, so that a plan of any size fits into memory.
+    Each is resolved once if they are few. Of a large plan only the ids are kept, as numbers of 64
+    bits, and runs are resolved again, one after the other, when they are handed out.
     """
 
     def __init__(self, plan: Plan, scene: Scene) -> None:
-        """Compute every run's id, a few microseconds each.
+        """Resolve every run.
 
         Raises a SceneError if the model's timestep is not positive, and the sweep sets no other; or
         the times of a run's control or hold are inconsistent; a SweepFileError if a run would
         record more than 1 GiB.
         """
-        self._plan = plan
-        self._rows = RowResolver(scene, plan.sweep.duration)
-        # For each shape of rows, in order of appearance, the values of its first row.
-        self.firsts: dict[RowGroup, Mapping[str, object]] = {}
-        ids = bytearray()
-        check = _Check(scene)
-        for row in plan.rows():
-            resolved = self._rows.row(row.values)
-            check(resolved)
-            self.firsts.setdefault(resolved.group, row.values)
-            ids += resolved.run_ids(row.seeds)
-        self._ids = bytes(ids)
-        self._distinct = np.zeros(len(self._ids) // ID_BYTES, bool)
-        self._distinct[np.unique(np.frombuffer(self._ids, _ID), return_index=True)[1]] = True
+        self._plan, self._scene = plan, scene
+        # For each shape of runs, in order of appearance, the first of them.
+        self.firsts: dict[Hashable, RunSpec] = {}
+        self._kept: list[RunSpec] | None = []
+        self._ids = np.fromiter(self._checked_ids(), np.uint64)
+        self._distinct = np.zeros(len(self._ids), bool)
+        self._distinct[np.unique(self._ids, return_index=True)[1]] = True
 
     def __len__(self) -> int:
         """Return the number of distinct runs."""
@@ -102,88 +94,107 @@ class RunIndex:
     @cached_property
     def hash(self) -> str:
         """A hash of all ids in order."""
-        return hashlib.sha256(self._text().encode()).hexdigest()[:32]
+        text = self._ids[self._distinct].astype(">u8").tobytes().hex()
+        return hashlib.sha256(text.encode()).hexdigest()[:32]
 
     def count(self, done: Collection[str]) -> int:
         """Return how many of the runs are among those that are done."""
-        text = self._text() if done else ""
-        return sum(text[at : at + _DIGITS] in done for at in range(0, len(text), _DIGITS))
+        ids = self._ids[self._distinct].tolist() if done else []
+        return sum(f"{number:016x}" in done for number in ids)
 
     def has(self, run_id: str, index: int) -> bool:
         """Return whether a run of this id is at this place of the plan."""
         return (
             index < len(self._distinct)
             and bool(self._distinct[index])
-            and self._ids[ID_BYTES * index : ID_BYTES * (index + 1)].hex() == run_id
+            and f"{self._ids[index]:016x}" == run_id
         )
 
-    def runs(self, done: Collection[str] = ()) -> Iterator[tuple[PlannedRun, ResolvedRun]]:
-        """Yield every run that is not done, with its settings."""
+    def runs(self, done: Collection[str] = ()) -> Iterator[RunSpec]:
+        """Yield every run that is not done."""
         distinct = self._distinct.tobytes()
+        for run in self._planned() if self._kept is None else self._kept:
+            if distinct[run.index] and run.run_id not in done:
+                yield run
+
+    def rows(self) -> Iterator[tuple[RunSpec, int]]:
+        """Yield a run of each row of the plan, and the number of distinct runs of the row."""
+        duration = self._plan.sweep.duration
         for row in self._plan.rows():
-            resolved = None
-            for index, seed in enumerate(row.seeds, row.first):
-                run_id = self._ids[ID_BYTES * index : ID_BYTES * (index + 1)].hex()
-                if distinct[index] and run_id not in done:
-                    resolved = resolved or self._rows.row(row.values).resolved(seed)
-                    run = PlannedRun(index, run_id, row.values, seed)
-                    yield run, resolved.seeded(seed)
-
-    def rows(self) -> Iterator[tuple[ResolvedRow, int]]:
-        """Yield the settings of rows, each with the number of its distinct runs."""
-        starts = range(0, len(self._distinct), len(self._plan.sweep.seed_values))
-        counts = np.add.reduceat(self._distinct, starts, dtype=np.int64).tolist()
-        for row, count in zip(self._plan.rows(), counts, strict=True):
+            count = np.count_nonzero(self._distinct[row.first : row.first + len(row.seeds)])
             if count:
-                yield self._rows.row(row.values), count
+                yield self._scene.resolve(row.values, row.seeds[0], duration), int(count)
 
-    def _text(self) -> str:
-        return np.frombuffer(self._ids, _ID)[self._distinct].tobytes().hex()
+    def _planned(self) -> Iterator[RunSpec]:
+        duration = self._plan.sweep.duration
+        for row in self._plan.rows():
+            yield from self._scene.planned(row.values, row.seeds, duration, row.first)
+
+    def _checked_ids(self) -> Iterator[int]:
+        check, checked = _Check(self._scene), None
+        for run in self._planned():
+            if run.settings is not checked:  # Runs that differ only in their seed share them.
+                shape = _shape(run)
+                check(run, shape)
+                self.firsts.setdefault(shape, run)
+                checked = run.settings
+            if self._kept is not None:
+                self._kept.append(run)
+                if len(self._kept) > MAX_KEPT:
+                    self._kept = None
+            yield int(run.run_id, 16)
+
+
+def _shape(run: RunSpec) -> Hashable:
+    """Return what runs share that differ only in the values of settings and initial values."""
+    parts = tuple(run.axes), tuple(run.structure.values()), tuple(run.flags.values())
+    return *parts, run.engine, run.drive, run.duration, run.changed, run.without
 
 
 class _Check:
-    """Checks the settings of rows before anything runs."""
+    """Checks the settings of runs before anything runs, of those that differ in their seed once."""
 
     def __init__(self, scene: Scene) -> None:
         self._scene = scene
         self._checked: set[object] = set()
-        self._least: dict[RowGroup, float] = {}
+        self._least: dict[Hashable, float] = {}
 
-    def __call__(self, row: ResolvedRow) -> None:
-        if not row.timestep >= self._least.get(row.group, math.inf):
-            self._check_steps(row)
-            self._least[row.group] = row.timestep
-        engine = engine_of(row.group.first)
-        if isinstance(row.group.first.drive, PolicyDrive) and not engine.runs_policies:
+    def __call__(self, run: RunSpec, shape: Hashable) -> None:
+        if not run.timestep >= self._least.get(shape, math.inf):
+            self._check_steps(run)
+            self._least[shape] = run.timestep
+        engine = engine_of(run)
+        if isinstance(run.drive, PolicyDrive) and not engine.runs_policies:
             raise SceneError(
                 f"the {engine.name} engine runs no policies; sweep with engine: mujoco, then drive "
                 "this engine by a file of the store's controls"
             )
-        if not engine.accepts_every_run and (why := engine.refusal(self._scene, row.resolved(0))):
+        if not engine.accepts_every_run and (why := engine.refusal(self._scene, run)):
             raise SceneError(why)
-        if row.group.first.changed & AT_REST.keys():
-            run = row.resolved(0)
+        if run.changed & AT_REST.keys():
             self._scene.base_of(run).prepare(run.edits())
-        driven = row.group.first.drive not in ("none", "hold")
-        key = (*row.start, row.timestep) if driven else row.start
-        if (driven or self._scene.is_timed) and key not in self._checked:
-            self._scene.check_start(row.resolved(0))
-            if len(self._checked) < _MAX_CHECKED:
+        driven = run.drive not in ("none", "hold")
+        if not driven and not self._scene.is_timed:
+            return
+        start = tuple(run.settings.get(name) for name in START_SETTINGS)
+        key = (shape, tuple(run.initial.values()), start, run.timestep if driven else None)
+        if key not in self._checked:
+            self._scene.check_start(run)
+            if len(self._checked) < _MOST_STARTS_CHECKED:
                 self._checked.add(key)
 
-    def _check_steps(self, row: ResolvedRow) -> None:
+    def _check_steps(self, run: RunSpec) -> None:
         """Check that a run has steps, and that memory holds what it records."""
-        if not 0 < row.timestep < math.inf:
+        if not 0 < run.timestep < math.inf:
             raise SceneError(
-                f"{self._scene.source.model}: its timestep is {row.timestep:g} s; write a "
+                f"{self._scene.source.model}: its timestep is {run.timestep:g} s; write a "
                 "positive one there, or sweep `timestep`"
             )
-        duration = row.group.first.duration
-        if duration / row.timestep > _MOST_STEPS:
+        if run.duration / run.timestep > _MOST_STEPS_OF_A_RUN:
             raise SweepFileError(
-                f"{duration:g} s in steps of {row.timestep:g} s are too many; lengthen `timestep`"
+                f"{run.duration:g} s in steps of {run.timestep:g} s are too many; lengthen "
+                "`timestep`"
             )
-        run = row.resolved(0)
         size = bytes_of_run(self._scene.base_of(run).model, run.steps)
         if size > RUN_BYTES:
             raise SweepFileError(
@@ -192,9 +203,7 @@ class _Check:
             )
 
 
-def pack_jobs(
-    runs: Iterable[tuple[PlannedRun, ResolvedRun]], count: int, scene: Scene, workers: int
-) -> Iterator[Job]:
+def pack_jobs(runs: Iterable[RunSpec], count: int, scene: Scene, workers: int) -> Iterator[Job]:
     """Yield jobs, each bounded by `MAX_RUNS`, `JOB_BYTES` and `MODEL_BYTES`, or one run.
 
     Runs, those that are not done yet, are consumed lazily, some hundred ahead of what is yielded.
@@ -203,20 +212,20 @@ def pack_jobs(
     """
     most, fair = count // (4 * max(1, workers)), -(-count // max(1, workers))
     shares = 2 * workers if workers > 1 else 1
-    waiting: dict[Key, list[PlannedRun]] = {}
+    waiting: dict[Key, list[RunSpec]] = {}
     bounds: dict[Key, tuple[int, int]] = {}
     key, settings = Key(), None
-    for taken, (run, resolved) in enumerate(runs):
-        if resolved.settings is not settings:  # Runs that differ only in their seed share them.
-            sleep, settings = resolved.flags.get("sleep"), resolved.settings
-            structure = resolved.structure.items()
-            key = (*structure, resolved.steps, resolved.engine, sleep, resolved.without)
+    for taken, run in enumerate(runs):
+        if run.settings is not settings:  # Runs that differ only in their seed share them.
+            sleep, settings = run.flags.get("sleep"), run.settings
+            structure = run.structure.items()
+            key = (*structure, run.steps, run.engine, sleep, run.without)
         if key not in bounds:
-            base, steps = scene.base_of(resolved), resolved.steps
+            base, steps = scene.base_of(run), run.steps
             size, work = bytes_of_run(base.model, steps), steps * max(1, base.model.nv) ** 2
             short = _SHORT_STEPS // steps
             least = max(LEAST_WORK, min(SMALL_WORK, fair * work)) // work
-            if isinstance(resolved.drive, PolicyDrive) or resolved.engine == LOOP_ENGINE:
+            if isinstance(run.drive, PolicyDrive) or run.engine == LOOP_ENGINE:
                 short = least = 0
             bound = min(MAX_RUNS, max(_FEW_RUNS, short), JOB_BYTES // size, _max_models(base))
             least = max(1, min(bound, least))
@@ -275,32 +284,28 @@ class Preparer:
         if self.scene.hash != task.scene_folder.name:
             raise StoreError(f"{folder} was changed: its files have the hash {self.scene.hash}")
         self._marker = marker
-        self._rows = RowResolver(self.scene, task.sweep.duration)
         self._models: OrderedDict[tuple[str, bool], PreparedModel] = OrderedDict()
 
-    def plans(self, job: Job) -> list[RunPlan]:
-        """Return settings, model and initial state of each run of a job of one structure."""
-        rows = {id(run.values): run for run in job}
-        first = {key: self._rows.row(run.values).resolved(0) for key, run in rows.items()}
-        resolved = [first[id(run.values)].seeded(run.seed) for run in job]
-        starts = self.scene.starts(resolved)
-        initial = [self._acted_on(run, starts.pick(place)) for place, run in enumerate(job)]
-        keys: dict[int, str] = {}  # of the models of runs that share their values
-        plans: list[RunPlan] = []
-        for run, each, start in zip(job, resolved, initial, strict=True):
-            key = keys.get(id(run.values)) or self.scene.model_key(each)
-            keys[id(run.values)] = key
-            plans.append(RunPlan(each, self._prepared(key, each, start), start, run))
+    def plans(self, job: Job) -> list[PlannedModel]:
+        """Return model and initial state of each run of a job of one structure."""
+        starts = self.scene.starts(job)
+        plans: list[PlannedModel] = []
+        key, settings = "", None
+        for place, run in enumerate(job):
+            start = self._acted_on(run, starts.pick(place))
+            if run.settings is not settings:  # Runs that differ only in their seed share them.
+                key, settings = self.scene.model_key(run), run.settings
+            plans.append(PlannedModel(run, self._prepared(key, run, start), start))
         return plans
 
-    def _acted_on(self, run: PlannedRun, start: InitialStates) -> InitialStates:
+    def _acted_on(self, run: RunSpec, start: InitialStates) -> InitialStates:
         """Return how a run starts, with what its policy did where that is recorded."""
         if run.controls is None:
             return start
         backend = backend_at(self.task.store, OutputError)
         return start.acted_on([read_controls(backend, run.controls)])
 
-    def _prepared(self, shared: str, run: ResolvedRun, start: InitialStates) -> PreparedModel:
+    def _prepared(self, shared: str, run: RunSpec, start: InitialStates) -> PreparedModel:
         base = self.scene.base_of(run)
         key = shared, is_straight(base.model, start)
         if key not in self._models:

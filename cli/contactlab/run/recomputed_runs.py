@@ -1,4 +1,4 @@
-"""What the engine says of a store: its runs resolved again, and a sample simulated again."""
+"""Runs of a store, recomputed: all resolved again, and a sample simulated again."""
 
 import random
 from collections.abc import Iterator, Mapping
@@ -13,7 +13,7 @@ import numpy as np
 from pydantic_core import from_json, to_json
 
 from contactlab.errors import ContactlabError
-from contactlab.measure import LABELS, METRICS, THRESHOLDS
+from contactlab.measure import LABELS, METRICS, THRESHOLDS, added_labels
 from contactlab.plan.grid import Plan
 from contactlab.plan.overrides import Overrides
 from contactlab.plan.sweep_file import read_sweep
@@ -24,7 +24,7 @@ from contactlab.run.run_verdicts import judge, unmet_means, within_tolerances
 from contactlab.run.stored_runs import canonical_values, replay, resolve_record
 from contactlab.run.sweep_request import SweepRequest, supported
 from contactlab.run.sweep_runner import identity_of
-from contactlab.run.tasks import PlannedRun, Task
+from contactlab.run.tasks import Task
 from contactlab.run.worker import Worker
 from contactlab.scene.scene import Scene
 from contactlab.schema.drive import PolicyDrive, parse_drive
@@ -41,7 +41,9 @@ _OUTCOME = ("status", "steps", "trajectory_hash", "label", "labels", "label_step
 def unresolved(store: Store) -> str | None:
     """Return why run ids cannot be recomputed here; None if they can."""
     identity, ours = store.manifest.sweep, engine()
-    missing = {each.name for each in identity.plugins} - {each.name for each in loaded_plugins()}
+    missing = {plugin.name for plugin in identity.plugins} - {
+        plugin.name for plugin in loaded_plugins()
+    }
     if missing:
         return f"run ids and settings: plug-in {', '.join(sorted(missing))} is not loaded"
     if identity.engine != ours:
@@ -59,7 +61,9 @@ def unplanned(store: Store) -> str | None:
         return f"the plan: contactlab {theirs} wrote it, and this is {ours}"
     if isinstance(identity.resolved.get("include"), dict):
         return "the plan: a file beside the sweep names some of its runs"
-    theirs, ours = (sorted(p.sha256 for p in x) for x in (identity.plugins, loaded_plugins()))
+    theirs, ours = (
+        sorted(p.sha256 for p in plugins) for plugins in (identity.plugins, loaded_plugins())
+    )
     if (*theirs, identity.definitions) != (*ours, definitions()):
         return "the plan: other definitions of metrics and labels, or other plug-ins, are loaded"
     return None
@@ -98,10 +102,12 @@ def _other_plan(store: Store, scene: Scene, plan: Plan) -> Iterator[str]:
     name, source, options = identity.name, identity.source, identity.overrides
     request = SweepRequest(plan, scene, name, source, options, store.address, workers=0)
     ours, stored = identity_of(request, index).model_dump(), identity.model_dump()
-    for each in (each for each in ours if ours[each] != stored[each]):
-        yield f"{IDENTITY}: {each} is not what the sweep's text and options give"
+    for field in (key for key in ours if ours[key] != stored[key]):
+        yield f"{IDENTITY}: {field} is not what the sweep's text and options give"
     if columns.shared.get("severity") != list(LABELS):
         yield f"{TABLE}: its severity is not the order of the labels"
+    if columns.shared.get("labels", {}) != added_labels():
+        yield f"{TABLE}: its labels are not as the plug-ins declare them"
     places = columns.to_pydict(["run_id", "index"])
     if not all(map(index.has, places["run_id"], places["index"])):
         yield f"{TABLE}: its runs are not at their places in the plan"
@@ -112,8 +118,8 @@ def _other_verdicts(store: Store, scene: Scene, plan: Plan) -> Iterator[str]:
     if tuple(unmet_means(plan, store.columns)) != store.manifest.unmet_means:
         yield f"{MANIFEST}: its unmet means are not what the sweep expects"
     for record in store.records():
-        values, labels = canonical_values(scene, record), [each.label for each in record.labels]
-        selected = [each for match, each in plan.expected if match.holds(values)]
+        values, labels = canonical_values(scene, record), [label.label for label in record.labels]
+        selected = [expectation for match, expectation in plan.expected if match.holds(values)]
         said = (record.expected, record.expectation_met, record.expectation_reason)
         if judge(selected, labels, record.metrics) != said:
             yield f"run {record.run_id}: what it says of expectations is not what the sweep expects"
@@ -124,7 +130,11 @@ def _other_verdicts(store: Store, scene: Scene, plan: Plan) -> Iterator[str]:
 
 def _plan(identity: SweepIdentity, scene: Scene) -> Plan:
     sets, only, limit = (
-        [each.removeprefix(option) for each in identity.overrides if each.startswith(option)]
+        [
+            override.removeprefix(option)
+            for override in identity.overrides
+            if override.startswith(option)
+        ]
         for option in ("--set ", "--only ", "--limit ")
     )
     options = Overrides(sets, only, int(limit[0]) if limit and limit[0].isdecimal() else None)
@@ -159,11 +169,11 @@ def simulated_problems(store: Store, count: int, *, allow_code: bool = False) ->
                     yield f"run {record.run_id}: simulated again, its hash is {result.hash}"
                 continue
             values = canonical_values(scene, record)
-            planned = PlannedRun(record.index, record.run_id, values, record.seed)
-            (finished,) = worker.run((planned,))
+            (run,) = scene.planned(values, [record.seed], record.duration, record.index)
+            (finished,) = worker.run((replace(run, run_id=record.run_id),))
             again = from_json(finished.row)
             before = f"run {record.run_id}: simulated again, "
-            for name in (each for each in names if again.get(each) != stored[each]):
+            for name in (known for known in names if again.get(known) != stored[known]):
                 yield f"{before}{name} is {again.get(name)}, not {stored[name]}"
             if record.trace is not None and not store.manifest.traces_left_out:
                 new = read_trace(Path(folder) / again["trace_file"])

@@ -1,7 +1,8 @@
-"""What a run's outcome means: expectations, tolerances, and effects that it turned out to need."""
+"""Verdicts on a run's outcome: expectations, tolerances, and effects that it needed."""
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from operator import itemgetter
+from typing import TYPE_CHECKING
 
 import mujoco
 import numpy as np
@@ -14,12 +15,14 @@ from contactlab.contact.trace_arrays import (
     Trace,
     squared_lengths,
 )
-from contactlab.measure.pair_expectations import PAIR_LABELS
+from contactlab.measure.entries import labels_with
 from contactlab.plan.grid import Plan
 from contactlab.scene.model_names import name_of
 from contactlab.schema.pair_expectation import Bounds
 from contactlab.schema.sweep_schema import Expectation
-from contactlab.store.run_columns import RunColumns
+
+if TYPE_CHECKING:
+    from contactlab.store.run_columns import RunColumns  # loads Arrow, which workers do without
 
 
 def judge(
@@ -29,8 +32,10 @@ def judge(
 
     They are None if nothing is expected. A run's labels are worst first; without any it is stable.
     """
-    unmet = [reason for each in expectations for reason in _unmet(each, labels, metrics)]
-    expected = [label for each in expectations for label in each.label or ()]
+    unmet = [
+        reason for expectation in expectations for reason in _unmet(expectation, labels, metrics)
+    ]
+    expected = [label for expectation in expectations for label in expectation.label or ()]
     met = not unmet if expectations else None
     return tuple(dict.fromkeys(expected)) or None, met, "; ".join(unmet) or None
 
@@ -57,7 +62,7 @@ def _unmet(
     allowed = expectation.label
     if allowed is not None and not set(allowed) & set(labels or ["stable"]):
         yield f"expected {' or '.join(allowed)}, found {', '.join(labels) or 'stable'}"
-    of_pairs = PAIR_LABELS.intersection(labels) if expectation.expects else ()
+    of_pairs = labels_with("pair").intersection(labels) if expectation.expects else ()
     if of_pairs and not of_pairs & set(allowed or ()):
         yield f"expected contact as stated, found {', '.join(sorted(of_pairs))}"
     for name, bounds in expectation.metrics.items():
@@ -73,15 +78,15 @@ def _outside(name: str, value: float | None, bounds: Bounds) -> Iterator[str]:
         yield f"expected {name} of at most {bounds.max:g}, found {value:g}"
 
 
-def unmet_means(plan: Plan, table: RunColumns) -> Iterator[str]:
+def unmet_means(plan: Plan, table: "RunColumns") -> Iterator[str]:
     """Yield which means over runs are not as a plan expects."""
-    names = sorted({name for _, each in plan.expected for name in each.mean})
+    names = sorted({name for _, expectation in plan.expected for name in expectation.mean})
     columns = table.to_pydict(["index", *names]) if names else {"index": []}
     places = {index: row for row, index in enumerate(columns["index"])}
     known = [(run.values, places[run.index]) for run in plan.runs() if run.index in places]
-    for match, each in plan.expected:
-        rows = [row for values, row in known if each.mean and match.holds(values)]
-        for name, bounds in each.mean.items():
+    for match, expectation in plan.expected:
+        rows = [row for values, row in known if expectation.mean and match.holds(values)]
+        for name, bounds in expectation.mean.items():
             values = [columns[name][row] for row in rows]
             mean = None if None in values or not rows else sum(values) / len(rows)
             yield from _outside(f"a mean {name}", mean, bounds)
@@ -111,7 +116,7 @@ def _motion(trace: Trace, run: int, name: str) -> str | None:
     """Return the first motion in a contact that a friction effect would oppose."""
     word, unit, least, *_ = _MOTIONS[name]
     found: list[tuple[int, str, float]] = []
-    for pair in (each for each in trace.pairs if each.touched[run]):
+    for pair in (monitored for monitored in trace.pairs if monitored.touched[run]):
         speed = _speed(pair.slots[run], name)
         steps = np.flatnonzero(speed > least)
         found += [(step, pair.name, float(speed.max())) for step in steps[:1].tolist()]

@@ -26,11 +26,12 @@ from contactlab.mjcf import MODEL_ENGINE
 from contactlab.plugins import loaded_plugins
 from contactlab.run.planned_runs import stored_sweep_scene
 from contactlab.scene.compiled_scene import PreparedModel
-from contactlab.scene.initial_states import QPOS0, InitialStates
+from contactlab.scene.initial_states import InitialStates
 from contactlab.scene.mujoco_versions import silence_mujoco
-from contactlab.scene.resolution import ResolvedRun
+from contactlab.scene.run_spec import RunSpec
 from contactlab.scene.scene import Scene
 from contactlab.schema.evidence import EvidenceRecord
+from contactlab.schema.task import QPOS0
 from contactlab.store.finished_store import Store
 
 
@@ -74,7 +75,7 @@ def prepare_replay(store: Store, run: str) -> PreparedReplay:
     return PreparedReplay(record, runs.repeating([store.controls(record)]))
 
 
-def stored_run(store: Store, run: str) -> tuple[EvidenceRecord, Scene, ResolvedRun]:
+def stored_run(store: Store, run: str) -> tuple[EvidenceRecord, Scene, RunSpec]:
     """Return a stored run, its scene and its settings, made from the store's own files.
 
     Raises a StoreError if there is no such run, or its settings do not give its id; an EngineError
@@ -82,8 +83,8 @@ def stored_run(store: Store, run: str) -> tuple[EvidenceRecord, Scene, ResolvedR
     plug-in that it was run with is not loaded.
     """
     record = store.record(run)
-    loaded = {each.name for each in loaded_plugins()}
-    missing = [str(each) for each in record.plugins if each.name not in loaded]
+    loaded = {plugin.name for plugin in loaded_plugins()}
+    missing = [str(plugin) for plugin in record.plugins if plugin.name not in loaded]
     try:
         find_engine(record.engine.name)
         scene = stored_sweep_scene(store.manifest.sweep, store.scene_folder)
@@ -97,7 +98,7 @@ def stored_run(store: Store, run: str) -> tuple[EvidenceRecord, Scene, ResolvedR
         ) from error
 
 
-def resolve_record(scene: Scene, record: EvidenceRecord) -> ResolvedRun:
+def resolve_record(scene: Scene, record: EvidenceRecord) -> RunSpec:
     """Return all that decides a stored run; raise StoreError if that does not give its id."""
     resolved = scene.resolve(canonical_values(scene, record), record.seed, record.duration)
     if scene.run_id(resolved) != record.run_id:
@@ -181,7 +182,9 @@ def answers(store: Store, lines: Iterator[str]) -> Iterator[dict[str, Any]]:
     own = ENGINES[MODEL_ENGINE]
     yield {
         "engine": f"{own.name} {own.version}",
-        "timed_engines": [each.name for each in ENGINES.values() if isinstance(each, TimesSteps)],
+        "timed_engines": [
+            timed.name for timed in ENGINES.values() if isinstance(timed, TimesSteps)
+        ],
         "contactlab": version("contactlab"),
     }
     prepared: dict[str, tuple[TimesSteps, Segments]] = {}

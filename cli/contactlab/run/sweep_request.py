@@ -16,6 +16,7 @@ from contactlab.plan.sweep_file import SweepFile, read_sweep
 from contactlab.run.tasks import Executor
 from contactlab.scene.expected_contacts import mistake_in
 from contactlab.scene.mujoco_versions import why_unsupported
+from contactlab.scene.requirements import mistake_in_requirement
 from contactlab.scene.scene import Scene
 from contactlab.schema.drive import Drive, drive_text
 from contactlab.schema.pair_expectation import PairExpectation
@@ -55,18 +56,17 @@ def read_request(  # noqa: PLR0913 - one argument an option
     workers: int,
     overrides: Overrides | None = None,
     drive: Drive | None = None,
-    bare: Drive = "hold",
     partly: bool = False,
     allow_code: bool = False,
 ) -> SweepRequest:
     """Read a sweep: a file by its path or its text, or its content as data.
 
-    Relative paths of scenes start in the folder. `drive`, `bare` and `allow_code` are as in
-    `SceneLoader`. With `partly`, runs that only newer engines support are left out instead of
-    refused. Raises a SweepFileError if the file or the overrides have mistakes; all are listed.
+    Relative paths of scenes start in the folder. `drive` and `allow_code` are as in `SceneLoader`.
+    With `partly`, runs that only newer engines support are left out instead of refused. Raises a
+    SweepFileError if the file or the overrides have mistakes; all are listed.
     """
     options = overrides or Overrides()
-    scenes = SceneLoader(folder, drive, bare=bare, allow_code=allow_code)
+    scenes = SceneLoader(folder, drive, allow_code=allow_code)
     read = read_sweep(source, partial(scenes.vocabulary, lenient=partly), options)
     scene, plan = scenes.for_sweep(read)
     plan, reasons = supported(plan)
@@ -83,8 +83,8 @@ def read_request(  # noqa: PLR0913 - one argument an option
 
 
 def _given(overrides: Overrides, drive: Drive | None) -> tuple[str, ...]:
-    given = [f"--set {each}" for each in overrides.assign]
-    given += [f"--only {each}" for each in overrides.only]
+    given = [f"--set {assignment}" for assignment in overrides.assign]
+    given += [f"--only {condition}" for condition in overrides.only]
     given += [] if overrides.limit is None else [f"--limit {overrides.limit}"]
     given += [] if drive is None else [f"--drive {drive_text(drive)}"]
     return tuple(given)
@@ -112,7 +112,6 @@ class SceneLoader:
     folder: Path | None
     drive: Drive | None = None  # what drives runs, whatever sweep or scene say; of an option
     drive_folder: Path = Path()  # where the files of `drive` start
-    bare: Drive = "hold"  # what drives a model without a manifest, if nothing else is said
     allow_code: bool = False  # whether the code of environments may run
     _opened: dict[str, Scene] = field(default_factory=dict[str, Scene])
     _driven: dict[str, Scene] = field(default_factory=dict[str, Scene])
@@ -121,7 +120,8 @@ class SceneLoader:
         """Return the scene, driven as the option says, else as the scene itself does."""
         if reference not in self._driven:
             scene = self._undriven(reference)
-            bare = self.bare if scene.source.manifest is None else None
+            # A model without a manifest says itself what moves it.
+            bare = "auto" if scene.source.manifest is None else None
             self._driven[reference] = scene.with_drive(self.drive or bare, self.drive_folder)
         return self._driven[reference]
 
@@ -158,7 +158,11 @@ class SceneLoader:
         def wrong(entry: PairExpectation, duration: float | None) -> tuple[str, str] | None:
             return mistake_in(entry, scene.base({}), {}, duration or self.open(reference).duration)
 
-        return Vocabulary(axes, find, [*METRICS], [*LABELS], [*THRESHOLDS], wrong)
+        def broken(text: str, duration: float | None) -> str | None:
+            most = duration or self.open(reference).duration
+            return mistake_in_requirement(text, scene.base({}), most)
+
+        return Vocabulary(axes, find, [*METRICS], [*LABELS], [*THRESHOLDS], wrong, broken)
 
 
 def _check_names(scene: Scene) -> None:
@@ -182,7 +186,7 @@ def _check_names(scene: Scene) -> None:
 def starter_sweep(reference: str, loader: SceneLoader) -> str:
     """Return the text of a sweep file to start from: around a scene's own values, and small."""
     scene = loader.open(reference)
-    base, bare = scene.base({}), scene.source.manifest is None
+    base = scene.base({})
     shared = {name: base.settings[name] for name in base.settings.keys() - base.nonuniform}
-    drive = ("hold" if base.model.nu else "exercise") if bare else None
+    drive = "auto" if scene.source.manifest is None else None
     return starter(reference, shared, scene.duration, drive, loader.vocabulary(reference))

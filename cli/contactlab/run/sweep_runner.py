@@ -13,7 +13,7 @@ from contactlab.engines import engine_of
 from contactlab.engines.closed_loop import allowed_policy
 from contactlab.engines.contact_kernel import reason_for_sensors
 from contactlab.errors import SweepFileError
-from contactlab.measure import LABELS, METRICS
+from contactlab.measure import LABELS, METRICS, added_labels
 from contactlab.plugins import loaded_plugins
 from contactlab.run.evidence_record import as_written, definitions, engine, provenance
 from contactlab.run.passes import SweepSession, run_passes
@@ -36,7 +36,6 @@ from contactlab.run.worker_pool import LocalPool
 from contactlab.scene.effects.effect_table import EFFECTS
 from contactlab.scene.model_edits import MODEL_ENGINE
 from contactlab.scene.scene import Scene
-from contactlab.schema.drive import drive_word
 from contactlab.schema.evidence import (
     RECORD_VERSION,
     LabelEntry,
@@ -115,12 +114,14 @@ def run_sweep(
 
 def shared_fields(identity: SweepIdentity) -> dict[str, object]:
     """Return what the records of a store share."""
+    added = added_labels()
     return {
         "schema_version": RECORD_VERSION,
         "sweep": identity.name,
         "units": {name: metric.unit for name, metric in METRICS.items()},
         "metric_versions": identity.metric_versions,
         "severity": list(LABELS),
+        **({"labels": added} if added else {}),
     }
 
 
@@ -129,23 +130,24 @@ def _run_remaining(session: SweepSession) -> None:
     done = index.count(store.done)
     session.begin(len(index), done)
     native = session.task.policy is None and isinstance(executor, LocalPool)
-    native &= MODEL_ENGINE in {group.first.engine for group in index.firsts}
+    native &= MODEL_ENGINE in {run.engine for run in index.firsts.values()}
     if native and done < len(index) and (reason := reason_for_sensors()):
         _LOG.warning("contacts are read by sensors, which takes longer: %s", reason)
     rest = index.runs(store.done)
     jobs = pack_jobs(rest, len(index) - done, session.scene, executor.workers)
     for finished in run_all_jobs(session.task, jobs, executor, session.stop):
-        store.append([each.row for each in finished], finished[0].shared if finished else b"")
+        store.append([record.row for record in finished], finished[0].shared if finished else b"")
         session.progress(finished)
 
 
 def identity_of(request: SweepRequest, index: RunIndex) -> SweepIdentity:
     """Return the definition of a sweep's runs; see `run_sweep` for errors."""
     scene, sweep = request.scene, request.plan.sweep
-    manifest, drive = scene.source.manifest, scene.drive.drive
-    timed = bool(manifest and manifest.control) or drive_word(drive) not in ("none", "hold")
-    engines = {group.first.engine: engine_of(group.first) for group in index.firsts}.values()
-    lacking = [each.null_fields(driven=timed).items() for each in engines]
+    manifest, drives = scene.source.manifest, [run.drive for run in index.firsts.values()]
+    moved = any(drive not in ("none", "hold") for drive in drives)
+    timed = bool(manifest and manifest.control) or moved
+    engines = {run.engine: engine_of(run) for run in index.firsts.values()}.values()
+    lacking = [used.null_fields(driven=timed).items() for used in engines]
     lacking += [own.lacking(sweep).items()] if (own := scene.source.environment) else []
     name = request.name
     identity = new_identity(
@@ -182,8 +184,8 @@ def new_identity(name: str, scene: Scene, sweep: Sweep, **rest: Any) -> SweepIde
         metric_versions={name: metric.version for name, metric in METRICS.items()},
         definitions=definitions(),
         plugins=tuple(
-            PluginInfo(name=each.name, version=each.version, sha256=each.sha256)
-            for each in loaded_plugins()
+            PluginInfo(name=plugin.name, version=plugin.version, sha256=plugin.sha256)
+            for plugin in loaded_plugins()
         ),
         **rest,
     )
@@ -200,9 +202,9 @@ def _columns(request: SweepRequest, index: RunIndex) -> list[Column]:
     """Return the columns of axes, typed by their values, of metrics, settings and effects."""
     values: dict[str, Sequence[object]] = {}
     settings: dict[str, object] = {}
-    for shape, first in index.firsts.items():
-        settings |= shape.first.values
-        values |= {name: [value] for name, value in first.items()}
+    for run in index.firsts.values():
+        settings |= run.values
+        values |= {name: [value] for name, value in run.axes.items()}
     values |= {axis.name: axis.values for axis in request.plan.axes if axis.name in values}
     axes = [_axis_column(request.scene, name, taken) for name, taken in values.items()]
     own = request.scene.source.environment

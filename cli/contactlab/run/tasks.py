@@ -15,6 +15,7 @@ from contactlab.errors import StoppedError
 from contactlab.plan.grid import Match
 from contactlab.plugins import Plugin
 from contactlab.scene.drive.located_drive import LocatedDrive
+from contactlab.scene.run_spec import RunSpec
 from contactlab.schema.evidence import Provenance, SweepIdentity
 from contactlab.schema.sweep_schema import Expectation, Sweep
 from contactlab.store.store_files import Address
@@ -47,7 +48,7 @@ Purpose = Literal["record", "errors", "work", "times"]
 
 @dataclass(frozen=True)
 class Task:
-    """What all jobs of a sweep share; sent to a worker once."""
+    """Data that all jobs of a sweep share; sent to a worker once."""
 
     sweep: Sweep
     # Conditions, each with what is expected of the runs that it selects.
@@ -65,22 +66,7 @@ class Task:
     purpose: Purpose = "record"
 
 
-@dataclass(frozen=True)
-class PlannedRun:
-    """One run of a plan, at its place in it, with canonical axis values by name.
-
-    The seed is that of its initial state; `controls` is the hash of what its policy did, for passes
-    over recorded runs.
-    """
-
-    index: int
-    run_id: str
-    values: Mapping[str, object]
-    seed: int
-    controls: str | None = None
-
-
-Job = tuple[PlannedRun, ...]
+Job = tuple[RunSpec, ...]
 
 
 class Finished(NamedTuple):
@@ -154,4 +140,4 @@ def note(purpose: Purpose, run_id: str, result: Note) -> Finished:
 
 def noted(notes: Iterable[Note], purpose: Purpose) -> dict[str, Note]:
     """Return what a pass found, by run id."""
-    return {each["run_id"]: each["found"] for each in notes if each.get("pass") == purpose}
+    return {entry["run_id"]: entry["found"] for entry in notes if entry.get("pass") == purpose}

@@ -11,6 +11,7 @@ import mujoco
 import numpy as np
 
 from contactlab.accuracy.discretization import discretization_errors
+from contactlab.accuracy.reference import PlannedModel
 from contactlab.accuracy.timing import work_of_runs
 from contactlab.contact.trace_arrays import RecordedControls, Trace
 from contactlab.contact.trace_setup import Setup
@@ -35,7 +36,6 @@ from contactlab.run.evidence_record import (
     Fields,
     MeasuredGroup,
     RunOutcome,
-    RunPlan,
     RunRow,
     cost_and_times,
     fields_of,
@@ -43,11 +43,13 @@ from contactlab.run.evidence_record import (
     row_of_crash,
 )
 from contactlab.run.planned_runs import Preparer, reference_models
-from contactlab.run.tasks import Finished, Job, PlannedRun, Task, note
+from contactlab.run.tasks import Finished, Job, Task, note
+from contactlab.scene.compiled_scene import PreparedModel
 from contactlab.scene.expected_contacts import Asked
 from contactlab.scene.initial_states import InitialStates
-from contactlab.scene.model_names import name_of
+from contactlab.scene.model_names import input_names
 from contactlab.scene.run_setup import kind_of, make_setup
+from contactlab.scene.run_spec import RunSpec
 from contactlab.scene.scene_source import BINARY
 from contactlab.schema.evidence import LabelEntry, TraceFile
 from contactlab.store.controls_file import controls_name, encode_controls
@@ -96,8 +98,8 @@ class Worker:
         self._buffers, self._twin_buffers = Buffers(), Buffers()
         self._store = backend_at(task.store, OutputError)
         self._controls: set[str] = set()  # hashes of those that this process has stored
-        # Of the runs of a job, by the places in memory of their values and models.
-        self._common: dict[tuple[int, int], Common] = {}
+        # Of the runs of a job, by their models and by their axes as text: -0.0 is not 0.0.
+        self._common: dict[tuple[PreparedModel, str], Common] = {}
         self._policy = task.policy and load_policy(task.policy.found_in(self.scene.drive))
         self._player = task.environment and task.environment.player(self.scene, self._policy)
         source = self.scene.source
@@ -125,12 +127,11 @@ class Worker:
 
         with self._preparer.watchdog() as start_clock:
             if purpose == "errors" and request is not None:
-                first = [(plans[0].run, plans[0].resolved)]
-                (model,) = reference_models(self.scene, self._task.sweep, first).values()
+                (model,) = reference_models(self.scene, self._task.sweep, job[:1]).values()
                 found = discretization_errors(self.scene, plans, model, request, watch)
             else:
                 found = list(work_of_runs(self.scene, plans, watch))
-        return [note(purpose, run.run_id, each) for run, each in zip(job, found, strict=True)]
+        return [note(purpose, run.run_id, numbers) for run, numbers in zip(job, found, strict=True)]
 
     def _record(self, job: Job) -> list[Finished]:
         """Run a job of runs that share structure and step count; write their traces.
@@ -141,15 +142,15 @@ class Worker:
         self._common.clear()
         kinds = dict[Hashable, list[int]]()
         for place, plan in enumerate(plans):
-            kinds.setdefault(kind_of(plan.resolved, plan.prepared.model), []).append(place)
+            kinds.setdefault(kind_of(plan.run, plan.prepared.model), []).append(place)
         rows = dict[int, RunRow]()
         for places in kinds.values():
             if not rows or self._proceed():
                 alike = self._record_alike([plans[place] for place in places])
-                rows |= {places[row]: each for row, each in alike.items()}
+                rows |= {places[row]: encoded for row, encoded in alike.items()}
         return journalled([rows[place] for place in sorted(rows)])
 
-    def _record_alike(self, plans: Sequence[RunPlan]) -> dict[int, RunRow]:
+    def _record_alike(self, plans: Sequence[PlannedModel]) -> dict[int, RunRow]:
         """Return the runs of one kind that were run, by place."""
         started = time_now()
         starts = InitialStates.joined([plan.start for plan in plans])
@@ -176,10 +177,14 @@ class Worker:
         return finished
 
     def _measure(
-        self, plans: Sequence[RunPlan], starts: InitialStates, buffers: Buffers, proceed: Proceed
+        self,
+        plans: Sequence[PlannedModel],
+        starts: InitialStates,
+        buffers: Buffers,
+        proceed: Proceed,
     ) -> tuple[Rollout, Iterator[MeasuredGroup]]:
         """Roll runs out, measure and label them; fewer of them if it should stop."""
-        resolved = [plan.resolved for plan in plans]
+        resolved = [plan.run for plan in plans]
         prepared = [plan.prepared for plan in plans]
         runs = PreparedRuns(self.scene, resolved, prepared, starts, resolved[0].steps, self._policy)
         engine = engine_of(resolved[0])
@@ -189,28 +194,28 @@ class Worker:
         return rollout, self._measured_groups(runs, rollout, trace, setup)
 
     def _seen(
-        self, runs: PreparedRuns, rollout: Rollout, plans: Sequence[RunPlan]
+        self, runs: PreparedRuns, rollout: Rollout, plans: Sequence[PlannedModel]
     ) -> tuple[Trace, Setup]:
         """Return what was recorded of runs, and what it is measured by."""
         done = len(rollout.steps)
         resolved, models = runs.resolved[:done], runs.models[:done]
         manifest, sweep = self.scene.source.manifest, self._task.sweep
-        values = [plan.run.values for plan in plans[:done]]
-        asked: list[Asked] = [(each, [True] * done) for each in sweep.pairs]
-        for match, each in self._task.expected:
-            if each.expects:
-                asked.append((each, list(map(match.holds, values))))
+        values = [plan.run.axes for plan in plans[:done]]
+        asked: list[Asked] = [
+            (expectation, [True] * done) for expectation in (*sweep.pairs, *sweep.must)
+        ]
+        for match, expectation in self._task.expected:
+            if expectation.expects:
+                asked.append((expectation, list(map(match.holds, values))))
         setup = make_setup(runs.base, manifest, resolved, models, sweep.thresholds, asked)
         setup = replace(setup, recorded=self.scene.motion(resolved))
         return _without_momentum(make_trace(runs.base, runs.prepared[:done], rollout), setup), setup
 
     def finish_loop(
-        self, plan: RunPlan, rollout: Rollout, known: Said, started: str, said: Said
+        self, plan: PlannedModel, rollout: Rollout, known: Said, started: str, said: Said
     ) -> Finished:
         """Store a run of somebody's loop, given parts of its setup and fields of its record."""
-        runs = PreparedRuns(
-            self.scene, [plan.resolved], [plan.prepared], plan.start, plan.resolved.steps
-        )
+        runs = PreparedRuns(self.scene, [plan.run], [plan.prepared], plan.start, plan.run.steps)
         trace, setup = self._seen(runs, rollout, [plan])
         setup = replace(setup, **known)
         if setup.hold:  # It is known only now how long the run lasts.
@@ -253,7 +258,7 @@ class Worker:
         yield MeasuredGroup({whole[row]: row for row in others}, trace, assessment)
         if suspects and able:
             picked, chosen = trace.select(suspects), [whole[row] for row in suspects]
-            controls = rollout.controls and [rollout.controls[each] for each in chosen]
+            controls = rollout.controls and [rollout.controls[row] for row in chosen]
             again = runs.rows(chosen).repeating(controls)
             with self._preparer.watchdog(_SECOND_PASS) as start_clock:
                 start_clock()
@@ -263,11 +268,11 @@ class Worker:
             second = assess(checked, known, checks)
             yield MeasuredGroup({whole[suspects[row]]: row for row in done}, checked, second)
 
-    def _twin_labels(self, plans: Sequence[RunPlan], starts: InitialStates) -> dict[int, str]:
+    def _twin_labels(self, plans: Sequence[PlannedModel], starts: InitialStates) -> dict[int, str]:
         """Return each run's label from an initial state 1e-6 away, if the sweep asks for it."""
         if not self._task.sweep.knife_edge:
             return {}
-        resolved = [plan.resolved for plan in plans]
+        resolved = [plan.run for plan in plans]
         nudged = self.scene.nudged(starts.rows(range(len(plans))), resolved)
         _, groups = self._measure(plans, nudged, self._twin_buffers, self._grace_period())
         return {
@@ -286,7 +291,7 @@ class Worker:
 
         return proceed
 
-    def crashed(self, run: PlannedRun, label: LabelEntry) -> Finished:
+    def crashed(self, run: RunSpec, label: LabelEntry) -> Finished:
         """Record a run that crashes every worker; it has no trace."""
         self._store.delete([_trace_name(run.run_id)])
         (plan,) = self._preparer.plans((run,))
@@ -294,7 +299,7 @@ class Worker:
 
     def _finish(self, outcome: RunOutcome, said: Said | None = None) -> RunRow:
         plan = outcome.plan
-        key = id(plan.run.values), id(plan.prepared)
+        key = plan.prepared, repr(plan.run.axes)
         common = self._common.get(key) or Common(self._task, plan)
         self._common[key] = common
         own = fields_of(self._task, outcome, common)
@@ -306,7 +311,7 @@ class Worker:
             own["trace"] = self._write_trace(own, common, outcome)
         return own | cost_and_times(self._task, outcome), common
 
-    def _keeps_trace(self, run: PlannedRun, label: str) -> bool:
+    def _keeps_trace(self, run: RunSpec, label: str) -> bool:
         rule = self._task.sweep.trace
         if rule.startswith("sample:"):
             wanted = int(rule.removeprefix("sample:"))
@@ -314,10 +319,10 @@ class Worker:
         return rule == "all" or (rule == "flagged" and label != "stable")
 
     def _write_controls(self, controls: RecordedControls, model: mujoco.MjModel) -> str:
-        """Store what a policy did to actuators, unless it is there; return its hash."""
+        """Store what was applied to a run, unless it is there; return its hash."""
         sha256 = controls.sha256
         if sha256 not in self._controls:
-            names = [name_of(model, "actuator", each) for each in range(model.nu)]
+            names = input_names(model, controls.places)
             self._store.put(controls_name(sha256), encode_controls(controls, names))
             self._controls.add(sha256)
         return sha256

@@ -77,13 +77,13 @@ class WorkerPool:
         queue, silent = takewhile(lambda _: not stop.is_set, jobs), count(1)
         for marker, job in zip(self._markers, islice(queue, len(self._markers)), strict=False):
             self._send(marker, job)
-        while busy := [each for each in self._workers.values() if each.job is not None]:
+        while busy := [worker for worker in self._workers.values() if worker.job is not None]:
             if stop.is_set:
                 request_stop(busy)
-            ready = wait([each.pipe for each in busy], _STOP_INTERVAL)
+            ready = wait([worker.pipe for worker in busy], _STOP_INTERVAL)
             if not ready and next(silent) % _LOOKS == 0:
                 end_halted(busy)
-            for worker in [each for each in busy if each.pipe in ready]:
+            for worker in [candidate for candidate in busy if candidate.pipe in ready]:
                 result = receive_result(worker)
                 if worker.stop_requested or isinstance(result, Crashed):
                     kill_workers([worker])
@@ -150,7 +150,7 @@ def end_halted(workers: Iterable[WorkerHandle]) -> None:
 
     Whoever suspends the whole command, as Ctrl-Z does, suspends the one who looks as well.
     """
-    for worker in [each for each in workers if each.halted < _MOST_HALTED]:
+    for worker in [candidate for candidate in workers if candidate.halted < _MOST_HALTED]:
         worker.halted = worker.halted + 1 if _is_halted(worker.process.pid) else 0
         if worker.halted == _MOST_HALTED:
             worker.process.kill()

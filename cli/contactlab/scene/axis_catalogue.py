@@ -9,18 +9,19 @@ from contactlab.mjcf import AT_REST, CONTACT, MODEL_ENGINE
 from contactlab.scene.compiled_scene import CompiledScene
 from contactlab.scene.drive.located_drive import DRIVE_AXES
 from contactlab.scene.effects.effect_table import EFFECTS
-from contactlab.scene.initial_states import QPOS0, keyframe_names
 from contactlab.scene.model_edits import LOOP_ENGINE, field_axis
 from contactlab.scene.mujoco_versions import in_this_version, missing_flags
 from contactlab.scene.parameters import PARAMETERS
 from contactlab.scene.setting_values import choice, integer, number, switch
+from contactlab.scene.task import keyframe_names
 from contactlab.schema.scene_manifest import InitialValue, SceneManifest, StructureValue
 from contactlab.schema.sweep_schema import switches
+from contactlab.schema.task import QPOS0
 from contactlab.schema.vocabulary import RECORDED_RUN, AxisSpec
 
 
 class EngineTraits(Protocol):
-    """What a scene must know of an engine that may simulate its runs."""
+    """Facts that a scene must know of an engine that may simulate its runs."""
 
     summary: str  # the engine, in a few words
     # Whether effects that provably change nothing may be left out of its models.
@@ -86,7 +87,9 @@ def _missing_flag(name: str) -> AxisSpec | None:
 
 def _axes(base: CompiledScene, manifest: SceneManifest | None, engines: Engines) -> list[AxisSpec]:
     axes: list[AxisSpec] = [
-        each for each in PARAMETERS.values() if each.sets not in (*CONTACT, *AT_REST) or base.pairs
+        parameter
+        for parameter in PARAMETERS.values()
+        if parameter.sets not in (*CONTACT, *AT_REST) or base.pairs
     ]
     own = str(base.settings["engine"])  # of a loop, whose model no other engine records
     names = (own,) if own == LOOP_ENGINE else tuple(engines) or (MODEL_ENGINE,)
@@ -116,7 +119,9 @@ def _axes(base: CompiledScene, manifest: SceneManifest | None, engines: Engines)
         if name in taken:
             raise SceneError(f"'{name}' is the name of another axis; rename it")
         taken.add(name)
-    return [AxisSpec(name, each.unit, each.description, _parser(each)) for name, each in own] + axes
+    return [
+        AxisSpec(name, option.unit, option.description, _parser(option)) for name, option in own
+    ] + axes
 
 
 def _parser(entry: InitialValue | StructureValue) -> Callable[[object], object]:

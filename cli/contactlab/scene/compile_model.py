@@ -59,8 +59,8 @@ class SensorLayout:
 
     def from_contacts(self) -> "SensorLayout":
         """Return addresses in rows that begin with the count of all contacts, without pairs."""
-        moved = {each: getattr(self, each) for each in (*_NOT_ALWAYS, "forces", "lengths")}
-        moved = {name: each and each - self.contacts for name, each in moved.items()}
+        moved = {name: getattr(self, name) for name in (*_NOT_ALWAYS, "forces", "lengths")}
+        moved = {name: size and size - self.contacts for name, size in moved.items()}
         return replace(self, pairs=(), contacts=0, **moved)
 
 
@@ -126,9 +126,9 @@ def find_layout(
     """
     sensors = (model.sensor(index) for index in range(model.nsensor))
     found = {
-        each.name.removeprefix(PREFIX): int(each.adr[0])
-        for each in sensors
-        if each.name.startswith(PREFIX)
+        sensor.name.removeprefix(PREFIX): int(sensor.adr[0])
+        for sensor in sensors
+        if sensor.name.startswith(PREFIX)
     }
     if not found:
         forces, nowhere = 4 + 6 * free + 7 * bool(holding), (0,) * len(pairs)
@@ -143,7 +143,7 @@ def find_layout(
     )
 
 
-_MAX_LISTED = 3
+_MOST_FAULTS_LISTED = 3
 _FOLDER_HINT = {
     False: '<compiler meshdir="FOLDER"/>, relative to the model',
     True: '<mujoco><compiler meshdir="FOLDER" strippath="true"/></mujoco> within <robot>',
@@ -183,7 +183,7 @@ def _said_once(source: SceneSource) -> Generator[None]:
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         yield
-    for text in dict.fromkeys(str(each.message) for each in caught):
+    for text in dict.fromkeys(str(warning.message) for warning in caught):
         warn_once(source, text, ModelWarning)
 
 
@@ -222,7 +222,7 @@ def _write_structure(
     for name, value in structure.items():
         entry = entries[name]
         try:
-            elements = [each for root in roots for each in root.findall(entry.element)]
+            elements = [element for root in roots for element in root.findall(entry.element)]
         except (SyntaxError, TypeError, KeyError) as error:
             raise SceneError(
                 f"structure '{name}': {entry.element} is not a path of elements: {error}"
@@ -252,7 +252,9 @@ def compile_error(model: Path, tried: Path, error: Exception) -> SceneError:
     if "inertia" in lines[0] and "XML Error" not in lines[0]:
         # MuJoCo gives no access to a specification that it failed to compile.
         faults = written_inertia_faults(mujoco.MjSpec.from_file(str(tried)))
-        hints += [f"body '{each.body}': {each.reason}" for each in islice(faults, _MAX_LISTED)]
+        hints += [
+            f"body '{fault.body}': {fault.reason}" for fault in islice(faults, _MOST_FAULTS_LISTED)
+        ]
     if "no decoder found" in lines[0]:
         hints.append(
             "MuJoCo reads meshes from .stl, .obj and .msh files; convert it to one of them"
@@ -264,7 +266,7 @@ def _missing_file(message: str, model: Path) -> Iterator[str]:
     """Yield where MuJoCo looked for a file that it cannot open."""
     if "opening file" not in message:
         return
-    for path in (each.path for each in FileSearch().references(model)):
+    for path in (reference.path for reference in FileSearch().references(model)):
         if not path.is_file() and f"{path.name}'" in message:
             yield f"it was expected at {path}; put it there, or say where it is:"
             yield _FOLDER_HINT[model.suffix == ".urdf"]
@@ -313,7 +315,7 @@ def written_inertia_faults(spec: mujoco.MjSpec) -> Iterator[InertiaFault]:
 
 
 def _moments(body: MjsBody) -> Floats:
-    xx, yy, zz, xy, xz, yz = (float(each) for each in body.fullinertia)
+    xx, yy, zz, xy, xz, yz = (float(entry) for entry in body.fullinertia)
     # The first number is NaN where diaginertia gives the moments.
     if np.isnan(xx):
         return np.array(body.inertia, np.float64)
@@ -353,4 +355,4 @@ def open_triangle(name: str, moments: Floats, *, balanced: bool) -> InertiaFault
 
 
 def _listed(moments: Floats) -> str:
-    return ", ".join(f"{each:g}" for each in moments)
+    return ", ".join(f"{moment:g}" for moment in moments)

@@ -1,8 +1,12 @@
 """A scene's model, compiled once for each structure, with the sensors that record a run."""
 
 import copy
+import json
+import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
+from typing import cast
 
 import mujoco
 import numpy as np
@@ -17,33 +21,31 @@ from contactlab.scene.contact_pairs import (
     detected_pairs,
     effective_parameters,
 )
-from contactlab.scene.drive.hold import Servos
+from contactlab.scene.drive.hold import Load
 from contactlab.scene.effects.effect import EffectRequest, EffectState
 from contactlab.scene.effects.effect_table import EFFECTS, choose, is_straight, leave_out, remove
 from contactlab.scene.effects.proofs import ModelFacts, RunState
-from contactlab.scene.initial_states import (
-    QPOS0,
-    InitialStates,
-    default_keyframe,
-    keyframe_names,
-    place_mocap,
-)
+from contactlab.scene.initial_states import InitialStates
+from contactlab.scene.keyframes import default_keyframe, place_mocap
 from contactlab.scene.model_edits import (
     FLAGS,
     LOOP_ENGINE,
     EditTargets,
     base_settings,
     find_targets,
+    is_as_written,
     nonuniform_settings,
     read_flags,
     write_settings,
 )
-from contactlab.scene.model_names import find_id, name_of
+from contactlab.scene.model_names import find_id, is_address, name_of
 from contactlab.scene.scene_source import BINARY, SceneSource
 from contactlab.scene.setting_values import Settings, as_number
+from contactlab.scene.task import keyframe_names
 from contactlab.scene.timed_inputs import HoldSpec, find_hold
 from contactlab.schema.evidence import PairRecord
 from contactlab.schema.scene_manifest import SceneManifest
+from contactlab.schema.task import QPOS0
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,25 +69,41 @@ class CompiledScene:
         """Memory of the model, and of each that is made from it [bytes]; mostly meshes."""
         return int(mujoco.mj_sizeModel(self.model))
 
+    @cached_property
+    def id_entries(self) -> Mapping[str, str]:
+        """Text of each setting as written in the identity of a run, by name."""
+        return {name: self.id_entry(name, value) for name, value in self.settings.items()}
+
+    @cached_property
+    def _starts_unnamed(self) -> bool:
+        return all(map(is_address, keyframe_names(self.model)))
+
+    def id_entry(self, name: str, value: object) -> str:
+        """Return what the identity of a run says of a setting, as JSON; nothing if it is usual."""
+        if name not in self.settings and is_as_written(self.model, name, value):
+            return ""
+        # Where no keyframe has a name, ids are those of versions that knew none of them.
+        if name == "keyframe" and value == QPOS0 and self._starts_unnamed:
+            return ""
+        return f"{json.dumps(name)}:{_rounded(value)}"
+
     def prepare(
         self,
         edits: Mapping[str, object],
         effect_request: EffectRequest | None = None,
         start: InitialStates | None = None,
-        servos: Servos | None = None,
+        load: Load | None = None,
     ) -> "PreparedModel":
-        """Return a copy of the model with settings, effects and servos written.
+        """Return a copy of the model with settings and effects written, under a load.
 
         The request decides the other effects, which stay as they are without one; proofs that look
         at the run's initial state, n being 1, fail without one.
         """
         model = copy.copy(self.model)
-        if servos is not None:
-            servos.write(model)
         keyframe = str({**self.settings, **edits}.get("keyframe", QPOS0))
         place_mocap(model, keyframe)
         derived = write_settings(model, edits, self.targets)
-        for name in (each for each in edits if each in EFFECTS and each not in (*FLAGS, *OPTIONS)):
+        for name in (edit for edit in edits if edit in EFFECTS and edit not in (*FLAGS, *OPTIONS)):
             EFFECTS[name].switch.write(model, bool(edits[name]))
         if derived:
             mujoco.mj_setConst(model, mujoco.MjData(model))
@@ -94,9 +112,11 @@ class CompiledScene:
         effects: dict[str, EffectState] = {}
         if effect_request is not None:
             straight = start is not None and is_straight(model, start)
-            run = RunState(model, self.facts, straight)
+            run = RunState(model, self.facts, straight, loaded=load is not None)
             effects = choose(run, effect_request)
             leave_out(run, effects)
+        if load is not None:
+            load.write(model)
         written = self.targets.geoms if edits.keys() & {*CONTACT, *AT_REST} else ()
         return PreparedModel(
             model=model,
@@ -106,7 +126,18 @@ class CompiledScene:
         )
 
 
-@dataclass(frozen=True)
+def _rounded(value: object) -> str:
+    """Return a value as JSON, rounded to 12 digits, since machines may differ in the last ones."""
+    if isinstance(value, tuple):
+        return f"[{','.join([_rounded(part) for part in cast('tuple[object, ...]', value)])}]"
+    if isinstance(value, float):
+        value = float(f"{value:.12g}")
+        # The same text as the encoder's, ten times as fast.
+        return repr(value) if math.isfinite(value) else json.dumps(value)
+    return json.dumps(value, sort_keys=True, separators=(",", ":"))
+
+
+@dataclass(frozen=True, eq=False)
 class PreparedModel:
     """A model with a run's settings, and the effective contact parameters of monitored pairs.
 
@@ -175,7 +206,7 @@ def _subject(model: mujoco.MjModel, manifest: SceneManifest | None) -> int | Non
     if manifest and manifest.subject:
         index = find_id(model, "body", manifest.subject)
         if index < 0:
-            known = [model.body(each).name for each in range(1, model.nbody)]
+            known = [model.body(body).name for body in range(1, model.nbody)]
             hint = did_you_mean(manifest.subject, known)
             raise SceneError(f"subject '{manifest.subject}' is not a body of the model{hint}")
         if not model.body_mass[index]:

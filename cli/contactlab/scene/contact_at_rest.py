@@ -29,7 +29,7 @@ from contactlab.scene.contact_pairs import (
     may_touch,
     mixing_weight,
 )
-from contactlab.scene.initial_states import start_data
+from contactlab.scene.keyframes import start_data
 from contactlab.scene.model_names import name_of
 from contactlab.schema.evidence import PairRecord
 
@@ -41,7 +41,7 @@ _EXACT = 1e-9
 
 @dataclass(frozen=True)
 class ContactAtRest:
-    """What the law of rest takes of a pair, besides its load."""
+    """Inputs of the law of rest for a pair, besides its load."""
 
     name: str
     solref: tuple[float, ...]
@@ -137,9 +137,9 @@ def _loads(model: mujoco.MjModel, keyframe: str) -> dict[frozenset[int], list[fl
     for index, geoms in enumerate(data.contact.geom.tolist()):
         mujoco.mj_contactForce(rigid, data, index, force)
         loads.setdefault(frozenset(geoms), []).append(float(force[0]))
-    least = _LOADED * max((load for each in loads.values() for load in each), default=0.0)
+    least = _LOADED * max((load for shares in loads.values() for load in shares), default=0.0)
     return {
-        geoms: kept for geoms, each in loads.items() if (kept := [x for x in each if x > least])
+        geoms: kept for geoms, load in loads.items() if (kept := [x for x in load if x > least])
     }
 
 
@@ -148,7 +148,7 @@ def _write(model: mujoco.MjModel, rows: Mapping[tuple[int, int], Floats]) -> Non
 
     A SceneError says that geoms in several pairs cannot have both.
     """
-    mixed = {each: want for each, want in rows.items() if explicit_pair(model, *each) is None}
+    mixed = {geoms: want for geoms, want in rows.items() if explicit_pair(model, *geoms) is None}
     for geoms in rows.keys() - mixed.keys():
         index = explicit_pair(model, *geoms)
         model.pair_solref[index], model.pair_solimp[index] = np.split(rows[geoms], [2])
@@ -165,7 +165,7 @@ def _write(model: mujoco.MjModel, rows: Mapping[tuple[int, int], Floats]) -> Non
     values = mean + np.linalg.pinv(weights) @ (wanted - weights @ mean)
     apart = ~np.isclose(weights @ values, wanted, rtol=_EXACT, atol=0).all(axis=1)
     if apart.any() or (values[used.any(axis=0)] <= 0)[:, :2].any():
-        first, second = (name_of(model, "geom", each) for each in [*mixed][int(apart.argmax())])
+        first, second = (name_of(model, "geom", geom) for geom in [*mixed][int(apart.argmax())])
         raise SceneError(
             f"{first}-{second}: its geoms are in other pairs too, and no solref of geoms mixes to "
             "what each pair takes; name only the `pairs` that count in a scene, or write "

@@ -17,17 +17,18 @@ from numpy.typing import NDArray
 from contactlab.contact.trace_arrays import Floats
 from contactlab.errors import SceneError
 from contactlab.mjcf import CONTACT
-from contactlab.scene.initial_states import QPOS0, start_data
+from contactlab.scene.keyframes import start_data
 from contactlab.scene.model_names import known_id, matching, name_of
 from contactlab.scene.mujoco_versions import silence_mujoco
 from contactlab.schema.evidence import PairRecord
 from contactlab.schema.scene_manifest import PairEntry
+from contactlab.schema.task import QPOS0
 
 MAX_PAIRS = 64
 _SEARCH_STEPS = 2000
 _MANY_SLOTS = 16
-_MOST_SLOTS = 50
-"""What MuJoCo makes of two geoms at most: mjMAXCONPAIR; only height fields need so many."""
+_MOST_SLOTS_OF_A_PAIR = 50
+"""Most contacts of two geoms in MuJoCo: mjMAXCONPAIR; only height fields need so many."""
 _SLOTS_ON_FIELDS = 400
 """Slots for all that touches height fields, each of which takes 184 bytes a step."""
 _GEOM = mujoco.mjtGeom
@@ -66,10 +67,10 @@ def detected_pairs(model: mujoco.MjModel, keyframe: str = QPOS0) -> tuple[Monito
     pairs = geom_pairs(may_touch(model))
     if len(pairs) > MAX_PAIRS:
         pairs = _touching(model, {QPOS0, keyframe})[:MAX_PAIRS]
-    rough = [bool((model.geom_type[[*each]] == _GEOM.mjGEOM_HFIELD).any()) for each in pairs]
-    shared = min(_MOST_SLOTS, max(_MANY_SLOTS, _SLOTS_ON_FIELDS // max(sum(rough), 1)))
-    slots = [shared if each else None for each in rough]
-    return tuple(_geom_pair(model, *each, most) for each, most in zip(pairs, slots, strict=True))
+    rough = [bool((model.geom_type[[*pair]] == _GEOM.mjGEOM_HFIELD).any()) for pair in pairs]
+    shared = min(_MOST_SLOTS_OF_A_PAIR, max(_MANY_SLOTS, _SLOTS_ON_FIELDS // max(sum(rough), 1)))
+    slots = [shared if is_rough else None for is_rough in rough]
+    return tuple(_geom_pair(model, *pair, most) for pair, most in zip(pairs, slots, strict=True))
 
 
 def entry_pairs(model: mujoco.MjModel, entry: PairEntry) -> list[MonitoredPair]:
@@ -218,13 +219,13 @@ def effective_parameters(model: mujoco.MjModel, pair: MonitoredPair) -> PairReco
 def explicit_pair(model: mujoco.MjModel, first: int, second: int) -> int | None:
     """Return the index of the <pair> element that names both geoms, or None."""
     pairs = zip(model.pair_geom1.tolist(), model.pair_geom2.tolist(), strict=True)
-    return next((index for index, each in enumerate(pairs) if set(each) == {first, second}), None)
+    return next((index for index, pair in enumerate(pairs) if set(pair) == {first, second}), None)
 
 
 def _explicit(model: mujoco.MjModel, index: int) -> PairRecord:
     fields = {**{name: f"pair_{name}" for name in CONTACT}, "condim": "pair_dim"}
     return PairRecord(
-        **{name: getattr(model, each)[index].tolist() for name, each in fields.items()}
+        **{name: getattr(model, field)[index].tolist() for name, field in fields.items()}
     )
 
 

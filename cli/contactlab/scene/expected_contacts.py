@@ -1,4 +1,4 @@
-"""What scenes and sweeps expect of contact pairs, found among those that a model monitors."""
+"""Expectations of scenes and sweeps, found for the contact pairs that a model monitors."""
 
 from collections.abc import Mapping, Sequence
 
@@ -9,35 +9,45 @@ from contactlab.errors import SceneError, did_you_mean
 from contactlab.scene.compiled_scene import CompiledScene
 from contactlab.scene.contact_pairs import entry_pairs
 from contactlab.scene.model_names import matching, name_of
-from contactlab.scene.resolution import ResolvedRun
+from contactlab.scene.run_spec import RunSpec
 from contactlab.scene.timed_inputs import computed, read_formula
 from contactlab.schema.pair_expectation import ExpectedModes, PairExpectation
 from contactlab.schema.scene_manifest import PairEntry, SceneManifest
 
-Asked = tuple[PairExpectation, Sequence[bool]]  # what a sweep expects, and of which of n runs
+Asked = tuple[PairExpectation | str, Sequence[bool]]
+"""What a sweep expects, of pairs or in words, and of which of n runs."""
 
 _ROUNDING = 1e-9
-_NEVER = (np.nan, np.nan)
+NEVER = (np.nan, np.nan)
+"""The window of a run that nothing is said of."""
 
 
 def expected_contacts(
     base: CompiledScene,
     manifest: SceneManifest | None,
-    runs: Sequence[ResolvedRun],
+    runs: Sequence[RunSpec],
     asked: Sequence[Asked],
 ) -> tuple[ExpectedContact, ...]:
     """Return what a scene expects of all of n runs of one structure, and a sweep of some."""
     own = list(manifest.pairs) if manifest else []
     if manifest and manifest.modes != ExpectedModes():
         own.insert(0, PairEntry(mode=manifest.modes))
-    said = [(each, [_window(each, run.initial) for run in runs]) for each in own if each.expects]
-    said += [(each, [_window(each, {}) if on else _NEVER for on in where]) for each, where in asked]
-    return tuple(_expected(base, *each) for each in said)
+    said = [
+        (expectation, [_window(expectation, run.initial) for run in runs])
+        for expectation in own
+        if expectation.expects
+    ]
+    said += [
+        (expectation, [_window(expectation, {}) if on else NEVER for on in where])
+        for expectation, where in asked
+        if isinstance(expectation, PairExpectation)
+    ]
+    return tuple(expected_contact(base, *expectation) for expectation in said)
 
 
 def check_expectations(base: CompiledScene, manifest: SceneManifest) -> None:
     """Check what a manifest expects of pairs by its defaults; a SceneError says what is wrong."""
-    initial = {name: each.default for name, each in manifest.initial.items()}
+    initial = {name: setting.default for name, setting in manifest.initial.items()}
     for place, entry in enumerate(manifest.pairs):
         if mistake := mistake_in(entry, base, initial, manifest.duration):
             raise SceneError(f"pairs.{place}.{mistake[0]}: {mistake[1]}")
@@ -63,9 +73,10 @@ def mistake_in(
     return None
 
 
-def _expected(
+def expected_contact(
     base: CompiledScene, entry: PairExpectation, windows: Sequence[tuple[float, float]]
 ) -> ExpectedContact:
+    """Return what an entry expects, in windows of n runs from when to when [s]."""
     chosen, mode, force = _pairs_of(base, entry), entry.mode, entry.force
     ends = mode if isinstance(mode, ExpectedModes) else ExpectedModes()
     alone = base.pairs[chosen[0]].name if len(chosen) == 1 else "every monitored pair"
@@ -106,7 +117,7 @@ def _names(base: CompiledScene, entry: PairExpectation) -> dict[str, list[int]]:
     names: dict[str, list[int]] = {}
     for index, pair in enumerate(base.pairs):
         owners = [base.model.geom_bodyid[side[0]] for side in pair.geoms]
-        bodies = [name_of(base.model, "body", each) for each in owners]
+        bodies = [name_of(base.model, "body", owner) for owner in owners]
         sides = [pair.sides, bodies, pair.sides[::-1], bodies[::-1]]
         for name in dict.fromkeys(bodies if entry.body else map("-".join, sides)):
             names.setdefault(name, []).append(index)

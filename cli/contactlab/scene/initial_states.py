@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import Floats, RecordedControls
 from contactlab.contact.trace_setup import Joints
-from contactlab.errors import SceneError
 from contactlab.expression import Expression
+from contactlab.scene.keyframes import start_data
 from contactlab.scene.model_names import PARTS, match_coordinates, part_starts
 from contactlab.scene.timed_inputs import (
     ControlProfile,
@@ -27,47 +27,6 @@ from contactlab.schema.vocabulary import RECORDED_RUN
 
 if TYPE_CHECKING:
     from contactlab.scene.recording import RecordedRuns
-
-QPOS0 = "qpos0"  # stands for the model's reference configuration, where no keyframe is used
-
-
-def keyframe_names(model: mujoco.MjModel) -> tuple[str, ...]:
-    """Return the names or addresses of a model's keyframes, but of none that are only reserved."""
-    names = (model.key(index).name for index in range(model.nkey))
-    return tuple(name for name in names if name)
-
-
-def default_keyframe(model: mujoco.MjModel, manifest: SceneManifest | None) -> str:
-    """Return the keyframe that runs start from unless their sweep says otherwise.
-
-    The manifest names it; a SceneError if the model lacks it. Without a manifest it is the model's
-    first: in the reference configuration, links often intersect and joints exceed their limits.
-    """
-    known = keyframe_names(model)
-    if manifest is None:
-        return next(iter(known), QPOS0)
-    keyframe = manifest.keyframe or QPOS0
-    SceneError.unless_known(keyframe, (*known, QPOS0), f"the model has no keyframe '{keyframe}'")
-    return keyframe
-
-
-def start_data(model: mujoco.MjModel, keyframe: str) -> mujoco.MjData:
-    """Return the state of a keyframe, or of `QPOS0`."""
-    data = mujoco.MjData(model)
-    if keyframe != QPOS0:
-        mujoco.mj_resetDataKeyframe(model, data, model.key(keyframe).id)
-    return data
-
-
-def place_mocap(model: mujoco.MjModel, keyframe: str) -> None:
-    """Write a keyframe's poses of mocap bodies into a model, in place."""
-    if not model.nmocap or keyframe == QPOS0:
-        return
-    data = start_data(model, keyframe)
-    bodies = np.flatnonzero(model.body_mocapid >= 0)
-    places = model.body_mocapid[bodies]
-    model.body_pos[bodies] = data.mocap_pos[places]
-    model.body_quat[bodies] = data.mocap_quat[places]
 
 
 class InitialStates(NamedTuple):
@@ -89,7 +48,7 @@ class InitialStates(NamedTuple):
     @property
     def driven(self) -> NDArray[np.intp]:
         """Indices of the inputs that are driven in any of the runs."""
-        driven = set(itertools.chain(*[each.places.tolist() for each in self.signals]))
+        driven = set(itertools.chain(*[signal.places.tolist() for signal in self.signals]))
         return np.array(sorted(driven), np.intp)
 
     def pick(self, run: int) -> "InitialStates":
@@ -103,21 +62,38 @@ class InitialStates(NamedTuple):
         return self._replace(**picked, signals=tuple(self.signals[run] for run in runs))
 
     def acted_on(self, controls: Sequence[RecordedControls]) -> "InitialStates":
-        """Return these states with recorded controls in place of any others, one for each run."""
-        count = self.ctrl.shape[1]
+        """Return these states with recorded inputs in place of any others, one for each run."""
         signals: list[Signals] = []
-        for each, own in zip(controls, self.signals, strict=True):
-            times, levels = each.knots
-            signals.append(Signals(np.arange(count), times[None], levels).joined(own))
-        start = np.array([each.levels[0] for each in controls])
-        return self._replace(ctrl=start, signals=tuple(signals))
+        for recorded, own in zip(controls, self.signals, strict=True):
+            times, levels = recorded.knots
+            places = np.array(recorded.places or range(self.ctrl.shape[1]), np.intp)
+            signals.append(Signals(places, times[None], levels).joined(own))
+        return at_begin(self._replace(signals=tuple(signals)))
+
+    def applied_until(self, end: float) -> RecordedControls | None:
+        """Return what the signals of one run, n being 1, and its constant controls apply [s].
+
+        Signals are levels that are held, as those of an exercise. None if there is nothing.
+        """
+        signals = self.signals[0]
+        if not (signals.places.size or self.ctrl.any()):
+            return None
+        places = np.union1d(np.arange(self.ctrl.shape[1]), signals.places)
+        within = np.unique(signals.times[(signals.times > 0) & (signals.times < end)])
+        times = np.array([0.0, *within, end])
+        known = np.concatenate([self.ctrl[0], self.applied[0], self.mocap[0]])[places]
+        levels = np.tile(known, (len(times), 1))
+        levels[:-1, np.searchsorted(places, signals.places)] = signals.at(times[:-1])
+        levels[-1] = levels[-2]
+        alone = len(places) == self.ctrl.shape[1]
+        return RecordedControls(times, levels, () if alone else tuple(places.tolist()))
 
     @classmethod
     def joined(cls, starts: Sequence["InitialStates"]) -> "InitialStates":
         """Return several initial states, one after the other."""
         arrays = {name: np.concatenate([getattr(one, name) for one in starts]) for name in PARTS}
         return starts[0]._replace(
-            **arrays, signals=tuple(itertools.chain(*[each.signals for each in starts]))
+            **arrays, signals=tuple(itertools.chain(*[start.signals for start in starts]))
         )
 
     def inputs(
@@ -185,6 +161,7 @@ class InitialStateRule:
     perturbed: Mapping[int, float]
     quaternions: tuple[int, ...]  # where unit quaternions start
     recorded: "RecordedRuns | None" = None  # runs that start as recorded
+    first_as_written: bool = False  # whether the seed 0 perturbs nothing
 
     @classmethod
     def of(
@@ -204,6 +181,7 @@ class InitialStateRule:
             profiles=read_control(model, manifest),
             perturbed=_perturbed_coordinates(model, manifest),
             quaternions=quaternions(model),
+            first_as_written=manifest is None,
         )
 
     @property
@@ -221,7 +199,7 @@ class InitialStateRule:
     def driven_inputs(self) -> set[int]:
         """Indices of the controls that the scene sets itself, at the start or over time."""
         first = self.starts["ctrl"]
-        places = {place for each in self.profiles for place in each.inputs}
+        places = {place for profile in self.profiles for place in profile.inputs}
         places |= {place - first for _, indices in self.formulas for place in indices}
         return places & set(range(self.starts["applied"] - first))
 
@@ -243,7 +221,7 @@ def initial_states(
             np.copyto(row[: len(start)], start, where=np.isfinite(start))
         for formula, indices in formulas:
             row[indices] = computed(formula, initial)
-        if places and factor:
+        if places and factor and (seed or not rule.first_as_written):
             row[places] += sizes * factor * np.random.default_rng(seed).uniform(-1, 1, len(places))
     # Dividing by a norm of exactly 1 would be harmless; of 1 + 1e-16, it would change bits.
     for address in rule.quaternions if rule.formulas or rule.perturbed else ():
@@ -320,15 +298,20 @@ def _perturbed_coordinates(
 ) -> Mapping[int, float]:
     """Return which numbers of the state a seed perturbs, with how much at most.
 
-    Without a manifest: the horizontal position of free bodies, and every slide and hinge.
+    Without a manifest: the horizontal position of free bodies, and every slide and hinge, but for
+    the seed 0, which starts as the model is written.
     """
     if manifest:
         if (perturb := manifest.perturb) is None:
             return {}
         named = perturb.coordinates
         sizes = named if isinstance(named, dict) else dict.fromkeys(named, 1.0)
-        every = [(each, size * perturb.scale) for each, size in sizes.items()]
-        return {x: size for name, size in every for x in match_coordinates(model, name)}
+        every = [(element, size * perturb.scale) for element, size in sizes.items()]
+        return {
+            coordinate: size
+            for name, size in every
+            for coordinate in match_coordinates(model, name)
+        }
     joints = zip(model.jnt_type.tolist(), model.jnt_qposadr.tolist(), strict=True)
     places = [start + place for kind, start in joints for place in range(_LOOSE.get(kind, 1))]
     return dict.fromkeys(places, _SEED_SCALE)

@@ -76,7 +76,7 @@ _KINDS = {**KINDS, "sensor": "sensors"}
 
 def _parts(spec: mujoco.MjSpec, kind: str) -> dict[str, Any]:
     """Return the parts of a kind by name."""
-    return {each.name: each for each in getattr(spec, _KINDS[kind])}
+    return {element.name: element for element in getattr(spec, _KINDS[kind])}
 
 
 def _part(spec: mujoco.MjSpec, kind: str, name: str) -> Any:  # noqa: ANN401 - as MjSpec has them
@@ -104,8 +104,8 @@ class CompiledFiles(NamedTuple):
         edit: Callable[[mujoco.MjSpec], None] = lambda _: None,
     ) -> "CompiledFiles":
         """Compile files as a scene has them, without what records runs, and write settings."""
-        plain, run = (scene.with_effects("all").resolve(each, 0, None) for each in ({}, settings))
-        if own := [each for each in run.structure if each in settings]:
+        plain, run = (scene.with_effects("all").resolve(axes, 0, None) for axes in ({}, settings))
+        if own := [name for name in run.structure if name in settings]:
             raise SceneError(f"cannot write '{own[0]}', which the scene itself puts into its model")
         lines: dict[str, dict[str, int]] = {}
 
@@ -116,7 +116,9 @@ class CompiledFiles(NamedTuple):
             edit(spec)
             for kind in _KINDS:
                 parts = _parts(spec, kind).items()
-                lines[kind] = {name: int(each.info.rpartition(" ")[2] or 0) for name, each in parts}
+                lines[kind] = {
+                    name: int(element.info.rpartition(" ")[2] or 0) for name, element in parts
+                }
 
         model = compile_model(source, run.structure, change)
         base = replace(scene.base(run.structure), model=model)
@@ -131,7 +133,7 @@ def edit_spec(spec: mujoco.MjSpec, edits: ModelEdits) -> None:
         geom = _part(spec, "geom", name)
         geom.contype = geom.conaffinity = 0
     for pair in edits.excluded:
-        one, other = (_part(spec, "body", each).name for each in pair)
+        one, other = (_part(spec, "body", name).name for name in pair)
         spec.add_exclude(bodyname1=one, bodyname2=other)
     for name in edits.sensors:
         spec.delete(_part(spec, "sensor", name))
@@ -164,7 +166,7 @@ class Draft:
     def of(cls, scene: Scene, source: SceneSource) -> "Draft":
         """Return a draft without changes."""
         root = source.content.root
-        paths = [root / each for each in source.content.files if each.suffix in MODEL_SUFFIXES]
+        paths = [root / file for file in source.content.files if file.suffix in MODEL_SUFFIXES]
         before = {path: path.read_bytes() for path in paths}
         origins = Origins.lay_out(source.model, root)
         return cls(source.model, before, origins, CompiledFiles.of(scene, source, {}))
@@ -181,7 +183,7 @@ class Draft:
         if kind is None:
             return ""
         name, lines = object_name(model, field, row), self.now.lines[kind]
-        others = [each for each in lines if each != name and lines[each] == lines[name] > 0]
+        others = [line for line in lines if line != name and lines[line] == lines[name] > 0]
         beside = f" (from the same element as '{others[0]}')" if others else ""
         return f" of {kind} '{name}'{beside}"
 
@@ -240,14 +242,17 @@ class Draft:
 
     def texts(self) -> dict[Path, bytes]:
         """Return the text of each file with the changes."""
-        return {path: replaced(self.before[path], each) for path, each in self._replacements()}
+        return {
+            path: replaced(self.before[path], replacements)
+            for path, replacements in self._replacements()
+        }
 
     def changes(self, folder: Path) -> Iterator[Change]:
         """Yield the changes of files, whose paths start in a folder."""
         for path, replacements in self._replacements():
-            for each in replacements:
-                text = " ".join(each.text.decode(errors="replace").split())
-                line = line_of(self.before[path], each.start)
+            for replacement in replacements:
+                text = " ".join(replacement.text.decode(errors="replace").split())
+                line = line_of(self.before[path], replacement.start)
                 yield Change(path.relative_to(folder).as_posix(), line, text)
 
 
@@ -261,7 +266,7 @@ def object_name(model: mujoco.MjModel, field: str, row: int) -> str:
 def mjcf_text(value: object) -> str:
     """Return a number, several or a word as MJCF has it; no number loses a digit."""
     if isinstance(value, (list, tuple)):
-        return " ".join(mjcf_text(each) for each in value)
+        return " ".join(mjcf_text(item) for item in value)
     return str(value).removesuffix(".0")
 
 
@@ -280,4 +285,4 @@ def fields_of(owner: object) -> dict[str, np.ndarray]:
     """Return the fields of a model, or of its options, by name."""
     found = {name: getattr(owner, name) for name in dir(owner) if not _UNCOMPARED.search(name)}
     kinds = (int, float, np.ndarray)
-    return {name: np.atleast_1d(each) for name, each in found.items() if isinstance(each, kinds)}
+    return {name: np.atleast_1d(value) for name, value in found.items() if isinstance(value, kinds)}

@@ -32,7 +32,7 @@ FIELD_KINDS = {
     "tendon": "tendon",
     "actuator": "actuator",
 }
-"""What kind of object the fields of a prefix belong to."""
+"""Kind of object that the fields of a prefix belong to."""
 # Addresses, counts, ids and types are structure, which MuJoCo does not check; bounds, inertia and
 # broad phase are derived from sizes when a model is compiled, and not later; collision bits decide
 # which pairs are monitored.
@@ -85,7 +85,7 @@ def find_field(model: mujoco.MjModel, name: str) -> tuple[np.ndarray, tuple[int,
     kind = FIELD_KINDS.get(field.partition("_")[0])
     array = getattr(model, field, None)
     if kind is None or not isinstance(array, np.ndarray) or not is_writable(field):
-        known = [each for each in dir(model) if is_writable(each)]
+        known = [attribute for attribute in dir(model) if is_writable(attribute)]
         raise ValueError(
             f"'{field}' is not a model field that can be swept{did_you_mean(field, known)}"
         )
@@ -249,7 +249,7 @@ def write_flags(model: mujoco.MjModel, states: Mapping[str, bool]) -> None:
 
 
 LOOP_ENGINE = "loop"
-"""What stands for somebody's own loop, of which a store has the compiled model."""
+"""Name of somebody's own loop, of which a store has the compiled model."""
 
 
 def base_settings(

@@ -45,7 +45,7 @@ class Reference:
 
     @property
     def place(self) -> Path:
-        """What names the file: the folder of its package, if it lies in one, or its own path."""
+        """Folder of the package that the file lies in, if any, or its own path."""
         if self.resource:
             package, rest = _package_and_path(self.resource)
             folder = self.path.parents[len(Path(rest).parts) - 1]
@@ -96,7 +96,7 @@ class FileSearch:
     def included(self, element: ET.Element, file: Path, base: Path) -> Reference:
         """Return what an <include> of a file includes, in a model that lies in a base folder."""
         name = element.get("file", "")
-        found, beside = (self.named(each, name) for each in (base, file.parent))
+        found, beside = (self.named(folder, name) for folder in (base, file.parent))
         known = found.path.is_file() or not beside.path.is_file()
         return found if known else beside
 
@@ -124,7 +124,7 @@ class FileSearch:
 def _in_copy(path: Path, copy: Path) -> Path:
     """Return where a copy has what a model names by an absolute path; that path if nowhere."""
     tails = (copy.joinpath(*path.parts[start:]) for start in range(1, len(path.parts) + 1))
-    return next((each for each in tails if each.exists()), path)
+    return next((tail for tail in tails if tail.exists()), path)
 
 
 def name_in_copy(root: ET.Element, copy: Path) -> None:
@@ -171,9 +171,11 @@ def _find_resource(name: str, folder: Path, copy: Path | None) -> Path:
     that parts of a package work too, any folder above the model may stand for it.
     """
     package, rest = _package_and_path(name)
-    above = [each for each in (folder, *folder.parents) if not copy or each.is_relative_to(copy)]
-    places = [each / rest for each in above if each.name == package][:1]
-    places += [each / part for each in above for part in (f"{package}/{rest}", rest)]
+    above = [
+        parent for parent in (folder, *folder.parents) if not copy or parent.is_relative_to(copy)
+    ]
+    places = [parent / rest for parent in above if parent.name == package][:1]
+    places += [parent / part for parent in above for part in (f"{package}/{rest}", rest)]
     return next((place for place in places if place.is_file()), places[0])
 
 
@@ -208,13 +210,13 @@ def collect_files(model: Path, beside: Sequence[Path] = (), copy: Path | None = 
     model, others = _plain(model), set(map(_plain, beside))
     try:
         named = list(FileSearch(copy and _plain(copy)).references(model))
-        paths = {model, *others, *(_plain(each.path) for each in named)}
+        paths = {model, *others, *(_plain(reference.path) for reference in named)}
         check_places(paths, beside[0].parent if beside else model, copy)
-        found = [each for each in named if each.path.is_file()]
-        files = {model, *others, *(_plain(each.path) for each in found)}
+        found = [reference for reference in named if reference.path.is_file()]
+        files = {model, *others, *(_plain(reference.path) for reference in found)}
         for path in files:
             check_picture(path)
-        root = common_folder({*files, *(_plain(each.place) for each in found)})
+        root = common_folder({*files, *(_plain(reference.place) for reference in found)})
         # What a package is called is no part of the scene: names start where the files do.
         inner = common_folder(files)
         return SceneFiles(
@@ -223,10 +225,12 @@ def collect_files(model: Path, beside: Sequence[Path] = (), copy: Path | None = 
             files=tuple(sorted(path.relative_to(root) for path in files)),
             licences=tuple(sorted(path.relative_to(root) for path in _licences(files, root))),
             resources={
-                plain_name(each.resource): _plain(each.path) for each in found if each.resource
+                plain_name(reference.resource): _plain(reference.path)
+                for reference in found
+                if reference.resource
             },
             copied=copy is not None,
-            absolute=any(each.absolute for each in found),
+            absolute=any(reference.absolute for reference in found),
             hash=_digest(inner, sorted(path.relative_to(inner) for path in files)),
         )
     except OSError as error:
@@ -246,7 +250,7 @@ def _plain(path: Path) -> Path:
 def relative_path(path: Path, folder: Path) -> Path:
     """Return a path that leads from a folder to what another path leads to from here."""
     end, start = _plain(path), _plain(folder)
-    shared = next(each for each in (start, *start.parents) if end.is_relative_to(each))
+    shared = next(parent for parent in (start, *start.parents) if end.is_relative_to(parent))
     ascent = [".."] * (len(start.parts) - len(shared.parts))
     return Path(*ascent, end.relative_to(shared))
 
@@ -254,7 +258,7 @@ def relative_path(path: Path, folder: Path) -> Path:
 def common_folder(paths: Collection[Path]) -> Path:
     """Return the innermost folder that holds all of the paths."""
     first, *_ = paths
-    return next(each for each in first.parents if all(each in path.parents for path in paths))
+    return next(parent for parent in first.parents if all(parent in path.parents for path in paths))
 
 
 _LICENCE = re.compile(r"(LICEN[SC]E|COPYING|NOTICE)\b.*", re.IGNORECASE)

@@ -1,4 +1,4 @@
-"""What a model may ask for, since it may come from a stranger: files, which are copied, and memory.
+"""Guards against models of strangers: limits on files, which are copied, and on memory.
 
 It may name the files of its own package, of installed Python packages, and of folders that the user
 allows by `--allow-files` or the environment variable. Its sizes are told from its files before
@@ -24,7 +24,9 @@ _PACKAGES = (_ROS_PACKAGE, ".git", "pyproject.toml", "setup.py")
 
 def allow_files(folders: Iterable[Path]) -> None:
     """Allow models to name the files of some folders, in this process and those that it starts."""
-    os.environ[ALLOWED] = os.pathsep.join(str(each.absolute()) for each in [*_allowed(), *folders])
+    os.environ[ALLOWED] = os.pathsep.join(
+        str(folder.absolute()) for folder in [*_allowed(), *folders]
+    )
 
 
 def check_places(files: Iterable[Path], named: Path, copy: Path | None = None) -> None:
@@ -42,7 +44,7 @@ def check_places(files: Iterable[Path], named: Path, copy: Path | None = None) -
     for file in files:
         real = file.resolve()
         check_regular(file)
-        if any(real.is_relative_to(each) for each in shared):
+        if any(real.is_relative_to(folder) for folder in shared):
             continue
         if not any(_is_inside(real, home, tree) for home, tree in trees):
             raise SceneError(
@@ -64,16 +66,16 @@ def scene_tree(folder: Path) -> Path:
     whole, a Python package. Without any it is two folders above the model's, since meshes often lie
     beside it, or in the package beside its own; but never home, or a folder that many share.
     """
-    for each in (folder, *folder.parents):
-        if _is_shared(each):
+    for parent in (folder, *folder.parents):
+        if _is_shared(parent):
             break
-        if any((each / name).exists() for name in _PACKAGES):
-            return each
-        if (each / _PYTHON_PACKAGE).is_file():
-            above = (each, *each.parents)
+        if any((parent / name).exists() for name in _PACKAGES):
+            return parent
+        if (parent / _PYTHON_PACKAGE).is_file():
+            above = (parent, *parent.parents)
             return next(one for one in above if not (one.parent / _PYTHON_PACKAGE).is_file())
     near = (folder, *folder.parents[:_LEVELS])
-    return next((each for each in reversed(near) if not _is_shared(each)), folder)
+    return next((parent for parent in reversed(near) if not _is_shared(parent)), folder)
 
 
 def _is_shared(folder: Path) -> bool:
@@ -82,20 +84,20 @@ def _is_shared(folder: Path) -> bool:
 
 def _is_inside(file: Path, home: Path, tree: Path) -> bool:
     """Return whether a file lies in a tree, or in a ROS package beside a folder of the model."""
-    near = next(each for each in (home, *home.parents) if file.is_relative_to(each))
+    near = next(parent for parent in (home, *home.parents) if file.is_relative_to(parent))
     if any(part.startswith(".") for part in file.relative_to(near).parts):
         return False
-    ros = next((each for each in file.parents if (each / _ROS_PACKAGE).is_file()), None)
+    ros = next((parent for parent in file.parents if (parent / _ROS_PACKAGE).is_file()), None)
     beside = ros is not None and ros.parent in home.parents and not _is_shared(ros)
     return file.is_relative_to(tree) or beside
 
 
 def _allowed() -> list[Path]:
-    return [Path(each).resolve() for each in os.environ.get(ALLOWED, "").split(os.pathsep) if each]
+    return [Path(path).resolve() for path in os.environ.get(ALLOWED, "").split(os.pathsep) if path]
 
 
-_MOST_VALUES = 1 << 28  # heights of a field, or pixels of a texture
-_MOST_COPIES = 1 << 20  # bodies or points that one element makes
+_MOST_HEIGHTS_OR_PIXELS = 1 << 28  # heights of a field, or pixels of a texture
+_MOST_COPIES_OF_AN_ELEMENT = 1 << 20  # bodies or points that one element makes
 _VALUES = {"hfield": ("nrow", "ncol"), "texture": ("width", "height")}
 _COPIES = ("flexcomp", "composite", "replicate")
 _PNG = struct.Struct(">8s4x4sII")
@@ -103,9 +105,12 @@ _PNG = struct.Struct(">8s4x4sII")
 
 def check_element(element: ET.Element, file: Path) -> None:
     """Refuse an element of a model that asks for an absurd number of values or copies."""
-    most, counts = _MOST_VALUES, [element.get(key, "1") for key in _VALUES.get(element.tag, ())]
+    most, counts = (
+        _MOST_HEIGHTS_OR_PIXELS,
+        [element.get(key, "1") for key in _VALUES.get(element.tag, ())],
+    )
     if element.tag in _COPIES:
-        most, counts = _MOST_COPIES, element.get("count", "1").split()
+        most, counts = _MOST_COPIES_OF_AN_ELEMENT, element.get("count", "1").split()
     try:
         product = math.prod(float(count) for count in counts)
     except ValueError:
@@ -125,5 +130,11 @@ def check_picture(path: Path) -> None:
         head = file.read(_PNG.size)
     if len(head) == _PNG.size:
         magic, kind, width, height = _PNG.unpack(head)
-        if magic == b"\x89PNG\r\n\x1a\n" and kind == b"IHDR" and width * height > _MOST_VALUES:
-            raise SceneError(f"{path}: {width} x {height} pixels are more than {_MOST_VALUES:,}")
+        if (
+            magic == b"\x89PNG\r\n\x1a\n"
+            and kind == b"IHDR"
+            and width * height > _MOST_HEIGHTS_OR_PIXELS
+        ):
+            raise SceneError(
+                f"{path}: {width} x {height} pixels are more than {_MOST_HEIGHTS_OR_PIXELS:,}"
+            )

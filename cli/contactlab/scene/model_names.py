@@ -61,11 +61,11 @@ def _compiled_ids(spec: mujoco.MjSpec) -> dict[str, Sequence[int]]:
     names: dict[str, list[str]] = {}
     for kind, plural in KINDS.items():
         elements: list[Any] = list(getattr(trial, plural))
-        names[kind] = [each.name or f"?{place}" for place, each in enumerate(elements)]
+        names[kind] = [element.name or f"?{place}" for place, element in enumerate(elements)]
         for element, name in zip(elements, names[kind], strict=True):
             element.name = name
     model = trial.compile()
-    return {kind: [_id(model, kind, name) for name in each] for kind, each in names.items()}
+    return {kind: [_id(model, kind, name) for name in members] for kind, members in names.items()}
 
 
 def _id(model: mujoco.MjModel, kind: str, name: str) -> int:
@@ -88,7 +88,7 @@ def known_id(model: mujoco.MjModel, kind: Literal["body", "geom"], name: str) ->
     """Return the id of a body or geom; a SceneError if there is none of this name."""
     index = find_id(model, kind, name)
     if index < 0:
-        known = [name_of(model, kind, each) for each in range(getattr(model, f"n{kind}"))]
+        known = [name_of(model, kind, member) for member in range(getattr(model, f"n{kind}"))]
         SceneError.unless_known(name, known, f"no {kind} '{name}' in the model")
         return known.index(name)
     return index
@@ -159,6 +159,14 @@ def match_coordinates(model: mujoco.MjModel, pattern: str, *, mocap: bool = Fals
     if not found:
         raise SceneError(f"the model has no coordinate '{pattern}'{did_you_mean(pattern, known)}")
     return list(found)
+
+
+def input_names(model: mujoco.MjModel, places: Sequence[int] = ()) -> list[str]:
+    """Return the names of some inputs by their indices, actuators' own; of all controls if none."""
+    first = part_starts(model)["ctrl"]
+    named = {place - first: name for name, place in coordinates(model).items()}
+    names = (named[place] for place in places or range(model.nu))
+    return [name.removesuffix(".ctrl") for name in names]
 
 
 def _inputs(model: mujoco.MjModel, starts: Mapping[str, int]) -> Iterator[tuple[str, int]]:

@@ -46,7 +46,7 @@ class WrittenModel:
 
     @property
     def reference(self) -> str:
-        """What a sweep names as its scene."""
+        """Scene that a sweep names."""
         return f"{self.source.path.parent}/" if self.source.manifest else str(self.path)
 
     @property
@@ -84,7 +84,7 @@ def write_model(scene: Scene, edits: ModelEdits, folder: Path, name: str = "") -
         _check(made.model, meant.model, draft)
         changed = [path for path in after if after[path] != before[path]]
         start = common_folder([copied.model, *changed])
-        patch = [_patch(each.relative_to(start), before[each], after[each]) for each in changed]
+        patch = [_patch(path.relative_to(start), before[path], after[path]) for path in changed]
         written = WrittenModel(
             source=_placed(copied, folder, name or copied.model.name),
             folder=source.content.root / start.relative_to(copied.content.root),
@@ -110,7 +110,7 @@ def _check(made: mujoco.MjModel, meant: mujoco.MjModel, draft: Draft) -> None:
             if old[name].shape != new[name].shape:
                 raise SceneError(f"cannot be written: {name} has {len(old[name])} rows then")
             for row in differing_rows(old[name], new[name])[:1]:
-                then, wanted = (mjcf_text(each[name][row].tolist()) for each in (old, new))
+                then, wanted = (mjcf_text(side[name][row].tolist()) for side in (old, new))
                 of = draft.described(made, name, row)
                 raise SceneError(f"cannot write {name}{of}: it is {then} then, not {wanted}")
 
@@ -138,7 +138,7 @@ def _copied(source: SceneSource, folder: Path, name: str) -> SceneSource:
     if model.suffix == ".urdf":
         model = model.with_name(name or f"{model.stem}.xml")
         _convert(folder / content.model, folder / model, resources)
-        files = (model, *(each for each in files if each != content.model))
+        files = (model, *(file for file in files if file != content.model))
     moved = replace(
         content, root=folder, model=model, files=files, resources=resources, copied=True
     )

@@ -1,4 +1,4 @@
-"""What the installed version of MuJoCo lacks, and which version introduced it.
+"""Features that the installed version of MuJoCo lacks, and the versions that introduced them.
 
 Tried on every release from 3.3.0 to 4.0.0: each has what its enums name.
 """
@@ -65,7 +65,7 @@ def library_file() -> Path:
 
 def missing_flags() -> frozenset[str]:
     """Return the flags that this version lacks; it behaves as with their defaults."""
-    return frozenset(each.axis for each in _unsupported() if isinstance(each.value, bool))
+    return frozenset(feature.axis for feature in _unsupported() if isinstance(feature.value, bool))
 
 
 def why_unsupported(axis: str, value: object) -> str | None:
@@ -92,18 +92,20 @@ def in_this_version(axis: AxisSpec, *, lenient: bool) -> AxisSpec:
             raise ValueError(why_unsupported(axis.name, value))
         return lacking.value if lacking else axis.parse(value)
 
-    concerned = any(each.axis == axis.name for each in _unsupported())
+    concerned = any(feature.axis == axis.name for feature in _unsupported())
     return replace(axis, parse=parse) if concerned else axis
 
 
 def _lacking(axis: str, value: object) -> NewFeature | None:
-    known = (each for each in _unsupported() if each.axis == axis)
+    known = (feature for feature in _unsupported() if feature.axis == axis)
     word = str(value).lower()
-    return next((each for each in known if word in _STATES.get(each.value, (each.value,))), None)
+    return next(
+        (feature for feature in known if word in _STATES.get(feature.value, (feature.value,))), None
+    )
 
 
 def _unsupported() -> list[NewFeature]:
-    return [each for each in NEW_FEATURES if not _reaches(each.version)]
+    return [feature for feature in NEW_FEATURES if not _reaches(feature.version)]
 
 
 def _reaches(version: str) -> bool:

@@ -193,7 +193,7 @@ _SOLIMP = tuple(f"solimp.{part}" for part in ("dmin", "dmax", "width", "midpoint
 _FRICTION = ("friction.slide", "friction.torsion", "friction.roll")
 
 # The order is that of application: a restitution keeps the stiffness set before it.
-for each in (
+for parameter in (
     Parameter("timestep", "s", "length of a step", _POSITIVE),
     _word("integrator", "integrator"),
     _word("cone", "friction cone"),
@@ -288,7 +288,7 @@ for each in (
         _NOT_NEGATIVE,
     ),
 ):
-    PARAMETERS.add(each)
+    PARAMETERS.add(parameter)
 _RANK = {name: rank for rank, name in enumerate(PARAMETERS)}
 
 

@@ -36,17 +36,19 @@ class RecordedRows:
         """Read the rows; a SceneError has all that is wrong with them."""
         self._model, self._entry, self._name = model, entry, table.name
         keys = [entry.time, *([entry.run] if entry.run else [])]
-        named = entry.columns or {each: each for each in table.columns if each not in keys}
+        named = entry.columns or {column: column for column in table.columns if column not in keys}
         # A joint's name is that of its coordinate, not of the control of its actuator.
         joints = {model.joint(index).name for index in range(model.njnt)}
-        named = {f"{name}.qpos" if name in joints else name: each for name, each in named.items()}
+        named = {
+            f"{name}.qpos" if name in joints else name: column for name, column in named.items()
+        }
         found, self._mistakes = table.matched(model, named)
         if lacking := [table.lacks(key) for key in keys if key not in table.columns]:
             self._mistakes += lacking
             self.refuse()
         self._unsound = set[float]()
-        self._sort(*(table.columns[each] for each in keys))
-        columns = {place: table.columns[each][self._order] for place, each in found.items()}
+        self._sort(*(table.columns[key] for key in keys))
+        columns = {place: table.columns[name][self._order] for place, name in found.items()}
         names = [entry.time, *found.values()]
         for column, values in zip(names, [self.times, *columns.values()], strict=True):
             unknown = ~np.isfinite(values)
@@ -60,7 +62,7 @@ class RecordedRows:
     @property
     def sound(self) -> tuple[float, ...]:
         """The runs in none of whose rows a mistake was found."""
-        return tuple(each for each in self.runs if each not in self._unsound)
+        return tuple(run for run in self.runs if run not in self._unsound)
 
     def note(self, what: str, rows: NDArray[np.intp]) -> None:
         """Note one kind of mistake, with the first of the rows that have it, if any."""
@@ -219,7 +221,7 @@ def _parts(model: mujoco.MjModel) -> Iterator[RecordedPart]:
     for index in range(model.njnt):
         joint = model.joint(index)
         kind, body, at, dof = (
-            int(each[0]) for each in (joint.type, joint.bodyid, joint.qposadr, joint.dofadr)
+            int(field[0]) for field in (joint.type, joint.bodyid, joint.qposadr, joint.dofadr)
         )
         if kind in (hinge, slide):
             size = QUARTER_TURN if kind == hinge else float(model.stat.extent)

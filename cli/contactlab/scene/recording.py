@@ -56,27 +56,27 @@ class RecordedRuns:
         if not inputs:
             return Signals.none()
         times = self._rows.times[rows] - self._rows.times[rows.start]
-        levels = np.array([each[rows] for each in inputs.values()])
+        levels = np.array([curves[rows] for curves in inputs.values()])
         return Signals(np.array(list(inputs), np.intp), times[None], levels)
 
     def motion(self, numbers: Sequence[float]) -> RecordedMotion:
         """Return what n runs are compared with."""
-        runs = [self._from_start(each) for each in numbers]
-        most = max(each.stop - each.start for each in runs)
+        runs = [self._from_start(number) for number in numbers]
+        most = max(run.stop - run.start for run in runs)
 
         def padded(values: Floats) -> Floats:
             whole = np.full((len(runs), most, *values.shape[1:]), np.nan)
-            for row, each in zip(whole, runs, strict=True):
-                row[: each.stop - each.start] = values[each]
+            for row, run in zip(whole, runs, strict=True):
+                row[: run.stop - run.start] = values[run]
             return whole
 
         rows = self._rows
-        times = padded(rows.times) - rows.times[[each.start for each in runs]][:, None]
-        touched = np.array([self._touched(each) for each in runs])
+        times = padded(rows.times) - rows.times[[run.start for run in runs]][:, None]
+        touched = np.array([self._touched(run) for run in runs])
         within = times - touched[:, None] >= np.array([0, _IMPACT])[:, None, None]
         impact = np.where(within.any(axis=2), within.argmax(axis=2) - [[1], [0]], -1)
         impact = np.where((impact >= 0).all(axis=0), impact, -1).T
-        lost = [self._lost(each.start + two) for each, two in zip(runs, impact, strict=True)]
+        lost = [self._lost(run.start + two) for run, two in zip(runs, impact, strict=True)]
         known = np.where(impact[:, 0] >= 0, lost, np.nan)
         qpos, qvel = padded(rows.qpos), padded(rows.qvel)
         return RecordedMotion(rows.parts, times, qpos, qvel, touched, impact, known)
@@ -116,7 +116,7 @@ class RecordedRuns:
         if rule.before_contact is None:
             late = times - times[0] >= rule.time - 1e-9
             return rows.start + int(late.argmax()) if late[:-1].any() else None
-        near = (x for x in range(rows.start, rows.stop) if self._gap(x, bounding=True) <= 0)
+        near = (row for row in range(rows.start, rows.stop) if self._gap(row, bounding=True) <= 0)
         first = next(near, None)
         return None if first is None else max(first - rule.before_contact, rows.start)
 
@@ -153,7 +153,7 @@ class RecordedRuns:
         model = spheres if bounding else self._model
         np.copyto(data.qpos, qpos, where=np.isfinite(qpos))
         mujoco.mj_kinematics(model, data)
-        gaps = (mujoco.mj_geomDistance(model, data, *x, _FAR, None) for x in pairs)
+        gaps = (mujoco.mj_geomDistance(model, data, *pair, _FAR, None) for pair in pairs)
         return min(gaps, default=_FAR)
 
     def _touched(self, rows: slice) -> float:
@@ -169,9 +169,9 @@ class RecordedRuns:
     def _check_motion(self) -> None:
         """Find whether free bodies fall and rest as those of the model do."""
         rows, gravity = self._rows, np.array(self._model.opt.gravity)
-        runs = [rows.runs[each] for each in self._starts]
-        ends = np.array([each.stop - 1 for each in runs], np.intp)
-        before = np.array([max(each.stop - 1 - WINDOW, each.start) for each in runs], np.intp)
+        runs = [rows.runs[start] for start in self._starts]
+        ends = np.array([run.stop - 1 for run in runs], np.intp)
+        before = np.array([max(run.stop - 1 - WINDOW, run.start) for run in runs], np.intp)
         gaps = np.array([self._gap(row) for row in ends.tolist()])
         for part in self._points:
             moved = rows.qpos[ends, part.qpos] - rows.qpos[before, part.qpos]

@@ -1,4 +1,4 @@
-"""What measurements need to know of a group of runs besides their traces, from their models."""
+"""Setup of a group of runs from their models, for measurements that need more than traces."""
 
 import re
 from collections.abc import Hashable, Iterator, Mapping, Sequence
@@ -37,8 +37,9 @@ from contactlab.scene.expected_contacts import Asked, expected_contacts
 from contactlab.scene.initial_states import quaternions
 from contactlab.scene.model_edits import read_flag
 from contactlab.scene.model_names import is_address, name_of
-from contactlab.scene.resolution import ResolvedRun
-from contactlab.schema.drive import FileDrive, drive_word
+from contactlab.scene.requirements import required_of
+from contactlab.scene.run_spec import RunSpec
+from contactlab.schema.drive import Drive, FileDrive, drive_word
 from contactlab.schema.scene_manifest import SceneManifest
 
 _GEOM = mujoco.mjtGeom
@@ -47,12 +48,12 @@ _STEADY = ("none", "hold")
 _PUSH = re.compile(r"\.[ft][xyz]$")
 
 
-def kind_of(run: ResolvedRun, model: mujoco.MjModel) -> Hashable:
+def kind_of(run: RunSpec, model: mujoco.MjModel) -> Hashable:
     """Return what runs of one structure must share to be recorded and measured together.
 
     `Setup` tells it of all of them at once, and so do the books of work.
     """
-    return drive_word(run.drive), isinstance(run.drive, FileDrive), _kind_of_model(model)
+    return drive_word(run.drive), _may_push(run.drive), _kind_of_model(model)
 
 
 @lru_cache(maxsize=4)
@@ -60,31 +61,31 @@ def _kind_of_model(model: mujoco.MjModel) -> Hashable:
     """Return a model's part of the kind, which runs of the model share."""
     springs = model.jnt_stiffness.any() or model.tendon_stiffness.any()
     acts = is_passive(model), is_conservative(model), has_others(model), bool(springs)
-    # What a pair's solimp is mixed of, as far as its width turns on it.
+    # Inputs that decide a pair's solimp width.
     mixed = model.geom_solimp[:, 2], model.geom_solmix, model.geom_priority
     widths = *mixed, model.pair_solimp[:, 2], model.opt.o_solimp[2:3]
-    yields = tuple(each.tobytes() for each in widths)
+    yields = tuple(width.tobytes() for width in widths)
     return acts, yields, model.opt.integrator, model.opt.enableflags & _OVERRIDE
 
 
 def make_setup(
     base: CompiledScene,
     manifest: SceneManifest | None,
-    runs: Sequence[ResolvedRun],
+    runs: Sequence[RunSpec],
     models: Sequence[mujoco.MjModel],
     thresholds: Mapping[str, float],
     asked: Sequence[Asked] = (),
 ) -> Setup:
-    """Return the setup of n runs of one structure, with thresholds and pairs of their sweep."""
+    """Return the setup of n runs of one structure, with what their sweep says of them."""
     bodies, holding = _free_bodies(models), base.holding
     values = [_values(base, run, model) for run, model in zip(runs, models, strict=True)]
-    names = {name: None for each in values for name in each}
+    names = {name: None for value in values for name in value}
     windows = [holding.window(run.initial) for run in runs] if holding else []
     oracle = manifest.oracle if manifest else None
     distinct = list({id(model): model for model in models}.values())
     passive = all(map(is_passive, distinct)) and not _is_pushed(manifest, runs)
     return Setup(
-        settings={name: [each.get(name, np.nan) for each in values] for name in names},
+        settings={name: [value.get(name, np.nan) for value in values] for name in names},
         elliptic=np.array([model.opt.cone == mujoco.mjtCone.mjCONE_ELLIPTIC for model in models]),
         iterations=np.array([model.opt.iterations for model in models], np.int32),
         gravity=np.array([model.opt.gravity * read_flag(model, "gravity") for model in models]),
@@ -100,12 +101,15 @@ def make_setup(
         duration=np.array([run.duration for run in runs]),
         limits_act=np.array([read_flag(model, "limit") for model in models]),
         speculative=np.array([run.flags.get("speculative", False) for run in runs]),
-        expected=expected_contacts(base, manifest, runs, asked),
+        expected=expected_contacts(base, manifest, runs, asked)
+        + required_of(base, manifest, models, asked),
         oracle=oracle.name if oracle else None,
         oracle_tolerance=oracle.tolerance if oracle else np.inf,
         thresholds={**(manifest.thresholds if manifest else {}), **thresholds},
         hold=HoldWindow(*np.transpose(windows)) if holding else None,
-        springs=any(each.jnt_stiffness.any() or each.tendon_stiffness.any() for each in distinct),
+        springs=any(
+            settings.jnt_stiffness.any() or settings.tendon_stiffness.any() for settings in distinct
+        ),
     )
 
 
@@ -126,7 +130,7 @@ def _of_pairs(base: CompiledScene, model: mujoco.MjModel) -> Mapping[str, Any]:
     }
 
 
-def _values(base: CompiledScene, run: ResolvedRun, model: mujoco.MjModel) -> dict[str, object]:
+def _values(base: CompiledScene, run: RunSpec, model: mujoco.MjModel) -> dict[str, object]:
     """Return a run's values, with the solref and solimp that follow from what it asks at rest.
 
     They are NaN where pairs have others.
@@ -135,7 +139,7 @@ def _values(base: CompiledScene, run: ResolvedRun, model: mujoco.MjModel) -> dic
     if run.changed & AT_REST.keys():
         used = [effective_parameters(model, pair) for pair in base.pairs]
         for name in ("solref", "solimp"):
-            every = np.array([getattr(each, name) for each in used])
+            every = np.array([getattr(compiled, name) for compiled in used])
             same = np.isclose(every, every[0], rtol=1e-9).all()
             values[name] = tuple((every[0] if same else np.full(every.shape[1], np.nan)).tolist())
     return values
@@ -153,7 +157,7 @@ def is_conservative(model: mujoco.MjModel) -> bool:
     acts = not is_passive(model) or model.nflex or model.neq or opt.density or opt.viscosity
     limits = model.jnt_limited.any() or model.tendon_limited.any()
     drag = (model.dof_damping, model.dof_frictionloss, model.tendon_damping)
-    brakes = any(each.any() for each in (*drag, model.tendon_frictionloss))
+    brakes = any(loss.any() for loss in (*drag, model.tendon_frictionloss))
     return not (acts or limits or brakes)
 
 
@@ -164,18 +168,23 @@ def has_others(model: mujoco.MjModel) -> bool:
     return bool(damped or opt.density or opt.viscosity or model.body_gravcomp.any())
 
 
-def _is_pushed(manifest: SceneManifest | None, runs: Sequence[ResolvedRun]) -> bool:
+def _may_push(drive: Drive) -> bool:
+    """Return whether a drive may exert forces on bodies."""
+    return drive == "exercise" or isinstance(drive, FileDrive)
+
+
+def _is_pushed(manifest: SceneManifest | None, runs: Sequence[RunSpec]) -> bool:
     """Return whether anything but the model itself may move bodies in any of the runs."""
     initial = manifest.initial.values() if manifest else ()
-    pushed = any(_PUSH.search(name) for each in initial for name in each.sets)
-    driven = any(isinstance(run.drive, FileDrive) for run in runs)
+    pushed = any(_PUSH.search(name) for setting in initial for name in setting.sets)
+    driven = any(_may_push(run.drive) for run in runs)
     return pushed or driven or bool(manifest and manifest.control)
 
 
 def _free_bodies(models: Sequence[mujoco.MjModel]) -> dict[int, FreeBody]:
     model = models[0]
-    masses = np.array([each.body_subtreemass for each in models])
-    weights = np.array([each.dof_invweight0 for each in models])
+    masses = np.array([compiled.body_subtreemass for compiled in models])
+    weights = np.array([compiled.dof_invweight0 for compiled in models])
     bodies: dict[int, FreeBody] = {}
     for joint in np.flatnonzero(model.jnt_type == _JOINT.mjJNT_FREE):
         body = int(model.jnt_bodyid[joint])
@@ -286,7 +295,9 @@ def find_mechanism(model: mujoco.MjModel) -> Mechanism:
         joints=tuple(_joint(model, index, places[index], reach) for index in range(model.njnt)),
         tendons=tuple(
             Part(name, "tendon", index, *lengths[index], margin=margins[index])
-            for index, name in enumerate(name_of(model, "tendon", x) for x in range(model.ntendon))
+            for index, name in enumerate(
+                name_of(model, "tendon", tendon) for tendon in range(model.ntendon)
+            )
         ),
         actuators=tuple(
             Part(name_of(model, "actuator", index), "actuator", index, *controls[index])
@@ -412,7 +423,7 @@ def actuated_limbs(model: mujoco.MjModel) -> dict[str, int]:
         joint = int(model.body_jntadr[chain[-1]])
         if len(chain) > 1 and joint >= 0 and int(model.jnt_type[joint]) == _JOINT.mjJNT_FREE:
             limbs.setdefault(chain[-1], set()).add(chain[-2])
-    return {model.body(root).name: len(each) for root, each in limbs.items()}
+    return {model.body(root).name: len(limb) for root, limb in limbs.items()}
 
 
 def _driven_joints(model: mujoco.MjModel) -> Iterator[int]:

@@ -2,7 +2,7 @@
 
 import copy
 import json
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import groupby
 from pathlib import Path
@@ -31,7 +31,6 @@ from contactlab.scene.drive.located_drive import (
     with_values,
 )
 from contactlab.scene.drive.recorded import RecordedTable, TableReader
-from contactlab.scene.drive.signals import exercise_duration
 from contactlab.scene.effects.effect import EffectRequest
 from contactlab.scene.effects.effect_table import EFFECTS, left_uncompiled, remove
 from contactlab.scene.expected_contacts import check_expectations
@@ -46,27 +45,26 @@ from contactlab.scene.model_edits import FLAGS
 from contactlab.scene.mujoco_versions import missing_flags
 from contactlab.scene.parameters import PARAMETERS, application_order
 from contactlab.scene.recording import RecordedRuns
-from contactlab.scene.resolution import (
+from contactlab.scene.requirements import check_requirements
+from contactlab.scene.run_spec import (
     START_SETTINGS,
-    ResolvedRun,
-    RunIdentity,
+    RunSpec,
+    run_ids,
     settings_of,
     write_axis,
 )
 from contactlab.scene.scene_source import SceneSource, find_scene
 from contactlab.scene.setting_values import Settings, as_number
+from contactlab.scene.task import drive_of, infer_task
 from contactlab.schema.drive import (
     Drive,
     FileDrive,
     PolicyDrive,
     drive_identity,
-    drive_word,
-    with_springs,
 )
+from contactlab.schema.task import QPOS0, SEEDS, Task
 from contactlab.schema.vocabulary import RECORDED_RUN
 
-BARE_DURATION = 2.0
-"""How long runs of a model without a manifest take, unless its drive has a duration [s]."""
 _NO_ENGINES: Engines = MappingProxyType({})
 
 
@@ -87,7 +85,7 @@ class Scene:
         not compile, or that its manifest does not fit the model.
         """
         self.source, self._engines, self._tables = source, engines, tables
-        self._compiled: dict[tuple[str, frozenset[str]], CompiledScene] = {}
+        self._compiled: dict[tuple[tuple[object, ...], frozenset[str]], CompiledScene] = {}
         self._rules: dict[str, InitialStateRule] = {}
         self._driving: dict[tuple[str, Drive], Driving] = {}
         manifest, base = source.manifest, self.base({})
@@ -97,6 +95,7 @@ class Scene:
             self.catalogue = SceneCatalogue(base, manifest, engines, runs)
             if manifest:
                 check_expectations(base, manifest)
+                check_requirements(base, manifest)
             self.switched = self.catalogue.switched(manifest)
             written = locate(manifest.drive if manifest else "none", source.path.parent)
         self.lacking = missing_flags()
@@ -174,45 +173,62 @@ class Scene:
             raise SceneError(
                 f"{self.source.model}: the model has no actuators for a policy to control"
             )
-        self.drive = LocatedDrive("none") if drive_word(asked) == "hold" and not model.nu else drive
+        self.drive = LocatedDrive("none") if asked == "hold" and not model.nu else drive
         self._table = None
         if isinstance(asked, FileDrive):
             (file,) = drive.files
             if self._tables is None:
                 raise SceneError(f"{file.name}: tables of controls cannot be read here")
             self._table = RecordedTable(file.name, self._tables(file))
-        moves = drive_word(asked) == "exercise"
-        end = exercise_duration(model) if moves else self._table and self._table.end
-        self.duration = manifest.duration if manifest else end or BARE_DURATION
+        end = self._table and self._table.end
+        inferred = infer_task(
+            model, start=str(self.base({}).settings.get("keyframe", QPOS0)), drive=asked
+        )
+        self.duration = manifest.duration if manifest else end or inferred.duration
         with self.source.named_in_errors():
-            run = replace(self.resolve({}, 0, None), drive=asked)
-            driving = self._driving_of(run) if is_driven(asked) else None
+            run = self.resolve({}, 0, None)
+            driving = self._driving_of(run) if is_driven(run.drive) else None
         if driving and not self.source.content.copied and (unheld := driving.unheld(run)):
             warn_once(self.source, f"not held: {unheld}", UnheldWarning)
 
-    def handed_on(self, drive: Drive) -> Drive:
-        """Return a drive of this scene as it is for its model, to drive another model by it."""
-        if not is_driven(drive) or not self.base({}).model.nu:
-            return drive
-        return with_springs(drive, self._driving_of(self.resolve({}, 0, None)).springs)
+    def task(
+        self,
+        values: Mapping[str, object],
+        duration: float | None = None,
+        *,
+        watch: Sequence[str] = (),
+        within: tuple[float, str] | None = None,
+        seeds: Sequence[int] = SEEDS,
+    ) -> Task:
+        """Return the task of runs of some values; a SceneError names a body that it lacks."""
+        run = self.resolve(values, 0, duration)
+        with self.source.named_in_errors():
+            return infer_task(
+                self.base(run.structure).model,
+                start=run.keyframe,
+                drive=run.drive,
+                duration=run.duration,
+                watch=watch,
+                within=within,
+                seeds=seeds,
+                programmed=bool(self.source.manifest and self.source.manifest.control),
+            )
 
     def base(
         self, structure: Mapping[str, object], without: frozenset[str] = frozenset()
     ) -> CompiledScene:
         """Return the compiled scene of the given structure values, over the scene's defaults."""
         full = full_structure(self.source.manifest, structure)
-        key = json.dumps(full, sort_keys=True), without
+        key = tuple(full.values()), without
         if key not in self._compiled:
             self._compiled[key] = compile_scene(self.source, full, without)
         return self._compiled[key]
 
-    def base_of(self, run: ResolvedRun) -> CompiledScene:
+    def base_of(self, run: RunSpec) -> CompiledScene:
         """Return the compiled scene that a run's model is made from."""
         return self.base(run.structure, run.without)
 
-    def resolve(
-        self, values: Mapping[str, object], seed: int, duration: float | None
-    ) -> ResolvedRun:
+    def resolve(self, values: Mapping[str, object], seed: int, duration: float | None) -> RunSpec:
         """Return everything that decides a run, from canonical values of axes by name.
 
         Its duration [s] is the scene's own if none is given.
@@ -222,10 +238,10 @@ class Scene:
         given = {name: value for name, value in given.items() if name not in self.lacking}
         manifest = self.source.manifest
         structure, entries = full_structure(manifest, given), manifest.initial if manifest else {}
-        defaults: dict[str, object] = {name: each.default for name, each in entries.items()}
+        defaults: dict[str, object] = {name: entry.default for name, entry in entries.items()}
         if self.recorded:
             defaults[RECORDED_RUN] = self.recorded.numbers[0]
-        initial = {name: as_number(given.get(name, each)) for name, each in defaults.items()}
+        initial = {name: as_number(given.get(name, default)) for name, default in defaults.items()}
         base = self.base(structure)
         driving = {name: given[name] for name in given if name in DRIVE_AXES}
         drive = with_values(self.drive.drive, driving)
@@ -240,13 +256,15 @@ class Scene:
                     flags[axis] = requested[axis]
             written = write_axis(settings, axis, given[axis])
             changed.update(settings_of(axis) if written else {axis})
+        if drive == "auto":
+            drive = drive_of(base.model, str(settings.get("keyframe", QPOS0)))
         engine = self._engines.get(str(settings["engine"]))
         if isinstance(drive, PolicyDrive):
             # It may look at what no metric reads.
             requested.setdefault("sensor", True)
         auto = self.auto and (engine is None or engine.omits_unused_effects)
         request = EffectRequest(requested, frozenset(changed), auto)
-        return ResolvedRun(
+        return RunSpec(
             structure=structure,
             settings=settings,
             changed=frozenset(changed),
@@ -259,28 +277,42 @@ class Scene:
             drive=drive,
         )
 
-    def as_written(
-        self, run: ResolvedRun, values: Mapping[str, object], scenario: Collection[str]
-    ) -> ResolvedRun:
-        """Return the scene as written, where a run of some values has its scenario and start.
+    def as_written(self, run: RunSpec, scenario: Collection[str]) -> RunSpec:
+        """Return the scene as written, where a planned run has its scenario and start.
 
         The axes of the scenario are kept, and those that decide the bodies, the start, the drive
         and the engine.
         """
         kept = {"engine", *scenario, *run.structure, *run.initial, *START_SETTINGS, *DRIVE_AXES}
-        given = {name: value for name, value in values.items() if name in kept}
+        given = {name: value for name, value in run.axes.items() if name in kept}
         return self.resolve(given, run.seed, run.duration)
 
-    def run_id(self, run: ResolvedRun) -> str:
+    def run_id(self, run: RunSpec) -> str:
         """Return a hash of scene content, settings, seed and duration, but not of the engine.
 
         Runs that are resolved to the same model and initial state have the same one.
         """
-        return RunIdentity(self.base(run.structure), run, self.hash).digests([], [run.seed]).hex()
+        return next(run_ids(self.base(run.structure), run, self.hash, [run.seed]))
 
-    def starts(self, runs: Sequence[ResolvedRun]) -> InitialStates:
+    def planned(
+        self,
+        values: Mapping[str, object],
+        seeds: Sequence[int],
+        duration: float | None,
+        first: int = 0,
+    ) -> Iterator[RunSpec]:
+        """Yield the runs of canonical values of axes, one for each seed, with their ids.
+
+        The first has the place `first` in the plan. Equal runs of a plan have equal ids.
+        """
+        run = self.resolve(values, seeds[0], duration)
+        ids = run_ids(self.base(run.structure), run, self.hash, seeds)
+        for index, (seed, run_id) in enumerate(zip(seeds, ids, strict=True), first):
+            yield run.planned(values, seed, run_id, index)
+
+    def starts(self, runs: Sequence[RunSpec]) -> InitialStates:
         """Return the initial states of runs of one structure; a SceneError if a drive is wrong."""
-        groups = [list(each) for _, each in groupby(runs, lambda run: (run.keyframe, run.drive))]
+        groups = [list(group) for _, group in groupby(runs, lambda run: (run.keyframe, run.drive))]
         with self.source.named_in_errors():
             starts = InitialStates.joined([self._starts(group) for group in groups])
         if any(run.joint_speed for run in runs):
@@ -292,17 +324,17 @@ class Scene:
         # Driven, but nobody knows how: these are the controls until the policy acts.
         return starts.acted_on([RecordedControls(np.zeros(1), row[None]) for row in starts.ctrl])
 
-    def _starts(self, runs: Sequence[ResolvedRun]) -> InitialStates:
+    def _starts(self, runs: Sequence[RunSpec]) -> InitialStates:
         if is_driven(runs[0].drive):
             return self._driving_of(runs[0]).starts(runs)
         return initial_states(self._rule(runs[0]), [run.start for run in runs])
 
-    def motion(self, runs: Sequence[ResolvedRun]) -> RecordedMotion | None:
+    def motion(self, runs: Sequence[RunSpec]) -> RecordedMotion | None:
         """Return what was recorded of runs of one structure; None without a recording."""
         recorded = self._rule(runs[0]).recorded
         return recorded and recorded.motion([run.initial[RECORDED_RUN] for run in runs])
 
-    def nudged(self, starts: InitialStates, runs: Sequence[ResolvedRun]) -> InitialStates:
+    def nudged(self, starts: InitialStates, runs: Sequence[RunSpec]) -> InitialStates:
         """Return initial states moved by up to 1e-6 m or rad, by each run's seed."""
         return nudged_states(self._rule(runs[0]), starts, [run.seed for run in runs])
 
@@ -312,7 +344,7 @@ class Scene:
         manifest = self.source.manifest
         return manifest is not None and bool(manifest.control or manifest.hold)
 
-    def check_start(self, run: ResolvedRun) -> None:
+    def check_start(self, run: RunSpec) -> None:
         """Compute what depends on time in a run, so that mistakes show before it starts.
 
         A SceneError says that times decrease, that a hold is empty, or that a drive does not suit.
@@ -322,14 +354,14 @@ class Scene:
             with self.source.named_in_errors():
                 holding.window(run.initial)
 
-    def _driving_of(self, run: ResolvedRun) -> Driving:
+    def _driving_of(self, run: RunSpec) -> Driving:
         key = self._start_key(run), run.drive
         if key not in self._driving:
             model = self.base(run.structure).model
             self._driving[key] = Driving(model, run.drive, self._rule(run), self._table)
         return self._driving[key]
 
-    def _rule(self, run: ResolvedRun) -> InitialStateRule:
+    def _rule(self, run: RunSpec) -> InitialStateRule:
         key = self._start_key(run)
         if key not in self._rules:
             base, manifest = self.base(run.structure), self.source.manifest
@@ -338,11 +370,11 @@ class Scene:
             self._rules[key] = replace(rule, recorded=recorded)
         return self._rules[key]
 
-    def _start_key(self, run: ResolvedRun) -> str:
+    def _start_key(self, run: RunSpec) -> str:
         return json.dumps([run.structure, run.keyframe], sort_keys=True)
 
     def prepare(
-        self, run: ResolvedRun, start: InitialStates, compiled: mujoco.MjModel | None = None
+        self, run: RunSpec, start: InitialStates, compiled: mujoco.MjModel | None = None
     ) -> PreparedModel:
         """Return a run's model, given its start (n = 1), without effects that it does not need.
 
@@ -350,17 +382,18 @@ class Scene:
         """
         base = self.base_of(run)
         base = base if compiled is None else replace(base, model=compiled)
-        servos = self._driving_of(run).servos if is_driven(run.drive) else None
-        return base.prepare(run.edits(), run.effect_request, start, servos)
+        load = self._driving_of(run).load(run) if is_driven(run.drive) else None
+        return base.prepare(run.edits(), run.effect_request, start, load)
 
-    def model_key(self, run: ResolvedRun) -> str:
+    def model_key(self, run: RunSpec) -> str:
         """Return a key that runs share if their models are the same, where starts are alike.
 
         They are alike if `is_straight` says the same of them.
         """
         drive = drive_identity(run.drive)
-        return json.dumps([run.structure, sorted(run.without), run.edits(), drive])
+        held = run.initial if run.drive == "hold" else {}
+        return json.dumps([run.structure, sorted(run.without), run.edits(), drive, held])
 
-    def compile_without_sensors(self, run: ResolvedRun) -> mujoco.MjModel:
+    def compile_without_sensors(self, run: RunSpec) -> mujoco.MjModel:
         """Compile the structure of a run without the sensors that record."""
         return compile_model(self.source, run.structure, lambda spec: remove(spec, run.without))

@@ -187,9 +187,13 @@ def read_manifest(path: Path) -> SceneManifest:
     try:
         return _manifest(path.read_text(encoding="utf-8-sig"))
     except ValidationError as error:
-        found = [([str(part) for part in each["loc"]], each["msg"]) for each in error.errors()]
+        found = [
+            ([str(part) for part in detail["loc"]], detail["msg"]) for detail in error.errors()
+        ]
         # Parts with @ tell forms of a value apart.
-        errors = [f"  {'.'.join(x for x in at if '@' not in x)}: {text}" for at, text in found]
+        errors = [
+            f"  {'.'.join(part for part in at if '@' not in part)}: {text}" for at, text in found
+        ]
         raise SceneError("\n".join([f"{path}: invalid manifest", *errors])) from error
     except (YAMLError, ValueError, OSError, RecursionError) as error:
         raise SceneError(f"{path}: not YAML: {error}") from error

@@ -51,7 +51,7 @@ def number(
         if not (least <= value <= most and value > above):
             raise ValueError(f"write a number {_range(least, above, most)}, not {value!r}")
         if known and value not in known:
-            near = min(known, key=lambda each: abs(each - value))
+            near = min(known, key=lambda candidate: abs(candidate - value))
             raise ValueError(f"there is no {value:g}; the nearest is {near:g}")
         return float(value)
 

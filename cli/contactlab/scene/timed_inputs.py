@@ -1,4 +1,4 @@
-"""What depends on time in a scene: inputs along knots, and when something is held."""
+"""Inputs along knots, and times at which something is held, in a scene."""
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
@@ -40,12 +40,13 @@ def computed(formula: Expression, initial: Mapping[str, float]) -> float:
     return result
 
 
+_SNAP = 1e-6  # a knot this close to a step, in timesteps, is at that step
 _INPUTS = "ACTUATOR.ctrl, BODY.fx to .tz, or MOCAP_BODY.x to .qz"
 
 
 @dataclass(frozen=True)
 class ControlProfile:
-    """What the inputs that match a pattern, its name, do over time: levels at knots.
+    """Course of the inputs that match a pattern, its name, over time: levels at knots.
 
     Inputs are indices among those of `InitialStates`.
     """
@@ -58,7 +59,7 @@ class ControlProfile:
 
 @dataclass(frozen=True)
 class Signals:
-    """What P inputs of a run do over time: each interpolates linearly between its K knots.
+    """Courses of P inputs of a run: each interpolates linearly between its K knots.
 
     Before its first knot an input has the first level, after its last knot the last; of two knots
     at one time, the later one counts.
@@ -82,6 +83,16 @@ class Signals:
         lines = zip(self.times, self.levels, strict=True)
         return np.array([np.interp(times, *line) for line in lines]).reshape(-1, len(times)).T
 
+    def at_steps(self, timestep: float) -> "Signals":
+        """Return the signals with knots that are at steps, but for rounding, exactly there.
+
+        So every timestep [s] sees the same levels, and clocks that add up timesteps do no harm.
+        """
+        steps = np.round(self.times / timestep)
+        near = np.abs(self.times / timestep - steps) < _SNAP
+        times = np.where(near, steps * timestep, self.times)
+        return Signals(self.places, times, self.levels)
+
     def without(self, left: NDArray[np.bool_]) -> "Signals":
         """Return the signals but for some, given (P,) whether each is left out."""
         times = self.times if len(self.times) < len(left) else self.times[~left]
@@ -94,7 +105,7 @@ class Signals:
             return self if self.places.size else rest
         most = max(self.levels.shape[1], rest.levels.shape[1])
         both = self._padded(most), rest._padded(most)
-        arrays = [(each.places, each.times, each.levels) for each in both]
+        arrays = [(side.places, side.times, side.levels) for side in both]
         return Signals(*(np.concatenate(parts) for parts in zip(*arrays, strict=True)))
 
     def _padded(self, most: int) -> "Signals":
@@ -130,7 +141,7 @@ def read_control(
     taken, values = _set_at_start(model, manifest), manifest.initial
     for name, entry in manifest.control.items():
         inputs = _inputs(model, name)
-        if clash := next((taken[each] for each in inputs if each in taken), None):
+        if clash := next((taken[taking] for taking in inputs if taking in taken), None):
             raise SceneError(f"control {name}: {clash} sets the same input; keep one of them")
         taken |= dict.fromkeys(inputs, f"control {name}")
         times, levels = (
@@ -145,9 +156,9 @@ def control_signals(profiles: Sequence[ControlProfile], initial: Mapping[str, fl
     """Return the signals of profiles for a run's initial values; a SceneError if times decrease."""
     if not profiles:
         return Signals.none()
-    most = max(len(each.times) for each in profiles)
-    places = [place for each in profiles for place in each.inputs]
-    rows = [_knots(each, initial, most) for each in profiles for _ in each.inputs]
+    most = max(len(profile.times) for profile in profiles)
+    places = [place for profile in profiles for place in profile.inputs]
+    rows = [_knots(profile, initial, most) for profile in profiles for _ in profile.inputs]
     times, levels = (np.array(part, np.float64) for part in zip(*rows, strict=True))
     return Signals(np.array(places, np.intp), times, levels)
 
@@ -174,13 +185,13 @@ def _knots(
     profile: ControlProfile, initial: Mapping[str, float], most: int
 ) -> tuple[list[float], list[float]]:
     """Return a profile's knots, padded with the last one."""
-    times = [computed(each, initial) for each in profile.times]
+    times = [computed(instant, initial) for instant in profile.times]
     if times != sorted(times):
         raise SceneError(
             f"control {profile.name}: times must not decrease, but are "
             f"{', '.join(f'{time:g}' for time in times)} s for {dict(initial)}"
         )
-    levels = [computed(each, initial) for each in profile.levels]
+    levels = [computed(level, initial) for level in profile.levels]
     rest = most - len(times)
     return times + times[-1:] * rest, levels + levels[-1:] * rest
 
@@ -214,7 +225,7 @@ def find_hold(
     if subject is None:
         raise SceneError("hold needs a subject; name the held body in `subject`")
     holder = manifest.hold.relative_to or "world"
-    bodies = [name_of(model, "body", each) for each in range(model.nbody)]
+    bodies = [name_of(model, "body", body) for body in range(model.nbody)]
     message = f"hold: relative_to names '{holder}', which is not a body of the model"
     SceneError.unless_known(holder, bodies, message)
     holding = HoldSpec(
@@ -223,7 +234,7 @@ def find_hold(
         start=read_formula(manifest.hold.start, "hold sets its `from`", manifest.initial),
         stop=read_formula(manifest.hold.stop, "hold sets its `to`", manifest.initial),
     )
-    _, stop = holding.window({name: each.default for name, each in manifest.initial.items()})
+    _, stop = holding.window({name: setting.default for name, setting in manifest.initial.items()})
     if stop > manifest.duration:
         raise SceneError(
             f"hold ends at {stop:g} s, after the run, which takes {manifest.duration:g} s"

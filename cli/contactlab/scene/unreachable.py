@@ -80,12 +80,12 @@ class Clearance:
             is_plane = model.geom_type[geom] == _GEOM.mjGEOM_PLANE
             reach = np.inf if is_plane else float(model.geom_rbound[geom])
             reach += float(np.linalg.norm(model.geom_pos[geom]))
-            for each in (each for each in _upward(model, body) if each not in others):
-                if model.body_mocapid[each] >= 0:
+            for parent in (ancestor for ancestor in _upward(model, body) if ancestor not in others):
+                if model.body_mocapid[parent] >= 0:
                     return None
-                reach += self._extents[each]
-                found[model.jnt_bodyid == each] = reach
-                reach += float(np.linalg.norm(model.body_pos[each]))
+                reach += self._extents[parent]
+                found[model.jnt_bodyid == parent] = reach
+                reach += float(np.linalg.norm(model.body_pos[parent]))
         between = found > 0
         bounded = np.isfinite(found).all() and np.isfinite(self.ranges[between]).all()
         measured = not _UNMEASURED & set(model.geom_type[[*pair]].tolist())
@@ -146,7 +146,7 @@ def unreachable_pairs(
         for pair in clearance.touching(qpos) & levers.keys():
             del levers[pair]
     first = min(_FIRST_BOXES, _ALL_FIRST_BOXES // max(1, len(levers)))
-    return {pair for pair, each in levers.items() if _is_apart(clearance, pair, each, first)}
+    return {pair for pair, lever in levers.items() if _is_apart(clearance, pair, lever, first)}
 
 
 def _is_apart(clearance: Clearance, pair: GeomPair, levers: Floats, first: int) -> bool:

@@ -8,10 +8,10 @@ from contactlab.schema.comparison import JudgedCheck
 from contactlab.schema.drive import Drive
 from contactlab.schema.evidence import Engine, Provenance, Setting
 from contactlab.schema.strict_model import Model, about
+from contactlab.schema.task import Task
 
 CHECK_VERSION = 2
 
-CheckName = Literal["timestep", "free_motion", "flat_contact", "hold", "repeat", "shells"]
 CheckVerdict = Literal["pass", "warning", "fail", "not applicable"]
 Severity = Literal["error", "warning", "note"]
 TaskKind = Literal["manipulation", "locomotion"]
@@ -32,7 +32,7 @@ class Measure(Model):
 class CheckResult(Model):
     """One check of a model."""
 
-    name: CheckName
+    name: str = about("timestep, free_motion, flat_contact, hold, repeat, shells; or a plug-in's")
     asks: str = about("The question that it answers.")
     verdict: CheckVerdict
     reason: str
@@ -46,7 +46,7 @@ class CheckResult(Model):
 class Finding(JudgedCheck):
     """All measures of one name against their limit, or a check that does not apply."""
 
-    check: CheckName
+    check: str = about("The check that found it.")
     severity: Severity = about("What it means if it fails and is not accepted.")
 
 
@@ -76,6 +76,7 @@ class CheckReport(Model):
     model: str = about("The model as given.")
     scene: str
     scene_hash: str
+    task: Task = about("What it is judged on.")
     overrides: tuple[str, ...] = about("--set, as given.")
     keyframe: str | None = about("The keyframe that runs start from; null if none.")
     drive: Drive = about("What drives the runs of the model itself.")
@@ -89,6 +90,9 @@ class CheckReport(Model):
     findings: tuple[Finding, ...] = about("What was judged, errors first.")
     remedies: tuple[Remedy, ...] = about("Changes that help, each with those above.")
     notes: tuple[str, ...] = about("Acceptances that are stale, remedies not found.")
+    not_exercised: tuple[str, ...] = about(
+        "What of the model its own runs did not exercise, a line by kind with names.", default=()
+    )
 
 
 class Reference(Model):
@@ -128,8 +132,9 @@ class StabilityResult(Model):
     misses: tuple[str, ...] = about("Unmet expectations, by the start of a run's id.")
     seconds: float = about("Wall time [s].")
     store: str = about("The evidence.")
-    not_exercised: str | None = about(
-        "What of a model no run exercised, and the drive that would.", default=None
+    task: Task | None = about("What a model is judged on; null for a case.", default=None)
+    not_exercised: tuple[str, ...] = about(
+        "What of a model no run exercised, a line by kind with names.", default=()
     )
     left_out: tuple[str, ...] = about("Why runs that need a newer engine were left out.")
 
@@ -150,4 +155,4 @@ class StabilityReport(RootModel[tuple[StabilityResult, ...]]):
     @property
     def passed(self) -> bool:
         """Whether every case passed."""
-        return all(each.passed for each in self.root)
+        return all(report.passed for report in self.root)

@@ -1,4 +1,4 @@
-"""What a job is told of one check, and the policy file and the report of `contactlab compare`.
+"""Checks as a job shows them; the policy file and the report of `contactlab compare`.
 
 The policy says what counts as regressed, what fails the job, and which failures are accepted.
 """
@@ -75,7 +75,7 @@ LEVEL = "gate: fails the job; warn: a warning; note: reported only"
 
 
 class Require(Model):
-    """What both stores must have in common."""
+    """Properties that both stores must have in common."""
 
     same: tuple[Sameness, ...] = about(
         "what must be the same; otherwise what depends on it is not comparable; "
@@ -161,7 +161,7 @@ class RecommendationRules(Model):
 
 
 class ComparePolicy(Acceptances):
-    """What counts as regressed, and what fails the job."""
+    """Rules that say which changes are regressions, and which of these fail the job."""
 
     match: Literal["id", "axes"] = about(
         "how runs are paired: by run id, or by axis values and seed", default="id"

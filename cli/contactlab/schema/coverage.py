@@ -1,4 +1,4 @@
-"""What a run exercised: the joints, actuators, tendons, equalities and pairs of its model.
+"""Coverage of a run: the joints, actuators, tendons, equalities and pairs that it exercised.
 
 Nothing is concluded from what no run did.
 """
@@ -27,7 +27,7 @@ Feature = Literal[
     "actuation",
     "clamping",
 ]
-"""What of a model a run may exercise."""
+"""Features of a model that a run may exercise."""
 
 Short = Annotated[float, AfterValidator(lambda value: float(f"{min(value, _LARGEST):.4g}"))]
 """A number to four digits, which is as much as coverage is read for."""
@@ -94,7 +94,7 @@ class ActuatorUse(Travel):
 
 
 class PairUse(Model):
-    """What a monitored pair did, each as the share of time."""
+    """Contact, slip, rolling and spin of a monitored pair, each as a share of time."""
 
     touched: Short = about("It bore a force.", default=0.0)
     stuck: Short = about("It touched, or hopped, without sliding.", default=0.0)
@@ -105,7 +105,7 @@ class PairUse(Model):
 
 
 class Coverage(Model):
-    """What a run exercised: what moved, was loaded, and touched."""
+    """Parts of a model that moved, were loaded, or touched in a run."""
 
     joints: dict[str, Travel] = about("Every joint.", default_factory=dict)
     tendons: dict[str, Travel] = about("Every tendon.", default_factory=dict)
@@ -126,7 +126,7 @@ class Coverage(Model):
         parts = {**self.joints, **self.tendons}.values()
         holds: dict[Feature, bool] = {
             "motion": bool(self.joints),
-            "limit": any(each.share is not None for each in parts),
+            "limit": any(part.share is not None for part in parts),
             "tendon": bool(self.tendons),
             "equality": bool(self.equalities),
             "actuation": bool(self.actuators),
@@ -137,23 +137,23 @@ class Coverage(Model):
     def exercised(self) -> frozenset[Feature]:
         """The features of the model that the run exercised."""
         parts = [*self.joints.values(), *self.tendons.values()]
-        limited = [each for each in parts if each.share is not None]
+        limited = [part for part in parts if part.share is not None]
         uses = self.pairs.values()
         # Of pairs that are not monitored, nothing more is known than that they touched.
         unknown = self.touched > 0 and not uses
         holds: dict[Feature, bool] = {
             "contact": self.touched > 0,
-            "friction": unknown or any(each.slid or each.friction >= _RUBBED for each in uses),
-            "spin": unknown or any(each.spun for each in uses),
-            "rolling": unknown or any(each.rolled for each in uses),
-            "motion": any(each.counts for each in self.joints.values()),
+            "friction": unknown or any(use.slid or use.friction >= _RUBBED for use in uses),
+            "spin": unknown or any(use.spun for use in uses),
+            "rolling": unknown or any(use.rolled for use in uses),
+            "motion": any(joint.counts for joint in self.joints.values()),
             # One effect is about all parts of a kind, so that each of them must have its turn. A
             # limit at which a joint only starts, or rests, stops nothing.
-            "limit": all(each.ends and each.counts for each in limited),
-            "tendon": all(each.counts or each.stretched for each in self.tendons.values()),
+            "limit": all(part.ends and part.counts for part in limited),
+            "tendon": all(tendon.counts or tendon.stretched for tendon in self.tendons.values()),
             "equality": all(self.equalities.values()),
-            "actuation": any(each.force for each in self.actuators.values()),
-            "clamping": any(each.ends for each in self.actuators.values()),
+            "actuation": any(actuator.force for actuator in self.actuators.values()),
+            "clamping": any(actuator.ends for actuator in self.actuators.values()),
         }
         return frozenset(feature for feature, held in holds.items() if held)
 
@@ -167,14 +167,21 @@ def _united(one: Any, other: Any) -> Any:  # noqa: ANN401 - JSON
     return other if one is None else one if other is None else max(one, other)
 
 
+def _named(pairs: Any) -> dict[str, object]:  # noqa: ANN401 - JSON
+    """Return the pairs of a row by name, which a table has as JSON."""
+    return json.loads(pairs) if isinstance(pairs, str) else dict(pairs or {})
+
+
 def feature_of(setting: str) -> Feature | None:
     """Return the feature that runs must exercise to show what a setting does, if it is known."""
-    return next((each for start, each in _FEATURES.items() if setting.startswith(start)), None)
+    return next(
+        (feature for start, feature in _FEATURES.items() if setting.startswith(start)), None
+    )
 
 
 @dataclass(frozen=True)
 class Exercised:
-    """What features of a model some runs exercised, and what drove them; all where not known.
+    """Features that some runs exercised, and the drives of these; all features where unknown.
 
     The present ones are those of which the model has parts.
     """
@@ -182,6 +189,8 @@ class Exercised:
     features: frozenset[Feature]
     present: frozenset[Feature]
     drives: tuple[object, ...]
+    coverage: Coverage | None = None  # of all runs together; None where that of one is not known
+    pairs: tuple[str, ...] = ()  # the monitored pairs
 
     @classmethod
     def of(
@@ -194,28 +203,55 @@ class Exercised:
         features: set[Feature] = set()
         united: dict[str, Any] = {}
         drives: list[object] = []
+        pairs: dict[str, object] = {}
+        known = True
         for row in rows:
             if enough is not None and features.issuperset(enough):
                 break
             drives.append(json.loads(row.get("drive") or '"none"'))
+            pairs |= _named(row.get("pairs"))
             if row.get("coverage") is None:
+                known = False
                 features.update(get_args(Feature))
                 continue
             features.update(Coverage.model_validate_json(row["coverage"]).exercised)
             united = _united(united, json.loads(row["coverage"]))
         whole = Coverage.model_validate(united)
-        return cls(whole.exercised | features, whole.present, tuple(drives))
+        found = whole if known and drives else None
+        return cls(whole.exercised | features, whole.present, tuple(drives), found, tuple(pairs))
+
+    def idle(self) -> tuple[str, ...]:
+        """Return what no run exercised, one line by kind with all names; none where not known."""
+        if self.coverage is None:
+            return ()
+        whole, pairs = self.coverage, self.coverage.pairs
+        limited = {**whole.joints, **whole.tendons}.items()
+        kinds = {
+            "joints never moved": [name for name, use in whole.joints.items() if not use.counts],
+            "limits never reached": [
+                name for name, use in limited if use.share is not None and not use.ends
+            ],
+            "tendons never moved": [
+                name for name, use in whole.tendons.items() if not (use.counts or use.stretched)
+            ],
+            "actuators never moved": [
+                name for name, use in whole.actuators.items() if not use.counts
+            ],
+            "equalities never loaded": [
+                name for name, load in whole.equalities.items() if not load
+            ],
+            "pairs never touched": [name for name in self.pairs if name not in pairs],
+            "friction never loaded": [
+                name for name, use in pairs.items() if not use.slid and use.friction < _RUBBED
+            ],
+        }
+        return tuple(f"{kind}: {', '.join(names)}" for kind, names in kinds.items() if names)
 
     def lack(self, features: Collection[Feature]) -> str | None:
-        """Say which features no run exercised, and name the drive that would; None if one did."""
+        """Say which features no run exercised; None if all were."""
         lacking = {
-            each: said
-            for each, said in _LACKING.items()
-            if each in features and each not in self.features
+            feature: said
+            for feature, said in _LACKING.items()
+            if feature in features and feature not in self.features
         }
-        if not lacking:
-            return None
-        # Exercises stay within the ranges of controls.
-        tried = "exercise" in self.drives or lacking.keys() == {"clamping"}
-        better = "{file: FILE}, of controls that do it" if tried else "exercise"
-        return f"{', '.join(lacking.values())}; write drive: {better}"
+        return ", ".join(lacking.values()) or None

@@ -1,4 +1,8 @@
-"""What drives a run: nothing, a hold, noise, an exercise, recorded controls, or a policy."""
+"""Drives of a run: a keyframe's controls, a hold, noise, an exercise, a file, or a policy.
+
+`auto` is the first of these that the model calls for: its keyframe's own controls where it has any
+(`none` beside them), else an exercise.
+"""
 
 import re
 from collections.abc import Mapping
@@ -17,7 +21,7 @@ from pydantic_core import PydanticCustomError
 
 from contactlab.schema.strict_model import Model, Number, Positive, Word, about, listed
 
-_WORDS = ("none", "hold", "exercise")
+_WORDS = ("auto", "none", "hold", "exercise")
 _CLASS = r"^.+\.py:[A-Za-z_]\w*$"
 Share = Annotated[str, Field(pattern=r"^[0-9]*\.?[0-9]+%$")]
 FileHash = Annotated[
@@ -31,36 +35,13 @@ def _checked_class(text: str) -> str:
     return text
 
 
-class Springs(Model):
-    """What holds the start of a model, as it was found for that one and is given to others."""
-
-    actuators: tuple[int, ...] = about("those with a spring along their length")
-    stiffness: tuple[Number, ...] = about("force by length, of each")
-    damping: tuple[Number, ...] = about("force by rate of length, of each")
-    forces: tuple[Number, ...] = about("of all actuators, beside those against gravity")
-    settling: Number = about("how long the model settles first [s]")
-
-
-def _handed_on() -> Any:  # noqa: ANN401 - a field of its own type
-    what = "those of another model; those that suit the model itself if left out"
-    return about(what, default=None, exclude_if=lambda springs: springs is None)
-
-
-class HeldDrive(Model):
-    """A hold, or an exercise, with given springs."""
-
-    drive: Literal["hold", "exercise"] = about("what it does")
-    springs: Springs = about("what holds the start")
-
-
 class NoiseDrive(Model):
-    """Band-limited random controls around those that hold the start posture."""
+    """Band-limited random controls around those at the start."""
 
     noise: Annotated[float, Field(strict=True, gt=0, le=1)] = about(
         "root mean square over half the range of each control"
     )
     rate: Positive = about("highest frequency [Hz]", default=10.0)
-    springs: Springs | None = _handed_on()
 
 
 class FileDrive(Model):
@@ -73,7 +54,6 @@ class FileDrive(Model):
     interpolation: Literal["linear", "hold"] = about(
         "between rows: linear, or each row held until the next", default="linear"
     )
-    springs: Springs | None = _handed_on()
     sha256: FileHash = None
 
 
@@ -116,7 +96,6 @@ DRIVE_FORMS: Mapping[str, type[Model]] = {
     "policy": PolicyDrive,
     "file": FileDrive,
     "noise": NoiseDrive,
-    "drive": HeldDrive,
 }
 
 
@@ -130,16 +109,15 @@ def _form(data: object) -> str | None:
 
 # Tags start with @ so that an error's path never mistakes one for a key of the file.
 Drive = Annotated[
-    Annotated[Literal["none", "hold", "exercise"], Tag("@word")]
+    Annotated[Literal["auto", "none", "hold", "exercise"], Tag("@word")]
     | Annotated[NoiseDrive, Tag("@noise")]
     | Annotated[FileDrive, Tag("@file")]
-    | Annotated[PolicyDrive, Tag("@policy")]
-    | Annotated[HeldDrive, Tag("@drive")],
+    | Annotated[PolicyDrive, Tag("@policy")],
     Discriminator(
         _form,
         custom_error_type="drive_form",
-        custom_error_message="takes none, hold, exercise, {noise: SHARE, rate: HZ}, {file: FILE} "
-        "or {policy: FILE.py:CLASS}",
+        custom_error_message="takes auto, none, hold, exercise, {noise: SHARE, rate: HZ}, "
+        "{file: FILE} or {policy: FILE.py:CLASS}",
     ),
 ]
 _ADAPTER: TypeAdapter[Drive] = TypeAdapter(Drive, config=ConfigDict(defer_build=True))
@@ -187,20 +165,7 @@ def drive_data(drive: Drive) -> object:
 
 def drive_word(drive: Drive) -> str | None:
     """Return the word that names a drive; None for one that has numbers or files."""
-    return (
-        drive.drive if isinstance(drive, HeldDrive) else drive if isinstance(drive, str) else None
-    )
-
-
-def with_springs(drive: Drive, springs: Springs) -> Drive:
-    """Return a drive that holds by given springs, if it holds anything."""
-    match drive:
-        case "none" | PolicyDrive():
-            return drive
-        case "hold" | "exercise":
-            return HeldDrive(drive=drive, springs=springs)
-        case _:
-            return drive.model_copy(update={"springs": springs})
+    return drive if isinstance(drive, str) else None
 
 
 def drive_files(drive: Drive) -> tuple[str, ...]:
@@ -222,7 +187,7 @@ def drive_identity(drive: Drive) -> object:
     match drive:
         case str():
             return None if drive == "none" else drive
-        case NoiseDrive() | HeldDrive():
+        case NoiseDrive():
             return drive.model_dump()
         case FileDrive():
             return drive.model_dump(exclude={"file"})
@@ -236,8 +201,6 @@ def drive_text(drive: Drive) -> str:
     match drive:
         case str():
             return drive
-        case HeldDrive():
-            return drive.drive
         case NoiseDrive():
             return f"noise={drive.noise:g},rate={drive.rate:g}"
         case FileDrive(file=file, interpolation=interpolation):

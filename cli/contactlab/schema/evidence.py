@@ -1,5 +1,11 @@
-"""What a store holds: the record of each run, its accuracy and times, and the manifest."""
+"""Documents of a store: the record of each run, its accuracy and times, and the manifest.
 
+A field of the record is described here alone: the columns of the table, the JSON schema and the
+list of columns in docs/evidence.md follow.
+"""
+
+from dataclasses import dataclass
+from enum import Enum
 from typing import Annotated, Any, Literal
 
 from pydantic import Field
@@ -15,48 +21,60 @@ ErrorKind = Literal["trajectory", "local", "invariants"]
 SolrefRule = Literal["absolute", "tied"]
 
 
+class InTable(Enum):
+    """How the table stores a field of the record, where its type does not say it."""
+
+    SHARED = "once, in the table's metadata, since all runs of a store share it"
+    BY_NAME = "each entry in a column that has the entry's own name"
+    STRUCT = "a struct with a field for each entry"
+    WITHOUT_DEFAULTS = "JSON without the entries that have their default"
+
+
+@dataclass(frozen=True)
+class InColumns:
+    """A field whose own fields are columns, whose names begin with a prefix."""
+
+    prefix: str
+
+
 class Accuracy(Model):
     """Errors of a run against its reference; columns of the table have the same names.
 
     Errors are in m, angles weighted by the length of their degree of freedom; where `error_kind`
-    is `invariants` they are ratios. They are null where the run or its reference failed.
+    is `invariants` they are ratios. They are null where the run or its reference failed. An error
+    smaller than its estimate cannot be resolved.
     """
 
-    error_final: float | None = about("At the last common time.")
-    error_mean: float | None = about("Mean over common times.")
-    error_peak: float | None = about("Largest over common times.")
+    error_final: float | None = about(
+        "distance from the reference at the end", unit="m", better="lower"
+    )
+    error_mean: float | None = about(
+        "distance from the reference, mean over time", unit="m", better="lower"
+    )
+    error_peak: float | None = about(
+        "distance from the reference, largest", unit="m", better="lower"
+    )
     error_estimate: float | None = about(
-        "Largest distance of the two finest references, a bound on the uncertainty of each error."
+        "what the reference itself may be off by", unit="m", better="lower"
     )
-    error_final_estimate: float | None = about(
-        "Their distance at the end: a smaller `error_final` cannot be resolved."
-    )
-    error_mean_estimate: float | None = about(
-        "Their mean distance: a smaller `error_mean` cannot be resolved."
-    )
+    error_final_estimate: float | None = about("the same for the error at the end", unit="m")
+    error_mean_estimate: float | None = about("the same for the mean error", unit="m")
     error_velocity: float | None = about(
-        "Mean difference of velocities over common times [m/s].", default=None
+        "difference of velocities, mean over time", unit="m/s", better="lower", default=None
     )
     error_energy: float | None = about(
-        "Mean difference of energy, or of momenta if conserved, as a ratio.", default=None
+        "difference of energy and momenta, mean over time", unit="1", better="lower", default=None
     )
-    error_kind: ErrorKind
-    chaotic: bool | None = about(
-        "Whether a start 1e-8 away grows to the size of the errors; null if unknown."
-    )
+    error_kind: ErrorKind = about("trajectory, local or invariants; the last have no unit")
+    chaotic: bool | None = about("whether a start 1e-8 away grows to the size of the errors")
     divergence: float | None = about(
-        "Largest distance of a start 1e-8 away from the reference [m].", default=None
+        "how far a start 1e-8 away gets from the reference", unit="m", default=None
     )
-    reference_integrator: str | None
-    reference_timestep: float | None = about("Of the finest reference [s].")
-    impacts: int | None = about("How often contacts began or ended in the run.")
-    solref_rule: SolrefRule | None = about(
-        "Whether the time constant of solref is a multiple of the timestep, where "
-        "that varies; null where it does not."
-    )
-    solref_clamped: bool = about(
-        "Whether refsafe raised a time constant of solref to two timesteps."
-    )
+    reference_integrator: str | None = about("the reference's integrator")
+    reference_timestep: float | None = about("the finest reference's timestep", unit="s")
+    impacts: int | None = about("how often contacts began or ended in the run", unit="1")
+    solref_rule: SolrefRule | None = about("absolute, or tied to the timestep")
+    solref_clamped: bool = about("whether refsafe raised solref to two timesteps")
 
 
 class Timing(Model):
@@ -65,16 +83,28 @@ class Timing(Model):
     Times are null where the run failed.
     """
 
-    time_min: float | None = about("CPU s per simulated s, least of the rounds.")
-    time_median: float | None = about("CPU s per simulated s, median of the rounds.")
-    step_p50: float | None = about("CPU time of a single step, median [s].")
-    step_p99: float | None = about("CPU time of a single step, 99th percentile [s].")
-    compile_time: float | None = about("CPU time to compile the model [s].")
-    work_steps: float | None = about("Steps per simulated second.")
-    work_iterations: float | None = about("Solver iterations per simulated second.")
-    work_contacts: float | None = about("Contacts, summed over steps, per simulated second.")
-    work_rows: float | None = about("Constraint rows, summed over steps, per simulated second.")
-    timing_settings: str = about("Hash of how times were measured.")
+    time_min: float | None = about(
+        "CPU s per simulated s, least of the rounds", unit="1", better="lower"
+    )
+    time_median: float | None = about(
+        "CPU s per simulated s, median of the rounds", unit="1", better="lower"
+    )
+    step_p50: float | None = about("CPU time of a single step, median", unit="s", better="lower")
+    step_p99: float | None = about(
+        "CPU time of a single step, 99th percentile", unit="s", better="lower"
+    )
+    compile_time: float | None = about("CPU time to compile the model", unit="s", better="lower")
+    work_steps: float | None = about("steps per simulated second", unit="1/s", better="lower")
+    work_iterations: float | None = about(
+        "solver iterations per simulated second", unit="1/s", better="lower"
+    )
+    work_contacts: float | None = about(
+        "contacts of all steps per simulated second", unit="1/s", better="lower"
+    )
+    work_rows: float | None = about(
+        "constraint rows of all steps per simulated second", unit="1/s", better="lower"
+    )
+    timing_settings: str = about("hash of how times were measured")
 
 
 RECORD_VERSION = 2
@@ -88,8 +118,17 @@ class LabelEntry(Model):
     """One label that applies to the run."""
 
     label: str
-    reason: str
-    step: int | None = about("The first step at which it applied.")
+    reason: str = about("why it applies")
+    step: int | None = about("step at which it was first met", unit="1")
+
+
+class LabelFacts(Model):
+    """Description of a label that a plug-in declared, for readers without the plug-in."""
+
+    meaning: str = ""
+    advice: str = about("what to change", default="")
+    letter: str = about("one character for it on maps", default="", max_length=1)
+    colour: str = about("its colour in pictures", default="", pattern="^(#[0-9a-f]{6})?$")
 
 
 class PairRecord(Model):
@@ -97,43 +136,37 @@ class PairRecord(Model):
 
     condim: int
     friction: tuple[float, ...] = about(
-        "Slide, slide [1]; torsion, roll, roll [m].", min_length=5, max_length=5
+        "slide, slide [1]; torsion, roll, roll [m]", min_length=5, max_length=5
     )
     solref: tuple[float, ...] = Field(min_length=2, max_length=2)
     solimp: tuple[float, ...] = Field(min_length=5, max_length=5)
-    margin: float = about("m")
-    gap: float = about("m")
+    margin: float = about("distance at which a contact is made", unit="m")
+    gap: float = about("part of the margin in which it exerts no force", unit="m")
 
 
 class Engine(Model):
     """The engine that computed the trajectory."""
 
-    name: str
-    version: str
+    name: str = about("what computed the trajectory")
+    version: str = about("its version")
 
 
 class InitialState(Model):
-    """The start state, exactly."""
+    """The start state, exactly. A scene's drive changes the control; force and torque: N, N m."""
 
-    qpos: tuple[float, ...]
-    qvel: tuple[float, ...]
-    ctrl: tuple[float, ...] = about(
-        "Control at the start; it stays, unless the scene drives it.", default=()
-    )
-    applied: tuple[float, ...] = about(
-        "Force and torque on each body at the start [N, N m]; empty if none.", default=()
-    )
+    qpos: tuple[float, ...] = about("start configuration")
+    qvel: tuple[float, ...] = about("start velocity")
+    ctrl: tuple[float, ...] = about("constant control", default=())
+    applied: tuple[float, ...] = about("constant force and torque on each body", default=())
 
 
 class Cost(Model):
     """The cost of the run."""
 
-    cpu_s: float = about("Thread CPU time of the stepping [s].")
-    cpu_per_sim_s: float = about("CPU seconds per simulated second.")
-    latency_budget_s: float | None = about("Wall time a step may take [s].")
-    latency_used: float | None = about(
-        "Mean CPU time of a step over the budget; above 1 the budget is exceeded."
-    )
+    cpu_s: float = about("thread CPU time of the stepping", unit="s")
+    cpu_per_sim_s: float = about("CPU seconds per simulated second", unit="1", better="lower")
+    latency_budget_s: float | None = about("wall time a step may take", unit="s")
+    latency_used: float | None = about("mean CPU time of a step over the budget", unit="1")
 
     @classmethod
     def of(cls, cpu: float, steps: int, timestep: float, budget: float | None) -> "Cost":
@@ -148,14 +181,15 @@ class Cost(Model):
 
 
 class TraceFile(Model):
-    """The run's MCAP file."""
+    """The run's MCAP file. The messages of a compact trace are those that it stands for."""
 
     file: str = about(
-        "Path relative to the store.", pattern=r"^traces/[0-9a-f]{2}/[0-9a-f]+\.mcap$"
+        "the run's MCAP file, relative to the store",
+        pattern=r"^traces/[0-9a-f]{2}/[0-9a-f]+\.mcap$",
     )
-    sha256: Sha256
-    bytes: int
-    messages: dict[str, int] = about("Messages by topic; of a compact trace, those it stands for.")
+    sha256: Sha256 = about("its SHA-256")
+    bytes: int = about("its size", unit="B")
+    messages: dict[str, int] = about("its messages by topic")
 
 
 class Host(Model):
@@ -193,7 +227,7 @@ PluginInfos = Annotated[
     tuple[PluginInfo, ...],
     Field(
         exclude_if=lambda plugins: not plugins,
-        description="Plug-ins that were loaded; left out without any.",
+        description="plug-ins that were loaded",
     ),
 ]
 
@@ -204,7 +238,7 @@ def _unsaid(description: str) -> Any:  # noqa: ANN401 - as `about`
 
 
 class Loop(Model):
-    """What was noticed of an episode of a recorded loop."""
+    """Observations of an episode of a recorded loop."""
 
     unchecked: str = about("What was not checked, and why.")
     changed: tuple[str, ...] = about(
@@ -215,65 +249,73 @@ class Loop(Model):
 
 
 class EvidenceRecord(Model):
-    """Everything known about one run, except its trace. Units are SI; `units` names them."""
+    """Everything known about one run, except its trace. Units are SI; `units` names them.
 
-    schema_version: Literal[2] = RECORD_VERSION
-    run_id: Hash
-    index: int = about("The run's place in the plan.")
-    sweep: str
-    scene: str
-    scene_hash: Hash
-    engine: Engine
-    axes: dict[str, Setting] = about("The swept values, as the sweep names them.")
-    settings: dict[str, Setting] = about("Every resolved setting, defaults included.")
-    effects: dict[str, bool] = about("Every effect, on or off.")
-    effect_reasons: dict[str, str] = about("Why each effect is on or off.", default_factory=dict)
+    The trajectory's hash is of time, qpos, qvel and act of every state row, as float64 bytes; the
+    controls are in controls/SHA256.arrow. What does not apply is null.
+    """
+
+    schema_version: Annotated[Literal[2], InTable.SHARED] = RECORD_VERSION
+    run_id: Hash = about("hash of scene content, settings, seed and duration")
+    index: int = about("the run's place in the plan", unit="1")
+    sweep: Annotated[str, InTable.SHARED]
+    scene: str = about("scene's name")
+    scene_hash: Hash = about("hash of the scene's files")
+    engine: Annotated[Engine, InColumns("engine_")]
+    axes: Annotated[dict[str, Setting], InTable.BY_NAME] = about(
+        "The swept values, as the sweep names them."
+    )
+    settings: Annotated[dict[str, Setting], InTable.STRUCT] = about("every resolved setting")
+    effects: Annotated[dict[str, bool], InTable.STRUCT] = about("every effect, on or off")
+    effect_reasons: dict[str, str] = about("why each effect is on or off", default_factory=dict)
     effects_missed: dict[str, str] = about(
-        "Effects that are off although the motion called for them, and why.", default_factory=dict
+        "effects that are off although the run called for them", default_factory=dict
     )
-    pairs: dict[str, PairRecord]
-    edited_geoms: tuple[str, ...] = about("Geoms whose contact parameters were set.")
-    seed: int
-    initial: InitialState
-    duration: float
-    drive: Drive = about("What drove the run.", default="none")
-    status: Status
-    status_reason: str | None
-    steps: int
-    steps_asked: int
-    warnings: dict[str, int] = about("Engine warnings by name.")
-    metrics: dict[str, float | None]
-    metric_versions: dict[str, int]
-    units: dict[str, str]
-    label: str
-    labels: tuple[LabelEntry, ...] = about("Every label that applies, worst first.")
-    expected: tuple[str, ...] | None
-    expectation_met: bool | None
-    expectation_reason: str | None
-    tolerances_met: bool | None
-    coverage: Coverage | None = about(
-        "What the run exercised; null where it is not known.", default=None
+    pairs: dict[str, PairRecord] = about("effective contact parameters of each pair")
+    edited_geoms: tuple[str, ...] = about("geoms whose contact parameters were set")
+    seed: int = about("what perturbed the start state", unit="1")
+    initial: Annotated[InitialState, InColumns("initial_")]
+    duration: float = about("simulated time asked for", unit="s")
+    drive: Drive = about("what drove the run", default="none")
+    status: Status = about("ok, stopped, error, crashed or timeout")
+    status_reason: str | None = about("what ended the run, if it did not go through")
+    steps: int = about("steps made", unit="1")
+    steps_asked: int = about("steps asked for", unit="1")
+    warnings: dict[str, int] = about("engine warnings by name")
+    metrics: Annotated[dict[str, float | None], InTable.BY_NAME]
+    metric_versions: Annotated[dict[str, int], InTable.SHARED]
+    units: Annotated[dict[str, str], InTable.SHARED]
+    label: str = about("worst label")
+    labels: tuple[LabelEntry, ...] = about("every label that applies, worst first")
+    expected: tuple[str, ...] | None = about("labels of which one was expected")
+    expectation_met: bool | None = about("whether what was expected came out")
+    expectation_reason: str | None = about("what was missed")
+    tolerances_met: bool | None = about("whether every tolerance of the sweep is met")
+    coverage: Annotated[Coverage | None, InTable.WITHOUT_DEFAULTS] = about(
+        "what moved, was loaded and touched", default=None
     )
-    trajectory_hash: Hash | None = about(
-        "SHA-256 of time, qpos, qvel and act of every state row, as float64 bytes."
-    )
-    knife_edge: bool | None = about(
-        "Whether a start 1e-6 away gives another label; null if unasked.", default=None
-    )
-    provenance: Provenance
+    trajectory_hash: Hash | None = about("SHA-256 of every state row")
+    knife_edge: bool | None = about("whether a start 1e-6 away gives another label", default=None)
+    provenance: Provenance = about("tool, host and versions")
     plugins: PluginInfos = ()
-    cost: Cost | None = None
-    accuracy: Accuracy | None = about("Null if the sweep requests none.", default=None)
-    timing: Timing | None = about("Null if the sweep requests none.", default=None)
-    trace: TraceFile | None = None
-    controls: str | None = about(
-        "SHA-256 of what its policy did, in controls/SHA256.arrow; null without.", default=None
+    cost: Annotated[Cost | None, InColumns("cost_")] = None
+    accuracy: Annotated[Accuracy | None, InColumns("")] = about(
+        "Null if the sweep requests none.", default=None
     )
-    started: str | None = about("UTC, ISO 8601.", default=None)
-    finished: str | None = about("UTC, ISO 8601.", default=None)
-    success: bool | None = _unsaid("Whether a recorded loop calls its episode a success.")
-    total_reward: float | None = _unsaid("The sum of the rewards of its episode.")
-    loop: Loop | None = _unsaid("What was noticed of its episode.")
+    timing: Annotated[Timing | None, InColumns("")] = about(
+        "Null if the sweep requests none.", default=None
+    )
+    trace: Annotated[TraceFile | None, InColumns("trace_")] = None
+    controls: str | None = about(
+        "hash of what was applied to the run, which names its file", default=None
+    )
+    started: str | None = about("UTC, ISO 8601", default=None)
+    finished: str | None = about("UTC, ISO 8601", default=None)
+    success: bool | None = _unsaid("whether the loop calls its episode a success")
+    total_reward: float | None = _unsaid("sum of the rewards of the episode")
+    loop: Annotated[Loop | None, InTable.WITHOUT_DEFAULTS] = _unsaid(
+        "what was noticed of the episode"
+    )
 
 
 STORE_VERSION = 2
@@ -310,7 +352,7 @@ class SweepIdentity(Model):
 
 
 class StoreManifest(Model):
-    """What a finished store holds (`manifest.json`)."""
+    """Contents of a finished store (`manifest.json`)."""
 
     store_version: Literal[2] = STORE_VERSION
     sweep: SweepIdentity

@@ -9,7 +9,9 @@ from pydantic import BaseModel
 from contactlab.plugins import extensions
 from contactlab.schema.check_report import CheckReport, Reference
 from contactlab.schema.comparison import ComparePolicy, ComparisonReport
+from contactlab.schema.error_budget import BudgetReport
 from contactlab.schema.evidence import EvidenceRecord, StoreManifest
+from contactlab.schema.examination import Examination
 from contactlab.schema.scene_manifest import SceneManifest
 from contactlab.schema.study_reports import EffectsReport, FitReport, TuneReport
 from contactlab.schema.sweep_schema import Sweep
@@ -28,6 +30,8 @@ EMITTED: Mapping[str, type[BaseModel]] = {
     "tradeoff.schema.json": TradeoffReport,
     "comparison.schema.json": ComparisonReport,
     "check.schema.json": CheckReport,
+    "budget.schema.json": BudgetReport,
+    "examination.schema.json": Examination,
     "reference.schema.json": Reference,
     "effects.schema.json": EffectsReport,
     "tune.schema.json": TuneReport,
@@ -46,7 +50,9 @@ def json_schemas() -> dict[str, Node]:
     schemas: dict[str, Node] = {}
     for name, model in WRITTEN.items():
         schemas[name] = {"$schema": _DRAFT_07, **_rewritten(model.model_json_schema())}
-    others = {f"{name}.schema.json": each.load() for name, each in extensions("schema").items()}
+    others = {
+        f"{name}.schema.json": extension.load() for name, extension in extensions("schema").items()
+    }
     for name, model in {**EMITTED, **others}.items():
         schemas[name] = {"$schema": _DRAFT_2020, **model.model_json_schema(mode="serialization")}
     return schemas

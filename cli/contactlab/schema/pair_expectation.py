@@ -1,4 +1,4 @@
-"""What contact pairs should do, in scenes and sweeps: modes, forces and depths, and when."""
+"""Expectations of contact pairs in scenes and sweeps: modes, forces and depths, and when."""
 
 from typing import Annotated, Literal, Self
 
@@ -47,7 +47,7 @@ Modes = Annotated[
 
 
 class PairExpectation(Model):
-    """What some monitored pairs should do, and when."""
+    """Expected behaviour of some monitored pairs, and when."""
 
     model_config = ConfigDict(serialize_by_alias=True)
 

@@ -7,6 +7,7 @@ from pydantic import Field, model_validator
 
 from contactlab.schema.drive import Drive
 from contactlab.schema.pair_expectation import ExpectedModes, PairExpectation, Term
+from contactlab.schema.requirement import Requirements
 from contactlab.schema.strict_model import Model, Number, Whole, Word, about
 from contactlab.schema.sweep_schema import Effects
 
@@ -196,6 +197,12 @@ class SceneManifest(Model):
     perturb: Perturbation | None = None
     modes: ExpectedModes = about(
         "`mode: {first, last}` of all monitored pairs.", default=ExpectedModes()
+    )
+    must: Requirements = about(
+        "What has to hold in every run, in words: `held(mug, by: hand)`, `still(box, 1 mm)`, "
+        "`upright(torso)`, `passes(peg, hole)`, `slides(box)`, `stays(box, 10 mm)`.",
+        default=(),
+        exclude_if=lambda must: not must,
     )
     oracle: OracleEntry | None = None
     effects: Effects = about(

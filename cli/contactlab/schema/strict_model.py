@@ -49,8 +49,15 @@ def check_extent(text: str) -> None:
             raise ValueError("nested too deeply")
 
 
-def about(description: str, **rules: Any) -> Any:  # noqa: ANN401 - of the field's own type
-    """Return a field with a description; `default` and other rules are those of pydantic."""
+def about(description: str, *, unit: str = "", better: str = "", **rules: Any) -> Any:  # noqa: ANN401 - of the field's own type
+    """Return a field with a description; `default` and other rules are those of pydantic.
+
+    The unit is that of its number, `1` for counts and ratios; `better` is lower, higher or none
+    for a measured value. JSON schema, table and documentation state both.
+    """
+    facts = {name: text for name, text in (("unit", unit), ("better", better)) if text}
+    if facts:
+        rules["json_schema_extra"] = facts
     return Field(description=description, **rules)
 
 

@@ -6,6 +6,7 @@ from typing import Literal
 
 from contactlab.schema.evidence import Engine, Provenance, Setting
 from contactlab.schema.strict_model import Model, about
+from contactlab.schema.task import Task
 
 EFFECTS_VERSION = 1
 
@@ -106,6 +107,7 @@ class EffectsReport(Model):
     scene: str
     scene_hash: str
     source: str = about("The scene, sweep or model as given.")
+    task: Task = about("What it is judged on.")
     base: dict[str, Setting] = about("Axes of the base configuration.")
     scenarios: tuple[dict[str, Setting], ...]
     seeds: tuple[int, ...]
@@ -161,7 +163,7 @@ class Changed(Model):
 
 
 class Kept(Model):
-    """What was not tried, or not changed, and why."""
+    """Setting that was not tried, or not changed, and why."""
 
     name: str
     reason: str
@@ -193,6 +195,7 @@ class TuneReport(Model):
     model: str = about("As given.")
     scene_hash: str
     goal: Goal
+    task: Task = about("What it is judged on.")
     drive: str
     duration: float = about("s")
     limits: dict[str, float] = about("Largest error, and of metrics, by column.")
@@ -234,7 +237,7 @@ class FittedSetting(Model):
 
 
 class FitReport(Model):
-    """What a fit found; errors are means over recorded runs."""
+    """Result of a fit; errors are means over recorded runs."""
 
     schema_version: Literal[1] = 1
     scene: str

@@ -17,6 +17,7 @@ from pydantic_core import PydanticCustomError
 
 from contactlab.schema.drive import Drive
 from contactlab.schema.pair_expectation import Bounds, PairExpectation
+from contactlab.schema.requirement import Requirements
 from contactlab.schema.strict_model import (
     Flag,
     Model,
@@ -36,8 +37,8 @@ _BASE = "base"
 
 
 def _checked(value: dict[str, bool | EffectsBase]) -> dict[str, bool | EffectsBase]:
-    for name, each in value.items():
-        if (name == _BASE) == isinstance(each, bool):
+    for name, item in value.items():
+        if (name == _BASE) == isinstance(item, bool):
             wanted = "auto or all" if name == _BASE else "true or false"
             raise PydanticCustomError(
                 "effects", "'{name}' takes {wanted}", {"name": name, "wanted": wanted}
@@ -262,6 +263,12 @@ class Sweep(Model):
     )
     pairs: tuple[PairExpectation, ...] = about(
         "what monitored pairs should do in every run", default=()
+    )
+    must: Requirements = about(
+        "what has to hold in every run, in words: held(mug, by: hand), still(box, 1 mm), "
+        "upright(torso), passes(peg, hole), slides(box), stays(box, 10 mm)",
+        default=(),
+        exclude_if=lambda must: not must,
     )
     tolerances: dict[str, Tolerance] = about(
         "metric name to the largest acceptable value: a number, or 1%", default={}

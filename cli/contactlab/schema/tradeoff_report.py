@@ -4,6 +4,7 @@ from typing import Literal
 
 from contactlab.schema.evidence import Setting
 from contactlab.schema.strict_model import Model, about
+from contactlab.schema.task import Task
 
 TRADEOFF_VERSION = 1
 
@@ -152,12 +153,13 @@ class Blocker(Model):
 
 
 class TradeoffReport(Model):
-    """What accuracy costs in time, over the knobs of a sweep, in its worst scenario and seed."""
+    """Time that accuracy costs over the knobs of a sweep, in its worst scenario and seed."""
 
     schema_version: Literal[1] = TRADEOFF_VERSION
     store: str
     sweep: str
     scene: str
+    task: Task | None = about("What runs are judged on; null for a stored sweep.", default=None)
     knobs: tuple[str, ...]
     scenarios: tuple[str, ...]
     idle: tuple[str, ...] = about("Knobs that change no error by more than 1 %.")
@@ -184,5 +186,5 @@ class TradeoffReport(Model):
     @property
     def varying(self) -> list[str]:
         """Knobs that differ between configurations."""
-        values = [each.configuration for each in self.configurations]
-        return [name for name in self.knobs if len({each[name] for each in values}) > 1]
+        values = [configuration.configuration for configuration in self.configurations]
+        return [name for name in self.knobs if len({value[name] for value in values}) > 1]

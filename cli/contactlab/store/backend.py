@@ -1,4 +1,4 @@
-"""What a store needs of the place it lies in."""
+"""Operations that a store needs of the place it lies in."""
 
 from collections.abc import Collection, Generator, Iterable, Sequence
 from contextlib import AbstractContextManager

@@ -47,7 +47,9 @@ def _read_csv(path: Path) -> Columns:
         rows = [row for row in csv.reader(file) if row]
     names = [name.strip() for name in rows[0]] if rows else []
     if len(set(names)) < len(names):
-        raise ValueError(f"column `{next(x for x in names if names.count(x) > 1)}` occurs twice")
+        raise ValueError(
+            f"column `{next(name for name in names if names.count(name) > 1)}` occurs twice"
+        )
     for number, row in enumerate(rows[1:], 1):
         if len(row) != len(names):
             raise ValueError(f"row {number} has {len(row)} cells, not {len(names)}")

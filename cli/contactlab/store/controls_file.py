@@ -1,8 +1,9 @@
-"""The recorded controls of a store: one Arrow file for each content, named after its hash.
+"""Controls applied to the runs of a store: an Arrow file for each content, named by its hash.
 
-Its columns are `time` and the actuators, so that it can also drive other runs.
+Its columns are `time`, the actuators, and forces on bodies, so that it can also drive other runs.
 """
 
+import json
 from collections.abc import Sequence
 
 import numpy as np
@@ -10,6 +11,7 @@ import pyarrow as pa
 
 from contactlab.contact.trace_arrays import RecordedControls
 from contactlab.errors import StoreError
+from contactlab.store.arrow_values import number_array, numpy_array
 from contactlab.store.backend import Backend
 from contactlab.store.store_files import CONTROLS
 
@@ -19,13 +21,19 @@ def controls_name(sha256: str) -> str:
     return f"{CONTROLS}/{sha256}.arrow"
 
 
-def encode_controls(controls: RecordedControls, actuators: Sequence[str]) -> bytes:
-    """Return the controls of (nu) named actuators as an Arrow file.
+_PLACES = b"places"
+
+
+def encode_controls(controls: RecordedControls, names: Sequence[str]) -> bytes:
+    """Return inputs, of a name each, as an Arrow file.
 
     It is made in a tenth of the time of Parquet.
     """
-    columns = controls.times, *np.ascontiguousarray(controls.levels.T)
-    batch = pa.record_batch([*columns], names=["time", *actuators])
+    columns = map(number_array, (controls.times, *controls.levels.T))
+    batch = pa.record_batch([*columns], names=["time", *names])
+    if controls.places:
+        places = {_PLACES: json.dumps(controls.places).encode()}
+        batch = batch.replace_schema_metadata(places)
     file = pa.BufferOutputStream()
     with pa.ipc.new_file(file, batch.schema) as writer:
         writer.write_batch(batch)
@@ -39,8 +47,10 @@ def read_controls(backend: Backend, sha256: str) -> RecordedControls:
     if data is None:
         raise StoreError(f"{backend.address / name} is missing")
     try:
-        time, *levels = (column.to_numpy() for column in pa.ipc.open_file(data).read_all().columns)
-        controls = RecordedControls(time, np.array(levels).T)
+        table = pa.ipc.open_file(data).read_all()
+        time, *levels = map(numpy_array, table.columns)
+        places = json.loads((table.schema.metadata or {}).get(_PLACES, b"[]"))
+        controls = RecordedControls(time, np.array(levels).T, tuple(places))
     except (pa.ArrowException, OSError, ValueError) as error:
         raise StoreError(f"{backend.address / name} is damaged: {error}") from error
     if controls.sha256 != sha256:

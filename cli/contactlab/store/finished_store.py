@@ -16,6 +16,7 @@ from contactlab.contact.trace_arrays import RecordedControls
 from contactlab.errors import StoreError, did_you_mean, optional
 from contactlab.schema.drive import PolicyDrive
 from contactlab.schema.evidence import EvidenceRecord, StoreManifest, TraceFile
+from contactlab.store.arrow_values import number_array, numpy_array
 from contactlab.store.atomic_files import sha256_of
 from contactlab.store.backend import Backend
 from contactlab.store.controls_file import read_controls
@@ -45,7 +46,7 @@ if TYPE_CHECKING:
 
 _MAX_SIMILAR = 32
 _SHOWN = ("run_id", "label", "label_reason")
-_MOST_ROWS = 20
+_MOST_ROWS_SHOWN = 20
 _Content = TypeVar("_Content")
 
 
@@ -80,8 +81,12 @@ class Runs:
         return f"<{len(self)} runs, {self.arrow.num_columns} columns>"
 
     def _repr_html_(self) -> str:
-        rows = self.arrow.select(list(_SHOWN)).slice(0, _MOST_ROWS).to_pylist()
-        more = f"<p>and {len(self) - _MOST_ROWS:,} more</p>" if len(self) > _MOST_ROWS else ""
+        rows = self.arrow.select(list(_SHOWN)).slice(0, _MOST_ROWS_SHOWN).to_pylist()
+        more = (
+            f"<p>and {len(self) - _MOST_ROWS_SHOWN:,} more</p>"
+            if len(self) > _MOST_ROWS_SHOWN
+            else ""
+        )
         return _table(_SHOWN, (row.values() for row in rows)) + more
 
 
@@ -157,7 +162,7 @@ class Store:
 
     @property
     def digest(self) -> str:
-        """What a store is pinned by: SHA-256 of its manifest, which binds all the rest."""
+        """Digest that pins a store: SHA-256 of its manifest, which binds all the rest."""
         return sha256_of(self.file(MANIFEST))
 
     @property
@@ -178,7 +183,7 @@ class Store:
     @property
     def units(self) -> dict[str, str]:
         """The unit of every column that holds numbers; `1` for counts and ratios."""
-        return {name: each.unit for name, each in self.columns.described.items() if each.unit}
+        return {name: column.unit for name, column in self.columns.described.items() if column.unit}
 
     @property
     def scene_folder(self) -> Path:
@@ -203,12 +208,12 @@ class Store:
         Raises a StoreError if no run or more than one has this id.
         """
         ids = self.columns.run_ids
-        matches = np.flatnonzero(_matches(ids, "starts_with", run))
+        matches = np.flatnonzero(numpy_array(_matches(ids, "starts_with", run)))
         if len(matches) == 0:
             hint = did_you_mean(run, similar_ids(run, ids))
             raise StoreError(f"no run in {self.address} has an id that starts with '{run}'{hint}")
         if len(matches) > 1:
-            some = ", ".join(ids.take(pa.array(matches[:3])).to_pylist())
+            some = ", ".join(ids.take(number_array(matches[:3])).to_pylist())
             raise StoreError(
                 f"{len(matches)} runs in {self.address} have ids that start with '{run}' "
                 f"({some}, ...); write more of it"
@@ -310,7 +315,7 @@ def _no_manifest(backend: Backend) -> StoreError:
 
 
 def _table(header: Iterable[object], rows: Iterable[Iterable[object]]) -> str:
-    return f"<table>{_row('th', header)}{''.join(_row('td', each) for each in rows)}</table>"
+    return f"<table>{_row('th', header)}{''.join(_row('td', row) for row in rows)}</table>"
 
 
 def _row(tag: str, cells: Iterable[object]) -> str:

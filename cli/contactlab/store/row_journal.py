@@ -92,7 +92,7 @@ class _LineReader:
             self._name, self._shared = line[1 - SEAL_SIZE : -1], row
             return None
         if name not in (b"", self._name):
-            raise ValueError("is of a job of which the line that its rows share is not before it")
+            raise ValueError("refers to shared fields that no earlier line has")
         row = {**self._shared, **row} if name else row
         self._check(row, is_sealed(line))
         return row
@@ -194,7 +194,7 @@ def write_journal(path: Path, rows: Iterable[Row]) -> None:
 
 
 class _RowHead(BaseModel):
-    """What of a row is read before the table is written."""
+    """Fields of a row that are read before the table is written."""
 
     model_config = ConfigDict(strict=True, extra="ignore")
 

@@ -12,11 +12,12 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from contactlab.errors import StoreError
+from contactlab.store.arrow_values import number_array, numpy_array, text_scalar
 from contactlab.store.runs_table import compute, shared_fields, table_errors
 from contactlab.store.store_files import TABLE, Address, stored_file
 from contactlab.store.table_layout import Column, column_of
 
-_MAX_CATEGORIES = 64  # a bit each in a 64-bit mask
+_MOST_CATEGORIES = 64  # a bit each in a 64-bit mask
 
 
 class NumberColumn(NamedTuple):
@@ -70,12 +71,12 @@ class RunColumns:
     @cached_property
     def described(self) -> Mapping[str, Column]:
         """All columns by name, in table order."""
-        return {each.name: each for each in map(column_of, self.schema)}
+        return {column.name: column for column in map(column_of, self.schema)}
 
     @cached_property
     def measured(self) -> Mapping[str, Column]:
         """The columns of measured values by name, in table order."""
-        return {name: each for name, each in self.described.items() if each.better}
+        return {name: column for name, column in self.described.items() if column.better}
 
     def arrow(self, names: Sequence[str] | None = None, coded: Sequence[str] = ()) -> pa.Table:
         """Return the table, or some of its columns, some of these by their codes."""
@@ -96,7 +97,7 @@ class RunColumns:
 
     def place_of(self, run: str) -> int | None:
         """Return the row of a run, given its id; None if there is none."""
-        row = self.run_ids.index(run).as_py()
+        row = self.run_ids.index(text_scalar(run)).as_py()
         return None if row < 0 else row
 
     @cached_property
@@ -114,16 +115,16 @@ class RunColumns:
         """Return a column of numbers, or of booleans as 1 and 0."""
         column = self._read(name)
         values = compute("cast", column, options=pc.CastOptions.safe(pa.float64()))
-        valid = np.asarray(compute("is_valid", column))
-        return NumberColumn(values.to_numpy(zero_copy_only=False), valid)
+        valid = numpy_array(compute("is_valid", column))
+        return NumberColumn(np.where(valid, numpy_array(values), np.nan), valid)
 
     def coded(self, name: str) -> CodedColumn:
         """Return a column by the codes that it is stored with, its text not written out."""
         encoded = self._read(name, self._coding(name)).dictionary_encode()
         values = [*encoded.dictionary.to_pylist(), *([None] if encoded.null_count else [])]
-        last = pa.scalar(len(values) - 1, encoded.indices.type)
+        last = number_array(np.array([len(values) - 1], np.int32))[0]
         codes = compute("coalesce", encoded.indices, last)
-        return CodedColumn(np.asarray(codes), tuple(values))
+        return CodedColumn(numpy_array(codes), tuple(values))
 
     def string_sets(self, name: str) -> tuple[NDArray[np.int64], tuple[str, ...]]:
         """Return a column of lists of strings, and the strings, of which there are at most 64.
@@ -133,25 +134,25 @@ class RunColumns:
         lists = self._read(name)
         encoded = compute("list_flatten", lists).dictionary_encode()
         categories = tuple(encoded.dictionary.to_pylist())
-        if len(categories) > _MAX_CATEGORIES:
+        if len(categories) > _MOST_CATEGORIES:
             count = len(categories)
             raise StoreError(f"{self.path} is damaged: {count} different strings in '{name}'")
-        bits = np.int64(1) << np.asarray(encoded.indices).astype(np.int64)
+        bits = np.int64(1) << numpy_array(encoded.indices).astype(np.int64)
         masks = np.zeros(self.runs, dtype=np.int64)
-        rows = np.asarray(compute("list_parent_indices", lists))
+        rows = numpy_array(compute("list_parent_indices", lists))
         np.bitwise_or.at(masks, rows, bits)
         return masks, categories
 
     def byte_strings(self, name: str) -> NDArray[np.bytes_]:
         """Return (n,) strings as fixed-length bytes, for ids and hashes; empty where null."""
-        column = compute("coalesce", self._read(name), "")
+        column = compute("coalesce", self._read(name), text_scalar(""))
         width = compute("max", compute("binary_length", column)).as_py() or 1
         padded = compute("utf8_rpad", column, options=pc.PadOptions(width, "\0"))
         return np.frombuffer(padded.buffers()[2], f"S{width}", len(padded))
 
     def identify(self, rows: Sequence[int]) -> list[dict[str, Any]]:
         """Return run id, seed and axis values of some runs."""
-        return compute("take", self._identities, pa.array(rows, pa.int64())).to_pylist()
+        return compute("take", self._identities, number_array(np.array(rows, np.int64))).to_pylist()
 
     def to_pydict(self, names: Sequence[str]) -> dict[str, list[Any]]:
         """Return some columns as lists of Python values, None where null."""

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from pydantic_core import from_json
 
 from contactlab.errors import StoreError
+from contactlab.store.arrow_values import number_array, numpy_array, zero
 from contactlab.store.atomic_files import atomic_write
 from contactlab.store.row_journal import SHARED, row_extent
 from contactlab.store.table_layout import Column, table_schema, texts_of
@@ -100,7 +101,7 @@ class _RowReader:
         blocks = _blocks(self._lines, shared)
         said = pa.concat_tables([_parsed(block, self._schema) for block in blocks])
         pairs = zip(own.columns, said.columns, strict=True)
-        columns = [_filled(*pair, pa.array(places)) for pair in pairs]
+        columns = [_filled(*pair, number_array(places)) for pair in pairs]
         return pa.table(columns, schema=self._schema)
 
     def _rows(self, block: bytes) -> pa.Table:
@@ -111,9 +112,11 @@ class _RowReader:
         except pa.ArrowInvalid:
             rows = _parsed(block, self._schema)
             columns = zip(rows.column_names, rows.columns, strict=True)
-            self._found |= {name: None for name, each in columns if each.null_count < len(each)}
+            self._found |= {
+                name: None for name, column in columns if column.null_count < len(column)
+            }
             return rows
-        absent = ((each.name, pa.nulls(len(rows), each.type)) for each in self._schema)
+        absent = ((field.name, pa.nulls(len(rows), field.type)) for field in self._schema)
         found = dict(zip(rows.column_names, rows.columns, strict=True))
         return pa.table({**dict(absent), **found}, schema=self._schema)
 
@@ -204,7 +207,7 @@ def check_table_size(path: Path, runs: int) -> None:
         return
     if meta.num_rows > runs:
         raise StoreError(f"{path} is damaged: it has {meta.num_rows:,} rows for {runs:,} runs")
-    size = sum(meta.row_group(each).total_byte_size for each in range(meta.num_row_groups))
+    size = sum(meta.row_group(group).total_byte_size for group in range(meta.num_row_groups))
     if size > _MOST_TABLE + runs * _MOST_ROW:
         raise StoreError(f"{path} is damaged: it claims to hold {size:,} bytes")
 
@@ -241,7 +244,7 @@ def count_outcomes(table: pa.Table) -> dict[str, Any]:
 
 
 def _value_counts(column: pa.ChunkedArray) -> dict[Any, int]:
-    return {each["values"]: each["counts"] for each in column.value_counts().to_pylist()}
+    return {entry["values"]: entry["counts"] for entry in column.value_counts().to_pylist()}
 
 
 def shared_fields(schema: pa.Schema) -> dict[str, Any]:
@@ -284,7 +287,7 @@ class RowsDigest:
 
     def hex(self, schema: pa.Schema) -> str:
         """Return the digest of all rows that were added, given the schema of the stored table."""
-        described = [[each.name, str(each.type), texts_of(_essential(each))] for each in schema]
+        described = [[field.name, str(field.type), texts_of(_essential(field))] for field in schema]
         head = json.dumps([described, shared_fields(schema)], sort_keys=True)
         digests = {name: stream.hexdigest() for name, stream in self._streams.items()}
         return hashlib.sha256((head + json.dumps(digests, sort_keys=True)).encode()).hexdigest()
@@ -293,7 +296,7 @@ class RowsDigest:
 def _streams(name: str, column: pa.Array) -> Iterator[tuple[str, bytes | memoryview]]:
     """Yield the bytes of a column, each part with the name of its stream."""
     kind = column.type
-    yield f"{name}?", np.asarray(compute("is_valid", column)).data
+    yield f"{name}?", numpy_array(compute("is_valid", column)).data
     if pa.types.is_struct(kind):
         for field, inner in zip(kind, column.flatten(), strict=True):
             yield from _streams(f"{name}.{field.name}", inner)
@@ -305,10 +308,8 @@ def _streams(name: str, column: pa.Array) -> Iterator[tuple[str, bytes | memoryv
         yield f"{name}=", _joined(compute("drop_null", column))
     else:
         if column.null_count:
-            column = compute(
-                "coalesce", column, pa.scalar(False if kind == pa.bool_() else 0, kind)
-            )
-        yield f"{name}=", column.to_numpy(zero_copy_only=False).data
+            column = compute("coalesce", column, zero(kind))
+        yield f"{name}=", numpy_array(column).data
 
 
 def _joined(texts: pa.Array) -> memoryview:
@@ -320,4 +321,5 @@ def _joined(texts: pa.Array) -> memoryview:
 
 
 def _lengths(lengths: pa.Array) -> memoryview:
-    return compute("coalesce", lengths, 0).to_numpy(zero_copy_only=False).astype(np.int64).data
+    filled = compute("coalesce", lengths, zero(lengths.type))
+    return numpy_array(filled).astype(np.int64).data

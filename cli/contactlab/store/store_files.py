@@ -118,8 +118,8 @@ def stored_size(folder: Path, name: str, most: int = MOST_BYTES) -> int | None:
     path = str(folder)
     *folders, last = name.split("/")
     try:
-        for each in folders:
-            path = f"{path}/{each}"
+        for place in folders:
+            path = f"{path}/{place}"
             if stat.S_ISLNK(os.lstat(path).st_mode):
                 raise _foreign(path)
         path = f"{path}/{last}"
@@ -201,7 +201,7 @@ def _other_plugins(stored: SweepIdentity, requested: SweepIdentity) -> str:
     """Return which plug-ins differ, in words; nothing if none do."""
     if stored.plugins == requested.plugins:
         return ""
-    old, new = (", ".join(map(str, each.plugins)) or "none" for each in (stored, requested))
+    old, new = (", ".join(map(str, identity.plugins)) or "none" for identity in (stored, requested))
     return f": it was begun with {old}; loaded now: {new}"
 
 

@@ -1,13 +1,19 @@
-"""The columns of `runs.parquet`, and how a record becomes one of its rows."""
+"""The columns of `runs.parquet`, and how a record becomes one of its rows and comes back.
 
-from collections.abc import Iterable, Mapping, Sequence
+Both follow from the fields of `EvidenceRecord`: their names, types, units and descriptions.
+"""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from types import NoneType, UnionType
+from typing import Annotated, Any, Literal, Union, cast, get_args, get_origin
 
 import pyarrow as pa
+from pydantic.fields import FieldInfo
 from pydantic_core import from_json, to_json
 
-from contactlab.schema.evidence import Accuracy, Cost, Engine, EvidenceRecord, InitialState, Timing
+from contactlab.schema.evidence import EvidenceRecord, InColumns, InTable
+from contactlab.schema.strict_model import Model
 
 _TEXT = pa.string()
 REAL = pa.float64()
@@ -29,96 +35,131 @@ class Column:
     second_pass: bool = False
 
 
-FIXED_COLUMNS = (
-    Column("run_id", _TEXT, "", "hash of scene content, settings, seed and duration"),
-    Column("index", _WHOLE, "1", "the run's place in the plan"),
-    Column("scene", _TEXT, "", "scene's name"),
-    Column("scene_hash", _TEXT, "", "hash of the scene's files"),
-    Column("seed", _WHOLE, "1", "what perturbed the start state"),
-    Column("duration", REAL, "s", "simulated time asked for"),
-    Column("drive", _TEXT, "", "what drove the run, as JSON"),
-    Column("label", _TEXT, "", "worst label"),
-    Column("labels", pa.list_(_TEXT), "", "every label that applies, worst first"),
+@dataclass(frozen=True)
+class _StoredField:
+    """A field of the record, or of a part of it, and the column that has its values."""
+
+    column: Column
+    is_json: bool = False
+    is_struct: bool = False
+    is_sparse: bool = False  # JSON without the entries that have their default
+    is_left_out: Callable[[Any], bool] | None = None
+
+    @classmethod
+    def of(cls, name: str, info: FieldInfo, prefix: str = "") -> "_StoredField":
+        """Return a field with the column that its type and description make."""
+        is_struct = InTable.STRUCT in info.metadata
+        kind = pa.struct([]) if is_struct else _type_of_field(info.annotation)
+        facts = cast("dict[str, str]", info.json_schema_extra or {})
+        description = info.description or ""
+        column = Column(
+            prefix + name,
+            _TEXT if kind is None else kind,
+            facts.get("unit", ""),
+            f"{description}, as JSON" if kind is None else description,
+            facts.get("better", ""),
+        )
+        is_sparse = InTable.WITHOUT_DEFAULTS in info.metadata
+        left_out = info.exclude_if
+        return cls(column, kind is None, is_struct, is_sparse, left_out)
+
+    def stored(self, value: Any) -> Any:  # noqa: ANN401 - of the field's own type
+        """Return a value of the field as the table has it."""
+        if value is None or not self.is_json:
+            return value
+        return value.model_dump_json(exclude_defaults=True) if self.is_sparse else _encoded(value)
+
+    def restored(self, value: Any) -> Any:  # noqa: ANN401 - of the column's type
+        """Return a value of the column as the field has it."""
+        if self.is_json:
+            return None if value is None else from_json(value)
+        if self.is_struct:
+            # It has a field for each entry of any run; those of other runs are null.
+            return {name: entry for name, entry in value.items() if entry is not None}
+        return value
+
+
+def _type_of_field(annotation: Any) -> pa.DataType | None:  # noqa: ANN401 - any type
+    """Return the type of a field's column; None if the column holds JSON."""
+    origin, inner = get_origin(annotation), get_args(annotation)
+    if origin is Annotated:
+        return _type_of_field(inner[0])
+    if origin in {Union, UnionType}:
+        kinds = [_type_of_field(kind) for kind in inner if kind is not NoneType]
+        return kinds[0] if len(kinds) == 1 else None
+    if origin is Literal:
+        return _TEXT
+    if origin is tuple:
+        kind = _type_of_field(inner[0])
+        return None if kind is None else pa.list_(kind)
+    return {str: _TEXT, int: _WHOLE, float: REAL, bool: _TRUTH}.get(annotation)
+
+
+def _model_of(annotation: Any) -> type[Model]:  # noqa: ANN401 - a model or null
+    """Return the model that the values of a field are of."""
+    return next(kind for kind in (*get_args(annotation), annotation) if kind is not NoneType)
+
+
+_FIELDS = EvidenceRecord.model_fields
+# Fields that all runs of a store share; the table has them once, in its metadata.
+SHARED_FIELDS = tuple(name for name, info in _FIELDS.items() if InTable.SHARED in info.metadata)
+# Fields of which each entry has a column of its own, by the entry's name; and the labels.
+_WITH_OWN_COLUMNS = {
+    "labels",
+    *(name for name, info in _FIELDS.items() if InTable.BY_NAME in info.metadata),
+}
+_PARTS = {
+    name: {
+        inner: _StoredField.of(inner, inner_info, mark.prefix)
+        for inner, inner_info in _model_of(info.annotation).model_fields.items()
+    }
+    for name, info in _FIELDS.items()
+    for mark in info.metadata
+    if isinstance(mark, InColumns)
+}
+_PLAIN = {
+    name: _StoredField.of(name, info)
+    for name, info in _FIELDS.items()
+    if name not in {*SHARED_FIELDS, *_WITH_OWN_COLUMNS, *_PARTS}
+}
+# The columns of lists with an entry for each label, by the entry's field.
+_OF_LABELS = {"labels": "label", "label_reasons": "reason", "label_steps": "step"}
+_LABEL_COLUMNS = (
+    Column("labels", pa.list_(_TEXT), "", _FIELDS["labels"].description or ""),
     Column("label_reason", _TEXT, "", "why the worst label applies"),
     Column("label_step", _WHOLE, "1", "step at which the worst label was first met"),
     Column("label_reasons", pa.list_(_TEXT), "", "why each label applies"),
     Column("label_steps", pa.list_(_WHOLE), "1", "step at which each label was first met"),
-    Column("status", _TEXT, "", "ok, stopped, error, crashed or timeout"),
-    Column("status_reason", _TEXT, "", "what ended the run, if it did not go through"),
-    Column("steps", _WHOLE, "1", "steps made"),
-    Column("steps_asked", _WHOLE, "1", "steps asked for"),
-    Column("trajectory_hash", _TEXT, "", "SHA-256 of every state row"),
-    Column("expected", pa.list_(_TEXT), "", "labels of which one was expected"),
-    Column("expectation_met", _TRUTH, "", "whether what was expected came out"),
-    Column("expectation_reason", _TEXT, "", "what was missed"),
-    Column("tolerances_met", _TRUTH, "", "whether every tolerance of the sweep is met"),
-    Column("knife_edge", _TRUTH, "", "whether a start 1e-6 away gives another label"),
-    Column("cost_cpu_s", REAL, "s", "thread CPU time of the stepping"),
-    Column("cost_cpu_per_sim_s", REAL, "1", "CPU seconds per simulated second", "lower"),
-    Column("cost_latency_budget_s", REAL, "s", "wall time a step may take"),
-    Column("cost_latency_used", REAL, "1", "mean CPU time of a step over the budget"),
-    Column("error_final", REAL, "m", "distance from the reference at the end", "lower"),
-    Column("error_mean", REAL, "m", "distance from the reference, mean over time", "lower"),
-    Column("error_peak", REAL, "m", "distance from the reference, largest", "lower"),
-    Column("error_estimate", REAL, "m", "what the reference itself may be off by", "lower"),
-    Column("error_final_estimate", REAL, "m", "the same for the error at the end"),
-    Column("error_mean_estimate", REAL, "m", "the same for the mean error"),
-    Column("error_velocity", REAL, "m/s", "difference of velocities, mean over time", "lower"),
-    Column("error_energy", REAL, "1", "difference of energy and momenta, mean over time", "lower"),
-    Column("error_kind", _TEXT, "", "trajectory, local or invariants; the last have no unit"),
-    Column("chaotic", _TRUTH, "", "whether a start 1e-8 away grows to the size of the errors"),
-    Column("divergence", REAL, "m", "how far a start 1e-8 away gets from the reference"),
-    Column("reference_integrator", _TEXT, "", "the reference's integrator"),
-    Column("reference_timestep", REAL, "s", "the finest reference's timestep"),
-    Column("impacts", _WHOLE, "1", "how often contacts began or ended in the run"),
-    Column("solref_rule", _TEXT, "", "absolute, or tied to the timestep"),
-    Column("solref_clamped", _TRUTH, "", "whether refsafe raised solref to two timesteps"),
-    Column("time_min", REAL, "1", "CPU s per simulated s, least of the rounds", "lower"),
-    Column("time_median", REAL, "1", "CPU s per simulated s, median of the rounds", "lower"),
-    Column("step_p50", REAL, "s", "CPU time of a single step, median", "lower"),
-    Column("step_p99", REAL, "s", "CPU time of a single step, 99th percentile", "lower"),
-    Column("compile_time", REAL, "s", "CPU time to compile the model", "lower"),
-    Column("work_steps", REAL, "1/s", "steps per simulated second", "lower"),
-    Column("work_iterations", REAL, "1/s", "solver iterations per simulated second", "lower"),
-    Column("work_contacts", REAL, "1/s", "contacts of all steps per simulated second", "lower"),
-    Column("work_rows", REAL, "1/s", "constraint rows of all steps per simulated second", "lower"),
-    Column("timing_settings", _TEXT, "", "hash of how times were measured"),
-    Column("effects", pa.struct([]), "", "every effect, on or off"),
-    Column("effect_reasons", _TEXT, "", "why each effect is on or off, as JSON"),
-    Column(
-        "effects_missed",
-        _TEXT,
-        "",
-        "effects that are off although the run called for them, as JSON",
-    ),
-    Column("settings", pa.struct([]), "", "every resolved setting"),
-    Column("initial_qpos", pa.list_(REAL), "", "start configuration"),
-    Column("initial_qvel", pa.list_(REAL), "", "start velocity"),
-    Column("initial_ctrl", pa.list_(REAL), "", "constant control"),
-    Column("initial_applied", pa.list_(REAL), "", "constant force and torque on each body"),
-    Column("pairs", _TEXT, "", "effective contact parameters of each pair, as JSON"),
-    Column("edited_geoms", pa.list_(_TEXT), "", "geoms whose contact parameters were set"),
-    Column("coverage", _TEXT, "", "what moved, was loaded and touched, as JSON"),
-    Column("warnings", _TEXT, "", "engine warnings by name, as JSON"),
-    Column("engine_name", _TEXT, "", "what computed the trajectory"),
-    Column("engine_version", _TEXT, "", "its version"),
-    Column("trace_file", _TEXT, "", "the run's MCAP file, relative to the store"),
-    Column("trace_sha256", _TEXT, "", "its SHA-256"),
-    Column("trace_bytes", _WHOLE, "B", "its size"),
-    Column("trace_messages", _TEXT, "", "its messages by topic, as JSON"),
-    Column("controls", _TEXT, "", "hash of what the run's policy did, which names its file"),
-    Column("started", _TEXT, "", "UTC, ISO 8601"),
-    Column("finished", _TEXT, "", "UTC, ISO 8601"),
-    Column("provenance", _TEXT, "", "tool, host and versions, as JSON"),
-    Column("axis_names", pa.list_(_TEXT), "", "names of the run's axis columns"),
 )
-PLUGINS_COLUMN = Column("plugins", _TEXT, "", "plug-ins that were loaded, as JSON")
+_AXES_COLUMN = Column("axis_names", pa.list_(_TEXT), "", "names of the run's axis columns")
+# The order in which a reader of the table meets the fields; others come last.
+_ORDER = (
+    *("run_id", "index", "scene", "scene_hash", "seed", "duration", "drive", "label", "labels"),
+    *("status", "status_reason", "steps", "steps_asked", "trajectory_hash", "expected"),
+    *("expectation_met", "expectation_reason", "tolerances_met", "knife_edge", "cost"),
+    *("accuracy", "timing", "effects", "effect_reasons", "effects_missed", "settings", "initial"),
+    *("pairs", "edited_geoms", "coverage", "warnings", "engine", "trace", "controls", "started"),
+    *("finished", "provenance", "axes"),
+)
+
+
+def _columns_of_field(name: str) -> Sequence[Column]:
+    if name in _PARTS:
+        return [stored.column for stored in _PARTS[name].values()]
+    if name in _PLAIN:
+        return [_PLAIN[name].column]
+    return {"labels": _LABEL_COLUMNS, "axes": (_AXES_COLUMN,)}.get(name, ())
+
+
+FIXED_COLUMNS = tuple(
+    column
+    for name in dict.fromkeys((*_ORDER, *_FIELDS))
+    for column in _columns_of_field(name)
+    if _FIELDS[name].exclude_if is None
+)
+PLUGINS_COLUMN = _PLAIN["plugins"].column
 """Only in tables of sweeps with plug-ins."""
-LOOP_COLUMNS = (
-    Column("success", _TRUTH, "", "whether the loop calls its episode a success"),
-    Column("total_reward", REAL, "", "sum of the rewards of the episode"),
-    Column("loop", _TEXT, "", "what was noticed of the episode, as JSON"),
-)
+LOOP_COLUMNS = tuple(_PLAIN[name].column for name in ("success", "total_reward", "loop"))
 """Only in tables of recorded loops."""
 RESERVED_COLUMNS = frozenset(
     column.name for column in (*FIXED_COLUMNS, PLUGINS_COLUMN, *LOOP_COLUMNS)
@@ -150,7 +191,9 @@ def axis_column(name: str, values: Sequence[object], unit: str, description: str
 def as_ratios(names: Iterable[str]) -> list[Column]:
     """Return the named fixed columns, where they have a unit, as columns of ratios."""
     wanted = set(names)
-    return [replace(each, unit="1") for each in FIXED_COLUMNS if each.name in wanted and each.unit]
+    return [
+        replace(fixed, unit="1") for fixed in FIXED_COLUMNS if fixed.name in wanted and fixed.unit
+    ]
 
 
 def _field(column: Column) -> pa.Field:
@@ -186,62 +229,38 @@ def _type_of(value: object) -> pa.DataType:
     return _TEXT if isinstance(value, str) else pa.list_(REAL)
 
 
-# Fields that all runs of a store share; the table has them once, in its metadata.
-SHARED_FIELDS = ("schema_version", "sweep", "units", "metric_versions")
-# Mappings of any keys, stored as JSON text, which every reader of Parquet can show.
-_JSON_TEXT = ("drive", "pairs", "warnings", "provenance", "effect_reasons", "effects_missed")
-_MODELS = ("coverage", "loop")
-_NESTED = ("axes", "metrics", "labels", "plugins", *_MODELS)
-# Columns of their own for each entry: how their names begin, and the entries.
-_PARTS = {
-    "engine": ("engine_", tuple(Engine.model_fields)),
-    "initial": ("initial_", tuple(InitialState.model_fields)),
-    "cost": ("cost_", tuple(Cost.model_fields)),
-    "accuracy": ("", tuple(Accuracy.model_fields)),
-    "timing": ("", tuple(Timing.model_fields)),
-    "trace": ("trace_", ("file", "sha256", "bytes")),
-}
-# The columns of lists, with an entry for each label.
-_LABELS = {"labels": "label", "label_reasons": "reason", "label_steps": "step"}
-_PLAIN = tuple(
-    name
-    for name in EvidenceRecord.model_fields
-    if name not in {*SHARED_FIELDS, *_JSON_TEXT, *_NESTED, *_PARTS}
-)
-
 Row = dict[str, Any]
 
 
 def record_to_row(record: EvidenceRecord) -> Row:
     """Return a record as a flat row, with axes and metrics by name beside its fields."""
-    loop = {column.name for column in LOOP_COLUMNS} if record.loop is None else ()
-    return to_row({name: value for name, value in record if name not in loop})
+    return to_row(dict(record))
 
 
 def to_row(fields: Mapping[str, Any]) -> Row:
     """Return the columns of some fields of a record."""
-    row: Row = {name: fields[name] for name in _PLAIN if name in fields}
-    row |= {name: _encoded(fields[name]) for name in _JSON_TEXT if name in fields}
+    row: Row = {}
+    for name, field in _PLAIN.items():
+        if name in fields and not (field.is_left_out and field.is_left_out(fields[name])):
+            row[name] = field.stored(fields[name])
+    for part, inner in _PARTS.items():
+        if part in fields:
+            of_part = fields[part]
+            row |= {
+                field.column.name: field.stored(getattr(of_part, name, None))
+                for name, field in inner.items()
+            }
     if "labels" in fields:
         row |= _columns_of_labels(fields["labels"])
-    for part, (prefix, names) in _PARTS.items():
-        if part in fields:
-            row |= {prefix + name: getattr(fields[part], name, None) for name in names}
-    if "trace" in fields:
-        row["trace_messages"] = fields["trace"] and _encoded(fields["trace"].messages)
     if "axes" in fields:
-        row["axis_names"] = tuple(fields["axes"])
-    for name in fields.keys() & _MODELS:
-        said = fields[name]
-        row[name] = said and said.model_dump_json(exclude_defaults=True)
-    if fields.get("plugins"):
-        row["plugins"] = _encoded(fields["plugins"])
+        row[_AXES_COLUMN.name] = tuple(fields["axes"])
     return row | fields.get("axes", {}) | fields.get("metrics", {})
 
 
 def _columns_of_labels(labels: Sequence[Any]) -> Row:
     row: Row = {
-        column: tuple(getattr(each, field) for each in labels) for column, field in _LABELS.items()
+        column: tuple(getattr(label, field) for label in labels)
+        for column, field in _OF_LABELS.items()
     }
     worst = labels[0] if labels else None
     return row | {"label_reason": worst and worst.reason, "label_step": worst and worst.step}
@@ -249,26 +268,27 @@ def _columns_of_labels(labels: Sequence[Any]) -> Row:
 
 def row_to_record(row: Mapping[str, Any], shared: Mapping[str, Any]) -> EvidenceRecord:
     """Return the record of a row, given the fields that all runs of its store share."""
-    data: Row = {name: row[name] for name in _PLAIN if name in row}
-    # Older stores lack some of them.
-    data |= {name: from_json(text) for name in _JSON_TEXT if (text := row.get(name)) is not None}
-    data |= {name: shared[name] for name in SHARED_FIELDS}
-    # The column has a field for each setting of any run; those of other runs are null.
-    data["settings"] = {name: each for name, each in row["settings"].items() if each is not None}
-    labels = zip(*(row[column] for column in _LABELS), strict=True)
-    data["labels"] = [dict(zip(_LABELS.values(), each, strict=True)) for each in labels]
-    for part, (prefix, names) in _PARTS.items():
-        found = {name: row[prefix + name] for name in names if prefix + name in row}
+    data: Row = {name: shared[name] for name in SHARED_FIELDS}
+    data |= _restored(row, _PLAIN)
+    for part, inner in _PARTS.items():
+        found = _restored(row, inner)
         if any(value is not None for value in found.values()):
             data[part] = found
-    if "trace" in data:
-        data["trace"]["messages"] = from_json(row["trace_messages"])
-    data |= {name: from_json(text) for name in _MODELS if (text := row.get(name)) is not None}
-    if PLUGINS_COLUMN.name in row:
-        data["plugins"] = from_json(row["plugins"])
-    data["axes"] = {name: row[name] for name in row["axis_names"]}
+    labels = zip(*(row[column] for column in _OF_LABELS), strict=True)
+    data["labels"] = [dict(zip(_OF_LABELS.values(), label, strict=True)) for label in labels]
+    data["axes"] = {name: row[name] for name in row[_AXES_COLUMN.name]}
     data["metrics"] = {name: row[name] for name in shared["units"]}
     return EvidenceRecord.model_validate(data)
+
+
+def _restored(row: Mapping[str, Any], fields: Mapping[str, _StoredField]) -> Row:
+    """Return the fields of which a row has columns; JSON that is null counts as none."""
+    return {
+        name: field.restored(row[field.column.name])
+        for name, field in fields.items()
+        if row.get(field.column.name) is not None
+        or (field.column.name in row and not field.is_json)
+    }
 
 
 def _encoded(value: object) -> str:

@@ -38,7 +38,7 @@ from contactlab.store.table_layout import record_to_row, row_to_record
 MOST_PROBLEMS = 1000
 _READ_BYTES = 256 << 20
 """Traces up to this size in all are read where only a glance is asked for; of others, the size."""
-_MOST_NAMED = 3
+_MOST_DAMAGES_NAMED = 3
 
 
 def verify(address: Address, *, thorough: bool = True) -> list[str]:
@@ -106,8 +106,12 @@ def trace_warning(store: Store) -> tuple[str, ...]:
     damaged = list(damaged_traces(store))
     if not damaged:
         return ()
-    named = "; ".join(damaged[:_MOST_NAMED])
-    more = f"; and {len(damaged) - _MOST_NAMED:,} more" if len(damaged) > _MOST_NAMED else ""
+    named = "; ".join(damaged[:_MOST_DAMAGES_NAMED])
+    more = (
+        f"; and {len(damaged) - _MOST_DAMAGES_NAMED:,} more"
+        if len(damaged) > _MOST_DAMAGES_NAMED
+        else ""
+    )
     return (f"{named}{more} (see `contactlab verify {store.address}`)",)
 
 
@@ -168,7 +172,8 @@ def _check_sweep(store: Store) -> Iterator[str]:
     shared, versions = columns.shared, sweep.metric_versions
     units = {name: columns.described[name].unit for name in versions}
     stated = {"sweep": sweep.name, "metric_versions": versions, "units": units}
-    stated |= {name: shared.get(name) for name in ("schema_version", "severity")}
+    own = ("schema_version", "severity", *({"labels"} & shared.keys()))
+    stated |= {name: shared.get(name) for name in own}
     # Older stores say it in the manifest alone.
     said = store.manifest.model_dump(mode="json", include={"started", "finished", "provenance"})
     stated |= said if said.keys() & shared.keys() else {}
@@ -306,7 +311,7 @@ def _copy_without_traces(store: Store, target: Path) -> None:
     shutil.copytree(store.scene_folder.parent, target / SCENES)
     shutil.copyfile(store.file(IDENTITY), target / IDENTITY)
     write_compact_table(store.table, target / TABLE)
-    for sha256 in {each.controls for each in store.records() if each.controls is not None}:
+    for sha256 in {record.controls for record in store.records() if record.controls is not None}:
         file = target / controls_name(sha256)
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_bytes(store.backend.read(controls_name(sha256)) or b"")

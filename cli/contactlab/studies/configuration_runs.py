@@ -30,7 +30,9 @@ def sweep_of(
     setup: AblationSetup, configurations: Sequence[Values], asked: Mapping[str, object]
 ) -> dict[str, object]:
     """Return a sweep of configurations, as a sweep file has it."""
-    rows = [{**setup.base, **each, **own} for own in configurations for each in setup.scenarios]
+    rows = [
+        {**setup.base, **scenario, **own} for own in configurations for scenario in setup.scenarios
+    ]
     sweep = {
         "version": 1,
         "scene": setup.reference,
@@ -40,6 +42,7 @@ def sweep_of(
         "effects": "all",
         "thresholds": dict(setup.thresholds),
         "checks": "none",
+        "must": list(setup.must) or None,
         **asked,
     }
     return {key: value for key, value in sweep.items() if value is not None}
@@ -58,7 +61,10 @@ def run_configurations(
     Each gives values over those of the setup's base and of a scenario. `asked` is what else the
     sweep says, but for keys of no value.
     """
-    values = [[{**setup.base, **each, **own} for each in setup.scenarios] for own in configurations]
+    values = [
+        [{**setup.base, **scenario, **own} for scenario in setup.scenarios]
+        for own in configurations
+    ]
     sweep = sweep_of(setup, configurations, asked)
     store, scene = session.run_derived(name, sweep, setup.scenes, resume=True), setup.scene
     stored = {row["run_id"]: row for row in store.table.to_pylist()}
@@ -69,6 +75,6 @@ def run_configurations(
             yield {**stored[run_id], **measure(store, run_id, model)}
 
     return [
-        ConfigurationRows(setup.scenarios, [list(rows(each)) for each in of_each])
+        ConfigurationRows(setup.scenarios, [list(rows(columns)) for columns in of_each])
         for of_each in values
     ]

@@ -1,4 +1,4 @@
-"""What every study shares: the session that it runs in, and settings given as options."""
+"""Parts that every study shares: the session that it runs in, and settings given as options."""
 
 import json
 from collections.abc import Callable, Collection, Mapping, Sequence
@@ -121,7 +121,8 @@ def read_settings(
     read = read_sweep({"version": 1, "scene": reference}, scenes.vocabulary, Overrides(assign))
     given = read.sweep.model_dump(exclude_defaults=True).keys()
     if foreign := sorted(given - {"version", "scene", "axes", *keys}):
-        names = " and ".join(["axes of the scene", *keys])
+        *first, last = ["axes of the scene", *keys]
+        names = " and ".join(filter(None, (", ".join(first), last)))
         raise SweepFileError(f"--set {foreign[0]}: this command takes {names} only")
     for axis in read.plan.axes:
         if axis.count > 1:

@@ -1,4 +1,4 @@
-"""What accuracy costs in time: a sweep that measures errors and times, then its analysis.
+"""Time that accuracy costs: a sweep that measures errors and times, then its analysis.
 
 The analysis of a stored sweep stands by itself in `contactlab.pareto`, without an engine.
 """
@@ -14,6 +14,7 @@ from contactlab.errors import SceneError, StoreError
 from contactlab.pareto.analysis import analyse
 from contactlab.pareto.criteria import Criteria, chosen_error, find_store
 from contactlab.plan.overrides import Overrides
+from contactlab.plan.task_options import AS_INFERRED, TaskOptions
 from contactlab.run.planned_runs import stored_sweep_scene
 from contactlab.run.stored_runs import canonical_values
 from contactlab.run.sweep_request import SceneLoader, SweepRequest, read_request, starter_sweep
@@ -22,7 +23,6 @@ from contactlab.scene.model_draft import ModelEdits
 from contactlab.scene.model_writer import write_model
 from contactlab.scene.parameters import PARAMETERS
 from contactlab.scene.scene_source import MODEL_SUFFIXES, is_menagerie
-from contactlab.schema.drive import Drive
 from contactlab.schema.evidence import ERRORS
 from contactlab.schema.sweep_schema import Sweep
 from contactlab.schema.tradeoff_report import Recommendation, TradeoffReport
@@ -41,7 +41,8 @@ class TradeoffRequest:
     criteria: Criteria  # which error stands for accuracy, and tolerances over the sweep's
     # Where the store of a sweep goes; if None, under its name in the session's folder.
     store: Address | None = None
-    drive: Drive | None = None  # what drives the runs of a sweep, whatever it and its scene say
+    # What replaces parts of the task of a sweep, whatever it and its scene say.
+    task: TaskOptions = AS_INFERRED
     model: Path | None = None  # folder to write the model with the recommendation into
 
 
@@ -55,6 +56,7 @@ def run(request: TradeoffRequest, session: Session) -> TradeoffReport:
     StoreError if the store has no error to evaluate; a StoppedError if the session was stopped.
     """
     stored = find_store(request.source, request.store)
+    task = None
     if stored is not None:
         store = Store.open(stored)
     else:
@@ -62,14 +64,17 @@ def run(request: TradeoffRequest, session: Session) -> TradeoffReport:
         for warning in sweep.plan.warnings:
             session.notify(str(warning))
         store = session.run(sweep)
+        seeds, duration = sweep.plan.sweep.seed_values, sweep.plan.sweep.duration
+        watch, within = request.task.watch, request.task.within
+        task = sweep.scene.task({}, duration, watch=watch, within=within, seeds=tuple(seeds))
     report = analyse(store, request.criteria)
     with TemporaryDirectory(prefix="contactlab-") as folder:
         chosen, notes = _written(
             report, report.recommendation, request.model or Path(folder), store
         )
         robust, _ = _written(report, report.robust, Path(folder), store)
-    notes = (*report.notes, *notes)
-    return report.model_copy(update={"recommendation": chosen, "robust": robust, "notes": notes})
+    found = {"recommendation": chosen, "robust": robust, "notes": (*report.notes, *notes)}
+    return report.model_copy(update={**found, "task": task})
 
 
 def _written(
@@ -79,13 +84,13 @@ def _written(
     if pick is None:
         return None, ()
     own = report.baseline.configuration if report.baseline else {}
-    changed = [each for each in report.knobs if own.get(each, ...) != pick.configuration[each]]
-    settings = {each for each in changed if each in PARAMETERS or each in EFFECTS or "[" in each}
-    other = {each: pick.configuration[each] for each in changed if each not in settings}
+    changed = [knob for knob in report.knobs if own.get(knob, ...) != pick.configuration[knob]]
+    settings = {name for name in changed if name in PARAMETERS or name in EFFECTS or "[" in name}
+    other = {name: pick.configuration[name] for name in changed if name not in settings}
     try:
         scene = stored_sweep_scene(store.manifest.sweep, store.scene_folder)
         values = canonical_values(scene, store.record(pick.run_id))
-        edits = ModelEdits({each: values[each] for each in settings if each in values})
+        edits = ModelEdits({setting: values[setting] for setting in settings if setting in values})
         lines = write_model(scene, edits, folder).lines
     except (SceneError, StoreError) as error:
         return pick, (f"what is recommended is in no file of the model: {error}",)
@@ -101,10 +106,10 @@ def _sweep(request: TradeoffRequest, session: Session) -> SweepRequest:
         request.store or session.folder / name,
         folder=folder,
         workers=session.workers,
-        drive=request.drive,
+        drive=request.task.drive,
     )
     added = _added(read().plan.sweep, request.criteria)
-    return read(overrides=Overrides(assign=tuple(added)))
+    return read(overrides=Overrides(assign=(*added, *request.task.settings)))
 
 
 def _source(reference: str) -> tuple[Path | str, str, Path]:

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pyarrow.parquet as pq
+import pytest
 
 from contactlab import resources
 from contactlab.engines import Buffers
@@ -14,6 +15,8 @@ from contactlab.run.sweep_request import read_request
 from contactlab.run.sweep_runner import run_sweep
 from contactlab.scene.scene import Scene
 from contactlab.store.finished_store import Store
+
+pytestmark = pytest.mark.long
 
 CONTACTS = 52
 """Of a mug of twelve wall boxes and a bottom that stands on the floor: four points each."""

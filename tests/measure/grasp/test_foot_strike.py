@@ -57,6 +57,7 @@ def test_a_contact_too_fast_for_the_step_throws_the_foot_up(measured: Run) -> No
     assert run.metrics["energy_gain"] > 1
 
 
+@pytest.mark.long
 def test_the_sweep_comes_out(swept: Callable[..., Rows]) -> None:
     rows = swept("foot-strike")
     assert [row["expectation_reason"] for row in rows if row["expectation_met"] is False] == []

@@ -114,6 +114,7 @@ def test_pads_carry_the_drive_and_the_weight(measured: Run) -> None:
     assert sum(tangential) == pytest.approx(WEIGHT * 0.5, rel=1e-3)
 
 
+@pytest.mark.long
 def test_a_contact_that_is_damped_too_little_chatters(measured: Run) -> None:
     """At 2 ms h / (tc dr) is 0.5: the pads bounce off in half of the steps."""
     run = measured("grasp_mug", solref=(0.02, 0.2), **SOFT)
@@ -156,6 +157,7 @@ def test_what_a_pyramid_does_to_a_grip(measured: Run) -> None:
     assert ratio == pytest.approx(2, rel=0.05)
 
 
+@pytest.mark.long
 def test_without_armature_or_ramp_pads_go_through_the_wall(tmp_path: Any, measured: Run) -> None:
     folder = Scene.open("grasp_mug").source.path.parent
     for file in folder.iterdir():
@@ -168,7 +170,7 @@ def test_without_armature_or_ramp_pads_go_through_the_wall(tmp_path: Any, measur
     assert measured(str(folder), solref=(0.02, 1.0), **SOFT).labels == ["stable"]
 
 
-@pytest.mark.slow
+@pytest.mark.night
 def test_the_sweep_finds_the_regimes(swept: Callable[..., Rows]) -> None:
     rows = swept("grasp")
     assert [row["expectation_reason"] for row in rows if row["expectation_met"] is False] == []

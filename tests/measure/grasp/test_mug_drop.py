@@ -11,6 +11,7 @@ SPEED = (2 * 9.81 * 0.3) ** 0.5
 FIRM = (0.99, 0.999, 0.001, 0.5, 2.0)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("opening", "fall"),
     # On the fingers it has fallen by the clearance; between them, by their 50 mm more.
@@ -24,6 +25,7 @@ def test_where_it_ends(opening: float, fall: float, measured: Run) -> None:
     assert run.metrics["energy_gain"] < 1e-6
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("timeconst", [0.01, 0.02])
 def test_depth_at_impact_is_that_of_the_oscillator(timeconst: float, measured: Run) -> None:
     """It is v tc / e for dr = 1 and impedance near 1, whatever the mass and however many points.
@@ -36,6 +38,7 @@ def test_depth_at_impact_is_that_of_the_oscillator(timeconst: float, measured: R
     assert 0.98 * least < depth < 1.02 * (least + 9.81 * timeconst**2 / 2.718282)
 
 
+@pytest.mark.long
 def test_a_soft_contact_lets_the_fingers_in_at_any_timestep(measured: Run) -> None:
     for timestep in (5e-4, 2e-3, 4e-3):
         soft = measured("mug_drop", solref=(0.02, 1.0), timestep=timestep)
@@ -54,7 +57,7 @@ def test_every_contact_is_recorded(measured: Run) -> None:
     assert run.metrics["ungraded_contacts"] == 0
 
 
-@pytest.mark.slow
+@pytest.mark.night
 def test_the_sweep_maps_what_is_stable(swept: Callable[..., Rows]) -> None:
     # The labels that are expected need no second pass, which takes most of the time.
     rows = swept("mug-drop", ["checks=none"])

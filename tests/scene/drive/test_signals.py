@@ -1,12 +1,13 @@
-"""Noise has its band and share at every timestep; an exercise moves every actuator."""
+"""Noise has its band and share at every timestep; an exercise drives all, within its ranges."""
 
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
 
-from contactlab.engines import Buffers, PreparedRuns, find_engine
 from contactlab.errors import SceneError
+from contactlab.scene.drive.signals import control_ranges, pushed_bodies
 from contactlab.scene.scene import Scene
 from contactlab.scene.timed_inputs import Signals
 from contactlab.schema.drive import NoiseDrive
@@ -79,20 +80,53 @@ def test_steps_too_long_for_the_noise_are_refused(scene: Scene, tmp_path: Path) 
         controls(noisy, 0.009, 0.1)
 
 
-def test_an_exercise_moves_each_alone_then_all(scene: Scene, tmp_path: Path) -> None:
+def test_an_exercise_rests_and_then_moves_all(scene: Scene, tmp_path: Path) -> None:
     exercised = scene.with_drive("exercise", tmp_path)
-    run = exercised.resolve({"timestep": 1e-3}, 0, 10.0)
-    inputs = exercised.starts([run]).inputs(0, 1e-3, np.arange(run.steps))[:, :2]
-    moving = np.abs(inputs - inputs[0]) > 1e-9
-    assert not moving[:1000].any()
-    alone = [(moving[:, each] & ~moving[:, 1 - each]).sum() for each in (0, 1)]
-    assert min(alone) > 2000
-    assert moving.all(axis=1)[7400:9900].mean() > 0.9
-    rollout = find_engine("mujoco").roll_out(PreparedRuns.of(exercised, run), Buffers())
-    qpos = rollout.state[0, :, 1:3]
-    low, high = np.array([[-np.pi / 3, -0.1], [np.pi / 2, 0.2]])
-    assert (qpos.min(axis=0) < 0.9 * low).all()
-    assert (qpos.max(axis=0) > 0.9 * high).all()
+    inputs = controls(exercised, 1e-3, 3.0)
+    assert not inputs[:1000].any()
+    moving = np.abs(np.diff(inputs, axis=0)) > 1e-9
+    assert (moving[1030:].sum(axis=0) == 98).all(), "a control changes 50 times a second"
+    low, high = np.array([[-4, -0.1], [4, 0.2]])
+    middle, reach = (low + high) / 2, 0.7 * (high - low) / 2
+    assert (np.abs(inputs[1200:] - middle) <= reach * (1 + 1e-12)).all()
+    # Half a period of the slowest sine is 1 s, so that 2 s have an end of each.
+    assert (np.abs(inputs[1200:] - middle).max(axis=0) > 0.99 * reach).all()
+
+
+def test_all_timesteps_see_the_same_controls(scene: Scene, tmp_path: Path) -> None:
+    """Where steps and changes coincide, to the bit; a step between two has that of the first."""
+    exercised = scene.with_drive("exercise", tmp_path)
+    fine = controls(exercised, 0.0005, 3.0)
+    for times in (2, 4, 8, 20, 40):
+        coarse = controls(exercised, 0.0005 * times, 3.0)
+        assert coarse.tobytes() == fine[::times].tobytes()
+    assert fine.tobytes() != controls(exercised, 0.0005, 3.0, seed=1).tobytes()
+
+
+PUSHED = """<mujoco><option gravity="0 -3 -4"/><worldbody>
+<body name="one" pos="0 0 3"><freejoint/><geom size=".1" mass="2"/><body pos="0 0 .3">
+<joint type="ball"/><geom size=".1" mass="1"/></body></body>
+<body name="two" pos="1 0 3"><freejoint/><geom size=".1" mass=".5"/></body>
+<body name="three" pos="2 0 3"><joint/><geom size=".1"/></body></worldbody></mujoco>"""
+
+
+def test_free_bodies_are_pushed_by_their_weight_for_50_ms(tmp_path: Path) -> None:
+    """Across gravity: 5 m/s^2 here, and 3 kg and 0.5 kg with what they carry."""
+    (tmp_path / "free.xml").write_text(PUSHED)
+    scene = Scene.open(str(tmp_path / "free.xml")).with_drive("exercise", tmp_path)
+    run = scene.resolve({"timestep": 1e-3}, 0, 3.0)
+    inputs = scene.starts([run]).inputs(0, 1e-3, np.arange(run.steps))
+    forces = inputs.reshape(len(inputs), -1, 6)
+    assert not forces[..., 3:].any()
+    sizes = np.linalg.norm(forces[..., :3], axis=2)
+    for body, weight in ((1, 15.0), (3, 2.5)):
+        pushed = np.flatnonzero(sizes[:, body])
+        assert len(pushed) in (49, 50, 51)
+        assert np.ptp(pushed) == len(pushed) - 1
+        assert pushed[0] >= 1000
+        assert sizes[pushed, body] == pytest.approx(weight)
+        assert forces[pushed, body, :3] @ [0, -3, -4] == pytest.approx(0, abs=1e-9)
+    assert not sizes[:, [0, 2, 4]].any()
 
 
 BOUNDED = """<mujoco><worldbody><body><joint name="turn" axis="0 1 0"/>
@@ -119,27 +153,41 @@ def test_exercised_controls_stay_in_their_ranges(tmp_path: Path) -> None:
     inputs = starts.inputs(0, 1e-3, np.arange(run.steps))[:, : model.nu]
     assert (np.ptp(inputs, axis=0) > 1e-3).all()
     low, high = model.actuator_ctrlrange.T
-    # What is held outside may not go farther.
-    rounding = 1e-9 * (high - low)
-    assert (inputs >= np.minimum(low, inputs[0]) - rounding).all()
-    assert (inputs <= np.maximum(high, inputs[0]) + rounding).all()
-    activation = starts.act[0, 0] + np.cumsum(inputs[:, 3]) * 1e-3
-    assert activation.min() > -0.1 - 1e-3
-    assert activation.max() < 0.3 + 1e-3
+    limited = model.actuator_ctrllimited.astype(bool)
+    assert limited.all()
+    # The one whose range excludes zero rests in its middle.
+    assert inputs[0].tolist() == [0, 0, 0, 0, 0, 2]
+    assert (inputs >= low).all()
+    assert (inputs <= high).all()
 
 
-def test_what_has_no_actuators_starts_moving(tmp_path: Path) -> None:
-    (tmp_path / "free.xml").write_text(
-        '<mujoco><worldbody><body pos="0 0 3"><freejoint/><geom size=".1"/><body pos="0 0 .3">'
-        '<joint type="ball"/><geom size=".1"/></body></body></worldbody></mujoco>'
+RANGES = """<mujoco><worldbody><body><joint name="turn" range="-60 90" limited="true"/>
+<geom size=".1" mass="1" pos=".5 0 0"/></body></worldbody><actuator>
+<motor joint="turn" gear="3"/><motor joint="turn" forcerange="-4 6"/>
+<position joint="turn" kp="10"/><velocity joint="turn" kv="2"/>
+<muscle joint="turn" lengthrange="-1 2"/></actuator></mujoco>"""
+
+
+def test_controls_without_limits_have_the_ranges_of_what_they_do() -> None:
+    """A motor accelerates its joint by 10 rad/s^2; a servo goes to the limits of its joint."""
+    model = mujoco.MjModel.from_xml_string(RANGES)
+    ranges = control_ranges(model)
+    data = mujoco.MjData(model)
+    data.ctrl[0] = ranges[0, 1]
+    model.opt.gravity[:] = 0
+    model.actuator_gainprm[1:], model.actuator_biasprm[1:] = 0, 0
+    mujoco.mj_forward(model, data)
+    assert data.qacc[0] == pytest.approx(10)
+    assert ranges[0, 0] == -ranges[0, 1]
+    assert ranges[1:].tolist() == [[-4, 6], [-np.pi / 3, np.pi / 2], [-1, 1], [0, 1]]
+
+
+def test_what_has_neither_actuators_nor_free_bodies_is_pushed_at_its_ends() -> None:
+    model = mujoco.MjModel.from_xml_string(
+        '<mujoco><worldbody><body><joint/><geom size=".1"/><body pos="0 0 .3"><joint/>'
+        '<geom size=".1"/></body></body><body><geom size=".1"/></body></worldbody></mujoco>'
     )
-    scene = Scene.open(str(tmp_path / "free.xml"))
-    start = scene.with_drive("exercise", tmp_path).starts([scene.resolve({}, 0, None)])
-    assert not start.qvel.any()
-    exercised = scene.with_drive("exercise", tmp_path)
-    assert exercised.starts([exercised.resolve({}, 0, None)]).qvel.all()
-    held = scene.with_drive("hold", tmp_path)
-    assert held.run_id(held.resolve({}, 0, None)) == scene.run_id(scene.resolve({}, 0, None))
+    assert pushed_bodies(model).tolist() == [2]
 
 
 def test_shared_knots_interpolate_as_numpy_does() -> None:

@@ -39,6 +39,7 @@ def off(found: PreparedModel) -> set[str]:
     return {name for name, choice in found.effects.items() if not choice.on}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", SCENES)
 def test_no_shipped_scene_moves_otherwise(prepared: Prepare, name: str) -> None:
     """Bit for bit, or, where friction is left out of a straight drop, to rounding.
@@ -53,6 +54,7 @@ def test_no_shipped_scene_moves_otherwise(prepared: Prepare, name: str) -> None:
     assert difference <= (0 if exact else 1e-12)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", SCENES)
 def test_what_is_off_is_not_in_the_model(prepared: Prepare, name: str) -> None:
     scene = Scene.open(name, tables=read_control_table)

@@ -41,6 +41,7 @@ def contacts(first: str, second: str, pose: tuple[float, ...], flags: int) -> np
     return np.array([[each.dist, *each.pos, *each.frame] for each in data.contact])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("first", "second"), _PAIRS)
 @given(
     pose=st.tuples(

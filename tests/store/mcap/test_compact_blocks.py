@@ -28,6 +28,7 @@ MakeTrace = Callable[..., tuple[Trace, list[PairSeries]]]
 HEAD = struct.Struct("<IId")
 
 
+@pytest.mark.long
 @settings(max_examples=80, deadline=None)
 @given(
     sizes=trace_sizes(steps=30, runs=2),
@@ -172,6 +173,7 @@ def test_blocks_that_are_cut_repeated_or_left_out_are_refused(
     assert "have no state" in refused(path, with_blocks(content, [[states], [alien], [record]]))
 
 
+@pytest.mark.long
 @settings(max_examples=150, deadline=None)
 @given(data=st.data())
 def test_a_bent_block_is_read_or_refused_in_one_line(

@@ -71,6 +71,7 @@ def with_topics(expected: Iterator[tuple[str, int, dict[str, Any]]]) -> Found:
     return [(TOPICS[name], time, message) for name, time, message in expected]
 
 
+@pytest.mark.long
 @settings(max_examples=60, deadline=None)
 @given(
     sizes=st.fixed_dictionaries(
@@ -162,6 +163,7 @@ def columnar(value: Any) -> Any:
 NODE = Path(__file__).parent / "node"
 
 
+@pytest.mark.long
 @pytest.mark.skipif(shutil.which("node") is None, reason="node is not installed")
 @pytest.mark.skipif(
     not (NODE / "node_modules").is_dir(), reason=f"`npm install` was not run in {NODE}"

@@ -202,6 +202,7 @@ def test_a_foreign_file_is_refused(tmp_path: Path) -> None:
         read_trace(path)
 
 
+@pytest.mark.long
 @settings(max_examples=200, deadline=None)
 @given(data=st.data(), form=st.sampled_from(["messages", "compact"]))
 def test_every_flipped_byte_and_every_cut_is_noticed(

@@ -6,7 +6,9 @@ from typing import Any
 
 import pytest
 
+from contactlab.plan.task_options import TaskOptions
 from contactlab.schema.check_report import CheckReport, CheckResult, Measure
+from contactlab.schema.drive import Drive
 from contactlab.studies.check.model_check import CheckRequest, run
 from contactlab.studies.session import Session
 
@@ -23,11 +25,19 @@ def _outside(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 def checked(tmp_path: Path) -> Checked:
     """Check a scene by name, or a model given as MJCF, into `tmp_path / "check"`."""
 
-    def check(model: str, *only: str, assign: tuple[str, ...] = (), **options: Any) -> CheckReport:
+    def check(
+        model: str,
+        *only: str,
+        assign: tuple[str, ...] = (),
+        drive: Drive | None = None,
+        limits: dict[str, float] | None = None,
+        **options: Any,
+    ) -> CheckReport:
         if model.lstrip().startswith("<"):
             (tmp_path / "own.xml").write_text(model)
             model = "own.xml"
-        request = CheckRequest(model, assign, only, **options)
+        task = TaskOptions(drive=drive, limits=limits or {})
+        request = CheckRequest(model, assign, only, task=task, **options)
         return run(request, Session(tmp_path / "check"))
 
     return check

@@ -20,6 +20,7 @@ def box(floor: str = "", box: str = "", rest: str = "") -> str:
     return BOX.format(floor=floor, box=box, rest=rest)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("model", "size"),
     [
@@ -35,13 +36,14 @@ def test_a_shell_is_found_with_its_size(
     found = one(model, "shells")
     assert found.verdict == "warning"
     assert [(each.name, each.value) for each in missed(found)] == [("shell", pytest.approx(size))]
-    assert f"shell {size * 1e3:.3g} mm" in found.reason
+    assert f"contact force start {size * 1e3:.3g} mm before touch" in found.reason
     # At rest it hovers by the shell less the 0.1078 mm that four corners sink by default.
     from_ = values(found, "pushes_from")["floor-box"]
     assert from_ is not None
     assert size - 1.1e-4 <= from_ < size
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "model", [box(), box(box='gap="0.02"'), box(floor='margin="0.0001"'), "gripping_pad"]
 )
@@ -59,6 +61,7 @@ def test_a_shell_that_nothing_enters_is_found(one: One, values: Values) -> None:
     assert not any("pushed" in note for note in found.notes)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("solref", "fails"),
     [

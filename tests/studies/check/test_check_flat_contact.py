@@ -27,6 +27,7 @@ def depths(values: Values, found: CheckResult, name: str) -> list[float]:
     return [each or 0.0 for each in values(found, name).values()]
 
 
+@pytest.mark.long
 def test_the_default_rests_too_deep(one: One, values: Values, missed: Missed) -> None:
     found = one("gripping_pad", "flat_contact")
     (depth,), (expected,) = (
@@ -39,6 +40,7 @@ def test_the_default_rests_too_deep(one: One, values: Values, missed: Missed) ->
     assert one("gripping_pad", "flat_contact", "solref=0.005 1").verdict == "pass"
 
 
+@pytest.mark.long
 def test_each_set_of_parameters_is_tried(one: One, values: Values, missed: Missed) -> None:
     found = one(TWO, "flat_contact")
     measured, expected = (
@@ -52,5 +54,6 @@ def test_each_set_of_parameters_is_tried(one: One, values: Values, missed: Misse
     assert soft.startswith("solref 0.02 1,")
 
 
+@pytest.mark.long
 def test_a_model_without_pairs_has_nothing_to_rest(one: One) -> None:
     assert one("free_arm", "flat_contact").verdict == "not applicable"

@@ -1,6 +1,7 @@
 """Energy in free motion: closed forms, integrators told apart, damping told, inertias named."""
 
 from collections.abc import Callable, Mapping
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,67 +15,22 @@ Values = Callable[[CheckResult, str], Mapping[str | None, float | None]]
 Missed = Callable[[CheckResult], list[Measure]]
 
 DRIFT = LIMITS["energy_drift"].value or 0.0
-PUMPED = """<mujoco><worldbody>
-  <body name="rotor"><joint axis="0 0 1" damping="DAMPING"/>
-    <inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/></body>
-</worldbody></mujoco>"""
-ARM = """<mujoco>
-  <option timestep="0.002" integrator="INTEGRATOR"/>
-  <default><joint axis="0 1 0" damping="DAMPING"/></default>
-  <worldbody>
-    <body name="upper">
-      <joint name="shoulder"/>
-      <geom type="capsule" fromto="0 0 0 .5 0 0" size=".03" mass="1"/>
-      <body name="lower" pos=".5 0 0">
-        <joint name="elbow"/>
-        <geom type="capsule" fromto="0 0 0 .5 0 0" size=".03" mass="1"/>
-      </body>
-    </body>
-  </worldbody>
-</mujoco>"""
+MODELS = Path(__file__).parent / "free_motion"
+PUMPED = (MODELS / "pumped.xml").read_text(encoding="utf-8")
+ARM = (MODELS / "arm.xml").read_text(encoding="utf-8")
 # Moments 1, 1, 3: no body's; the compiler is told to put up with it.
-TWISTED = """<mujoco>
-  <compiler balanceinertia="true"/>
-  <worldbody>
-    <body name="rotor" pos="0 0 1">
-      <joint axis="0 1 0"/>
-      <inertial pos=".3 0 0" mass="1" diaginertia=".01 .01 .03"/>
-    </body>
-  </worldbody>
-</mujoco>"""
+TWISTED = (MODELS / "twisted.xml").read_text(encoding="utf-8")
 
 
 def arm(integrator: str, damping: float) -> str:
     return ARM.replace("INTEGRATOR", integrator).replace("DAMPING", f"{damping:g}")
 
 
-SPRUNG = """<mujoco>
-  <option timestep="0.002" integrator="{integrator}"/>
-  <worldbody>
-    <body name="first" pos="0 0 1"><freejoint/><geom type="box" size=".1 .1 .1" mass="2"/>
-      <body name="second" pos=".4 0 0"><joint type="slide" axis="1 0 0" stiffness="200"/>
-        <geom type="box" size=".1 .1 .1" mass="1"/>
-        <body name="third" pos=".4 0 0"><joint type="slide" axis="1 0 0" stiffness="50"/>
-          <geom type="box" size=".1 .1 .1" mass="3"/></body>
-      </body>
-    </body>
-  </worldbody>
-</mujoco>"""
-CHAIN = """<mujoco>
-  <option timestep="0.002" integrator="{integrator}"/>
-  <default><joint axis="0 1 0"/></default>
-  <worldbody>
-    <body name="trunk" pos="0 0 1"><freejoint/><geom type="box" size=".2 .1 .05" mass="5"/>
-      <body name="thigh" pos=".2 0 0"><joint name="hip"/>
-        <geom type="capsule" fromto="0 0 0 .1 0 -.3" size=".03" mass="1"/>
-        <body name="shank" pos=".1 0 -.3"><joint name="knee"/>
-          <geom type="capsule" fromto="0 0 0 -.1 0 -.3" size=".02" mass=".5"/></body>
-      </body>
-    </body>
-  </worldbody>
-</mujoco>"""
+SPRUNG = (MODELS / "sprung.xml").read_text(encoding="utf-8")
+CHAIN = (MODELS / "chain.xml").read_text(encoding="utf-8")
 
 
+@pytest.mark.long
 def test_a_sprung_chain_keeps_its_energy_to_the_derived_order(one: One, values: Values) -> None:
     """Slides along one line have a constant mass matrix, where semi-implicit steps are symplectic.
 
@@ -95,6 +51,7 @@ def test_a_sprung_chain_keeps_its_energy_to_the_derived_order(one: One, values: 
     assert 0 < most <= 2e-3 * 367**0.5 / 2 * 1.05
 
 
+@pytest.mark.long
 def test_a_floating_chain_moves_its_joints(one: One, values: Values, missed: Missed) -> None:
     """It neither falls, which would hide the drift of its joints, nor rests."""
     found = one(CHAIN.format(integrator="Euler"), "free_motion")
@@ -110,6 +67,7 @@ def test_a_floating_chain_moves_its_joints(one: One, values: Values, missed: Mis
     assert rk4 < 1e-6
 
 
+@pytest.mark.long
 def test_a_planted_energy_gain_is_an_error(one: One, missed: Missed) -> None:
     """A damper of negative coefficient b pumps b v^2 into a lone hinge.
 
@@ -126,6 +84,7 @@ def test_a_planted_energy_gain_is_an_error(one: One, missed: Missed) -> None:
     assert one(PUMPED.replace("DAMPING", "0.01"), "free_motion").verdict == "pass"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("integrator", ["Euler", "implicitfast"])
 def test_the_integrator_is_to_blame(
     checked: Checked, values: Values, missed: Missed, integrator: str
@@ -144,6 +103,7 @@ def test_the_integrator_is_to_blame(
     assert {"energy_drift"} <= set(remedy.mends)
 
 
+@pytest.mark.long
 def test_damping_takes_what_the_integrator_gains(one: One, values: Values, missed: Missed) -> None:
     """A drift that the model's own damping hides is a warning, and no error."""
     found = one(arm("Euler", 0.05), "free_motion")
@@ -156,6 +116,7 @@ def test_damping_takes_what_the_integrator_gains(one: One, values: Values, misse
     assert list(values(free, "energy_gain")) == ["Euler at 2 ms"]
 
 
+@pytest.mark.long
 def test_an_impossible_inertia_is_named_and_no_integrator_blamed(one: One, missed: Missed) -> None:
     found = one(TWISTED, "free_motion")
     assert found.verdict == "fail"
@@ -176,6 +137,7 @@ def test_where_nothing_can_be_said(one: One, model: str, reason: str) -> None:
     assert reason in found.reason
 
 
+@pytest.mark.long
 def test_compensated_gravity_is_switched_off(one: One, values: Values) -> None:
     held = arm("RK4", 0).replace('name="lower"', 'name="lower" gravcomp="1"')
     held = held.replace('name="upper"', 'name="upper" gravcomp="1"')
@@ -191,6 +153,7 @@ def test_a_motion_that_diverges_fails(one: One, values: Values) -> None:
     assert values(found, "energy_drift")["Euler at 20 ms"] is None
 
 
+@pytest.mark.long
 def test_each_tree_is_judged_by_itself(one: One, values: Values, missed: Missed) -> None:
     """A heavy ball has far more energy than an arm, and leaves the arm's drift as it is."""
     ball = '<body name="ball" pos="0 0 9"><freejoint/><geom size=".2" mass="100"/></body>'

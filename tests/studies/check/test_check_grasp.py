@@ -20,10 +20,14 @@ needs_robot = pytest.mark.skipif(
 )
 
 
+@pytest.mark.long
 def test_the_recommended_contact_passes(checked: Checked, values: Values) -> None:
     report = checked("grasp_mug", assign=RECOMMENDED)
     assert report.passed
-    assert {each.name for each in report.checks if each.verdict != "pass"} <= {"free_motion"}
+    assert {each.name for each in report.checks if each.verdict != "pass"} <= {
+        "free_motion",
+        "must",
+    }
     hold = next(each for each in report.checks if each.name == "hold")
     # Measured 0.194 mm and 0.03 mm: what F5 and F6 give for 35 N on the contacts of a pad.
     for depth in values(hold, "penetration_mean").values():
@@ -32,6 +36,7 @@ def test_the_recommended_contact_passes(checked: Checked, values: Values) -> Non
     assert set(values(hold, "mode_switches").values()) == {0}
 
 
+@pytest.mark.long
 def test_the_default_contact_misses_named_limits(checked: Checked, missed: Missed) -> None:
     report = checked("grasp_mug", "flat_contact", "hold", assign=DEFAULT)
     flat, hold = report.checks
@@ -46,6 +51,7 @@ def test_the_default_contact_misses_named_limits(checked: Checked, missed: Misse
     assert {each.name for each in report.findings if each.failing} == mended
 
 
+@pytest.mark.long
 def test_a_mug_that_is_dropped_fails(one: One, missed: Missed) -> None:
     """1.9 N at both pads with a friction of 1 do not carry 1.962 N."""
     found = one("grasp_mug", "hold", *RECOMMENDED, "force_limit=1.9")
@@ -54,7 +60,7 @@ def test_a_mug_that_is_dropped_fails(one: One, missed: Missed) -> None:
 
 
 @needs_robot
-@pytest.mark.slow
+@pytest.mark.night
 def test_the_damping_of_a_robot_hides_its_drift(
     checked: Checked, missed: Missed, values: Values
 ) -> None:

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from contactlab.plan.task_options import TaskOptions
 from contactlab.schema.check_report import CheckResult, Measure
 from contactlab.studies.check.check_runs import held_pairs
 from contactlab.studies.check.checked_model import CheckedModel
@@ -49,6 +50,7 @@ def test_the_stable_set_holds(one: One, values: Values) -> None:
         assert force == pytest.approx(35, rel=0.01)
 
 
+@pytest.mark.long
 def test_a_run_that_blows_up_does_not_hold(one: One, missed: Missed) -> None:
     """A motor of 1e7 N m/rad on a light arm."""
     found = one(STIFF, "hold", "timestep=0.02")
@@ -58,6 +60,7 @@ def test_a_run_that_blows_up_does_not_hold(one: One, missed: Missed) -> None:
     assert one(STIFF, "timestep", "timestep=0.02").verdict == "warning"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("model", "reason"),
     [("ball_drop", "intermittently"), ("free_arm", "no monitored pair carries force")],
@@ -76,9 +79,10 @@ def test_a_box_that_slides_is_not_held(one: One) -> None:
 
 
 def model_of(scene: str, assign: tuple[str, ...], folder: Path) -> CheckedModel:
-    return open_model(CheckRequest(scene, assign), Session(folder))
+    return open_model(CheckRequest(scene, assign, task=TaskOptions(drive="none")), Session(folder))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("scene", "assign"),
     [("gripping_pad", ("solref=0.02 0.2",)), ("box_stack", ("boxes=3", "duration=0.5"))],

@@ -12,6 +12,8 @@ from contactlab.store.finished_store import Store
 from contactlab.studies.check import checked_model
 from contactlab.studies.check.remedies import MODEL
 
+pytestmark = pytest.mark.long
+
 Checked = Callable[..., CheckReport]
 One = Callable[..., CheckResult]
 Missed = Callable[[CheckResult], list[Measure]]

@@ -51,6 +51,7 @@ def test_a_run_that_differs_elsewhere_is_found(
     assert {each.of for each in missed(found)} == {"in another process", "in the same process"}
 
 
+@pytest.mark.long
 def test_a_bare_model_runs_no_longer_than_it_may(
     checked: Checked, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -289,6 +289,7 @@ def test_the_identified_inertias_are_those_of_bodies() -> None:
     assert (moments[:, 0] + moments[:, 1] >= moments[:, 2]).all()
 
 
+@pytest.mark.long
 @pytest.mark.skipif(
     "MENAGERIE_ROOT" not in os.environ,
     reason="MENAGERIE_ROOT names no folder with the robot's meshes",

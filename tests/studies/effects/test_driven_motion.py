@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from contactlab.plan.task_options import TaskOptions
 from contactlab.scene.model_draft import ModelEdits
 from contactlab.scene.model_writer import write_model
 from contactlab.schema.study_reports import EffectsReport
@@ -37,7 +38,9 @@ GRIPPER = """<mujoco>
 
 def ablated(tmp_path: Path) -> EffectsReport:
     (tmp_path / "gripper.xml").write_text(GRIPPER)
-    request = EffectsRequest(str(tmp_path / "gripper.xml"), seeds=2, rounds=None)
+    request = EffectsRequest(
+        str(tmp_path / "gripper.xml"), seeds=2, rounds=None, task=TaskOptions(drive="exercise")
+    )
     return ablation.run(request, Session(tmp_path / "out"))
 
 
@@ -52,6 +55,7 @@ def driven(model: mujoco.MjModel) -> np.ndarray:
     return path
 
 
+@pytest.mark.long
 def test_what_carries_the_drive_is_kept_and_the_written_model_moves_alike(tmp_path: Path) -> None:
     report = ablated(tmp_path)
     assert {each.effect for each in report.effects if each.need == "needed"} >= {
@@ -69,6 +73,7 @@ def test_what_carries_the_drive_is_kept_and_the_written_model_moves_alike(tmp_pa
     assert np.abs(driven(new) - driven(old)).max() < 0.01 * 0.04
 
 
+@pytest.mark.long
 def test_a_written_model_that_moves_otherwise_does_not_hold(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -85,7 +90,7 @@ def test_a_written_model_that_moves_otherwise_does_not_hold(
 @given(
     seeds=st.lists(st.floats(-1, 1), min_size=2, max_size=6),
     shift=st.floats(-1, 1),
-    drive=st.sampled_from([None, '"hold"', '{"noise": 0.3, "rate": 10.0}']),
+    drive=st.sampled_from([None, '"hold"', '"exercise"', '{"noise": 0.3, "rate": 10.0}']),
 )
 def test_motion_matters_beyond_tolerance_and_the_spread_over_seeds(
     seeds: list[float], shift: float, drive: str | None
@@ -103,6 +108,6 @@ def test_motion_matters_beyond_tolerance_and_the_spread_over_seeds(
         ConfigurationRows([{}], [[{**nothing, MOTION: each} for each in motions]])
         for motions in (own, new)
     )
-    limit = 0.01 if drive and "noise" in drive else max(0.01, max(seeds) - min(seeds))
+    limit = 0.01 if drive and drive != '"hold"' else max(0.01, max(seeds) - min(seeds))
     if abs(abs(shift) - limit) > 1e-12:
         assert difference({}, base, other).matters == (abs(shift) > limit)

@@ -28,6 +28,7 @@ def is_free(report: EffectsReport, *names: str) -> bool:
     return {needs(report)[name] for name in names} <= {"free", "unused"}
 
 
+@pytest.mark.long
 def test_a_vertical_ball_needs_no_friction(ablate: Ablate) -> None:
     report = ablate("version: 1\nscene: ball_drop\nduration: 1.0\n")
     assert is_free(report, "tangential_friction", *ANYWHERE)
@@ -36,6 +37,7 @@ def test_a_vertical_ball_needs_no_friction(ablate: Ablate) -> None:
     assert report.verification.runs == 10
 
 
+@pytest.mark.long
 def test_friction_holds_a_block(ablate: Ablate) -> None:
     """Without it the block falls freely: 4.9 m/s after half a second."""
     report = ablate("version: 1\nscene: gripping_pad\nduration: 0.5\ntolerances: {drop: 1.0e-3}\n")
@@ -47,7 +49,7 @@ def test_friction_holds_a_block(ablate: Ablate) -> None:
     assert is_free(report, *ANYWHERE)
 
 
-@pytest.mark.slow
+@pytest.mark.night
 @pytest.mark.parametrize(("coefficient", "need"), [(0.001, "needed"), (0.0, "free")])
 def test_rolling_friction_is_needed_where_it_has_a_coefficient(
     ablate: Ablate, coefficient: float, need: str
@@ -70,7 +72,7 @@ axes: {{direction: {{values: [{}], role: scenario}}}}
 """
 
 
-@pytest.mark.slow
+@pytest.mark.night
 def test_an_effect_that_matters_in_one_scenario_is_kept(ablate: Ablate) -> None:
     """A pyramid is exact along its axes and 41 % too weak between them."""
     assert needs(ablate(SLIDE.format("0")))["elliptic"] == "free"
@@ -83,7 +85,7 @@ def test_an_effect_that_matters_in_one_scenario_is_kept(ablate: Ablate) -> None:
     assert "elliptic" in report.smallest_set.on
 
 
-@pytest.mark.slow
+@pytest.mark.night
 @pytest.mark.parametrize(("shape", "need"), [(2, "needed"), (1, "unused")])
 @pytest.mark.skipif("multiccd" not in FLAGS, reason="this engine has no such switch")
 def test_plates_need_several_contacts_as_meshes_not_as_boxes(
@@ -97,6 +99,7 @@ def test_plates_need_several_contacts_as_meshes_not_as_boxes(
     assert is_free(report, *ANYWHERE)
 
 
+@pytest.mark.long
 @pytest.mark.skipif("speculative" not in FLAGS, reason="speculative came with MuJoCo 4.0")
 def test_a_thin_plate_at_speed_needs_contacts_ahead_of_touch(ablate: Ablate) -> None:
     report = ablate(
@@ -110,7 +113,7 @@ def test_a_thin_plate_at_speed_needs_contacts_ahead_of_touch(ablate: Ablate) -> 
     assert is_free(report, *ANYWHERE)
 
 
-@pytest.mark.slow
+@pytest.mark.night
 @pytest.mark.timed
 def test_a_stack_at_rest_may_sleep(ablate: Ablate) -> None:
     report = ablate(

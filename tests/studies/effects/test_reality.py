@@ -50,7 +50,7 @@ def rolled(folder: Path, condim: int, trials: int = 30) -> str:
     return f"{folder}/"
 
 
-@pytest.mark.slow
+@pytest.mark.night
 @pytest.mark.parametrize(("condim", "asked"), [(6, True), (3, False)])
 def test_rolling_friction_is_asked_for_where_it_was(
     tmp_path: Path, condim: int, asked: bool

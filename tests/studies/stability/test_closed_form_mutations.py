@@ -13,7 +13,7 @@ def unmet(rows: Rows) -> int:
     return sum(row["expectation_met"] is False for row in rows)
 
 
-@pytest.mark.slow
+@pytest.mark.night
 @pytest.mark.parametrize(
     ("name", "old", "new"),
     [
@@ -31,6 +31,6 @@ def test_planted_faults_show(planted: Planted, name: str, old: str, new: str) ->
     assert unmet(planted(name, old, new)) > 0
 
 
-@pytest.mark.slow
+@pytest.mark.night
 def test_nothing_planted_shows_nothing(planted: Planted) -> None:
     assert unmet(planted("isotropy", "<option ", "<option ")) == 0

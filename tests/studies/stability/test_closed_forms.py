@@ -10,6 +10,8 @@ from typing import Any
 
 import pytest
 
+pytestmark = pytest.mark.long
+
 CASES = [
     "free_fall",
     "incline",
@@ -46,7 +48,7 @@ def least(rows: Rows, metric: str = "oracle_error") -> float:
 
 
 @pytest.mark.parametrize(
-    "name", [*CASES, *(pytest.param(name, marks=pytest.mark.slow) for name in LONG_CASES)]
+    "name", [*CASES, *(pytest.param(name, marks=pytest.mark.night) for name in LONG_CASES)]
 )
 def test_cases_come_out_as_expected(case: Case, name: str) -> None:
     rows = case(name)
@@ -132,7 +134,7 @@ def test_small_rolling_friction_needs_impratio(case: Case) -> None:
     assert least(picked(rows, impratio=1)) > 0.5
 
 
-@pytest.mark.slow
+@pytest.mark.night
 def test_impacts_follow_coulomb_where_friction_has_its_own_reference(case: Case) -> None:
     rows = picked(case("oblique_impact"), cone="elliptic")
     referred = picked(rows, **{"pair_solreffriction[impact]": "-1 -320"}, restitution=0.6)

@@ -13,6 +13,8 @@ import pytest
 
 from contactlab import resources
 
+pytestmark = pytest.mark.long
+
 Case = Callable[..., list[dict[str, Any]]]
 CASES = (
     "billiard_throw",
@@ -31,7 +33,7 @@ LONG_CASES = ("double_pendulum", "refsafe_off")  # test_panda_free.py has one mo
 
 
 @pytest.mark.parametrize(
-    "name", [*CASES, *(pytest.param(name, marks=pytest.mark.slow) for name in LONG_CASES)]
+    "name", [*CASES, *(pytest.param(name, marks=pytest.mark.night) for name in LONG_CASES)]
 )
 def test_what_is_expected_comes_out(case: Case, assert_expected: Any, name: str) -> None:
     assert_expected(case(name))
@@ -81,7 +83,7 @@ def test_an_arm_drifts_less_than_practice_accepts_only_with_rk4(case: Case) -> N
             assert abs(row["energy_drift"]) > 1e-3
 
 
-@pytest.mark.slow
+@pytest.mark.night
 def test_a_double_pendulum_s_energy_by_order_of_the_step(case: Case) -> None:
     for timestep, most in ((5e-4, 1e-7), (2e-3, 1e-4), (4e-3, 1e-3)):
         for row in case("double_pendulum", integrator="RK4", timestep=timestep):
@@ -138,7 +140,7 @@ def test_overlap_is_thrown_apart_in_proportion(case: Case) -> None:
     assert row["oracle_measured"] == pytest.approx(4.17, rel=0.01)
 
 
-@pytest.mark.slow
+@pytest.mark.night
 def test_without_refsafe_only_implicit_contact_stands(case: Case) -> None:
     """A cube that falls 1 cm: Euler threw it 1.8 m up at 2 ms and 21 m at 1 ms."""
     for timeconst in (2e-3, 1e-3, 1e-4):
@@ -180,7 +182,7 @@ def test_throw_shows_the_friction_that_acted(case: Case) -> None:
         assert row["oracle_measured"] < 0.05
 
 
-@pytest.mark.slow
+@pytest.mark.night
 @pytest.mark.parametrize(
     ("name", "old", "new", "only"),
     [

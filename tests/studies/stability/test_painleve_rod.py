@@ -9,6 +9,8 @@ import pytest
 
 from contactlab.measure.friction_oracles import rod_tip_travel, tip_compliance
 
+pytestmark = pytest.mark.long
+
 Case = Callable[..., list[dict[str, Any]]]
 GRAVITY, HALF, RADIUS = 9.81, 0.5, 0.01
 

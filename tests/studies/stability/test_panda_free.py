@@ -28,12 +28,12 @@ def test_it_swings_with_the_energy_that_was_measured_of_the_real_one() -> None:
     assert 0.5 < np.argmax(kinetic) * model.opt.timestep < 0.7
 
 
-@pytest.mark.slow
+@pytest.mark.night
 def test_what_is_expected_comes_out(case: Case, assert_expected: Any) -> None:
     assert_expected(case("panda_free"))
 
 
-@pytest.mark.slow
+@pytest.mark.night
 def test_only_rk4_keeps_what_practice_asks_for(case: Case) -> None:
     """0.1 % of the peak kinetic energy a second; known at 2 ms: RK4 1e-8, Euler 1 %."""
     for row in case("panda_free", integrator="RK4", **FREE):
@@ -43,7 +43,7 @@ def test_only_rk4_keeps_what_practice_asks_for(case: Case) -> None:
             assert row["energy_drift"] > 1e-3
 
 
-@pytest.mark.slow
+@pytest.mark.night
 def test_euler_s_gain_grows_with_the_step(case: Case) -> None:
     """To first order by 4 from 0.5 to 2 ms; the motion is chaotic, so that 2 is asked for."""
     for integrator in EULER:
@@ -55,7 +55,7 @@ def test_euler_s_gain_grows_with_the_step(case: Case) -> None:
 
 
 @pytest.mark.parametrize("hiding", ["damper", "limit"])
-@pytest.mark.slow
+@pytest.mark.night
 def test_what_dissipates_hides_the_drift(case: Case, hiding: str) -> None:
     """Runs of all integrators lie within 2 % of each other, drifting ones among them."""
     drifts = [row["energy_drift"] for row in case("panda_free", **{**FREE, hiding: True})]
@@ -64,14 +64,14 @@ def test_what_dissipates_hides_the_drift(case: Case, hiding: str) -> None:
     assert np.ptp(drifts) < 0.02 * np.abs(drifts).max()
 
 
-@pytest.mark.slow
+@pytest.mark.night
 def test_damping_takes_what_it_took_of_the_real_one(case: Case) -> None:
     """Known: 27 % of the peak kinetic energy a second at 1 N m s/rad."""
     for row in case("panda_free", damper=True):
         assert row["energy_drift"] == pytest.approx(-0.27, abs=0.005)
 
 
-@pytest.mark.slow
+@pytest.mark.night
 def test_a_little_dry_friction_shows(planted: Case) -> None:
     """0.01 N m in seven joints at a few rad/s take 0.2 W, twice what practice accepts of 92 J."""
     rows = planted(

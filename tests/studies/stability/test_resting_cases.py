@@ -10,6 +10,8 @@ import pytest
 
 from contactlab import resources
 
+pytestmark = pytest.mark.long
+
 Case = Callable[..., list[dict[str, Any]]]
 Planted = Callable[..., list[dict[str, Any]]]
 CASES = (
@@ -28,13 +30,13 @@ LONG_CASES = ("pile", "ragdoll", "rolling_plate", "stack_10", "tower_20")
 
 
 @pytest.mark.parametrize(
-    "name", [*CASES, *(pytest.param(name, marks=pytest.mark.slow) for name in LONG_CASES)]
+    "name", [*CASES, *(pytest.param(name, marks=pytest.mark.night) for name in LONG_CASES)]
 )
 def test_what_is_expected_comes_out(case: Case, assert_expected: Any, name: str) -> None:
     assert_expected(case(name))
 
 
-@pytest.mark.slow
+@pytest.mark.night
 def test_a_stack_stays_by_stiffness_and_not_by_luck(case: Case) -> None:
     """References ask for 0.1 mm in 9 s; the default drifts by millimetres, at the same sag."""
     for row in case("stack_10", solref="0.005 1", impratio=10):
@@ -48,7 +50,7 @@ def test_a_stack_stays_by_stiffness_and_not_by_luck(case: Case) -> None:
         assert row["oracle_error"] > 0.01
 
 
-@pytest.mark.slow
+@pytest.mark.night
 def test_a_tower_buckles_where_one_looks_later(case: Case) -> None:
     assert all(row["rest_speed"] < 1e-6 for row in case("tower_20", solref="0.005 1", shift=1e-6))
     assert all(row["drop"] > 1 for row in case("tower_20", solref="0.02 1"))
@@ -127,7 +129,7 @@ def test_a_limit_of_iterations_is_no_residual(case: Case) -> None:
         assert row["oracle_error"] > 0.5
 
 
-@pytest.mark.slow
+@pytest.mark.night
 def test_rolling_is_not_worse_than_published(case: Case) -> None:
     """Published are 7.05e-3 (Euler) and 2.7e-3 (RK4), at 1 ms; starts spread by a tenth of it."""
     fine = {"timestep": 1e-3, "cone": "elliptic"}
@@ -139,7 +141,7 @@ def test_rolling_is_not_worse_than_published(case: Case) -> None:
     assert pyramid["oracle_error"] > 1
 
 
-@pytest.mark.slow
+@pytest.mark.night
 def test_settling_is_neither_chatter_nor_unrest(case: Case) -> None:
     settled = case("pile", timestep=2e-3, solver="Newton")
     rows = [row for row in settled if row["solref"] != "0.02 0.05"] + case("ragdoll", timestep=5e-3)
@@ -148,7 +150,7 @@ def test_settling_is_neither_chatter_nor_unrest(case: Case) -> None:
         assert row["rest_speed"] < 1e-2
 
 
-@pytest.mark.slow
+@pytest.mark.night
 @pytest.mark.parametrize(
     ("name", "old", "new"),
     [
@@ -161,7 +163,7 @@ def test_planted_faults_show(planted: Planted, name: str, old: str, new: str) ->
     assert any(row["expectation_met"] is False for row in planted(name, old, new))
 
 
-@pytest.mark.slow
+@pytest.mark.night
 @pytest.mark.parametrize("name", ["plates_sliding", "scales"])
 def test_nothing_planted_shows_nothing(planted: Planted, name: str) -> None:
     assert all(row["expectation_met"] for row in planted(name, "<option ", "<option "))

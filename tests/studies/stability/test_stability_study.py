@@ -6,12 +6,14 @@ from pathlib import Path
 import pytest
 
 from contactlab.errors import SweepFileError
+from contactlab.plan.task_options import TaskOptions
 from contactlab.schema.check_report import StabilityReport
 from contactlab.store.finished_store import Store
 from contactlab.studies.session import Session
 from contactlab.studies.stability_cases import StabilityRequest, find_cases, run
 
 
+@pytest.mark.long
 def test_every_case_is_reported_as_data(tmp_path: Path) -> None:
     lines: list[str] = []
     report = run(StabilityRequest(("free_fall",)), Session(tmp_path, notify=lines.append))
@@ -40,13 +42,15 @@ ARM = """<mujoco>
 def test_a_model_starts_where_it_says_and_slightly_off(tmp_path: Path) -> None:
     (tmp_path / "arm.xml").write_text(ARM)
     settings = ("duration=0.1", "trace=all", "timestep=1e-3", "thresholds.penetration_steady=1e-3")
-    request = StabilityRequest((str(tmp_path / "arm.xml"),), "hold", settings)
+    request = StabilityRequest((str(tmp_path / "arm.xml"),), TaskOptions(drive="hold"), settings)
     (case,) = run(request, Session(tmp_path / "out")).cases
     store = Store.open(Path(case.store))
     records = [store.record(run) for run in store.table["run_id"].to_pylist()]
-    first, *others = (float(store.trace(record).qpos[0, 0]) for record in records)
-    assert first == 0.25
-    # What a seed moves without a manifest: each joint by up to 0.1 mrad.
+    places = {record.seed: float(store.trace(record).qpos[0, 0]) for record in records}
+    assert places.keys() == {0, 1, 2}
+    assert places.pop(0) == 0.25
+    others = list(places.values())
+    # What other seeds move without a manifest: each joint by up to 0.1 mrad.
     assert all(0 < abs(other - 0.25) <= 1e-4 for other in others)
     assert others
     assert all(record.drive == "hold" for record in records)
@@ -56,6 +60,7 @@ def test_a_model_starts_where_it_says_and_slightly_off(tmp_path: Path) -> None:
 
 def test_settings_are_not_for_shipped_cases(tmp_path: Path) -> None:
     asked = StabilityRequest(("free_fall",))
-    for request in (replace(asked, assign=("duration=1",)), replace(asked, drive="hold")):
+    held = TaskOptions(drive="hold")
+    for request in (replace(asked, assign=("duration=1",)), replace(asked, task=held)):
         with pytest.raises(SweepFileError, match="'free_fall' is a case with settings and a drive"):
             run(request, Session(tmp_path))

@@ -1,1 +1,1 @@
-"""What drives runs: controls that hold a posture, noise, exercises, recorded controls."""
+"""Drives of runs: controls that hold a posture, noise, exercises, recorded controls."""

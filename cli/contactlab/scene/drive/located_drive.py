@@ -59,12 +59,12 @@ def locate(drive: Drive, folder: Path) -> LocatedDrive:
     """
     if not isinstance(drive, FileDrive | PolicyDrive):
         return LocatedDrive(drive)
-    files = tuple(folder / Path(each).expanduser() for each in drive_files(drive))
+    files = tuple(folder / Path(file).expanduser() for file in drive_files(drive))
     sha256 = drive.sha256 or _hash(files)
     if isinstance(drive, FileDrive):
         names: dict[str, object] = {"file": Path(drive.file).name}
     else:
-        own = tuple(Path(each).name for each in drive.files)
+        own = tuple(Path(file).name for file in drive.files)
         names = {"policy": Path(drive.policy).name, "files": own}
     located = LocatedDrive(drive.model_copy(update={**names, "sha256": sha256}), files)
     located.check()

@@ -15,7 +15,7 @@ from contactlab.scene.timed_inputs import Signals
 
 TIME = "time"
 _ELEMENT = re.compile(r"(ctrl|qpos|qvel)\[(\d+)\]")
-_SNAP = 1e-6  # a row this close to a step, in timesteps, is at that step
+_SNAP = 1e-6  # relative rounding of the time of the last row
 
 TableReader = Callable[[Path], Mapping[str, Floats]]
 """Returns the columns of a file by name, each (T,)."""
@@ -60,7 +60,7 @@ class RecordedTable:
 
 @dataclass(frozen=True)
 class RecordedInputs:
-    """What the table of this name says of runs: what drives them, and parts of their start."""
+    """Controls that drive runs, and parts of their start, from the table of this name."""
 
     name: str
     signals: Signals
@@ -77,10 +77,7 @@ class RecordedInputs:
                 f"{self.name}: its last row is at {end:g} s of column `{TIME}`, but runs take "
                 f"{duration:g} s; write duration: {end:g}, or add rows"
             )
-        steps = np.round(times / timestep)
-        near = np.abs(times / timestep - steps) < _SNAP
-        exact = np.where(near, steps * timestep, times)
-        return Signals(self.signals.places, exact, self.signals.levels)
+        return self.signals.at_steps(timestep)
 
 
 def read_recorded(model: mujoco.MjModel, table: RecordedTable, *, held: bool) -> RecordedInputs:
@@ -92,7 +89,7 @@ def read_recorded(model: mujoco.MjModel, table: RecordedTable, *, held: bool) ->
     name, columns = table.name, table.columns
     if TIME not in columns or not len(columns[TIME]):
         raise SceneError(f"{name}: no rows, or no column `{TIME}` [s]; add both")
-    found, mistakes = table.matched(model, {each: each for each in columns if each != TIME})
+    found, mistakes = table.matched(model, {column: column for column in columns if column != TIME})
     times = columns[TIME] - columns[TIME][0]
     for column in (TIME, *found.values()):
         if (bad := np.flatnonzero(~np.isfinite(columns[column]))).size:
@@ -100,13 +97,13 @@ def read_recorded(model: mujoco.MjModel, table: RecordedTable, *, held: bool) ->
     if (back := np.flatnonzero(np.diff(times) < 0)).size:
         mistakes.append(f"`{TIME}` decreases in row {back[0] + 2}; sort the rows by time")
     first = part_starts(model)["ctrl"]
-    driven = {place - first: columns[each] for place, each in found.items() if place >= first}
+    driven = {place - first: columns[column] for place, column in found.items() if place >= first}
     if not (driven or mistakes):
         mistakes.append(
             "no column is an actuator, BODY.fx to .tz, or MOCAP_BODY.x to .qz; name at least one"
         )
     if mistakes:
-        raise SceneError("\n".join(f"{name}: {each}" for each in mistakes))
+        raise SceneError("\n".join(f"{name}: {mistake}" for mistake in mistakes))
     start: list[tuple[str, int, float]] = []
     for place in (place for place in found if place < first):
         part, index = ("qpos", place) if place < model.nq else ("qvel", place - model.nq)
@@ -131,8 +128,8 @@ def _place(model: mujoco.MjModel, column: str, columns: Collection[str]) -> int 
         return known[f"{joints[column]}.ctrl"]
     if (place := known.get(column.removesuffix(".qpos"))) is not None:
         return place
-    names = [each.removesuffix(".ctrl") for each in known]
-    some = [each for each in names if "." not in each] or sorted(known, key=known.__getitem__)
+    names = [heading.removesuffix(".ctrl") for heading in known]
+    some = [name for name in names if "." not in name] or sorted(known, key=known.__getitem__)
     such = f"; name them such as {', '.join(some[:4])}" if some else ""
     close = did_you_mean(column, names) or such
     return f"column `{column}` is no actuator, joint or body of the model{close}"

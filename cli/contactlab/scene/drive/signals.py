@@ -1,182 +1,185 @@
-"""What controls do over time around those that hold a posture: noise, and an exercise.
+"""Signals that drive runs over time: noise, and an excitement by controls and pushes.
 
 Both are made of knots at times in seconds, so that they are the same at every timestep.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import Floats
-from contactlab.scene.drive.hold import Posture, Servos, is_integrated
 from contactlab.scene.timed_inputs import Signals
 from contactlab.schema.drive import NoiseDrive
 
 _LEAST_SINES = 64  # sines of each control at least; their sum is nearly normal
 # Knots of a period of the highest frequency: linear between them, 1.4 % of it is lost.
 _KNOTS = 12
-_STREAM = 3  # the seed's stream of random numbers for controls; the first perturbs the start
+# The seed's streams of random numbers for noise and for excitements; the first perturbs the start.
+_NOISE, _EXCITEMENT = 3, 4
 
-# Peak speed of joints [rad/s or m/s], and how far those without limits go [rad or m].
-_SPEED = 6.0
-_WAY = 0.5
-_ALONE = 0.7
-_LEAST_WINDOW = 0.4
-"""How long each actuator moves at least [s]; with less time for each, they overlap."""
-_KNOTS_OF_LEG = 13  # knots of each of the three legs of a way: to one end, to the other, and back
+CONTROL_RATE = 50.0
+"""How often the controls of an excitement change [Hz]; between, they are held."""
+_LOWEST, _HIGHEST = 0.5, 1.5  # frequencies of its sines [Hz]
+_SHARE = 0.7  # of the range of a control that a sine goes through
+_GROWTH = 0.2  # in which sines grow [s]
+PUSH_TIME = 0.05
+"""How long a push lasts [s]."""
+_MOMENTS = 8  # different times at which bodies are pushed
+_STANDARD_GRAVITY = 9.81
+# What an actuator without a range does at most: the acceleration of its joint [rad/s^2 or m/s^2],
+# its speed [rad/s or m/s], and its length [rad or m].
+_ACCELERATION, _SPEED, _WAY = 10.0, 1.0, 0.5
 
-
-def exercise_duration(model: mujoco.MjModel) -> float:
-    """Return how long an exercise of a model takes [s], where nothing else says."""
-    return min(1.0 + 0.5 * model.nu, 10.0) if model.nu else 2.0
-
-
-@dataclass(frozen=True)
-class ControlRoom:
-    """What controls may do."""
-
-    half: Floats  # (nu,) half the range of each; 0 where there is none
-    travel: Floats  # (nu, 2) how far an exercise goes from those held, to both sides
-    speed: Floats  # (nu,) how fast it moves each at most [1/s]; 0 where any speed will do
+_FIXED = int(mujoco.mjtGain.mjGAIN_FIXED)
+_AFFINE = int(mujoco.mjtBias.mjBIAS_AFFINE)
+_INTEGRATOR = int(mujoco.mjtDyn.mjDYN_INTEGRATOR)
+_MUSCLE = int(mujoco.mjtDyn.mjDYN_MUSCLE)
+_AT_JOINT = int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT)
 
 
-def control_room(model: mujoco.MjModel, servos: Servos, posture: Posture) -> ControlRoom:
-    """Return what the controls of a model may do around those that hold a posture."""
-    usable = np.where(posture.gain == 0, np.inf, posture.gain)
-    stiffness = np.where(model.actuator_biastype == 0, 0.0, -model.actuator_biasprm[:, 1])
-    stiffness[servos.actuators] += servos.stiffness
-    slope = stiffness / usable
-    ways = _ways(model, posture) - posture.lengths[:, None]
-    ranges = (
-        (model.actuator_ctrllimited, model.actuator_ctrlrange, 1.0),
-        (model.actuator_forcelimited, model.actuator_forcerange, usable),
-    )
-    half = np.abs(np.ptp(ways, axis=1) / 2 * slope)
-    for limited, bounds, by in reversed(ranges):
-        half = np.where(limited, np.abs(np.ptp(bounds, axis=1) / 2 / by), half)
-    # What has no length goes through its controls.
-    low, high = _offsets(model, servos, posture)
-    straight = np.stack([low, high], axis=1)
-    straight[~np.isfinite(straight)] = 0.0
-    travel = np.where(slope[:, None] != 0, np.sort(ways * slope[:, None]), straight)
-    speed = _SPEED * np.abs(slope) * posture.rates
-    rated = is_integrated(model) & model.actuator_ctrllimited.astype(bool)
-    most = np.abs(model.actuator_ctrlrange).min(axis=1, initial=np.inf)
-    speed[rated] = np.minimum(speed, most)[rated]
-    return ControlRoom(half, np.clip(travel, low[:, None], high[:, None]), speed)
+def control_ranges(model: mujoco.MjModel) -> Floats:
+    """Return (nu, 2) the least and largest control of each actuator.
+
+    The range of a control where it is limited. Else what follows from the actuator: the limits of
+    its joint for a position servo, a speed of 1 for a velocity servo, the range of its force for a
+    motor or, without one, what accelerates its joint by 10 rad/s^2 or m/s^2.
+    """
+    ranges = np.array(model.actuator_ctrlrange, dtype=np.float64)
+    limited = np.asarray(model.actuator_ctrllimited).astype(bool)
+    for actuator in np.flatnonzero(~limited):
+        ranges[actuator] = _unlimited(model, int(actuator))
+    return ranges
 
 
-def _offsets(model: mujoco.MjModel, servos: Servos, posture: Posture) -> tuple[Floats, Floats]:
-    """Return (nu,) how far controls may go down and up, integrated ones as activations."""
-    integrated = is_integrated(model)[:, None]
-    limited = np.where(
-        integrated, model.actuator_actlimited[:, None], model.actuator_ctrllimited[:, None]
-    )
-    bounds = np.where(integrated, model.actuator_actrange, model.actuator_ctrlrange)
-    offsets = np.where(limited, bounds - posture.inputs[:, None], [-np.inf, np.inf])
-    # What has a spring is limited by its force.
-    offsets[servos.actuators] = -np.inf, np.inf
-    return np.minimum(offsets[:, 0], 0.0), np.maximum(offsets[:, 1], 0.0)
+def _unlimited(model: mujoco.MjModel, actuator: int) -> tuple[float, float]:
+    gain, bias = float(model.actuator_gainprm[actuator, 0]), model.actuator_biasprm[actuator]
+    dynamics = model.actuator_dyntype[actuator]
+    affine = model.actuator_biastype[actuator] == _AFFINE
+    if dynamics == _MUSCLE:
+        return 0.0, 1.0
+    if model.actuator_gaintype[actuator] != _FIXED or not gain:
+        ends = -1.0, 1.0
+    elif dynamics == _INTEGRATOR or (affine and bias[2] and not bias[1]):
+        ends = -_SPEED, _SPEED
+    elif affine and bias[1]:
+        ends = (-bias[1] * _lengths(model, actuator) - bias[0]) / gain
+    elif model.actuator_forcelimited[actuator]:
+        ends = model.actuator_forcerange[actuator] / gain
+    else:
+        rate = abs(gain) * float(model.actuator_acc0[actuator])
+        ends = np.array([-1.0, 1.0]) * (_ACCELERATION / rate if rate else 1.0)
+    return float(min(ends)), float(max(ends))
 
 
-def _ways(model: mujoco.MjModel, posture: Posture) -> Floats:
-    """Return (nu, 2) the lengths of actuators between limits of their joint or tendon."""
-    lengths = posture.lengths
-    ways = lengths[:, None] + np.array([-_WAY, _WAY]) * posture.rates[:, None]
-    kinds, items = np.asarray(model.actuator_trntype), np.asarray(model.actuator_trnid)[:, 0]
-    tables = (
-        (mujoco.mjtTrn.mjTRN_JOINT, model.jnt_limited, model.jnt_range),
-        (mujoco.mjtTrn.mjTRN_JOINTINPARENT, model.jnt_limited, model.jnt_range),
-        (mujoco.mjtTrn.mjTRN_TENDON, model.tendon_limited, model.tendon_range),
-    )
-    for kind, limited, ranges in tables:
-        for actuator in np.flatnonzero(kinds == int(kind)):
-            if limited[items[actuator]]:
-                ends = ranges[items[actuator]] * model.actuator_gear[actuator, 0]
-                reached = [*ends, lengths[actuator]]
-                ways[actuator] = min(reached), max(reached)
-    return ways
+def _lengths(model: mujoco.MjModel, actuator: int) -> Floats:
+    """Return (2,) the lengths of a servo at the limits of its joint; without, some way about."""
+    joint = int(model.actuator_trnid[actuator, 0])
+    if model.actuator_trntype[actuator] in _AT_JOINT and model.jnt_limited[joint]:
+        return model.jnt_range[joint] * model.actuator_gear[actuator, 0]
+    return np.array([-_WAY, _WAY]) + model.actuator_length0[actuator]
+
+
+def neutral_controls(model: mujoco.MjModel) -> Floats:
+    """Return (nu,) zero, or the middle of the range of a control that excludes zero."""
+    low, high = np.asarray(model.actuator_ctrlrange, dtype=np.float64).reshape(-1, 2).T
+    outside = np.asarray(model.actuator_ctrllimited).astype(bool) & ((low > 0) | (high < 0))
+    return np.where(outside, (low + high) / 2, 0.0)
+
+
+def pushed_bodies(model: mujoco.MjModel) -> NDArray[np.intp]:
+    """Return the bodies that an excitement pushes: free ones.
+
+    Where there are neither such nor actuators, it pushes the last bodies of every chain, since
+    nothing would move otherwise.
+    """
+    free = np.asarray(model.jnt_type) == int(mujoco.mjtJoint.mjJNT_FREE)
+    if free.any() or model.nu:
+        return np.asarray(model.jnt_bodyid)[free].astype(np.intp)
+    jointed = np.asarray(model.body_weldid) > 0
+    last = ~np.isin(np.arange(model.nbody), np.asarray(model.body_parentid)[1:])
+    return np.flatnonzero(jointed & last & (np.asarray(model.body_mass) > 0))
+
+
+def excitement_signals(
+    model: mujoco.MjModel, rest: Floats, span: tuple[float, float], seed: int
+) -> Signals:
+    """Return sines of controls around the middle of their ranges, and pushes of bodies.
+
+    Controls leave those at rest, (nu,), at the begin of their span [s], and are held for 1 /
+    `CONTROL_RATE` each. Frequencies and phases are the seed's. A body is pushed once, by its weight
+    (with all that it carries) across gravity, for `PUSH_TIME`, in the first part of the span.
+    """
+    begin, end = span
+    random = np.random.default_rng([seed, _EXCITEMENT])
+    hertz = random.uniform(_LOWEST, _HIGHEST, model.nu)
+    phases = random.uniform(0, 2 * np.pi, model.nu)
+    low, high = control_ranges(model).reshape(-1, 2).T
+    middle, reach = (low + high) / 2, _SHARE * (high - low) / 2
+
+    held = np.arange(max(int(np.ceil((end - begin) * CONTROL_RATE)), 1)) / CONTROL_RATE
+    moments = random.uniform(0, 1, _MOMENTS) * max(end - begin - 2 * PUSH_TIME, 0.0) / 2
+    bodies = pushed_bodies(model)
+    own = np.arange(len(bodies)) % _MOMENTS
+    edges = [moments[np.unique(own)], moments[np.unique(own)] + PUSH_TIME] if len(bodies) else []
+    times = np.unique(np.concatenate([held, *edges]))
+    # Between its own knots a control stays; the pushes of bodies have knots in between.
+    since = held[np.searchsorted(held, times, side="right") - 1]
+
+    waves = np.sin(2 * np.pi * hertz[:, None] * since + phases[:, None])
+    growth = np.minimum(since / _GROWTH, 1.0)
+    aims = middle[:, None] + reach[:, None] * waves
+    controls = rest[:, None] + growth * (aims - rest[:, None])
+    forces = _pushes(model, bodies, random)
+    active = (times >= moments[own][:, None]) & (times < moments[own][:, None] + PUSH_TIME)
+    pushes = (forces[:, :, None] * active[:, None, :]).reshape(-1, len(times))
+    places = [np.arange(model.nu), (model.nu + 6 * bodies[:, None] + np.arange(3)).ravel()]
+    levels = np.concatenate([controls, pushes])
+    before = np.concatenate([rest, np.zeros(len(pushes))])
+    return _steps(np.concatenate(places).astype(np.intp), begin + times, levels, before)
+
+
+def _pushes(model: mujoco.MjModel, bodies: NDArray[np.intp], random: np.random.Generator) -> Floats:
+    """Return (n, 3) forces on bodies, of the size of their weights, across gravity [N]."""
+    gravity = np.array(model.opt.gravity)
+    size = float(np.linalg.norm(gravity))
+    down = gravity / size if size else np.zeros(3)
+    ways = random.normal(size=(len(bodies), 3))
+    ways -= (ways @ down)[:, None] * down
+    ways /= np.linalg.norm(ways, axis=1, keepdims=True)
+    weights = np.asarray(model.body_subtreemass)[bodies] * (size or _STANDARD_GRAVITY)
+    return weights[:, None] * ways
+
+
+def _steps(places: NDArray[np.intp], times: Floats, levels: Floats, before: Floats) -> Signals:
+    """Return signals that have levels (P, K) from times (K,) on, and others (P,) before."""
+    knots = np.repeat(times, 2)
+    known = np.concatenate([before[:, None], levels], axis=1)
+    return Signals(places, knots[None], np.repeat(known, 2, axis=1)[:, 1:-1])
 
 
 def noise_signals(
-    posture: Posture,
-    half: Floats,
-    noise: NoiseDrive,
-    span: tuple[float, float],
-    seeds: Sequence[int],
+    rest: Floats, half: Floats, noise: NoiseDrive, end: float, seeds: Sequence[int]
 ) -> list[Signals]:
-    """Return noise of each seed around held controls: a sum of sines of equal size, random phases.
+    """Return noise of each seed around controls at rest (nu,): sines of equal size, random phases.
 
     Their frequencies are evenly spaced up to the highest, 64 or more, and so close that the sum
-    repeats after the run only. Its root mean square is a share of half the range of each control,
-    (nu,). It grows over the first period of its highest frequency in its span, begin and end [s].
+    repeats after the run only, which ends at a time [s]. Its root mean square is a share of half
+    the range of each control, (nu,). It grows over the first period of its highest frequency.
     """
-    begin, end = span
     sines = _LEAST_SINES
-    while sines < (end - begin) * noise.rate:
+    while sines < end * noise.rate:
         sines *= 2
     shape = len(half), sines
-    phases = [np.random.default_rng([seed, _STREAM]).uniform(0, 2 * np.pi, shape) for seed in seeds]
+    streams = [np.random.default_rng([seed, _NOISE]) for seed in seeds]
+    phases = [random.uniform(0, 2 * np.pi, shape) for random in streams]
     spectrum = np.zeros((len(seeds), len(half), sines * _KNOTS // 2 + 1), np.complex128)
     spectrum[:, :, 1 : sines + 1] = np.exp(1j * np.array(phases))
-    count = int(np.ceil(max(end - begin, 0.0) * noise.rate * _KNOTS)) + 1
+    count = int(np.ceil(end * noise.rate * _KNOTS)) + 1
     # A sine of size 1 has the mean square 1/2; `irfft` divides by the number of knots.
     wave = np.fft.irfft(spectrum)[:, :, :count] * sines * _KNOTS / np.sqrt(2 * sines)
     knots = np.arange(wave.shape[2]) / (noise.rate * _KNOTS)
     wave *= np.minimum(knots * noise.rate, 1.0)
-    levels = posture.ctrl[:, None] + noise.noise * half[:, None] * wave
-    return [Signals(np.arange(len(half)), begin + knots[None], each) for each in levels]
-
-
-def exercise_signals(
-    model: mujoco.MjModel, posture: Posture, room: ControlRoom, begin: float, end: float
-) -> Signals:
-    """Return controls that go through their ranges one by one, then all together.
-
-    A control goes to one end of its travel, to the other, and back, as far as there is time for at
-    a moderate speed, between a begin and an end [s]. If there is little time for each, one begins
-    before the last one ends.
-    """
-    count, alone = model.nu, begin + _ALONE * (end - begin)
-    stride = (alone - begin) / max(count, 1)
-    window = min(max(stride, _LEAST_WINDOW), alone - begin)
-    starts = np.minimum(begin + stride * np.arange(count), alone - window)
-    integrated = is_integrated(model)
-    lines: list[tuple[Floats, Floats]] = []
-    for each, start in enumerate(starts):
-        own, together = _way(room, each, start, window), _way(room, each, alone, end - alone)
-        times, offsets = np.concatenate([own, together], axis=1)
-        lines.append((times, offsets) if not integrated[each] else _rates(times, offsets))
-    most = max(len(times) for times, _ in lines)
-    padded = [[np.pad(part, (0, most - len(part)), "edge") for part in line] for line in lines]
-    times, levels = np.moveaxis(np.array(padded), 1, 0)
-    return Signals(np.arange(count), times, posture.ctrl[:, None] + levels)
-
-
-def _way(room: ControlRoom, actuator: int, begin: float, window: float) -> Floats:
-    """Return (2, K) times, and how far from its held value a control is then.
-
-    It goes to one end of its travel, to the other, and back: each leg half a period of a cosine, at
-    one peak speed, so that its time is as its length.
-    """
-    low, high = room.travel[actuator]
-    stops = np.array([0.0, high, low, 0.0])
-    lengths = np.abs(np.diff(stops))
-    whole, speed = lengths.sum(), room.speed[actuator]
-    peak = np.pi / 2 * whole / window if window > 0 else np.inf
-    shrink = min(1.0, speed / peak) if speed and whole else 1.0
-    along = np.linspace(0.0, 1.0, _KNOTS_OF_LEG)
-    ease = (1 - np.cos(np.pi * along)) / 2
-    ends = np.cumsum([0.0, *lengths]) / max(whole, np.finfo(float).tiny)
-    times = ends[:-1, None] + np.diff(ends)[:, None] * along
-    offsets = stops[:-1, None] + np.diff(stops)[:, None] * ease
-    return np.stack([begin + window * times.ravel(), shrink * offsets.ravel()])
-
-
-def _rates(times: Floats, offsets: Floats) -> tuple[Floats, Floats]:
-    """Return the knots of a control that is the rate of what goes along some offsets."""
-    steps = np.diff(times)
-    rates = np.where(steps > 0, np.diff(offsets) / np.where(steps > 0, steps, 1.0), 0.0)
-    return np.append(np.repeat(times, 2)[1:-1], times[-1]), np.append(np.repeat(rates, 2), 0.0)
+    levels = rest[:, None] + noise.noise * half[:, None] * wave
+    return [Signals(np.arange(len(half)), knots[None], level) for level in levels]

@@ -1,4 +1,4 @@
-"""What an effect is, and ways to turn one on and off: by flags, options, or contact dimensions."""
+"""Effects, and ways to turn one on and off: by flags, options, or contact dimensions."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace

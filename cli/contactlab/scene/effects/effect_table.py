@@ -152,7 +152,7 @@ _EFFECTS = (
     ),
     _flag(
         "eulerdamp", "numerical", "joint damping taken at the step's end by the Euler integrator"
-    ).needed_by("joint damping", zero("no joint is damped", *proofs.DAMPING), feature="motion"),
+    ).needed_by("joint damping", proofs.no_joint_damping, feature="motion"),
     _flag("frictionloss", "physical", "dry friction in joints and tendons").needed_by(
         "friction loss above zero",
         zero("no joint or tendon has friction loss", *proofs.FRICTION_LOSS),
@@ -257,7 +257,11 @@ def choose(run: RunState, request: EffectRequest) -> dict[str, EffectState]:
 def leave_out(run: RunState, chosen: Mapping[str, EffectState]) -> None:
     """Turn off the effects that are not chosen in a run's model, in place."""
     # All are read before any is written: friction effects share condim.
-    off = [each for name, each in EFFECTS.items() if not chosen[name].on and each.switch.is_on(run)]
+    off = [
+        effect
+        for name, effect in EFFECTS.items()
+        if not chosen[name].on and effect.switch.is_on(run)
+    ]
     for effect in off:
         effect.switch.write(run.model, False)
 

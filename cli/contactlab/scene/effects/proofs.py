@@ -18,7 +18,7 @@ from contactlab.scene.model_edits import read_flag
 _GEOM = mujoco.mjtGeom
 _JOINT = mujoco.mjtJoint
 # Of more geoms, which can touch is not determined: the table of all pairs would be too large.
-_MAX_GEOMS = 2000
+_MOST_GEOMS_PROVEN = 2000
 _ROUND = {int(_GEOM.mjGEOM_SPHERE), int(_GEOM.mjGEOM_CAPSULE)}
 _BOX, _CYLINDER = int(_GEOM.mjGEOM_BOX), int(_GEOM.mjGEOM_CYLINDER)
 # Fields of the model, of which not every version has all.
@@ -42,7 +42,7 @@ _DIRECT = (
 
 
 class ModelFacts:
-    """What a compiled structure, recording sensors included, decides about its effects."""
+    """Facts about effects that a compiled structure, recording sensors included, decides."""
 
     def __init__(self, model: mujoco.MjModel, *, energy: bool) -> None:
         self._model = model
@@ -63,7 +63,7 @@ class ModelFacts:
         filtered.
         """
         model = self._model
-        many = model.ngeom > _MAX_GEOMS
+        many = model.ngeom > _MOST_GEOMS_PROVEN
         if many or model.nflex or model.nplugin or read_flag(model, "override"):
             return None
         weld = np.asarray(model.body_weldid)[model.geom_bodyid]
@@ -152,9 +152,11 @@ def _turns(model: mujoco.MjModel, body: int) -> bool:
 class RunState:
     """A run as the proofs see it, before it starts."""
 
-    model: mujoco.MjModel  # the run's model, its settings written
+    # The user's model, its settings written: never one that a drive changed.
+    model: mujoco.MjModel
     facts: ModelFacts  # what its structure decides
     straight: bool  # whether nothing turns or moves sideways at the start, or is pushed to
+    loaded: bool = False  # whether springs from outside of the model hold its joints
 
 
 Proof = Callable[[RunState], str | None]
@@ -217,14 +219,24 @@ def _falls_straight(run: RunState) -> bool:
 never = where("", lambda _: False)
 no_contact = where("no two geoms can touch", lambda run: run.facts.kinds == frozenset())
 no_limit = zero("no joint or tendon has a limit", "jnt_limited", "tendon_limited")
-# Where springs and damping are off, MuJoCo skips the other passive forces too.
+# Where springs and damping are off, MuJoCo skips the other passive forces too, and a load that
+# holds joints acts through both.
 no_damping = where(
     "no joint or tendon is damped",
-    lambda run: not (_has_other_forces(run.model) or acts(run.model, *DAMPING, *_TENDON_DAMPING)),
+    lambda run: (
+        not (
+            run.loaded
+            or _has_other_forces(run.model)
+            or acts(run.model, *DAMPING, *_TENDON_DAMPING)
+        )
+    ),
 )
 no_spring = where(
     "no joint or tendon is a spring",
-    lambda run: not (_has_other_forces(run.model) or acts(run.model, *_SPRINGS)),
+    lambda run: not (run.loaded or _has_other_forces(run.model) or acts(run.model, *_SPRINGS)),
+)
+no_joint_damping = where(
+    "no joint is damped", lambda run: not (run.loaded or acts(run.model, *DAMPING))
 )
 # Without density and viscosity a medium exerts no force, whatever the wind.
 no_air = where(

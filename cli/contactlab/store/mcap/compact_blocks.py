@@ -27,7 +27,8 @@ from contactlab.store.mcap.record_encoder import (
     Unsigned,
     overlapping,
     overlapping_numbers,
-    record_encoder,
+    pack_values,
+    write_records,
 )
 from contactlab.store.mcap.scratch import SCRATCH
 from contactlab.store.mcap.stored_messages import (
@@ -54,7 +55,7 @@ BLOCK_SIZE = 8 << 20
 """Bytes of messages in the blocks of one stretch of time, but for what one step adds."""
 _HEAD = struct.Struct("<IId")  # messages of a group, length of each, and the run's timestep [s]
 # No message has so many times the bytes of the values that are stored of it.
-_MOST_GROWTH = 4
+_MOST_BYTES_PER_STORED_BYTE = 4
 
 
 def compacted(
@@ -62,16 +63,16 @@ def compacted(
 ) -> tuple[list[MessageGroup], Times]:
     """Return the messages of (N + 1,) times as blocks, and the (B,) times at which these start."""
     sizes = np.zeros(len(times), np.int64)
-    for each in records:
-        sizes[each.rows] += each.layout.size
+    for record in records:
+        sizes[record.rows] += record.layout.size
     starts = np.flatnonzero(np.diff(np.cumsum(sizes) // BLOCK_SIZE, prepend=-1))
     parts: dict[tuple[int, int], list[Records]] = defaultdict(list)
-    for each in records:
-        ends = np.searchsorted(each.rows, np.append(starts, len(times))).tolist()
+    for record in records:
+        ends = np.searchsorted(record.rows, np.append(starts, len(times))).tolist()
         for block, (first, last) in enumerate(pairwise(ends)):
             if first < last:
-                part = each._replace(rows=each.rows[first:last])
-                parts[each.channel, block].append(part)
+                part = record._replace(rows=record.rows[first:last])
+                parts[record.channel, block].append(part)
     begins = times[starts]
     blocks = [_block(*key, int(begins[key[1]]), part, timestep) for key, part in parts.items()]
     return blocks, begins
@@ -81,20 +82,20 @@ def _block(
     channel: int, row: int, time: int, parts: Sequence[Records], timestep: float
 ) -> MessageGroup:
     """Return the message that is a block of these records."""
-    sizes = [len(each.rows) * each.layout.packed for each in parts]
+    sizes = [len(part.rows) * part.layout.packed for part in parts]
     head = message_head(len(parts) * _HEAD.size + sum(sizes), channel, time)
 
     def write(data: Bytes, starts: Integers) -> None:
-        encoder, data, before = record_encoder(), data[starts[0] :], head
-        for each, size in zip(parts, sizes, strict=True):
-            count, length = len(each.rows), each.layout.size
+        data, before = data[starts[0] :], head
+        for part, size in zip(parts, sizes, strict=True):
+            count, length = len(part.rows), part.layout.size
             records = SCRATCH.take("block", count * length)
-            encoder.write(each, records, np.arange(count) * length)
+            write_records(part, records, np.arange(count) * length)
             before += _HEAD.pack(count, length, timestep)
             data[: len(before)] = np.frombuffer(before, np.uint8)
             # Planes lie far apart: they are gathered where memory is fast.
             packed = SCRATCH.take("packed", size)
-            encoder.pack(records, each.layout, packed)
+            pack_values(records, part.layout, packed)
             data[len(before) :][:size] = packed
             data, before = data[len(before) + size :], b""
 
@@ -130,7 +131,7 @@ def in_messages(file: StoredFile) -> StoredFile:
     )
     if np.any(times[1:] <= times[:-1]):
         raise ValueError("its states are not in order of time")
-    groups = [_group(*each, times) for each in found]
+    groups = [_group(*block, times) for block in found]
     for channel in others:
         [content] = file.messages[channel.id].contents()
         groups.append(single_message(channel.id, len(times) - 1, int(times[-1]), content))
@@ -142,7 +143,7 @@ def in_messages(file: StoredFile) -> StoredFile:
         number: ChannelMessages(data, starts[stream.sizes[:, number - 1] > 0])
         for number, starts in enumerate(stream.offsets.T, start=1)
     }
-    channels = [*(replace(each, message_encoding=PROTOBUF) for each in blocks), *others]
+    channels = [*(replace(block, message_encoding=PROTOBUF) for block in blocks), *others]
     return replace(file, channels=channels, packed={}, messages=messages)
 
 
@@ -164,7 +165,7 @@ def _read_block(channel: Channel, content: bytes) -> Iterator[tuple[MessageLayou
     while start < len(content):
         count, size, timestep = _HEAD.unpack_from(content, start)
         start += _HEAD.size
-        if not count or count * size > _MOST_GROWTH * (len(content) - start):
+        if not count or count * size > _MOST_BYTES_PER_STORED_BYTE * (len(content) - start):
             raise ValueError(f"a block of {channel.topic} claims more messages than it holds")
         layout = _layout(channel, size)
         items = layout.fill(np.empty(count * size, np.uint8))

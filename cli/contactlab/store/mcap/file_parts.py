@@ -20,7 +20,7 @@ from mcap.writer import MCAP0_MAGIC
 from numpy.typing import NDArray
 
 from contactlab.store.mcap.message_encoder import MessageGroup, Times
-from contactlab.store.mcap.record_encoder import record_encoder, span_of
+from contactlab.store.mcap.record_encoder import message_indexes, span_of
 from contactlab.store.mcap.scratch import SCRATCH
 
 CHUNK_SIZE = 1 << 20
@@ -155,7 +155,7 @@ def _chunk(stream: MessageStream, rows: slice, position: int, packed: bytes | No
     described = len(content), _NO_CRC, len(name), name, len(compressed)
     head = CHUNK_HEAD.pack(Opcode.CHUNK, length - FRAME.size, *times, *described)
     where = stream.times[rows], stream.sizes[rows], stream.offsets[rows]
-    indexes, lengths = record_encoder().indexes(*where)
+    indexes, lengths = message_indexes(*where)
     starts = accumulate(lengths, initial=position + length)
     found = zip(starts, lengths, strict=False)
     places = {channel: start for channel, (start, size) in enumerate(found, 1) if size}

@@ -21,7 +21,7 @@ from contactlab.store.mcap.record_encoder import (
     Records,
     Rows,
     Values,
-    record_encoder,
+    write_records,
 )
 from contactlab.store.mcap.trace_messages import (
     contacts_record,
@@ -67,7 +67,7 @@ class MessageGroup:
 
 def message_group(records: Records) -> MessageGroup:
     """Return records as messages."""
-    write = partial(record_encoder().write, records)
+    write = partial(write_records, records)
     return MessageGroup(records.channel, records.rows, records.layout.size, write)
 
 

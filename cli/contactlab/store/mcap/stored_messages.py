@@ -1,4 +1,4 @@
-"""What a trace file holds as it lies there, and whether that is sound.
+"""Messages of a trace file as they lie there, and whether these are sound.
 
 Viewers rely on more than readable messages: they seek by the summary, the message indexes and the
 statistics, and expect messages in order of time. So a file must be, byte for byte, what is written
@@ -52,8 +52,8 @@ UNREADABLE = (
     ArithmeticError,
     MemoryError,
 )
-"""What a file can raise that has its checksums, but is not ours."""
-_MOST_CHUNK = 64 << 20
+"""Errors of a file that has its checksums, but is not ours."""
+_MOST_BYTES_OF_A_CHUNK = 64 << 20
 """Bytes that a chunk may hold: one that is written has 1 MiB, and as much as one step records."""
 
 
@@ -166,7 +166,7 @@ def stored_file(data: bytes) -> StoredFile:
 
 def unpacked(compressed: bytes, size: int) -> bytes:
     """Return the content of a chunk, whose size both the chunk and the compressed data state."""
-    if size > _MOST_CHUNK or zstandard.frame_content_size(compressed) != size:
+    if size > _MOST_BYTES_OF_A_CHUNK or zstandard.frame_content_size(compressed) != size:
         raise ValueError(f"a chunk claims to hold {size:,} bytes")
     return zstandard.decompress(compressed)
 
@@ -203,10 +203,10 @@ def message_stream(file: StoredFile) -> MessageStream:
     if np.any(times[1:] <= times[:-1]):
         raise ValueError("its states are not in order of time")
     sizes = np.zeros((len(times), len(file.messages)), np.int64)
-    for channel, each in file.messages.items():
-        heads = each.heads
+    for channel, message in file.messages.items():
+        heads = message.heads
         if np.any((heads["opcode"] != Opcode.MESSAGE) | (heads["channel"] != channel)):
             raise ValueError("a message index points at something else")
-        sizes[np.searchsorted(times, heads["log_time"]), channel - 1] = each.sizes
+        sizes[np.searchsorted(times, heads["log_time"]), channel - 1] = message.sizes
     ends = np.cumsum(sizes)
     return MessageStream(state.data[: ends[-1]], ends.reshape(sizes.shape) - sizes, sizes, times)

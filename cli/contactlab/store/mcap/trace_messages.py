@@ -120,7 +120,7 @@ def _type(name: str) -> "Scalar | EnumType | MessageType":
 
 
 STATE, CONTACTS, POINT = map(_message, ("State", "Contacts", "ContactPoint"))
-LAST_STATE = MessageType("State", tuple(each for each in STATE.fields if each.name != "step"))
+LAST_STATE = MessageType("State", tuple(field for field in STATE.fields if field.name != "step"))
 
 
 @cache
@@ -206,18 +206,18 @@ class MessageLayout:
     def constant(self) -> NDArray[np.bool_]:
         """(size,) which bytes are the same in all items: those of the template, not of values."""
         constant = np.ones(self.size, np.bool_)
-        for each in self.fields.values():
-            for byte in range(each.kind.itemsize):
-                constant[each.starts + byte] = False
+        for field in self.fields.values():
+            for byte in range(field.kind.itemsize):
+                constant[field.starts + byte] = False
         return constant
 
     @cached_property
     def values(self) -> Sequence[tuple[int, NDArray[np.intp]]]:
         """Widths of values [bytes], and where those of each start, but for what is derived."""
         starts = dict[int, list[NDArray[np.intp]]]()
-        for path, each in self.fields.items():
+        for path, field in self.fields.items():
             if path not in _DERIVED:
-                starts.setdefault(each.kind.itemsize, []).append(each.starts)
+                starts.setdefault(field.kind.itemsize, []).append(field.starts)
         return [(width, np.sort(np.concatenate(places))) for width, places in starts.items()]
 
     @cached_property

@@ -163,15 +163,15 @@ def _read(path: Path, shown_path: object, form: Callable[[bytes], _Content]) -> 
 def _decode(data: bytes) -> StoredTrace:
     file = in_messages(stored_file(data))
     messages = {channel.topic: file.messages[channel.id] for channel in file.channels}
-    [state] = [each for each in file.channels if each.topic == STATE_TOPIC]
+    [state] = [channel for channel in file.channels if channel.topic == STATE_TOPIC]
     sizes = int(state.metadata["nq"]), int(state.metadata["nv"])
     arrays, times = _state_arrays(messages[STATE_TOPIC], *sizes)
     [record_json] = messages[EVIDENCE_TOPIC].contents()
     return StoredTrace(
         **arrays,
         pairs=tuple(
-            _stored_pair(pair, each, times)
-            for topic, each in messages.items()
+            _stored_pair(pair, message, times)
+            for topic, message in messages.items()
             if (pair := pair_of_topic(topic)) is not None
         ),
         record_json=record_json,

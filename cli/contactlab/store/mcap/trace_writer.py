@@ -40,7 +40,7 @@ from contactlab.store.mcap.message_encoder import (
     state_records,
     state_values,
 )
-from contactlab.store.mcap.record_encoder import Records, as_numpy_writes
+from contactlab.store.mcap.record_encoder import Records
 from contactlab.store.mcap.trace_messages import (
     CONTACTS,
     EVIDENCE_TOPIC,
@@ -60,7 +60,7 @@ _RECORD_SCHEMA = b'{"type":"object"}'
 _NANOSECONDS = 1e9
 _CACHED_PREFIXES = 4  # scenes whose file prefixes are cached; a job is of one scene
 # Readers in languages without unsigned integers take log time as a signed 64-bit number.
-_MAX_LOG_TIME = 2.0**63
+_MOST_LOG_TIME_NS = 2.0**63
 
 
 class TraceEncoder:
@@ -108,19 +108,16 @@ class TraceEncoder:
         start = with_metadata(start, _METADATA_NAME, metadata)
         records = [*self._records(run)]
         counts = dict.fromkeys(start.topics, 0) | {EVIDENCE_TOPIC: 1}
-        for each in records:
-            counts[start.topics[each.channel - 1]] += len(each.rows)
+        for record in records:
+            counts[start.topics[record.channel - 1]] += len(record.rows)
 
-        def encoded() -> bytes:
-            if form == "compact":
-                groups, begins = compacted(records, times, float(trace.timestep[run]))
-            else:
-                groups, begins = [*map(message_group, records)], times
-            channels, last = len(start.topics), len(begins) - 1
-            groups.append(single_message(channels, last, int(begins[last]), record_json))
-            return encode_file(start, interleave(groups, channels, begins))
-
-        return as_numpy_writes(encoded), counts
+        if form == "compact":
+            groups, begins = compacted(records, times, float(trace.timestep[run]))
+        else:
+            groups, begins = [*map(message_group, records)], times
+        channels, last = len(start.topics), len(begins) - 1
+        groups.append(single_message(channels, last, int(begins[last]), record_json))
+        return encode_file(start, interleave(groups, channels, begins)), counts
 
     def _records(self, run: int) -> Iterator[Records]:
         yield from state_records(self._trace, self._states, run)
@@ -134,7 +131,7 @@ def _log_times(time: Floats) -> tuple[Times, NDArray[np.bool_]]:
     times = np.rint(time * _NANOSECONDS)
     grows = np.all(times[:, 1:] > times[:, :-1], axis=1)
     # So all of them are in range.
-    grows &= (times[:, 0] >= 0) & (times[:, -1] < _MAX_LOG_TIME)
+    grows &= (times[:, 0] >= 0) & (times[:, -1] < _MOST_LOG_TIME_NS)
     with np.errstate(invalid="ignore"):
         return times.astype(np.uint64), grows
 
@@ -181,30 +178,35 @@ def copy_trace(
     reader = SeekingReader(BytesIO(expanded(source.read_bytes())))
     summary = reader.get_summary()
     assert summary is not None, "a sound file has a summary"
-    stored = [(channel, each) for _, channel, each in reader.iter_messages()]
-    times = [each.log_time for channel, each in stored if channel.topic == STATE_TOPIC]
-    messages = [(each.log_time, channel.id, each.data) for channel, each in stored]
+    stored = [(channel, message) for _, channel, message in reader.iter_messages()]
+    times = [message.log_time for channel, message in stored if channel.topic == STATE_TOPIC]
+    messages = [(message.log_time, channel.id, message.data) for channel, message in stored]
     with atomic_write(target) as temporary, temporary.open("wb") as file:
         writer = Writer(file, enable_data_crcs=True)
         writer.start(library=LIBRARY)
-        for each in reader.iter_attachments():
-            writer.add_attachment(0, 0, each.name, each.media_type, each.data)
-        for each in reader.iter_metadata():
-            writer.add_metadata(each.name, each.metadata)
-        for each in summary.schemas.values():
-            data = schemas.get(each.name, each.data)
-            writer.register_schema(each.name, each.encoding, data)
-        for each in summary.channels.values():
+        for attachment in reader.iter_attachments():
+            writer.add_attachment(0, 0, attachment.name, attachment.media_type, attachment.data)
+        for metadata in reader.iter_metadata():
+            writer.add_metadata(metadata.name, metadata.metadata)
+        for schema in summary.schemas.values():
+            data = schemas.get(schema.name, schema.data)
+            writer.register_schema(schema.name, schema.encoding, data)
+        for old_channel in summary.channels.values():
             writer.register_channel(
-                each.topic, each.message_encoding, each.schema_id, each.metadata
+                old_channel.topic,
+                old_channel.message_encoding,
+                old_channel.schema_id,
+                old_channel.metadata,
             )
         types = {
             name: writer.register_schema(name, "protobuf", definition)
-            for name, definition in {each.schema_name: each.descriptors for each in added}.items()
+            for name, definition in {
+                series.schema_name: series.descriptors for series in added
+            }.items()
         }
-        for each in added:
-            channel = writer.register_channel(each.topic, "protobuf", types[each.schema_name])
-            messages += [(times[row], channel, data) for row, data in each.messages]
+        for series in added:
+            channel = writer.register_channel(series.topic, "protobuf", types[series.schema_name])
+            messages += [(times[row], channel, data) for row, data in series.messages]
         for time, channel, data in sorted(messages, key=itemgetter(0, 1)):
             writer.add_message(channel, time, data, time)
         writer.finish()

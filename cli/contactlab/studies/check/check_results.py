@@ -6,13 +6,13 @@ warning is a rule of thumb of people who simulate contact with MuJoCo.
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from itertools import chain, starmap
-from typing import NamedTuple
 
 from contactlab.printable import in_markdown, shortened
+from contactlab.registry import Registry
 from contactlab.run.evidence_record import as_written
 from contactlab.schema.check_report import (
-    CheckName,
     CheckReport,
     CheckResult,
     CheckVerdict,
@@ -25,42 +25,30 @@ from contactlab.schema.comparison import CheckOutcome
 from contactlab.schema.drive import drive_text
 
 
-class Limit(NamedTuple):
-    """The limit of all measures of one name: None where the model or its task decides.
+@dataclass(frozen=True)
+class Limit:
+    """The limit of all measures of one name: without a value, the model or its task decides.
 
     Where it is strict, the limit itself misses it; people read it times the factor in that unit.
     """
 
+    name: str
     unit: str
     severity: Severity
     value: float | None = None
     strict: bool = False
     shown: tuple[float, str] = (1.0, "")
+    exceeded: str = ""  # sentence of a measure beyond it, with {} for the value; else its name
 
 
-_MM, _MS, _PERCENT = (1e3, " mm"), (1e3, " ms"), (1e2, " %/s")
-LIMITS: Mapping[str, Limit] = {
-    "timestep": Limit("s", "warning", shown=_MS),
-    "step_ratio": Limit("1", "warning", 0.8),
-    "travel": Limit("m", "error", shown=_MM),
-    "energy_drift": Limit("1/s", "warning", 1e-3, shown=_PERCENT),
-    "energy_gain": Limit("1/s", "error", 1e-2, shown=_PERCENT),
-    "penetration_steady": Limit("m", "warning", 1e-4, strict=True, shown=_MM),
-    "penetration_growth": Limit("m/s", "warning", 1e-6, shown=(1e6, " µm/s")),
-    "steps_lost": Limit("1", "error", 1, strict=True),
-    "mode_switches": Limit("1/s", "error", 5, strict=True, shown=(1.0, " a second")),
-    "penetration_mean": Limit("m", "warning", 1e-3, strict=True, shown=_MM),
-    "slip": Limit("m", "warning", 1e-4, strict=True, shown=_MM),
-    "loose_share": Limit("1", "error", 0.5),
-    "trajectories_differ": Limit("1", "error", 0),
-    "shell": Limit("m", "warning", 1e-4, shown=_MM),
-    "softness": Limit("s", "warning", 0.02, shown=_MS),
-}
-"""By the name of a measure, which is unique among all checks."""
+MILLIMETRES, MILLISECONDS, PERCENT_PER_SECOND = (1e3, " mm"), (1e3, " ms"), (1e2, " %/s")
+LIMITS: Registry[Limit] = Registry("limit")
+"""By the name of a measure, which is unique among all checks; each check adds its own."""
 
 
-REPLACEABLE = [*(name for name, each in LIMITS.items() if each.value is not None), "timestep"]
-"""The limits that a request may replace by its own."""
+def replaceable_limits() -> list[str]:
+    """Return the names of the limits that a request may replace by its own."""
+    return [*(name for name, limit in LIMITS.items() if limit.value is not None), "timestep"]
 
 
 def informative(name: str, value: float, unit: str, of: str | None = None) -> Measure:
@@ -82,10 +70,13 @@ def in_words(measure: Measure) -> str:
     """Return a limited measure as text: `slip 0.2 mm (floor-foot, limit 0.1 mm)`."""
     factor, unit = LIMITS[measure.name].shown if measure.name in LIMITS else (1.0, "")
     unit = unit or ("" if measure.unit == "1" else f" {measure.unit}")
-    value = "none" if measure.value is None else f"{measure.value * factor:.3g}{unit}"
+    value = "not measured" if measure.value is None else f"{measure.value * factor:.3g}{unit}"
     of = f"{measure.of}, " if measure.of else ""
     limit = f"{(measure.limit or 0) * factor:.3g}{unit}"
-    return f"{measure.name.replace('_', ' ')} {value} ({of}limit {limit})"
+    sentence = f"{measure.name.replace('_', ' ')} {{}}"
+    if measure.holds is False and measure.value is not None and measure.name in LIMITS:
+        sentence = LIMITS[measure.name].exceeded or sentence
+    return f"{sentence.format(value)} ({of}limit {limit})"
 
 
 # What it means for a finding, and for its check, that a limit of some severity is missed.
@@ -95,11 +86,11 @@ _VERDICTS: Mapping[str, CheckVerdict] = {"error": "fail", "warning": "warning", 
 
 def violated(measures: Sequence[Measure]) -> list[Measure]:
     """Return the measures whose limit does not hold."""
-    return [each for each in measures if each.holds is False]
+    return [measure for measure in measures if measure.holds is False]
 
 
 def check_result(
-    name: CheckName,
+    name: str,
     asks: str,
     measures: Sequence[Measure],
     notes: Sequence[str] = (),
@@ -113,8 +104,8 @@ def check_result(
         reason, *notes = notes
         verdict: CheckVerdict = "not applicable"
     else:
-        worst = {each.severity for each in violated(measures)}
-        verdict = _VERDICTS[next((each for each in _VERDICTS if each in worst), "note")]
+        worst = {measure.severity for measure in violated(measures)}
+        verdict = _VERDICTS[next((severity for severity in _VERDICTS if severity in worst), "note")]
         told = sorted(_by_name(measures), key=lambda group: not violated(group))
         reason = "; ".join(in_words(max(group, key=utilization)) for group in told)
     return CheckResult(
@@ -142,7 +133,7 @@ def findings_of(result: CheckResult) -> Iterator[Finding]:
     for group in _by_name(result.measures):
         failing = violated(group)
         worst = max(failing or group, key=utilization)
-        count = f"; {len(failing)} of {len(group)} miss it" if failing and len(group) > 1 else ""
+        count = _count_in_words(len(failing), len(group))
         yield Finding(
             name=worst.name,
             check=result.name,
@@ -153,11 +144,20 @@ def findings_of(result: CheckResult) -> Iterator[Finding]:
         )
 
 
+def _count_in_words(failing: int, all_of_them: int) -> str:
+    """Return how many of some measures exceed their limit; nothing of one, or where none does."""
+    if not failing or all_of_them == 1:
+        return ""
+    if failing == all_of_them:
+        return f"; all {failing} exceed the limit"
+    return f"; {failing} of {all_of_them} exceed{'s' if failing == 1 else ''} the limit"
+
+
 def _by_name(measures: Sequence[Measure]) -> list[list[Measure]]:
     groups: dict[str, list[Measure]] = {}
-    for each in measures:
-        if each.limit is not None:
-            groups.setdefault(each.name, []).append(each)
+    for measure in measures:
+        if measure.limit is not None:
+            groups.setdefault(measure.name, []).append(measure)
     return list(groups.values())
 
 
@@ -186,9 +186,9 @@ _WORDS = {"failed": "error", "warned": "warning", "noted": "note", "skipped": "n
 
 def summary_rows(report: CheckReport) -> Iterator[tuple[str, str, str]]:
     """Yield what fails and is left out, worst first, then the checks that pass, as rows."""
-    for each in report.findings:
-        if each.outcome in _WORDS:
-            yield _WORDS[each.outcome], each.name, each.full_message
+    for finding in report.findings:
+        if finding.outcome in _WORDS:
+            yield _WORDS[finding.outcome], finding.name, finding.full_message
     for check in report.checks:
         if check.verdict == "pass":
             yield "pass", check.name, check.reason
@@ -197,10 +197,18 @@ def summary_rows(report: CheckReport) -> Iterator[tuple[str, str, str]]:
 def remedy_lines(number: int, remedy: Remedy) -> Iterator[str]:
     """Yield the lines of a remedy: what it mends, its price, and what it changes in the model."""
     settings = ", ".join(f"{name} {mjcf_text(value)}" for name, value in remedy.settings.items())
-    price = "" if remedy.time is None else f"; steps take {remedy.time:.2g} times as long"
+    price = "" if remedy.time is None else f"; {_price_in_words(remedy.time)}"
     yield f"{number}. {settings} mends {', '.join(remedy.mends)}{price}"
     edits = [f"{edit.where}: {line}" for edit in remedy.edits for line in edit.lines]
     yield from (f"   {line}" for line in shortened(edits, 12, f"a patch in {MODEL}"))
+
+
+def _price_in_words(ratio: float) -> str:
+    """Return how much a simulated second costs with a remedy, as a ratio to its cost without."""
+    shown = f"{ratio:.2g}"
+    return (
+        "no change in cost" if shown == "1" else f"a simulated second costs {shown} times as much"
+    )
 
 
 REMEDIES = "changes that help, each run on the model with those above it:"
@@ -208,12 +216,12 @@ REMEDIES = "changes that help, each run on the model with those above it:"
 
 def page(report: CheckReport) -> str:
     """Return a report as a Markdown page."""
-    return "".join(f"{each}\n\n" for each in _paragraphs(report))
+    return "".join(f"{paragraph}\n\n" for paragraph in _paragraphs(report))
 
 
 def _paragraphs(report: CheckReport) -> Iterator[str]:
     yield f"# {report.scene}: {'passes' if report.passed else 'fails'}"
-    given = "".join(f" --set '{each}'" for each in report.overrides)
+    given = "".join(f" --set '{override}'" for override in report.overrides)
     yield f"    contactlab check {report.model}{given}"
     yield (
         f"Model `{report.model}` ({report.scene_hash}), {conditions(report)}; "
@@ -231,6 +239,9 @@ def _paragraphs(report: CheckReport) -> Iterator[str]:
         yield "\n".join(("```", *lines, "```"))
     for check in report.checks:
         yield from _check(check)
+    if report.not_exercised:
+        yield "## Not exercised"
+        yield "\n".join(f"- {line}" for line in report.not_exercised)
 
 
 def conditions(report: CheckReport) -> str:
@@ -251,7 +262,7 @@ def _check(check: CheckResult) -> Iterator[str]:
     if check.notes:
         yield "\n".join(f"- {note}" for note in check.notes)
     if check.stores:
-        yield f"Evidence: {', '.join(f'`{each}`' for each in check.stores)}."
+        yield f"Evidence: {', '.join(f'`{store}`' for store in check.stores)}."
 
 
 def _row(measure: Measure) -> str:

@@ -15,9 +15,10 @@ from contactlab.engines.rollout_trace import make_trace
 from contactlab.measure import METRICS, context_of
 from contactlab.measure.context import hold_window
 from contactlab.scene.contact_pairs import MonitoredPair
-from contactlab.scene.resolution import ResolvedRun
 from contactlab.scene.run_setup import make_setup
+from contactlab.scene.run_spec import RunSpec
 from contactlab.scene.scene import Scene
+from contactlab.scene.task import rest_time
 from contactlab.schema.evidence import EvidenceRecord
 from contactlab.store.finished_store import Store
 from contactlab.store.mcap.trace_reader import StoredTrace
@@ -28,7 +29,7 @@ class CheckRun:
     """A run of the model, or of another scene with its parameters, and its evidence."""
 
     scene: Scene
-    resolved: ResolvedRun
+    resolved: RunSpec
     store: Store
 
     @cached_property
@@ -85,7 +86,7 @@ class HeldPair:
 
 @dataclass(frozen=True)
 class Holding:
-    """What a run of the model holds in a time window."""
+    """Bodies that a run of the model holds in a time window."""
 
     window: tuple[float, float]  # its start and end [s]
     declared: bool  # whether the scene declares that something is held then
@@ -94,14 +95,14 @@ class Holding:
     @property
     def held(self) -> tuple[HeldPair, ...]:
         """The pairs that are held or stand: all that carry force in a declared hold."""
-        return tuple(each for each in self.bearing if self.declared or each.holds)
+        return tuple(pair for pair in self.bearing if self.declared or pair.holds)
 
     @property
     def nothing(self) -> str:
         """In words, that nothing is held and that nothing stands."""
         start, stop = self.window
         span = f"from {start:g} to {stop:g} s"
-        loose = [each.name for each in self.bearing]
+        loose = [pair.name for pair in self.bearing]
         if not loose:
             return f"no monitored pair carries force {span}: nothing is held, and nothing stands"
         return (
@@ -114,9 +115,11 @@ def holding_of(tried: CheckRun) -> Holding:
     """Return what a run of the model holds: nothing if it is not complete."""
     hold, end = tried.scene.base(tried.resolved.structure).holding, tried.record.duration
     declared = None if hold is None else hold.window(tried.resolved.initial)
-    window = declared or (max(0.0, end - _WINDOW), end)
+    # What stands does so while controls rest.
+    rests = rest_time(end) if tried.resolved.drive == "exercise" else end
+    window = declared or (max(0.0, rests - _WINDOW), rests)
     pairs = held_pairs(tried, *window) if tried.is_complete else ()
-    return Holding(window, declared is not None, tuple(each for each in pairs if each.share > 0))
+    return Holding(window, declared is not None, tuple(pair for pair in pairs if pair.share > 0))
 
 
 def held_pairs(tried: CheckRun, start: float, stop: float) -> Iterator[HeldPair]:
@@ -128,7 +131,7 @@ def held_pairs(tried: CheckRun, start: float, stop: float) -> Iterator[HeldPair]
     hold = HoldWindow(np.array([start]), np.array([stop]))
     setup = replace(make_setup(base, None, [resolved], runs.models, {}), hold=hold)
     (inside,) = hold_window(context_of(trace, setup))
-    states = (each[0, :-1][inside] for each in (trace.qpos, trace.qvel))
+    states = (series[0, :-1][inside] for series in (trace.qpos, trace.qvel))
     speeds = pair_speeds(model, base.pairs, *states, mean=True).tolist()
     for pair, speed in zip(trace.pairs, speeds, strict=True):
         context = context_of(replace(trace, pairs=(pair,)), setup)
@@ -148,7 +151,7 @@ def held_pairs(tried: CheckRun, start: float, stop: float) -> Iterator[HeldPair]
         )
 
 
-_MOST_STATES = 5000
+_MOST_STATES_READ = 5000
 
 
 def pair_speeds(
@@ -170,10 +173,12 @@ def pair_speeds(
     """
     geoms = sorted({geom for pair in pairs for side in pair.geoms for geom in side})
     places = {geom: place for place, geom in enumerate(geoms)}
-    stride = max(1, -(-len(qpos) // _MOST_STATES))
+    stride = max(1, -(-len(qpos) // _MOST_STATES_READ))
     centres, velocities = _motion(model, geoms, qpos[::stride], qvel[::stride])
     if mean:
-        centres, velocities = (each.mean(axis=0, keepdims=True) for each in (centres, velocities))
+        centres, velocities = (
+            vectors.mean(axis=0, keepdims=True) for vectors in (centres, velocities)
+        )
     planes = np.asarray(model.geom_type)[geoms] == int(mujoco.mjtGeom.mjGEOM_PLANE)
     bounds = np.where(planes, np.inf, np.asarray(model.geom_rbound)[geoms])
     turning = np.linalg.norm(velocities[..., :3], axis=2) * [_reach(model, geom) for geom in geoms]

@@ -10,21 +10,23 @@ import mujoco
 
 from contactlab.engines.engine import bytes_of_run
 from contactlab.errors import SweepFileError
+from contactlab.plan.task_options import AS_INFERRED, TaskOptions
 from contactlab.run.planned_runs import RUN_BYTES
 from contactlab.run.sweep_request import SceneLoader
 from contactlab.scene.compiled_scene import CompiledScene, PreparedModel
-from contactlab.scene.resolution import ResolvedRun, steps_of
 from contactlab.scene.run_setup import make_setup
+from contactlab.scene.run_spec import RunSpec, steps_of
 from contactlab.scene.scene import Scene
 from contactlab.scene.setting_values import as_number
 from contactlab.schema.check_report import Measure, Severity, TaskKind
 from contactlab.schema.drive import Drive, drive_data
+from contactlab.schema.task import SEEDS, Task
 from contactlab.studies.check.check_results import LIMITS
 from contactlab.studies.check.check_runs import CheckRun, Holding, holding_of
 from contactlab.studies.session import Session, Values
 
-NOMINAL_STORE, HOLD_STORE = "run", "hold"
-"""Names of the stores of the nominal run, that of the model as it is, and of one that holds."""
+NOMINAL_STORE = "run"
+"""Name of the store of the nominal runs, those of the model as it is."""
 
 _MOST_STEPS, _MOST_REMEDY_STEPS = 300_000, 600_000
 """Steps that a run of a check takes at most, and all remedies together."""
@@ -65,16 +67,22 @@ class CheckedModel:
     limits: Mapping[str, float]
     kind: TaskKind
     kind_reason: str  # why it is for that kind of task, in words
+    options: TaskOptions = AS_INFERRED  # what replaces parts of its task
     notes: tuple[str, ...] = ()  # what is to be said of how it is run
+    seeds: tuple[int, ...] = SEEDS  # of its nominal runs
     brief: bool = False  # whether only the runs are made that measures with limits need
     _written: set[str] = field(default_factory=set[str])
     _steps: Counter[str] = field(default_factory=Counter[str])
 
     def trying(self, settings: Values, folder: str) -> "CheckedModel":
-        """Return the model with more settings, its brief runs in a folder below this one's."""
+        """Return the model with more settings, its brief runs in a folder below this one's.
+
+        They have the seed of the nominal run.
+        """
         session = replace(self.session, folder=self.session.folder / folder)
         values = {**self.values, **settings}
-        return replace(self, session=session, values=values, brief=True, _written=set())
+        new = replace(self, session=session, values=values, brief=True, _written=set())
+        return replace(new, seeds=(self.nominal.resolved.seed,))
 
     @cached_property
     def scene(self) -> Scene:
@@ -82,9 +90,15 @@ class CheckedModel:
         return self.scenes.driven(self.reference, self.drive)
 
     @cached_property
-    def resolved(self) -> ResolvedRun:
+    def resolved(self) -> RunSpec:
         """Everything that determines the nominal run."""
         return self.scene.resolve(self.values, 0, self.duration)
+
+    @cached_property
+    def task(self) -> Task:
+        """Task on which the model is judged."""
+        watch, within = self.options.watch, self.options.within
+        return self.scene.task(self.values, self.duration, watch=watch, within=within)
 
     @property
     def base(self) -> CompiledScene:
@@ -107,22 +121,25 @@ class CheckedModel:
 
     @cached_property
     def nominal(self) -> CheckRun:
-        """The run of the model as it is, with every check of its trace."""
-        checks = "none" if self.brief else "all"
-        return self.run(NOMINAL_STORE, "The model as it is", [{}], checks=checks)[0]
+        """The run of the model as it is, with every check of its trace.
+
+        Of all seeds of its task, the first one that is not stable, if any is not.
+        """
+        return next(
+            (run for run in self.nominals if run.record.label != "stable"), self.nominals[0]
+        )
 
     @cached_property
-    def standing(self) -> CheckRun:
-        """The run that a hold is judged by: under an exercise, one that keeps the start posture."""
-        if self.scene.drive.drive != "exercise":
-            return self.nominal
-        text = "The model as it is, keeping its posture"
-        return self.run(HOLD_STORE, text, [{}], drive="hold", checks="none")[0]
+    def nominals(self) -> list[CheckRun]:
+        """The runs of the model as it is, one for each of its seeds."""
+        checks, text = "none" if self.brief else "all", "The model as it is"
+        (first,) = self.run(NOMINAL_STORE, text, [{}], checks=checks, seeds=list(self.seeds))
+        return [replace(first, resolved=replace(first.resolved, seed=seed)) for seed in self.seeds]
 
     @cached_property
     def holding(self) -> Holding:
-        """What that run holds, and what stands in it."""
-        return holding_of(self.standing)
+        """Bodies that the nominal run holds, and those that stand in it."""
+        return holding_of(self.nominal)
 
     def fits(self, timestep: float, seconds: float, scene: str | None = None) -> bool:
         """Say whether a run of a duration [s] at a timestep [s] is short enough to be made."""
@@ -162,6 +179,8 @@ class CheckedModel:
                     f"remedies would take {total:,} steps; {most:,} are made at most"
                 )
             self._steps["remedies"] = total
+        # What has to hold is said of the model itself, over its own time.
+        must = self.options.must if scene is None and seconds == self.duration else ()
         sweep = {
             "version": 1,
             "scene": scene or self.reference,
@@ -171,6 +190,7 @@ class CheckedModel:
             "trace": "all",
             "duration": seconds,
             **({} if drive is None else {"drive": drive_data(drive)}),
+            **({"must": list(must)} if must else {}),
             **keys,
         }
         store = self.session.run_derived(name, sweep, self.scenes)

@@ -20,17 +20,24 @@ from contactlab.contact.trace_arrays import DISTANCE, FORCE, Floats
 from contactlab.scene.setting_values import as_vector
 from contactlab.schema.check_report import CheckResult, Measure
 from contactlab.schema.evidence import PairRecord
-from contactlab.studies.check.check_results import check_result, informative, mjcf_text, violated
+from contactlab.studies.check.check_entries import Measured, check, remedy
+from contactlab.studies.check.check_results import (
+    MILLIMETRES,
+    MILLISECONDS,
+    Limit,
+    informative,
+    mjcf_text,
+    violated,
+)
 from contactlab.studies.check.check_runs import CheckRun
 from contactlab.studies.check.checked_model import (
-    HOLD_STORE,
     NOMINAL_STORE,
     CheckedModel,
     axis_value,
 )
 from contactlab.studies.session import Values
 
-_LEAST_WIDTH = 1e-15
+_LEAST_WIDTH_M = 1e-15
 
 
 @dataclass(frozen=True)
@@ -80,7 +87,7 @@ def _clipped(solimp: tuple[float, ...]) -> tuple[float, ...]:
     """Return an impedance within the bounds of the engine."""
     low, high = IMPEDANCE_RANGE
     start, end, middle = (min(max(solimp[place], low), high) for place in (0, 1, 3))
-    return start, end, max(solimp[2], _LEAST_WIDTH), middle, max(solimp[4], 1.0)
+    return start, end, max(solimp[2], _LEAST_WIDTH_M), middle, max(solimp[4], 1.0)
 
 
 STIFF_SOLREF = (0.005, 1.0)
@@ -139,19 +146,27 @@ _SHORTEST, _LONGEST = 3.0, 60.0
 _TIMES = 30  # time constants in which a mode decays to rounding
 
 
-def check_flat_contact(checked: CheckedModel) -> CheckResult:
+@check(
+    _FLAT,
+    asks=_RESTS,
+    place=3,
+    limits=(
+        Limit("penetration_steady", "m", "warning", 1e-4, strict=True, shown=MILLIMETRES),
+        Limit("penetration_growth", "m/s", "warning", 1e-6, shown=(1e6, " µm/s")),
+    ),
+)
+def check_flat_contact(checked: CheckedModel) -> Measured:
     """Rest a box on flat ground with each distinct set of contact parameters of what stands."""
-    held = {each.name for each in checked.holding.held}
-    sets = [each for each in contact_sets(checked) if held.intersection(each.pairs)]
+    held = {pair.name for pair in checked.holding.held}
+    sets = [contacts for contacts in contact_sets(checked) if held.intersection(contacts.pairs)]
     if not sets:
-        stores = checked.stores(NOMINAL_STORE, HOLD_STORE)
-        return check_result(_FLAT, _RESTS, [], [checked.holding.nothing], stores)
+        return Measured([], [checked.holding.nothing], checked.stores(NOMINAL_STORE))
     text = "A box at rest on flat ground, with the contact parameters of the model"
-    seconds = max(_settling(each) for each in sets)
-    rows = [_row(checked, each) for each in sets]
+    seconds = max(_settling(contacts) for contacts in sets)
+    rows = [_row(checked, contacts) for contacts in sets]
     pairs = zip(sets, checked.run(_FLAT, text, rows, scene=_FLAT, duration=seconds), strict=True)
-    measures = [measure for each in pairs for measure in _measures(checked, *each)]
-    return check_result(_FLAT, _RESTS, measures, stores=checked.stores(_FLAT))
+    measures = [measure for pair in pairs for measure in _measures(checked, *pair)]
+    return Measured(measures, stores=checked.stores(_FLAT))
 
 
 def _row(checked: CheckedModel, contact: ContactSet) -> Values:
@@ -168,7 +183,7 @@ def _gravity(checked: CheckedModel) -> float:
 
 def _settling(contact: ContactSet) -> float:
     """Return the time [s] in which the slower mode of a contact decays to rounding."""
-    stiffness, damping = (float(each) for each in stiffness_damping(contact.record.solref))
+    stiffness, damping = (float(number) for number in stiffness_damping(contact.record.solref))
     rate = damping / 2 - max(damping**2 / 4 - stiffness, 0) ** 0.5
     return float(np.clip(_TIMES / rate, _SHORTEST, _LONGEST)) if rate > 0 else _LONGEST
 
@@ -188,18 +203,21 @@ def _load(checked: CheckedModel) -> float:
     return checked.subject_mass * _gravity(checked) / _CORNERS
 
 
+@remedy("penetration_steady", "penetration_growth")
 def stiffer_rest(checked: CheckedModel, result: CheckResult) -> Iterator[Values]:
     """Yield a solref that meets the limit, and a timestep at which refsafe does not raise it.
 
     The closed form holds for elliptic cones; for pyramidal ones the load is the one that gives the
     measured depth by the same law. The stiffest that a failed set of parameters needs counts.
     """
-    failed = {each.of for each in violated(result.measures)}
-    depths = {each.of: each for each in result.measures if each.name == "penetration_steady"}
+    failed = {measure.of for measure in violated(result.measures)}
+    depths = {
+        measure.of: measure for measure in result.measures if measure.name == "penetration_steady"
+    }
     solref = min(
-        _stiff_solref(checked, each, depths[each.name])
-        for each in contact_sets(checked)
-        if each.name in failed
+        _stiff_solref(checked, contacts, depths[contacts.name])
+        for contacts in contact_sets(checked)
+        if contacts.name in failed
     )
     yield _stiffer(checked, solref)
 
@@ -221,10 +239,20 @@ def _stiffer(checked: CheckedModel, solref: tuple[float, ...]) -> Values:
 
 
 _SHELLS = "shells"
+_EARLY = "margin lets contact force start {} before touch"
 _PUSHES = "contacts push at touch only, and are no softer than the engine's default"
 
 
-def check_contact_margin(checked: CheckedModel) -> CheckResult:
+@check(
+    _SHELLS,
+    asks=_PUSHES,
+    place=6,
+    limits=(
+        Limit("shell", "m", "warning", 1e-4, shown=MILLIMETRES, exceeded=_EARLY),
+        Limit("softness", "s", "warning", 0.02, shown=MILLISECONDS),
+    ),
+)
+def check_contact_margin(checked: CheckedModel) -> Measured:
     """Compare margins, and stiffnesses of solref, with their limits.
 
     A margin may be as large as the accepted penetration. Grasps that are softer than the engine's
@@ -232,7 +260,7 @@ def check_contact_margin(checked: CheckedModel) -> CheckResult:
     """
     pairs = checked.prepared.pairs
     if not pairs:
-        return check_result(_SHELLS, _PUSHES, [], ["the model has no monitored contact pair"])
+        return Measured([], ["the model has no monitored contact pair"])
     distances = _force_distances(checked.nominal)
     notes = [
         f"{name} pushed from {distance * 1e3:.3g} mm, before touch"
@@ -247,7 +275,7 @@ def check_contact_margin(checked: CheckedModel) -> CheckResult:
         stiffness = float(stiffness_damping(effective_solref(checked, record.solref))[0])
         soft = stiffness**-0.5 if stiffness > 0 else math.inf
         measures.append(checked.measure("softness", soft, name))
-    return check_result(_SHELLS, _PUSHES, measures, notes, checked.stores(NOMINAL_STORE))
+    return Measured(measures, notes, checked.stores(NOMINAL_STORE))
 
 
 def _force_distances(run: CheckRun) -> dict[str, float]:
@@ -260,11 +288,13 @@ def _force_distances(run: CheckRun) -> dict[str, float]:
     }
 
 
+@remedy("shell")
 def touch_only(_: CheckedModel, __: CheckResult) -> Iterator[Values]:
     """Yield no margin; `gap` still detects contacts at a distance, without force."""
     yield {"margin": 0.0}
 
 
+@remedy("softness")
 def stiffer(checked: CheckedModel, _: CheckResult) -> Iterator[Values]:
     """Yield the guideline's solref, and a timestep at which refsafe does not raise it."""
     yield _stiffer(checked, STIFF_SOLREF)

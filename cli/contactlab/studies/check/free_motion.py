@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from contactlab.contact.trace_arrays import Floats
 from contactlab.schema.check_report import CheckResult, Measure
 from contactlab.store.mcap.trace_reader import StoredTrace
-from contactlab.studies.check.check_results import check_result, informative
+from contactlab.studies.check.check_entries import Measured, check, remedy
+from contactlab.studies.check.check_results import PERCENT_PER_SECOND, Limit, informative
 from contactlab.studies.check.check_runs import CheckRun
 from contactlab.studies.check.checked_model import CheckedModel
 from contactlab.studies.check.inertia import judged_inertias
@@ -31,12 +32,22 @@ _MEDIUM = ("density", "viscosity")
 _SHARES = (1.0, 0.5, 0.25)
 
 _SAMPLE = 0.25  # time at which trajectories are compared [s], before chaos separates them
-_LEAST = 1e-12  # difference [m or rad] below which there is only rounding
+_LEAST_DIFFERENCE = 1e-12  # difference [m or rad] below which there is only rounding
 _STILL = 1e-6  # kinetic energy per mass [J/kg] below which nothing moves: about 1 mm/s
 _STATES = 500  # states at which the energy is computed, evenly spaced
 
 
-def check_free_motion(checked: CheckedModel) -> CheckResult:
+@check(
+    NAME,
+    asks=_ASKS,
+    place=2,
+    limits=(
+        Limit("energy_gain", "1/s", "error", 1e-2, shown=PERCENT_PER_SECOND),
+        Limit("energy_drift", "1/s", "warning", 1e-3, shown=PERCENT_PER_SECOND),
+    ),
+    findings=("inertia_not_positive", "inertia_triangle", "inertia_balanced"),
+)
+def check_free_motion(checked: CheckedModel) -> Measured:
     """Run the model with nothing but springs and inertia, and compare the energy of each tree.
 
     A drift is the change of a tree's energy per its peak kinetic energy and time. The gain is that
@@ -44,15 +55,15 @@ def check_free_motion(checked: CheckedModel) -> CheckResult:
     """
     impossible, notes = judged_inertias(checked)
     if reason := _why_not_applicable(checked):
-        return check_result(NAME, _ASKS, impossible, [reason, *notes])
+        return Measured(impossible, [reason, *notes])
     free, kept = _free_motions(checked)
     stores = checked.stores(NAME)
     if free[0].run.is_complete and not free[0].budgets:
         reason = "nothing moves: no joint can be set in motion"
-        return check_result(NAME, _ASKS, [], [reason, *notes], stores)
+        return Measured([], [reason, *notes], stores)
     measures = [*_drifts(checked, free), *_gains(checked, free[0], kept), *_orders(free)]
     notes = [_switched_off(checked), *notes]
-    return check_result(NAME, _ASKS, [*measures, *impossible], notes, stores)
+    return Measured([*measures, *impossible], notes, stores)
 
 
 def _why_not_applicable(checked: CheckedModel) -> str:
@@ -92,26 +103,27 @@ def _gains(checked: CheckedModel, nominal: "FreeMotion", kept: "FreeMotion") -> 
 
 
 def _orders(free: Sequence["FreeMotion"]) -> Iterator[Measure]:
-    for integrator in dict.fromkeys(each.integrator for each in free):
-        same = [each for each in free if each.integrator == integrator and each.budgets]
+    for integrator in dict.fromkeys(motion.integrator for motion in free):
+        same = [motion for motion in free if motion.integrator == integrator and motion.budgets]
         if len(same) == len(_SHARES):
-            order = convergence_order(*(each.run.trace for each in same))
+            order = convergence_order(*(motion.run.trace for motion in same))
             yield informative("convergence_order", order, "1", integrator)
 
 
+@remedy("energy_gain", "energy_drift")
 def steadier(checked: CheckedModel, result: CheckResult) -> Iterator[Values]:
     """Yield integrators and timesteps, the cheapest first, but those that are known to miss.
 
     No integrator mends an inertia that no body can have.
     """
-    drifts = [each for each in result.measures if each.name == "energy_drift"]
-    limit = next((each.limit for each in drifts if each.limit is not None), math.inf)
+    drifts = [measure for measure in result.measures if measure.name == "energy_drift"]
+    limit = next((drift.limit for drift in drifts if drift.limit is not None), math.inf)
     own, timestep = str(checked.resolved.settings["integrator"]), checked.resolved.timestep
-    if any(each.name.startswith("inertia") for each in result.measures):
+    if any(measure.name.startswith("inertia") for measure in result.measures):
         return
     for integrator, share in ((own, 2), (_BEST, 1), (own, 4), (_BEST, 2)):
         name = _motion_name(integrator, timestep / share)
-        found = [each.value for each in drifts if (each.of or "").endswith(name)]
+        found = [drift.value for drift in drifts if (drift.of or "").endswith(name)]
         if all(value is not None and value <= limit for value in found):
             step = {} if share == 1 else {"timestep": timestep / share}
             yield step if integrator == own else {"integrator": integrator, **step}
@@ -144,7 +156,7 @@ def _free_motions(checked: CheckedModel) -> tuple[list["FreeMotion"], "FreeMotio
         NAME, text, rows, duration=_SECONDS, checks="none", timeout=_TIMEOUT, drive="none"
     )
     kept = FreeMotion(runs.pop(), damped=True) if damped else None
-    undamped = [FreeMotion(each, damped=False) for each in runs]
+    undamped = [FreeMotion(run, damped=False) for run in runs]
     return undamped, kept or undamped[0]
 
 
@@ -319,4 +331,4 @@ def convergence_order(coarse: StoredTrace, middle: StoredTrace, fine: StoredTrac
     step = min(step, len(coarse.qpos) - 1)
     places = coarse.qpos[step], middle.qpos[2 * step], fine.qpos[4 * step]
     first, second = (float(np.abs(one - two).max()) for one, two in pairwise(places))
-    return math.log2(first / second) if min(first, second) > _LEAST else math.nan
+    return math.log2(first / second) if min(first, second) > _LEAST_DIFFERENCE else math.nan

@@ -36,12 +36,12 @@ _IMPOSSIBLE = ("not_positive", "triangle", "balanced")
 LIGHTEST, DENSEST = 50.0, 20000.0
 """Densities [kg/m^3] from foam and hollow shells to osmium, rounded."""
 
-_MOST_NAMED = 6
+_MOST_BODIES_NAMED = 6
 
 # Shapes are simplified, so both bounds are generous.
 _OUTSIDE = 0.05  # fraction of its length by which a centre of mass may lie outside of a shape
 _SLACK = 2.0  # factor by which rms distances may exceed what fits into a shape
-_LEAST_SPREAD = 1 / 30
+_LEAST_SPREAD_PER_LENGTH = 1 / 30
 """Smallest rms distance over length; 0.29 for a uniform rod, and 1/10 for any real body."""
 
 
@@ -49,19 +49,19 @@ def judged_inertias(checked: CheckedModel) -> tuple[list[Measure], list[str]]:
     """Return measures of the inertias that none can be, as written and simulated, and all notes."""
     written = scene_inertia_faults(checked.scene.source, checked.resolved.structure)
     found = (*inertia_faults(checked.prepared.model), *written)
-    faults = {(each.body, each.kind): each for each in found}.values()
+    faults = {(fault.body, fault.kind): fault for fault in found}.values()
     measures = [
         Measure(
-            name=f"inertia_{each.kind}",
-            of=each.body,
-            value=each.value,
-            unit=each.unit,
-            limit=float(each.limit),
+            name=f"inertia_{fault.kind}",
+            of=fault.body,
+            value=fault.value,
+            unit=fault.unit,
+            limit=float(fault.limit),
             holds=False,
             severity="error",
         )
-        for each in faults
-        if each.kind in _IMPOSSIBLE
+        for fault in faults
+        if fault.kind in _IMPOSSIBLE
     ]
     return measures, list(in_words(faults))
 
@@ -69,18 +69,20 @@ def judged_inertias(checked: CheckedModel) -> tuple[list[Measure], list[str]]:
 def in_words(faults: Iterable[InertiaFault]) -> Iterator[str]:
     """Yield faults in words; of bodies beyond the same limit, all but the first by name only."""
     alike: dict[tuple[str, float], list[InertiaFault]] = {}
-    for each in faults:
-        alike.setdefault((each.kind, each.limit), []).append(each)
+    for fault in faults:
+        alike.setdefault((fault.kind, fault.limit), []).append(fault)
     for first, *others in alike.values():
-        named = [f"'{each.body}'" for each in others]
-        more = [f"{len(named) - _MOST_NAMED} more"] if len(named) > _MOST_NAMED else []
-        likewise = f"; likewise {', '.join([*named[:_MOST_NAMED], *more])}" if named else ""
+        named = [f"'{other.body}'" for other in others]
+        more = (
+            [f"{len(named) - _MOST_BODIES_NAMED} more"] if len(named) > _MOST_BODIES_NAMED else []
+        )
+        likewise = f"; likewise {', '.join([*named[:_MOST_BODIES_NAMED], *more])}" if named else ""
         yield f"body '{first.body}': {first.reason}{likewise}"
 
 
 def density_faults(model: mujoco.MjModel, body: int) -> Iterator[InertiaFault]:
     """Yield a fault if no material has the density of a body's geoms."""
-    space, mass = sum(volume(model, each) for each in solid_geoms(model, body)), _mass(model, body)
+    space, mass = sum(volume(model, geom) for geom in solid_geoms(model, body)), _mass(model, body)
     density = mass / space if space else LIGHTEST
     if LIGHTEST <= density <= DENSEST:
         return
@@ -135,7 +137,7 @@ def _too_large(name: str, spread: float, length: float) -> InertiaFault:
 def _too_small(name: str, mass: float, spread: float, length: float) -> Iterator[InertiaFault]:
     ball = math.sqrt(3 / 5) * (3 * mass / (4 * math.pi * DENSEST)) ** (1 / 3)
     # A body without moments is a point mass that is fixed to others.
-    limit = max(ball, _LEAST_SPREAD * length)
+    limit = max(ball, _LEAST_SPREAD_PER_LENGTH * length)
     if 0 < spread < limit:
         reason = f"its inertia puts its mass within {spread:.3g} m (rms) of its centre; " + (
             f"a ball of {mass:g} kg of the densest metal has {ball:.3g} m"

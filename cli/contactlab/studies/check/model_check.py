@@ -1,8 +1,8 @@
-"""All checks of a model."""
+"""All checks of a model: those of the modules beside this one, and of plug-ins."""
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -11,24 +11,25 @@ from contactlab.engines import find_engine
 from contactlab.engines.engine import ChecksRuns
 from contactlab.errors import SceneError, SweepFileError, did_you_mean
 from contactlab.mjcf import MODEL_ENGINE
+from contactlab.plan.task_options import AS_INFERRED, TaskOptions
 from contactlab.run.evidence_record import engine, provenance
 from contactlab.run.sweep_request import SceneLoader
 from contactlab.scene.compiled_scene import CompiledScene
-from contactlab.scene.initial_states import QPOS0
 from contactlab.scene.parameters import PARAMETERS
-from contactlab.scene.resolution import ResolvedRun
 from contactlab.scene.run_setup import actuated_limbs
-from contactlab.schema.check_report import CheckName, CheckReport, CheckResult, Finding, TaskKind
+from contactlab.scene.run_spec import RunSpec
+from contactlab.schema.check_report import CheckReport, CheckResult, Finding, TaskKind
 from contactlab.schema.comparison import AcceptedCheck
 from contactlab.schema.coverage import Exercised
-from contactlab.schema.drive import Drive
+from contactlab.schema.task import QPOS0
 from contactlab.store.table_layout import record_to_row
+from contactlab.studies.check.check_entries import CHECKS, Check
 from contactlab.studies.check.check_results import (
     LIMITS,
-    REPLACEABLE,
     check_result,
     findings_of,
     page,
+    replaceable_limits,
 )
 from contactlab.studies.check.checked_model import (
     NOMINAL_STORE,
@@ -37,27 +38,11 @@ from contactlab.studies.check.checked_model import (
     axis_value,
     most_steps,
 )
-from contactlab.studies.check.contact_checks import check_contact_margin, check_flat_contact
-from contactlab.studies.check.free_motion import check_free_motion
-from contactlab.studies.check.remedies import Check, find_remedies
-from contactlab.studies.check.run_checks import (
-    check_hold,
-    check_repeat,
-    check_timestep,
-    reference_of,
-)
+from contactlab.studies.check.remedies import find_remedies
+from contactlab.studies.check.run_checks import reference_of
 from contactlab.studies.session import Session, Values, read_settings
 
 REPORT, PAGE, REFERENCE = "check.json", "check.md", "reference.json"
-_CHECKS: Mapping[CheckName, Check] = {
-    "timestep": check_timestep,
-    "free_motion": check_free_motion,
-    "flat_contact": check_flat_contact,
-    "hold": check_hold,
-    "repeat": check_repeat,
-    "shells": check_contact_margin,
-}
-_KNOWN = {*LIMITS, "inertia_not_positive", "inertia_triangle", "inertia_balanced"}
 _WALKING = 2  # number of actuated limbs from which a free body is taken to walk
 _ORDER = ("failed", "warned", "noted", "skipped", "passed")
 
@@ -70,9 +55,8 @@ class CheckRequest:
     assign: Sequence[str] = ()  # settings to check it with, `NAME=VALUE` each
     only: Sequence[str] = ()  # names of checks; all if empty
     kind: TaskKind | None = None  # of task; derived from the model if None
-    drive: Drive | None = None  # what drives it; the default for such a model if None
-    # Limits that replace those of the checks, by the name of the measure.
-    limits: Mapping[str, float] = field(default_factory=dict[str, float])
+    # What replaces parts of the model's task; its limits are of measures, by name.
+    task: TaskOptions = AS_INFERRED
     accepted: Sequence[AcceptedCheck] = ()  # findings that are known and accepted
     remedies: bool = True  # whether to look for changes that help
 
@@ -85,36 +69,38 @@ def run(request: CheckRequest, session: Session) -> CheckReport:
     is accepted is not a finding of any check; an OutputError if the session's folder cannot be
     written; a StoppedError if the session was stopped.
     """
-    checks: dict[CheckName, Check] = {name: _CHECKS[name] for name in _chosen(request.only)}
+    checks = {name: CHECKS[name] for name in _chosen(request.only)}
     # Raises an error for what no check can find, before anything is run.
     _judged([], request.accepted)
     checked = open_model(request, session)
     session.claim("check", request.model)
     results = [_result(name, check, checked) for name, check in checks.items()]
     findings = _judged(results, request.accepted)
-    failing = [each.name for each in findings if each.outcome in {"failed", "warned"}]
+    failing = [finding.name for finding in findings if finding.outcome in {"failed", "warned"}]
     remedies, notes = find_remedies(checks, checked, results, failing if request.remedies else [])
     stale = (
-        f"'{each.check}' is accepted ({each.reason}), but does not fail: remove it"
-        for each in stale_acceptances(findings, request.accepted)
+        f"'{acceptance.check}' is accepted ({acceptance.reason}), but does not fail: remove it"
+        for acceptance in stale_acceptances(findings, request.accepted)
     )
     report = CheckReport(
         model=request.model,
         scene=checked.scene.name,
         scene_hash=checked.scene.hash,
-        overrides=tuple(request.assign),
+        task=checked.task,
+        overrides=tuple(_assigned(request)),
         keyframe=None if checked.resolved.keyframe == QPOS0 else checked.resolved.keyframe,
-        drive=checked.scene.drive.drive,
+        drive=checked.resolved.drive,
         kind=checked.kind,
         kind_reason=checked.kind_reason,
         settings=checked.resolved.values,
         engine=engine(),
         provenance=provenance(),
-        passed=all(each.outcome != "failed" for each in findings),
+        passed=all(finding.outcome != "failed" for finding in findings),
         checks=tuple(results),
         findings=tuple(findings),
         remedies=remedies,
-        notes=(*stale, *checked.notes, *notes, *_not_exercised(checked)),
+        notes=(*stale, *checked.notes, *notes),
+        not_exercised=_not_exercised(checked),
     )
     session.write(_files(report, checked))
     return report
@@ -126,10 +112,10 @@ def open_model(request: CheckRequest, session: Session) -> CheckedModel:
     Raises a SceneError if there is no such scene, or it does not compile; a SweepFileError if a
     setting is wrong (all are named).
     """
-    _require_known("limit", request.limits, REPLACEABLE)
+    _require_known("limit", request.task.limits, replaceable_limits())
     scenes, reference = SceneLoader(Path()), request.model
     scene = scenes.open(reference)
-    values, sweep = read_settings(scenes, reference, request.assign, ("duration",))
+    values, sweep = read_settings(scenes, reference, _assigned(request), ("duration", "must"))
     engine = find_engine(str(values.get("engine", MODEL_ENGINE)))
     if not isinstance(engine, ChecksRuns):
         raise SweepFileError(
@@ -157,15 +143,20 @@ def open_model(request: CheckRequest, session: Session) -> CheckedModel:
         session=session,
         values=_settings(resolved, values),
         duration=most if shorter else sweep.duration or scene.duration,
-        drive="exercise" if bare and request.drive is None else request.drive,
-        limits=request.limits,
+        drive=request.task.drive,
+        limits=request.task.limits,
+        options=request.task,
         kind=kind,
         kind_reason=reason,
         notes=(note,) * shorter,
     )
 
 
-def _settings(resolved: ResolvedRun, values: Values) -> dict[str, object]:
+def _assigned(request: CheckRequest) -> list[str]:
+    return [*request.assign, *request.task.settings]
+
+
+def _settings(resolved: RunSpec, values: Values) -> dict[str, object]:
     """Replace parts of settings, such as `solref.timeconst`, by the whole settings they change."""
     whole: dict[str, object] = {}
     for name, value in values.items():
@@ -180,32 +171,31 @@ def _kind(base: CompiledScene, asked: TaskKind | None) -> tuple[TaskKind, str]:
     if asked is not None:
         return asked, "as asked"
     limbs = actuated_limbs(base.model)
-    name = max(limbs, key=lambda each: limbs[each], default="")
+    name = max(limbs, key=lambda limb: limbs[limb], default="")
     if limbs.get(name, 0) >= _WALKING:
         return "locomotion", f"'{name}' is free and has {limbs[name]} actuated limbs"
     return "manipulation", "no free body has several actuated limbs"
 
 
-def _chosen(only: Sequence[str]) -> list[CheckName]:
-    _require_known("check", only, _CHECKS)
-    return [name for name in _CHECKS if name in only or not only]
+def _chosen(only: Sequence[str]) -> list[str]:
+    _require_known("check", only, CHECKS)
+    return [name for name in CHECKS if name in only or not only]
 
 
 def _require_known(kind: str, names: Iterable[str], known: Iterable[str]) -> None:
-    for name in (each for each in names if each not in known):
+    for name in (given for given in names if given not in known):
         hint = did_you_mean(name, known)
         raise SweepFileError(f"no {kind} '{name}'{hint}; there are {', '.join(known)}")
 
 
-def _not_exercised(checked: CheckedModel) -> Iterator[str]:
-    """Yield which parts of the model its nominal run left alone: no check speaks of them."""
-    if checked.stores(NOMINAL_STORE):
-        exercised = Exercised.of([record_to_row(checked.nominal.record)])
-        if lack := exercised.lack(exercised.present):
-            yield f"not exercised: {lack}"
+def _not_exercised(checked: CheckedModel) -> tuple[str, ...]:
+    """Return what of the model its nominal runs left alone: no check speaks of it."""
+    if not checked.stores(NOMINAL_STORE):
+        return ()
+    return Exercised.of(record_to_row(run.record) for run in checked.nominals).idle()
 
 
-def _result(name: CheckName, check: Check, checked: CheckedModel) -> CheckResult:
+def _result(name: str, check: Check, checked: CheckedModel) -> CheckResult:
     try:
         return check(checked)
     except TooLongError as error:
@@ -214,9 +204,13 @@ def _result(name: CheckName, check: Check, checked: CheckedModel) -> CheckResult
 
 def _judged(results: Sequence[CheckResult], accepted: Sequence[AcceptedCheck]) -> list[Finding]:
     """Return all findings, those first that fail and are not accepted."""
-    found = [each for result in results for each in findings_of(result)]
-    judged = apply_acceptances(found, accepted, datetime.now(UTC).date(), _KNOWN)
-    return sorted(judged, key=lambda each: _ORDER.index(each.outcome))
+    found = [finding for result in results for finding in findings_of(result)]
+    judged = apply_acceptances(found, accepted, datetime.now(UTC).date(), _known_findings())
+    return sorted(judged, key=lambda finding: _ORDER.index(finding.outcome))
+
+
+def _known_findings() -> set[str]:
+    return {*LIMITS, *(name for check in CHECKS.values() for name in check.findings)}
 
 
 def _files(report: CheckReport, checked: CheckedModel) -> dict[str, str]:

@@ -1,6 +1,6 @@
 """Changes that help a model, each run on the model itself together with those before it."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from contactlab.errors import ContactlabError, OutputError, SceneError, StoppedError
@@ -8,29 +8,14 @@ from contactlab.run.evidence_record import as_written
 from contactlab.scene.model_draft import Change, ModelEdits
 from contactlab.scene.model_writer import write_model
 from contactlab.scene.setting_values import as_number
-from contactlab.schema.check_report import CheckName, CheckResult, Edit, Finding, Remedy
+from contactlab.schema.check_report import CheckResult, Edit, Finding, Remedy
+from contactlab.studies.check.check_entries import CHECKS, REMEDIES, Check
 from contactlab.studies.check.check_results import MODEL, findings_of, settings_text
 from contactlab.studies.check.checked_model import CheckedModel, TooLongError
-from contactlab.studies.check.contact_checks import stiffer, stiffer_rest, touch_only
-from contactlab.studies.check.free_motion import steadier
-from contactlab.studies.check.run_checks import firmer, harder, shorter_steps, shorter_timestep
 from contactlab.studies.session import Values
 
-Check = Callable[[CheckedModel], CheckResult]
-_Proposal = Callable[[CheckedModel, CheckResult], Iterator[Values]]
-
-
-_PROPOSALS: Mapping[str, _Proposal] = {
-    "steps_lost": shorter_steps,
-    "mode_switches": harder,
-    **dict.fromkeys(("timestep", "step_ratio", "travel"), shorter_timestep),
-    **dict.fromkeys(("energy_gain", "energy_drift"), steadier),
-    **dict.fromkeys(("penetration_steady", "penetration_growth"), stiffer_rest),
-    **dict.fromkeys(("slip", "penetration_mean"), firmer),
-    "shell": touch_only,
-    "softness": stiffer,
-}
-"""What to try against each measure that misses its limit, in the order in which it is tried."""
+_FIRST = ("steps_lost", "mode_switches")
+"""Findings against which changes are tried before those against others, in the order of limits."""
 
 _MOVES_FREELY = {"timestep", "integrator", "gravity"}
 """Settings on which free motion depends, where contacts are off."""
@@ -43,9 +28,9 @@ _Found = tuple[Values, tuple[str, ...]]
 class _Search:
     """A search for changes that help, each on top of those that were found."""
 
-    checks: Mapping[CheckName, Check]
+    checks: Mapping[str, Check]
     model: CheckedModel  # as it is
-    results: dict[CheckName, CheckResult]  # of each check, with these changes
+    results: dict[str, CheckResult]  # of each check, with these changes
     # The changes that were found, and the findings that each mends.
     found: list[_Found] = field(default_factory=list[_Found])
     notes: list[str] = field(default_factory=list[str])
@@ -68,7 +53,7 @@ class _Search:
             return
         now = self.model.trying(self.settings, "remedies/now")
         tried: list[str] = []
-        for proposal in _PROPOSALS[name](now, self.results[finding.check]):
+        for proposal in REMEDIES[name].propose(now, self.results[finding.check]):
             text = settings_text(proposal)
             try:
                 obstacle = self._obstacle(proposal, finding)
@@ -91,7 +76,7 @@ class _Search:
         self.trials += 1
         settings = _merged(self.settings, proposal)
         changed = self.model.trying(settings, f"remedies/{self.trials}")
-        results: dict[CheckName, CheckResult] = {}
+        results: dict[str, CheckResult] = {}
         results[finding.check] = self.checks[finding.check](changed)
         if finding.name in (failing := _failing(results)):
             return failing[finding.name].message
@@ -114,17 +99,17 @@ class _Search:
 
     def _keep(self, settings: Values, proposal: Values, mended: tuple[str, ...]) -> None:
         """Add a change; earlier ones that concern the same setting become part of it."""
-        same = [each for each in self.found if each[0].keys() & proposal.keys()]
+        same = [entry for entry in self.found if entry[0].keys() & proposal.keys()]
         names = {name for changes, _ in same for name in changes} | proposal.keys()
-        mends = [each for _, earlier in same for each in earlier] + list(mended)
-        self.found = [each for each in self.found if each not in same]
+        mends = [mend for _, earlier in same for mend in earlier] + list(mended)
+        self.found = [entry for entry in self.found if entry not in same]
         whole = {name: settings[name] for name in settings if name in names}
         self.found.append((whole, tuple(dict.fromkeys(mends))))
 
 
-def _failing(results: Mapping[CheckName, CheckResult]) -> dict[str, Finding]:
-    found = (each for result in results.values() for each in findings_of(result))
-    return {each.name: each for each in found if each.failing}
+def _failing(results: Mapping[str, CheckResult]) -> dict[str, Finding]:
+    found = (finding for result in results.values() for finding in findings_of(result))
+    return {finding.name: finding for finding in found if finding.failing}
 
 
 def _merged(settings: Values, proposal: Values) -> dict[str, object]:
@@ -136,15 +121,16 @@ def _merged(settings: Values, proposal: Values) -> dict[str, object]:
 
 
 def find_remedies(
-    checks: Mapping[CheckName, Check],
+    checks: Mapping[str, Check],
     checked: CheckedModel,
     results: Sequence[CheckResult],
     aims: Sequence[str],
 ) -> tuple[tuple[Remedy, ...], list[str]]:
     """Return changes that mend findings of these names, and notes of what does not help."""
-    search = _Search(checks, checked, {each.name: each for each in results})
-    for name in _PROPOSALS:
-        if name in aims:
+    search = _Search(checks, checked, {result.name: result for result in results})
+    limited = (limit.name for check in CHECKS.values() for limit in check.limits)
+    for name in dict.fromkeys((*_FIRST, *limited)):
+        if name in aims and name in REMEDIES:
             search.mend(name)
     times: list[float | None] = [None] * len(search.found)
     try:
@@ -157,9 +143,9 @@ def find_remedies(
             settings={name: as_written(value) for name, value in settings.items()},
             mends=mends,
             time=time,
-            edits=each,
+            edits=edit,
         )
-        for (settings, mends), time, each in zip(search.found, times, edits, strict=True)
+        for (settings, mends), time, edit in zip(search.found, times, edits, strict=True)
     )
     return remedies, search.notes
 
@@ -174,8 +160,8 @@ def _times(checked: CheckedModel, changes: Sequence[Values]) -> list[float | Non
     runs = priced.run(
         "times", "What the remedies cost", rows, trace="none", timing={"rounds": _ROUNDS}
     )
-    times = [each.record.timing and each.record.timing.time_min for each in runs]
-    return [each / times[0] if each and times[0] else None for each in times[1:]]
+    times = [run.record.timing and run.record.timing.time_min for run in runs]
+    return [seconds / times[0] if seconds and times[0] else None for seconds in times[1:]]
 
 
 def _edits(
@@ -193,7 +179,7 @@ def _edits(
             notes.append(f"{settings_text(settings)} is in no file of the model: {error}")
             edits.append(())
             continue
-        new = [each for each in after if each not in before]
-        edits.append(tuple(Edit(where=each.where, lines=(each.element,)) for each in new))
+        new = [element for element in after if element not in before]
+        edits.append(tuple(Edit(where=element.where, lines=(element.element,)) for element in new))
         whole, before = {**whole, **settings}, after
     return edits

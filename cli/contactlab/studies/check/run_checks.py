@@ -1,7 +1,7 @@
-"""Checks 1, 4 and 5, of the model's own runs.
+"""Checks of the model's own runs.
 
 Is the timestep short enough for the task, the geometry and the contacts; do the pairs that are held
-or stand stay in their places; does the model repeat bit for bit.
+or stand stay in their places; does it do what it must; does the model repeat bit for bit.
 """
 
 import math
@@ -11,18 +11,21 @@ from dataclasses import replace
 import numpy as np
 
 from contactlab.contact.contact_laws import stiffness_damping
-from contactlab.measure import METRICS
+from contactlab.measure import METRICS, labels_with
 from contactlab.scene.run_setup import make_setup
 from contactlab.scene.setting_values import as_vector
 from contactlab.schema.check_report import CheckResult, Measure, Reference, TaskKind
+from contactlab.studies.check.check_entries import Measured, check, remedy
 from contactlab.studies.check.check_results import (
-    check_result,
+    MILLIMETRES,
+    MILLISECONDS,
+    Limit,
     informative,
     utilization,
     violated,
 )
 from contactlab.studies.check.check_runs import CheckRun, HeldPair, Holding, pair_speeds
-from contactlab.studies.check.checked_model import HOLD_STORE, NOMINAL_STORE, CheckedModel
+from contactlab.studies.check.checked_model import NOMINAL_STORE, CheckedModel
 from contactlab.studies.check.contact_checks import STIFF_SOLREF, contact_sets, rounded_down
 from contactlab.studies.session import Values
 
@@ -31,7 +34,17 @@ LONGEST: dict[TaskKind, float] = {"manipulation": 2e-3, "locomotion": 4e-3}
 _SUITS = "the timestep suits the task, the thinnest geometry and the stiffest contact"
 
 
-def check_timestep(checked: CheckedModel) -> CheckResult:
+@check(
+    "timestep",
+    asks=_SUITS,
+    place=1,
+    limits=(
+        Limit("timestep", "s", "warning", shown=MILLISECONDS),
+        Limit("step_ratio", "1", "warning", 0.8),
+        Limit("travel", "m", "error", shown=MILLIMETRES),
+    ),
+)
+def check_timestep(checked: CheckedModel) -> Measured:
     """Compare the timestep with the kind of task, the thinnest geoms and the stiffest contact."""
     step, limit = checked.resolved.timestep, LONGEST[checked.kind]
     measures = [
@@ -40,7 +53,7 @@ def check_timestep(checked: CheckedModel) -> CheckResult:
         *_travels(checked),
     ]
     notes = list(_notes(checked))
-    return check_result("timestep", _SUITS, measures, notes, checked.stores(NOMINAL_STORE))
+    return Measured(measures, notes, checked.stores(NOMINAL_STORE))
 
 
 def _ratios(checked: CheckedModel) -> Iterator[Measure]:
@@ -48,10 +61,10 @@ def _ratios(checked: CheckedModel) -> Iterator[Measure]:
 
     Up to 0.8 a contact gains no energy with Euler. The solref is the engine's effective one.
     """
-    for each in contact_sets(checked):
-        stiffness, _ = stiffness_damping(each.solref)
+    for contacts in contact_sets(checked):
+        stiffness, _ = stiffness_damping(contacts.solref)
         ratio = checked.resolved.timestep * math.sqrt(max(float(stiffness), 0.0))
-        yield checked.measure("step_ratio", ratio, each.name)
+        yield checked.measure("step_ratio", ratio, contacts.name)
 
 
 def _travels(checked: CheckedModel) -> Iterator[Measure]:
@@ -70,26 +83,32 @@ def _travels(checked: CheckedModel) -> Iterator[Measure]:
     yield informative("travel_of_a_fall", fall * step, "m", "over the model's extent")
 
 
+@remedy("timestep", "step_ratio", "travel")
 def shorter_timestep(checked: CheckedModel, result: CheckResult) -> Iterator[Values]:
     """Yield the longest timestep, to two digits, at which every limit holds."""
     failed = violated(result.measures)
     timestep = checked.resolved.timestep
-    longest = [timestep / utilization(each) for each in failed if each.name != "step_ratio"]
-    ratios = [each.limit or 0.0 for each in failed if each.name == "step_ratio"]
+    longest = [
+        timestep / utilization(measure) for measure in failed if measure.name != "step_ratio"
+    ]
+    ratios = [measure.limit or 0.0 for measure in failed if measure.name == "step_ratio"]
     if ratios:
         # By solref as the model has it: raised time constants shrink with the timestep.
-        stiffness, _ = stiffness_damping([each.record.solref for each in contact_sets(checked)])
+        stiffness, _ = stiffness_damping(
+            [contacts.record.solref for contacts in contact_sets(checked)]
+        )
         longest.append(min(ratios) / float(stiffness.max()) ** 0.5)
     if longest and min(longest) > 0:
         yield {"timestep": rounded_down(min(longest))}
 
 
 def _notes(checked: CheckedModel) -> Iterator[str]:
-    for each in contact_sets(checked):
-        if each.solref != each.record.solref:
+    for contacts in contact_sets(checked):
+        if contacts.solref != contacts.record.solref:
             yield (
-                f"the engine raises the time constant of solref {each.record.solref[0]:g} "
-                f"{each.record.solref[1]:g} to {each.solref[0]:g} s, two timesteps (refsafe)"
+                f"the engine raises the time constant of solref {contacts.record.solref[0]:g} "
+                f"{contacts.record.solref[1]:g} to {contacts.solref[0]:g} s, two timesteps "
+                "(refsafe)"
             )
 
 
@@ -98,24 +117,35 @@ _BANDS = ((5e-3, "broken"), (3e-3, "exploited"), (1e-3, "a compromise"))
 _STAYS = "what is held or stands stays: below 5 mode switches a second, 1 mm deep, 0.1 mm of slip"
 
 
-def check_hold(checked: CheckedModel) -> CheckResult:
+@check(
+    "hold",
+    asks=_STAYS,
+    place=4,
+    limits=(
+        Limit("steps_lost", "1", "error", 1, strict=True),
+        Limit("mode_switches", "1/s", "error", 5, strict=True, shown=(1.0, " a second")),
+        Limit("slip", "m", "warning", 1e-4, strict=True, shown=MILLIMETRES),
+        Limit("penetration_mean", "m", "warning", 1e-3, strict=True, shown=MILLIMETRES),
+        Limit("loose_share", "1", "error", 0.5),
+    ),
+)
+def check_hold(checked: CheckedModel) -> Measured:
     """Measure the pairs that are held or stand in the window of a hold."""
-    runs = checked.nominal, checked.standing
-    incomplete = next((run for run in runs if not run.is_complete), None)
-    stores = checked.stores(NOMINAL_STORE, HOLD_STORE)
-    if incomplete:
-        lost = incomplete.record.steps_asked - incomplete.record.steps
-        notes = [f"the run is not complete: {incomplete.record.status_reason}"]
+    nominal = checked.nominal.record
+    stores = checked.stores(NOMINAL_STORE)
+    if not checked.nominal.is_complete:
+        lost = nominal.steps_asked - nominal.steps
+        notes = [f"the run is not complete: {nominal.status_reason}"]
         measures = [checked.measure("steps_lost", max(lost, 1))]
-        return check_result("hold", _STAYS, measures, notes, stores)
+        return Measured(measures, notes, stores)
     holding = checked.holding
-    measures = [each for pair in holding.held for each in _hold_measures(checked, pair)]
+    measures = [measure for pair in holding.held for measure in _hold_measures(checked, pair)]
     if holding.declared:
         measures += _declared(checked)
     if not measures:
-        return check_result("hold", _STAYS, [], [holding.nothing], stores)
+        return Measured([], [holding.nothing], stores)
     notes = [f"measured from {holding.window[0]:g} to {holding.window[1]:g} s", *_bands(holding)]
-    return check_result("hold", _STAYS, measures, notes, stores)
+    return Measured(measures, notes, stores)
 
 
 def _hold_measures(checked: CheckedModel, held: HeldPair) -> list[Measure]:
@@ -130,7 +160,7 @@ def _hold_measures(checked: CheckedModel, held: HeldPair) -> list[Measure]:
 
 def _declared(checked: CheckedModel) -> list[Measure]:
     """Return the measures of a hold that the scene declares."""
-    metrics = checked.standing.record.metrics
+    metrics = checked.nominal.record.metrics
     contact, drop = (metrics.get(name) for name in ("hold_contact", "hold_drop"))
     share = np.nan if contact is None else contact
     more = [] if drop is None else [informative("drop", drop, "m")]
@@ -139,22 +169,25 @@ def _declared(checked: CheckedModel) -> list[Measure]:
 
 def _bands(holding: Holding) -> Iterator[str]:
     """Yield what the guideline calls the depth of the deepest pair."""
-    deepest = max(holding.held, key=lambda each: each.depth, default=None)
+    deepest = max(holding.held, key=lambda pair: pair.depth, default=None)
     if deepest and (word := next((word for least, word in _BANDS if deepest.depth >= least), "")):
-        yield f"a mean depth of {deepest.depth * 1e3:.2g} mm, of {deepest.name}, is {word}"
+        yield f"{deepest.name} overlaps by {deepest.depth * 1e3:.2g} mm on average: {word}"
 
 
+@remedy("steps_lost")
 def shorter_steps(checked: CheckedModel, _: CheckResult) -> Iterator[Values]:
     """Yield shares of the timestep, against an engine that stops."""
     yield from ({"timestep": checked.resolved.timestep * share} for share in _SHARES)
 
 
+@remedy("mode_switches")
 def harder(checked: CheckedModel, result: CheckResult) -> Iterator[Values]:
     """Yield changes against chatter, the guideline's first, which is the cheapest."""
     yield {"solimp": (0.99, 0.999, 0.001, 0.5, 2.0)}
     yield from shorter_steps(checked, result)
 
 
+@remedy("slip", "penetration_mean")
 def firmer(_: CheckedModel, __: CheckResult) -> Iterator[Values]:
     """Yield the guideline's changes: against slip, then against slip and depth."""
     firm: Values = {"cone": "elliptic", "impratio": 10.0}
@@ -167,12 +200,18 @@ TOLERANCE = 0.05
 _REPEATS = "the same run in another process is the same bit for bit"
 
 
-def check_repeat(checked: CheckedModel) -> CheckResult:
+@check(
+    "repeat",
+    asks=_REPEATS,
+    place=5,
+    limits=(Limit("trajectories_differ", "1", "error", 0),),
+)
+def check_repeat(checked: CheckedModel) -> Measured:
     """Run the model again in another process, and compare the trajectories."""
     nominal = checked.nominal
     if nominal.record.trajectory_hash is None:
         reason = f"the model could not be run: {nominal.record.status_reason}"
-        return check_result("repeat", _REPEATS, [], [reason], checked.stores(NOMINAL_STORE))
+        return Measured([], [reason], checked.stores(NOMINAL_STORE))
     other = replace(checked, session=replace(checked.session, workers=1))
     again = other.run("repeat", "The model once more", [{}], checks="none")[0]
     unequal = nominal.record.trajectory_hash != again.record.trajectory_hash
@@ -184,7 +223,7 @@ def check_repeat(checked: CheckedModel) -> CheckResult:
     ]
     note = f"reference.json has what a parallel engine must reproduce within {TOLERANCE:.0%}"
     stores = checked.stores(NOMINAL_STORE, "repeat")
-    return check_result("repeat", _REPEATS, measures, [note], stores)
+    return Measured(measures, [note], stores)
 
 
 def reference_of(nominal: CheckRun) -> Reference:
@@ -204,3 +243,26 @@ def reference_of(nominal: CheckRun) -> Reference:
         tolerance=TOLERANCE,
         resolution={name: METRICS[name].resolution for name in metrics},
     )
+
+
+@check(
+    "must",
+    asks="what the model must do, it does",
+    place=4.5,
+    limits=(Limit("requirements_broken", "1", "error", 0),),
+)
+def check_must(checked: CheckedModel) -> Measured:
+    """Look for what the scene or the request requires that a run of the model does not do."""
+    manifest = checked.scene.source.manifest
+    required = checked.options.must or (manifest.must if manifest else ())
+    if not required:
+        return Measured([], ["nothing is required"])
+    labels = {"broken_requirement", *labels_with("pair")}
+    measures: list[Measure] = []
+    notes: list[str] = []
+    for run in checked.nominals:
+        broken = [each for each in run.record.labels if each.label in labels]
+        seed = f"seed {run.record.seed}"
+        measures.append(checked.measure("requirements_broken", float(bool(broken)), seed))
+        notes += [f"{seed}: {each.reason}" for each in broken]
+    return Measured(measures, notes, checked.stores(NOMINAL_STORE))

@@ -58,7 +58,7 @@ class SmallestSetSearch:
         if not everything or self._is_free(everything):
             return everything
         free = merged(certain) if certain and self._is_free(merged(certain)) else BASE
-        rest = [each for each in (*certain, *likely) if each not in free]
+        rest = [name for name in (*certain, *likely) if name not in free]
         # Each step is compared with the base configuration, not with the step before it, so that
         # small changes cannot add up.
         for name in rest:
@@ -100,7 +100,7 @@ class SmallestSetSearch:
 
 def merged(*names: Collection[str]) -> Changed:
     """Return the union of toggled effects."""
-    return tuple(sorted({name for each in names for name in each}))
+    return tuple(sorted({name for group in names for name in group}))
 
 
 REPORT = "effects.json"
@@ -118,10 +118,10 @@ def run(request: EffectsRequest, session: Session) -> EffectsReport:
     """
     setup = request.setup
     session.claim("effects", request.source)
-    toggles = {each.effect: each for each in find_toggles(setup)}
+    toggles = {toggle.effect: toggle for toggle in find_toggles(setup)}
     trials = ConfigurationRunner(setup, toggles, session, request.rounds)
-    proven = merged([name for name, each in toggles.items() if each.proof is not None])
-    singles = [(name,) for name, each in toggles.items() if each.proof is None]
+    proven = merged([name for name, toggle in toggles.items() if toggle.proof is not None])
+    singles = [(name,) for name, toggle in toggles.items() if toggle.proof is None]
     configurations = [BASE, *singles, *([proven] if proven else [])]
     outcomes = trials.run("one-by-one", "One effect changed at a time", configurations)
     timed = trials.timed("timing", configurations)
@@ -132,7 +132,7 @@ def run(request: EffectsRequest, session: Session) -> EffectsReport:
     ]
     search = SmallestSetSearch(trials, outcomes[BASE])
     free = search.smallest(proven, _worthwhile(findings, setup))
-    needed = [each.effect for each in findings if each.need == "needed"]
+    needed = [finding.effect for finding in findings if finding.need == "needed"]
     free, interactions = search.interactions(free, needed)
     saving = trials.timed("saving", [BASE, free]) if free else {}
     settings = {axis: value for name in free for axis, value in toggles[name].values.items()}
@@ -141,8 +141,9 @@ def run(request: EffectsRequest, session: Session) -> EffectsReport:
         scene=setup.scene.name,
         scene_hash=setup.scene.hash,
         source=request.source,
+        task=setup.task,
         base=_as_written(setup.base),
-        scenarios=tuple(_as_written(each) for each in setup.scenarios),
+        scenarios=tuple(_as_written(scenario) for scenario in setup.scenarios),
         seeds=setup.seeds,
         duration=setup.duration or setup.scene.duration,
         tolerances=dict(setup.tolerances),
@@ -213,16 +214,20 @@ def _worthwhile(findings: Sequence[EffectFinding], setup: AblationSetup) -> list
     Numerical effects stay unless toggling them saves time: most of them are there to save time, or
     guard against settings that this scene does not have.
     """
-    faster = {each.effect for each in findings if each.cost is not None and each.cost.high < 1}
+    faster = {
+        finding.effect for finding in findings if finding.cost is not None and finding.cost.high < 1
+    }
     worthwhile = [
-        each
-        for each in findings
-        if each.need == "saves"
-        or (each.need == "absent" and {*setup.tolerances} == {REALITY})
-        or (each.need == "free" and (each.kind != "numerical" or each.effect in faster))
+        finding
+        for finding in findings
+        if finding.need == "saves"
+        or (finding.need == "absent" and {*setup.tolerances} == {REALITY})
+        or (finding.need == "free" and (finding.kind != "numerical" or finding.effect in faster))
     ]
-    ranked = sorted(worthwhile, key=lambda each: 1.0 if each.cost is None else each.cost.ratio)
-    return [each.effect for each in ranked]
+    ranked = sorted(
+        worthwhile, key=lambda effect: 1.0 if effect.cost is None else effect.cost.ratio
+    )
+    return [finding.effect for finding in ranked]
 
 
 def _written(setup: AblationSetup, settings: Values, folder: Path) -> WrittenModel | SceneError:
@@ -241,7 +246,7 @@ def _smallest_set(
     written: WrittenModel | SceneError,
 ) -> SmallestSet:
     made = [name for name in free if toggles[name].values.items() <= settings.items()]
-    present = [name for name, each in toggles.items() if each.on]
+    present = [name for name, toggle in toggles.items() if toggle.on]
     return SmallestSet(
         on=tuple(sorted({*present} ^ {*made})),
         off=tuple(name for name in made if toggles[name].on),
@@ -278,10 +283,12 @@ def _verified(
         text = "The model with the smallest set in its files"
         rows = trials.run("written", text, [BASE], as_text)
         pasted = farther(rows[BASE], free)
-    failed = next((each for each in (change, pasted) if each and each.matters), None)
+    failed = next(
+        (comparison for comparison in (change, pasted) if comparison and comparison.matters), None
+    )
     return Verification(
         seeds=seeds,
-        scenarios=tuple(_as_written(each) for each in scenarios),
+        scenarios=tuple(_as_written(scenario) for scenario in scenarios),
         runs=len(outcomes[free].flat),
         pasted=pasted and not pasted.matters,
         holds=failed is None,

@@ -42,7 +42,7 @@ class Toggle(NamedTuple):
 def find_toggles(setup: AblationSetup) -> tuple[Toggle, ...]:
     """Return a toggle of every effect that can be toggled in the base configuration."""
     written, proven = list(_choices(setup, "all")), list(_choices(setup, "auto"))
-    toggles = (_toggle(each, written, proven) for each in EFFECTS.values() if each.studied)
+    toggles = (_toggle(effect, written, proven) for effect in EFFECTS.values() if effect.studied)
     return tuple(filter(None, toggles))
 
 
@@ -55,9 +55,9 @@ def _choices(setup: AblationSetup, rest: str) -> Iterator[States]:
 
 def _toggle(effect: Effect, written: list[States], proven: list[States]) -> Toggle | None:
     name = effect.name
-    if not any(each[name].on for each in written):
+    if not any(states[name].on for states in written):
         return Toggle(name, False, effect.on, None) if effect.on else None
-    unused = not any(each[name].on for each in proven)
+    unused = not any(states[name].on for states in proven)
     proof = proven[0][name].reason if unused and written[0][name].on else None
     return Toggle(name, True, effect.off or {name: False}, proof)
 
@@ -86,7 +86,7 @@ BASE: Changed = ()
 
 MOTION = "motion"
 """Where joints are over time: (N, nq) qpos in shares of limited ranges, of others in m or rad."""
-_MOST_STATES = 500
+_MOST_STATES_COMPARED = 500
 
 
 def _motion(store: Store, run: str, model: mujoco.MjModel) -> Row:
@@ -94,7 +94,7 @@ def _motion(store: Store, run: str, model: mujoco.MjModel) -> Row:
     ranges, limited, record = np.ones(model.nq), model.jnt_limited == 1, store.record(run)
     ranges[model.jnt_qposadr[limited]] = np.ptp(model.jnt_range[limited], axis=1)
     qpos = store.trace(record).qpos if record.trace else np.zeros((0, model.nq))
-    return {MOTION: qpos[:: max(1, len(qpos) // _MOST_STATES)] / ranges}
+    return {MOTION: qpos[:: max(1, len(qpos) // _MOST_STATES_COMPARED)] / ranges}
 
 
 _PAIRS = 6  # matched pairs that are timed; their range contains the median in 97 of 100 cases
@@ -129,7 +129,11 @@ class ConfigurationRunner:
             "trace": "all" if moved else "none",
         }
         values = [
-            {name: value for each in changed for name, value in self.toggles[each].values.items()}
+            {
+                name: value
+                for effect in changed
+                for name, value in self.toggles[effect].values.items()
+            }
             for changed in configurations
         ]
         measure = {"measure": _motion} if moved else {}
@@ -164,8 +168,8 @@ def judged_metrics(changed: Collection[str] = ()) -> list[str]:
     Those are left out that cannot be measured with or without one of the changed effects.
     """
     missing = {_UNMEASURED[effect] for effect in changed if effect in _UNMEASURED}
-    physics = [each for each in METRICS.values() if each.kind == "physics"]
-    return [each.name for each in physics if each.requires not in missing]
+    physics = [metric for metric in METRICS.values() if metric.kind == "physics"]
+    return [effect.name for effect in physics if effect.requires not in missing]
 
 
 @dataclass(frozen=True)
@@ -180,15 +184,15 @@ class ConfigurationDifference:
     @property
     def matters(self) -> bool:
         """Whether any change exceeds both tolerance and spread."""
-        return bool(self.labels) or any(each.matters for each in self.changes)
+        return bool(self.labels) or any(change.matters for change in self.changes)
 
     @property
     def within_spread(self) -> tuple[str, ...]:
         """Metrics that change by more than the tolerance, but less than the spread over seeds."""
         return tuple(
-            each.metric
-            for each in self.changes
-            if each.change is not None and each.tolerance < abs(each.change) <= each.spread
+            change.metric
+            for change in self.changes
+            if change.change is not None and change.tolerance < abs(change.change) <= change.spread
         )
 
     @property
@@ -196,15 +200,15 @@ class ConfigurationDifference:
         """The largest change, as text."""
         if self.labels:
             return ", ".join(self.labels)
-        if worst := next((each for each in self.changes if each.matters), None):
+        if worst := next((change for change in self.changes if change.matters), None):
             return _change_text(worst)
-        if [each.metric for each in self.changes] == [REALITY]:
+        if [change.metric for change in self.changes] == [REALITY]:
             return _change_text(self.changes[0])
-        for each in self.changes:
-            if each.metric in self.within_spread:
+        for change in self.changes:
+            if change.metric in self.within_spread:
                 return (
-                    f"{each.metric} changes by {each.change:.3g} {each.unit}, within the spread "
-                    f"of {each.spread:.3g} over seeds"
+                    f"{change.metric} changes by {change.change:.3g} {change.unit}, within the "
+                    f"spread of {change.spread:.3g} over seeds"
                 )
         return "no metric changes by its tolerance"
 
@@ -226,15 +230,17 @@ def difference(
         base, other = _compared(base), _compared(other)
     matched = list(zip(base.scenarios, base.rows, other.rows, strict=True))
     largest = [
-        max((_change(name, tolerances, *each) for each in matched), key=_weight)
+        max((_change(name, tolerances, *rows) for rows in matched), key=_weight)
         for name in tolerances or (*judged_metrics(changed), *({MOTION} & base.flat[0].keys()))
     ]
-    for each in largest if real else ():
-        farther, limit = each.change or 0.0, max(each.tolerance, each.spread)
+    for change in largest if real else ():
+        farther, limit = change.change or 0.0, max(change.tolerance, change.spread)
         sure = {"if closer": -farther > limit, "if farther": farther > limit}
-        told = sure.get(matters, farther + each.spread > each.tolerance)
-        largest = [each.model_copy(update={"matters": told})]
-    changes = sorted((each for each in largest if _weight(each)[1]), key=_weight, reverse=True)
+        told = sure.get(matters, farther + change.spread > change.tolerance)
+        largest = [change.model_copy(update={"matters": told})]
+    changes = sorted(
+        (change for change in largest if _weight(change)[1]), key=_weight, reverse=True
+    )
     labels: Counter[str] = Counter()
     for _, first, second in matched:
         known = {row["label"] for row in first}
@@ -248,9 +254,9 @@ def difference(
 
 def _compared(configuration: ConfigurationRows) -> ConfigurationRows:
     """Return the mean distance from the recording in each scenario, as rows of one."""
-    rows = [[row[REALITY] for row in each] for each in configuration.rows]
-    means = [None if None in each else fmean(each) for each in rows]
-    words = ["ends early" if each is None else "compared" for each in means]
+    rows = [[row[REALITY] for row in rows_of_case] for rows_of_case in configuration.rows]
+    means = [None if None in row else fmean(row) for row in rows]
+    words = ["ends early" if mean is None else "compared" for mean in means]
     pairs = zip(means, words, strict=True)
     return ConfigurationRows([{}], [[{REALITY: mean, "label": word} for mean, word in pairs]])
 
@@ -278,7 +284,7 @@ def _change(
         tolerance = tolerance or _CLOSER * fmean(own or [0.0])
     elif name not in given and name != MOTION:
         tolerance = max(METRICS[name].tolerance, _SHARE * max(map(abs, own), default=0.0))
-    alike = () if name == MOTION and any(map(_has_noise, base)) else combinations(own, 2)
+    alike = () if name == MOTION and any(map(_is_drawn, base)) else combinations(own, 2)
     spread = max((abs(_difference(*pair)) for pair in alike), default=0.0)
     if real:
         spread = _ERRORS * stdev(pairs) / len(pairs) ** 0.5 if len(pairs) > 1 else inf
@@ -300,10 +306,10 @@ def _change(
     )
 
 
-def _has_noise(row: Row) -> bool:
-    """Return whether a run's controls are noise, which its seed draws: motions differ by seed."""
-    drive = row.get("drive")
-    return bool(drive) and isinstance(parse_drive(json.loads(drive)), NoiseDrive)
+def _is_drawn(row: Row) -> bool:
+    """Return whether a run's controls are drawn by its seed: motions differ by seed."""
+    drive = parse_drive(json.loads(row.get("drive") or '"none"'))
+    return drive == "exercise" or isinstance(drive, NoiseDrive)
 
 
 def _difference(value: Any, other: Any) -> float:  # noqa: ANN401 - a number or an array
@@ -339,7 +345,7 @@ def cost_ratio(base: ConfigurationRows, other: ConfigurationRows) -> Ratio | Non
 def work_ratios(base: ConfigurationRows, other: ConfigurationRows) -> dict[str, float]:
     """Return the ratio of each work counter that the base has."""
     ratios = {name: list(_ratios(base, other, name)) for name in _WORK}
-    return {name: median(each) for name, each in ratios.items() if each}
+    return {name: median(ratio) for name, ratio in ratios.items() if ratio}
 
 
 def _ratios(base: ConfigurationRows, other: ConfigurationRows, name: str) -> Iterator[float]:

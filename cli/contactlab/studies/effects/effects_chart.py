@@ -8,8 +8,8 @@ from contactlab.charts import Rows, layer_of
 from contactlab.schema.study_reports import EffectFinding, EffectsReport
 
 # Bars end here; a changed label, or a metric that appears, is beyond any tolerance.
-_MOST = 1e3
-_LEAST = 1e-3
+_MOST_TOLERANCES = 1e3
+_LEAST_TOLERANCES = 1e-3
 _Layers = alt.LayerChart | alt.FacetChart
 # Petroff's sequence of six colours; each bar has its verdict as text too.
 _COLOURS = {
@@ -24,7 +24,7 @@ _COLOURS = {
 
 def specification(report: EffectsReport) -> alt.TopLevelMixin:
     """Return the chart of a report: two columns of bars, a row an effect."""
-    rows = [_row(each) for each in report.effects if each.need != "unused"]
+    rows = [_row(effect) for effect in report.effects if effect.need != "unused"]
     y = alt.Y("effect:N").sort([row["effect"] for row in rows])
     colour = alt.Color("need:N").scale(domain=list(_COLOURS), range=list(_COLOURS.values()))
     return (
@@ -40,13 +40,15 @@ def specification(report: EffectsReport) -> alt.TopLevelMixin:
 def _row(finding: EffectFinding) -> dict[str, Any]:
     cost = finding.cost
     state = "on" if finding.on else "off"
-    sizes = [_MOST if each.times is None else each.times for each in finding.changes]
-    times = _MOST if finding.labels else max(sizes, default=0.0)
+    sizes = [
+        _MOST_TOLERANCES if change.times is None else change.times for change in finding.changes
+    ]
+    times = _MOST_TOLERANCES if finding.labels else max(sizes, default=0.0)
     return {
         "effect": f"{finding.effect} ({state})",
         "need": finding.need,
-        "times": min(max(times, _LEAST), _MOST),
-        "left": _LEAST,
+        "times": min(max(times, _LEAST_TOLERANCES), _MOST_TOLERANCES),
+        "left": _LEAST_TOLERANCES,
         "ratio": cost and cost.ratio,
         "low": cost and cost.low,
         "high": cost and cost.high,
@@ -55,7 +57,7 @@ def _row(finding: EffectFinding) -> dict[str, Any]:
 
 
 def _changes(rows: Rows, y: alt.Y, colour: alt.Color) -> _Layers:
-    x = alt.X("left:Q").scale(type="log", domain=[_LEAST, _MOST])
+    x = alt.X("left:Q").scale(type="log", domain=[_LEAST_TOLERANCES, _MOST_TOLERANCES])
     x = x.axis(title="largest change when switched, in tolerances", format="~g")
     bars = layer_of("effects", rows).mark_bar().encode(x, alt.X2("times:Q"), y, colour)
     words = layer_of("effects", rows).mark_text(align="left", dx=4, fontSize=11)

@@ -1,4 +1,4 @@
-"""What an ablation starts from: a base configuration, scenarios, seeds and tolerances."""
+"""Inputs of an ablation: a base configuration, scenarios, seeds and tolerances."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -14,10 +14,11 @@ from contactlab.errors import SceneError
 from contactlab.mjcf import OPTIONS
 from contactlab.plan.grid import Plan
 from contactlab.plan.sweep_file import read_sweep
+from contactlab.plan.task_options import AS_INFERRED, TaskOptions
 from contactlab.run.sweep_request import SceneLoader
 from contactlab.scene.effects.effect_table import EFFECTS
 from contactlab.scene.scene import Scene
-from contactlab.schema.drive import Drive
+from contactlab.schema.task import Task
 from contactlab.schema.tradeoff_report import REALITY
 from contactlab.schema.vocabulary import RECORDED_RUN
 from contactlab.studies.session import Values, read_settings
@@ -34,9 +35,8 @@ class EffectsRequest:
     assign: Sequence[str] = ()  # settings of the base configuration, `NAME=VALUE` each
     seeds: int = 6  # how many seeds to change effects with
     rounds: int | None = 3  # how often configurations are timed; None leaves costs out
-    # What drives the runs; None for what sweep or scene say, and for an exercise of a model without
-    # either.
-    drive: Drive | None = None
+    # What replaces parts of the task; its limits are tolerances, by metric.
+    task: TaskOptions = AS_INFERRED
     # `reality`: effects that recorded runs call for, of the sweep or drawn; each counts as a seed.
     error: Literal["reality"] | None = None
 
@@ -51,22 +51,24 @@ class EffectsRequest:
         path = Path(self.source)
         is_sweep = path.suffix in _SWEEPS
         folder = path.parent if is_sweep else Path()
-        scenes = SceneLoader(folder, self.drive, bare="exercise")
+        scenes = SceneLoader(folder, self.task.drive)
         sweep_of_scene = {"version": 1, "scene": self.source}
         if not is_sweep:
             # What is wrong with a model is no mistake of a sweep.
             scenes.open(self.source)
         read = read_sweep(path if is_sweep else sweep_of_scene, scenes.vocabulary)
         reference, sweep = read.sweep.scene, read.sweep
-        if self.drive is None and sweep.drive is not None:
+        if self.task.drive is None and sweep.drive is not None:
             scenes = replace(scenes, drive=sweep.drive, drive_folder=folder)
-        assigned, _ = read_settings(scenes, reference, self.assign)
+        asked = [*self.assign, *self.task.settings]
+        assigned, given = read_settings(scenes, reference, asked, ("duration", "must"))
         scenarios, axes = _scenarios(read.plan), read.plan.axes
         # The values that the sweep gives to every run, its effects among them.
         varied = {axis.name for axis in axes if axis.count > 1 or axis.role == "scenario"}
         first = next(read.plan.runs()).values
         fixed = {name: value for name, value in first.items() if name not in varied}
         manifest = scenes.open(reference).source.manifest
+        own = manifest.tolerances if manifest else {}
         setup = AblationSetup(
             scenes=scenes,
             reference=reference,
@@ -74,9 +76,11 @@ class EffectsRequest:
             scenarios=scenarios,
             fresh_scenarios=_between(scenarios),
             seeds=tuple(range(self.seeds)),
-            duration=sweep.duration,
-            tolerances={**(manifest.tolerances if manifest else {}), **sweep.tolerances},
+            duration=given.duration or sweep.duration,
+            tolerances={**own, **sweep.tolerances, **self.task.limits},
+            options=self.task,
             thresholds=sweep.thresholds,
+            must=given.must or sweep.must,
         )
         return setup.compared_with_recordings() if self.error else setup
 
@@ -98,8 +102,10 @@ class AblationSetup:
     duration: float | None = None  # simulated time [s], or None for the scene's own
     # Metric to largest change; empty if neither sweep nor scene has any.
     tolerances: Mapping[str, float] = field(default_factory=dict[str, float])
+    options: TaskOptions = AS_INFERRED  # what replaces parts of the task
     # Of labels, over the scene's.
     thresholds: Mapping[str, float] = field(default_factory=dict[str, float])
+    must: tuple[str, ...] = ()  # what has to hold in every run
 
     @property
     def scene(self) -> Scene:
@@ -107,8 +113,19 @@ class AblationSetup:
         return self.scenes.open(self.reference).with_effects("all")
 
     @property
+    def task(self) -> Task:
+        """Task of its first scenario, by which it is judged."""
+        return self.scene.task(
+            {**self.base, **self.scenarios[0]},
+            self.duration,
+            watch=self.options.watch,
+            within=self.options.within,
+            seeds=self.seeds,
+        )
+
+    @property
     def scenario(self) -> list[str]:
-        """What the scene as written has in common with every configuration, but for numerics."""
+        """Settings that the scene as written shares with every configuration, but for numerics."""
         fixed = [name for name in self.base if name not in OPTIONS and name not in EFFECTS]
         return [*fixed, *self.scenarios[0]]
 
@@ -118,13 +135,13 @@ class AblationSetup:
             raise SceneError(f"{self.reference}: error {REALITY} needs a scene with a `recording`")
         drawn = np.random.default_rng(0).permutation(recorded.numbers).tolist()
         scenarios = self.scenarios
-        if not all(RECORDED_RUN in each for each in scenarios):
+        if not all(RECORDED_RUN in scenario for scenario in scenarios):
             some = drawn[:_MOST_RECORDED]
-            scenarios = [{**each, RECORDED_RUN: run} for each in scenarios for run in some]
-        used = {each[RECORDED_RUN] for each in scenarios}
-        others = [each for each in drawn if each not in used]
+            scenarios = [{**scenario, RECORDED_RUN: run} for scenario in scenarios for run in some]
+        used = {scenario[RECORDED_RUN] for scenario in scenarios}
+        others = [run for run in drawn if run not in used]
         pairs = zip(scenarios, others, strict=False)
-        fresh = [{**each, RECORDED_RUN: run} for each, run in pairs] or scenarios
+        fresh = [{**scenario, RECORDED_RUN: run} for scenario, run in pairs] or scenarios
         tolerances = {REALITY: self.tolerances.get(REALITY, 0.0)}
         runs = {"scenarios": tuple(scenarios), "fresh_scenarios": tuple(fresh)}
         return replace(self, **runs, seeds=(0,), tolerances=tolerances)
@@ -132,11 +149,11 @@ class AblationSetup:
     def written(self, reference: str, settings: Values) -> "AblationSetup":
         """Return the setup of a model that was written with settings, driven as this one is."""
         scene, given = self.scene, self.scenes.drive
-        drive = scene.handed_on(given or scene.drive.drive)
+        drive = given or scene.drive.drive
         folder = self.scenes.drive_folder if given else scene.source.path.parent
-        scenes = SceneLoader(self.scenes.folder, drive, folder, self.scenes.bare)
+        scenes = SceneLoader(self.scenes.folder, drive, folder)
         effects = [EFFECTS[name] for name in settings if name in EFFECTS]
-        about = {*settings, *(each for effect in effects for each in effect.switch.settings)}
+        about = {*settings, *(setting for effect in effects for setting in effect.switch.settings)}
         base = {name: value for name, value in self.base.items() if name not in about}
         return replace(self, scenes=scenes, reference=reference, base=base)
 
@@ -153,7 +170,7 @@ def _scenarios(plan: Plan) -> tuple[Values, ...]:
 def _between(scenarios: Sequence[Values]) -> tuple[Values, ...]:
     """Return scenarios half way between neighbours; the given ones where nothing is between."""
     middles = [_half_way(first, second) for first, second in pairwise(scenarios)]
-    return tuple(each for each in middles if each not in scenarios) or tuple(scenarios)
+    return tuple(middle for middle in middles if middle not in scenarios) or tuple(scenarios)
 
 
 def _half_way(first: Values, second: Values) -> dict[str, object]:

@@ -22,7 +22,7 @@ def hover_height(context: Context) -> Floats:
     return (height - height[:, :1]).max(axis=1)
 
 
-@label(severity=10, thresholds=(Threshold("hover", -1.0, "m", "Largest height gained; a test's."),))
+@label("noted", thresholds=(Threshold("hover", -1.0, "m", "Largest height gained; a test's."),))
 def hovering(runs: MeasuredRuns) -> Findings:
     """The first body gains more height than accepted."""
     high = np.flatnonzero(runs.metrics["hover_height"] > runs.limits["hover"])

@@ -1,0 +1,135 @@
+"""The way of one value through the program: the files, functions and hops that a reader follows.
+
+Run: python -m bench.way solref|timestep|friction.slide [--functions]
+
+One run of a sweep is made in this process (`contactlab sweep FILE --workers 0`), where an axis has
+a value that stands nowhere else. At each call of a function of the project and at each return, its
+arguments or local variables, its closure among them, are searched for the value: as a number, in a
+text, and in tuples, lists, sets and mappings, their keys too, down to three levels. A named tuple
+is a tuple; the fields of other objects are not searched, nor arrays: a function that hands an
+object on has no need to know what is in it. Counted are the files and the functions that hold the
+value at least once, and the hops: how often one event that holds it is in another file than the one
+before. Nested functions and comprehensions are functions of their own. Bytes are not searched: they
+are what is written of the value. What imports run does not count.
+"""
+
+import argparse
+import contextlib
+import io
+import sys
+import tempfile
+from collections.abc import Mapping
+from collections.abc import Set as AbstractSet
+from pathlib import Path
+from types import FrameType
+
+import contactlab
+from contactlab.command_line.main import main as command
+
+PROJECT = Path(contactlab.__file__).parent
+SENTINELS = {
+    "solref": ('"0.0137 1"', 0.0137),
+    "timestep": ("0.00137", 0.00137),
+    "friction.slide": ("0.0137", 0.0137),
+}
+SWEEP = """
+version: 1
+scene: ball_drop
+duration: 0.02
+trace: all
+axes: {{{axis}: [{text}]}}
+"""
+DEPTH = 3
+
+
+class Way:
+    """The functions that hold a value while this is the profile function, in their order."""
+
+    def __init__(self, value: float) -> None:
+        self._value, self._text = value, f"{value:g}"
+        self._importing = 0
+        self.functions: dict[tuple[str, str], None] = {}
+        self.stops: list[str] = []
+
+    @property
+    def files(self) -> list[str]:
+        """Files that hold the value, in the order in which they first do."""
+        return list(dict.fromkeys(file for file, _ in self.functions))
+
+    @property
+    def hops(self) -> int:
+        """Changes of file between one event that holds the value and the next."""
+        return sum(
+            before != after for before, after in zip(self.stops, self.stops[1:], strict=False)
+        )
+
+    def __call__(self, frame: FrameType, event: str, _result: object) -> None:
+        """Note a call or return of a function of the project that holds the value."""
+        if event not in ("call", "return"):
+            return
+        code = frame.f_code
+        if code.co_name == "<module>":
+            self._importing += 1 if event == "call" else -1
+        file = Path(code.co_filename)
+        if self._importing or PROJECT not in file.parents:
+            return
+        if any(self._holds(local, DEPTH) for local in list(frame.f_locals.values())):
+            name = file.relative_to(PROJECT).as_posix()
+            self.functions[name, code.co_qualname] = None
+            self.stops.append(name)
+
+    def _holds(self, held: object, depth: int) -> bool:
+        if isinstance(held, float):
+            return held == self._value
+        if isinstance(held, str):
+            return self._text in held
+        if not depth:
+            return False
+        if isinstance(held, Mapping):
+            return any(
+                self._holds(key, depth - 1) or self._holds(value, depth - 1)
+                for key, value in list(held.items())
+            )
+        if isinstance(held, (tuple, list, AbstractSet)):
+            return any(self._holds(item, depth - 1) for item in list(held))
+        return False
+
+
+def follow(axis: str) -> Way:
+    """Run a sweep of one run in this process and return the way of its value."""
+    text, value = SENTINELS[axis]
+    way = Way(value)
+    with tempfile.TemporaryDirectory(prefix="contactlab-bench-") as folder:
+        sweep = Path(folder) / "way.yaml"
+        sweep.write_text(SWEEP.format(axis=axis, text=text), encoding="utf-8")
+        store = Path(folder) / "store"
+        sys.argv = ["contactlab", "sweep", str(sweep), "-o", str(store), "--workers", "0"]
+        output = io.StringIO()
+        with contextlib.redirect_stdout(output), contextlib.suppress(SystemExit):
+            sys.setprofile(way)
+            try:
+                command()
+            finally:
+                sys.setprofile(None)
+        if not (store / "manifest.json").is_file():
+            raise RuntimeError(f"the sweep failed: {output.getvalue()}")
+    return way
+
+
+def main() -> None:
+    """Print the counts of one value, and the files in order."""
+    parser = argparse.ArgumentParser(description=__doc__, allow_abbrev=False)
+    parser.add_argument("axis", choices=sorted(SENTINELS))
+    parser.add_argument("--functions", action="store_true", help="list the functions of each file")
+    asked = parser.parse_args()
+    way = follow(asked.axis)
+    print(f"{len(way.files)} files, {len(way.functions)} functions, {way.hops} hops")
+    for file in way.files:
+        print(f"  {file}")
+        for place, function in way.functions if asked.functions else ():
+            if place == file:
+                print(f"    {function}")
+
+
+if __name__ == "__main__":
+    main()

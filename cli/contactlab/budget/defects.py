@@ -1,0 +1,62 @@
+"""How far two motions that began in one state are apart at the end of a window."""
+
+import numpy as np
+
+from contactlab.contact.trace_arrays import Floats
+
+
+def nearest(end: Floats, others: Floats) -> Floats:
+    """Return (M, B) distances of (M, B, 6) velocities from polylines through (M, K, B, 6)."""
+    first, along = others[:, :-1], np.diff(others, axis=1)
+    away = end[:, None] - first
+    length = (along**2).sum(axis=-1)
+    part = (away * along).sum(axis=-1) / np.where(length > 0, length, 1)
+    part = np.clip(part, 0, 1)[..., None]
+    return np.sqrt(((away - part * along) ** 2).sum(axis=-1).min(axis=1))
+
+
+def defects(one: Floats, other: Floats) -> Floats:
+    """Return (M, B) how far velocities are apart, up to a shift in time by one step of the run.
+
+    Both are (M, 2 r + 1, B, 6), from one step before the end of the window to one after, with r of
+    their own, and straight in between: with the points alone, how far they lie apart would count.
+    The time of an event is uncertain by a step in any stepping, so each motion's end is compared
+    with all of the other's: with one side alone, what stands still agrees with all that passes
+    through rest.
+    """
+    with np.errstate(invalid="ignore", over="ignore"):
+        ends = one[:, one.shape[1] // 2], other[:, other.shape[1] // 2]
+        apart = np.maximum(nearest(ends[0], other), nearest(ends[1], one))
+    return np.where(np.isnan(apart), np.inf, apart)
+
+
+def paths(velocities: Floats) -> Floats:
+    """Return (M, B) lengths of paths of velocity, from (M, K, B, 6)."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        return np.linalg.norm(np.diff(velocities, axis=1), axis=-1).sum(axis=1)
+
+
+def energy_defects(end: Floats, around: Floats) -> Floats:
+    """Return (M,) by how much energies (M,) leave the range of (M, K), the reference's [J].
+
+    What is within rounding of the energies is 0.
+    """
+    with np.errstate(invalid="ignore", over="ignore"):
+        low, high = around.min(axis=1), around.max(axis=1)
+        apart = end - np.clip(end, low, high)
+        rounding = 1e-12 * np.maximum(np.abs(end), np.abs(around).max(axis=1))
+        return np.where(np.abs(apart) > rounding, apart, 0.0)
+
+
+def trends(parts: Floats, scale: Floats) -> Floats:
+    """Return (S,) the drift of sums over windows, from (S, W) defects and causal scales [J].
+
+    The mean of the last third of the sums less that of the first, times 3/2, which is the whole of
+    a steady drift; what goes up and down and comes back leaves little.
+    """
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        sums = np.cumsum(np.where(parts == 0, 0.0, parts / scale), axis=1)
+        third = max(1, sums.shape[1] // 3)
+        drift = sums[:, -third:].mean(axis=1) - sums[:, :third].mean(axis=1)
+        drift = 1.5 * drift if sums.shape[1] > 2 else sums[:, -1]
+    return np.where(np.isnan(drift), np.inf, drift)

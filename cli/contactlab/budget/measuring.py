@@ -1,0 +1,433 @@
+"""Measures the budget of one phase."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import mujoco
+import numpy as np
+
+from contactlab.budget.defects import defects, energy_defects, paths, trends
+from contactlab.budget.motion import Motion, forget_delays, without_delays
+from contactlab.budget.places import Stretch, place_of
+from contactlab.budget.prices import Price, prices
+from contactlab.budget.readings import PhaseBudget, Reading
+from contactlab.budget.rows import RUN, Change, Row, disabled, go_on
+from contactlab.budget.showing import shown_rows
+from contactlab.budget.windows import (
+    EngineWarning,
+    Observer,
+    Run,
+    Windows,
+    blocks,
+    body_name,
+    gyration,
+    judged_bodies,
+    replay,
+    without_sensors,
+)
+from contactlab.contact.trace_arrays import Floats
+from contactlab.errors import EngineError
+
+WINDOW = 0.04  # s; docs/budget-derivation.md has what others give
+FINER = 4
+# RK4's steps in one of the run, for what both the run and the reference may lose.
+_RK4_RATE = 2
+_RK4 = int(mujoco.mjtIntegrator.mjINT_RK4)
+# Impulses of a body below this share of the largest body's are no scale.
+_STANDING = 1e-6
+_GRAVITY = 0.1  # of what falls freely counts as real in what stands
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How a budget is measured.
+
+    Attributes:
+        window: about how long windows are [s]; they have whole steps.
+        finer: steps of the reference in one of the run.
+        check: whether windows are also gone through with twice the reference's steps. Without,
+            nothing tells whether the reference is resolved, and shares are those at h/4.
+        energy: whether a second reference, with RK4, tells what energy both lose.
+        places: whether it is looked for where forces differ most.
+        priced: whether changes are timed.
+        workers: threads.
+    """
+
+    window: float = WINDOW
+    finer: int = FINER
+    check: bool = True
+    energy: bool = True
+    places: bool = True
+    priced: bool = False
+    workers: int = 1
+
+
+class Variation(NamedTuple):
+    """What is compared: models, so many of whose steps make one of the run's, with another.
+
+    `against` names that other's settings; `other` is its model, where that differs from them.
+    """
+
+    models: Sequence[mujoco.MjModel]
+    rate: int
+    against: str
+    other: mujoco.MjModel | None = None
+
+
+def reference_of(model: mujoco.MjModel, rate: int) -> mujoco.MjModel:
+    """Return a model with the run's own integrator, finer steps and a solver that goes on.
+
+    What sleeps is awake, and controls act at once: see `without_delays`. `rate` is how many of its
+    steps make one of the run's.
+    """
+    fine = without_sensors(model)
+    go_on(fine)
+    forget_delays(fine)
+    fine.opt.timestep = model.opt.timestep / rate
+    fine.opt.enableflags &= ~int(getattr(mujoco.mjtEnableBit, "mjENBL_SLEEP", 0))
+    return fine
+
+
+def run_at_once(model: mujoco.MjModel) -> mujoco.MjModel:
+    """Return the run's own settings, with inputs that have been delayed already."""
+    own = without_sensors(model)
+    forget_delays(own)
+    return own
+
+
+class PhaseMeasure:
+    """Measures one phase."""
+
+    def __init__(self, motion: Motion, settings: Settings) -> None:
+        """Repeat the run, and make the models that it is compared with."""
+        self._motion, self._settings, self._model = motion, settings, motion.model
+        self._undelayed = without_delays(motion)
+        self._bodies = judged_bodies(motion.model)
+        if not self._bodies.size:
+            raise EngineError("nothing of the model moves that has mass, so there is no motion")
+        self._run: Run = replay(motion, settings.window, settings.workers)
+        self._observer = Observer(motion.model, motion.starts[0], self._bodies, settings.workers)
+        self._bases = {
+            "run": run_at_once(motion.model),
+            "step": reference_of(motion.model, 1),
+            "reference": reference_of(motion.model, settings.finer),
+        }
+
+    def budget(self, wanted: Sequence[Row]) -> PhaseBudget:
+        """Return the budget with those of the wanted rows that the model has."""
+        model, run = self._model, self._run
+        used = [row for row in wanted if row.uses(model)]
+        shown = shown_rows(self._motion, used)
+        there = [RUN, *(row for row in used if row.name in shown)]
+        variations = {row.name: self._variation(row) for row in there}
+        found = self._measure(variations)
+        real, cost = self._real(found), self._prices(there)
+        check, limits = self._check(found)
+        for row in there:
+            if row.is_of_steps:
+                found.apart[row.name][:] *= limits
+        readings = [
+            self._reading(row, variations.get(row.name), found, real) for row in (RUN, *used)
+        ]
+        whole, *rows = (replace(row, price=cost.get(row.name)) for row in readings)
+        warnings = tuple(self._with_cause(warning) for warning in run.warnings)
+        return PhaseBudget(
+            name=self._motion.name,
+            timestep=float(model.opt.timestep),
+            steps=self._motion.steps,
+            window=run.steps * float(model.opt.timestep),
+            windows=len(run.begins),
+            bodies=tuple(body_name(model, int(body)) for body in self._bodies),
+            masses=model.body_mass[self._bodies].copy(),
+            run=self._failing(warnings, whole),
+            rows=tuple(rows),
+            energy=self._trend(found, found.energy),
+            energy_rk4=self._trend(found, found.energy_rk4),
+            excess=np.maximum(0, (found.excess.sum(axis=1) / real).mean(axis=0)),
+            peak=self._peak(found),
+            check=check,
+            limit=float(limits[whole.body]),
+            lost=float(found.lost[run.valid].mean()) if run.valid.any() else 0.0,
+            warnings=warnings,
+        )
+
+    def _variation(self, row: Row) -> Variation:
+        base, other = self._bases[row.base], None
+        if row.both is not None:
+            base = other = self._changed(base, row.both)
+        models = [self._changed(base, change) for change in row.changes]
+        rate = self._settings.finer if row.base == "reference" else 1
+        return Variation(models, rate, row.against, other)
+
+    def _changed(self, model: mujoco.MjModel, change: Change) -> mujoco.MjModel:
+        changed = without_sensors(model)
+        change(changed, self._model)
+        return changed
+
+    def _prices(self, rows: Sequence[Row]) -> Mapping[str, Price]:
+        if not self._settings.priced:
+            return {}
+        changed = dict[str, tuple[mujoco.MjModel, int]]()
+        for row in rows:
+            if row.priced:
+                changed[row.name] = self._changed(self._model, row.changes[0]), 1
+        return prices(self._motion, self._run, changed)
+
+    def _measure(self, variations: Mapping[str, Variation]) -> "_Found":
+        run, settings = self._run, self._settings
+        shape = (self._motion.seeds, len(run.begins))
+        found = _Found.empty(shape, len(self._bodies), variations)
+        for block in blocks(self._model, np.argwhere(run.valid), (run.steps + 1) * settings.finer):
+            windows = Windows(self._undelayed, run, settings.workers, block)
+            around, lost = self._measure_run(windows, block, found)
+            if self._settings.check:
+                self._measure_check(windows, block, around, found)
+            around["step"] = self._around(windows, self._bases["step"], 1)
+            for name, variation in variations.items():
+                if name == RUN.name:
+                    continue
+                other = around[variation.against]
+                if variation.other is not None:
+                    other = self._around(windows, variation.other, variation.rate)
+                apart = [
+                    defects(self._around(windows, model, variation.rate), other)
+                    for model in variation.models
+                ]
+                largest = np.max(apart, axis=0)
+                largest[lost] = 0
+                found.apart[name][tuple(block.T)] = largest
+        return found
+
+    def _measure_run(
+        self, windows: Windows, block: np.ndarray, found: "_Found"
+    ) -> tuple[dict[str, Floats], np.ndarray]:
+        """Enter the run's defects.
+
+        Returns:
+            Velocities of the run (M, 3, B, 6), and of the reference (M, 2 r + 1, B, 6), from one
+            step of the run before the windows' ends to one after.
+            (M) whether the reference gave up.
+        """
+        finer, steps, place = self._settings.finer, windows.steps, tuple(block.T)
+        own, energies = self._observer(windows.own)
+        fine, lost = windows.roll(self._bases["reference"], finer, whole=True)
+        path, powers = self._observer(fine[:, : steps * finer + 1 : finer])
+        end, end_energies = self._observer(fine[:, (steps - 1) * finer :])
+        last = own[:, -3:]
+        found.lost[place] = lost
+        found.apart[RUN.name][place] = np.where(lost[:, None], 0, defects(last, end))
+        found.path[place] = np.where(lost[:, None], 0, paths(path))
+        found.excess[place] = np.where(lost[:, None], 0, paths(own[:, :-1]) - paths(path))
+        total = energies.sum(axis=-1)[:, -2]
+        found.energy[place] = energy_defects(total, end_energies.sum(axis=-1))
+        found.kinetic[place] = powers[..., 1].max(axis=1)
+        found.potential[place] = np.stack((powers[..., 0].min(1), powers[..., 0].max(1)), axis=-1)
+        found.through[place] = np.abs(np.diff(powers.sum(axis=-1), axis=1)).sum(axis=1)
+        found.speed[place] = np.linalg.norm(own[:, :-1], axis=-1).max(axis=1)
+        found.begin[place] = np.linalg.norm(own[:, 0], axis=-1)
+        if self._settings.energy and self._model.opt.integrator != _RK4:
+            found.energy_rk4[place] = self._energy_by_rk4(windows, total)
+        return {RUN.name: last, "reference": end}, lost
+
+    def _energy_by_rk4(self, windows: Windows, total: Floats) -> Floats:
+        """Return (M,) energy defects against RK4 [J]; NaN where it gave up."""
+        smooth = reference_of(self._model, _RK4_RATE)
+        smooth.opt.integrator = _RK4
+        kept, gave_up = windows.roll(smooth, _RK4_RATE)
+        apart = energy_defects(total, self._observer(kept)[1].sum(axis=-1))
+        return np.where(gave_up, np.nan, apart)
+
+    def _around(self, windows: Windows, model: mujoco.MjModel, rate: int) -> Floats:
+        """Return (M, 2 rate + 1, B, 6) velocities of a model around the end; NaN if it gave up."""
+        kept, failed = windows.roll(model, rate)
+        seen = self._observer(kept)[0]
+        seen[failed] = np.nan
+        return seen
+
+    def _measure_check(
+        self, windows: Windows, block: np.ndarray, around: Mapping[str, Floats], found: "_Found"
+    ) -> None:
+        """Enter how far the run and the reference are from one with half its step."""
+        rate, place = 2 * self._settings.finer, tuple(block.T)
+        finest = self._around(windows, reference_of(self._model, rate), rate)
+        found.checked[place] = defects(around["reference"], finest)
+        found.finer[place] = defects(around[RUN.name], finest)
+
+    def _real(self, found: "_Found") -> Floats:
+        """Return (S, B) the real impulses that phantom ones are a share of, over mass [m/s]."""
+        option = self._model.opt
+        gravity = self._gravity()
+        span = self._run.steps * option.timestep * self._run.valid.sum(axis=1)
+        real = found.begin[:, 0] + found.path.sum(axis=1) + _GRAVITY * gravity * span[:, None]
+        return np.maximum(real, _STANDING * real.max(axis=1, keepdims=True)) + 1e-300
+
+    def _reading(
+        self, row: Row, variation: Variation | None, found: "_Found", real: Floats
+    ) -> Reading:
+        about = row.name, row.summary, row.kind
+        if variation is None:
+            none = np.empty(0)
+            return Reading(*about, exercised=False, shares=none, seeds=none)
+        if not self._run.valid.any():
+            none = np.full(len(self._bodies), np.nan)
+            return Reading(*about, exercised=True, shares=none, seeds=none[:0])
+        apart = found.apart[row.name]
+        shares = apart.sum(axis=1) / real
+        mean = shares.mean(axis=0)
+        body = int(np.argmax(mean))
+        seed, window = map(int, np.unravel_index(np.argmax(apart[..., body]), apart.shape[:2]))
+        time = float(self._run.begins[window] * self._model.opt.timestep)
+        reading = Reading(
+            *about,
+            exercised=True,
+            shares=mean,
+            seeds=shares[:, body],
+            body=body,
+            speed=float(apart[..., body][self._run.valid & ~found.lost].mean()),
+            seed=seed,
+            time=time,
+        )
+        if not self._settings.places or not apart[seed, window, body]:
+            return reading
+        other = variation.other or self._bases[variation.against]
+        models = variation.models[0], other
+        return replace(reading, place=self._place(seed, window, models, body))
+
+    def _place(
+        self, seed: int, window: int, models: tuple[mujoco.MjModel, mujoco.MjModel], body: int
+    ) -> str:
+        run = self._run
+        span = run.begins[window] + np.arange(run.steps)
+        stretch = Stretch(
+            run.starts[seed, window],
+            self._undelayed.rows(seed, span),
+            self._undelayed.spec,
+            run.steps,
+        )
+        return place_of(stretch, models, self._model.opt.timestep, int(self._bodies[body]))
+
+    def _failing(self, warnings: Sequence[EngineWarning], reading: Reading) -> Reading:
+        """Return the run's reading, infinite if the engine warned."""
+        if not warnings:
+            return reading
+        first = min(warnings, key=lambda warning: warning.time)
+        return replace(
+            reading,
+            shares=np.full_like(reading.shares, np.inf),
+            seeds=np.full(self._motion.seeds, np.inf),
+            body=self._fastest(first),
+            seed=first.seed,
+            time=first.time,
+            place=first.cause,
+        )
+
+    def _fastest(self, warning: EngineWarning) -> int:
+        """Return the judged body that was fastest in the last state before a warning."""
+        run, begin = self._run, int(self._run.begins[warning.window])
+        kept = run.kept[warning.seed, begin : begin + run.steps]
+        with np.errstate(invalid="ignore", over="ignore"):
+            speeds = np.linalg.norm(self._observer(kept)[0], axis=-1)
+        whole = np.isfinite(speeds).all(axis=1)
+        last = len(whole) if whole.all() else max(1, int(whole.argmin()))
+        return int(np.argmax(np.nan_to_num(speeds[last - 1])))
+
+    def _with_cause(self, warning: EngineWarning) -> EngineWarning:
+        """Return a warning of the run with where its forces had parted from the reference's."""
+        if not self._settings.places:
+            return warning
+        models = self._bases["run"], self._bases["reference"]
+        body = self._fastest(warning)
+        cause = self._place(warning.seed, warning.window, models, body)
+        if not cause and warning.window:
+            cause = self._place(warning.seed, warning.window - 1, models, body)
+        return replace(warning, cause=cause)
+
+    def _gravity(self) -> float:
+        off = disabled(self._model, "gravity")
+        return 0.0 if off else float(np.linalg.norm(self._model.opt.gravity))
+
+    def _trend(self, found: "_Found", parts: Floats) -> Floats:
+        """Return (S,) drifts of energy over a scale that knows only what came before."""
+        model = self._model
+        moving = model.body_mass[self._bodies].sum()
+        size = max(
+            model.geom_rbound[model.geom_bodyid > 0].max(initial=0),
+            gyration(model)[self._bodies].max(),
+        )
+        weight = moving * self._gravity() * size
+        low = np.minimum.accumulate(found.potential[..., 0], axis=1)
+        high = np.maximum.accumulate(found.potential[..., 1], axis=1)
+        kinetic = np.maximum.accumulate(found.kinetic, axis=1)
+        scale = kinetic + np.cumsum(found.through, axis=1) + (high - low) + weight
+        drift = np.full(len(parts), np.nan)
+        for seed, valid in enumerate(self._run.valid & ~found.lost):
+            own = parts[seed][valid]
+            if own.size and not np.isnan(own).any():
+                drift[seed] = trends(own[None], scale[seed][valid][None])[0]
+        return drift
+
+    def _peak(self, found: "_Found") -> float:
+        speed = found.speed.max(axis=1, keepdims=True)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return float(np.nanmax(np.where(speed > 0, found.apart["run"] / speed, 0), initial=0))
+
+    def _check(self, found: "_Found") -> tuple[float, Floats]:
+        """Return how far references differ over how far the run does, and what finer ones add.
+
+        The second is (B,) factors from the run's defects at h/4 to those at the limit of fine
+        steps, extrapolated as Richardson does: in first order, what h/8 adds to h/4 is half of what
+        is left to add. They are at least a half; of what does not converge, the first number tells.
+        """
+        checked = ~np.isnan(found.checked[..., 0]) & ~found.lost
+        run, apart, finer = (
+            of[checked].sum(axis=0) for of in (found.apart[RUN.name], found.checked, found.finer)
+        )
+        if not checked.any():
+            return float("nan"), np.ones(len(run))
+        known = run > 0
+        factors = 2 * finer / np.where(known, run, 1) - 1
+        body = int(np.argmax(run))
+        share = float(apart[body] / run[body]) if known[body] else 0.0
+        return share, np.where(known, np.maximum(factors, 0.5), 1.0)
+
+
+class _Found(NamedTuple):
+    """What is measured in S x W windows, of B bodies."""
+
+    apart: dict[str, Floats]  # (S, W, B) defects of each row [m/s]
+    path: Floats  # (S, W, B) of the reference's velocity [m/s]
+    excess: Floats  # (S, W, B) path of the run's velocity less the reference's [m/s]
+    speed: Floats  # (S, W, B) largest [m/s]
+    begin: Floats  # (S, W, B) speed at the start [m/s]
+    checked: Floats  # (S, W, B) defects of the reference; NaN where it was not checked
+    finer: Floats  # (S, W, B) defects of the run against the finer reference there
+    energy: Floats  # (S, W) defects [J]
+    energy_rk4: Floats  # (S, W)
+    kinetic: Floats  # (S, W) largest [J]
+    potential: Floats  # (S, W, 2) least and largest [J]
+    through: Floats  # (S, W) how much energy went up and down in the reference [J]
+    lost: np.ndarray  # (S, W) whether the reference gave up
+
+    @classmethod
+    def empty(cls, shape: tuple[int, int], bodies: int, names: Iterable[str]) -> "_Found":
+        """Return arrays to enter into; windows that are never entered count nothing."""
+
+        def bodies_of() -> Floats:
+            return np.zeros((*shape, bodies))
+
+        return cls(
+            apart={name: bodies_of() for name in names},
+            path=bodies_of(),
+            excess=bodies_of(),
+            speed=bodies_of(),
+            begin=bodies_of(),
+            checked=np.full((*shape, bodies), np.nan),
+            finer=np.full((*shape, bodies), np.nan),
+            energy=np.zeros(shape),
+            energy_rk4=np.full(shape, np.nan),
+            kinetic=np.zeros(shape),
+            potential=np.zeros((*shape, 2)),
+            through=np.zeros(shape),
+            lost=np.zeros(shape, bool),
+        )

@@ -1,0 +1,135 @@
+"""Where forces differ most between two models that begin in one state: a contact, or a joint."""
+
+from collections import defaultdict
+from typing import NamedTuple
+
+import mujoco
+import numpy as np
+
+from contactlab.budget.motion import INTEGRATION
+from contactlab.budget.windows import body_name, gyration, joint_name
+from contactlab.contact.trace_arrays import Floats
+
+_CONTACTS = tuple(
+    int(getattr(mujoco.mjtConstraint, f"mjCNSTR_CONTACT_{kind}"))
+    for kind in ("FRICTIONLESS", "PYRAMIDAL", "ELLIPTIC")
+)
+_DOF = int(mujoco.mjtConstraint.mjCNSTR_FRICTION_DOF)
+_JOINT = int(mujoco.mjtConstraint.mjCNSTR_LIMIT_JOINT)
+_EQUALITY = int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
+
+
+class Stretch(NamedTuple):
+    """A window that two models go through: its first state, and inputs of its steps, if any."""
+
+    state: Floats  # (nstate,) of mjSTATE_INTEGRATION
+    inputs: Floats | None  # (n, width)
+    spec: int
+    steps: int  # n, of the run
+
+
+def place_of(
+    stretch: Stretch, models: tuple[mujoco.MjModel, mujoco.MjModel], timestep: float, body: int
+) -> str:
+    """Return the contact, joint, tendon or equality whose impulse differs most, to the body.
+
+    Impulses are compared in what they give that body: J M^-1 of their sums since the window began,
+    at its first state, as velocity and spin times radius of gyration. So forces, torques and
+    tendons have one unit. `timestep` is the run's.
+    """
+    one, other = (_impulses(stretch, model, timestep) for model in models)
+    model = models[0]
+    data = mujoco.MjData(model)
+    mujoco.mj_setState(model, data, stretch.state, INTEGRATION)
+    mujoco.mj_forward(model, data)
+    jacobian = np.zeros((6, model.nv))
+    mujoco.mj_jacBodyCom(model, data, jacobian[:3], jacobian[3:], body)
+    jacobian[3:] *= gyration(model)[body]
+    moved = np.zeros((6, model.nv))
+    mujoco.mj_solveM(model, data, moved, jacobian)
+    if not one.keys() | other.keys():
+        return ""
+    nothing = np.zeros((stretch.steps, model.nv))
+    with np.errstate(invalid="ignore", over="ignore"):
+        given = {
+            name: np.linalg.norm(
+                (one.get(name, nothing) - other.get(name, nothing)) @ moved.T, axis=1
+            )
+            for name in sorted(one.keys() | other.keys())
+        }
+    # Of a motion that diverges, while it is one.
+    whole = [
+        all(np.isfinite(size[step]) for size in given.values()) for step in range(stretch.steps)
+    ]
+    until = stretch.steps if all(whole) else max(1, whole.index(False))
+    largest = {name: float(np.nan_to_num(size[:until]).max()) for name, size in given.items()}
+    name = max(largest, key=lambda key: largest[key], default="")
+    return name if largest.get(name, 0) > 0 else ""
+
+
+def _impulses(stretch: Stretch, model: mujoco.MjModel, timestep: float) -> dict[str, Floats]:
+    """Return (n, nv) generalized impulses since the start, after each step, by their source."""
+    data, rate = mujoco.MjData(model), max(1, round(timestep / model.opt.timestep))
+    mujoco.mj_setState(model, data, stretch.state, INTEGRATION)
+    sums: dict[str, Floats] = defaultdict(lambda: np.zeros(model.nv))
+    found: dict[str, Floats] = defaultdict(lambda: np.zeros((stretch.steps, model.nv)))
+    for step in range(stretch.steps):
+        for _ in range(rate):
+            if stretch.inputs is not None:
+                mujoco.mj_setState(model, data, stretch.inputs[step], stretch.spec)
+            mujoco.mj_step(model, data)
+            for name, force in _forces(model, data):
+                sums[name] += force * model.opt.timestep
+        for name, total in sums.items():
+            found[name][step] = total
+    return dict(found)
+
+
+def _forces(model: mujoco.MjModel, data: mujoco.MjData) -> list[tuple[str, Floats]]:
+    """Return generalized forces by source; a joint has those of its limit, servo and spring."""
+    found = list[tuple[str, Floats]]()
+    force, kinds, sources = data.efc_force, data.efc_type, data.efc_id
+    mine = data.qfrc_actuator + data.qfrc_passive
+    for name, rows in _constraint_rows(model, data, kinds, sources).items():
+        loaded = np.zeros(data.nefc)
+        loaded[rows] = force[rows]
+        general = np.zeros(model.nv)
+        mujoco.mj_mulJacTVec(model, data, general, loaded)
+        found.append((name, general))
+    for joint in range(model.njnt):
+        begin = int(model.jnt_dofadr[joint])
+        end = int(model.jnt_dofadr[joint + 1]) if joint + 1 < model.njnt else model.nv
+        if mine[begin:end].any():
+            alone = np.zeros(model.nv)
+            alone[begin:end] = mine[begin:end]
+            found.append((joint_name(model, joint), alone))
+    return found
+
+
+def _constraint_rows(
+    model: mujoco.MjModel, data: mujoco.MjData, kinds: np.ndarray, sources: np.ndarray
+) -> dict[str, list[int]]:
+    rows: dict[str, list[int]] = defaultdict(list)
+    for row in np.flatnonzero(data.efc_force):
+        kind, source = int(kinds[row]), int(sources[row])
+        rows[_source(model, data, kind, source)].append(int(row))
+    return rows
+
+
+def _source(model: mujoco.MjModel, data: mujoco.MjData, kind: int, source: int) -> str:
+    if kind in _CONTACTS:
+        return contact_name(model, data.contact.geom[source])
+    if kind == _DOF:
+        return joint_name(model, int(model.dof_jntid[source]))
+    if kind == _JOINT:
+        return joint_name(model, source)
+    if kind == _EQUALITY:
+        return f"equality {model.equality(source).name or f'[{source}]'}"
+    return f"tendon {model.tendon(source).name or f'[{source}]'}"
+
+
+def contact_name(model: mujoco.MjModel, geoms: np.ndarray) -> str:
+    """Return how a contact is spoken of: its bodies, in the order of their numbers."""
+    bodies = sorted(int(model.geom_bodyid[geom]) if geom >= 0 else -1 for geom in geoms)
+    names = [body_name(model, body) if body >= 0 else "flex" for body in bodies]
+    return f"contact {names[0]} - {names[1]}"

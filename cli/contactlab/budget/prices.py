@@ -1,0 +1,89 @@
+"""What a change costs: ratios of times, measured in turns from the same states."""
+
+import math
+import time
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import mujoco
+import numpy as np
+
+from contactlab.budget.motion import Motion
+from contactlab.budget.windows import Run, start_rows
+
+_ROUNDS, _WARM = 11, 1
+_LEAST = 5e-3  # s, that the model as it is is timed for in each round
+_STRETCH = 5  # windows, so that setting states is no part of the time
+
+
+class Price(NamedTuple):
+    """A ratio of times.
+
+    Attributes:
+        ratio: the median over rounds.
+        low, high: the second least and the second largest of 11 rounds. The median of all rounds
+            lies outside if at most one of 11 falls on one side of it: 2 (1 + 11) / 2^11 = 1.2 %.
+    """
+
+    ratio: float
+    low: float
+    high: float
+
+
+def prices(
+    motion: Motion, run: Run, changed: Mapping[str, tuple[mujoco.MjModel, int]]
+) -> dict[str, Price]:
+    """Return what changed models cost, over the model as it is.
+
+    Each is rolled out on one thread from the same states, which are spread over the run, in turns
+    with the others. The number is that of its steps in one of the run.
+    """
+    # What the engine came through is a beginning of each run.
+    length = min(_STRETCH, int(run.valid.sum(axis=1).max()))
+    if not length or not changed:
+        return {}
+    valid = np.argwhere(run.valid[:, length - 1 :])
+    stretches = _Stretches(motion, run, length * run.steps)
+    base = motion.model, 1
+    taken = _enough(valid, stretches.seconds(base, valid[:1]))
+    taken = _enough(valid, stretches.seconds(base, taken) / len(taken))
+    ratios: dict[str, list[float]] = {name: [] for name in changed}
+    for number in range(_ROUNDS + _WARM):
+        own = stretches.seconds(base, taken)
+        for name, model in changed.items():
+            ratio = stretches.seconds(model, taken) / own
+            if number >= _WARM:
+                ratios[name].append(ratio)
+    return {
+        name: Price(float(np.median(found)), sorted(found)[1], sorted(found)[-2])
+        for name, found in ratios.items()
+    }
+
+
+def _enough(valid: np.ndarray, seconds: float) -> np.ndarray:
+    """Return places that take long enough together if one takes so long [s]; few come twice."""
+    count = max(1, math.ceil(_LEAST / seconds))
+    places = np.linspace(0, len(valid) - 1, min(count, len(valid))).astype(int)
+    return np.resize(valid[places], (max(count, len(places)), 2))
+
+
+class _Stretches(NamedTuple):
+    """Parts of a motion, so many steps long, that begin where windows do."""
+
+    motion: Motion
+    run: Run
+    steps: int
+
+    def seconds(self, model: tuple[mujoco.MjModel, int], which: np.ndarray) -> float:
+        """Return the thread time of a model from (M, 2) seeds and windows [s]."""
+        (changed, rate), (seeds, windows) = model, which.T
+        batch = start_rows(changed, self.run.starts[seeds, windows], 1)
+        spans = self.run.begins[windows][:, None] + np.arange(self.steps)
+        rows = [self.motion.rows(seed, span) for seed, span in zip(seeds, spans, strict=True)]
+        given: dict[str, Any] = {}
+        if rows[0] is not None:
+            inputs = np.stack([row for row in rows if row is not None]).repeat(rate, axis=1)
+            given = {"control": inputs, "control_spec": self.motion.spec}
+        begin = time.thread_time()
+        batch.rollout(self.steps * rate, record=[], **given)
+        return time.thread_time() - begin

@@ -1,0 +1,33 @@
+"""Which rows of a budget a task makes use of."""
+
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+
+from contactlab.budget.motion import INTEGRATION, Motion
+from contactlab.budget.rows import Row
+from contactlab.budget.windows import without_sensors
+
+
+def shown_rows(motion: Motion, rows: Sequence[Row]) -> set[str]:
+    """Return the names of rows that a state of the run shows to matter.
+
+    Every step of every seed is looked at until each row is seen once, so what was never exercised
+    was looked for in all of them.
+    """
+    model = without_sensors(motion.model)
+    data = mujoco.MjData(model)
+    pending, shown = list(rows), set[str]()
+    for seed in range(motion.seeds):
+        mujoco.mj_setState(model, data, motion.starts[seed], INTEGRATION)
+        inputs = motion.rows(seed, np.arange(motion.steps))
+        for step in range(motion.steps):
+            if not pending:
+                return shown
+            if inputs is not None:
+                mujoco.mj_setState(model, data, inputs[step], motion.spec)
+            mujoco.mj_step(model, data)
+            shown |= {row.name for row in pending if row.shows(model, data)}
+            pending = [row for row in pending if row.name not in shown]
+    return shown

@@ -1,0 +1,312 @@
+"""Windows of a run, rolled out natively from the run's own states, and what bodies do in them."""
+
+import copy
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import mujoco
+import numpy as np
+
+from contactlab.budget.motion import INTEGRATION, Motion
+from contactlab.contact.trace_arrays import Floats
+from contactlab.engines.mujoco_batch import PERSISTENT
+from contactlab.engines.older_mujoco import SimulationError
+from contactlab.scene.mujoco_versions import has_batch
+
+if TYPE_CHECKING or has_batch():
+    from mujoco.batch import Batch
+else:
+    from contactlab.engines.older_mujoco import StepLoop as Batch
+
+# What a state's velocities and energies depend on.
+_KEPT = sum(
+    int(getattr(mujoco.mjtState, f"mjSTATE_{name}", 0))
+    for name in ("QPOS", "QVEL", "MOCAP_POS", "MOCAP_QUAT", "PLASTIC")
+)
+_SLEEP = int(getattr(mujoco.mjtEnableBit, "mjENBL_SLEEP", 0))
+_UNUSED = sum(int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{n}")) for n in ("SENSOR", "AUTORESET"))
+_OBSERVED = ("cvel", "xipos", "subtree_com", "energy")
+# States that are looked at together, and numbers that a block of windows may record.
+_CHUNK = 2048
+_NUMBERS = 1 << 23
+_PERSISTENT_WINDOWS = 64
+
+
+@dataclass(frozen=True)
+class EngineWarning:
+    """A warning that the engine raised in the run.
+
+    Attributes:
+        kind: in MuJoCo's word, such as "badqacc".
+        place: the joint, actuator or body that it is about, or "": the first that was bad.
+        cause: where forces had parted most from the reference's by then, or "".
+        seed: the seed in which it was raised first.
+        window: the number of the window in which that was.
+        time: when that begins [s since the start].
+    """
+
+    kind: str
+    place: str
+    seed: int
+    window: int
+    time: float
+    cause: str = ""
+
+
+def without_sensors(model: mujoco.MjModel) -> mujoco.MjModel:
+    """Return a copy of a model that measures nothing as it steps, and never resets itself."""
+    alone = copy.copy(model)
+    alone.opt.disableflags |= _UNUSED
+    return alone
+
+
+def start_rows(model: mujoco.MjModel, rows: Floats, workers: int) -> Batch:
+    """Return a batch whose simulations are at (n, nstate) states of mjSTATE_INTEGRATION."""
+    persistent = bool(model.opt.enableflags & PERSISTENT)
+    batch = Batch(model, len(rows), workers if has_batch() else 1, persistent=persistent)
+    batch.state[:] = rows
+    return batch
+
+
+def _roll(
+    batch: Batch, size: int, steps: int, inputs: Floats | None, spec: int
+) -> tuple[Floats, np.ndarray]:
+    """Return (n, steps, size) states after each step, and (n) whether a simulation failed."""
+    kept = np.full((len(batch.state), steps, size), np.nan)
+    before = batch.warning[:, :, 1].copy()
+    given: dict[str, Any] = {} if inputs is None else {"control": inputs, "control_spec": spec}
+    failed = np.zeros(len(kept), bool)
+    try:
+        batch.rollout(steps, record=[_KEPT], out={_KEPT: kept}, **given)
+    except SimulationError:
+        failed = np.array([bool(batch.error(row)) for row in range(len(failed))])
+    failed |= (batch.warning[:, :, 1] != before).any(axis=1)
+    return kept, failed
+
+
+@dataclass(frozen=True)
+class Run:
+    """What a motion's own settings made of it, and where its windows begin.
+
+    Attributes:
+        steps: n, of a window; all windows are equally long.
+        begins: (W,) step at which each begins. They are contiguous, but for the last, which begins
+            earlier where the number of steps is no multiple of n.
+        starts: (S, W, nstate) states of mjSTATE_INTEGRATION there.
+        kept: (S, N + 2, kept) the parts of states that velocities depend on, before each step,
+            after the last, and after one more.
+        valid: (S, W) whether the engine came through a window, and through all before it.
+        warnings: of the engine.
+    """
+
+    steps: int
+    begins: np.ndarray
+    starts: Floats
+    kept: Floats
+    valid: np.ndarray
+    warnings: tuple[EngineWarning, ...]
+
+
+def replay(motion: Motion, window: float, workers: int) -> Run:
+    """Repeat a motion, bit for bit, and cut it into windows of about that length [s]."""
+    model, steps = without_sensors(motion.model), motion.steps
+    length = min(steps, max(1, round(window / model.opt.timestep)))
+    count = -(-steps // length)
+    begins = np.minimum(np.arange(count) * length, steps - length)
+    batch = start_rows(model, motion.starts, workers)
+    size = mujoco.mj_stateSize(model, _KEPT)
+    kept = np.full((motion.seeds, steps + 2, size), np.nan)
+    starts = np.full((motion.seeds, count, motion.starts.shape[1]), np.nan)
+    kept[:, 0] = parts(model, motion.starts)
+    valid, failed = np.ones((motion.seeds, count), bool), np.zeros(motion.seeds, bool)
+    warnings = list[EngineWarning]()
+    for place, (begin, end) in enumerate(zip(begins, [*begins[1:], steps + 1], strict=True)):
+        starts[:, place] = batch.state
+        span = np.arange(begin, end)
+        held = [motion.rows(seed, span) for seed in range(motion.seeds)]
+        inputs = None if held[0] is None else np.stack([row for row in held if row is not None])
+        kept[:, begin + 1 : end + 1], fails = _roll(batch, size, end - begin, inputs, motion.spec)
+        for seed in np.flatnonzero(fails & ~failed):
+            warnings += _warned(model, batch, int(seed), (place, float(begin * model.opt.timestep)))
+        failed |= fails
+        # A window that the run began before the failure may end after it.
+        valid[failed, np.searchsorted(begins, begin - length, side="right") :] = False
+    return Run(length, begins, starts, kept, valid, tuple(warnings))
+
+
+def parts(model: mujoco.MjModel, rows: Floats) -> Floats:
+    """Return (n, kept) the parts of (n, nstate) states that velocities and energies depend on."""
+    return np.concatenate([rows[:, place] for place in _places(model)], axis=1)
+
+
+def _places(model: mujoco.MjModel) -> list[slice]:
+    found = list[slice]()
+    bit = 1
+    while bit <= _KEPT:
+        if bit & _KEPT:
+            begin = mujoco.mj_stateSize(model, (bit - 1) & INTEGRATION)
+            found.append(slice(begin, begin + mujoco.mj_stateSize(model, bit)))
+        bit <<= 1
+    return found
+
+
+def _warned(
+    model: mujoco.MjModel, batch: Batch, seed: int, when: tuple[int, float]
+) -> list[EngineWarning]:
+    found = [
+        EngineWarning(kind, _named(model, kind, int(place)), seed, *when)
+        for kind, (place, count) in zip(_KINDS, batch.warning[seed], strict=True)
+        if count
+    ]
+    return found or [EngineWarning(batch.error(seed), "", seed, *when)]
+
+
+_KINDS = [
+    name.removeprefix("mjWARN_").lower()
+    for name in mujoco.mjtWarning.__members__
+    if name != "mjNWARNING"
+]
+
+
+def _named(model: mujoco.MjModel, kind: str, place: int) -> str:
+    """Return what a warning is about: MuJoCo gives a degree of freedom, or an actuator."""
+    if kind == "badctrl" and 0 <= place < model.nu:
+        return f"actuator {model.actuator(place).name or place}"
+    if kind == "badqpos" and 0 <= place < model.nq:
+        return joint_name(model, int(np.searchsorted(model.jnt_qposadr, place, "right")) - 1)
+    if kind in ("badqvel", "badqacc", "inertia") and 0 <= place < model.nv:
+        return joint_name(model, int(model.dof_jntid[place]))
+    return ""
+
+
+def joint_name(model: mujoco.MjModel, joint: int) -> str:
+    """Return how a joint is spoken of: by its body, if it is free or has no name."""
+    name = model.joint(joint).name
+    if name and model.jnt_type[joint] != mujoco.mjtJoint.mjJNT_FREE:
+        return f"joint {name}"
+    return f"body {body_name(model, int(model.jnt_bodyid[joint]))}"
+
+
+def body_name(model: mujoco.MjModel, body: int) -> str:
+    """Return a body's name, or its number."""
+    return model.body(body).name or f"body[{body}]"
+
+
+class Windows:
+    """M windows of a run's seeds, which any model of the same layout can be rolled out through."""
+
+    def __init__(self, motion: Motion, run: Run, workers: int, which: np.ndarray) -> None:
+        """Take (M, 2) windows, each a seed and the number of one of its windows."""
+        self.steps, self._spec, self._workers = run.steps, motion.spec, workers
+        seed, window = which.T
+        self.starts = run.starts[seed, window]
+        self.own = np.stack(
+            [
+                run.kept[s, b : b + run.steps + 2]
+                for s, b in zip(seed, run.begins[window], strict=True)
+            ]
+        )
+        spans = run.begins[window][:, None] + np.arange(run.steps + 1)
+        rows = [motion.rows(s, span) for s, span in zip(seed, spans, strict=True)]
+        self._inputs = (
+            None if rows[0] is None else np.stack([row for row in rows if row is not None])
+        )
+
+    def roll(
+        self, model: mujoco.MjModel, rate: int, *, whole: bool = False
+    ) -> tuple[Floats, np.ndarray]:
+        """Roll a model out, `rate` steps to one of the run, inputs held at the run's rate.
+
+        Returns:
+            (M, K, kept) states from one step of the run before the end of the window to one after,
+            K = 2 rate + 1; if whole, from its start, K = (n + 1) rate + 1.
+            (M) whether the engine warned or raised an error.
+        """
+        first = 0 if whole else self.steps - 1
+        batch = start_rows(model, self.starts, self._workers)
+        failed = np.zeros(len(self.starts), bool)
+        begin = parts(model, self.starts)
+        if first:
+            held = self._held(0, first, rate)
+            seen, failed = _roll(batch, begin.shape[1], first * rate, held, self._spec)
+            begin = seen[:, -1]
+        held = self._held(first, self.steps + 1, rate)
+        steps = (self.steps + 1 - first) * rate
+        kept, fails = _roll(batch, begin.shape[1], steps, held, self._spec)
+        return np.concatenate([begin[:, None], kept], axis=1), failed | fails
+
+    def _held(self, first: int, last: int, rate: int) -> Floats | None:
+        return None if self._inputs is None else self._inputs[:, first:last].repeat(rate, axis=1)
+
+
+def blocks(model: mujoco.MjModel, which: np.ndarray, steps: int) -> list[np.ndarray]:
+    """Cut (M, 2) windows into blocks whose recorded states need little memory."""
+    most = max(1, _NUMBERS // (steps * max(1, mujoco.mj_stateSize(model, _KEPT))))
+    if model.opt.enableflags & PERSISTENT & ~_SLEEP:
+        most = min(most, _PERSISTENT_WINDOWS)
+    return [which[begin : begin + most] for begin in range(0, len(which), most)]
+
+
+class Observer:
+    """Computes velocities of bodies and energies from states, natively.
+
+    It evaluates positions and velocities of a copy of the model without forces and contacts: the
+    states may come from any integrator, whose own fields describe the stages of a step.
+    """
+
+    def __init__(
+        self, model: mujoco.MjModel, start: Floats, bodies: np.ndarray, workers: int
+    ) -> None:
+        """Look at B bodies; `start` (nstate,) is a state whose other parts are as good as any."""
+        idle = without_sensors(model)
+        for name in ("CONTACT", "CONSTRAINT", "ACTUATION"):
+            idle.opt.disableflags |= int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{name}"))
+        idle.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_ENERGY)
+        idle.opt.enableflags &= ~PERSISTENT
+        idle.opt.integrator = mujoco.mjtIntegrator.mjINT_EULER
+        self._places, self._bodies = _places(model), bodies
+        self._roots, self._radius = model.body_rootid[bodies], gyration(model)[bodies]
+        self._batch = start_rows(idle, np.tile(start, (_CHUNK, 1)), workers)
+
+    def __call__(self, kept: Floats) -> tuple[Floats, Floats]:
+        """Look at states (..., kept).
+
+        Returns:
+            (..., B, 6) velocity of the centre of mass, and spin times radius of gyration [m/s], in
+            the world's frame.
+            (..., 2) potential and kinetic energy [J].
+        """
+        rows = kept.reshape(-1, kept.shape[-1])
+        velocities, energies = np.empty((len(rows), len(self._bodies), 6)), np.empty((len(rows), 2))
+        for begin in range(0, len(rows), _CHUNK):
+            some = slice(begin, begin + _CHUNK)
+            self._look(rows[some], velocities[some], energies[some])
+        return velocities.reshape(*kept.shape[:-1], -1, 6), energies.reshape(*kept.shape[:-1], 2)
+
+    def _look(self, rows: Floats, velocities: Floats, energies: Floats) -> None:
+        place, count = 0, len(rows)
+        for part in self._places:
+            width = part.stop - part.start
+            self._batch.state[:count, part] = rows[:, place : place + width]
+            place += width
+        self._batch.bind("time")[:] = 0
+        seen = self._batch.rollout(1, record=list(_OBSERVED), ids=list(range(count)))
+        twist = seen["cvel"][:, 0, self._bodies]
+        arm = seen["xipos"][:, 0, self._bodies] - seen["subtree_com"][:, 0, self._roots]
+        spin = twist[..., :3]
+        velocities[..., :3] = twist[..., 3:] + np.cross(spin, arm)
+        velocities[..., 3:] = spin * self._radius[:, None]
+        energies[:] = seen["energy"][:, 0]
+
+
+def gyration(model: mujoco.MjModel) -> Floats:
+    """Return (nbody,) the largest radius of gyration of each body [m], 0 without mass."""
+    mass = model.body_mass
+    share = model.body_inertia.max(axis=1) / np.where(mass > 0, mass, 1)
+    return np.sqrt(np.where(mass > 0, np.maximum(share, 0), 0))
+
+
+def judged_bodies(model: mujoco.MjModel) -> np.ndarray:
+    """Return (B,) bodies that can move and have mass: more than rounding of the model's."""
+    heavy = model.body_mass > 1e-9 * model.body_mass[1:].max(initial=0)
+    return np.flatnonzero((model.body_weldid > 0) & heavy)

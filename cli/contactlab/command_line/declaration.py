@@ -1,0 +1,146 @@
+"""Declarations of commands: a function, whose annotated parameters are its options.
+
+    @command("list", examples=("ring ding",))
+    def ring(
+        bell: Annotated[str, Argument("BELL", "Which one.")],
+        times: Annotated[int, Option("N", "How often.", least=1)] = 1,
+    ) -> Rung:
+        ...
+
+The function is what Python calls: it returns data, prints nothing, and raises a ContactlabError.
+The command line parses its words into the same parameters, calls the same function, and prints
+what it returns. A parameter `retry_failed` is the option `--retry-failed`; a name that is a keyword
+of Python ends with `_`.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import wraps
+from typing import Any, Literal, ParamSpec, TypeVar
+
+from contactlab.command_line.surroundings import progress
+from contactlab.errors import ContactlabError, PluginError
+
+Group = Literal["run", "read", "list"]
+"""Kind of a command: it runs simulations, reads evidence, or lists what there is."""
+CODES: Mapping[Group, str] = {
+    "run": "0 as expected, 1 not, 2 bad input, 3 bad store, 4 runs lost, 130 interrupted",
+    "read": "0 sound or equal, 1 it differs, 2 bad input, 3 bad or damaged store",
+    "list": "0 printed, 2 bad input",
+}
+"""Exit codes of a command, in the order in which groups stand in `--help`."""
+
+Given = Mapping[str, Any]
+"""The parameters of a call by name, with the defaults of those that are left out."""
+Show = Callable[[Any, Given], None]
+"""Prints what a command returned."""
+
+# Keywords of Python's functions up to 0.2.
+_FORMER = {"plugins": "plugin"}
+_Parameters = ParamSpec("_Parameters")
+_Result = TypeVar("_Result")
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """How the command line names, explains and reads a parameter."""
+
+    metavar: str | None
+    help: str
+    # The type that typer reads, if Python takes more than that: `list[str]` may be repeated.
+    kind: Any = None
+    least: float | None = None  # the smallest number
+    formats: Sequence[str] = ()  # of a date
+
+
+@dataclass(frozen=True)
+class Argument(Parameter):
+    """A parameter without a name on the command line, by its place."""
+
+
+@dataclass(frozen=True)
+class Option(Parameter):
+    """A parameter `--name VALUE`."""
+
+    short: str | None = None  # such as `-o`
+
+
+def flag(help: str) -> Option:  # noqa: A002 - as typer calls it
+    """Return an option that takes no value; one that is on by default has a `--no-` form."""
+    return Option(None, help, kind=bool)
+
+
+def _never(result: object, given: Given) -> None:
+    """Return no failure: the command answers, whatever the answer is."""
+    del result, given
+
+
+@dataclass(frozen=True)
+class Command:
+    """A declared command."""
+
+    function: Callable[..., Any]
+    name: str  # its words, such as `baseline update`
+    group: Group
+    examples: Sequence[str]
+    codes: str
+    # Prints results, by the name that `--format` gives it; the first is the default. One alone, and
+    # there is no such option.
+    formats: Mapping[str, Show] = field(default_factory=dict[str, Show])
+    # Returns the error that the command line ends with, once a result is printed.
+    failure: Callable[[Any, Given], ContactlabError | None] = _never
+
+    @property
+    def end_of_help(self) -> str:
+        """End of its help: examples and exit codes."""
+        lines = "\n".join(f"  contactlab {line}" for line in self.examples)
+        return f"\b\nExamples:\n{lines}\n\nExit codes: {self.codes}."
+
+
+def command(
+    group: Group,
+    *,
+    name: str | None = None,
+    examples: Sequence[str] = (),
+    codes: str | None = None,
+    formats: Mapping[str, Show] | None = None,
+    failure: Callable[[Any, Given], ContactlabError | None] = _never,
+) -> Callable[[Callable[_Parameters, _Result]], Callable[_Parameters, _Result]]:
+    """Declare a function as a command of the command line, by its own name unless another is given.
+
+    Args:
+        group: what it does, which orders `--help` and says the exit codes.
+        name: its words, where they are not the function's name.
+        examples: command lines without the word `contactlab`; its name alone if left out.
+        codes: exit codes, where they are not those of the group.
+        formats: what prints its result, by the name that `--format` takes.
+        failure: returns, of a result and the parameters, the error to end with; None if it is fine.
+    """
+
+    def declare(function: Callable[_Parameters, _Result]) -> Callable[_Parameters, _Result]:
+        words = name or function.__name__
+
+        @wraps(function)
+        def call(*args: _Parameters.args, **given: _Parameters.kwargs) -> _Result:
+            former: dict[str, Any] = {_FORMER.get(key, key): given[key] for key in given}
+            with progress(former.pop("progress", None)):
+                return function(*args, **former)  # pyright: ignore[reportCallIssue]
+
+        call.__dict__["command"] = Command(
+            call, words, group, examples or (words,), codes or CODES[group], formats or {}, failure
+        )
+        return call
+
+    return declare
+
+
+def is_declared(function: object) -> bool:
+    """Whether a function is declared as a command."""
+    return isinstance(getattr(function, "__dict__", {}).get("command"), Command)
+
+
+def declared(function: object) -> Command:
+    """Return the command that a function is declared as; raise PluginError for any other object."""
+    if not is_declared(function):
+        raise PluginError(f"{function} is no command; declare it with {__name__}.command")
+    return function.__dict__["command"]

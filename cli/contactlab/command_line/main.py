@@ -1,0 +1,122 @@
+"""The command line. A command imports what it needs when it runs, so that --help is instant."""
+
+import errno
+import inspect
+import os
+import sys
+import warnings
+from collections.abc import Sequence
+from importlib import import_module
+from pathlib import Path
+
+import typer
+
+from contactlab.command_line.declaration import CODES, Command, declared
+from contactlab.command_line.modules import command_modules, commands_of
+from contactlab.command_line.parser import typed
+from contactlab.command_line.terminal import echo, notice, say
+from contactlab.errors import ContactlabError, OutputError, in_one_line
+from contactlab.printable import printable
+
+_HELP = ("-h", "--help")
+
+
+def command_line(first: str | None = None) -> typer.Typer:
+    """Return all commands, or no more than those that begin with the first word of a line.
+
+    After `--help` they are a list, without parameters.
+    """
+    app = typer.Typer(
+        name="contactlab",
+        no_args_is_help=True,
+        context_settings={"help_option_names": list(_HELP)},
+        pretty_exceptions_enable=False,
+        rich_markup_mode=None,
+    )
+    app.callback()(contactlab)
+    modules = command_modules()
+    names = [first] if first in modules else modules
+    groups = list(CODES)
+    found = {name: commands_of(name) for name in names}
+    for name in sorted(found, key=lambda name: groups.index(found[name][0].group)):
+        _add(app, name, found[name], in_list=first in _HELP)
+    if first not in modules:
+        _add_installed(app)
+    return app
+
+
+def _add(app: typer.Typer, name: str, found: Sequence[Command], *, in_list: bool) -> None:
+    """Add a command; or a group of them, whose first word is the name."""
+    if [command.name for command in found] == [name]:
+        app.command(name, epilog=found[0].end_of_help)(typed(found[0], in_list=in_list))
+        return
+    doc = inspect.getdoc(import_module(found[0].function.__module__)) or ""
+    group = typer.Typer(help=doc.partition("\n")[0], no_args_is_help=True)
+    for command in found:
+        inner = command.name.removeprefix(name).strip()
+        if inner:
+            group.command(inner, epilog=command.end_of_help)(typed(command, in_list=in_list))
+        else:
+            group.callback(
+                invoke_without_command=True, no_args_is_help=False, epilog=command.end_of_help
+            )(typed(command, in_list=in_list, of_group=True))
+    app.add_typer(group, name=name)
+
+
+def _add_installed(app: typer.Typer) -> None:
+    from contactlab.plugins import extensions
+
+    for name, installed in extensions("command").items():
+        try:
+            command = declared(installed.load())
+            app.command(name, epilog=command.end_of_help)(typed(command))
+        except Exception as error:  # noqa: BLE001 - an installed package may raise anything
+            say(f"warning: there is no command {name}: {in_one_line(error, __file__)}")
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        from importlib.metadata import version
+
+        echo(f"contactlab {version('contactlab')}")
+        raise typer.Exit
+
+
+def contactlab(
+    *,
+    version: bool = typer.Option(
+        False, "--version", callback=_print_version, is_eager=True, help="Print version."
+    ),
+    allow_files: list[Path] | None = typer.Option(
+        None,
+        metavar="DIR",
+        help="Let models name the files of a folder outside of their own; may be repeated.",
+    ),
+) -> None:
+    """Evidence for contact simulation: sweeps of MuJoCo rollouts, labelled and stored."""
+    del version
+    if allow_files:
+        from contactlab.scene.model_guards import allow_files as allow
+
+        allow(allow_files)
+
+
+def main() -> None:
+    """Run the command line; an error that the user can act on is printed as one message."""
+    # What this starts, and what its libraries start, imports nothing of the current folder.
+    os.environ["PYTHONSAFEPATH"] = "1"
+    warnings.formatwarning = lambda message, *_: f"warning: {printable(str(message))}\n"
+    try:
+        command_line(sys.argv[1] if sys.argv[1:] else _HELP[0])(prog_name="contactlab")
+    except ContactlabError as error:
+        say(f"error: {error}" if not str(error).startswith("error") else str(error))
+        raise SystemExit(error.exit_code) from error
+    except OSError as error:
+        if error.errno != errno.ENOSPC:
+            raise
+        # What is left in the buffer cannot be printed either.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+        say(f"error: cannot print the results: {error.strerror}")
+        raise SystemExit(OutputError.exit_code) from error
+    finally:
+        notice.clear()

@@ -1,0 +1,235 @@
+"""Parameters that several commands share, each once, and what their values mean.
+
+A value may be as typed, or what Python has: `{"slip": 1e-3}` for `["slip=1mm"]`.
+"""
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from contactlab.command_line.declaration import Argument, Option, flag
+from contactlab.command_line.surroundings import say
+from contactlab.errors import OutputError, SweepFileError, optional
+
+if TYPE_CHECKING:
+    from contactlab.plan.task_options import TaskOptions
+    from contactlab.plugins import Plugin
+    from contactlab.store.finished_store import Store
+    from contactlab.store.store_files import Address
+
+Settings = Mapping[str, object] | Sequence[str]
+"""Settings by name, such as `{"timestep": [1e-3, 2e-3]}`, or options as typed, `timestep=1e-3`."""
+Tolerances = Mapping[str, float] | str | Sequence[str]
+"""Largest magnitudes by metric in SI units, or options as typed: `10%`, `1mm`, `slip=1mm`."""
+
+StoreArgument = Annotated[
+    "Store | Address | str", Argument("STORE", "Store: a folder or s3://BUCKET/PREFIX.", kind=str)
+]
+Run = Annotated[str, Argument("RUN", "Run id, or its first digits.")]
+BaselineDigest = Annotated[
+    str | None,
+    Option("SHA256", "Digest that the baseline must have, as `baseline update` prints it."),
+]
+StoreOutput = Annotated[
+    "Address | str | None",
+    Option(
+        "STORE",
+        "Store to write: a folder or s3://BUCKET/PREFIX; by default under results/.",
+        kind=str,
+        short="-o",
+    ),
+]
+StudyFolder = Annotated[
+    str | Path | None,
+    Option(
+        "FOLDER",
+        "Folder for report and evidence; by default under results/.",
+        kind=str,
+        short="-o",
+    ),
+]
+Set = Annotated[
+    Settings,
+    Option(
+        "NAME=VALUE",
+        "Replace an axis or a setting: timestep=1e-3; may be repeated.",
+        kind=list[str],
+    ),
+]
+Only = Annotated[
+    Settings,
+    Option("NAME=VALUE", "Keep runs with a value: cone=elliptic; may be repeated.", kind=list[str]),
+]
+Limit = Annotated[int | None, Option("N", "Keep the first N runs.", least=1)]
+Workers = Annotated[
+    int | None,
+    Option(None, "Worker processes; by default one per core, 0 for none.", least=0),
+]
+Mujoco = Annotated[
+    str | None,
+    Option(
+        "VERSION|PYTHON",
+        "Run with another MuJoCo: a version, or the path of a Python that has one.",
+    ),
+]
+# The task, in every command that judges a model.
+Start = Annotated[
+    str | None,
+    Option("KEYFRAME", "Where runs start: a keyframe, or qpos0, the model's default pose."),
+]
+Drive = Annotated[
+    str | None,
+    Option(
+        "DRIVE",
+        "What drives the runs: auto, none, hold, exercise, noise=0.3,rate=10, file or policy.",
+    ),
+]
+Duration = Annotated[
+    float | str | None, Option("TIME", "Simulated time of a run: 2s, 500ms.", kind=str)
+]
+Watch = Annotated[
+    Sequence[str],
+    Option("BODY", "Body that is watched; all by default; may be repeated.", kind=list[str]),
+]
+Within = Annotated[
+    Tolerances,
+    Option(
+        "TOLERANCE",
+        "Tolerance: a share or a length, 10% or 1mm; of a metric, slip=1mm; may be repeated.",
+        kind=list[str],
+    ),
+]
+Must = Annotated[
+    Sequence[str],
+    Option(
+        "WORDS",
+        "What has to hold: 'still(box, 1 mm)', 'held(mug, by: hand)'; may be repeated.",
+        kind=list[str],
+    ),
+]
+AllowCode = Annotated[bool, flag("Run policies and environments, which are code: trust them.")]
+Plugins = Annotated[
+    Sequence[str | Path],
+    Option(
+        "FILE",
+        "Python file that adds metrics, labels, oracles or engines; may be repeated.",
+        kind=list[Path],
+    ),
+]
+ErrorMetric = Annotated[
+    str | None,
+    Option("METRIC", "Measure of accuracy: error_final, oracle_error or any metric."),
+]
+Figure = Annotated[
+    str | Path | None, Option("FILE", "Draw the result: a .png or .svg file.", kind=Path)
+]
+ReportFiles = Annotated[
+    Sequence[str | Path],
+    Option(
+        "FILE",
+        "Report to write: .md, .json, .xml (JUnit) or .txt; may be repeated.",
+        kind=list[Path],
+        short="-o",
+    ),
+]
+Policy = Annotated[
+    str | Path | None,
+    Option("FILE", "Policy file: tolerances, and what fails the job.", kind=Path),
+]
+
+
+def address_of(store: "Store | Address | str") -> "Address":
+    """Return where a store is; raise OutputError for what is no address."""
+    from contactlab.store.finished_store import Store
+    from contactlab.store.store_files import parse_address
+
+    return store.address if isinstance(store, Store) else parse_address(store)
+
+
+def folder_of(output: str | Path) -> Path:
+    """Return a folder, for commands that write several stores; raise OutputError for a bucket."""
+    address = address_of(output)
+    if not isinstance(address, Path):
+        raise OutputError(f"{output}: this command writes into a folder; sweep -o takes addresses")
+    return address
+
+
+def study_folder(study: str, subject: object, output: str | Path | None) -> Path:
+    """Return the folder of a study: as given, or `results/STUDY/NAME` for a subject's name."""
+    from contactlab.resources import RESULTS
+    from contactlab.studies.session import model_name
+
+    return RESULTS / study / model_name(str(subject)) if output is None else folder_of(output)
+
+
+def beside(store: "Address", ending: str) -> Path:
+    """Return a path beside a store, of its name and an ending; for a bucket, in this folder."""
+    if not isinstance(store, Path):
+        return Path(f"{store.name}{ending}")
+    named = store if store.name else store.resolve()
+    return named.with_name(f"{named.name}{ending}")
+
+
+def assigned(settings: Settings) -> list[str]:
+    """Return settings as the command line has them: `NAME=VALUE,VALUE`."""
+    if not isinstance(settings, Mapping):
+        return list(settings)
+    listed = {
+        name: value if isinstance(value, list | tuple) else [value]
+        for name, value in settings.items()
+    }
+    return [f"{name}={','.join(map(json.dumps, values))}" for name, values in listed.items()]
+
+
+def load_plugins(files: Sequence[str | Path]) -> "Sequence[Plugin]":
+    """Load installed plug-ins and those of `--plugin`; raise PluginError for one that cannot be."""
+    from contactlab import plugins
+
+    return plugins.load_plugins([Path(file) for file in files])
+
+
+def check_figure(path: str | Path | None) -> None:
+    """Check that the figure of `--figure` can be drawn; an OutputError says why not."""
+    if path is not None:
+        with optional("figures", "a figure"):
+            from contactlab.charts import check_figure as check
+        check(Path(path))
+
+
+def mention_damage(store: "Store") -> None:
+    """Name damaged traces, in a command that reads a store."""
+    from contactlab.store.verify_store import trace_warning
+
+    for warning in trace_warning(store):
+        say(f"warning: {warning}")
+
+
+def refuse_parts(task: "TaskOptions", parts: Sequence[str], instead: str) -> None:
+    """Refuse parts of a task that a command would not heed; `instead` says what to write."""
+    given = [name for name in parts if getattr(task, name) not in (None, ())]
+    if given:
+        raise SweepFileError(f"--{given[0]} would be ignored: {instead}")
+
+
+def task_of(
+    start: str | None = None,
+    drive: str | None = None,
+    duration: float | str | None = None,
+    watch: Sequence[str] = (),
+    within: Tolerances = (),
+    must: Sequence[str] = (),
+) -> "TaskOptions":
+    """Return the task that parameters state; a SweepFileError says which is wrong."""
+    from contactlab.plan.task_options import read_task_options
+
+    if isinstance(within, Mapping):
+        within = [f"{name}={value}" for name, value in within.items()]
+    return read_task_options(
+        start,
+        drive,
+        None if duration is None else str(duration),
+        [watch] if isinstance(watch, str) else watch,
+        [within] if isinstance(within, str) else within,
+        [must] if isinstance(must, str) else must,
+    )

@@ -1,0 +1,124 @@
+"""The summary of a store: what it found, whether that is as expected, and where runs fail."""
+
+import json
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING
+
+from contactlab.command_line.declaration import Given
+from contactlab.command_line.terminal import echo, print_csv, print_json, print_table, tell
+
+if TYPE_CHECKING:
+    from contactlab.reporting.report_columns import GridAxis, RunLabels
+    from contactlab.schema.evidence import StoreManifest
+    from contactlab.store.finished_store import Store
+    from contactlab.store.run_columns import RunColumns
+
+_MOST_ROWS_SHOWN = 12
+_ID_DIGITS = 8
+_OF_LOOPS = {"seed": "episode", "success": "success", "total_reward": "return"}
+
+
+def summary_json(store: "Store", given: Given) -> None:
+    """Print the manifest of a store."""
+    del given
+    manifest = store.manifest.model_dump(mode="json", exclude={"sweep"})
+    print_json({"store": str(store.address), **manifest})
+
+
+def summary_csv(store: "Store", given: Given) -> None:
+    """Print the runs of a store: axes, label and what was measured."""
+    del given
+    columns = store.columns
+    names = ["run_id", *columns.axis_names, "seed", "label", "expectation_met"]
+    values = columns.to_pydict([*dict.fromkeys(names), *columns.measured])
+    print_csv([*values], zip(*values.values(), strict=True))
+
+
+def summary_text(store: "Store", given: Given) -> None:
+    """Print what a store found, in sentences and the table that decides most."""
+    del given
+    path, manifest, columns = store.address, store.manifest, store.columns
+    from contactlab.reporting.finding import finding, headline
+    from contactlab.reporting.map_axes import by_importance
+    from contactlab.reporting.report_columns import read_axes, read_run_labels
+    from contactlab.reporting.start_noise import distance_to_reality
+
+    axes, labels = read_axes(store), read_run_labels(store)
+    tell(f"{manifest.sweep.name}: {headline(labels)}")
+    found = finding(axes, labels) if axes else ""
+    for told in filter(None, (found, distance_to_reality(axes, columns))):
+        tell(told)
+    for line in _as_expected(manifest):
+        tell(line)
+    _print_missing_effects(columns)
+    if manifest.runs <= _MOST_ROWS_SHOWN:
+        _print_runs(columns.axis_names, store.table.to_pylist())
+    elif axes:
+        _print_values(by_importance(axes, labels), labels)
+    echo(f"{manifest.runs:,} runs, {manifest.traces:,} traces in {path}")
+    look = str(columns.run_ids[int(labels.codes.argmin())])[:_ID_DIGITS]
+    echo(f"look closer: contactlab show {path} {look}")
+
+
+def _print_missing_effects(columns: "RunColumns") -> None:
+    """Print which effects were off in runs that needed them."""
+    missing: Counter[str] = Counter()
+    for entry in columns.arrow(["effects_missed"])[0].value_counts().to_pylist():
+        missing.update(dict.fromkeys(json.loads(entry["values"]), entry["counts"]))
+    for name, count in missing.most_common():
+        echo(f"{name} is off, but {count:,} of {columns.runs:,} runs need it")
+
+
+def _print_runs(axes: Sequence[str], rows: Sequence[Mapping[str, object]]) -> None:
+    from contactlab.measure import METRICS
+
+    headed = [(metric.name, metric.heading) for metric in METRICS.values() if metric.heading]
+    shown = [name for name, _ in headed if any(row.get(name) for row in rows)]
+    headings = [heading for name, heading in headed if name in shown]
+    said = _OF_LOOPS if "loop" in rows[0] else {"expectation_met": "as expected"}
+    columns = ["label", *said, *axes, *shown]
+    cells = [[str(row["run_id"])[:_ID_DIGITS], *(row[name] for name in columns)] for row in rows]
+    header = ["run", "label", *said.values(), *axes, *headings]
+    print_table(header, cells, droppable=len(headings))
+
+
+def _print_values(axes: "Sequence[GridAxis]", labels: "RunLabels") -> None:
+    """Print for values of axes, those that decide most first, how many runs have which label."""
+    rows: list[tuple[object, ...]] = []
+    for axis in axes:
+        if len(rows) + len(axis.ticks) <= _MOST_ROWS_SHOWN:
+            for code, tick in enumerate(axis.ticks):
+                here = Counter(
+                    {
+                        labels.names[n]: k
+                        for n, k in Counter(labels.codes[axis.codes == code].tolist()).items()
+                    }
+                )
+                rows.append(_value_row(axis.title, tick, here))
+    print_table(("axis", "value", "runs", "stable", "other labels"), rows)
+    if left := [axis.name for axis in axes if not any(row[0] == axis.title for row in rows)]:
+        tell(f"also swept: {', '.join(left)}")
+
+
+def _value_row(axis: str, value: str, labels: Counter[str]) -> tuple[object, ...]:
+    others = Counter({label: count for label, count in labels.items() if label != "stable"})
+    most = ", ".join(f"{label} {count}" for label, count in others.most_common(2))
+    return axis, value, labels.total(), f"{labels['stable'] / labels.total():.0%}", most
+
+
+def format_value(value: object) -> str:
+    """Return the value of a setting or an axis: `0.02 1`, `elliptic`."""
+    if isinstance(value, tuple):
+        return " ".join(format_value(item) for item in value)
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _as_expected(manifest: "StoreManifest") -> "Iterator[str]":
+    """Yield how far a sweep went as it expects."""
+    met, unmet = (manifest.expectations.get(name, 0) for name in ("met", "unmet"))
+    rest = f"; {manifest.runs - met - unmet:,} have no expectation"
+    as_expected = f"{met:,} of {met + unmet:,} runs are as expected"
+    as_expected += rest if met + unmet < manifest.runs else ""
+    yield as_expected if met + unmet else "no expectations defined"
+    yield from (f"not as expected: {mean}" for mean in manifest.unmet_means)

@@ -1,0 +1,125 @@
+"""Callers of a command: Python, where it is silent, or a terminal.
+
+A command says what it does, shows progress and can be interrupted by way of its surroundings.
+Python has the answer as data, and asks for the progress if it wants to know.
+"""
+
+from collections.abc import Callable, Generator, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextvars import ContextVar
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from contactlab.errors import EngineError
+
+if TYPE_CHECKING:
+    from contactlab.run.tasks import Finished, Stop
+    from contactlab.studies.session import Session
+
+Progress = Callable[[int, int], None]
+"""Called with the runs done and the runs in all, as they finish."""
+
+
+@dataclass(frozen=True)
+class Watch:
+    """Watcher of runs: it is told of them, and may ask them to stop."""
+
+    begin: Callable[[int, int], None]  # called with the runs in all, and those stored already
+    advance: "Callable[[Sequence[Finished]], None]"  # called with runs as they finish
+    stop: "Stop | None" = None
+
+
+class Surroundings:
+    """Those of a call from Python: nothing is printed, and a signal is the caller's."""
+
+    def __init__(self, progress: Progress | None = None) -> None:
+        self._progress = progress
+
+    def say(self, message: str) -> None:
+        """Tell people a message."""
+
+    def fork_workers(self, count: int | None) -> None:
+        """Start what worker processes come from, if any are wanted."""
+
+    def announce(self, markdown: Callable[[], str], annotations: Callable[[], str]) -> None:
+        """Tell a CI job's summary and its annotations, each made when there is a job."""
+
+    def rerun_with_mujoco(self, version: str, target: object) -> None:
+        """Run the same command with another MuJoCo, and end with it."""
+        del target
+        raise EngineError(
+            f"mujoco={version}: this process has its MuJoCo already; run it with another by "
+            f"`contactlab ... --mujoco {version}`, or call it in a Python that has that one"
+        )
+
+    def watching(self, then: str) -> AbstractContextManager[Watch]:
+        """Follow runs; if they are interrupted, the same command would do `then`."""
+        del then
+        done = total = 0
+
+        def begin(runs: int, stored: int) -> None:
+            nonlocal done, total
+            done, total = stored, runs
+            advance(())
+
+        def advance(finished: "Sequence[Finished]") -> None:
+            nonlocal done
+            done += len(finished)
+            if self._progress is not None:
+                self._progress(done, total)
+
+        return nullcontext(Watch(begin, advance))
+
+
+_PYTHON = Surroundings()
+_current: ContextVar[Surroundings | None] = ContextVar("surroundings", default=None)
+
+
+def surroundings() -> Surroundings:
+    """Return the surroundings of the command that is being called."""
+    return _current.get() or _PYTHON
+
+
+@contextmanager
+def within(place: Surroundings) -> Generator[None]:
+    """Let commands be called from a place."""
+    token = _current.set(place)
+    try:
+        yield
+    finally:
+        _current.reset(token)
+
+
+def progress(report: Progress | None) -> AbstractContextManager[None]:
+    """Let commands tell a function the runs done and the runs in all, as they finish."""
+    return nullcontext() if report is None else within(Surroundings(report))
+
+
+def say(message: str) -> None:
+    """Tell people a message: on stderr, if the command line calls."""
+    surroundings().say(message)
+
+
+def rerun_with_mujoco(version: str | None, target: object) -> None:
+    """Run the same command with another MuJoCo, if a version is given, and end with it.
+
+    The version is added to the name of the target, a store, which is None if the user named one. An
+    EngineError says that there is no such version, or that it cannot be installed.
+    """
+    if version is not None:
+        surroundings().rerun_with_mujoco(version, target)
+
+
+@contextmanager
+def study_session(
+    folder: Path, workers: int | None, then: str = "resume", *, allow_code: bool = False
+) -> "Generator[Session]":
+    """Yield a session that the surroundings follow."""
+    surroundings().fork_workers(workers)
+    from contactlab.run.worker_pool import worker_count
+    from contactlab.studies.session import Session
+
+    count = worker_count(workers)
+    with surroundings().watching(then) as watch:
+        yield Session(folder, count, watch.begin, watch.advance, say, watch.stop, allow_code)

@@ -1,0 +1,436 @@
+"""The terminal: results on stdout, messages and progress on stderr, and Ctrl-C.
+
+The progress display counts runs as they finish and is drawn by the clock, a few times a second, so
+that its cost does not grow with the number of runs.
+"""
+
+import csv
+import io
+import json
+import os
+import signal
+import sys
+import textwrap
+import threading
+import time
+from collections import Counter, deque
+from collections.abc import Callable, Generator, Iterable, Sequence
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import typer
+from rich import box
+from rich.console import Console
+from rich.live import Live
+from rich.table import Table
+from rich.text import Text
+
+from contactlab.command_line.surroundings import Surroundings, Watch
+from contactlab.errors import StoppedError
+from contactlab.printable import in_one_line, printable
+
+if TYPE_CHECKING:
+    from contactlab.run.tasks import Finished, Stop
+
+_QUIET_SECONDS = 10.0
+_LOOK_SECONDS = 2.5
+# Rates are those of the last half minute, or half of the time, and not shown in the first second.
+_RECENT_SECONDS = 30.0
+_LEAST_SECONDS_OF_A_RATE = 1.0
+_BAR = 24
+# A column of words is at least so wide.
+_LEAST_WIDTH_OF_WORDS = 14
+_MOST_LABELS_SHOWN = 6
+_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+_STOPPING = b"finishing the current runs; interrupt again to stop at once\n"
+
+
+class _Notice:
+    """A word on a terminal from when a command starts until it says more, which may take long."""
+
+    _is_shown = False
+
+    def show(self) -> None:
+        """Show it, where stderr is a terminal that can take it back."""
+        self._is_shown = os.isatty(2) and os.environ.get("TERM") != "dumb"
+        if self._is_shown:
+            os.write(2, b"working\r")
+
+    def clear(self) -> None:
+        """Take it back, if it is shown."""
+        if self._is_shown:
+            os.write(2, b"\x1b[K")
+        self._is_shown = False
+
+
+notice = _Notice()
+
+
+_MOST_NAMES = 12  # of parts of one kind in a line
+
+
+def echo(text: object, *, err: bool = False) -> None:
+    """Print lines to stdout, or to stderr; what they hold of data is shown, never obeyed."""
+    echo_commands(printable(str(text)), err=err)
+
+
+def echo_unexercised(lines: Sequence[str], of: str = "") -> None:
+    """Print what no run exercised, a line by kind with its first names."""
+    for kind, _, listed in (line.partition(": ") for line in lines):
+        names = listed.split(", ")
+        more = len(names) - _MOST_NAMES
+        rest = [f"and {more} more"] if more > 0 else []
+        echo(f"{of}{kind}: {', '.join([*names[:_MOST_NAMES], *rest])}")
+
+
+def tell(sentence: str) -> None:
+    """Print a sentence to stdout, in lines as wide as a terminal; words stay whole."""
+    console, text = stdout(), in_one_line(sentence)
+    echo(textwrap.fill(text, console.width, break_long_words=False, break_on_hyphens=False))
+
+
+def echo_commands(text: str, *, err: bool = False) -> None:
+    """Print lines that a CI job may take for commands, as annotations are."""
+    with _leaving_reader():
+        typer.echo(text, err=err)  # noqa: TID251 - where others get it from
+
+
+def echo_bytes(data: bytes) -> None:
+    """Print bytes as they are, which a file is made of: line ends of a patch are its files'."""
+    with _leaving_reader():
+        typer.echo(data, nl=False)  # noqa: TID251 - `echo` shows what is in lines
+
+
+@contextmanager
+def _leaving_reader() -> Generator[None]:
+    """Print nothing more once the reader of a pipe has left, as `head` does; that is no error."""
+    notice.clear()
+    try:
+        yield
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+
+
+def print_json(data: object) -> None:
+    """Print data as JSON to stdout."""
+    echo(json.dumps(data, indent=2, allow_nan=False))
+
+
+def print_csv(header: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
+    """Print rows to stdout as comma-separated values, numbers with all their digits."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(header)
+    for row in rows:
+        writer.writerow([in_one_line(cell) if isinstance(cell, str) else cell for cell in row])
+    echo(text.getvalue().removesuffix("\n"))
+
+
+def print_table(
+    header: Sequence[str], rows: Sequence[Sequence[object]], droppable: int = 0
+) -> None:
+    """Print a table to stdout; columns of numbers are aligned to the right.
+
+    What is wider than the terminal wraps between words, then leaves out some of the last columns,
+    as many as are `droppable`, and else has its cells below each other. A column "label" has the
+    colours of labels, which repeat what the word says.
+    """
+    console = stdout()
+    cells = [[_text(value) for value in row] for row in rows]
+    widths = [
+        max(len(name), *(len(row[index]) for row in cells)) if cells else len(name)
+        for index, name in enumerate(header)
+    ]
+    least = [
+        min(width, max(_LEAST_WIDTH_OF_WORDS, len(name))) if _has_words(cells, index) else width
+        for index, (name, width) in enumerate(zip(header, widths, strict=True))
+    ]
+    shown = len(header)
+    while droppable and sum(least[:shown]) + 2 * shown > console.width:
+        shown, droppable = shown - 1, droppable - 1
+    if sum(least[:shown]) + 2 * shown > console.width:
+        _print_blocks(console, header, cells)
+        return
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
+    for index, name in enumerate(header[:shown]):
+        numeric = all(isinstance(row[index], (int, float)) for row in rows)
+        table.add_column(
+            Text(in_one_line(name)),
+            justify="right" if numeric else "left",
+            no_wrap=least[index] == widths[index],
+            min_width=least[index],
+        )
+    # What labels mean takes a while to load, and only a terminal has colours.
+    coloured = ("label",) if console.is_terminal else ()
+    for row in cells:
+        styled = zip(header[:shown], row, strict=False)
+        table.add_row(
+            *[Text(cell, label_style(cell) if n in coloured else "") for n, cell in styled]
+        )
+    _print_rendered(console, table)
+    if shown < len(header):
+        echo(f"not shown: {', '.join(header[shown:])}; --format csv has all")
+
+
+def _has_words(cells: Sequence[Sequence[str]], index: int) -> bool:
+    return any(len(row[index]) > _LEAST_WIDTH_OF_WORDS and " " in row[index] for row in cells)
+
+
+def _print_blocks(console: Console, header: Sequence[str], cells: Sequence[Sequence[str]]) -> None:
+    """Print each row as lines, one for each of its cells that say something."""
+    room = max(map(len, header)) + 2
+    for row in cells:
+        echo(row[0])
+        for name, value in zip(header[1:], row[1:], strict=True):
+            if value not in ("", "-"):
+                indent = f"  {in_one_line(name):<{room}}"
+                width = max(len(indent) + _LEAST_WIDTH_OF_WORDS, console.width)
+                lines = textwrap.wrap(value, width - len(indent), break_long_words=False)
+                echo(
+                    "\n".join(
+                        (indent if not at else " " * len(indent)) + line
+                        for at, line in enumerate(lines)
+                    )
+                )
+
+
+def _print_rendered(console: Console, table: Table) -> None:
+    with console.capture() as rendered:
+        console.print(table, highlight=False)
+    lines = (line.rstrip() for line in rendered.get().splitlines())
+    echo_commands("\n".join(line for line in lines if line))
+
+
+def label_style(name: str) -> str:
+    """Return the colour of a label; none if it is unknown here."""
+    from contactlab.measure import LABELS
+
+    if name not in LABELS:
+        return ""
+    label = LABELS[name]
+    return "green" if label.is_good else "red" if label.is_severe else "yellow"
+
+
+def stdout() -> Console:
+    """Return the console for results; lines are not wrapped unless it is a terminal."""
+    console = Console()
+    return console if console.is_terminal else Console(width=10_000)
+
+
+def say(message: str) -> None:
+    """Print a message for people to stderr."""
+    notice.clear()
+    Console(stderr=True).print(Text(printable(message)), soft_wrap=True)
+
+
+def _text(value: object) -> str:
+    if value is None:
+        return "-"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return f"{value:.4g}" if isinstance(value, float) else in_one_line(str(value))
+
+
+class ProgressDisplay:
+    """Counts finished runs and prints how many there are."""
+
+    def __init__(self, console: Console, *, live: bool) -> None:
+        self._console = console
+        self._live = live
+        self._printed = time.monotonic()
+        self._count(0, 0)
+
+    def _count(self, total: int, done: int) -> None:
+        self._total, self._done, self._stored = total, done, done
+        self._labels: Counter[str] = Counter()
+        self._began = self._first = time.monotonic()
+        # Without the time in which workers start: from when the first runs finished.
+        self._recent: deque[tuple[float, int]] = deque()
+
+    def begin(self, total: int, done: int) -> None:
+        """Start to count: of so many runs in total, some are done already."""
+        self._count(total, done)
+        self._printed = self._began
+        if done:
+            self._console.print(Text(f"{done:,} of {total:,} runs are stored already"))
+
+    def advance(self, finished: "Sequence[Finished]") -> None:
+        """Count runs that just finished."""
+        self._done += len(finished)
+        for outcome in finished:
+            self._labels[outcome.label] += 1
+        if not self._recent:
+            self._first = time.monotonic()
+            self._recent.append((self._first, self._done))
+        self.remind()
+
+    def remind(self) -> None:
+        """Print a plain line where no terminal shows one, if the last one is ten seconds ago."""
+        if not self._live and time.monotonic() - self._printed > _QUIET_SECONDS:
+            self._printed = time.monotonic()
+            self._console.print(self.line(), soft_wrap=True)
+
+    def line(self) -> Text:
+        """Return the current state as one line: bar, counts, rate, time left, labels."""
+        if not self._total:
+            return Text("compiling models, starting workers", "dim")
+        filled, left = _BAR * self._done // self._total, self.seconds_left()
+        line = Text(no_wrap=True, overflow="ellipsis")
+        line.append("█" * filled, "green").append("░" * (_BAR - filled), "dim")
+        line.append(f" {self._done:,} of {self._total:,}")
+        if left is not None:
+            rate = self._rate()
+            shown = f"{rate:,.0f}" if rate >= 10 else f"{rate:.2g}"
+            line.append(f"  {shown}/s  {_format_time(left)} left")
+        # Drawn by a thread of its own: a copy, since a new label may come meanwhile.
+        for label, count in Counter(dict(self._labels)).most_common(_MOST_LABELS_SHOWN):
+            line.append("  ").append(in_one_line(label), label_style(label)).append(f" {count:,}")
+        return line
+
+    def seconds_left(self) -> float | None:
+        """Return how long all that is left takes at the recent rate [s]; None without one."""
+        rate = self._rate()
+        return (self._total - self._done) / rate if rate else None
+
+    def _rate(self) -> float:
+        """Return the recent rate of runs [1/s]; 0 if it is not known yet."""
+        now, recent = time.monotonic(), self._recent
+        start, before = self._began, self._stored
+        if recent and now - self._first >= _LEAST_SECONDS_OF_A_RATE:
+            recent.append((now, self._done))
+            while len(recent) > 2 and recent[1][0] < now - max(
+                _RECENT_SECONDS, (now - self._first) / 2
+            ):
+                recent.popleft()
+            start, before = recent[0]
+        return (
+            (self._done - before) / (now - start)
+            if now - start >= _LEAST_SECONDS_OF_A_RATE
+            else 0.0
+        )
+
+
+@contextmanager
+def progress_display() -> Generator[ProgressDisplay]:
+    """Yield a display on stderr: live on a terminal, else a plain line every ten seconds."""
+    notice.clear()
+    console = Console(stderr=True)
+    display = ProgressDisplay(console, live=console.is_terminal)
+    if console.is_terminal:
+        with Live(console=console, get_renderable=display.line, transient=True):
+            yield display
+        return
+    ended = threading.Event()
+
+    def remind() -> None:
+        while not ended.wait(_LOOK_SECONDS):
+            display.remind()
+
+    threading.Thread(target=remind, daemon=True).start()
+    try:
+        yield display
+    finally:
+        ended.set()
+
+
+def _format_time(seconds: float) -> str:
+    minutes, rest = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    days, hours = divmod(hours, 24)
+    if days:
+        return f"{days} d {hours} h"
+    return f"{hours}:{minutes:02}:{rest:02}" if hours else f"{minutes}:{rest:02}"
+
+
+@contextmanager
+def resumable(then: str = "resume") -> Generator["Stop"]:
+    """Yield what Ctrl-C and SIGTERM set; an early end says what the same command would do next."""
+    from contactlab.run.tasks import Stop
+
+    stop = Stop()
+    try:
+        with stop_on_signals(stop):
+            yield stop
+    except (KeyboardInterrupt, StoppedError) as error:
+        say(f"interrupted; run the same command again to {then}")
+        raise typer.Exit(StoppedError.exit_code) from error
+
+
+def begin_workers(count: int | None) -> None:
+    """Start the server that workers are forked from, if any are wanted; it loads meanwhile."""
+    if count != 0:
+        from contactlab.run.fork_server import start_server
+
+        start_server()
+
+
+class Terminal(Surroundings):
+    """A terminal, or a job's log: progress and messages on stderr, and Ctrl-C asks runs to stop."""
+
+    def say(self, message: str) -> None:
+        """Print a message for people to stderr."""
+        say(message)
+
+    def fork_workers(self, count: int | None) -> None:
+        """Load and make what workers need, and fork what they come from, if any are wanted."""
+        begin_workers(count)
+
+    @contextmanager
+    def watching(self, then: str) -> Generator[Watch]:
+        """Show progress on stderr, and stop on Ctrl-C and SIGTERM."""
+        with resumable(then) as stop, progress_display() as display:
+            yield Watch(display.begin, display.advance, stop)
+
+    def announce(self, markdown: Callable[[], str], annotations: Callable[[], str]) -> None:
+        """Add to the summary of a GitHub job, and annotate it; nothing elsewhere."""
+        if summary := os.environ.get("GITHUB_STEP_SUMMARY"):
+            from contactlab.store.atomic_files import write_errors
+
+            with write_errors(Path(summary)), Path(summary).open("a", encoding="utf-8") as file:
+                file.write(markdown())
+        if os.environ.get("GITHUB_ACTIONS") == "true":
+            echo_commands(annotations().removesuffix("\n"), err=True)
+
+    def rerun_with_mujoco(self, version: str, target: object) -> None:
+        """Run the same command with another MuJoCo, and end with it."""
+        from contactlab.run.mujoco_environment import exec_with, find_interpreter, without_option
+
+        other = find_interpreter(version, say)
+        if other is not None:
+            words = without_option(sys.argv[1:], "--mujoco")
+            exec_with(other, [*words, *(["-o", f"{target}-{other.mujoco}"] if target else [])])
+
+
+@contextmanager
+def stop_on_signals(stop: "Stop") -> Generator[None]:
+    """Turn the first Ctrl-C or SIGTERM into a request to stop, while runs that heed it go on.
+
+    At other times, and the second time, they raise KeyboardInterrupt. A signal that is ignored
+    stays so: a shell ignores Ctrl-C for what it runs in the background. Only the main thread
+    receives signals.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = {number: signal.getsignal(number) for number in _SIGNALS}
+    handled = [number for number, handler in before.items() if handler is not signal.SIG_IGN]
+
+    def handle(*_: object) -> None:
+        again = stop.is_set or not stop.is_watched
+        # An exception may get lost, as in a finalizer; the request stays.
+        stop.set()
+        if again:
+            raise KeyboardInterrupt
+        # Past all buffers: it may have come while one was written. On a terminal the cursor stands
+        # behind the live display.
+        with suppress(OSError):
+            os.write(2, ("\n" if os.isatty(2) else "").encode() + _STOPPING)
+
+    for number in handled:
+        signal.signal(number, handle)
+    try:
+        yield
+    finally:
+        for number in handled:
+            signal.signal(number, before[number])

@@ -1,0 +1,119 @@
+"""`contactlab bisect`: the release of MuJoCo that changed an outcome."""
+
+from collections.abc import Sequence
+from dataclasses import asdict
+from functools import cache, partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, NamedTuple
+
+from contactlab.command_line import options as opt
+from contactlab.command_line.comparisons import policy_of, print_report
+from contactlab.command_line.declaration import Argument, Given, Option, command
+from contactlab.command_line.surroundings import say
+from contactlab.command_line.terminal import echo, print_json
+from contactlab.commands.lock import sweep_words
+from contactlab.errors import ExpectationError
+
+if TYPE_CHECKING:
+    from contactlab.schema.comparison import ComparisonReport
+    from contactlab.studies.lock.bisection import Culprit
+
+
+class Bisection(NamedTuple):
+    """The release that changed an outcome, and where what each release gives is."""
+
+    found: "Culprit"
+    comparison: "ComparisonReport | None"  # with the release before; None of a test
+    folder: Path
+
+
+def _text(result: Bisection, given: Given) -> None:
+    from contactlab.comparison.checks import plural
+
+    found = result.found
+    tried = plural(found.steps, "release")
+    echo(f"MuJoCo {found.after} changed it, after {found.before} ({tried} between the ends tried)")
+    for version, reason in found.skipped.items():
+        echo(f"or {version}, which cannot be run: {reason}")
+    if result.comparison is not None:
+        print_report("text", result.comparison, given)
+    else:
+        echo(f"what pytest printed: {result.folder / found.after / 'pytest.txt'}")
+
+
+def _json(result: Bisection, given: Given) -> None:
+    del given
+    compared = result.comparison and result.comparison.model_dump(mode="json")
+    print_json({**asdict(result.found), "comparison": compared, "folder": str(result.folder)})
+
+
+@command(
+    "run",
+    examples=(
+        "bisect tower.yaml --good 3.11.0 --bad 4.0.0",
+        "bisect tests/test_grasp.py::test_held --good 3.11.0 --bad 4.0.0",
+    ),
+    codes="0 found, 1 both ends give the same, 2 bad input, 130 interrupted: the same resumes it",
+    formats={"text": _text, "json": _json},
+)
+def bisect(
+    source: Annotated[
+        str, Argument("SWEEP|TEST", "Sweep, or a test of pytest: tests/test_a.py::test_b.")
+    ],
+    *,
+    good: Annotated[str, Option("VERSION", "Release that gives the old outcome.")],
+    bad: Annotated[str, Option("VERSION", "Release that gives another.")],
+    question: Annotated[
+        Sequence[str],
+        Option(
+            "CHECK",
+            "Ask for a check of compare: 'slip_distance unchanged'; may be repeated.",
+            kind=list[str],
+        ),
+    ] = (),
+    versions: Annotated[
+        str | Sequence[str],
+        Option("A,B,...", "Releases to try; by default all that pip finds.", kind=str),
+    ] = (),
+    policy: opt.Policy = None,
+    set: opt.Set = (),
+    workers: opt.Workers = None,
+    output: Annotated[
+        str | Path | None,
+        Option("FOLDER", "Folder for what each release gives.", kind=Path, short="-o"),
+    ] = None,
+    allow_code: opt.AllowCode = False,
+) -> Bisection:
+    """Find the release of MuJoCo that changed an outcome; the same command resumes.
+
+    Raises:
+        ExpectationError: both ends give the same.
+        EngineError: a release is not to be had.
+    """
+    from contactlab.studies.lock import bisection
+    from contactlab.studies.lock.versions import releases, run_sweep, run_test
+
+    listed = releases(good, bad, versions.split(",") if isinstance(versions, str) else versions)
+    is_test = "::" in source
+    name = source.rpartition("::")[2] if is_test else Path(source).stem
+    place = Path("results", "bisect", name) if output is None else Path(output)
+    given = tuple(sweep_words(opt.assigned(set), workers, allow_code=allow_code))
+    subject = bisection.SweepOutcomes(
+        place,
+        cache(partial(run_sweep, source, given=given, notify=say)),
+        policy_of(policy),
+        question,
+    )
+
+    def passes(version: str) -> bool:
+        run = partial(run_test, source, place / version, version, say)
+        return bisection.remembered(source, place / version, run)
+
+    if is_test:
+        if passes(good) == passes(bad):
+            raise ExpectationError(f"{source} ends the same with {good} and {bad}; see {place}")
+        found = bisection.bisect(listed, lambda version: passes(version) != passes(good), say)
+    else:
+        subject.begin(good, bad)
+        found = bisection.bisect(listed, subject.differs, say)
+    return Bisection(found, None if is_test else subject.shown(found), place)

@@ -1,0 +1,115 @@
+"""`contactlab compare`: whether a store is worse than another."""
+
+import sys
+from datetime import date, datetime
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from contactlab.command_line import options as opt
+from contactlab.command_line.comparisons import (
+    COMPARED,
+    failure,
+    files_to_write,
+    policy_of,
+    publish,
+)
+from contactlab.command_line.declaration import Argument, Option, command, flag
+from contactlab.errors import PolicyError, StoreError
+
+if TYPE_CHECKING:
+    from contactlab.comparison.metric_checks import Remeasure
+    from contactlab.schema.comparison import ComparisonReport
+    from contactlab.store.finished_store import Store
+    from contactlab.store.store_files import Address
+
+
+@command(
+    "read",
+    examples=("compare results/before results/after",),
+    formats=COMPARED,
+    failure=failure,
+)
+def compare(
+    baseline: Annotated[
+        "Store | Address | str", Argument("BASELINE", "Store to compare with.", kind=str)
+    ],
+    candidate: Annotated[
+        "Store | Address | str", Argument("CANDIDATE", "Store to judge.", kind=str)
+    ],
+    *,
+    policy: opt.Policy = None,
+    match: Annotated[
+        Literal["id", "axes"] | None,
+        Option(None, "Pair runs by id, or by axis values and seed."),
+    ] = None,
+    output: opt.ReportFiles = (),
+    thorough: Annotated[bool, flag("Verify every record and every trace first.")] = False,
+    baseline_digest: opt.BaselineDigest = None,
+    remeasure: Annotated[
+        int | None, Option("N", "Time N pairs of runs again, interleaved.", least=1)
+    ] = None,
+    baseline_python: Annotated[
+        str | Path | None,
+        Option(None, "Python that times the baseline's runs; by default this one.", kind=Path),
+    ] = None,
+    candidate_python: Annotated[
+        str | Path | None,
+        Option(None, "Python that times the candidate's runs; by default this one.", kind=Path),
+    ] = None,
+    accept: Annotated[
+        str | None, Option("CHECK", "Accept a failed check: add it to the policy file.")
+    ] = None,
+    reason: Annotated[str, Option(None, "Why it is accepted.")] = "",
+    until: Annotated[
+        date | None,
+        Option(None, "Last day on which it is accepted.", kind=datetime, formats=("%Y-%m-%d",)),
+    ] = None,
+) -> "ComparisonReport":
+    """Compare a store with a baseline; exit with 1 if a gate fails.
+
+    The policy says what counts as regressed, what fails, and, unless `match` does, how runs are
+    paired. The engine is not loaded, unless runs are timed again.
+
+    Raises:
+        StoreError: a store is not sound, or the stores have no run in common.
+        PolicyError: the policy asks for what the stores do not have.
+    """
+    from contactlab.comparison.compare_stores import compare as compare_stores
+    from contactlab.comparison.compare_stores import unreadable_report
+    from contactlab.comparison.policies import accept as add_accepted
+    from contactlab.comparison.policies import acceptance
+
+    targets = files_to_write(output)
+    given = {"match": match, "baseline_digest": baseline_digest}
+    timers = _timers(remeasure, baseline_python, candidate_python)
+    stores = opt.address_of(baseline), opt.address_of(candidate)
+    run = partial(compare_stores, *stores, thorough=thorough, remeasure=timers)
+    if accept is not None:
+        if policy is None:
+            raise PolicyError("--accept adds to a policy file; name it with --policy FILE")
+        before = run(policy_of(policy if Path(policy).exists() else None, given))
+        day = until.date() if isinstance(until, datetime) else until
+        add_accepted(Path(policy), acceptance(before, accept, reason, day))
+    rules = policy_of(policy, given)
+    try:
+        report = run(rules)
+    except StoreError as error:
+        publish(unreadable_report(error, rules), targets)
+        raise
+    publish(report, targets)
+    return report
+
+
+def _timers(
+    runs: int | None, baseline_python: str | Path | None, candidate_python: str | Path | None
+) -> "Remeasure | None":
+    if runs is None:
+        if baseline_python or candidate_python:
+            raise PolicyError("--baseline-python and --candidate-python need --remeasure N")
+        return None
+    from contactlab.comparison.metric_checks import Remeasure
+    from contactlab.run.stored_runs import timing_process
+
+    pythons = (Path(python or sys.executable) for python in (baseline_python, candidate_python))
+    return Remeasure(runs, *(partial(timing_process, python) for python in pythons))

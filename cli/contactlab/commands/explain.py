@@ -1,0 +1,88 @@
+"""`contactlab explain`: what a word means, and contact settings in units of the world."""
+
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, NamedTuple
+
+from contactlab.command_line import options as opt
+from contactlab.command_line.declaration import Argument, Given, command
+from contactlab.command_line.surroundings import study_session
+from contactlab.command_line.terminal import echo
+from contactlab.errors import ExpectationError, SweepFileError
+
+
+class Explanation(NamedTuple):
+    """What words mean, or the contacts of a model are, in lines of text."""
+
+    text: str
+    missed: Sequence[str] = ()  # what a run with these settings does not show
+
+    def __str__(self) -> str:
+        """Return the text."""
+        return self.text
+
+
+def _text(found: Explanation, given: Given) -> None:
+    del given
+    echo(found.text)
+
+
+def _failure(found: Explanation, given: Given) -> ExpectationError | None:
+    del given
+    if not found.missed:
+        return None
+    return ExpectationError("\n".join(["a run does not show it:", *found.missed]))
+
+
+@command(
+    "run",
+    examples=(
+        "explain chatter",
+        'explain solref="0.005 1" MODEL        # its stiffness, damping, restitution, depth',
+        'explain depth_at_rest=".1 mm" MODEL   # the solref for it, verified by a run',
+    ),
+    codes="0 printed, 1 a run does not show it, 2 bad input",
+    formats={"text": _text},
+    failure=_failure,
+)
+def explain(
+    what: Annotated[
+        str | Sequence[str],
+        Argument(
+            "WORD | [NAME=VALUE ...] MODEL", "A label, metric, axis, or a model.", kind=list[str]
+        ),
+    ],
+    *,
+    start: opt.Start = None,
+    drive: opt.Drive = None,
+    duration: opt.Duration = None,
+    plugin: opt.Plugins = (),
+) -> Explanation:
+    """Say what a label, a metric or an axis is; or what the contacts of a model are.
+
+    Raises:
+        SweepFileError: a word is none, or settings are of no one model.
+        SceneError: the model does not compile.
+    """
+    from contactlab.resources import scene_names
+    from contactlab.studies.explain.contact_words import WORDS, explain_contacts, read_words
+    from contactlab.studies.explain.definitions import define, is_defined
+
+    opt.load_plugins(plugin)
+    given = [what] if isinstance(what, str) else what
+    assign = [word for word in given if "=" in word]
+    names = [word for word in given if "=" not in word]
+    models = [x for x in names if x in scene_names() or "menagerie:" in x or Path(x).exists()]
+    if not assign and (len(names) > 1 or is_defined(names[0]) or not models):
+        return Explanation("\n\n".join(map(define, names)))
+    if len(names) != 1:
+        raise SweepFileError(f"{' '.join(assign)}: name one model after it")
+    task = opt.task_of(start, drive, duration)
+    split = dict(each.split("=", 1) for each in assign)
+    words = read_words({name: text for name, text in split.items() if name in WORDS})
+    other = [f"{name}={text}" for name, text in split.items() if name not in WORDS]
+    with tempfile.TemporaryDirectory() as folder, study_session(Path(folder), 0) as session:
+        lines, missed = explain_contacts(names[0], other, words, session, task)
+    shown = ["shown by a run with these settings"] * bool(words and not missed)
+    return Explanation("\n".join([*lines, *shown]), missed)

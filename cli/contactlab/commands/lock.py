@@ -1,0 +1,120 @@
+"""`contactlab lock`: freeze outcomes, and check that they still hold."""
+
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, NamedTuple
+
+from contactlab.command_line import options as opt
+from contactlab.command_line.comparisons import (
+    COMPARED,
+    failure,
+    files_to_write,
+    policy_of,
+    publish,
+)
+from contactlab.command_line.declaration import Argument, Given, Option, Show, command, flag
+from contactlab.command_line.surroundings import say
+from contactlab.command_line.terminal import echo, print_json
+from contactlab.errors import ContactlabError, OutputError, SweepFileError
+
+if TYPE_CHECKING:
+    from contactlab.schema.comparison import ComparisonReport
+
+
+class WrittenLock(NamedTuple):
+    """A lock that was written, and the store whose outcomes it holds."""
+
+    file: Path
+    store: Path
+    runs: int
+
+
+def _shown(form: str, show: Show, result: "WrittenLock | ComparisonReport", given: Given) -> None:
+    """Print a lock, or what its check found."""
+    if not isinstance(result, WrittenLock):
+        show(result, given)
+    elif form == "json":
+        print_json({"file": str(result.file), "store": str(result.store), "runs": result.runs})
+    else:
+        echo(f"{result.file} holds the outcomes of {result.runs} runs of {result.store}")
+        how = [f"--file {given['file']}"] if given["file"] else []
+        how += ["--allow-code"] if given["allow_code"] else []
+        echo(" ".join([f"check them: contactlab lock {given['source']} --check", *how]))
+
+
+def _failure(result: "WrittenLock | ComparisonReport", given: Given) -> ContactlabError | None:
+    return None if isinstance(result, WrittenLock) else failure(result, given)
+
+
+@command(
+    "run",
+    examples=(
+        "lock sweeps/gripper.yaml",
+        "lock sweeps/gripper.yaml --check -o lock.xml",
+        "lock sweeps/gripper.yaml --check --set seeds=[10,11,12]",
+    ),
+    codes="0 written or as locked, 1 an outcome changed, 2 bad input, 3 it cannot be judged",
+    formats={form: partial(_shown, form, show) for form, show in COMPARED.items()},
+    failure=_failure,
+)
+def lock(
+    source: Annotated[str | Path, Argument("SWEEP|STORE", "Sweep, or a finished store.", kind=str)],
+    *,
+    file: Annotated[
+        str | Path | None,
+        Option("FILE", "The lock; by default NAME.lock.yaml beside the sweep.", kind=Path),
+    ] = None,
+    policy: opt.Policy = None,
+    set: opt.Set = (),
+    workers: opt.Workers = None,
+    mujoco: opt.Mujoco = None,
+    output: opt.ReportFiles = (),
+    allow_code: opt.AllowCode = False,
+    check: Annotated[
+        bool, flag("Check instead: exit with 1 if an outcome is not as locked.")
+    ] = False,
+    chaotic: Annotated[
+        bool, flag("Other machines cannot repeat it: judge by spread alone.")
+    ] = False,
+) -> "WrittenLock | ComparisonReport":
+    """Freeze what a sweep gives in a small file, or check that it still does.
+
+    The lock is returned, or with `check` the comparison with it.
+
+    Raises:
+        StoreError: there is no lock to check, or a store is not sound.
+        SweepFileError: the sweep or a setting holds mistakes.
+        OutputError: a file cannot be written.
+    """
+    from contactlab.store.finished_store import Store
+    from contactlab.studies.lock.judgement import judge
+    from contactlab.studies.lock.lock_file import gated_metrics, lock_of, read, write
+    from contactlab.studies.lock.versions import run_sweep
+
+    if output and not check:
+        raise OutputError("-o writes the report of --check; name the lock itself by --file")
+    rules, targets = policy_of(policy), files_to_write(output)
+    given, store = sweep_words(opt.assigned(set), workers, allow_code=allow_code), Path(source)
+    path = Path(file) if file else store.with_name(f"{store.stem}.lock.yaml")
+    known = read(path) if check else None
+    if not (store / "manifest.json").is_file():
+        store = Path("results", "lock", store.stem)
+        run_sweep(str(source), store, mujoco, [*given, "--fresh"], say)
+    elif given or mujoco:
+        raise SweepFileError(f"{source} is a store; --set, --workers and --mujoco are for sweeps")
+    opened = Store.open(store)
+    if known is None:
+        made = lock_of(opened, gated_metrics(opened, rules), chaotic=chaotic)
+        write(path, made, str(source))
+        return WrittenLock(path, store, opened.manifest.runs)
+    report = judge(known, str(path), opened, rules)
+    publish(report, targets)
+    return report
+
+
+def sweep_words(settings: Sequence[str], workers: int | None, *, allow_code: bool) -> list[str]:
+    """Return the options that are those of `sweep`, as its command line has them."""
+    count = [] if workers is None else [f"--workers={workers}"]
+    allowed = ["--allow-code"] if allow_code else []
+    return [*(f"--set={setting}" for setting in settings), *count, *allowed]

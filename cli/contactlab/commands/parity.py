@@ -1,0 +1,206 @@
+"""`contactlab parity`: whether an engine does what MuJoCo does, before anything is scaled."""
+
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, NamedTuple
+
+from contactlab.command_line import options as opt
+from contactlab.command_line.declaration import Argument, Given, Option, command
+from contactlab.command_line.surroundings import say, surroundings
+from contactlab.command_line.terminal import echo, echo_commands
+from contactlab.errors import (
+    ContactlabError,
+    EngineError,
+    ExpectationError,
+    StoppedError,
+    StoreError,
+    SweepFileError,
+)
+
+if TYPE_CHECKING:
+    from contactlab.engines.engine import SimulationEngine
+    from contactlab.plan.overrides import Overrides
+    from contactlab.schema.comparison import ComparePolicy
+    from contactlab.studies.parity.panel import Panel
+    from contactlab.studies.parity.parity_report import ParityReport, RunParity
+    from contactlab.studies.parity.sweep_parity import ParityRequest
+
+
+class WrittenBundle(NamedTuple):
+    """A folder of runs for an engine on another machine."""
+
+    folder: Path
+    runs: int
+    refused: dict[str, str]  # run id to why it is left out
+
+
+def _shown(form: str, result: "ParityReport | WrittenBundle", given: Given) -> None:
+    """Print a report; of a bundle, how many runs it has."""
+    from contactlab.comparison.checks import plural
+
+    del given
+    if isinstance(result, WrittenBundle):
+        echo(f"{plural(result.runs, 'run')} in {result.folder}, for its check_newton.py")
+        return
+    from contactlab.studies.parity.formats import as_annotations, as_junit, as_markdown, as_text
+
+    match form:
+        case "json":
+            echo(result.model_dump_json(indent=2))
+        case "github":
+            echo_commands(as_annotations(result).removesuffix("\n"))
+        case _:
+            render = {"text": as_text, "markdown": as_markdown, "junit": as_junit}[form]
+            echo(render(result).removesuffix("\n"))
+
+
+def _failure(result: "ParityReport | WrittenBundle", given: Given) -> ContactlabError | None:
+    del given
+    if isinstance(result, WrittenBundle) or not result.exit_code:
+        return None
+    failed = result.exit_code == ExpectationError.exit_code
+    return (ExpectationError if failed else StoreError)(result.headline)
+
+
+@command(
+    "run",
+    examples=(
+        "parity grasp --against warp",
+        "parity grid.yaml --bundle bundle",
+        "parity --from bundle",
+    ),
+    codes="0 it does what MuJoCo does, 1 not, 2 bad input, 3 it cannot be judged, 130 interrupted",
+    formats={
+        form: partial(_shown, form) for form in ("text", "json", "markdown", "junit", "github")
+    },
+    failure=_failure,
+)
+def parity(
+    source: Annotated[
+        str | Path | None, Argument("SWEEP", "Sweep file or shipped sweep.", kind=str)
+    ] = None,
+    *,
+    against: Annotated[str | None, Option("ENGINE", "Engine to compare with MuJoCo.")] = None,
+    bundle: Annotated[
+        str | Path | None,
+        Option(
+            "FOLDER",
+            "Write the runs there, for Newton on another machine, instead of comparing.",
+            kind=Path,
+        ),
+    ] = None,
+    from_: Annotated[
+        str | Path | None,
+        Option("FOLDER", "Judge the results of a bundle's script there.", kind=Path),
+    ] = None,
+    set: opt.Set = (),
+    only: opt.Only = (),
+    limit: opt.Limit = None,
+    with_: Annotated[
+        opt.Settings,
+        Option("NAME=VALUE", "Set this for the engine alone; may be repeated.", kind=list[str]),
+    ] = (),
+    device: Annotated[
+        str, Option("cpu|cuda", "What the engine computes on; by default its own.")
+    ] = "",
+    drive: opt.Drive = None,
+    policy: Annotated[
+        str | Path | None,
+        Option("FILE", "Policy file: what the engine may differ by.", kind=Path),
+    ] = None,
+    plugin: opt.Plugins = (),
+) -> "ParityReport | WrittenBundle":
+    """Compare an engine with MuJoCo, stage by stage; exit with 1 if it differs.
+
+    Give a sweep with `against` or with `bundle`, or `from_` alone.
+
+    Raises:
+        SweepFileError: the sweep or a setting holds mistakes.
+        EngineError: there is no such engine, or it is not installed.
+    """
+    from contactlab.plan.overrides import Overrides
+    from contactlab.studies.parity.sweep_parity import ParityRequest
+
+    opt.load_plugins(plugin)
+    asked = [each for each in (against, bundle, from_) if each]
+    if len(asked) != 1 or bool(source) == bool(from_):
+        raise SweepFileError(
+            "give SWEEP with --against ENGINE or with --bundle FOLDER, or --from FOLDER alone"
+        )
+    overrides = Overrides(opt.assigned(set), opt.assigned(only), limit)
+    if bundle:
+        return _write_bundle(str(source), overrides, drive, Path(bundle))
+    if from_:
+        return _compared(_bundled(Path(from_), policy))
+    engine, changed = _engine(str(against), device), tuple(opt.assigned(with_))
+    panel = _panel(str(source), engine.name, overrides, changed, drive)
+    return _compared(ParityRequest(panel, engine, device, changed, _policy(policy)))
+
+
+def _compared(request: "ParityRequest") -> "ParityReport":
+    from contactlab.run.tasks import Finished
+    from contactlab.studies.parity.sweep_parity import run
+
+    with surroundings().watching("start over") as watch:
+
+        def done(compared: "RunParity") -> None:
+            watch.advance([Finished(b"", compared.verdict, compared.verdict, None)])
+            if watch.stop is not None and watch.stop.is_set:
+                raise StoppedError("stopped")
+
+        return run(request, lambda total: watch.begin(total, 0), done)
+
+
+def _panel(
+    name: str, engine: str, overrides: "Overrides", changes: Sequence[str], drive: str | None
+) -> "Panel":
+    from contactlab import resources
+    from contactlab.plan.overrides import drive_option
+    from contactlab.studies.parity.panel import Panel
+
+    return Panel.read(resources.find_sweep(name), engine, overrides, changes, drive_option(drive))
+
+
+def _write_bundle(
+    name: str, overrides: "Overrides", drive: str | None, folder: Path
+) -> WrittenBundle:
+    from contactlab.comparison.checks import plural
+    from contactlab.studies.parity.bundle import ENGINE, write_bundle
+
+    panel = _panel(name, ENGINE, overrides, (), drive)
+    made = write_bundle(panel, overrides, drive, folder)
+    for why in dict.fromkeys(made.refused.values()):
+        say(f"{plural(list(made.refused.values()).count(why), 'run')} left out: {why}")
+    return WrittenBundle(folder, len(made.runs), dict(made.refused))
+
+
+def _bundled(folder: Path, policy: str | Path | None) -> "ParityRequest":
+    from contactlab.studies.parity.bundle import Bundle
+    from contactlab.studies.parity.bundled_engine import BundledEngine
+    from contactlab.studies.parity.sweep_parity import ParityRequest
+
+    bundle = Bundle.read(folder)
+    engine = BundledEngine(folder, bundle)
+    return ParityRequest(bundle.panel(folder), engine, engine.device, (), _policy(policy))
+
+
+def _engine(name: str, device: str) -> "SimulationEngine":
+    from contactlab.engines import find_engine
+    from contactlab.engines.adapted_engine import AdaptedEngine
+
+    engine = find_engine(name)
+    if isinstance(engine, AdaptedEngine) and engine.absence:
+        raise EngineError(engine.absence)
+    if not device:
+        return engine
+    if not isinstance(engine, AdaptedEngine):
+        raise EngineError(f"--device {device}: the {name} engine computes where this runs")
+    return engine.on(device)
+
+
+def _policy(path: str | Path | None) -> "ComparePolicy":
+    from contactlab.plan.sweep_file import read_yaml_as
+    from contactlab.schema.comparison import ComparePolicy
+
+    return ComparePolicy(version=1) if path is None else read_yaml_as(Path(path), ComparePolicy)

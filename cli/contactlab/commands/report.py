@@ -1,0 +1,145 @@
+"""`contactlab report`: a store as one page, or as figures for a paper."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from contactlab.command_line import options as opt
+from contactlab.command_line.declaration import Given, Option, command
+from contactlab.command_line.listing import Listing
+from contactlab.command_line.surroundings import say
+from contactlab.command_line.terminal import echo, print_table
+from contactlab.errors import OutputError, optional
+
+if TYPE_CHECKING:
+    from contactlab.pareto.criteria import Criteria
+    from contactlab.store.finished_store import Store
+    from contactlab.store.store_files import Address
+
+_ALL = 1_000_000
+
+
+def _text(result: Path | list[Path] | Listing, given: Given) -> None:
+    del given
+    if isinstance(result, Listing):
+        print_table(result.header, result.rows)
+        return
+    for path in [result] if isinstance(result, Path) else result:
+        echo(path)
+
+
+@command(
+    "read",
+    examples=("report results/grasp", "report results/grasp --figures paper --format pdf"),
+    formats={"text": _text},
+)
+def report(
+    store: opt.StoreArgument,
+    *,
+    output: Annotated[
+        str | Path | None,
+        Option(
+            "FILE",
+            "Page to write; by default STORE.html, beside a store that is a folder.",
+            kind=Path,
+            short="-o",
+        ),
+    ] = None,
+    error: opt.ErrorMetric = None,
+    within: opt.Within = (),
+    traces: Annotated[
+        int | str,
+        Option("N|all|none", "Runs whose time series the page includes.", kind=str),
+    ] = "60",
+    max_mb: Annotated[
+        float,
+        Option(None, "Size above which the page has statistics instead of runs [MB].", least=1),
+    ] = 25.0,
+    baseline: Annotated[
+        "Store | Address | str | None",
+        Option("STORE", "Store to compare with, as `contactlab compare` does.", kind=str),
+    ] = None,
+    parity: Annotated[
+        str | Path | None,
+        Option(
+            "FILE",
+            "Report of `contactlab parity --format json` to show beside the store.",
+            kind=Path,
+        ),
+    ] = None,
+    figures: Annotated[
+        str | Path | None,
+        Option(
+            "FOLDER|list",
+            "Write figures into this folder instead of a page; or list them.",
+            kind=Path,
+        ),
+    ] = None,
+    width: Annotated[
+        str | None, Option("LENGTH", "Width of figures on paper: 85mm, a column.")
+    ] = None,
+    format: Annotated[
+        str | Sequence[str],
+        Option(None, "File formats of the figures: png, svg, pdf.", kind=str),
+    ] = "png",
+) -> "Path | Any":  # noqa: ANN401 - so that a caller without `figures` has a path
+    """Draw a store as one page that works offline: maps, accuracy against time, every run.
+
+    The path of the page is returned, those of the figures, or the list of figures.
+
+    Raises:
+        OutputError: the extra `figures` is not installed, or a file cannot be written.
+        StoreError: a store cannot be read.
+    """
+    from contactlab.page.report_files import write_page
+    from contactlab.pareto.criteria import Criteria
+    from contactlab.reporting.report import PageRequest
+    from contactlab.store.finished_store import Store
+
+    task = opt.task_of(within=within)
+    instead = "a report weighs metrics; write --within METRIC=VALUE, such as slip=1mm"
+    opt.refuse_parts(task, ["within"], instead)
+    criteria = Criteria(error, task.limits)
+    address = opt.address_of(store)
+    opened = Store.open(address)
+    if width is not None and figures is None:
+        raise OutputError("--width is of figures; write --figures FOLDER too")
+    if figures is not None:
+        formats = format.split(",") if isinstance(format, str) else format
+        return _figures(opened, Path(figures), list(formats), criteria, width)
+    against = None if baseline is None else Store.open(opt.address_of(baseline))
+    shown = None if parity is None else Path(parity)
+    request = PageRequest(criteria, _count(str(traces)), int(max_mb * 1e6), against, shown)
+    page = opt.beside(address, ".html") if output is None else Path(output)
+    if page.is_dir() or page.suffix not in {".html", ".htm"}:
+        raise OutputError(f"{page}: write a name that ends in .html")
+    if not page.parent.is_dir():
+        raise OutputError(f"cannot write {page}: no folder {page.parent}; create it first")
+    for note in write_page(opened, page, request):
+        say(f"note: {note}")
+    say(f"{page.stat().st_size / 1e6:.2g} MB")
+    return page
+
+
+def _figures(
+    store: "Store", folder: Path, formats: list[str], criteria: "Criteria", width: str | None
+) -> list[Path] | Listing:
+    from contactlab.page.report_files import write_figures
+    from contactlab.reporting.report import read_report_data
+
+    if folder == Path("list"):
+        with optional("figures", "a report"):
+            from contactlab.page.paper_figures import figure_list
+        return Listing(("figure", "what it shows"), figure_list(read_report_data(store, criteria)))
+    written, missing = write_figures(store, folder, formats, criteria, width)
+    for name, why in missing.items():
+        say(f"no figure '{name}': {why}")
+    return written
+
+
+def _count(text: str) -> int:
+    if text in {"all", "none"}:
+        return _ALL if text == "all" else 0
+    if not text.isdecimal():
+        raise OutputError(f"--traces {text}: write a number of runs, all or none")
+    return int(text)

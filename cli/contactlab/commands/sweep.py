@@ -1,0 +1,247 @@
+"""`contactlab sweep`: run a declared sweep and write a store of evidence."""
+
+from collections.abc import Mapping
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+
+from contactlab.command_line import options as opt
+from contactlab.command_line.declaration import Argument, Given, Option, command, flag
+from contactlab.command_line.store_summary import (
+    format_value,
+    summary_csv,
+    summary_json,
+    summary_text,
+)
+from contactlab.command_line.surroundings import rerun_with_mujoco, say, surroundings
+from contactlab.command_line.terminal import echo, print_json, print_table
+from contactlab.errors import ContactlabError, ExpectationError, RunFailedError, SweepFileError
+
+if TYPE_CHECKING:
+    from contactlab.plan.grid import Plan
+    from contactlab.run.forecast import Forecast
+    from contactlab.run.sweep_request import SweepRequest
+    from contactlab.run.tasks import Executor
+    from contactlab.store.finished_store import Store
+
+
+class PlannedSweep(NamedTuple):
+    """What a sweep would run, and the time and disk space that it would take."""
+
+    plan: "Plan"
+    forecast: "Forecast"
+
+
+def _text(result: "Store | PlannedSweep", given: Given) -> None:
+    if isinstance(result, PlannedSweep):
+        _print_plan(result.plan, result.forecast)
+    else:
+        summary_text(result, given)
+
+
+def _json(result: "Store | PlannedSweep", given: Given) -> None:
+    if isinstance(result, PlannedSweep):
+        keys = ("name", "role", "count", "values")
+        listed = [dict(zip(keys, axis, strict=True)) for axis in _axes(result.plan)]
+        seeds = len(result.plan.sweep.seed_values)
+        print_json({"axes": listed, "seeds": seeds, **vars(result.forecast)})
+    else:
+        summary_json(result, given)
+
+
+def _csv(result: "Store | PlannedSweep", given: Given) -> None:
+    if isinstance(result, PlannedSweep):
+        _print_plan(result.plan, result.forecast)
+    else:
+        summary_csv(result, given)
+
+
+def _failure(result: "Store | PlannedSweep", given: Given) -> ContactlabError | None:
+    """Return what runs were lost, or are not as the sweep expects."""
+    del given
+    if isinstance(result, PlannedSweep):
+        return None
+    manifest = result.manifest
+    lost = manifest.statuses.get("crashed", 0) + manifest.statuses.get("timeout", 0)
+    if lost:
+        return RunFailedError(f"{lost} of {manifest.runs} runs crashed or timed out")
+    unmet = manifest.expectations.get("unmet", 0)
+    if unmet:
+        return ExpectationError(f"{unmet} of {manifest.runs} runs are not as the sweep expects")
+    return ExpectationError("; ".join(manifest.unmet_means)) if manifest.unmet_means else None
+
+
+@command(
+    "run",
+    examples=("sweep grasp", "sweep grid.yaml --set timestep=1e-3 --workers 4"),
+    formats={"text": _text, "json": _json, "csv": _csv},
+    failure=_failure,
+)
+def sweep(
+    source: Annotated[
+        str | Path | Mapping[str, object],
+        Argument("SWEEP", "Sweep file or shipped sweep.", kind=str),
+    ],
+    *,
+    output: opt.StoreOutput = None,
+    set: opt.Set = (),
+    only: opt.Only = (),
+    limit: opt.Limit = None,
+    workers: opt.Workers = None,
+    start: opt.Start = None,
+    drive: opt.Drive = None,
+    duration: opt.Duration = None,
+    must: opt.Must = (),
+    executor: Annotated[
+        str, Option("NAME", "Where jobs run: local, or ray, or another that is installed.")
+    ] = "local",
+    address: Annotated[
+        str | None, Option("HOST:PORT|auto", "Cluster to join; by default Ray starts one.")
+    ] = None,
+    mujoco: opt.Mujoco = None,
+    plugin: opt.Plugins = (),
+    allow_code: opt.AllowCode = False,
+    plan: Annotated[bool, flag("Print runs, time and disk space; run nothing.")] = False,
+    yes: Annotated[bool, flag("Allow more than 100,000 runs.")] = False,
+    fresh: Annotated[bool, flag("Replace an existing store.")] = False,
+    retry_failed: Annotated[bool, flag("Repeat runs that crashed, timed out or failed.")] = False,
+    repair: Annotated[
+        bool, flag("Keep the sound runs of a damaged store, repeat the others.")
+    ] = False,
+) -> "Store | Any":  # noqa: ANN401 - so that a caller without `plan` has a store
+    """Run a sweep into a store; the same command resumes an interrupted one.
+
+    The source may also be what a sweep file would say, as data. The store, which is returned open,
+    is `results/NAME` unless `output` names one. With `plan` nothing is run, and a PlannedSweep is
+    returned.
+
+    Raises:
+        SweepFileError: the sweep or a setting holds mistakes; all are named.
+        OutputError: the store cannot be written.
+        StoreError: the store is another sweep's.
+        StoppedError: the sweep was interrupted; the same call resumes it.
+    """
+    if executor == "local" and address is not None:
+        raise SweepFileError("--address is for a cluster; add --executor ray")
+    if executor != "local" and workers == 0:
+        raise SweepFileError("--workers 0 runs all in this process; leave it out for a cluster")
+    text, name, folder = _source(source)
+    target = _default_store(name) if output is None else opt.address_of(output)
+    rerun_with_mujoco(mujoco, None if output else target)
+    # A finished store is unlikely to need workers. What they are forked from loads during planning.
+    runs_nothing = plan or (not fresh and Path(str(target), "manifest.json").exists())
+    wanted = 0 if runs_nothing or executor != "local" else workers
+    surroundings().fork_workers(wanted)
+    from contactlab.plan.grid import CONFIRM_ABOVE
+    from contactlab.plan.overrides import Overrides
+    from contactlab.run.forecast import forecast
+    from contactlab.run.sweep_request import read_request
+    from contactlab.run.worker_pool import worker_count
+
+    opt.load_plugins(plugin)
+    task = opt.task_of(start, drive, duration, must=must)
+    request = read_request(
+        text,
+        name,
+        target,
+        folder=folder,
+        workers=worker_count(workers),
+        overrides=Overrides([*opt.assigned(set), *task.settings], opt.assigned(only), limit),
+        drive=task.drive,
+        allow_code=allow_code,
+    )
+    for warning in request.plan.warnings:
+        say(str(warning))
+    if plan:
+        return PlannedSweep(request.plan, forecast(request.plan, request.scene, request.workers))
+    if request.plan.count > CONFIRM_ABOVE and not yes:
+        raise SweepFileError(
+            f"the sweep has {request.plan.count:,} runs; look at it with --plan, then run it with "
+            "--yes"
+        )
+    request = replace(
+        request, fresh=fresh, retry_failed=retry_failed, repair=repair, allow_code=allow_code
+    )
+    return _run(
+        request, _cluster(executor, address, request.workers if address is None else workers)
+    )
+
+
+def _source(
+    source: str | Path | Mapping[str, object],
+) -> "tuple[Path | Mapping[str, object], str, Path]":
+    """Return a sweep's file or data, its name, and the folder where its relative paths start."""
+    if isinstance(source, Mapping):
+        return source, "sweep", Path()
+    from contactlab.resources import find_sweep
+
+    path = find_sweep(str(source))
+    return path, path.stem, path.parent
+
+
+def _default_store(name: str) -> Path:
+    from contactlab.resources import RESULTS
+
+    return RESULTS / name
+
+
+def _run(request: "SweepRequest", cluster: "AbstractContextManager[Executor | None]") -> "Store":
+    from contactlab.run.sweep_runner import run_sweep
+    from contactlab.store.finished_store import Store
+
+    with surroundings().watching("resume") as watch, cluster as nodes:
+        manifest = run_sweep(
+            replace(request, cluster=nodes), watch.begin, watch.advance, watch.stop
+        )
+    for what, why in manifest.sweep.lacking.items():
+        say(f"{what} is left empty: {why}")
+    return Store.open(request.store)
+
+
+def _cluster(
+    name: str, address: str | None, workers: int | None
+) -> "AbstractContextManager[Executor | None]":
+    """Return what connects to an executor, which is an entry point; of this machine, nothing."""
+    if name == "local":
+        return nullcontext()
+    from contactlab.plugins import extensions
+
+    found = extensions("executor")
+    if name not in found:
+        raise SweepFileError(f"no executor '{name}'; installed are {', '.join(['local', *found])}")
+    return found[name].load()(address, workers)
+
+
+def _axes(plan: "Plan") -> list[tuple[str, str, int, str]]:
+    return [(axis.name, axis.role, axis.count, _range(axis.values)) for axis in plan.axes]
+
+
+def _print_plan(plan: "Plan", forecast: "Forecast") -> None:
+    print_table(("axis", "role", "values", "range"), _axes(plan))
+    echo(f"runs   {forecast.runs:,} (seeds {len(plan.sweep.seed_values)})")
+    echo(f"steps  {forecast.steps:,}")
+    echo(f"time   {_seconds(forecast.seconds[0])} to {_seconds(forecast.seconds[1])}")
+    passes = {"accuracy": forecast.accuracy_seconds, "timing": forecast.timing_seconds}
+    for name, seconds in passes.items():
+        if seconds:
+            echo(f"       {_seconds(seconds)} of it for {name}")
+    echo(f"disk   {_megabytes(forecast.bytes)} of traces")
+    for form, size in forecast.bytes_by_format.items():
+        if form != plan.sweep.trace_format and size[1]:
+            echo(f"       {_megabytes(size)} with trace_format: {form}")
+    for warning in forecast.warnings:
+        echo(f"warning: {warning}")
+
+
+def _range(values: tuple[object, ...]) -> str:
+    shown = values if len(values) <= 6 else (*values[:2], "...", values[-1])
+    return ", ".join(format_value(value) for value in shown)
+
+
+def _megabytes(size: tuple[float, float]) -> str:
+    return f"{size[0] / 1e6:.3g} to {size[1] / 1e6:.3g} MB"
+
+
+def _seconds(seconds: float) -> str:
+    return f"{seconds:.2g} s" if seconds < 120 else f"{seconds / 60:.2g} min"

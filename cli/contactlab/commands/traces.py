@@ -1,0 +1,76 @@
+"""Work with the traces of a store."""
+
+from pathlib import Path
+from typing import Annotated, NamedTuple
+
+from contactlab.command_line import options as opt
+from contactlab.command_line.declaration import Argument, Given, Option, command
+from contactlab.command_line.terminal import echo
+from contactlab.errors import OutputError, StoreError
+
+
+class ExpandedTraces(NamedTuple):
+    """Traces as messages, in a folder."""
+
+    folder: Path
+    traces: int
+    bytes: int
+
+
+def _text(done: ExpandedTraces, given: Given) -> None:
+    del given
+    count = "1 trace" if done.traces == 1 else f"{done.traces:,} traces"
+    echo(f"{count} as messages in {done.folder}: {done.bytes / 1e6:.2g} MB")
+
+
+@command(
+    "read",
+    name="traces expand",
+    examples=("traces expand results/grasp 3ead3115 -o messages",),
+    formats={"text": _text},
+)
+def expand(
+    store: opt.StoreArgument,
+    run: Annotated[
+        str | None,
+        Argument("RUN", "Run id, or its first digits; all runs that have a trace by default."),
+    ] = None,
+    *,
+    output: Annotated[
+        str | Path | None,
+        Option(
+            "FOLDER",
+            "Folder to write RUN.mcap into; by default STORE-messages, beside the store.",
+            kind=Path,
+            short="-o",
+        ),
+    ] = None,
+) -> ExpandedTraces:
+    """Write traces as messages, which viewers open, with every bit of a compact trace.
+
+    Raises:
+        StoreError: there is no such store or run, or it has no trace.
+        OutputError: the folder is in the store, or cannot be written.
+    """
+    from contactlab.store.atomic_files import atomic_write, write_errors
+    from contactlab.store.finished_store import Store
+
+    address = opt.address_of(store)
+    opened = Store.open(address)
+    records = (
+        [opened.record(run)] if run else [record for record in opened.records() if record.trace]
+    )
+    if not records:
+        raise StoreError(f"{address} has no traces; sweep again with --set trace=all elsewhere")
+    folder = opt.beside(address, "-messages") if output is None else Path(output)
+    if isinstance(address, Path) and folder.resolve().is_relative_to(address.resolve()):
+        raise OutputError(f"{folder} is in the store; name a folder beside it")
+    size = 0
+    for record in records:
+        content = opened.trace_messages(record)
+        with write_errors(folder):
+            folder.mkdir(parents=True, exist_ok=True)
+        with atomic_write(folder / f"{record.run_id}.mcap") as temporary:
+            temporary.write_bytes(content)
+        size += len(content)
+    return ExpandedTraces(folder, len(records), size)

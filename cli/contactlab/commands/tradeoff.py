@@ -1,0 +1,301 @@
+"""`contactlab tradeoff`: what accuracy costs in time, and which configuration to use."""
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from contactlab.command_line import options as opt
+from contactlab.command_line.declaration import Argument, Given, Option, command
+from contactlab.command_line.surroundings import say, study_session
+from contactlab.command_line.terminal import echo, print_json, print_table
+from contactlab.errors import ExpectationError, OutputError
+from contactlab.printable import shortened
+from contactlab.resources import RESULTS
+
+if TYPE_CHECKING:
+    from contactlab.plan.task_options import TaskOptions
+    from contactlab.schema.tradeoff_report import (
+        Configuration,
+        Method,
+        Recommendation,
+        TradeoffReport,
+    )
+    from contactlab.store.finished_store import Store
+    from contactlab.store.store_files import Address
+
+_MOST_METHODS = 12
+_MOST_RATES = 40
+
+
+def _text(report: "TradeoffReport", given: Given) -> None:
+    del given
+    _print(report)
+
+
+def _json(report: "TradeoffReport", given: Given) -> None:
+    del given
+    print_json(report.model_dump(mode="json"))
+
+
+def _failure(report: "TradeoffReport", given: Given) -> ExpectationError | None:
+    del given
+    if report.recommendation is not None:
+        return None
+    from contactlab.pareto.recommendation import blocker_texts
+
+    reason = "".join(f": {text}" for text in blocker_texts(report)[:1])
+    which = "mujoco's" if report.front else str(len(report.configurations))
+    return ExpectationError(f"none of {which} configurations is feasible{reason}")
+
+
+@command(
+    "run",
+    examples=("tradeoff results/bounce --within oracle_error=1%",),
+    formats={"text": _text, "json": _json},
+    failure=_failure,
+)
+def tradeoff(
+    source: Annotated[
+        "Store | Address | str",
+        Argument("STORE|SWEEP|MODEL", "Store, sweep, model file or menagerie:ROBOT.", kind=str),
+    ],
+    *,
+    error: opt.ErrorMetric = None,
+    figure: opt.Figure = None,
+    write: Annotated[
+        str | Path | None,
+        Option("FILE", "Write a sweep file of the recommended settings.", kind=Path),
+    ] = None,
+    model: Annotated[
+        str | Path | None,
+        Option("FOLDER", "Write the model with these settings, and a patch.", kind=Path),
+    ] = None,
+    output: opt.StoreOutput = None,
+    workers: opt.Workers = None,
+    start: opt.Start = None,
+    drive: opt.Drive = None,
+    duration: opt.Duration = None,
+    watch: opt.Watch = (),
+    within: opt.Within = (),
+    must: opt.Must = (),
+    plugin: opt.Plugins = (),
+    allow_code: opt.AllowCode = False,
+) -> "TradeoffReport":
+    """Weigh accuracy against time, and recommend the fastest settings that are accurate enough.
+
+    A sweep is run into the store `output`, or `results/tradeoff/NAME`. `within` has the largest
+    acceptable values by metric, over those of the sweep.
+
+    Raises:
+        SweepFileError: the sweep holds mistakes, or a tolerance names what it does not measure.
+        StoreError: the store has no error to evaluate.
+        OutputError: a file cannot be written.
+    """
+    from contactlab.pareto.analysis import analyse
+    from contactlab.pareto.criteria import Criteria, find_store
+    from contactlab.store.finished_store import Store
+
+    opt.load_plugins(plugin)
+    task = opt.task_of(start, drive, duration, watch, within, must)
+    criteria = Criteria(error, task.limits)
+    sweep_file, folder = (None if path is None else Path(path) for path in (write, model))
+    _check_outputs(figure, sweep_file, folder)
+    name = str(opt.address_of(source))
+    target = None if output is None else opt.address_of(output)
+    opened = None if (stored := find_store(name, target)) is None else Store.open(stored)
+    if opened is not None:
+        _check_heeded(task, name)
+        opt.mention_damage(opened)
+    if opened is not None and model is None:
+        report = analyse(opened, criteria)
+    else:
+        # An engine is needed to run a sweep, and to write a model.
+        from contactlab.studies.tradeoff_sweep import TradeoffRequest, run
+
+        request = TradeoffRequest(name, criteria, target, task, folder)
+        with study_session(RESULTS / "tradeoff", workers, allow_code=allow_code) as session:
+            report = run(request, session)
+    if figure is not None:
+        from contactlab.charts import save_figure
+        from contactlab.pareto.tradeoff_chart import specification
+
+        save_figure(specification(report), Path(figure))
+        say(f"drew {figure}")
+    if sweep_file is not None and report.recommendation is not None:
+        _write(sweep_file, report)
+    return report
+
+
+def _check_heeded(task: "TaskOptions", store: str) -> None:
+    """Refuse what cannot change the runs of a store."""
+    measured = "the runs of a store are made; write --within METRIC=VALUE, such as slip=1mm"
+    opt.refuse_parts(task, ["within"], measured)
+    parts = ["start", "drive", "duration", "watch", "must"]
+    opt.refuse_parts(task, parts, f"the runs of {store} are made; name their sweep instead")
+
+
+def _check_outputs(figure: str | Path | None, write: Path | None, model: Path | None) -> None:
+    """Refuse files that cannot be written, before anything is run."""
+    opt.check_figure(figure)
+    if write is not None and not write.parent.is_dir():
+        raise OutputError(f"cannot write {write}: no folder {write.parent}; create it first")
+    if write is not None and write.exists():
+        raise OutputError(f"{write} exists; choose another file with --write")
+    if model is not None and model.exists() and not (model.is_dir() and not any(model.iterdir())):
+        raise OutputError(f"{model} is no empty folder; choose another one with --model")
+
+
+def _write(path: Path, report: "TradeoffReport") -> None:
+    from contactlab.pareto.configuration_export import recommended_sweep
+    from contactlab.schema.evidence import ERRORS
+    from contactlab.store.atomic_files import atomic_write
+    from contactlab.store.finished_store import Store
+    from contactlab.store.store_files import parse_address
+
+    store = Store.open(parse_address(report.store))
+    text = recommended_sweep(store, report, path.parent)
+    with atomic_write(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+    command = "tradeoff" if report.tolerances.keys() & set(ERRORS) else "sweep"
+    say(f"wrote {path}\nnext: contactlab {command} {path}")
+
+
+def _print(report: "TradeoffReport") -> None:
+    echo("\n".join(_head(report)))
+    _print_front(report)
+    if len(report.methods) < len(report.configurations):
+        _print_methods(report.methods)
+    if report.chaotic:
+        _print_rates(report)
+    for line in _answer(report):
+        echo(line)
+    for note in report.notes:
+        echo(f"note: {note}")
+
+
+def _head(report: "TradeoffReport") -> Iterator[str]:
+    from contactlab.schema.tradeoff_report import REALITY
+
+    feasible = sum(each.feasible for each in report.configurations)
+    unit = f" [{report.error.unit}]" if report.error.unit not in {"", "any"} else ""
+    source = "a timing pass" if report.time.source == "timing" else "the recorded runs"
+    if report.task is not None:
+        yield report.task.line
+    yield f"{report.sweep}: {len(report.configurations)} configurations of {report.scene}"
+    yield f"  runs of each  {report.cases} (scenarios: {', '.join(report.scenarios) or 'one'})"
+    written = "from the model as written" if report.error.reference == "written" else None
+    over = "mean" if report.error.name == REALITY else "largest"
+    kind = ", ".join(filter(None, (report.error.kind, report.error.against, written)))
+    yield f"  error         {report.error.name}{unit}, {over} over the runs ({kind})"
+    yield f"  time          CPU seconds per simulated second, mean over the runs, from {source}"
+    limits = ", ".join(f"{name} <= {value:g}" for name, value in report.tolerances.items())
+    yield f"  tolerances    {limits or 'none'}"
+    yield f"  feasible      {feasible}"
+    if report.baseline is not None:
+        yield f"  now           {_now(report, report.baseline)}"
+
+
+def _now(report: "TradeoffReport", now: "Configuration") -> str:
+    """Return what the model as written is, and why it is not feasible if it is not."""
+    from contactlab.pareto.recommendation import settings_text
+
+    known = [name for name in report.varying if now.configuration[name] is not None]
+    parts = [settings_text(now.configuration, known)] if known else []
+    parts += [] if now.error is None else [f"error {now.error:.3g}"]
+    parts += [] if now.time is None else [f"{now.time:.3g} CPU s per s"]
+    return "; ".join([*parts, *now.reasons[:1]])
+
+
+def _print_front(report: "TradeoffReport") -> None:
+    line, what = report.front, "Pareto front of the feasible configurations"
+    if not line:
+        line, what = report.unconstrained_front, "Pareto front; no configuration is feasible"
+    echo(f"\n{what}")
+    rows: list[list[object]] = []
+    for each in line:
+        values = [each.configuration[name] for name in report.varying]
+        speed = (f"{each.time:.3g}", f"{each.real_time_factor:,.0f}")
+        rows.append([*values, f"{each.error:.3g}", *speed])
+    print_table([*report.varying, "error", "CPU s per s", "x real time"], rows)
+
+
+def _print_methods(methods: "Sequence[Method]") -> None:
+    ordered = sorted(methods, key=lambda each: each.order.slope is None and each.floor is None)
+    floors = [
+        f"{each.floor.error:.3g} up to {each.floor.timestep:g} s" if each.floor else "-"
+        for each in ordered
+    ]
+    rows = [(each.name, _order(each), floor) for each, floor in zip(ordered, floors, strict=True)]
+    echo("\nconvergence of the error with the timestep")
+    _print_first(("method", "order", "floor"), rows, _MOST_METHODS)
+
+
+def _order(method: "Method") -> str:
+    order = method.order
+    if order.slope is None or order.standard_error is None:
+        return f"none: {order.reason}"
+    return f"{order.slope:.2f} +- {order.standard_error:.2f} over {order.points} timesteps"
+
+
+def _print_rates(report: "TradeoffReport") -> None:
+    echo("\nchaotic: fraction of runs as expected, with its 95 % confidence interval")
+    rows = [
+        (
+            *(each.configuration[name] for name in report.varying),
+            f"{each.outcomes.good}/{each.outcomes.runs}",
+            f"{each.outcomes.low:.0%} to {each.outcomes.high:.0%}",
+        )
+        for each in report.configurations
+    ]
+    _print_first((*report.varying, "as expected", "rate"), rows, _MOST_RATES)
+
+
+def _print_first(header: Sequence[str], rows: Sequence[Sequence[object]], most: int) -> None:
+    print_table(header, rows[:most])
+    if len(rows) > most:
+        echo(f"and {len(rows) - most} more, see --format json")
+
+
+def _answer(report: "TradeoffReport") -> Iterator[str]:
+    from contactlab.pareto.recommendation import blocker_texts, next_step_text, robust_text
+
+    chosen, robust = report.recommendation, report.robust
+    if chosen is None:
+        yield f"\nnothing {'that mujoco simulates ' if report.front else ''}is feasible"
+        yield from (f"  {text}" for text in blocker_texts(report))
+        return
+    now = report.baseline and report.baseline.time
+    yield f"\nrecommended{f', {now / chosen.time:.2f} x as fast as now' if now else ''}"
+    yield from _described(report, chosen)
+    if text := robust_text(report):
+        yield text
+    if robust is not None and robust.run_id != chosen.run_id:
+        yield from _described(report, robust)
+    yield f"next step: {next_step_text(report) or 'no feasible configuration is more accurate'}"
+    if report.baseline and chosen.configuration == report.baseline.configuration:
+        yield "\nkeep the model as it is"
+    elif not (chosen.mjcf or chosen.other):
+        yield f"\ninto the model: contactlab tradeoff {report.store} --model FOLDER"
+    else:
+        yield "\nin the model"
+        rest = "the patch that --model FOLDER writes"
+        yield from (f"  {line}" for line in shortened(chosen.mjcf, 12, rest))
+        yield from (f"  {name}: {value}" for name, value in chosen.other.items())
+
+
+def _described(report: "TradeoffReport", chosen: "Recommendation") -> Iterator[str]:
+    from contactlab.pareto.recommendation import settings_text
+
+    yield f"  {settings_text(chosen.configuration, report.varying) or 'as in the sweep'}"
+    error = "unknown" if chosen.error is None else f"{chosen.error:.3g}"
+    speed = f"{chosen.time:.3g} CPU s per s, {chosen.real_time_factor:,.0f} times real time"
+    yield f"  error {error}; {speed}"
+    if chosen.margins:
+        margins = [
+            f"{name} {'unlimited' if each is None else f'{each:.3g}'}"
+            for name, each in chosen.margins.items()
+        ]
+        yield f"  margins: {', '.join(margins)}"
+    if chosen.equally_fast:
+        yield f"  {len(chosen.equally_fast)} others are as fast (within 5 %) and no more accurate"
+    yield f"  look closer: contactlab show {report.store} {chosen.run_id[:8]}"

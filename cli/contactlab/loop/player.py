@@ -1,0 +1,168 @@
+"""Plays episodes of an environment, each with the model of one run."""
+
+import math
+import sys
+from collections.abc import Callable
+from contextlib import redirect_stdout
+from dataclasses import replace
+from typing import Any
+
+import mujoco
+
+from contactlab.accuracy.reference import PlannedModel
+from contactlab.engines import PreparedRuns
+from contactlab.engines.engine import PolicyClass
+from contactlab.errors import SceneError, in_one_line
+from contactlab.loop.actor import FailureError, actor_of
+from contactlab.loop.listener import Episode, Listener, changed_fields, known_of, write_fields
+from contactlab.loop.reader import LoopReader
+from contactlab.loop.simulation import bare, other_parts, simulation
+from contactlab.scene.contact_pairs import effective_parameters
+from contactlab.scene.scene import Scene
+
+SUCCESS = ("success", "is_success")
+_UNCHECKED = "refined copies and repeats: only the environment's own code makes its steps"
+_MISTAKES = (Exception, SystemExit)
+_TIMESTEP = "opt.timestep"
+_FEW, _MANY = 4, 5  # what step() returns: one or two of the numbers say whether the episode ended
+
+
+class _CutError(Exception):
+    """An episode ended within a step of its environment; the message says why."""
+
+
+class Player:
+    """Plays runs as episodes of one environment, which is made again where one failed.
+
+    Args:
+        scene: the store's, with the model that the environment had when the sweep was planned.
+        make: makes the environment.
+        policy: what acts in it; None draws from its action_space.
+    """
+
+    def __init__(self, scene: Scene, make: Callable[[], Any], policy: PolicyClass | None) -> None:
+        self._scene, self._make, self._policy = scene, make, policy
+        self._env: Any = None
+
+    def play(self, plan: PlannedModel) -> Episode:
+        """Return the episode of a run; of one that failed, what there is of it, and why."""
+        model = plan.prepared.model
+        # This one stands in for an environment that cannot be made, or not reset.
+        spare = listener = _EpisodeListener(self._scene, plan, model, mujoco.MjData(model))
+        said: dict[str, Any] = {"success": None, "total_reward": None}
+        failed: str | None = None
+        try:
+            with redirect_stdout(sys.stderr):
+                observation = self._reset(plan)
+                own = simulation(bare(self._env))
+                listener = _EpisodeListener(self._scene, plan, *own)
+                self._go_through(plan, listener, observation, said)
+        except _CutError as error:
+            said |= {"status": "stopped", "status_reason": f"cut: {error}"}
+        except MemoryError:
+            raise
+        except _MISTAKES as error:
+            plain = isinstance(error, FailureError | SceneError)
+            failed = str(error) if plain else f"environment: {in_one_line(error, __file__)}"
+            self._env = None
+        return (listener if listener.steps else spare).episode(said, failed)
+
+    def _reset(self, plan: PlannedModel) -> Any:  # noqa: ANN401 - whatever it observes
+        """Reset the environment with a run's model and seed; return what it observes."""
+        if self._env is None:
+            self._env = self._make()
+        base, wanted = self._scene.base({}).model, plan.prepared.model
+        model, data = simulation(bare(self._env))
+        _check_parts(model, base)
+        write_fields(model, wanted)
+        mujoco.mj_resetData(model, data)
+        answer = self._env.reset(seed=plan.run.seed)
+        again, data = simulation(bare(self._env))
+        if again is not model:
+            _check_parts(again, base)
+            write_fields(again, wanted)
+            mujoco.mj_forward(again, data)
+        kept = {*changed_fields(base, wanted), _TIMESTEP}
+        if lost := [name for name in changed_fields(wanted, again) if name in kept]:
+            raise FailureError(
+                f"reset() of the environment writes {', '.join(lost)} over what the sweep sets"
+            )
+        return answer[0] if isinstance(answer, tuple) else answer
+
+    def _go_through(
+        self,
+        plan: PlannedModel,
+        listener: "_EpisodeListener",
+        observation: Any,  # noqa: ANN401 - as above
+        said: dict[str, Any],
+    ) -> None:
+        """Make steps until the environment or the run ends; keep what is said of them."""
+        env, ended, total = self._env, False, 0.0
+        act = actor_of(env, self._policy, plan, self._scene.base({}).model, listener.data)
+        while not ended and listener.steps < plan.run.steps:
+            before, action = listener.steps, act(observation)
+            with listener.listening():
+                answer = env.step(action)
+            if listener.steps == before:
+                raise FailureError(
+                    "step() of the environment made no step by mujoco.mj_step or mujoco.mj_step2, "
+                    "called by these names"
+                )
+            if not isinstance(answer, tuple) or len(answer) not in (_FEW, _MANY):
+                raise FailureError(
+                    "step() of the environment returns observation, reward, terminated, truncated "
+                    "and info"
+                )
+            observation, reward, *ends, info = answer
+            total, ended = total + float(reward), any(ends)
+            if not math.isfinite(total):
+                raise FailureError(f"step() of the environment returned the reward {reward}")
+            if listener.model.opt.timestep != plan.prepared.model.opt.timestep:
+                raise FailureError(f"step() of the environment writes {_TIMESTEP} under way")
+            told = [bool(info[name]) for name in SUCCESS if name in info]
+            said |= {"total_reward": total, **({"success": told[0]} if told else {})}
+
+
+def _check_parts(model: mujoco.MjModel, base: mujoco.MjModel) -> None:
+    if differing := other_parts(model, base):
+        raise FailureError(f"the model is not that of the sweep: it differs in {differing}")
+
+
+class _EpisodeListener(Listener):
+    """Listens to one episode, which ends where its time goes back."""
+
+    def __init__(
+        self, scene: Scene, plan: PlannedModel, model: mujoco.MjModel, data: mujoco.MjData
+    ) -> None:
+        super().__init__(LoopReader(scene.base({}), model, data))
+        self._scene, self._plan = scene, plan
+
+    @property
+    def steps(self) -> int:
+        """How many steps were made."""
+        return self._reader.steps
+
+    def _cut(self, why: str | None) -> None:
+        raise _CutError(why or "the environment was reset within a step")
+
+    def episode(self, said: dict[str, Any], failed: str | None) -> Episode:
+        """Return the episode, with what is said of it, and why it failed if it did."""
+        reader, made, plan = self._reader, self.steps, self._plan
+        if not made:
+            # One row, of which nothing is measured.
+            mujoco.mj_forward(reader.model, reader.data)
+            self._attend()
+            reader.read_step()
+        steps, before = self._taken(), self._before
+        start, count = steps.starts(before), len(steps.rows)
+        resolved = replace(plan.run, duration=count * before.opt.timestep)
+        pairs = {
+            pair.name: effective_parameters(before, pair) for pair in self._scene.base({}).pairs
+        }
+        prepared = replace(plan.prepared, model=before, pairs=pairs)
+        rollout = steps.rollout(PreparedRuns(self._scene, [resolved], [prepared], start, count))
+        rollout = replace(rollout, steps=rollout.steps if made else (0,), errors=(failed,))
+        own = replace(plan, run=resolved, prepared=prepared, start=start)
+        loop = self._noticed(plan.prepared.model, _UNCHECKED)
+        said = {**said, "loop": loop, "duration": plan.run.duration}
+        return Episode(own, rollout, known_of(steps), self._started, said)

@@ -1,0 +1,177 @@
+"""Engines side by side: what their runs cost, how far they are apart, and a report of parity."""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from pydantic import ValidationError
+
+from contactlab.comparison.checks import format_percent
+from contactlab.comparison.pairing import rounded
+from contactlab.contact.trace_arrays import Floats
+from contactlab.errors import StoreError
+from contactlab.reporting.report import ReportData
+from contactlab.reporting.report_columns import Codes
+from contactlab.studies.parity.parity_report import ParityReport
+
+_AXIS, _REFERENCE = "engine", "mujoco"
+_PENETRATION = "penetration_mean"
+GATE = 0.05
+"""Tolerances of the practice before anything is scaled."""
+
+
+class EngineCost(NamedTuple):
+    """One engine's runs: how many, of them stable, and the median cost of a simulated second."""
+
+    name: str
+    version: str
+    runs: int
+    stable: int
+    cost: float  # CPU s; NaN where no engine told
+    ratio: float  # over that of the reference
+
+
+class GateRow(NamedTuple):
+    """One quantity in paired runs by MuJoCo and by an engine; differences as shares."""
+
+    engine: str
+    quantity: str
+    pairs: int
+    ours: float  # means
+    theirs: float
+    mean: float
+    worst: float
+    verdict: str
+
+
+@dataclass(frozen=True)
+class EngineParts:
+    """Parts of a page about engines; the report of parity is None unless one was given."""
+
+    costs: Sequence[EngineCost]
+    gate: Sequence[GateRow]
+    parity: ParityReport | None
+
+
+def engine_parts(data: ReportData, parity: Path | None) -> EngineParts | None:
+    """Return what to show of the engines of a store; None of one engine without a report."""
+    report = _read(parity, data) if parity else None
+    codes = _engine_codes(data)
+    if report is None and len(codes) < 2:
+        return None
+    gate = _gate_of_report(report) if report else _gate_of_store(data, codes)
+    return EngineParts(list(_costs(data, codes)), list(gate), report)
+
+
+def _read(path: Path, data: ReportData) -> ParityReport:
+    """Return a report of parity; a StoreError says that it is none, or of another scene."""
+    try:
+        report = ParityReport.model_validate_json(path.read_bytes())
+    except OSError as error:
+        raise StoreError(f"cannot read {path}: {error.strerror}") from error
+    except ValidationError as error:
+        write = "contactlab parity SWEEP --against ENGINE --format json"
+        raise StoreError(f"{path} is no report of parity; write one: {write}") from error
+    scene = data.store.manifest.sweep.scene
+    if report.scene != scene:
+        raise StoreError(f"{path} is of {report.scene}, the store of {scene}")
+    return report
+
+
+def _engine_codes(data: ReportData) -> dict[str, Codes]:
+    """Return the rows of each engine's runs, MuJoCo's first."""
+    names = data.store.columns.coded("engine_name")
+    found = {name: np.flatnonzero(names.codes == code) for code, name in enumerate(names.values)}
+    return {engine: found[engine] for engine in sorted(found, key=lambda name: name != _REFERENCE)}
+
+
+def _costs(data: ReportData, rows: dict[str, Codes]) -> Iterator[EngineCost]:
+    columns, failed = data.store.columns, data.labels.failed
+    versions, values = columns.coded("engine_version"), columns.numbers("cost_cpu_per_sim_s")[0]
+    first = math.nan
+    for name, own in rows.items():
+        told = values[own][np.isfinite(values[own])]
+        cost = float(np.median(told)) if len(told) else math.nan
+        first = cost if math.isnan(first) else first
+        version = versions.values[versions.codes[own[0]]]
+        stable = len(own) - int(failed[own].sum())
+        yield EngineCost(name, version, len(own), stable, cost, cost / first)
+
+
+def _gate_of_store(data: ReportData, rows: dict[str, Codes]) -> Iterator[GateRow]:
+    """Yield how far paired runs are apart, without floors that would say what rounding does."""
+    keys, (reference, *others) = _keys(data), rows.items()
+    quantities = {"success": (~data.labels.failed).astype(float)}
+    quantities |= {
+        quantity.name: quantity.values for quantity in data.quantities_named(_PENETRATION)
+    }
+    for name, own in others:
+        _, ours, theirs = np.intersect1d(keys[reference[1]], keys[own], return_indices=True)
+        for quantity, values in quantities.items():
+            pair = values[reference[1][ours]], values[own[theirs]]
+            known = np.isfinite(pair[0]) & np.isfinite(pair[1])
+            if known.any():
+                yield _gate_row(name, quantity, pair[0][known], pair[1][known])
+
+
+def _keys(data: ReportData) -> Codes:
+    """Return (n,) equal numbers of runs that differ in their engines alone."""
+    keys = np.zeros(data.store.columns.runs, np.int64)
+    axes = [axis for axis in data.axes if axis.name != _AXIS]
+    columns = [axis.codes if axis.numbers is None else rounded(axis.numbers) for axis in axes]
+    for values in (*columns, data.store.columns.numbers("seed")[0]):
+        codes = np.unique(values, return_inverse=True)[1]
+        keys = np.unique(keys * (codes.max() + 1) + codes, return_inverse=True)[1]
+    return keys
+
+
+def _gate_row(engine: str, quantity: str, ours: Floats, theirs: Floats) -> GateRow:
+    scale = np.ones_like(ours) if quantity == "success" else np.abs(ours)
+    change = np.abs(theirs - ours)
+    shares = np.divide(change, scale, out=np.where(change > 0, np.inf, 0.0), where=scale > 0)
+    mean, worst = float(shares.mean()), float(shares.max())
+    verdict = "within" if worst <= GATE else "worst run beyond" if mean <= GATE else "beyond"
+    means = float(ours.mean()), float(theirs.mean())
+    return GateRow(engine, quantity, len(ours), *means, mean, worst, verdict)
+
+
+def _gate_of_report(report: ParityReport) -> Iterator[GateRow]:
+    """Yield the judged quantities of a report: its checks say which are beyond what is allowed."""
+    failed = {check.name for check in report.checks if check.outcome == "failed"}
+    for name in dict.fromkeys(name for run in report.runs for name in run.measured):
+        told = [run.measured[name] for run in report.runs if name in run.measured]
+        ours, theirs, shares = (
+            np.array([math.nan if value is None else value for value in values])
+            for values in zip(
+                *[(reading.mujoco, reading.engine, reading.difference) for reading in told],
+                strict=True,
+            )
+        )
+        known = np.isfinite(ours) & np.isfinite(theirs)
+        if known.any():
+            beyond = [of for of in ("on average", "of each run") if f"{name} {of}" in failed]
+            verdict = f"beyond {' and '.join(beyond)}" if beyond else "within"
+            shares = np.where(np.isnan(shares), np.inf, shares)[known]
+            means = float(ours[known].mean()), float(theirs[known].mean())
+            far = float(shares.mean()), float(shares.max())
+            yield GateRow(report.engine, name, int(known.sum()), *means, *far, verdict)
+
+
+def engines_sentence(parts: EngineParts) -> str:
+    """Return what the engines' runs amount to."""
+    if parts.parity:
+        return f"{parts.parity.headline}."
+    off = [metric for metric in parts.gate if metric.verdict != "within"]
+    pairs = max((metric.pairs for metric in parts.gate), default=0)
+    if not pairs:
+        return "No two runs differ in their engine alone."
+    if not off:
+        return f"{pairs:,} pairs of runs agree within {format_percent(GATE)}."
+    most = max(off, key=lambda metric: metric.mean)
+    return (
+        f"Of {pairs:,} pairs of runs, {most.quantity} differs by {format_percent(most.mean)} on "
+        f"average with {most.engine}, by {format_percent(most.worst)} at worst."
+    )

@@ -1,0 +1,119 @@
+"""Text of SVG figures as outlines, which look alike whatever fonts their reader has.
+
+The renderer embeds in a PDF the glyphs that a picture needs. They are set side by side, without
+kerning.
+"""
+
+import io
+import re
+import xml.etree.ElementTree as ET
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import pikepdf
+import vl_convert
+from fontTools.pens.svgPathPen import SVGPathPen
+from fontTools.pens.transformPen import TransformPen
+from fontTools.ttLib import TTFont
+
+_SVG = "http://www.w3.org/2000/svg"
+_XLINK = "http://www.w3.org/1999/xlink"
+_OF_TEXT = {"text-anchor", "font-family", "font-size", "font-weight", "font-style"}
+_STARTS = {"start": 0.0, "middle": -0.5, "end": -1.0}
+_CODES = re.compile(r"<([0-9A-F]{4})> <([0-9A-F]{4,})>\n")
+
+
+@dataclass(frozen=True)
+class _Font:
+    """A TrueType font, and the glyph of each character."""
+
+    name: str
+    outlines: TTFont
+    glyphs: dict[str, str]
+
+    @property
+    def em(self) -> int:
+        """Units of an em."""
+        return vars(self.outlines["head"])["unitsPerEm"]
+
+    def advance(self, character: str) -> float:
+        """Return the distance from a character to the next one [em]."""
+        advance, _ = self.outlines["hmtx"][self.glyphs[character]]
+        return advance / self.em
+
+
+def outlined(svg: str) -> str:
+    """Return an SVG picture whose texts are paths, named by what they say.
+
+    A text of which the renderer has no TrueType outlines stays as it is.
+    """
+    fonts = _fonts(svg)
+    ET.register_namespace("", _SVG)
+    ET.register_namespace("xlink", _XLINK)
+    root = ET.fromstring(svg)  # noqa: S314 - drawn by this program
+    for text in root.iter(f"{{{_SVG}}}text"):
+        drawn = _drawn(text, fonts)
+        if drawn is None:
+            continue
+        said = " ".join("".join(text.itertext()).split())
+        for line in [*text]:
+            text.remove(line)
+        for name in _OF_TEXT.intersection(text.keys()):
+            del text.attrib[name]
+        text.tag, text.text = f"{{{_SVG}}}path", None
+        text.attrib |= {"d": drawn, "role": "img", "aria-label": said}
+    return ET.tostring(root, encoding="unicode")
+
+
+def _fonts(svg: str) -> list[_Font]:
+    """Return the fonts that a picture is drawn with, as far as they are TrueType."""
+    found: list[_Font] = []
+    with pikepdf.open(io.BytesIO(vl_convert.svg_to_pdf(svg))) as opened:
+        for font in opened.objects:
+            if isinstance(font, pikepdf.Dictionary) and font.get("/Subtype") == "/Type0":
+                described = font["/DescendantFonts"][0]["/FontDescriptor"]
+                if "/FontFile2" in described:
+                    outlines = TTFont(io.BytesIO(described["/FontFile2"].read_bytes()))
+                    codes = _CODES.findall(font["/ToUnicode"].read_bytes().decode())
+                    found.append(_Font(str(font["/BaseFont"]), outlines, _glyphs(outlines, codes)))
+    return found
+
+
+def _glyphs(outlines: TTFont, codes: Sequence[tuple[str, str]]) -> dict[str, str]:
+    """Return the glyph of each character; glyph 0 stands for those that the font lacks."""
+    numbers = {bytes.fromhex(text).decode("utf-16-be"): int(code, 16) for code, text in codes}
+    return {text: outlines.getGlyphName(number) for text, number in numbers.items() if number}
+
+
+def _drawn(text: ET.Element, fonts: Sequence[_Font]) -> str | None:
+    """Return the path of a text, line by line; None where a glyph is missing."""
+    is_bold = text.get("font-weight") in {"bold", "600", "700", "800", "900"}
+    ranked = sorted(fonts, key=lambda font: ("Bold" in font.name) != is_bold)
+    size = float(text.get("font-size", "11px").removesuffix("px"))
+    anchor = _STARTS[text.get("text-anchor", "start")]
+    paths, down = list[str](), 0.0
+    for line in [*text] or [text]:
+        down += float(line.get("dy", 0)) if line is not text else 0.0
+        said = " ".join((line.text or "").split())
+        chosen = [next((font for font in ranked if letter in font.glyphs), None) for letter in said]
+        set_in = [font for font in chosen if font is not None]
+        if len(set_in) < len(said):
+            return None
+        paths.append(_line(said, set_in, size, anchor, down))
+    return "".join(paths)
+
+
+def _line(text: str, fonts: Sequence[_Font], size: float, anchor: float, down: float) -> str:
+    """Return the path of a line, each character in its font, of a size and a baseline."""
+    advances = [font.advance(character) for character, font in zip(text, fonts, strict=True)]
+    paths, right = list[str](), anchor * sum(advances)
+    for character, font, advance in zip(text, fonts, advances, strict=True):
+        scale = size / font.em
+        glyphs = font.outlines.getGlyphSet()
+        pen = SVGPathPen(glyphs, "{:.2f}".format)
+        glyphs[font.glyphs[character]].draw(
+            TransformPen(pen, (scale, 0, 0, -scale, size * right, down))
+        )
+        paths.append(pen.getCommands())
+        right += advance
+    return "".join(paths)

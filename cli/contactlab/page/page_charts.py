@@ -1,0 +1,169 @@
+"""The charts of a page beside its map: labels, accuracy and time, a run, what a knob changes."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import altair as alt
+import numpy as np
+
+from contactlab.charts import (
+    Rows,
+    Spec,
+    layer_of,
+    themed,
+    with_page_colours,
+)
+from contactlab.contact.trace_arrays import NO_CONTACT, SLIDE, STICK, Floats
+from contactlab.page.heatmap import Layered, label_map, number_map
+from contactlab.palette import COLOURS, INK
+from contactlab.pareto.convergence import MethodKey, method_key
+from contactlab.pareto.tradeoff_chart import specification
+from contactlab.reporting.report import ReportData
+from contactlab.reporting.report_columns import (
+    GridAxis,
+    Quantity,
+    RunLabels,
+    combination_codes,
+)
+from contactlab.schema.tradeoff_report import TradeoffReport
+
+MODE_NAMES = {NO_CONTACT: "no contact", STICK: "stick", SLIDE: "slide"}
+_MOST_CONFIGURATIONS = 600
+_MOST_VALUES = 12
+_ROOM = 3.0
+
+
+def chart_templates(data: ReportData, tradeoff: Spec | None) -> dict[str, Spec]:
+    """Return the specifications that a page's script fills with data, in the page's colours."""
+    templates = {
+        "labels": themed(label_map(None, data.labels).to_dict()),
+        "number": themed(number_map(None, np.empty((0, 0)), "").to_dict()),
+        "tradeoff": tradeoff,
+    }
+    return {name: with_page_colours(spec) for name, spec in templates.items() if spec is not None}
+
+
+def tradeoff_chart(data: ReportData) -> Spec | None:
+    """Return accuracy against time; None where the store does not have both.
+
+    Of very many configurations it shows those of the best methods and a sample of the others.
+    """
+    report = data.tradeoff
+    configurations = report.configurations if report else ()
+    if report is None or all(
+        configuration.time is None or configuration.error is None
+        for configuration in configurations
+    ):
+        return None
+    # Altair would hold every configuration against its schema.
+    return themed(specification(report, _drawn_places(report)).to_dict(validate=False))
+
+
+def _drawn_places(report: TradeoffReport) -> set[int]:
+    """Return the configurations to draw: whole methods, those of the fronts before others."""
+    by_method: dict[MethodKey, list[int]] = {}
+    for place, configuration in enumerate(report.configurations):
+        by_method.setdefault(method_key(configuration.configuration), []).append(place)
+    recommended = [pick for pick in (report.recommendation, report.robust) if pick is not None]
+    best = (*recommended, *report.front, *report.unconstrained_front)
+    best_methods = (method_key(configuration.configuration) for configuration in best)
+    # The others in an order that samples all of them evenly.
+    keys, stride = list(by_method), max(1, len(by_method) // 64)
+    others = (key for start in range(stride) for key in keys[start::stride])
+    places: list[int] = []
+    for key in dict.fromkeys((*best_methods, *others)):
+        if len(places) < _MOST_CONFIGURATIONS:
+            places += by_method[key]
+    return set(places)
+
+
+@dataclass(frozen=True)
+class KnobChange:
+    """One knob from one value to another, over the pairs of runs that differ in nothing else.
+
+    Of these a fraction failed before, and after. The ratios are, by quantity, the geometric mean of
+    after over before where neither run fails; None where no pair has two positive values.
+    """
+
+    axis: str
+    before: str
+    after: str
+    pairs: int
+    failed: tuple[float, float]
+    ratios: dict[str, float | None]
+
+
+def knob_changes(
+    axes: Sequence[GridAxis], labels: RunLabels, quantities: Sequence[Quantity]
+) -> list[KnobChange]:
+    """Return every knob's values against its first, where runs can be matched."""
+    knobs = [axis for axis in axes if axis.role == "knob" and len(axis.ticks) <= _MOST_VALUES]
+    return [change for axis in knobs for change in _changes_of(axis, axes, labels, quantities)]
+
+
+def _changes_of(
+    axis: GridAxis, axes: Sequence[GridAxis], labels: RunLabels, quantities: Sequence[Quantity]
+) -> Iterator[KnobChange]:
+    others = combination_codes([other for other in axes if other is not axis], len(axis.codes))
+    base = np.flatnonzero(axis.codes == 0)
+    failed = labels.failed
+    for code in range(1, len(axis.ticks)):
+        rows = np.flatnonzero(axis.codes == code)
+        _, *places = np.intersect1d(others[base], others[rows], return_indices=True)
+        before, after = base[places[0]], rows[places[1]]
+        if len(before):
+            fine = ~(failed[before] | failed[after])
+            shares = float(failed[before].mean()), float(failed[after].mean())
+            ratios = {
+                quantity.name: _mean_ratio(
+                    quantity.values[before[fine]], quantity.values[after[fine]]
+                )
+                for quantity in quantities
+            }
+            ticks = axis.ticks[0], axis.ticks[code]
+            yield KnobChange(axis.name, *ticks, len(before), shares, ratios)
+
+
+def _mean_ratio(before: Floats, after: Floats) -> float | None:
+    positive = (before > 0) & (after > 0)
+    if not positive.any():
+        return None
+    return float(np.exp(np.log(after[positive] / before[positive]).mean()))
+
+
+def change_panels(changes: Sequence[KnobChange], names: Sequence[str]) -> Spec:
+    """Return bars of the factor by which each change multiplies each quantity."""
+    rows: Rows = [
+        {
+            "change": f"{change.axis}  {change.before} → {change.after}",
+            "name": name,
+            "ratio": ratio,
+            "one": 1.0,
+            "text": f"x {ratio:.3g}",
+            # Right of bar and rule, where no tick label is.
+            "end": max(ratio, 1.0),
+        }
+        for change in changes
+        for name in names
+        if (ratio := change.ratios.get(name)) is not None
+    ]
+    order = list(dict.fromkeys(row["change"] for row in rows))
+    named = {name: own for name in names if (own := [row for row in rows if row["name"] == name])}
+    panels = [_bars(own, name, order, is_first=name == names[0]) for name, own in named.items()]
+    return alt.hconcat(*panels, spacing=26).to_dict()
+
+
+def _bars(rows: Rows, name: str, order: list[str], *, is_first: bool) -> Layered:
+    sizes = [row["ratio"] for row in rows]
+    domain = [min(*sizes, 1.0) / _ROOM, max(*sizes, 1.0) * _ROOM]
+    x = alt.X("ratio:Q").scale(type="log", domain=domain, nice=False)
+    x = x.axis(title=f"{name}, after / before", format="~g", tickCount=5)
+    y = alt.Y("change:N").scale(domain=order).axis(title=None, labelLimit=260, labels=is_first)
+    colour = alt.condition("datum.ratio >= 1", alt.value(COLOURS[1]), alt.value(COLOURS[0]))
+    base = layer_of(f"changes {name}", rows)
+    bars = base.mark_bar(height=13).encode(x, y, x2="one:Q", color=colour)
+    texts = base.mark_text(fontSize=11, color=INK, align="left", dx=5)
+    end = alt.X("end:Q").scale(type="log", domain=domain, nice=False)
+    texts = texts.encode(end, y, text="text:N")
+    one = base.mark_rule(color=INK).encode(alt.X("one:Q").scale(type="log", domain=domain))
+    return alt.layer(bars, one, texts).properties(width=240, height={"step": 22})

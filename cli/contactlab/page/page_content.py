@@ -1,0 +1,256 @@
+"""Data for the script of a page: names and texts as JSON, numbers packed."""
+
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contactlab.charts import Spec, with_page_colours
+from contactlab.errors import StoreError
+from contactlab.measure import LABELS
+from contactlab.page.map_cells import aggregated_axes, aggregated_columns
+from contactlab.page.packing import (
+    as_json,
+    pack,
+    packed_integers,
+    packed_text,
+    rounded_floats,
+    run_id_halves,
+)
+from contactlab.page.page_charts import MODE_NAMES, chart_templates
+from contactlab.page.run_series import run_series
+from contactlab.palette import mode_colour
+from contactlab.pareto.analysis import ToleranceTable
+from contactlab.pareto.recommendation import (
+    EQUALLY_FAST,
+    MORE_ACCURATE,
+    SAFE_MARGIN,
+    places_of_models,
+)
+from contactlab.reporting.coverage_rows import coverage_rows
+from contactlab.reporting.report import PageRequest, ReportData
+from contactlab.reporting.report_columns import Codes, GridAxis, RunLabels, summary_metrics
+from contactlab.schema.evidence import EvidenceRecord
+from contactlab.schema.tradeoff_report import TradeoffReport
+from contactlab.store.finished_store import Store
+from contactlab.store.table_layout import row_to_record
+
+# Series of at most so many runs of a label come first, and so many in the order of the plan last.
+_SERIES_PER_LABEL = 3
+_SERIES_OF_OTHERS = 60
+_SERIES_IF_AGGREGATED = 12
+_RUNS_PER_LABEL = 50
+_MOST_LISTED = 5
+# Up to so many runs, numbers have all bits of single precision; above, those of three digits.
+_MOST_RUNS_IN_FULL_PRECISION = 5_000
+_ALL_BITS, _FEW_BITS = 23, 11
+# Bytes that a run takes, and each of its numbers, once compressed.
+_BYTES_PER_RUN, _BYTES_PER_VALUE = 12.0, 2.2
+
+
+def page_content(
+    data: ReportData, request: PageRequest, chart: Spec | None
+) -> tuple[dict[str, str], tuple[str, ...]]:
+    """Return what the script of a page is given, by the element that holds it, and notes.
+
+    These are names, texts and specifications; packed numbers; time series. Where all runs would
+    take more room than the page may have, it is given the cells of every map, and a selection of
+    runs only.
+    """
+    width = _BYTES_PER_RUN + _BYTES_PER_VALUE * len(data.quantities)
+    total = data.store.columns.runs
+    is_aggregated = 4 / 3 * width * total > request.most_bytes
+    traces = min(request.traces, _SERIES_IF_AGGREGATED) if is_aggregated else request.traces
+    with_series = list(dict.fromkeys(_by_interest(data)))[:traces] if traces else []
+    rows = _selected_runs(data, with_series) if is_aggregated else np.arange(total)
+    positions = {row: position for position, row in enumerate(rows.tolist())}
+    stored = data.store.columns
+    records = {
+        positions[row]: row_to_record(stored.row(row), stored.shared) for row in sorted(with_series)
+    }
+    axes = aggregated_axes(data.axes) if is_aggregated else data.axes
+    table = data.tolerance_table()
+    columns = _columns(data, axes, rows, table)
+    if is_aggregated:
+        columns |= aggregated_columns(axes, data.labels, data.quantities)
+    tradeoff = _tradeoff(data.tradeoff) if data.tradeoff and table else None
+    metadata = {
+        "store": str(data.store.address),
+        "runs": len(rows),
+        "total": total,
+        "aggregated": is_aggregated,
+        "axes": [
+            {name: getattr(axis, name) for name in ("name", "title", "ticks", "role")}
+            | {"binned": axis.numbers is not None}
+            for axis in axes
+        ],
+        "labels": {
+            name: getattr(data.labels, name) for name in ("names", "letters", "legend", "every")
+        }
+        | {"colours": page_colours(data.labels)},
+        "modes": [[name, mode_colour(mode)] for mode, name in MODE_NAMES.items()],
+        "listed": listed_metrics(data),
+        "quantities": [
+            [quantity.name, column.unit, column.better, column.resolution, column.description]
+            for quantity in data.quantities
+            for column in [quantity.column]
+        ],
+        "mapAxes": [*data.map_axes.names, None][:2] if data.map_axes else [None, None],
+        "digits": 6 if len(rows) <= _MOST_RUNS_IN_FULL_PRECISION else 3,
+        "specs": chart_templates(data, chart),
+        "tradeoff": tradeoff,
+        "details": {position: _details(record) for position, record in records.items()},
+    }
+    note = (
+        f"{total:,} runs are too many for one page: each map covers all of them, "
+        f"over any two axes and all values of the others; {len(rows):,} single runs are listed"
+    )
+    content = {
+        "metadata": packed_text(as_json(metadata)),
+        "columns": as_json(pack(columns)),
+        "series": as_json(packed_series(data.store, records)),
+    }
+    return content, (note,) if is_aggregated else ()
+
+
+def page_colours(labels: RunLabels) -> list[str]:
+    """Return the colours of labels as the page's style sheet has them, light or dark."""
+    return with_page_colours({"colours": list(labels.colours)})["colours"]
+
+
+def listed_metrics(data: ReportData) -> list[str]:
+    """Return the metrics that lists of runs show: the error, the time, and what is summarized."""
+    report = data.tradeoff
+    first = (report.error.name, report.time.name, *report.tolerances) if report else ()
+    known = {quantity.name for quantity in data.quantities}
+    wanted = dict.fromkeys((*first, *summary_metrics()))
+    return [name for name in wanted if name in known][:_MOST_LISTED]
+
+
+def _selected_runs(data: ReportData, with_series: Sequence[int]) -> Codes:
+    """Return the runs of an aggregated page: some of each label, and one of each cell."""
+    labels = data.labels
+    codes = range(len(labels.names))
+    selected = [np.flatnonzero(labels.codes == code)[:_RUNS_PER_LABEL] for code in codes]
+    if data.map_axes is not None:
+        selected.append(np.unique(data.map_axes.cells, return_index=True)[1])
+    return np.unique(np.concatenate([np.array(with_series, dtype=np.int64), *selected]))
+
+
+def _by_interest(data: ReportData) -> Iterator[int]:
+    """Yield the rows of runs, those first that a reader will ask for first; some more than once.
+
+    The recommended ones come first, then a few of each label, the worst first, then one of each
+    cell of the default map, then the others in the order of the plan.
+    """
+    ids = data.store.columns.byte_strings("run_id")
+    report = data.tradeoff
+    for run in (report.recommendation, report.robust) if report else ():
+        if run is not None:
+            yield from np.flatnonzero(ids == run.run_id.encode()).tolist()
+    for code in range(len(data.labels.names)):
+        yield from np.flatnonzero(data.labels.codes == code)[:_SERIES_PER_LABEL].tolist()
+    if data.map_axes is not None:
+        yield from np.sort(np.unique(data.map_axes.cells, return_index=True)[1]).tolist()
+    yield from range(min(len(ids), _SERIES_OF_OTHERS))
+
+
+def _columns(
+    data: ReportData, axes: Sequence[GridAxis], rows: Codes, table: ToleranceTable | None
+) -> dict[str, NDArray[Any]]:
+    labels, (met, given) = data.labels, data.store.columns.numbers("expectation_met")
+    # 2 for a run as expected, 1 for one that is not, 0 without an expectation.
+    expected = np.where(given, np.nan_to_num(met) + 1, 0).astype(np.int64)
+    bits = _ALL_BITS if len(rows) <= _MOST_RUNS_IN_FULL_PRECISION else _FEW_BITS
+    columns: dict[str, NDArray[Any]] = {
+        "id": run_id_halves(data.store.columns.byte_strings("run_id")[rows]),
+        "label": packed_integers(labels.codes[rows]),
+        "labels": (labels.masks[rows] & 0xFFFFFFFF).astype("u4"),
+        "labels:high": (labels.masks[rows] >> 32).astype("u4"),
+        "expected": packed_integers(expected[rows]),
+    }
+    for axis in axes:
+        columns[f"axis:{axis.name}"] = packed_integers(axis.codes[rows])
+        if axis.numbers is not None:
+            columns[f"number:{axis.name}"] = rounded_floats(axis.numbers[rows])
+    for quantity in data.quantities:
+        columns[f"value:{quantity.name}"] = rounded_floats(quantity.values[rows], bits)
+    if data.tradeoff is not None and table is not None:
+        columns |= _configuration_columns(data.tradeoff, table, rows, bits)
+    return columns
+
+
+def _configuration_columns(
+    report: TradeoffReport, table: ToleranceTable, rows: Codes, bits: int
+) -> dict[str, NDArray[Any]]:
+    exact = {report.error.name, *report.tolerances}
+    return {
+        "configuration": packed_integers(table.configuration[rows]),
+        "otherwiseFeasible": packed_integers(table.otherwise_feasible),
+        "time": np.array(
+            [configuration.time for configuration in report.configurations], dtype=np.float64
+        ),
+        "error": np.array(
+            [configuration.error for configuration in report.configurations], dtype=np.float64
+        ),
+        **{
+            f"worst:{name}": worst if name in exact else rounded_floats(worst, bits)
+            for name, worst in table.worst.items()
+        },
+    }
+
+
+def _tradeoff(report: TradeoffReport) -> dict[str, Any]:
+    recommendable = places_of_models(report.configurations)
+    return {
+        "knobs": report.knobs,
+        "configurations": [
+            list(configuration.configuration.values()) for configuration in report.configurations
+        ],
+        "error": [report.error.name, report.error.unit],
+        "tolerances": report.tolerances,
+        "baseline": report.baseline is not None,
+        # Null for all of them.
+        "recommendable": recommendable if len(recommendable) < len(report.configurations) else None,
+        "equallyFast": EQUALLY_FAST,
+        "equallyAccurate": MORE_ACCURATE,
+        "safeMargin": SAFE_MARGIN,
+    }
+
+
+def _details(record: EvidenceRecord) -> dict[str, Any]:
+    return {
+        "labels": [[label.label, label.reason, label.step] for label in record.labels],
+        "settings": record.settings | record.axes,
+        "coverage": coverage_rows(record.coverage, record.pairs) if record.coverage else [],
+        "expectation_reason": record.expectation_reason,
+        "status": record.status,
+        "steps": record.steps,
+        "engine": f"{record.engine.name} {record.engine.version}",
+        "trace": record.trace.file if record.trace else None,
+        "breaching": [
+            threshold.name
+            for label in record.labels
+            if label.label in LABELS
+            for threshold in LABELS[label.label].thresholds
+        ],
+        "friction": {
+            name: pair.friction[0] for name, pair in record.pairs.items() if pair.condim > 1
+        },
+    }
+
+
+def packed_series(store: Store, records: dict[int, EvidenceRecord]) -> dict[str, Any]:
+    """Return the time series of the runs that have a trace: their names, and packed numbers."""
+    descriptions: dict[int, Any] = {}
+    columns: dict[str, np.ndarray] = {}
+    for row, record in records.items():
+        if record.trace is None or store.manifest.traces_left_out:
+            continue
+        # A note on the page names damaged traces; it shows the others.
+        with suppress(StoreError):
+            descriptions[row], series = run_series(store.trace(record))
+            columns |= {f"{row}:{name}": values for name, values in series.items()}
+    return {"runs": descriptions, "packed": pack(columns)}

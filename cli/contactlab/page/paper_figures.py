@@ -1,0 +1,314 @@
+"""Figures for papers: the charts of a page, and some that it has no room for, such as impacts."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import islice
+
+import altair as alt
+import numpy as np
+
+from contactlab.charts import Rows, Spec, layer_of, themed, word_colours
+from contactlab.contact.contact_laws import damping_ratio, restitution_of, sticking_speed
+from contactlab.contact.trace_arrays import LINEAR_VELOCITY, STICK, Floats
+from contactlab.measure import labels_with
+from contactlab.page.heatmap import Layered, default_map, metric_map
+from contactlab.page.page_charts import change_panels, knob_changes, tradeoff_chart
+from contactlab.page.paper_size import parse_width, render_at
+from contactlab.page.run_series import decimated, is_single_body, qpos_entries
+from contactlab.page.stick_or_slip import slope_runs, stick_slip_panel
+from contactlab.palette import COLOURS, INK, SHAPES
+from contactlab.reporting.report import ReportData
+from contactlab.reporting.report_columns import GridAxis
+from contactlab.schema.evidence import EvidenceRecord
+from contactlab.store.finished_store import Store
+from contactlab.store.mcap.trace_reader import StoredPair, StoredTrace
+
+_MOST_BOUNCING_RUNS = 6
+_MOST_BOUNCING_RECORDS_READ = 200
+_LEAST_PEAKS = 2
+# Peaks below this fraction of the fall are lost in the contact's own depth.
+_LEAST_PEAK_SHARE = 0.02
+_MOST_RISE = 0.1
+_MOST_IMPACTS_READ = 600
+_LEAST_IMPACTS = 3
+_TRANSLATIONS = 3
+# Bodies that approach more slowly rest on each other; it is no impact [m/s].
+_LEAST_APPROACH_M_PER_S = 0.05
+_NO_BOUNCE = "no stable run with a trace is of a single free body that bounces on level ground"
+_NO_CONE = (
+    "fewer than three runs with a trace begin with an oblique impact of a body that cannot turn"
+)
+_NO_SLOPE = (
+    "fewer than three runs with a trace are of a single body that starts at rest on a plane under "
+    "a constant load"
+)
+FIGURES = {
+    "labels": "the map of labels over the two most informative axes",
+    "error": "the same map of the error",
+    "work-precision": "error against time",
+    "bounces": "height over time, and the ratio of heights at each bounce",
+    "cone": "first impacts in velocity space, with the boundary of the friction cone",
+    "stick-slip": "stick or slip over the load's angle and friction, with the friction cone",
+    "effects": "the factor by which each change of one knob multiplies time and error",
+}
+_OUTCOMES = ["sticks", "slides throughout"]
+
+
+@dataclass(frozen=True)
+class BouncingRun:
+    """One run that bounces: the setting that distinguishes it, and its contact's restitution.
+
+    Over times (P,) [s] it has heights (P,) above the first contact [m]. The peaks (B + 1,) are its
+    greatest heights before the first bounce, and after each [m].
+    """
+
+    setting: str
+    time: Floats
+    height: Floats
+    peaks: Floats
+    restitution: float
+
+    @property
+    def ratios(self) -> Floats:
+        """(B,) height after each bounce over the height before; e^2 without loss in flight."""
+        return self.peaks[1:] / self.peaks[:-1]
+
+
+def bouncing_runs(store: Store, axes: Sequence[GridAxis], stable: np.ndarray) -> list[BouncingRun]:
+    """Return `stable` (n,) runs that bounce at least once, one for each value of one axis."""
+    axis = _axis_of_restitution(store, axes, stable)
+    by_setting: dict[str, BouncingRun] = {}
+    for row in np.flatnonzero(stable)[:_MOST_BOUNCING_RECORDS_READ].tolist():
+        setting = f"{axis.name} {axis.ticks[axis.codes[row]]}" if axis else "the scene's own"
+        if setting not in by_setting and len(by_setting) < _MOST_BOUNCING_RUNS:
+            record = store.record(store.columns.identify([row])[0]["run_id"])
+            if record.trace is None:
+                continue
+            run = _bouncing_run(store.trace(record), record, setting)
+            if run is not None:
+                by_setting[setting] = run
+    return list(by_setting.values())
+
+
+def _axis_of_restitution(
+    store: Store, axes: Sequence[GridAxis], stable: np.ndarray
+) -> GridAxis | None:
+    """Return the axis along which the measured restitution of stable runs varies most."""
+    if not axes or "restitution_measured" not in store.columns.schema.names:
+        return None
+    values = store.columns.numbers("restitution_measured").values
+    values = np.where(stable, values, np.nan)
+
+    def spread(axis: GridAxis) -> float:
+        groups = (
+            values[(axis.codes == code) & np.isfinite(values)] for code in range(len(axis.ticks))
+        )
+        means = [float(np.median(group)) for group in groups if len(group)]
+        return max(means, default=0.0) - min(means, default=0.0)
+
+    return max(axes, key=spread)
+
+
+def _bouncing_run(trace: StoredTrace, record: EvidenceRecord, setting: str) -> BouncingRun | None:
+    entries = qpos_entries(trace.model_xml, trace.qpos.shape[1])
+    heights = [entry for entry in entries if entry.is_height]
+    if not heights or not is_single_body(trace) or not trace.pairs or not len(trace.pairs[0].steps):
+        return None
+    pair = trace.pairs[0]
+    height = trace.qpos[:, heights[0].index] - trace.qpos[pair.steps[0], heights[0].index]
+    # The greatest height of each flight that ends in the trace.
+    gaps = np.flatnonzero(np.diff(pair.steps) > 1)
+    flights = zip([0, *pair.steps[gaps]], [pair.steps[0], *pair.steps[gaps + 1]], strict=True)
+    peaks = np.array([height[start : end + 1].max() for start, end in flights])
+    low = np.flatnonzero(peaks < _LEAST_PEAK_SHARE * peaks[0])
+    peaks = peaks[: low[0]] if len(low) else peaks
+    # On a slope a body leaves the ground lower than it came.
+    grounds = height[pair.steps[gaps + 1]]
+    if len(peaks) < _LEAST_PEAKS or np.abs(grounds).max(initial=0.0) > _MOST_RISE * peaks[0]:
+        return None
+    kept = decimated(height)
+    restitution = float(restitution_of(damping_ratio(record.pairs[pair.name].solref)))
+    return BouncingRun(setting, trace.time[kept], height[kept], peaks, restitution)
+
+
+def first_impacts(store: Store) -> Rows:
+    """Return the first impacts of traced runs; none unless at least three of them slip.
+
+    Only of bodies that cannot turn, else the bound depends on how they do. Of each the `engine`,
+    the `slip` before it [m/s], the largest slip that Coulomb friction stops, mu (1 + e) v_n, as
+    `bound` [m/s], and whether the `contact` sticks at any step of it.
+    """
+    if store.manifest.traces_left_out or store.manifest.traces < _LEAST_IMPACTS:
+        return []
+    without = labels_with("no impact")
+    records = (
+        record
+        for record in store.records()
+        if record.trace is not None and record.label not in without
+    )
+    impacts: Rows = []
+    for record in islice(records, _MOST_IMPACTS_READ):
+        trace = store.trace(record)
+        if is_single_body(trace) and trace.qpos.shape[1] == _TRANSLATIONS:
+            for pair in trace.pairs[:1]:
+                impacts += _first_impact(pair, record)
+    slipping = [impact for impact in impacts if impact["slip"] > 0]
+    return impacts if len(slipping) >= _LEAST_IMPACTS else []
+
+
+def _first_impact(pair: StoredPair, record: EvidenceRecord) -> Rows:
+    contact = record.pairs[pair.name]
+    if not len(pair.points) or contact.condim < 3:
+        return []
+    velocity = pair.points[0, LINEAR_VELOCITY]
+    normal, slip = abs(float(velocity[0])), float(np.linalg.norm(velocity[1:]))
+    if normal < _LEAST_APPROACH_M_PER_S:
+        return []
+    restitution = restitution_of(damping_ratio(contact.solref))
+    bound = float(sticking_speed(normal, restitution, contact.friction[0]))
+    # The first touch only: after a flight another one follows.
+    breaks = np.flatnonzero(np.diff(pair.steps) > 1)
+    first = pair.mode[: breaks[0] + 1] if len(breaks) else pair.mode
+    outcome = _OUTCOMES[0] if (first == STICK).any() else _OUTCOMES[1]
+    engine = str(record.settings["engine"])
+    return [{"bound": bound, "slip": slip, "engine": engine, "contact": outcome}]
+
+
+def bounce_panels(runs: Sequence[BouncingRun]) -> Spec:
+    """Return height over time, and the ratio of heights at each bounce beside e^2."""
+    names = [run.setting for run in runs]
+    colour = word_colours("setting", names, COLOURS[: len(names)]).legend(title=None)
+    heights: Rows = [
+        {"time": time, "height": height, "setting": run.setting}
+        for run in runs
+        for time, height in zip(run.time.tolist(), run.height.tolist(), strict=True)
+    ]
+    left = (
+        layer_of("heights", heights)
+        .mark_line(strokeWidth=1.4)
+        .encode(
+            alt.X("time:Q").scale(nice=False).axis(title="time [s]"),
+            alt.Y("height:Q").axis(title="height above first contact [m]"),
+            colour,
+        )
+        .properties(width=420, height=260)
+    )
+    return alt.hconcat(left, _ratios(runs, colour), spacing=30).to_dict()
+
+
+def _ratios(runs: Sequence[BouncingRun], colour: alt.Color) -> Layered:
+    names = [run.setting for run in runs]
+    ratios: Rows = [
+        {"bounce": index + 1, "ratio": ratio, "setting": run.setting}
+        for run in runs
+        for index, ratio in enumerate(run.ratios.tolist())
+    ]
+    most = max(row["bounce"] for row in ratios)
+    rules: Rows = [{"ratio": run.restitution**2, "setting": run.setting} for run in runs]
+    y = alt.Y("ratio:Q").scale(zero=True).axis(title="height after a bounce / before")
+    shape = alt.Shape("setting:N").scale(domain=names, range=list(SHAPES[: len(names)]))
+    points = (
+        layer_of("ratios", ratios)
+        .mark_point(size=55, filled=True, opacity=1)
+        .encode(
+            alt.X("bounce:Q")
+            .scale(domain=[0.5, most + 0.5], nice=False)
+            .axis(title="bounce", values=list(range(1, most + 1)), format="d"),
+            y,
+            colour,
+            shape.legend(None),
+        )
+    )
+    lines = layer_of("squares", rules).mark_rule(strokeDash=[5, 4], strokeWidth=1.3)
+    title = alt.TitleParams("dashed: e² of the contact", fontSize=11, fontWeight="normal")
+    return alt.layer(lines.encode(y, colour), points).properties(width=260, height=260, title=title)
+
+
+def cone_panel(impacts: Rows) -> Spec:
+    """Return impacts in velocity space, with the boundary of Coulomb's cone."""
+    most = max(impact["bound"] for impact in impacts) * 1.08
+    highest = max(impact["slip"] for impact in impacts) * 1.05
+    x = alt.X("bound:Q").scale(domain=[0, most], nice=False)
+    y = alt.Y("slip:Q").scale(domain=[0, highest], nice=False)
+    x = x.axis(title="μ (1 + e) · normal speed before the impact [m/s]")
+    y = y.axis(title="tangential speed before the impact [m/s]")
+    colour = word_colours("contact", _OUTCOMES, COLOURS[:2]).legend(title=None)
+    shape = alt.Shape("contact:N").scale(domain=_OUTCOMES, range=["circle", "triangle-up"])
+    end = min(most, highest)
+    line_ends = [
+        {"bound": value, "slip": value, "line": True, "engine": engine}
+        for engine in dict.fromkeys(impact["engine"] for impact in impacts)
+        for value in (0.0, end)
+    ]
+    base = layer_of("impacts", [*impacts, *line_ends])
+    points = (
+        base.transform_filter("!datum.line")
+        .mark_point(size=60, filled=True, opacity=0.75)
+        .encode(x, y, colour, shape.legend(title=None))
+    )
+    line = base.transform_filter("datum.line").mark_line(color=INK, strokeDash=[6, 4])
+    chart = alt.layer(line.encode(x, y), points).properties(width=300, height=300)
+    title = alt.Header(title="dashed: the cone's boundary; engine", titleFontWeight="normal")
+    return chart.facet(column=alt.Column("engine:N").header(title)).to_dict()
+
+
+def figure_files(
+    data: ReportData, formats: Sequence[str], width: str | None = None
+) -> tuple[dict[str, bytes], dict[str, str]]:
+    """Return the figures of a store by file name, and why it has none of the others.
+
+    A width, as in `85mm`, lays them out for paper; an OutputError says that it is none.
+    """
+    millimetres = None if width is None else parse_width(width)
+    specs = figure_specs(data)
+    files = {
+        f"{name}.{form}": render_at(spec, form, millimetres)
+        for name, spec in specs.items()
+        if not isinstance(spec, str)
+        for form in formats
+    }
+    return files, {name: spec for name, spec in specs.items() if isinstance(spec, str)}
+
+
+def figure_list(data: ReportData) -> list[tuple[str, str]]:
+    """Return each figure's name, and what it shows or why the store has none."""
+    specs = figure_specs(data).items()
+    return [
+        (name, f"none: {spec}" if isinstance(spec, str) else FIGURES[name]) for name, spec in specs
+    ]
+
+
+def figure_specs(data: ReportData) -> dict[str, Spec | str]:
+    """Return the specification of each figure, by name, or why a store has none."""
+    physical = physical_figures(data)
+    error_map = metric_map(data, data.tradeoff.error.name) if data.tradeoff else None
+    return {
+        "labels": default_map(data) or "the runs differ in no axis",
+        "error": error_map or data.no_tradeoff or "the runs differ in no axis",
+        "work-precision": tradeoff_chart(data) or data.no_tradeoff or "nothing was timed",
+        "bounces": physical["Height over time"] or _NO_BOUNCE,
+        "cone": physical["Impacts and the friction cone"] or _NO_CONE,
+        "stick-slip": physical["Stick or slip over angle and friction"] or _NO_SLOPE,
+        "effects": _effects(data) or "no two runs differ in one knob only",
+    }
+
+
+def physical_figures(data: ReportData) -> dict[str, Spec | None]:
+    """Return what bodies do, by title; None where the store has no such runs."""
+    bouncing = bouncing_runs(data.store, data.axes, ~data.labels.failed)
+    impacts, slopes = first_impacts(data.store), slope_runs(data.store)
+    return {
+        "Height over time": themed(bounce_panels(bouncing)) if bouncing else None,
+        "Impacts and the friction cone": themed(cone_panel(impacts)) if impacts else None,
+        "Stick or slip over angle and friction": themed(stick_slip_panel(slopes))
+        if slopes
+        else None,
+    }
+
+
+def _effects(data: ReportData) -> Spec | None:
+    report = data.tradeoff
+    names = [report.time.name, report.error.name] if report else ["cost_cpu_per_sim_s"]
+    changes = knob_changes(data.axes, data.labels, data.quantities_named(*names))
+    changes = [change for change in changes if any(change.ratios.values())]
+    return themed(change_panels(changes, names)) if changes else None

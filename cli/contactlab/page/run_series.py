@@ -1,0 +1,138 @@
+"""A run in a page: its trace in a few hundred points."""
+
+import xml.etree.ElementTree as ET
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contactlab.contact.trace_arrays import NO_CONTACT, Floats
+from contactlab.page.packing import packed_integers, rounded_floats
+from contactlab.store.mcap.trace_reader import StoredTrace
+
+_POINTS = 400
+_MOST_COORDINATES = 6
+_BITS = 12
+_JOINT_SIZES = {"free": 7, "ball": 4, "slide": 1, "hinge": 1}
+
+
+@dataclass(frozen=True)
+class QposEntry:
+    """One entry of qpos: a joint, with the direction where it has several."""
+
+    index: int
+    name: str
+    unit: str
+    is_height: bool
+
+
+def run_series(trace: StoredTrace) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+    """Return what a run did over time: its signals and contact modes in words, and as columns.
+
+    A signal i of motion, force or depth, 0 without contact, has times `ti` [s] and values `vi`, at
+    most 402 of them. A pair i begins to stick, slide or part at `si` [s], its modes being `mi`.
+    """
+    columns: dict[str, NDArray[Any]] = {}
+    signals: list[tuple[str, str, str]] = []
+    for index, (name, unit, panel, values, kept) in enumerate(_signals(trace)):
+        columns[f"t{index}"] = rounded_floats(trace.time[kept], _BITS)
+        columns[f"v{index}"] = rounded_floats(values[kept], _BITS)
+        signals.append((name, unit, panel))
+    for index, pair in enumerate(trace.pairs):
+        modes = pair.over(len(trace.contacts), pair.mode, NO_CONTACT)
+        starts = np.concatenate(([0], np.flatnonzero(np.diff(modes)) + 1))[:_POINTS]
+        columns[f"s{index}"] = rounded_floats(trace.time[starts], _BITS)
+        columns[f"m{index}"] = packed_integers(modes[starts])
+    bands = [(pair.name, float(trace.time[-1])) for pair in trace.pairs]
+    return {"signals": signals, "bands": bands}, columns
+
+
+def _signals(
+    trace: StoredTrace,
+) -> Iterator[tuple[str, str, str, Floats, NDArray[np.intp]]]:
+    """Yield name, unit, panel, values and places to keep of motion, forces and depths of a run.
+
+    Both forces of a pair are kept at the same times, so that one can be drawn over the other.
+    """
+    for entry in _most_active(qpos_entries(trace.model_xml, trace.qpos.shape[1]), trace.qpos):
+        values = trace.qpos[:, entry.index]
+        yield entry.name, entry.unit, "motion", values, decimated(values)
+    for pair in trace.pairs:
+        normal, tangential, depth = (
+            pair.over(len(trace.contacts), values)
+            for values in (pair.normal, pair.tangential, np.maximum(-pair.distance, 0.0))
+        )
+        kept = np.union1d(decimated(normal, _POINTS // 2), decimated(tangential, _POINTS // 2))
+        kept = kept[np.isfinite(normal[kept]) & np.isfinite(tangential[kept])]
+        yield f"{pair.name} normal", "N", "force", normal, kept
+        yield f"{pair.name} tangential", "N", "force", tangential, kept
+        yield f"{pair.name} depth", "m", "depth", depth, decimated(depth)
+
+
+def decimated(values: Floats, points: int = _POINTS) -> NDArray[np.intp]:
+    """Return indices of at most `points` + 2 of (n,) values: the extremes of each interval.
+
+    The first and the last value are always among them; NaN and infinities never are.
+    """
+    if len(values) <= points:
+        return np.flatnonzero(np.isfinite(values))
+    edges = np.linspace(0, len(values), points // 2, dtype=np.intp)
+    kept = {0, len(values) - 1}
+    for start, stop in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True):
+        interval = values[start:stop]
+        if np.isfinite(interval).any():
+            kept |= {start + int(np.nanargmin(interval)), start + int(np.nanargmax(interval))}
+    indices = np.array(sorted(kept), dtype=np.intp)
+    return indices[np.isfinite(values[indices])]
+
+
+def _most_active(entries: tuple[QposEntry, ...], qpos: Floats) -> list[QposEntry]:
+    """Return the first six entries: heights, then those that move most."""
+    with np.errstate(invalid="ignore"):
+        spread = np.nan_to_num(np.nanmax(qpos, axis=0) - np.nanmin(qpos, axis=0))
+    ranked = sorted(entries, key=lambda entry: (not entry.is_height, -spread[entry.index]))
+    return ranked[:_MOST_COORDINATES]
+
+
+def qpos_entries(model_xml: bytes, size: int) -> tuple[QposEntry, ...]:
+    """Return the entries of qpos that are lengths or angles, without those of rotations.
+
+    If the joints of the MJCF do not add up to the size of qpos, entries are named by their index.
+    """
+    joints = list(_joints(model_xml))
+    if sum(_JOINT_SIZES[kind] for _, kind in joints) != size:
+        return tuple(QposEntry(index, f"qpos[{index}]", "m, rad", False) for index in range(size))
+    entries: list[QposEntry] = []
+    index = 0
+    for name, kind in joints:
+        if kind == "free":
+            for offset, axis in enumerate("xyz"):
+                entries.append(QposEntry(index + offset, f"{name} {axis}", "m", axis == "z"))
+        elif kind != "ball":
+            entries.append(QposEntry(index, name, "m" if kind == "slide" else "rad", False))
+        index += _JOINT_SIZES[kind]
+    return tuple(entries)
+
+
+def is_single_body(trace: StoredTrace) -> bool:
+    """Return whether one body moves freely, and nothing else: no robot, no held mug."""
+    entries = qpos_entries(trace.model_xml, trace.qpos.shape[1])
+    return [entry.unit for entry in entries] == ["m", "m", "m"]
+
+
+def _joints(model_xml: bytes) -> Iterator[tuple[str, str]]:
+    """Yield name and type of every joint in the order of qpos, depth first."""
+    try:
+        root = ET.fromstring(model_xml)  # noqa: S314 - written by this program, hashed in the store
+    except ET.ParseError:
+        return
+    for body in root.iterfind("worldbody//body"):
+        name = body.get("name", "body")
+        for joint in body:
+            if joint.tag == "freejoint":
+                yield name, "free"
+            elif joint.tag == "joint":
+                kind = joint.get("type", "hinge")
+                yield name if kind == "free" else joint.get("name", f"{name} joint"), kind

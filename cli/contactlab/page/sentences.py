@@ -1,0 +1,140 @@
+"""Sentences about parts of a page, each borne out by the numbers shown."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contactlab.contact.trace_arrays import Floats
+from contactlab.pareto.recommendation import setting_text
+from contactlab.reporting.report import ReportData
+from contactlab.reporting.report_columns import (
+    GridAxis,
+    Quantity,
+    combination_codes,
+    number_with_unit,
+)
+from contactlab.reporting.start_noise import PERTURBATION, start_noise
+from contactlab.schema.evidence import Setting
+from contactlab.schema.tradeoff_report import TradeoffReport
+
+_MOST_CLOSEST = 12
+
+
+def tradeoff_sentence(report: TradeoffReport) -> str:
+    """Return how many configurations will do, and what the recommended one saves."""
+    every, chosen = report.configurations, report.recommendation
+    feasible = [configuration for configuration in every if configuration.feasible]
+    are = "configuration is" if len(every) == 1 else "configurations are"
+    said = f"{len(feasible):,} of {len(every):,} {are} within every tolerance"
+    if chosen is None:
+        return f"{said}; none can be recommended."
+    what = _settings(chosen.configuration, report.varying)
+    timed = [
+        configuration
+        for configuration in feasible
+        if configuration.error is not None and configuration.time
+    ]
+    finest = min(timed, key=lambda configuration: configuration.error or 0.0, default=None)
+    if finest is None or finest.configuration == chosen.configuration or not chosen.time:
+        return f"{said}; the recommended {what} is the most accurate of them."
+    ratio = (finest.time or 0.0) / chosen.time
+    other = _settings(finest.configuration, report.varying)
+    pace = f"takes {ratio:.3g} times as long as the recommended {what}"
+    return f"{said}; the most accurate, {other}, {pace}."
+
+
+def _settings(values: Mapping[str, Setting], names: Sequence[str]) -> str:
+    told = [f"{name} {setting_text(values[name])}" for name in names]
+    return " with ".join(told) or "the only one"
+
+
+class ComparedSettings(NamedTuple):
+    """Runs of the same knobs that were compared with recordings, by rows; the closest first."""
+
+    rows: NDArray[np.int64]
+    distance: float  # its mean
+    name: str  # the knobs by which settings can be told apart
+
+
+def compared_settings(data: ReportData) -> list[ComparedSettings]:
+    """Return the settings of a store whose runs were compared with recordings."""
+    [reality] = data.quantities_named("reality")
+    measured = np.flatnonzero(np.isfinite(reality.values))
+    knobs = _knobs(data)
+    groups = combination_codes(knobs, len(reality.values))[measured]
+    several = len(np.unique(groups))
+    enough = next(
+        ([axis] for axis in knobs if len(np.unique(axis.codes[measured])) == several), knobs
+    )
+    found: list[ComparedSettings] = []
+    for group in np.unique(groups).tolist():
+        rows = measured[groups == group]
+        name = " with ".join(f"{axis.name} {axis.ticks[axis.codes[rows[0]]]}" for axis in enough)
+        found.append(ComparedSettings(rows, float(reality.values[rows].mean()), name))
+    return sorted(found, key=lambda settings: settings.distance)
+
+
+def _knobs(data: ReportData) -> list[GridAxis]:
+    """Return the knobs that vary, each with all its values."""
+    knobs = [axis for axis in data.axes if axis.role == "knob" and axis.name != PERTURBATION]
+    return [axis if axis.numbers is None else _unbinned(axis, axis.numbers) for axis in knobs]
+
+
+def _unbinned(axis: GridAxis, numbers: Floats) -> GridAxis:
+    values, codes = np.unique(numbers, return_inverse=True)
+    return replace(axis, ticks=tuple(f"{value:.6g}" for value in values), codes=codes, numbers=None)
+
+
+def reality_sentence(data: ReportData) -> str:
+    """Return which setting is closest to the recordings on average, and how far off others are."""
+    [reality] = data.quantities_named("reality")
+    compared = compared_settings(data)
+    first, last = compared[0], compared[-1]
+    runs = len(first.rows)
+    over = f"on average over {runs:,} runs" if runs > 1 else "from its recording"
+    away = f"{_distance(first.distance, reality)} away {over}"
+    floor = start_noise(data.axes, reality.values)
+    moved = _distance(floor or 0.0, reality)
+    noise = f" Noise of the start alone moves a run by {moved} on average." if floor else ""
+    if len(compared) == 1:
+        return f"Simulation is {away}.{noise}"
+    return (
+        f"Of {len(compared):,} settings, {first.name} is closest to reality: {away}; "
+        f"{last.name} is farthest, {_distance(last.distance, reality)}.{noise}"
+    )
+
+
+def _distance(value: float, reality: Quantity) -> str:
+    return number_with_unit(f"{value:.3g}", reality.column.unit)
+
+
+def closest_settings(data: ReportData) -> tuple[list[str], list[list[str]], list[str]]:
+    """Return header, rows and noise floors of a table of settings, the closest to reality first.
+
+    A row begins with the id of the run that is farthest from its recording.
+    """
+    [reality] = data.quantities_named("reality")
+    quantities = [quantity for quantity in data.quantities if quantity.name.startswith("reality")]
+    knobs = _knobs(data)
+    rows: list[list[str]] = []
+    for setting in compared_settings(data)[:_MOST_CLOSEST]:
+        farthest = int(setting.rows[np.argmax(reality.values[setting.rows])])
+        means = [_mean(quantity.values[setting.rows]) for quantity in quantities]
+        ticks = [axis.ticks[axis.codes[farthest]] for axis in knobs]
+        rows.append(
+            [str(data.store.columns.run_ids[farthest]), *ticks, f"{len(setting.rows):,}", *means]
+        )
+    floors = [start_noise(data.axes, quantity.values) for quantity in quantities]
+    foot = ["start noise", *("" for _ in knobs), ""]
+    foot += ["" if floor is None else f"{floor:.3g}" for floor in floors]
+    titles = [f"mean {quantity.title}" for quantity in quantities]
+    header = ["farthest run", *(axis.title for axis in knobs), "runs", *titles]
+    return header, rows, foot if any(floors) else []
+
+
+def _mean(values: Floats) -> str:
+    known = values[np.isfinite(values)]
+    return f"{known.mean():.3g}" if len(known) else "-"

@@ -1,0 +1,115 @@
+"""Stick or slip over angle and friction: what a constant load does to a body at rest on a plane."""
+
+from itertools import islice
+from typing import Any
+
+import altair as alt
+import numpy as np
+
+from contactlab.charts import Rows, Spec, layer_of, word_colours
+from contactlab.contact.rotations import rotate, rotate_back
+from contactlab.contact.trace_arrays import NORMAL, SLIDE, STICK, Floats
+from contactlab.page.run_series import is_single_body
+from contactlab.palette import INK, mode_colour
+from contactlab.schema.evidence import EvidenceRecord
+from contactlab.store.finished_store import Store
+from contactlab.store.mcap.trace_reader import StoredTrace
+
+_OUTCOMES = {STICK: "sticks", SLIDE: "slides"}
+_LEAST_RUNS = 3
+_MOST_RECORDS_READ = 600
+_LEAST_ANGLE_DEG = 0.1  # of the load, below which the ground is level
+# What rolls or tips needs another friction than what slides: normals that turn by 0.1 rad.
+_SAME = np.cos(0.1)
+_BEARING = 0.9  # Share of a run up to which a pair has to touch
+_POINTS_OF_BOUNDARY = 61
+# So many degrees beyond the steepest load the plane ends.
+_MARGIN = 4.0
+
+
+def slope_runs(store: Store) -> Rows:
+    """Return what traced runs on slopes do; none unless there are three of them.
+
+    Only of a single body that starts at rest on a plane under a constant load, undriven, and
+    neither rolls nor tips. Of each the `angle` of the load from the plane's normal [deg], the
+    pair's `friction`, the `cone`, and whether the `contact` sticks or slides at its last step.
+    """
+    if store.manifest.traces_left_out or store.manifest.traces < _LEAST_RUNS:
+        return []
+    records = (
+        record for record in store.records() if record.trace is not None and _is_still(record)
+    )
+    found = (
+        _slope_run(store.trace(record), record) for record in islice(records, _MOST_RECORDS_READ)
+    )
+    rows = [row for row in found if row is not None]
+    return rows if sum(row["angle"] > _LEAST_ANGLE_DEG for row in rows) >= _LEAST_RUNS else []
+
+
+def _is_still(record: EvidenceRecord) -> bool:
+    """Return whether a run starts at rest, undriven, on one pair with one friction all around."""
+    start, pairs = record.initial, [*record.pairs.values()]
+    has_friction = [pair.condim > 1 and pair.friction[0] == pair.friction[1] for pair in pairs]
+    return (
+        has_friction == [True] and record.drive == "none" and not any(start.qvel) and not start.ctrl
+    )
+
+
+def _slope_run(trace: StoredTrace, record: EvidenceRecord) -> dict[str, Any] | None:
+    load, (pair,) = _load(record), trace.pairs
+    if load is None or not is_single_body(trace) or not len(pair.points):
+        return None
+    normals, pose = pair.points[:, NORMAL], trace.qpos[[0, -1], 3:7]
+    normal = normals[-1]
+    turned = rotate(pose[1], rotate_back(pose[0], normal)) if pose.size else normal
+    bears = pair.steps[-1] >= _BEARING * len(trace.contacts)
+    if not (bears and turned @ normal > _SAME and (normals @ normal).min() > _SAME):
+        return None
+    angle = np.arctan2(np.linalg.norm(np.cross(load, normal)), abs(load @ normal))
+    return {
+        "angle": float(np.degrees(angle)),
+        "friction": record.pairs[pair.name].friction[0],
+        "cone": str(record.settings["cone"]),
+        "contact": _OUTCOMES[int(pair.mode[-1])],
+    }
+
+
+def _load(record: EvidenceRecord) -> Floats | None:
+    """Return (3,) gravity and what is applied to the only body [N]; None where it is not known."""
+    gravity, mass = np.array(record.settings["gravity"]), record.settings.get("mass")
+    applied = np.array(record.initial.applied).reshape(-1, 6)[1:, :3]
+    if not len(applied):
+        return gravity
+    if not gravity.any():
+        return applied.sum(axis=0)
+    return mass * gravity + applied[0] if isinstance(mass, float) and len(applied) == 1 else None
+
+
+def stick_slip_panel(rows: Rows) -> Spec:
+    """Return runs over their loads' angles and friction, with the boundary mu = tan(angle)."""
+    steepest = min(max(row["angle"] for row in rows) + _MARGIN, 89.0)
+    most = max(row["friction"] for row in rows) * 1.08
+    ends = min(steepest, float(np.degrees(np.arctan(most))))
+    boundary = [
+        {"angle": angle, "friction": float(np.tan(np.radians(angle))), "line": True, "cone": cone}
+        for cone in dict.fromkeys(row["cone"] for row in rows)
+        for angle in np.linspace(0, ends, _POINTS_OF_BOUNDARY).tolist()
+    ]
+    x = alt.X("angle:Q").scale(domain=[0, steepest], nice=False)
+    y = alt.Y("friction:Q").scale(domain=[0, most], nice=False)
+    x = x.axis(title="angle of the load [°]")
+    y = y.axis(title="friction coefficient μ")
+    words = [*_OUTCOMES.values()]
+    colour = word_colours("contact", words, [mode_colour(mode) for mode in _OUTCOMES])
+    shape = alt.Shape("contact:N").scale(domain=words, range=["circle", "triangle-up"])
+    base = layer_of("slopes", [*rows, *boundary])
+    # Hollow, since runs of one angle and friction may differ.
+    points = (
+        base.transform_filter("!datum.line")
+        .mark_point(size=60, strokeWidth=1.6, opacity=1)
+        .encode(x, y, colour.legend(title=None), shape.legend(title=None))
+    )
+    line = base.transform_filter("datum.line").mark_line(color=INK, strokeDash=[6, 4])
+    chart = alt.layer(line.encode(x, y), points).properties(width=300, height=300)
+    title = alt.Header(title="dashed: the boundary μ = tan(angle); cone", titleFontWeight="normal")
+    return chart.facet(column=alt.Column("cone:N").header(title)).to_dict()

@@ -1,0 +1,111 @@
+"""Start Ray on this machine, or connect to a cluster that runs; nothing of it calls home."""
+
+import logging
+import os
+import signal
+import socket
+import subprocess
+import sys
+from collections.abc import Generator
+from contextlib import contextmanager
+from typing import Any
+
+from contactlab.errors import ClusterError, optional
+from contactlab.run.tasks import Executor
+
+# Usage statistics are off, and would go nowhere: turning them off still leaves a look-up.
+_ENVIRONMENT = {
+    "RAY_USAGE_STATS_ENABLED": "0",
+    "RAY_USAGE_STATS_REPORT_URL": "http://127.0.0.1:9/",
+    # Nodes run what is installed there; no environment is packed and sent by `uv run`.
+    "RAY_ENABLE_UV_RUN_RUNTIME_ENV": "0",
+    # Ray would print messages about nodes and workers among the results.
+    "RAY_DEDUP_LOGS_SKIP_REGEX": ".*",
+    # Silences a warning about graphics cards.
+    "RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO": "0",
+}
+# How long a cluster may take to open a connection, and to answer [s].
+_CONNECT_TIMEOUT, _ANSWER_TIMEOUT = 5.0, 20.0
+# Of the object store, for results in flight; a journal line takes a few kB.
+_RESULT_BYTES = 100 << 20
+
+
+@contextmanager
+def ray_cluster(address: str | None, workers: int | None) -> Generator[Executor]:
+    """Yield a Ray cluster as an executor.
+
+    It is the one at HOST:PORT, or for `auto` the one that runs on this machine; so many jobs may be
+    on it at once. Without an address one is started here, with so many CPUs or one for each core.
+    Raises a ClusterError if it cannot be reached; an OutputError if Ray is not installed.
+    """
+    for name, value in _ENVIRONMENT.items():
+        os.environ.setdefault(name, value)
+    with optional("ray", "running on a cluster"):
+        import ray  # noqa: PLC0415 - an extra, which reads the environment first
+    from contactlab.run.ray.executor import RayExecutor  # noqa: PLC0415 - as above
+
+    before = signal.getsignal(signal.SIGTERM)
+    try:
+        _connect(address, workers)
+        if before is not None and signal.getsignal(signal.SIGTERM) is not before:
+            # Ray's own handler would end this process without a word.
+            signal.signal(signal.SIGTERM, before)
+        yield RayExecutor(workers if address else None)
+    finally:
+        ray.shutdown()
+
+
+def _connect(address: str | None, workers: int | None) -> None:
+    import ray  # noqa: PLC0415 - as above
+
+    quiet: dict[str, Any] = {"log_to_driver": False, "logging_level": logging.ERROR}
+    if address is None:
+        here = {"num_cpus": workers, "object_store_memory": _RESULT_BYTES}
+        ray.init("local", include_dashboard=False, **here, **quiet)
+        return
+    _check_address(address)
+    try:
+        ray.init(address, **quiet)
+    except (ConnectionError, RuntimeError, ValueError) as error:
+        raise ClusterError(f"no Ray cluster at {address}: {error}") from error
+
+
+def _check_address(address: str) -> None:
+    """Ask the cluster whether it is there, in another process: Ray itself waits for minutes."""
+    if address.startswith("ray://"):
+        raise ClusterError(
+            f"{address}: the sweep must run on a node of the cluster; write auto, or the HOST:PORT "
+            "that its nodes were started with"
+        )
+    if address != "auto":
+        _check_port(address)
+    given = [] if address == "auto" else ["--address", address]
+    command = [sys.executable, "-P", "-m", "ray.scripts.scripts", "health-check", *given]
+    try:
+        done = subprocess.run(  # noqa: S603
+            command, capture_output=True, text=True, timeout=_ANSWER_TIMEOUT, check=False
+        )
+    except subprocess.TimeoutExpired as error:
+        raise ClusterError(
+            f"no Ray cluster answers at {address} within {_ANSWER_TIMEOUT:g} s; is it HOST:PORT of "
+            "its head, and is it up?"
+        ) from error
+    if done.returncode:
+        raise ClusterError(f"no Ray cluster at {address}: {_why(done.stderr)}")
+
+
+def _check_port(address: str) -> None:
+    host, _, port = address.rpartition(":")
+    if not host or not port.isdecimal():
+        raise ClusterError(f"{address}: write HOST:PORT of the cluster's head, or auto")
+    try:
+        socket.create_connection((host.strip("[]"), int(port)), timeout=_CONNECT_TIMEOUT).close()
+    except (OSError, OverflowError) as error:
+        raise ClusterError(f"no Ray cluster at {address}: {error}") from error
+
+
+def _why(printed: str) -> str:
+    if "InvalidAuthToken" in printed:
+        return "it asks for a token; set RAY_AUTH_MODE=token, with the cluster's RAY_AUTH_TOKEN"
+    lines = printed.strip().splitlines()
+    return lines[-1] if lines else "it is not well"

@@ -1,0 +1,79 @@
+"""Entry of a node of a Ray cluster: checks of whether it fits, then jobs.
+
+This module is sent to nodes by value, since a node may have another contactlab, or none. So
+nothing else of contactlab is imported before the node is known to fit.
+"""
+
+import os
+import platform
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import ray
+
+_accepted: set[str] = set()  # tokens of the sweeps whose requirements this process meets
+
+
+@dataclass(frozen=True)
+class NodeRequirements:
+    """Requirements on a node to run jobs of a sweep, which the token identifies.
+
+    It must see the sentinel, a file that the sweep made in the store's folder, and be able to write
+    beside it; there is none if the store is no folder.
+    """
+
+    token: str
+    versions: Mapping[str, str]
+    sentinel: Path | None = None
+
+
+def refusal(requirements: NodeRequirements) -> str | None:
+    """Return why jobs cannot be run here, in words; None if they can."""
+    reason = _wrong_version(requirements) or _wrong_store(requirements.sentinel)
+    return f"node {platform.node()} ({ray.util.get_node_ip_address()}) {reason}" if reason else None
+
+
+def run_job(token: str, shared: Sequence[Any], job: bytes) -> Any:  # noqa: ANN401 - see below
+    """Return a job's result, the exception that ended it, or why this node refuses it, in words.
+
+    References to the requirements and to the task's bundle are shared, and fetched where needed.
+    """
+    requirements, bundle = shared
+    if token not in _accepted:
+        if (refused := refusal(ray.get(requirements))) is not None:
+            return refused
+        _accepted.add(token)
+    from contactlab.run.ray.worker import run_on_worker  # noqa: PLC0415 - see the top
+
+    return run_on_worker(token, lambda: ray.get(bundle), job)
+
+
+def _wrong_version(requirements: NodeRequirements) -> str | None:
+    for name, ours in requirements.versions.items():
+        try:
+            theirs = f"{name} {version(name)}"
+        except PackageNotFoundError:
+            theirs = f"no {name}"
+        if theirs != f"{name} {ours}":
+            return (
+                f"has {theirs}, but the sweep was started with {name} {ours}; "
+                "install the same versions on every node"
+            )
+    return None
+
+
+def _wrong_store(sentinel: Path | None) -> str | None:
+    if sentinel is None:
+        return None
+    store = sentinel.parent.parent
+    if not sentinel.exists():
+        return (
+            f"does not see the store {store}; write it with -o to a folder that all nodes share, "
+            "or to an object store: -o s3://BUCKET/PREFIX"
+        )
+    if not os.access(sentinel.parent, os.W_OK):
+        return f"cannot write to the store {store}; let its user, {os.getuid()}, write there"
+    return None

@@ -1,0 +1,172 @@
+"""From the values that a sweep gives a run to everything that decides it: settings, flags, effects.
+
+`write_axis` alone decides what the value of an axis does to the settings.
+"""
+
+import hashlib
+import json
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from contactlab.scene.compiled_scene import CompiledScene
+from contactlab.scene.effects.effect import EffectRequest
+from contactlab.scene.effects.effect_table import EFFECTS
+from contactlab.scene.effects.proofs import RunState
+from contactlab.scene.model_edits import FLAGS, non_default
+from contactlab.scene.parameters import PARAMETERS
+from contactlab.scene.setting_values import Settings, as_number
+from contactlab.schema.drive import Drive, drive_identity
+from contactlab.schema.task import QPOS0
+
+
+@dataclass(frozen=True)
+class RunSpec:
+    """Everything besides the scene's files that decides a run's trajectory, and its place.
+
+    It is resolved once, in the process of the sweep, and handed on as it is: jobs have it, workers
+    compile it, records tell it. Runs that differ only in their seed share their mappings, which
+    nobody may change.
+    """
+
+    structure: Mapping[str, object]  # structure values, by name
+    settings: Settings  # every engine and contact setting
+    changed: frozenset[str]  # names of the settings that differ from the model as written
+    flags: Mapping[str, bool]  # every engine flag
+    initial: Mapping[str, float]  # the scene's initial values
+    seed: int  # what perturbs the initial state
+    duration: float  # simulated time [s]
+    effect_request: EffectRequest  # the effects that it requests
+    without: frozenset[str]  # effects that its model is compiled without
+    drive: Drive = "none"  # what drives it, with the values of its axes
+    # Canonical values of the axes that its plan gives it.
+    axes: Mapping[str, object] = field(default_factory=dict[str, object])
+    index: int = 0  # its place in the plan
+    run_id: str = ""  # as `Scene.run_id` says; empty where it is not planned
+    controls: str | None = None  # hash of what its policy did, for passes over recorded runs
+
+    def __hash__(self) -> int:
+        """Return a hash of what tells planned runs apart; equal runs have equal ones."""
+        return hash((self.run_id, self.index, self.seed))
+
+    @property
+    def engine(self) -> str:
+        """Name of the engine that simulates it."""
+        return str(self.settings["engine"])
+
+    @property
+    def timestep(self) -> float:
+        """Length of a step [s]."""
+        return as_number(self.settings["timestep"])
+
+    @property
+    def keyframe(self) -> str:
+        """The keyframe to start from, or `QPOS0`."""
+        return str(self.settings.get("keyframe", QPOS0))
+
+    @property
+    def joint_speed(self) -> float:
+        """How fast joints turn at the start, on top of the initial state [rad/s]."""
+        return as_number(self.settings.get("joint_speed", 0.0))
+
+    @property
+    def start(self) -> tuple[Mapping[str, float], int, float]:
+        """Its initial values, its seed, and the factor of the seed's perturbation."""
+        return self.initial, self.seed, as_number(self.settings.get("perturbation", 1.0))
+
+    @property
+    def steps(self) -> int:
+        """Steps that cover the duration; at least one."""
+        return steps_of(self.duration, self.timestep)
+
+    @property
+    def values(self) -> dict[str, Any]:
+        """Structure, settings and initial values in one table."""
+        return {**self.structure, **self.settings, **self.initial}
+
+    def planned(self, axes: Mapping[str, object], seed: int, run_id: str, index: int) -> "RunSpec":
+        """Return the run of another seed at a place of a plan."""
+        planned = object.__new__(RunSpec)
+        # A fifth of what `replace` takes, for each run of a plan.
+        vars(planned).update(vars(self), axes=axes, seed=seed, run_id=run_id, index=index)
+        return planned
+
+    def edits(self) -> dict[str, object]:
+        """Return the settings, flags and effects to write into the compiled scene's model."""
+        # Model fields go last: they are more particular than the settings that write them too.
+        names = sorted(self.changed & set(self.settings), key=lambda name: ("[" in name, name))
+        edits = {name: self.settings[name] for name in names}
+        # Gravity is a setting, though there is a flag of that name too.
+        flagged = sorted(self.changed & set(FLAGS) - set(self.settings))
+        edits |= {name: self.flags[name] for name in flagged}
+        requested = self.effect_request.requested
+        other = sorted(requested.keys() & self.changed - set(FLAGS) - self.without)
+        return edits | {name: requested[name] for name in other}
+
+
+def steps_of(duration: float, timestep: float) -> int:
+    """Return how many steps cover a duration; at least one."""
+    return max(1, round(duration / timestep))
+
+
+def settings_of(axis: str) -> tuple[str, ...]:
+    """Return the settings that an axis may write."""
+    if axis in PARAMETERS:
+        return (PARAMETERS[axis].sets,)
+    return EFFECTS[axis].switch.settings if axis in EFFECTS else (axis,)
+
+
+def write_axis(settings: Settings, axis: str, value: object) -> bool:
+    """Write an axis' canonical value into settings, in place; return whether they carry it."""
+    if axis in PARAMETERS:
+        PARAMETERS[axis].write(settings, value)
+    elif axis in EFFECTS:
+        return EFFECTS[axis].switch.fold(settings, bool(value))
+    else:
+        settings[axis] = value
+    return True
+
+
+START_SETTINGS = ("keyframe", "joint_speed", "perturbation")
+"""Settings that decide the initial state, besides initial values."""
+_ID_DIGITS = 16
+_json = json.JSONEncoder(sort_keys=True, separators=(",", ":")).encode
+
+
+def run_ids(base: CompiledScene, run: RunSpec, scene: str, seeds: Iterable[int]) -> Iterator[str]:
+    """Yield the ids of a run with other seeds.
+
+    An id is a hash of JSON: of all that decides a run, without model fields that are as written.
+    Its structure with all effects is the base; `scene` is the hash of the scene's files.
+    """
+    flags = non_default(run.flags) | other_effects(base, run)
+    drive = {} if run.drive == "none" else {"drive": drive_identity(run.drive)}
+    head = _json({**drive, "duration": run.duration, "flags": flags, "scene": scene})
+    own, known = base.settings, base.id_entries
+    entries = {
+        name: known[name] if value is own.get(name) else base.id_entry(name, value)
+        for name, value in run.values.items()
+    }
+    settings = ",".join([entries[name] for name in sorted(entries) if entries[name]])
+    written_over = _json(sorted(run.changed & base.nonuniform))
+    tail = f'"settings":{{{settings}}},"written_over":{written_over}}}'
+    for seed in seeds:
+        text = f'{head[:-1]},"seed":{seed},{tail}'
+        yield hashlib.sha256(text.encode()).hexdigest()[:_ID_DIGITS]
+
+
+def other_effects(base: CompiledScene, run: RunSpec) -> dict[str, bool]:
+    """Return the requested effects that no flag or setting carries, where they change the run.
+
+    What is left out because it provably changes nothing is not part of a run's identity.
+    """
+    names = run.effect_request.requested.keys() & run.changed - set(FLAGS) - run.settings.keys()
+    if not names:
+        return {}
+    written = RunState(base.model, base.facts, straight=False)
+    return {
+        name: run.effect_request.requested[name]
+        for name in sorted(names)
+        if "condim" in run.changed
+        or EFFECTS[name].switch.is_on(written) != run.effect_request.requested[name]
+    }

@@ -1,0 +1,99 @@
+"""The task of a compiled model: one function infers it, and every study judges by it.
+
+The first of these that a model has: a keyframe that was named; the first keyframe with controls,
+as its author wrote them; else two phases from its first keyframe, or the reference configuration.
+"""
+
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+
+from contactlab.errors import SceneError
+from contactlab.scene.model_names import name_of
+from contactlab.schema.drive import Drive
+from contactlab.schema.task import DEFAULT_WITHIN, QPOS0, SEEDS, Phase, Task
+
+_REST, _EXCITEMENT = 1.0, 2.0
+HELD_DURATION = 2.0
+"""How long a task with one phase takes, unless something says otherwise [s]."""
+
+
+def keyframe_names(model: mujoco.MjModel) -> tuple[str, ...]:
+    """Return the names or addresses of a model's keyframes, but of none that are only reserved."""
+    names = (model.key(index).name for index in range(model.nkey))
+    return tuple(name for name in names if name)
+
+
+def has_controls(model: mujoco.MjModel, keyframe: str) -> bool:
+    """Return whether a keyframe has controls: any that is not 0, which is what no control is."""
+    return keyframe != QPOS0 and bool(np.any(model.key_ctrl[model.key(keyframe).id]))
+
+
+def first_start(model: mujoco.MjModel) -> str:
+    """Return the first keyframe with controls, else the first one, else `QPOS0`."""
+    known = keyframe_names(model)
+    own = (name for name in known if has_controls(model, name))
+    return next(own, next(iter(known), QPOS0))
+
+
+def drive_of(model: mujoco.MjModel, keyframe: str) -> Drive:
+    """Return what drives a model from a start: its controls, constant, or else an exercise."""
+    return "none" if has_controls(model, keyframe) else "exercise"
+
+
+def rest_time(duration: float) -> float:
+    """Return how long controls rest before an excitement [s]: a third of the time, 1 s at most."""
+    return min(_REST, duration / 3)
+
+
+def infer_task(  # noqa: PLR0913 - one argument a part of the task
+    model: mujoco.MjModel,
+    *,
+    start: str | None = None,
+    drive: Drive = "auto",
+    duration: float | None = None,
+    watch: Sequence[str] = (),
+    within: tuple[float, str] | None = None,
+    seeds: Sequence[int] = SEEDS,
+    programmed: bool = False,
+) -> Task:
+    """Return the task of a compiled model; what is given replaces what would be inferred.
+
+    It takes 2 s, or 3 s where it has two phases: 1 s at rest, then 2 s of excitement. All
+    bodies are watched, within a share of 10 %. A SceneError names a keyframe or a body that the
+    model lacks.
+    """
+    begin = start or first_start(model)
+    known = (*keyframe_names(model), QPOS0)
+    SceneError.unless_known(begin, known, f"the model has no keyframe '{begin}'")
+    bodies = [name_of(model, "body", index) for index in range(model.nbody)]
+    for name in watch:
+        SceneError.unless_known(name, bodies, f"the model has no body '{name}' to watch")
+    moving = drive_of(model, begin) if drive == "auto" else drive
+    two = moving == "exercise"
+    seconds = duration or (_REST + _EXCITEMENT if two else HELD_DURATION)
+    if two:
+        rest = rest_time(seconds)
+        phases = (
+            Phase(name="neutral", begin=0, end=rest),
+            Phase(name="excitement", begin=rest, end=seconds),
+        )
+    else:
+        name = "held" if moving in ("none", "hold") else "driven"
+        phases = (Phase(name=name, begin=0, end=seconds),)
+    share, unit = within or (DEFAULT_WITHIN, "1")
+    return Task.model_validate(
+        {
+            "start": begin,
+            "drive": moving,
+            "own_controls": has_controls(model, begin),
+            "programmed": programmed,
+            "duration": float(seconds),
+            "phases": phases,
+            "watched": tuple(watch),
+            "within": float(share),
+            "unit": unit,
+            "seeds": tuple(seeds),
+        }
+    )

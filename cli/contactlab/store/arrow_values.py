@@ -1,0 +1,45 @@
+"""Numbers that Arrow and NumPy hand to each other, and Arrow's scalars, by the bytes they hold.
+
+`pa.array`, `pa.scalar` and `to_numpy` ask whether something of pandas is wanted, and import pandas
+for that wherever it is installed, which takes a third of a second.
+"""
+
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+
+
+def number_array(values: NDArray[np.number]) -> pa.Array:
+    """Return (n,) integers or floats as an array of Arrow, without nulls."""
+    held = np.ascontiguousarray(values)
+    kind = pa.from_numpy_dtype(held.dtype)
+    return pa.Array.from_buffers(kind, len(held), [None, pa.py_buffer(held)])
+
+
+def zero(kind: pa.DataType) -> pa.Scalar:
+    """Return zero of a kind of numbers, or False."""
+    return pa.Array.from_buffers(kind, 1, [None, pa.py_buffer(bytes(8))])[0]
+
+
+def text_scalar(text: str) -> pa.Scalar:
+    """Return a text as a value of Arrow."""
+    content = text.encode()
+    ends = pa.py_buffer(np.array([0, len(content)], np.int32))
+    return pa.Array.from_buffers(pa.string(), 1, [None, ends, pa.py_buffer(content)])[0]
+
+
+def numpy_array(column: pa.Array | pa.ChunkedArray) -> NDArray[Any]:
+    """Return the (n,) numbers or booleans of a column; where it is null, anything."""
+    if isinstance(column, pa.ChunkedArray):
+        kind = np.dtype(column.type.to_pandas_dtype())
+        return np.concatenate([np.empty(0, kind), *map(numpy_array, column.chunks)])
+    _, values = column.buffers()
+    start, stop = column.offset, column.offset + len(column)
+    if not len(column) or values is None:
+        return np.zeros(len(column), column.type.to_pandas_dtype())
+    if pa.types.is_boolean(column.type):
+        bits = np.unpackbits(np.frombuffer(values, np.uint8), count=stop, bitorder="little")
+        return bits[start:].view(np.bool_)
+    return np.frombuffer(values, column.type.to_pandas_dtype())[start:stop]

@@ -1,0 +1,267 @@
+"""A store in object storage.
+
+Journal, notes, table and scene are made in a local temporary folder. What must outlive the process
+is stored as it comes: traces by the workers, rows and notes batch by batch, as objects of unique
+names.
+"""
+
+import atexit
+import shutil
+import uuid
+from collections import deque
+from collections.abc import Collection, Generator, Iterable, Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import closing, contextmanager
+from functools import cached_property
+from pathlib import Path
+from tempfile import TemporaryDirectory, mkdtemp
+
+from contactlab.errors import OutputError, StoreError
+from contactlab.schema.evidence import StoreManifest, SweepIdentity
+from contactlab.schema.strict_model import is_inner_name
+from contactlab.store.objects.client import ObjectClient
+from contactlab.store.objects.lease import StoreLease, hold_lease
+from contactlab.store.store_files import (
+    CONTROLS,
+    IDENTITY,
+    JOURNAL,
+    LOCK,
+    MANIFEST,
+    NOTES,
+    SCENES,
+    TABLE,
+    TRACES,
+    ObjectAddress,
+    check_same_sweep,
+    document_json,
+    parse_manifest,
+)
+
+_BATCHES = {JOURNAL: "journal", NOTES: "notes"}
+"""The folder of batches for each local file of lines."""
+_OWN = {SCENES, TRACES, CONTROLS, LOCK, *_BATCHES.values(), TABLE, IDENTITY, MANIFEST}
+_TEMPORARY_PREFIX = "contactlab-"
+_TRANSFERS = 16  # objects that are fetched or stored at once, and traces that are fetched ahead
+_MOST_QUEUED_UPLOADS = 64  # uploads that may be unfinished at once
+
+_fetched: dict[tuple[ObjectAddress, bytes | str], Path] = {}
+
+
+class ObjectBackend(ObjectClient):
+    """See `contactlab.store.backend.Backend`."""
+
+    def read(self, name: str) -> bytes | None:
+        """Return the content of an object; None if there is none."""
+        found = self.find(name)
+        return None if found is None else found.data
+
+    def local_copy(self, manifest: bytes, names: Collection[str]) -> Path:
+        """Return a local folder with a manifest and its files, fetched if the manifest is new."""
+        if (self.address, manifest) not in _fetched:
+            folder = self._fetched(names)
+            (folder / MANIFEST).write_bytes(manifest)
+            _fetched[self.address, manifest] = folder
+        return _fetched[self.address, manifest]
+
+    def local_folder(self, name: str) -> Path:
+        """Return a local folder with all objects of a folder, fetched once a process."""
+        if (self.address, name) not in _fetched:
+            names = [file for file, _ in self.sizes(name)]
+            if not names:
+                raise OutputError(f"{self.address / name} is missing; has the sweep been removed?")
+            _fetched[self.address, name] = self._fetched(names) / name
+        return _fetched[self.address, name]
+
+    def _fetched(self, names: Iterable[str]) -> Path:
+        """Return a new folder with some objects, which is removed when the process ends."""
+        folder = Path(mkdtemp(prefix=_TEMPORARY_PREFIX))
+        atexit.register(shutil.rmtree, folder, ignore_errors=True)
+        safe = [_safe_name(name, self.address) for name in names]
+        with ThreadPoolExecutor(_TRANSFERS) as pool:
+            list(pool.map(self.fetch, safe, [folder / name for name in safe]))
+        return folder
+
+    @cached_property
+    def _trace_sizes(self) -> dict[str, int]:
+        return dict(self.sizes(TRACES))
+
+    def trace_size(self, name: str) -> int | None:
+        """Return the size of a trace [bytes], by a listing made once; None if there is none."""
+        return self._trace_sizes.get(name)
+
+    def holds_trace(self, name: str, size: int, sha256: str) -> bool:
+        """Return whether there is a trace of this size: it was stored whole, with checksums."""
+        del sha256
+        return self.trace_size(name) == size
+
+    def trace_names(self) -> list[str]:
+        """Return the names of all traces, sorted."""
+        return sorted(self._trace_sizes)
+
+    def local_files(self, names: Iterable[str]) -> Generator[Path | None]:
+        """Yield a local file for each object, some fetched ahead; None if it is missing."""
+        coming: deque[tuple[Path, Future[bool]]] = deque()
+        with (
+            TemporaryDirectory(prefix=_TEMPORARY_PREFIX) as folder,
+            ThreadPoolExecutor(_TRANSFERS) as pool,
+        ):
+            for number, name in enumerate(names):
+                source, target = _safe_name(name, self.address), Path(folder) / str(number)
+                coming.append((target, pool.submit(self.fetch, source, target)))
+                if len(coming) > _TRANSFERS:
+                    yield from _take_first(coming)
+            while coming:
+                yield from _take_first(coming)
+
+    def leftovers(self) -> list[str]:
+        """Return the names of batches that an interrupted sweep left, sorted."""
+        return sorted(name for batch in _BATCHES.values() for name, _ in self.sizes(batch))
+
+    def foreign_names(self) -> list[str]:
+        """Return the names of what does not belong to a store, sorted."""
+        return sorted(self.top_names() - _OWN)
+
+    @contextmanager
+    def write_session(self) -> Generator["ObjectSession"]:
+        """Hold the store's lease."""
+        with hold_lease(self) as lease, TemporaryDirectory(prefix=_TEMPORARY_PREFIX) as folder:
+            yield ObjectSession(self, lease, Path(folder))
+
+
+def _take_first(coming: deque[tuple[Path, Future[bool]]]) -> Iterator[Path | None]:
+    path, found = coming.popleft()
+    yield path if found.result() else None
+    path.unlink(missing_ok=True)
+
+
+class ObjectSession:
+    """See `WriteSession`; the local folder is a temporary one."""
+
+    def __init__(self, objects: ObjectBackend, lease: StoreLease, folder: Path) -> None:
+        self.folder = folder
+        self._objects = objects
+        self._lease = lease
+        self._pool = ThreadPoolExecutor(_TRANSFERS, thread_name_prefix="uploads")
+        self._uploads: deque[Future[None]] = deque()
+        self._batches: list[str] = []
+        self._fetched_bytes = 0
+
+    def clear(self) -> None:
+        """Remove all objects but the lock."""
+        # The manifest goes first and the identity last: a half-removed store must not look
+        # finished, nor have runs of no sweep.
+        self._objects.delete([MANIFEST])
+        kept = {LOCK, IDENTITY}
+        self._objects.delete([name for name, _ in self._objects.sizes() if name not in kept])
+        self._objects.delete([IDENTITY])
+
+    def begin(self, identity: SweepIdentity) -> None:
+        """Store the scene and, last, the identity."""
+        for file in sorted(path for path in (self.folder / SCENES).rglob("*") if path.is_file()):
+            self._objects.put(file.relative_to(self.folder).as_posix(), file)
+        (self.folder / IDENTITY).write_text(document_json(identity), encoding="utf-8")
+        self._objects.put(IDENTITY, self.folder / IDENTITY)
+
+    def fetch_journal(self) -> None:
+        """Join the batches of rows and of notes into local files."""
+        self._objects.fetch(IDENTITY, self.folder / IDENTITY)
+        self._join_batches(NOTES)
+        self._batches = self._join_batches(JOURNAL)
+        self._fetched_bytes = self._journal_bytes()
+
+    def replace_journal(self) -> None:
+        """Replace the batches by the local journal, if it has lost lines.
+
+        What is dropped must stay so, also where its trace comes to be stored again.
+        """
+        if self._batches and self._journal_bytes() < self._fetched_bytes:
+            self._put_journal()
+            self._objects.delete(self._batches)
+
+    def add_lines(self, name: str, lines: Sequence[bytes]) -> None:
+        """Upload lines in the background, as a batch of their own; waits while many are queued."""
+        self._lease.check()
+        self._await_uploads(_MOST_QUEUED_UPLOADS)
+        batch = _new_batch(name)
+        self._uploads.append(self._pool.submit(self._objects.put, batch, b"".join(lines)))
+
+    def flush(self) -> None:
+        """Wait until all lines are uploaded."""
+        self._await_uploads(0)
+        self._pool.shutdown()
+
+    def _await_uploads(self, most: int) -> None:
+        """Wait until at most so many uploads are unfinished; after an error, begin no other."""
+        try:
+            while self._uploads and (len(self._uploads) > most or self._uploads[0].done()):
+                self._uploads.popleft().result()
+        except BaseException:
+            self._uploads.clear()
+            self._pool.shutdown(cancel_futures=True)
+            raise
+
+    def table(self) -> Path:
+        """Fetch the table."""
+        self._objects.fetch(TABLE, self.folder / TABLE)
+        return self.folder / TABLE
+
+    def publish(self, manifest: StoreManifest) -> StoreManifest:
+        """Store the table, then the manifest, unless another sweep has published meanwhile."""
+        data = document_json(manifest).encode()
+        published = self._objects.find(MANIFEST)
+        if published is None:
+            self._lease.renew()
+            self._objects.put(TABLE, self.folder / TABLE)
+            if self._objects.create(MANIFEST, data) is None:
+                # Another sweep has published since the renewal, and our table is now beside its
+                # manifest; the two must match.
+                self._objects.put(MANIFEST, data)
+        else:
+            theirs = parse_manifest(published.data, self._objects.address)
+            check_same_sweep(self._objects.address, theirs.sweep, manifest.sweep)
+            manifest = theirs
+        self.remove_journal()
+        return manifest
+
+    def unpublish(self) -> None:
+        """Store the rows of the local journal, then delete manifest and table."""
+        self._put_journal()
+        for name in (MANIFEST, TABLE):
+            self._objects.delete([name])
+
+    def remove_journal(self) -> None:
+        """Delete all batches."""
+        for folder in _BATCHES.values():
+            self._objects.delete([name for name, _ in self._objects.sizes(folder)])
+
+    def remove_temporaries(self) -> None:
+        """Do nothing: an object is stored whole."""
+
+    def _journal_bytes(self) -> int:
+        return (self.folder / JOURNAL).stat().st_size
+
+    def _put_journal(self) -> None:
+        self._objects.put(_new_batch(JOURNAL), self.folder / JOURNAL)
+
+    def _join_batches(self, target: str) -> list[str]:
+        names = [name for name, _ in self._objects.sizes(_BATCHES[target])]
+        with (
+            (self.folder / target).open("wb") as joined,
+            closing(self._objects.local_files(names)) as parts,
+        ):
+            for part in filter(None, parts):
+                with part.open("rb") as lines:
+                    shutil.copyfileobj(lines, joined)
+        return names
+
+
+def _new_batch(name: str) -> str:
+    """Return an object's name that no other has, for lines of a local file."""
+    return f"{_BATCHES[name]}/{uuid.uuid4().hex}.jsonl"
+
+
+def _safe_name(name: str, address: ObjectAddress) -> str:
+    """Return a file name that a store gives, once it is sure not to lead out of the store."""
+    if not is_inner_name(name):
+        raise StoreError(f"{address} is damaged: it names a file '{name}'")
+    return name

@@ -1,0 +1,192 @@
+"""The lock of a store in object storage: an object that its holder keeps renewing.
+
+The store stays correct without it, since rows have names of their own and the manifest is created
+once. It keeps a second sweep from doing the same work.
+"""
+
+import logging
+import os
+import socket
+import threading
+import time
+import uuid
+from collections.abc import Generator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from contactlab.errors import ContactlabError, OutputError
+from contactlab.store.store_files import LOCK
+
+if TYPE_CHECKING:
+    from obstore import UpdateVersion
+
+    from contactlab.store.objects.client import ObjectClient, StoredObject
+
+LEASE = 30.0  # how long the lock of another machine must be unchanged before it is taken over [s]
+_RENEWALS = 6  # how often a lock is renewed in that time
+_RELEASE_TIMEOUT = 5.0  # how long releasing a lock may take [s]
+_BOOT_ID = Path("/proc/sys/kernel/random/boot_id")
+_PID_NAMESPACE = Path("/proc/self/ns/pid")
+_LOG = logging.getLogger(__name__)
+
+
+class LockHolder(BaseModel):
+    """The process that holds a store's lock, as the lock object names it."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    id: str  # random; a new one each time the lock is taken
+    host: str
+    machine: str  # identifies machine, boot and process namespace
+    pid: int
+    started: int  # of the process, in ticks since boot; tells it from a later one of the same id
+    beat: int = 0  # grows with each renewal
+    released: bool = False
+
+    @classmethod
+    def this(cls) -> "LockHolder":
+        """Return this process."""
+        pid, host = os.getpid(), socket.gethostname()
+        started = _start_time(pid) or 0
+        return cls(id=uuid.uuid4().hex, host=host, machine=_machine(), pid=pid, started=started)
+
+    @classmethod
+    def read(cls, data: bytes) -> "LockHolder | None":
+        """Return the holder that a lock names; None if it cannot be read."""
+        try:
+            return cls.model_validate_json(data)
+        except ValidationError:
+            return None
+
+    @property
+    def is_here(self) -> bool:
+        """Whether it is, or was, a process that is visible from here."""
+        return self.machine == _machine()
+
+    @property
+    def is_gone(self) -> bool:
+        """Whether it released the lock, or was a process here that has ended."""
+        return self.released or (self.is_here and _start_time(self.pid) != self.started)
+
+    def encoded(self) -> bytes:
+        """Return the content of the lock object."""
+        return self.model_dump_json().encode()
+
+
+def _machine() -> str:
+    try:
+        return f"{_BOOT_ID.read_text(encoding='utf-8').strip()} {_PID_NAMESPACE.readlink()}"
+    except OSError:
+        return socket.gethostname()
+
+
+def _start_time(pid: int) -> int | None:
+    """Return when a process was started; None if there is none."""
+    try:
+        stat = Path(f"/proc/{pid}/stat").read_text(encoding="utf-8", errors="replace")
+    except OSError:
+        return None
+    # The name of the process, in brackets, may hold anything.
+    fields = stat.rpartition(")")[2].split()
+    return None if fields[0] == "Z" else int(fields[19])
+
+
+class StoreLease:
+    """A lock that is held, and renewed by a thread; raises OutputError once it was taken over."""
+
+    def __init__(
+        self, client: "ObjectClient", holder: LockHolder, version: "UpdateVersion", seconds: float
+    ) -> None:
+        self._client = client
+        self._holder = holder
+        self._version = version
+        self._seconds = seconds
+        self._lost = False
+        self._released = threading.Event()
+        self._writing = threading.Lock()
+        self._thread = threading.Thread(target=self._keep, daemon=True)
+        self._thread.start()
+
+    def check(self) -> None:
+        """Check that nobody is known to have taken the lock over."""
+        if self._lost:
+            raise OutputError(
+                f"another sweep has taken over {self._client.address}; wait for it, or use -o"
+            )
+
+    def renew(self) -> None:
+        """Renew the lock now."""
+        self._write(beat=self._holder.beat + 1)
+        self.check()
+
+    def release(self) -> None:
+        """Release the lock; where that fails, it is taken over later."""
+        self._released.set()
+        self._thread.join(_RELEASE_TIMEOUT)
+
+    def _write(self, **changes: object) -> None:
+        with self._writing:
+            self.check()
+            holder = self._holder.model_copy(update=changes)
+            version = self._client.create(LOCK, holder.encoded(), self._version)
+            if version is None:
+                self._lost = True
+            else:
+                self._holder, self._version = holder, version
+
+    def _keep(self) -> None:
+        while not self._released.wait(self._seconds / _RENEWALS):
+            # Tried again next time; a server that stays away fails the sweep's own writes.
+            with suppress(ContactlabError):
+                self.renew()
+        with suppress(ContactlabError):
+            self._write(released=True)
+
+
+@contextmanager
+def hold_lease(client: "ObjectClient", seconds: float | None = None) -> Generator[StoreLease]:
+    """Hold the lock of a store, once one of another machine was unchanged for so many seconds."""
+    seconds = LEASE if seconds is None else seconds
+    holder = LockHolder.this()
+    lease = StoreLease(client, holder, _take(client, holder, seconds), seconds)
+    try:
+        yield lease
+    finally:
+        lease.release()
+
+
+def _take(client: "ObjectClient", holder: LockHolder, seconds: float) -> "UpdateVersion":
+    version = None
+    while version is None:
+        version = client.create(LOCK, holder.encoded())
+        if version is None and (other := client.find(LOCK)) is not None:
+            _wait_until_gone(client, other, seconds)
+            version = client.create(LOCK, holder.encoded(), other.version)
+    return version
+
+
+def _wait_until_gone(client: "ObjectClient", lock: "StoredObject", seconds: float) -> None:
+    """Wait until a lock may be taken over.
+
+    Only how long it is unchanged counts, by this machine's clock: other clocks may be wrong.
+    """
+    holder = LockHolder.read(lock.data)
+    if holder is not None and holder.is_gone:
+        return
+    if holder is not None and holder.is_here:
+        raise OutputError(f"{client.address} is in use by process {holder.pid}; wait or use -o")
+    where = f"on {holder.host}" if holder else "of another version"
+    message = "%s is locked by a sweep %s; waiting %.0f s for a sign of it"
+    _LOG.warning(message, client.address, where, seconds)
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        time.sleep(min(1.0, seconds / _RENEWALS))
+        now = client.find(LOCK)
+        if now is None or now.version != lock.version:
+            after = LockHolder.read(now.data) if now else None
+            if now is None or (after is not None and after.is_gone):
+                return
+            raise OutputError(f"{client.address} is in use by a sweep {where}; wait or use -o")

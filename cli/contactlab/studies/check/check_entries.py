@@ -1,0 +1,108 @@
+"""Checks of a model, and the decorators that declare one and the changes against it."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from contactlab.registry import Registry
+from contactlab.schema.check_report import CheckResult, Measure
+from contactlab.studies.check.check_results import LIMITS, Limit, check_result
+from contactlab.studies.check.checked_model import CheckedModel
+from contactlab.studies.session import Values
+
+
+class Measured(NamedTuple):
+    """Result of a check: without measures it does not apply, for the reason of its first note."""
+
+    measures: Sequence[Measure]
+    notes: Sequence[str] = ()
+    stores: Sequence[str] = ()  # its evidence: names of stores
+
+
+CheckFunction = Callable[[CheckedModel], Measured]
+RemedyFunction = Callable[[CheckedModel, CheckResult], Iterator[Values]]
+
+
+@dataclass(frozen=True)
+class Check:
+    """One question about a model, answered by measures with limits.
+
+    Attributes:
+        name: its name on the command line and in reports.
+        asks: the criterion, in words.
+        function: measures a model.
+        limits: the limits of its measures, by whose names they are accepted and replaced.
+        findings: names of measures that state a limit of their own.
+        place: where it stands among the checks of a report, the least first.
+    """
+
+    name: str
+    asks: str
+    function: CheckFunction
+    limits: tuple[Limit, ...] = ()
+    findings: tuple[str, ...] = ()
+    place: float = 100
+
+    def __call__(self, checked: CheckedModel) -> CheckResult:
+        """Return the result for a model."""
+        return check_result(self.name, self.asks, *self.function(checked))
+
+
+class Remedy(NamedTuple):
+    """Changes to try where a measure misses its limit."""
+
+    name: str  # of the measure
+    propose: RemedyFunction
+
+
+class _Checks(Registry[Check]):
+    """Checks in the order of a report."""
+
+    def add(self, entry: Check) -> Check:
+        """Add a check and its limits."""
+        for limit in entry.limits:
+            LIMITS.add(limit)
+        super().add(entry)
+        ordered = sorted(self.values(), key=lambda check: check.place)
+        self.clear()
+        self.update({check.name: check for check in ordered})
+        return entry
+
+
+CHECKS: Registry[Check] = _Checks("check")
+REMEDIES: Registry[Remedy] = Registry("remedy")
+
+
+def check(
+    name: str,
+    *,
+    asks: str,
+    limits: tuple[Limit, ...] = (),
+    findings: tuple[str, ...] = (),
+    place: float = 100,
+) -> Callable[[CheckFunction], CheckFunction]:
+    """Declare a check: the function measures a `CheckedModel`, by `measure` with the limits.
+
+    Arguments are those of `Check`. A PluginError if a name is taken.
+    """
+
+    def declare(function: CheckFunction) -> CheckFunction:
+        CHECKS.add(Check(name, asks, function, limits, findings, place))
+        return function
+
+    return declare
+
+
+def remedy(*measures: str) -> Callable[[RemedyFunction], RemedyFunction]:
+    """Declare changes to try where one of these measures misses its limit.
+
+    The function yields settings by axis for a model and the result of the check, the one to try
+    first first. A PluginError if a measure has such a function already.
+    """
+
+    def declare(function: RemedyFunction) -> RemedyFunction:
+        for name in measures:
+            REMEDIES.add(Remedy(name, function))
+        return function
+
+    return declare

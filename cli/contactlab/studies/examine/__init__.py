@@ -1,0 +1,1 @@
+"""What a model's simulation is worth under its task: `contactlab examine MODEL`."""

@@ -1,0 +1,105 @@
+"""The motions of a task's phases: what every study's runs do, cut where phases begin."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import mujoco
+import numpy as np
+
+from contactlab.budget import Motion
+from contactlab.contact.trace_arrays import Floats
+from contactlab.engines import Buffers, PreparedRuns, engine_of
+from contactlab.engines.closed_loop import allowed_policy, load_policy
+from contactlab.engines.mujoco_batch import driven, start_batch
+from contactlab.engines.older_mujoco import SimulationError
+from contactlab.errors import EngineError, SceneError
+from contactlab.scene.initial_states import InitialStates
+from contactlab.scene.scene import Scene
+from contactlab.schema.task import Phase, Task
+from contactlab.studies.session import Values
+
+_ENGINE = "mujoco"
+_CONTROL = int(mujoco.mjtState.mjSTATE_CTRL)
+
+
+class _Piece(NamedTuple):
+    """A phase of one seed: a state to begin with, the inputs of its steps, and what they hold."""
+
+    start: Floats
+    inputs: Floats
+    spec: int
+
+
+def task_motions(
+    scene: Scene, values: Values, task: Task, *, allow_code: bool = False
+) -> list[Motion]:
+    """Return one motion for each phase of a task, with a row for each of its seeds.
+
+    A seed whose run the engine gave up before a phase has no part in it; a phase that none of them
+    reaches is left out: the one before says why. What a policy did is replayed; it is code, which
+    has to be allowed.
+
+    Raises:
+        EngineError: another engine than MuJoCo is asked for.
+        SceneError: a policy is not allowed, or fails.
+    """
+    runs = [scene.resolve(values, seed, task.duration) for seed in task.seeds]
+    if (engine := runs[0].engine) != _ENGINE:
+        raise EngineError(f"examine measures MuJoCo's own motion, not that of engine {engine}")
+    prepared = PreparedRuns.of(scene, *runs)
+    if policy := allowed_policy(scene.drive, allowed=allow_code):
+        prepared = _acted(replace(prepared, policy=load_policy(policy)))
+    model = prepared.models[0]
+    spans = [span for phase in task.phases if (span := _span(phase, model, prepared.steps))]
+    pieces = [list(_pieces(prepared, run, spans)) for run in range(len(runs))]
+    motions = list[Motion]()
+    for place, phase in enumerate(task.phases[: len(spans)]):
+        reached = [parts[place] for parts in pieces if place < len(parts)]
+        if reached:
+            starts = np.concatenate([piece.start for piece in reached])
+            inputs = np.concatenate([piece.inputs for piece in reached])
+            motions.append(Motion(model, starts, inputs, reached[0].spec, phase.name))
+    return motions
+
+
+def _acted(prepared: PreparedRuns) -> PreparedRuns:
+    """Return runs driven by what their policies do in them."""
+    rollout = engine_of(prepared.resolved[0]).roll_out(prepared, Buffers())
+    if failed := next((error for error in rollout.errors if error), None):
+        raise SceneError(f"the policy cannot be replayed: {failed}")
+    return prepared.repeating(rollout.controls)
+
+
+def _span(phase: Phase, model: mujoco.MjModel, steps: int) -> tuple[int, int] | None:
+    """Return the first step of a phase and the one after its last; None if it has none."""
+    begin, end = (round(time / model.opt.timestep) for time in (phase.begin, phase.end))
+    return (begin, min(max(end, begin + 1), steps)) if begin < steps else None
+
+
+def _pieces(prepared: PreparedRuns, run: int, spans: Sequence[tuple[int, int]]) -> Iterator[_Piece]:
+    """Yield the phases that a run reaches."""
+    model, start = prepared.models[run], prepared.starts.pick(run)
+    batch = start_batch([model], start)
+    done = 0
+    for begin, end in spans:
+        try:
+            if begin > done:
+                batch.rollout(
+                    begin - done, record=[], **driven(model, start, 0, begin - done, done)
+                )
+        except SimulationError:
+            return
+        if batch.warning.any():
+            return
+        done = begin
+        yield _piece(model, start, (begin, end), batch.state.copy())
+
+
+def _piece(
+    model: mujoco.MjModel, start: InitialStates, span: tuple[int, int], state: Floats
+) -> _Piece:
+    begin, end = span
+    given = driven(model, start, 0, end - begin, begin)
+    inputs = given.get("control", np.empty((1, end - begin, 0)))
+    return _Piece(state, inputs, int(given.get("control_spec", _CONTROL)))

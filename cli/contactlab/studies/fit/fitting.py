@@ -1,0 +1,280 @@
+"""Settings that explain recorded runs: searched, with intervals and profiles, tried on others."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contactlab.contact.trace_arrays import Floats
+from contactlab.errors import ExpectationError, SceneError, SweepFileError
+from contactlab.plan.rows import sample_points
+from contactlab.reporting.start_noise import PERTURBATION, noise_floor
+from contactlab.run.evidence_record import as_written
+from contactlab.run.sweep_request import SceneLoader
+from contactlab.scene.model_draft import ModelEdits
+from contactlab.scene.model_writer import write_model
+from contactlab.scene.scene import Scene
+from contactlab.schema.study_reports import FIT_REPORT, FITTED, FitReport, FittedSetting
+from contactlab.schema.sweep_schema import Sample
+from contactlab.schema.vocabulary import RECORDED_RUN, AxisSpec
+from contactlab.studies.session import Session, Values, read_settings
+
+FREE = ("friction.slide", "solref", "impratio", "cone")
+"""Parameters that are fitted if none is named."""
+_PARTS = {"solref": ("solref.timeconst", "solref.dampratio")}  # what is fitted by its parts
+_BOUNDS: Mapping[str, tuple[float, float]] = {
+    "friction.slide": (0.02, 2.0),
+    "solref.timeconst": (2e-3, 0.1),
+    "solref.dampratio": (0.05, 3.0),
+    "impratio": (1.0, 100.0),
+}
+"""Bounds where none are given; numbers are searched by their logarithms."""
+_SCREENED, _SCREENING, _KEPT = 64, 30, 12  # points that few runs screen, how many, and what is left
+_ROUNDS, _DRAWN, _ELITE = 4, 16, 8  # rounds of points around the best ones
+_LEAST_SPREAD = 0.02  # of a round's points, as a share of the bounds
+_PROFILE, _RESAMPLED = 7, 400  # points of a profile; resampled sets of runs
+_FLAT = 0.1  # share of the error by which a profile that tells something rises
+
+
+@dataclass(frozen=True)
+class FitRequest:
+    """Parameters to fit, and their scene."""
+
+    scene: str
+    free: Sequence[str] = FREE  # axes: NAME, or NAME=LOW:HIGH; axes of words take any of them
+    assign: Sequence[str] = ()  # settings of all runs, NAME=VALUE
+    fitted: int = 120  # recorded runs to fit; at most two of three
+    seed: int = 0  # which runs are fitted
+    error: str = "reality"
+
+
+@dataclass(frozen=True)
+class _Knob:
+    """A free setting, as a coordinate from 0 to 1: the logarithm between bounds, or a word."""
+
+    spec: AxisSpec
+    low: float = 0.0
+    high: float = 0.0
+
+    @classmethod
+    def of(cls, scene: Scene, text: str) -> "_Knob":
+        """Read a setting; a SweepFileError says what is wrong with it."""
+        name, _, bounds = text.partition("=")
+        spec = scene.catalogue.find(name)
+        if spec is None:
+            raise SweepFileError(f"--free {name}: no such axis; `contactlab scenes` lists all")
+        if spec.choices:
+            return cls(spec)
+        try:
+            low, high = map(float, bounds.split(":")) if bounds else _BOUNDS.get(name, (0.0, 0.0))
+        except ValueError:
+            low = high = 0.0
+        if not 0 < low < high < math.inf:
+            raise SweepFileError(f"--free {text}: write bounds above 0, such as {name}=0.1:10")
+        return cls(spec, low, high)
+
+    def value(self, place: float) -> object:
+        """Return the canonical value at a place."""
+        if words := self.spec.choices:
+            return words[min(int(place * len(words)), len(words) - 1)]
+        return self.spec.parse(float(f"{self.low * (self.high / self.low) ** place:.6g}"))
+
+
+@dataclass
+class _Trials:
+    """Runs points, (d,) each, and keeps those that were run on all fitted runs."""
+
+    request: FitRequest
+    session: Session
+    scenes: SceneLoader
+    knobs: Sequence[_Knob]
+    fixed: Values
+    fitted: Sequence[float]
+    points: list[Floats] = field(default_factory=list[Floats])
+    errors: list[Floats] = field(default_factory=list[Floats])
+    runs: int = 0
+
+    def values(self, point: Floats) -> dict[str, object]:
+        """Return the settings at a point."""
+        return {
+            knob.spec.name: knob.value(place) for knob, place in zip(self.knobs, point, strict=True)
+        }
+
+    def run(self, name: str, settings: Sequence[Values], runs: Sequence[float]) -> Floats:
+        """Return (points, runs) errors; a run that fails is as bad as the worst one."""
+        request, names = self.request, list(settings[0])
+        axes = {RECORDED_RUN: list(runs)} | {
+            fixed: [as_written(y)] for fixed, y in self.fixed.items()
+        }
+        block = {
+            parameter: [as_written(candidate[parameter]) for candidate in settings]
+            for parameter in names
+        }
+        sweep = {"version": 1, "scene": request.scene, "axes": axes, "trace": "none"}
+        sweep |= {"checks": "none", "zip": [block] if block else []}
+        store = self.session.run_derived(name, sweep, self.scenes, resume=True)
+        self.runs += store.columns.runs
+        columns = store.columns.to_pydict([RECORDED_RUN, *names, request.error])
+        found = {row[:-1]: row[-1] for row in zip(*columns.values(), strict=True)}
+        keys = [[as_written(candidate[parameter]) for parameter in names] for candidate in settings]
+        errors = np.array([[found[(run, *key)] for run in runs] for key in keys], np.float64)
+        if np.isnan(errors).all():
+            raise ExpectationError(f"no run of {request.scene} has a value of {request.error}")
+        return np.where(np.isnan(errors), np.nanmax(errors), errors)
+
+    def keep(self, name: str, points: Floats) -> None:
+        """Run points (m, d) on the fitted runs, and keep them."""
+        self.errors += list(self.run(name, [self.values(point) for point in points], self.fitted))
+        self.points += list(points)
+
+    def best(self, count: int) -> tuple[Floats, Floats]:
+        """Return (count, d) the best points, the best one first, and (count, runs) their errors."""
+        order = np.argsort([error.mean() for error in self.errors])[:count]
+        return np.array(self.points)[order], np.array(self.errors)[order]
+
+
+def run(request: FitRequest, session: Session) -> FitReport:
+    """Fit settings to some recorded runs, and try them on the others.
+
+    The folder receives the stores, `fit.json`, and the model with the settings. Raises a SceneError
+    if the scene has no recording, or too few runs; a SweepFileError if a setting is wrong; an
+    ExpectationError if no run can be measured; a StoppedError if the session was stopped: the same
+    call resumes it.
+    """
+    scenes = SceneLoader(Path())
+    scene = scenes.open(request.scene)
+    numbers = scene.recorded.numbers if scene.recorded else ()
+    if len(numbers) < 3:
+        raise SceneError(f"{request.scene}: a fit needs a `recording` of three runs or more")
+    session.claim("fit", request.scene)
+    fixed, _ = read_settings(scenes, request.scene, request.assign)
+    knobs = [_Knob.of(scene, part) for word in request.free for part in _PARTS.get(word, (word,))]
+    order = np.random.default_rng(request.seed).permutation(numbers).tolist()
+    count = min(request.fitted, 2 * len(order) // 3)
+    trials = _Trials(request, session, scenes, knobs, fixed, order[:count])
+    _search(trials)
+    report = _reported(trials, scene, order[count:])
+    session.write({FIT_REPORT: report.model_dump_json(indent=2) + "\n"})
+    return report
+
+
+def _search(trials: _Trials) -> None:
+    """Screen points all over with few runs; then draw points around the best of those left."""
+    size, seed = len(trials.knobs), trials.request.seed
+    points = sample_points(Sample(n=_SCREENED, seed=seed), size)
+    few = trials.fitted[:_SCREENING]
+    screened = trials.run("screening", [trials.values(point) for point in points], few).mean(axis=1)
+    trials.keep("kept", points[np.argsort(screened)[:_KEPT]])
+    for number in range(_ROUNDS):
+        elite, _ = trials.best(_ELITE)
+        spread = np.maximum(elite.std(axis=0), _LEAST_SPREAD)
+        normal = np.random.default_rng([seed, number]).normal(size=(_DRAWN, size))
+        drawn = np.clip(elite.mean(axis=0) + spread * normal, 0, 1)
+        words = [bool(knob.spec.choices) for knob in trials.knobs]
+        trials.keep(f"round-{number}", np.where(words, elite[0], drawn))
+
+
+def _reported(trials: _Trials, scene: Scene, held_out: Sequence[float]) -> FitReport:
+    (best, *_), (errors, *_) = trials.best(1)
+    chosen = trials.values(best)
+    (there,) = trials.run("held-out", [chosen], held_out)
+    (written,) = trials.run("as-written", [{}], held_out)
+    rng = np.random.default_rng(trials.request.seed)
+    drawn = there[rng.integers(len(there), size=(_RESAMPLED, len(there)))].mean(axis=1)
+    minima = _minima(trials)
+    edits = ModelEdits({**trials.fixed, **chosen})
+    return FitReport(
+        scene=trials.request.scene,
+        scene_hash=scene.hash,
+        error=trials.request.error,
+        settings=tuple(_setting(trials, best, place, minima) for place in range(len(best))),
+        fitted_runs=tuple(sorted(trials.fitted)),
+        fitted_error=float(errors.mean()),
+        held_out={f"{run:g}": float(x) for run, x in zip(held_out, there, strict=True)},
+        held_out_error=float(there.mean()),
+        held_out_interval=tuple(np.percentile(drawn, [2.5, 97.5]).tolist()),
+        written_error=float(written.mean()),
+        noise_floor=_noise_floor(trials, scene, chosen, held_out),
+        lines=write_model(scene, edits, trials.session.folder / "fitted", FITTED).lines,
+        runs=trials.runs,
+    )
+
+
+def _noise_floor(
+    trials: _Trials, scene: Scene, chosen: Values, runs: Sequence[float]
+) -> float | None:
+    """Return by how much the start noise that a scene declares moves the error of a run."""
+    manifest = scene.source.manifest
+    if manifest is None or manifest.perturb is None:
+        return None
+    both = [{**chosen, PERTURBATION: factor} for factor in (0.0, 1.0)]
+    errors = trials.run("noise", both, runs)
+    return noise_floor(np.tile(np.arange(len(runs)), 2), errors.ravel())
+
+
+def _setting(trials: _Trials, best: Floats, place: int, minima: Floats) -> FittedSetting:
+    """Return one setting at the best point (d,), with its interval and its profile."""
+    knob = trials.knobs[place]
+    name, count = knob.spec.name, len(knob.spec.choices) or _PROFILE
+    along = np.array([best[place], *np.linspace(0, 1, count)])
+    points = np.where(np.arange(len(best)) == place, along[:, None], best)
+    settings = list(
+        {candidate[name]: candidate for candidate in map(trials.values, points)}.values()
+    )
+    errors = trials.run(f"profile-{name}", settings, trials.fitted[: 2 * _SCREENING])
+    alike = errors.mean(axis=1) <= (1 + _FLAT) * errors[0].mean()
+    alike |= _as_good(errors)
+    values = [as_written(setting[name]) for setting in settings]
+    points, every = trials.best(len(trials.points))
+    middle, *ends = np.percentile(minima[:, place], [50, 2.5, 97.5])
+    # Resampling so few runs as a fit may have makes intervals too narrow.
+    runs = every.shape[1]
+    wider = _student(runs) / _student(math.inf) * math.sqrt(runs / (runs - 1))
+    places = [*(middle + wider * (end - middle) for end in ends), *points[_as_good(every), place]]
+    known = [knob.value(min(max(position, 0), 1)) for position in places]
+    known += [value for value, same in zip(values, alike, strict=True) if same]
+    numbers = [value for value in known if isinstance(value, float)]
+    return FittedSetting(
+        name=name,
+        value=values[0],
+        interval=(min(numbers), max(numbers)) if numbers else None,
+        profile=dict(zip(map(str, values), errors.mean(axis=1).tolist(), strict=True)),
+        identified=bool(alike[1:].mean() < 0.5),
+    )
+
+
+def _as_good(errors: Floats) -> NDArray[np.bool_]:
+    """Return which of errors (m, runs) are not worse than the first by more than runs scatter."""
+    worse, runs = errors - errors[0], errors.shape[1]
+    return worse.mean(axis=1) <= _student(runs) * worse.std(axis=1, ddof=1) / math.sqrt(runs)
+
+
+def _student(runs: float) -> float:
+    """Return the 97.5 % quantile of Student's t for a mean of runs, by Cornish and Fisher."""
+    return 1.96 + 2.372 / (runs - 1) + 2.823 / (runs - 1) ** 2
+
+
+def _minima(trials: _Trials) -> Floats:
+    """Return (resampled, d) where a quadratic through the better points is least, by sets of runs.
+
+    Where it has no minimum, it is the best point.
+    """
+    points, errors = trials.best(max(len(trials.points) // 2, _ELITE))
+    size, near = points.shape[1], points - points[0]
+    first, second = np.triu_indices(size)
+    design = np.hstack([np.ones((len(near), 1)), near, near[:, first] * near[:, second]])
+    solve = np.linalg.pinv(design, rcond=1e-6)
+    rng, minima = np.random.default_rng(trials.request.seed), list[Floats]()
+    for _ in range(_RESAMPLED):
+        means = errors[:, rng.integers(errors.shape[1], size=errors.shape[1])].mean(axis=1)
+        fit, curve = solve @ means, np.zeros((size, size))
+        curve[first, second] = fit[1 + size :]
+        curve += curve.T
+        least = points[means.argmin()]
+        if np.linalg.eigvalsh(curve)[0] > 0:
+            least = points[0] - np.linalg.solve(curve, fit[1 : 1 + size])
+        minima.append(np.clip(least, points.min(axis=0), points.max(axis=0)))
+    return np.array(minima)

@@ -1,0 +1,136 @@
+"""Find the release of MuJoCo that changed an outcome, in as many steps as their number has bits.
+
+Between a release that gives the old outcome and one that does not, there are two neighbours of
+which that is true, whatever those between them give; such neighbours are found. What each release
+gave is kept in a folder of its own, and taken from there the next time.
+"""
+
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from contactlab.comparison.compare_stores import compare
+from contactlab.errors import ContactlabError, ExpectationError, PolicyError, StoppedError
+from contactlab.schema.comparison import Check, ComparePolicy, ComparisonReport
+from contactlab.store.atomic_files import atomic_write, sha256_of
+
+# What counts as an outcome: checks of the first of these kinds in which the two ends differ.
+_KINDS = (frozenset({"runs", "labels"}), frozenset({"metrics"}))
+
+
+@dataclass(frozen=True)
+class Culprit:
+    """Two releases between which an outcome changed, in so many steps.
+
+    Those that lie between them could not be run; each has the reason.
+    """
+
+    before: str
+    after: str
+    skipped: dict[str, str]
+    steps: int
+
+
+def bisect(
+    versions: Sequence[str], differs: Callable[[str], bool], notify: Callable[[str], None]
+) -> Culprit:
+    """Find neighbours, of which the one gives the outcome of the first version, the other not.
+
+    The first and the last differ. Of n versions it asks ceil(log2(n - 1)) whether they differ from
+    the first, and more only where that raises a ContactlabError.
+    """
+    same, other, steps = 0, len(versions) - 1, 0
+    skipped: dict[str, str] = {}
+    while left := [index for index in range(same + 1, other) if versions[index] not in skipped]:
+        middle = min(left, key=lambda index: abs(2 * index - same - other))
+        version, steps = versions[middle], steps + 1
+        try:
+            is_other = differs(version)
+        except StoppedError:
+            raise
+        except ContactlabError as error:
+            skipped[version] = str(error).partition("\n")[0]
+            notify(f"{version}: left out, since {skipped[version]}")
+            continue
+        notify(f"{version}: {'not ' if is_other else ''}as in {versions[0]}")
+        same, other = (same, middle) if is_other else (middle, other)
+    between = {name: skipped[name] for name in versions[same + 1 : other]}
+    return Culprit(versions[same], versions[other], between, steps)
+
+
+@dataclass
+class SweepOutcomes:
+    """The runs of a sweep, whose stores lie in a folder.
+
+    `run` sweeps into a store with a release, or what is left of it; a ContactlabError says that
+    this cannot be. `asked` names the checks of the comparison that count.
+    """
+
+    folder: Path
+    run: Callable[[Path, str], None]
+    policy: ComparePolicy
+    asked: Sequence[str] = ()
+    good: str = field(default="", init=False)
+    names: frozenset[str] = field(default=frozenset(), init=False)
+
+    def begin(self, good: str, bad: str) -> None:
+        """Find in what the two ends differ; raise an ExpectationError if they do not."""
+        self.good = good
+        report = self.compared(good, bad)
+        for name in self.asked:
+            known = [check.name for check in report.checks]
+            PolicyError.unless_known(name, known, f"there is no check '{name}'")
+        found = [check for check in report.checks if check.name in self.asked and _differs(check)]
+        if not self.asked:
+            found = next(filter(None, (_of_kinds(report, kinds) for kinds in _KINDS)), [])
+        if not found:
+            raise ExpectationError(f"MuJoCo {good} and {bad} give the same; see {self.folder}")
+        self.names = frozenset(check.full_name for check in found)
+
+    def differs(self, version: str) -> bool:
+        """Return whether any of these outcomes differs from that of the first release."""
+        return bool(self._changed(self.compared(self.good, version)))
+
+    def shown(self, found: Culprit) -> ComparisonReport:
+        """Return the comparison of two neighbours, with the outcomes that changed."""
+        report = self.compared(found.before, found.after)
+        if not self._changed(report):  # by less than the tolerance, which was almost used up before
+            report = self.compared(self.good, found.after)
+        return report.model_copy(update={"checks": tuple(self._changed(report))})
+
+    def compared(self, before: str, after: str) -> ComparisonReport:
+        """Return the comparison of two releases, run by run."""
+        for version in (before, after):
+            self.run(self.folder / version, version)
+        policy = self.policy.model_copy(update={"match": "axes"})
+        return compare(self.folder / before, self.folder / after, policy)
+
+    def _changed(self, report: ComparisonReport) -> list[Check]:
+        return [
+            check for check in report.checks if check.full_name in self.names and _differs(check)
+        ]
+
+
+def _of_kinds(report: ComparisonReport, kinds: frozenset[str]) -> list[Check]:
+    """Return the checks of some kinds that fail, or else those that changed at all."""
+    found = [check for check in report.checks if check.kind in kinds and _differs(check)]
+    return [check for check in found if check.outcome == "failed"] or found
+
+
+def _differs(check: Check) -> bool:
+    return check.verdict not in {"same", "not comparable"}
+
+
+def remembered(node: str, folder: Path, run: Callable[[], bool]) -> bool:
+    """Return whether a test passes, as a folder says if neither its file nor its name changed."""
+    source, place = Path(node.partition("::")[0]), folder / "outcome.json"
+    asked = {"test": node, "sha256": sha256_of(source) if source.is_file() else None}
+    for passed in (True, False):
+        said = json.dumps({**asked, "passed": passed})
+        if place.is_file() and place.read_text(encoding="utf-8") == said:
+            return passed
+    passed = run()
+    with atomic_write(place) as temporary:
+        temporary.write_text(json.dumps({**asked, "passed": passed}), encoding="utf-8")
+    return passed

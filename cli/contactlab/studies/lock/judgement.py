@@ -1,0 +1,196 @@
+"""Whether a store gives what a lock froze, as a comparison of groups.
+
+Runs of the locked starts repeat each other, and a group's mean may change by what `compare` accepts
+of a metric: `abs + rel * |mean|`, its resolution. Other starts, of other seeds, give other values:
+two means of n and m independent values, whose pooled spread is s, differ by chance by more than
+t s sqrt(1/n + 1/m) in a share alpha of all pairs (Student's t-test, where t is the 1 - alpha / 2
+quantile at n + m - 2 degrees of freedom), and that much is accepted beyond the resolution. How many
+runs have an outcome is judged by Fisher's exact test at the same alpha. It is 0.1 % over all that
+is judged (Bonferroni): one of a thousand checks turns red by chance where nothing changed.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from scipy import stats
+
+from contactlab.comparison.checks import CHANGED, MISSING, SAME, CheckSubject, plural
+from contactlab.comparison.compare_stores import conclusion, described
+from contactlab.comparison.policies import EffectiveRule, effective_rule
+from contactlab.schema.comparison import (
+    Check,
+    ComparePolicy,
+    ComparisonReport,
+    PairCounts,
+    RunPair,
+)
+from contactlab.store.finished_store import Store
+from contactlab.store.table_layout import Column
+from contactlab.studies.lock.lock_file import is_recorded, lock_of, members, metric_columns
+from contactlab.studies.lock.lock_model import Group, Lock
+
+_BY_CHANCE = 1e-3
+
+
+class _Finding(NamedTuple):
+    """Finding in a group, and its excess over what is accepted, in tolerances."""
+
+    group: Group
+    code: int
+    before: float | str | None = None
+    after: float | str | None = None
+    excess: float = 0.0
+
+
+@dataclass(frozen=True)
+class _Judge:
+    """Judges the groups of a store by those of a lock."""
+
+    lock: Lock
+    new: Lock
+    repeated: bool
+    policy: ComparePolicy
+    runs: dict[str, str]  # a run of each group of the store
+
+    @property
+    def pairs(self) -> list[tuple[Group, Group]]:
+        """The groups that both have."""
+        here = self.new.by_key
+        return [(group, here[group.key]) for group in self.lock.groups if group.key in here]
+
+    @property
+    def alpha(self) -> float:
+        """How likely one judgement may be wrong."""
+        judged = (len(old.metrics) + len({*old.outcomes, *new.outcomes}) for old, new in self.pairs)
+        return _BY_CHANCE / max(1, sum(judged))
+
+    def checks(self, columns: dict[str, Column]) -> Iterator[Check]:
+        """Yield all checks."""
+        for name in ("engine", "scene_hash"):
+            before, after = getattr(self.lock, name), getattr(self.new, name)
+            same = CheckSubject(f"same {name}", "evidence", "warn", two_sided=True)
+            said = "the same" if before == after else f"{before}, now {after}"
+            yield same.single(SAME if before == after else CHANGED, said)
+        old, new, rules = self.lock.by_key, self.new.by_key, self.policy
+        subject = CheckSubject("no missing groups", "runs", rules.missing_runs)
+        yield self._check(subject, [_Finding(old[key], MISSING) for key in old if key not in new])
+        subject = CheckSubject("no new groups", "runs", rules.new_runs, two_sided=True)
+        yield self._check(subject, [_Finding(new[key], CHANGED) for key in new if key not in old])
+        subject = CheckSubject("outcomes as locked", "labels", rules.labels.level, two_sided=True)
+        yield self._check(subject, [self._outcomes(*pair) for pair in self.pairs])
+        for metric in dict.fromkeys(name for group in self.lock.groups for name in group.metrics):
+            yield self._metric(metric, columns.get(metric))
+
+    def _outcomes(self, old: Group, new: Group) -> _Finding:
+        counts = {
+            name: [(side.outcomes.get(name, 0), side.runs) for side in (old, new)]
+            for name in {**old.outcomes, **new.outcomes}
+        }
+        wrong = {name: count for name, count in counts.items() if self._differ(*count)}
+        before, after = (
+            ", ".join(
+                f"{name} {tally[side][0]} of {tally[side][1]}" for name, tally in wrong.items()
+            )
+            for side in (0, 1)
+        )
+        return _Finding(old, CHANGED if wrong else SAME, before, after)
+
+    def _differ(self, old: tuple[int, int], new: tuple[int, int]) -> bool:
+        """Return whether two counts, each with how many runs there are, differ."""
+        if self.repeated:
+            return old != new
+        table = [[found, total - found] for found, total in (old, new)]
+        return float(np.asarray(stats.fisher_exact(table))[1]) < self.alpha
+
+    def _metric(self, metric: str, column: Column | None) -> Check:
+        if column is None:
+            gone = CheckSubject(f"{metric} as locked", "metrics", "gate")
+            return gone.skipped("is no metric now")
+        rule = effective_rule(column, self.policy)
+        subject = CheckSubject(
+            f"{metric} as locked", "metrics", rule.level, "", column.unit, rule.budget, True
+        )
+        versions = [record.metric_versions.get(metric) for record in (self.lock, self.new)]
+        if len({*versions}) > 1:
+            return subject.skipped("its definition changed: lock it anew")
+        pairs = [pair for pair in self.pairs if metric in pair[0].metrics]
+        if not self.repeated and pairs and all(old.runs + new.runs < 3 for old, new in pairs):
+            return subject.skipped("single runs of other starts tell nothing: lock several seeds")
+        return self._check(subject, [self._measured(metric, rule, *pair) for pair in pairs])
+
+    def _measured(self, metric: str, rule: EffectiveRule, old: Group, new: Group) -> _Finding:
+        (before, spread, n), (after, other, m) = (side.measured(metric) for side in (old, new))
+        if not m or (self.repeated and n != m):
+            return _Finding(old, MISSING, f"{n} values", f"{m} values")
+        allowed = rule.abs + rule.rel * abs(before)
+        if not self.repeated:
+            allowed += change_by_chance((spread, n), (other, m), self.alpha)
+        excess = abs(after - before) / allowed if allowed else float(after != before) * math.inf
+        return _Finding(old, CHANGED if excess > 1 else SAME, before, after, excess)
+
+    def _check(self, subject: CheckSubject, found: Sequence[_Finding]) -> Check:
+        wrong = sorted(
+            (finding for finding in found if finding.code), key=lambda finding: -finding.excess
+        )
+        said = f"{len(wrong):,} of {plural(len(found), 'group')}" if wrong else "as locked"
+        worst = [
+            RunPair(
+                baseline_run=None,
+                candidate_run=self.runs.get(finding.group.key),
+                axes=finding.group.at,
+                baseline=finding.before,
+                candidate=finding.after,
+            )
+            for finding in wrong
+        ]
+        return subject.check(np.array([finding.code for finding in found], np.int8), said, worst)
+
+
+def change_by_chance(old: tuple[float, int], new: tuple[float, int], alpha: float) -> float:
+    """Return by how much two means differ in a share alpha of all pairs; infinity if unknown.
+
+    Each has the spread of its values, and their number.
+    """
+    (spread, n), (other, m) = old, new
+    if (free := n + m - 2) < 1:
+        return math.inf
+    pooled = math.sqrt(((n - 1) * spread**2 + (m - 1) * other**2) / free)
+    return float(stats.t.isf(alpha / 2, free)) * pooled * math.sqrt(1 / n + 1 / m)
+
+
+def judge(lock: Lock, name: str, store: Store, policy: ComparePolicy) -> ComparisonReport:
+    """Return the comparison of a lock, by its name for people, and a store."""
+    columns, ids = metric_columns(store), store.columns.run_ids
+    metrics = dict.fromkeys(metric for group in lock.groups for metric in group.metrics)
+    new = lock_of(store, [metric for metric in metrics if metric in columns])
+    same_seeds = lock.seeds == new.seeds and not is_recorded(store)
+    repeated = not lock.chaotic and (lock.starts == new.starts or same_seeds)
+    runs = {key: str(ids[rows[0]]) for key, (_, rows) in members(store).items()}
+    judge = _Judge(lock, new, repeated, policy, runs)
+    checks = tuple(judge.checks(columns))
+    verdict, exit_code, headline = conclusion(checks)
+    by = "repetition" if repeated else "the spread over other starts"
+    candidate = described(store)
+    locked = {"store": name, "sweep": lock.sweep, "engine": lock.engine, "git_revision": None}
+    equal = [pair for pair in judge.pairs if pair[0].trajectories == pair[1].trajectories]
+    counts = dict.fromkeys(PairCounts.model_fields, 0)
+    counts["paired"] = sum(new.runs for _, new in judge.pairs)
+    counts["bitwise_equal"] = sum(new.runs for _, new in equal)
+    return ComparisonReport(
+        verdict=verdict,
+        exit_code=exit_code,
+        headline=f"{headline}; judged by {by}",
+        baseline=candidate.model_copy(
+            update=locked | {"runs": sum(group.runs for group in lock.groups)}
+        ),
+        candidate=candidate,
+        match="axes",
+        pairs=PairCounts(**counts),
+        differences=(),
+        transitions=(),
+        checks=checks,
+        advice=(),
+    )

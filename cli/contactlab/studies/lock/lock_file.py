@@ -1,0 +1,193 @@
+"""A lock: what a sweep gave, frozen in a small file of one line for each group of runs.
+
+The runs of a group have the same axis values; they differ by seed, or are a loop's episodes.
+"""
+
+import hashlib
+import io
+import json
+import math
+import statistics
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from ruamel.yaml import YAML
+
+from contactlab.comparison.pairing import engine_of
+from contactlab.comparison.policies import effective_rule, kind_of
+from contactlab.errors import SweepFileError
+from contactlab.measure import METRICS
+from contactlab.plan.sweep_file import read_yaml_as
+from contactlab.schema.comparison import ComparePolicy
+from contactlab.store.atomic_files import atomic_write, write_errors
+from contactlab.store.finished_store import Store
+from contactlab.store.table_layout import REAL, Column
+from contactlab.studies.lock.lock_model import Group, Lock, key_of, rounded
+
+_OF_LOOPS = (
+    Column("total_reward", REAL, "", "sum of the rewards of an episode", "none"),
+    Column("steps", REAL, "1", "steps that were made", "none"),
+)
+_COUNTED = {"success": "success", "expectation_met": "as expected"}
+_DIGITS = 7  # of a number that is written; compare accepts changes of 1 %
+_ROUNDING = 1e-12  # of a mean: less is no spread
+_HEAD = """\
+# What `contactlab lock` froze; `contactlab lock {source} --check` fails where it changed.
+# A line for each group of runs: how many had each outcome; and of each metric the mean, the
+# standard deviation if it is not 0, and the number of values where not all runs have one.
+"""
+
+
+def lock_of(store: Store, metrics: Sequence[str], *, chaotic: bool = False) -> Lock:
+    """Return what a store gave, by these metrics; runs on a knife edge are left out."""
+    known = store.columns.schema.names
+    always = ["seed", "labels", "trajectory_hash", "initial_qpos", "initial_qvel"]
+    rows = store.columns.to_pydict(
+        [*always, *(column for column in _COUNTED if column in known), *metrics]
+    )
+    grouped = members(store).values()
+    groups = [_group(axes, rows, metrics, own) for axes, own in grouped]
+    starts = [rows["initial_qpos"], rows["initial_qvel"]]
+    if not is_recorded(store) and (is_loop(store) or _differ_besides(starts, rows, grouped)):
+        starts.append(rows["seed"])
+    identity = store.manifest.sweep
+    versions = identity.metric_versions
+    return Lock(
+        sweep=identity.name,
+        scene_hash=identity.scene_hash,
+        engine=engine_of(store),
+        seeds=tuple(sorted(set(rows["seed"]))),
+        starts=_digest(starts),
+        chaotic=chaotic,
+        metric_versions={name: versions[name] for name in metrics if name in versions},
+        groups=tuple(groups),
+    )
+
+
+def members(store: Store) -> dict[str, tuple[dict[str, Any], list[int]]]:
+    """Return the values of the axes that differ, and the rows of each group, by its key."""
+    columns, found = store.columns, dict[str, tuple[dict[str, Any], list[int]]]()
+    names = [
+        name
+        for name in columns.axis_names
+        if len(set(map(str, columns.to_pydict([name])[name]))) > 1
+    ]
+    axes = columns.arrow(names).to_pylist() if names else [dict[str, Any]()] * columns.runs
+    for row in np.flatnonzero(columns.numbers("knife_edge").values != 1).tolist():
+        given = {name: rounded(value) for name, value in axes[row].items() if value is not None}
+        found.setdefault(key_of(given), (given, []))[1].append(row)
+    return found
+
+
+def is_loop(store: Store) -> bool:
+    """Return whether a store has the episodes of a loop, or of an environment."""
+    return "loop" in store.columns.schema.names
+
+
+def is_recorded(store: Store) -> bool:
+    """Return whether it has episodes of no sweep, whose seeds only number them."""
+    return is_loop(store) and not store.manifest.sweep.source
+
+
+def _differ_besides(
+    starts: Sequence[Sequence[object]],
+    rows: Mapping[str, list[Any]],
+    groups: Iterable[tuple[object, list[int]]],
+) -> bool:
+    """Return whether seeds decide more than starts, as the noise of a drive."""
+    for _, own in groups:
+        first: dict[str, object] = {}
+        for row in own:
+            start, moved = str([column[row] for column in starts]), rows["trajectory_hash"][row]
+            if first.setdefault(start, moved) != moved:
+                return True
+    return False
+
+
+def metric_columns(store: Store) -> dict[str, Column]:
+    """Return what may be locked, by name: all that the physics gave."""
+    return {
+        **{name: column for name, column in store.columns.measured.items() if _is_physical(name)},
+        **({loop.name: loop for loop in _OF_LOOPS} if is_loop(store) else {}),
+    }
+
+
+def gated_metrics(store: Store, policy: ComparePolicy) -> list[str]:
+    """Return the metrics that a policy gates, where a run has a value."""
+    known = metric_columns(store).items()
+    gated = [name for name, metric in known if effective_rule(metric, policy).level == "gate"]
+    return [name for name in gated if store.columns.numbers(name).valid.any()]
+
+
+def write(path: Path, lock: Lock, source: str) -> None:
+    """Write the lock of a sweep or a store in one step; an OutputError says that it cannot be."""
+    data = lock.model_dump(mode="json")
+    groups = "".join(f"- {_yaml(group, in_one_line=True)}" for group in data.pop("groups"))
+    text = f"{_HEAD.format(source=source)}{_yaml(data)}groups:\n{groups}"
+    with write_errors(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
+    with atomic_write(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+
+
+def read(path: Path) -> Lock:
+    """Read a lock; a SweepFileError lists what is wrong with it, or says that there is none."""
+    if not path.is_file():
+        raise SweepFileError(f"there is no lock {path}; write it by `contactlab lock` first")
+    return read_yaml_as(path, Lock)
+
+
+def _is_physical(name: str) -> bool:
+    """Return whether a metric is neither a time nor a count of work, and explains no other."""
+    physical = METRICS[name].kind == "physics" if name in METRICS else not name.startswith("work_")
+    return physical and kind_of(name) == "metrics"
+
+
+def _group(
+    axes: dict[str, Any], rows: Mapping[str, list[Any]], metrics: Sequence[str], own: list[int]
+) -> Group:
+    outcomes = Counter(label for row in own for label in rows["labels"][row])
+    said = {
+        word: [rows[name][row] for row in own] for name, word in _COUNTED.items() if name in rows
+    }
+    outcomes.update(
+        {word: sum(map(bool, flags)) for word, flags in said.items() if set(flags) != {None}}
+    )
+    found = {name: _measured([rows[name][row] for row in own]) for name in metrics}
+    return Group(
+        at=axes,
+        runs=len(own),
+        trajectories=_digest([rows["trajectory_hash"][row] for row in own]),
+        outcomes=dict(outcomes),
+        metrics={name: values for name, values in found.items() if values},
+    )
+
+
+def _measured(values: Sequence[float | None]) -> tuple[float, ...]:
+    """Return mean, spread and number of values, as far as they say something."""
+    finite = [value for value in values if value is not None and math.isfinite(value)]
+    if not finite:
+        return ()
+    spread = statistics.stdev(finite) if len(finite) > 1 else 0.0
+    said = [float(f"{number:.{_DIGITS}g}") for number in (statistics.fmean(finite), spread)]
+    return (
+        (*said, len(finite))
+        if len(finite) < len(values)
+        else tuple(said[: 1 + (spread > _ROUNDING * abs(said[0]))])
+    )
+
+
+def _digest(data: object) -> str:
+    return hashlib.sha256(json.dumps(data).encode()).hexdigest()[:16]
+
+
+def _yaml(data: Mapping[str, object], *, in_one_line: bool = False) -> str:
+    yaml, text = YAML(typ="safe", pure=True), io.StringIO()
+    yaml.default_flow_style = in_one_line or None
+    yaml.width = 1 << 30
+    yaml.sort_base_mapping_type_on_output = False  # pyright: ignore[reportAttributeAccessIssue]
+    yaml.dump(data, text)
+    return text.getvalue()

@@ -1,0 +1,113 @@
+"""Run sweeps and tests with other releases of MuJoCo, and list the releases that there are."""
+
+import os
+import re
+import subprocess
+import sys
+import sysconfig
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from contactlab.errors import EngineError, StoppedError, SweepFileError
+from contactlab.run.mujoco_environment import find_interpreter
+from contactlab.store.atomic_files import write_errors
+
+_LISTED = re.compile(r"^Available versions: (.+)$", re.MULTILINE)
+_OLDEST = (3, 3)
+_FINAL = re.compile(r"\d+(\.\d+)+")
+_RAN = {0, 1}  # a sweep that ran, as expected or not; a test that passed, or failed
+
+
+def releases(first: str, last: str, given: Sequence[str] = ()) -> list[str]:
+    """Return the releases of MuJoCo from one to another, in the order that leads there.
+
+    They are those that pip finds wheels of for this Python, or the given ones. Raises an
+    EngineError if they cannot be listed, or the first or the last is none of them, or both are one.
+    """
+    if first == last:
+        raise EngineError(f"{first} is both ends; name two releases")
+    for moment in (first, last):
+        if _numbers(moment) < _OLDEST:
+            raise EngineError(f"contactlab runs on MuJoCo 3.3.0 and newer; {moment} is older")
+    known = sorted({*given} or _listed(), key=_numbers)
+    for moment in (first, last):
+        EngineError.unless_known(moment, known, f"no release {moment} of MuJoCo for this Python")
+    start, end = known.index(first), known.index(last)
+    return known[start : end + 1] if start <= end else known[end : start + 1][::-1]
+
+
+def _listed() -> set[str]:
+    pip = [sys.executable, "-P", "-m", "pip", "--disable-pip-version-check", "index", "versions"]
+    done = subprocess.run(  # noqa: S603
+        [*pip, "--only-binary", "mujoco", "mujoco"], capture_output=True, text=True, check=False
+    )
+    if (found := _LISTED.search(done.stdout)) is None:
+        said = (done.stderr.strip().splitlines() or ["it printed nothing"])[-1]
+        raise EngineError(f"pip cannot list the releases of MuJoCo ({said}); name them: --versions")
+    return {version for version in found[1].split(", ") if _FINAL.fullmatch(version)}
+
+
+def _numbers(version: str) -> tuple[int, ...]:
+    if not _FINAL.fullmatch(version):
+        raise EngineError(f"'{version}' is not a release of MuJoCo, such as 3.11.0")
+    return tuple(int(part) for part in version.split("."))
+
+
+def run_python(
+    arguments: Sequence[str], version: str | None, notify: Callable[[str], None]
+) -> "subprocess.CompletedProcess[str]":
+    """Run a module of this Python with another release of MuJoCo before the one installed here.
+
+    Its messages go where ours do; what it prints is returned. The release is that of the
+    environment that `--mujoco` makes, whose other packages are the same as those here. Raises an
+    EngineError if there is no such release, or it cannot be installed.
+    """
+    variables, path = dict(os.environ), [os.environ.get("PYTHONPATH", "")]
+    other = find_interpreter(version, notify) if version else None
+    if other is not None:
+        prefix = str(other.python.parent.parent)
+        path.insert(0, sysconfig.get_path("purelib", vars={"base": prefix, "platbase": prefix}))
+    variables["PYTHONPATH"] = os.pathsep.join(folder for folder in path if folder)
+    return subprocess.run(  # noqa: S603
+        [sys.executable, "-m", *arguments],
+        stdout=subprocess.PIPE,
+        text=True,
+        check=False,
+        env=variables,
+    )
+
+
+def run_sweep(
+    source: str,
+    store: Path,
+    version: str | None,
+    given: Sequence[str],
+    notify: Callable[[str], None],
+) -> None:
+    """Run a sweep into a store, or what is left of it.
+
+    Raises a SweepFileError if it cannot be run, after its own message; a StoppedError if it was
+    interrupted.
+    """
+    arguments = ["contactlab", "sweep", source, "-o", str(store), *given]
+    code = run_python(arguments, version, notify).returncode
+    if code == StoppedError.exit_code:
+        raise StoppedError("interrupted; run the same command again to resume")
+    if code not in _RAN:
+        raise SweepFileError(f"the sweep cannot be run, as it says above (exit code {code})")
+
+
+def run_test(node: str, folder: Path, version: str, notify: Callable[[str], None]) -> bool:
+    """Return whether a test passes; what pytest printed and what it recorded go to a folder.
+
+    Raises a SweepFileError if it did neither pass nor fail.
+    """
+    with write_errors(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+    arguments = ["pytest", "-q", "-p", "no:cacheprovider", node]
+    done = run_python([*arguments, f"--contact-evidence={folder}"], version, notify)
+    printed = folder / "pytest.txt"
+    printed.write_text(done.stdout, encoding="utf-8")
+    if done.returncode not in _RAN:
+        raise SweepFileError(f"pytest ended with exit code {done.returncode}; see {printed}")
+    return done.returncode == 0

@@ -1,0 +1,180 @@
+"""A panel as a folder that is simulated elsewhere, by a script that needs only `newton` and NumPy.
+
+It has models, states and controls of the runs, what MuJoCo makes of them and by how much rounding
+changes that, and the sweep with its scene, by which the results are judged.
+"""
+
+import copy
+import json
+import shutil
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import mujoco
+import numpy as np
+from pydantic import ValidationError
+from ruamel.yaml import YAML
+
+from contactlab.contact.trace_arrays import Floats
+from contactlab.engines import ENGINES
+from contactlab.engines.adapted_engine import SERVER, AdaptedEngine, load_adapter
+from contactlab.engines.engine import PreparedRuns, Rollout
+from contactlab.errors import EngineError, OutputError, StoreError
+from contactlab.mjcf import MODEL_ENGINE
+from contactlab.plan.overrides import Overrides, drive_option
+from contactlab.resources import ADAPTERS, short_hash
+from contactlab.scene.model_files import relative_path
+from contactlab.schema.strict_model import InnerName, Model
+from contactlab.studies.parity.panel import Panel, roll_out
+from contactlab.studies.parity.rounding import cold, rounded, rounded_at_each_step
+from contactlab.studies.parity.run_parity import contact_counts, farthest, stepped_places
+
+ENGINE = "newton"
+"""Engine that a bundle is for; its adapter states what that can do."""
+_FILE = "bundle.json"
+_HEADROOM = 2  # room over MuJoCo's own peak, as its documentation advises
+_ROWS = 10  # of constraints that a contact has at most, of condim 6 with a pyramid
+
+
+class BundledRun(Model):
+    """One run: its model's file, and what Newton's solver is made with."""
+
+    id: str
+    model: str
+    timestep: float
+    room: tuple[int, int]  # for contacts, for rows of constraints
+    solver: dict[str, bool]
+
+
+class Bundle(Model):
+    """Contents of a folder, and the options with which its sweep makes these runs."""
+
+    version: int = 1
+    sweep: InnerName
+    mujoco: str
+    assign: tuple[str, ...]
+    only: tuple[str, ...]
+    limit: int | None
+    drive: str | None
+    runs: tuple[BundledRun, ...]
+    refused: dict[str, str]  # why runs are left out, by run id
+
+    @classmethod
+    def read(cls, folder: Path) -> "Bundle":
+        """Read what a folder has; a StoreError says that it is no bundle."""
+        try:
+            return cls.model_validate_json((folder / _FILE).read_bytes())
+        except (OSError, ValidationError) as error:
+            raise StoreError(f"{folder} has no {_FILE} that `--bundle` wrote") from error
+
+    def panel(self, folder: Path) -> Panel:
+        """Return the runs of the sweep that lies in the folder."""
+        overrides = Overrides(self.assign, self.only, self.limit)
+        path = folder / f"{self.sweep}.yaml"
+        return Panel.read(path, ENGINE, overrides, (), drive_option(self.drive))
+
+
+def write_bundle(panel: Panel, overrides: Overrides, drive: str | None, folder: Path) -> Bundle:
+    """Write a panel into a new folder; an OutputError says that it cannot be.
+
+    An EngineError says that Newton can simulate none of its runs.
+    """
+    if folder.exists():
+        raise OutputError(f"{folder} exists; name a new folder")
+    with TemporaryDirectory(prefix="contactlab-") as temporary:
+        made = Path(temporary) / "bundle"
+        for part in ("models", "runs"):
+            (made / part).mkdir(parents=True)
+        _write_sweep(panel, made)
+        runs, refused = _write_runs(panel, made)
+        if not runs:
+            raise EngineError(f"no run can go elsewhere: {next(iter(refused.values()))}")
+        bundle = Bundle(
+            sweep=panel.request.name,
+            mujoco=mujoco.__version__,
+            assign=tuple(overrides.assign),
+            only=tuple(overrides.only),
+            limit=overrides.limit,
+            drive=drive,
+            runs=tuple(runs),
+            refused=refused,
+        )
+        (made / _FILE).write_text(bundle.model_dump_json(indent=2), encoding="utf-8")
+        if {run.run_id for run in bundle.panel(made).runs} != {run.run_id for run in panel.runs}:
+            raise OutputError("the sweep depends on files beside it, which no bundle can have")
+        for script in (ADAPTERS / "bundle").glob("*.py"):
+            shutil.copy(script, made)
+        try:
+            shutil.copytree(made, folder)
+        except OSError as error:
+            raise OutputError(f"cannot write {folder}: {error.strerror or error}") from error
+    return bundle
+
+
+def _write_sweep(panel: Panel, folder: Path) -> None:
+    source, request = panel.scene.source, panel.request
+    kept = Path("scene") / Path(panel.scene.name).name
+    source.content.copy_to(folder / kept)
+    path = kept / relative_path(source.path, source.content.root)
+    document = YAML(typ="safe", pure=True).load(request.source)
+    document["scene"] = f"{path.parent.as_posix()}/" if source.manifest else path.as_posix()
+    # JSON is YAML, and has every number in full.
+    sweep = folder / f"{request.name}.yaml"
+    sweep.write_text(json.dumps(document, indent=2), encoding="utf-8")
+
+
+def _write_runs(panel: Panel, folder: Path) -> tuple[list[BundledRun], dict[str, str]]:
+    """Write models and runs; return the runs, and why others are left out."""
+    engine, serve = ENGINES[ENGINE], load_adapter(SERVER)
+    assert isinstance(engine, AdaptedEngine)
+    refused = panel.refused(engine.refusal_anywhere)
+    told: list[BundledRun] = []
+    for group in panel.groups(refused):
+        ours = PreparedRuns.of(panel.scene, *[run.ours for run in group])
+        reference = ENGINES[MODEL_ENGINE]
+        rollouts = roll_out(reference, ours), roll_out(reference, cold(rounded(ours)))
+        peaks = contact_counts(ours, rollouts[0])
+        for run, member in enumerate(group):
+            model = copy.copy(ours.models[run])
+            model.opt.disableflags = 0  # those that recording needs; with others, it is refused
+            try:
+                mjcf = serve.mjcf_of(model)
+                arrays = _arrays(ours, run, rollouts)
+            except ValueError as error:
+                refused[member.run_id] = str(error)
+                continue
+            name = f"models/{short_hash([mjcf])}.xml"
+            (folder / name).write_text(mjcf, encoding="utf-8")
+            np.savez(folder / "runs" / f"{member.run_id}.npz", allow_pickle=False, **arrays)
+            contacts = _HEADROOM * max(4, int(peaks[run].max()))
+            room = contacts, _ROWS * contacts + 2 * model.nv
+            # Several contacts of convex shapes: on by default in MuJoCo 4, off in Newton.
+            solver = {"enable_multiccd": hasattr(mujoco.mjtDisableBit, "mjDSBL_MULTICCD")}
+            step = float(model.opt.timestep)
+            told.append(
+                BundledRun(id=member.run_id, model=name, timestep=step, room=room, solver=solver)
+            )
+    return told, refused
+
+
+def _arrays(ours: PreparedRuns, run: int, rollouts: Sequence[Rollout]) -> Mapping[str, Floats]:
+    """Return what a run's file has: MuJoCo's run, its floor, controls, and steps to make singly."""
+    model, steps = ours.models[run], min(rollout.steps[run] for rollout in rollouts)
+    inputs = ours.starts.inputs(run, model.opt.timestep, np.arange(steps))
+    if inputs[:, model.nu :].any():
+        raise ValueError("forces on bodies drive it; drive it by actuators")
+    if not steps:
+        raise ValueError("MuJoCo makes no step of it")
+    (qpos, qvel), (around, _) = (
+        np.split(rollout.state[run, : steps + 1, 1:], [model.nq, model.nq + model.nv], axis=1)[:2]
+        for rollout in rollouts
+    )
+    single = rounded_at_each_step(ours, run, steps)
+    return {
+        "qpos": qpos,
+        "qvel": qvel,
+        "floor": np.maximum(farthest(qpos, around), farthest(qpos, single)),
+        "ctrl": inputs[:, : model.nu],
+        "places": stepped_places(steps),
+    }

@@ -1,0 +1,106 @@
+"""An engine that ran elsewhere: the results that lie in a bundle's folder."""
+
+import json
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from contactlab.engines.adapted_engine import SERVER, AdaptedEngine, load_adapter
+from contactlab.engines.engine import PreparedRuns, Watch, no_limit
+from contactlab.errors import StoreError
+from contactlab.resources import ADAPTERS
+from contactlab.scene.run_spec import RunSpec
+from contactlab.scene.scene import Scene
+from contactlab.studies.parity.bundle import ENGINE, Bundle
+
+_SAME = 1e-9  # difference of MuJoCo's own coordinates from those in the bundle [m or rad]
+
+
+class BundledEngine(AdaptedEngine):
+    """Results of a bundle, instead of a process: of each run twice, then of its single steps.
+
+    What sensors measure, MuJoCo measures in its states.
+    """
+
+    def __init__(self, folder: Path, bundle: Bundle) -> None:
+        super().__init__(ADAPTERS / f"{ENGINE}.py")
+        self._folder, self._bundle, self._asked = folder, bundle, Counter[str]()
+        try:
+            about = json.loads((folder / "results" / "engine.json").read_text(encoding="utf-8"))
+            names = [str(about[name]) for name in ("engine", "version", "device")]
+        except (OSError, ValueError, LookupError, TypeError) as error:
+            raise StoreError(
+                f"{folder} has no results yet; run its check_newton.py where Newton is"
+            ) from error
+        self.name, self._version, self.device = names
+        self._read: dict[tuple[str, str], dict[str, np.ndarray]] = {}
+
+    @property
+    def version(self) -> str:
+        """The version that made the results."""
+        return self._version
+
+    def refusal(self, scene: Scene, run: RunSpec) -> str | None:
+        """Return why the bundle is without a run."""
+        return self._bundle.refused.get(scene.run_id(run))
+
+    def ask(
+        self,
+        runs: PreparedRuns,
+        watch: Watch = no_limit,  # noqa: ARG002 - nothing is simulated
+        operation: str = "simulate",
+    ) -> dict[str, Any] | str:
+        """Return the results of whole runs, at first and once more, then of single steps of one."""
+        if operation != "simulate":
+            return "a bundle has no more than states"
+        ids = [runs.scene.run_id(run) for run in runs.resolved]
+        prefix = ("", "again_", "step_")[min(self._asked[ids[0]], 2)]
+        self._asked.update(set(ids))
+        told: dict[str, list[Any]] = {"state": [], "sensors": [], "cnstrfull": []}
+        for row, run_id in enumerate(ids):
+            expected = self._arrays("runs", run_id)
+            step = int(expected["places"][row]) if prefix == "step_" else 0
+            self._check_start(run_id, expected["qpos"][step], runs.starts.qpos[row])
+            try:
+                found = self._arrays("results", run_id)
+                states = np.hstack([found[f"{prefix}qpos"], found[f"{prefix}qvel"]])
+                told["cnstrfull"].append(bool(found["full"]))
+            except (OSError, ValueError, LookupError) as error:
+                return f"no result of run {run_id[:8]}: {' '.join(str(error).split())}"
+            if prefix == "step_":
+                told["state"].append(np.stack([states[row], states[row]]))
+                told["sensors"].append(np.zeros((1, runs.base.model.nsensordata)))
+                continue
+            # Of a run that MuJoCo did not complete, no more is compared.
+            rest = np.repeat(states[-1:], runs.steps + 1 - len(states), axis=0)
+            states = np.concatenate([states, rest])
+            told["state"].append(states)
+            told["sensors"].append(_measured(runs, row, states))
+        return {name: np.array(values) for name, values in told.items()} | {
+            "cost": np.full(len(ids), np.nan)
+        }
+
+    def _arrays(self, part: str, run_id: str) -> dict[str, np.ndarray]:
+        key = part, run_id
+        if key not in self._read:
+            with np.load(self._folder / part / f"{run_id}.npz") as arrays:
+                self._read[key] = dict(arrays)
+        return self._read[key]
+
+    def _check_start(self, run_id: str, written: np.ndarray, here: np.ndarray) -> None:
+        """Refuse to judge what started from another state than MuJoCo has here."""
+        if np.abs(written - here).max(initial=0) > _SAME:
+            raise StoreError(
+                f"MuJoCo {mujoco.__version__} here makes another run {run_id[:8]} than MuJoCo "
+                f"{self._bundle.mujoco} did where the bundle was written; judge it there"
+            )
+
+
+def _measured(runs: PreparedRuns, run: int, states: np.ndarray) -> np.ndarray:
+    """Return (N, nsensordata) what sensors measure before each step of a run."""
+    model = runs.models[run]
+    inputs = runs.starts.inputs(run, model.opt.timestep, np.arange(runs.steps))
+    return load_adapter(SERVER).measured(model, states, inputs[:, : model.nu])

@@ -1,0 +1,231 @@
+"""Quantities of a state before its step, by MuJoCo and by another engine, in order."""
+
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from contactlab.contact.trace_arrays import Floats
+from contactlab.engines.adapted_engine import AdaptedEngine
+from contactlab.engines.engine import PreparedRuns, SimulationEngine
+from contactlab.engines.mujoco_engine import MujocoEngine
+from contactlab.scene.initial_states import apply_inputs
+from contactlab.scene.model_names import name_of
+from contactlab.studies.parity.parity_report import Finding, Stage
+
+Forward = Mapping[str, Sequence[Floats]]  # fields of MuJoCo's data, and `contacts`, of K states
+
+_STAGES: Mapping[Stage, Sequence[str]] = {
+    "kinematics": ("xpos", "xquat"),
+    "contacts": ("contacts",),
+    "forces": ("qfrc_bias", "qfrc_passive", "qfrc_actuator"),
+    "smooth acceleration": ("qacc_smooth",),
+    "constraint forces": ("qfrc_constraint",),
+    "acceleration": ("qacc",),
+}
+# Allowed differences, absolute and relative: those of MuJoCo's skill for parity.
+_ALLOWED = {
+    "xpos": (1e-5, 1e-4),
+    "xquat": (1e-5, 1e-4),
+    "qfrc_bias": (1e-3, 1e-3),
+    "qfrc_passive": (1e-3, 1e-3),
+    "qfrc_actuator": (1e-3, 1e-3),
+    "qacc_smooth": (1e-2, 1e-3),
+    "qfrc_constraint": (1e-1, 1e-2),
+    "qacc": (1e-1, 1e-2),
+}
+FLOOR_FACTOR = 8.0  # how many times what rounding the state changes is allowed beside
+GRAZING = 1e-5  # from where contacts begin to act, or lie, that rounding decides about [m]
+_PARAMETERS = 1e-4  # relative difference of a contact's parameters that single precision explains
+_NONE = np.empty((0, 19))
+_GEOMS, _DISTANCE, _MARGIN, _FRICTION = slice(0, 2), 2, 3, slice(4, 9)
+_SOLREF, _SOLIMP, _POSITION = slice(9, 11), slice(11, 16), slice(16, 19)
+_OF_CONTACT = {"friction": _FRICTION, "solref": _SOLREF, "solimp": _SOLIMP}
+
+
+def forward(engine: SimulationEngine, runs: PreparedRuns) -> Forward | None:
+    """Return what an engine computes of the starts of runs; None if it does not tell."""
+    if isinstance(engine, MujocoEngine):
+        return _forward_by_mujoco(runs)
+    if not isinstance(engine, AdaptedEngine) or not engine.goes_forward:
+        return None
+    told = engine.ask(runs, operation="forward")
+    return None if isinstance(told, str) else told
+
+
+def _forward_by_mujoco(runs: PreparedRuns) -> Forward:
+    told: dict[str, list[Floats]] = defaultdict(list)
+    for run, model in enumerate(runs.models):
+        data, start = mujoco.MjData(model), runs.starts
+        data.qpos[:], data.qvel[:], data.act[:] = start.qpos[run], start.qvel[run], start.act[run]
+        inputs = (start.ctrl[run], start.applied[run], start.mocap[run])
+        apply_inputs(model, data, np.concatenate(inputs))
+        mujoco.mj_forward(model, data)
+        for name in _ALLOWED:
+            told[name].append(np.array(getattr(data, name)))
+        told["contacts"].append(_contact_rows(data.contact))
+    return told
+
+
+def _contact_rows(contact: Any) -> Floats:  # noqa: ANN401 - MuJoCo's view of its contacts
+    arrays = (contact.geom, contact.dist, contact.includemargin)
+    arrays = (*arrays, contact.friction, contact.solref, contact.solimp, contact.pos)
+    return np.hstack([array if array.ndim > 1 else array[:, None] for array in arrays])
+
+
+@dataclass(frozen=True)
+class ForwardStates:
+    """K states of a run, as both engines compute them, and MuJoCo once more of rounded ones."""
+
+    model: mujoco.MjModel
+    steps: Sequence[int]  # before which the states are
+    ours: Forward
+    theirs: Forward
+    rounded: Forward
+
+    def first_finding(self) -> Finding | None:
+        """Return the first stage that differs, where it differs most; None if none does."""
+        for stage, names in _STAGES.items():
+            found = [finding for name in names for finding in self._findings(stage, name)]
+            if found:
+                return max(found, key=lambda candidate: candidate[0])[1]
+        return None
+
+    def _findings(self, stage: Stage, name: str) -> Iterator[tuple[float, Finding]]:
+        """Yield by how much more than is allowed states differ in a quantity."""
+        if name not in self.theirs:
+            return
+        for place, step in enumerate(self.steps):
+            if name == "contacts":
+                found = self._contacts(place).mismatch()
+            elif stage in {"constraint forces", "acceleration"} and self._contacts(place).ambiguous:
+                continue
+            else:
+                found = self._mismatch(name, place)
+            if found:
+                excess, what, ours, theirs = found
+                finding = Finding(stage=stage, quantity=what, step=step, mujoco=ours, engine=theirs)
+                yield excess, finding
+
+    def _mismatch(self, name: str, place: int) -> "_Mismatch | None":
+        ours, theirs, rounded = (
+            np.asarray(computed[name][place], np.float64)
+            for computed in (self.ours, self.theirs, self.rounded)
+        )
+        if not ours.size:
+            return None
+        if name == "xquat":
+            theirs = theirs * np.where((ours * theirs).sum(axis=-1, keepdims=True) < 0, -1, 1)
+        absolute, relative = _ALLOWED[name]
+        floor = float(np.abs(ours - rounded).max())
+        allowed = absolute + relative * np.abs(ours) + FLOOR_FACTOR * floor
+        excess = np.abs(ours - theirs) / allowed
+        excess[~np.isfinite(theirs)] = np.inf
+        worst = np.unravel_index(int(excess.argmax()), excess.shape)
+        if excess[worst] <= 1:
+            return None
+        where = ", ".join(map(str, worst))
+        return float(excess[worst]), f"{name}[{where}]", float(ours[worst]), float(theirs[worst])
+
+    def _contacts(self, place: int) -> "_MatchedContacts":
+        sides = (self.ours, self.theirs, self.rounded)
+        rows = [side["contacts"][place] if "contacts" in side else _NONE for side in sides]
+        return _MatchedContacts(self.model, *map(_by_pair, rows))
+
+    def ambiguous(self) -> set[int]:
+        """Return the steps before which rounding may change the contacts."""
+        places = enumerate(self.steps)
+        return {step for place, step in places if self._contacts(place).ambiguous}
+
+
+_Mismatch = tuple[float, str, float, float]  # excess, quantity, MuJoCo's, the engine's
+_Pair = tuple[int, int]
+
+
+def _by_pair(rows: Floats) -> dict[_Pair, Floats]:
+    """Return contacts (K, 19) by their pair of geoms, whichever is first, the deepest first."""
+    found: dict[_Pair, list[Floats]] = defaultdict(list)
+    for row in rows[np.argsort(rows[:, _DISTANCE], kind="stable")] if len(rows) else rows:
+        first, second = sorted(row[_GEOMS].astype(int).tolist())
+        found[first, second].append(row)
+    return {pair: np.array(values) for pair, values in found.items()}
+
+
+@dataclass(frozen=True)
+class _MatchedContacts:
+    """The contacts of one state by pair, without order."""
+
+    model: mujoco.MjModel
+    ours: Mapping[_Pair, Floats]
+    theirs: Mapping[_Pair, Floats]
+    rounded: Mapping[_Pair, Floats]
+
+    @property
+    def ambiguous(self) -> set[_Pair]:
+        """The pairs that graze, or whose contacts rounding changes in MuJoCo itself."""
+        pairs = self.ours.keys() | self.theirs.keys() | self.rounded.keys()
+        return {
+            pair
+            for pair in pairs
+            if any(map(_grazes, self._rows(pair)))
+            or _apart(self.ours.get(pair), self.rounded.get(pair)) > GRAZING
+        }
+
+    def _rows(self, pair: _Pair) -> list[Floats]:
+        sides = (self.ours, self.theirs, self.rounded)
+        return [side[pair] for side in sides if pair in side]
+
+    def mismatch(self) -> _Mismatch | None:
+        """Return how the first pair that is not ambiguous differs: in count, depth, parameters."""
+        for pair in sorted((self.ours.keys() | self.theirs.keys()) - self.ambiguous):
+            ours, theirs = self.ours.get(pair), self.theirs.get(pair)
+            counts = _acting(ours), _acting(theirs)
+            if counts[0] != counts[1]:
+                return np.inf, f"count of {self._named(pair)}", float(counts[0]), float(counts[1])
+            if ours is None or theirs is None or not counts[0]:
+                continue
+            depths = ours[0, _DISTANCE], theirs[0, _DISTANCE]
+            if abs(depths[0] - depths[1]) > GRAZING:
+                excess = abs(depths[0] - depths[1]) / GRAZING
+                return (
+                    excess,
+                    f"distance of {self._named(pair)}",
+                    float(depths[0]),
+                    float(depths[1]),
+                )
+            if (apart := _apart(ours, theirs)) > GRAZING:
+                return apart / GRAZING, f"points of {self._named(pair)}", 0.0, apart
+            for name, columns in _OF_CONTACT.items():
+                both = ours[0, columns], theirs[0, columns]
+                shares = np.abs(both[0] - both[1]) / (_PARAMETERS * (np.abs(both[0]) + 1e-6))
+                worst = int(shares.argmax())
+                if shares[worst] > 1:
+                    values = float(both[0][worst]), float(both[1][worst])
+                    return float(shares[worst]), f"{name} of {self._named(pair)}", *values
+        return None
+
+    def _named(self, pair: _Pair) -> str:
+        return " - ".join(
+            name_of(self.model, "geom", geom) if geom >= 0 else "flex" for geom in pair
+        )
+
+
+def _acting(rows: Floats | None) -> int:
+    return 0 if rows is None else int((rows[:, _DISTANCE] < rows[:, _MARGIN]).sum())
+
+
+def _apart(first: Floats | None, second: Floats | None) -> float:
+    """Return how far the farthest point that acts is from any that the other side has [m]."""
+    if _acting(first) != _acting(second):
+        return np.inf
+    if first is None or second is None or not _acting(first):
+        return 0.0
+    ours, theirs = (side[: _acting(side), _POSITION] for side in (first, second))
+    return float(np.linalg.norm(ours[:, None] - theirs, axis=2).min(axis=1).max())
+
+
+def _grazes(rows: Floats) -> bool:
+    return bool((np.abs(rows[:, _DISTANCE] - rows[:, _MARGIN]) <= GRAZING).any())

@@ -1,0 +1,68 @@
+"""The floors: what rounding, and where the solver starts, make of MuJoCo itself."""
+
+import copy
+from collections.abc import Callable
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+
+from contactlab.contact.trace_arrays import Floats
+from contactlab.engines.engine import PreparedRuns
+from contactlab.scene.initial_states import apply_inputs
+from contactlab.scene.model_names import PARTS
+
+_WARMSTART = int(mujoco.mjtDisableBit.mjDSBL_WARMSTART)
+
+
+def rounded(runs: PreparedRuns) -> PreparedRuns:
+    """Return runs that start from states, and with inputs, rounded to single precision."""
+    arrays = {name: getattr(runs.starts, name) for name in PARTS}
+    single = {name: array.astype(np.float32).astype(np.float64) for name, array in arrays.items()}
+    return replace(runs, starts=runs.starts._replace(**single))
+
+
+def cold(runs: PreparedRuns) -> PreparedRuns:
+    """Return runs in which the solver starts from nothing in each step.
+
+    It ends elsewhere within its tolerance, as that of another engine does.
+    """
+
+    def set_cold(model: mujoco.MjModel) -> None:
+        model.opt.disableflags |= _WARMSTART
+
+    return _changed(runs, set_cold)
+
+
+def converged(runs: PreparedRuns) -> PreparedRuns:
+    """Return runs whose solver goes on far below its tolerance, where another engine's may end."""
+
+    def set_exact(model: mujoco.MjModel) -> None:
+        model.opt.tolerance *= 1e-4
+        model.opt.iterations *= 10
+
+    return _changed(runs, set_exact)
+
+
+def _changed(runs: PreparedRuns, change: Callable[[mujoco.MjModel], None]) -> PreparedRuns:
+    models = [copy.copy(model) for model in runs.models]
+    for model in models:
+        change(model)
+    pairs = zip(runs.prepared, models, strict=True)
+    return replace(runs, prepared=[replace(prepared, model=model) for prepared, model in pairs])
+
+
+def rounded_at_each_step(runs: PreparedRuns, run: int, steps: int) -> Floats:
+    """Return (N + 1, nq) coordinates of a run of MuJoCo whose every state is rounded so."""
+    model, starts = runs.models[run], rounded(runs).starts
+    data, found = mujoco.MjData(model), [starts.qpos[run]]
+    data.qpos[:], data.qvel[:], data.act[:] = (
+        array[run] for array in (starts.qpos, starts.qvel, starts.act)
+    )
+    for inputs in starts.inputs(run, model.opt.timestep, np.arange(steps)):
+        apply_inputs(model, data, inputs)
+        mujoco.mj_step(model, data)
+        for state in (data.qpos, data.qvel, data.act):
+            state[:] = state.astype(np.float32)
+        found.append(data.qpos.copy())
+    return np.array(found)

@@ -1,0 +1,249 @@
+"""One run by MuJoCo and by another engine, from its states to its end."""
+
+from collections.abc import Set as AbstractSet
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from scipy.ndimage import maximum_filter1d
+
+from contactlab.contact.trace_arrays import Floats
+from contactlab.engines import ENGINES
+from contactlab.engines.engine import PreparedRuns, Rollout, SimulationEngine
+from contactlab.mjcf import MODEL_ENGINE
+from contactlab.studies.parity.forward import FLOOR_FACTOR, ForwardStates, forward
+from contactlab.studies.parity.panel import from_states, roll_out
+from contactlab.studies.parity.parity_report import Finding, Verdict
+from contactlab.studies.parity.rounding import cold, converged, rounded, rounded_at_each_step
+
+_MOST_STEPS, _MOST_FORWARD = 1_000, 24  # states of a run that step, and that are looked into
+# Allowed of an acceleration over a step, absolute and relative: as of `qacc` there.
+_ACCELERATION = (1e-1, 1e-2)
+_AROUND = 33  # states about one from which the solver ends as far from where it should
+_SAME = 1e-9  # a difference of coordinates that is none [m or rad]
+_RESOLVED = 1e-6  # and what single precision resolves of those of this size [m or rad]
+_RUN_FACTOR = 10.0  # how many times the largest of the floors so far a run may be off
+_BUFFERS = ("contactfull", "cnstrfull")
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Runs of one structure by MuJoCo, and by another engine.
+
+    The rollouts are MuJoCo's, that of rounded states, and the engine's, made twice.
+    """
+
+    engine: SimulationEngine
+    reference: SimulationEngine
+    both: tuple[PreparedRuns, PreparedRuns]
+    rollouts: tuple[Rollout, Rollout, Rollout, Rollout]
+
+    @classmethod
+    def of(cls, engine: SimulationEngine, ours: PreparedRuns, theirs: PreparedRuns) -> "Comparison":
+        """Simulate runs by both; `theirs` are the same, but for what is changed for the engine."""
+        reference = ENGINES[MODEL_ENGINE]
+        by_mujoco = roll_out(reference, ours), roll_out(reference, cold(rounded(ours)))
+        twice = roll_out(engine, theirs), roll_out(engine, theirs)
+        return cls(engine, reference, (ours, theirs), (*by_mujoco, *twice))
+
+    def contacts(self, run: int) -> np.ndarray:
+        """Return (N,) how many contacts MuJoCo had in each step of a run."""
+        return contact_counts(self.both[0], self.rollouts[0])[run]
+
+
+def contact_counts(runs: PreparedRuns, rollout: Rollout) -> np.ndarray:
+    """Return (n, N) how many contacts there were in each step of each run."""
+    layout = runs.base.layout if rollout.slots is None else runs.base.layout.from_contacts()
+    return rollout.sensors[:, :, layout.contacts]
+
+
+@dataclass(frozen=True)
+class SteppedStates:
+    """One step from K states of MuJoCo's run: velocities after it, by both and of rounded ones."""
+
+    places: np.ndarray  # (K,) steps
+    error: Floats  # (K,) greatest difference of a velocity
+    floors: Floats  # (K, nv) the same of each velocity, from rounded states
+    plain: Floats  # (K,) what is allowed without floors
+    allowed: Floats  # (K,)
+    worst: np.ndarray  # (K,) the velocity that differs most
+    velocities: tuple[Floats, Floats]  # (K, nv) by MuJoCo, by the engine
+
+    @property
+    def floor(self) -> Floats:
+        """(K,) the greatest difference of a velocity from rounded states."""
+        return self.floors.max(axis=1, initial=0)
+
+    def sensitive_before(self, step: int, dofs: np.ndarray) -> bool:
+        """Return whether rounding a state before some step leads some velocities elsewhere."""
+        moved = self.floors[:, dofs].max(axis=1, initial=0) > self.plain
+        return bool(moved[self.places < step].any())
+
+
+def stepped_places(steps: int) -> np.ndarray:
+    """Return the steps (K,) of a run that are made by themselves: all, or 1,000 of more."""
+    return np.unique(np.linspace(0, steps - 1, min(steps, _MOST_STEPS)).round().astype(int))
+
+
+def stepped(comparison: Comparison, run: int, states: Floats) -> SteppedStates:
+    """Make one step from each of the states (N + 1, nstate) of a run; from 1,000 if it has more."""
+    engine, reference, (ours, theirs) = comparison.engine, comparison.reference, comparison.both
+    last = len(states) - 1
+    places = stepped_places(last)
+    starts = from_states(ours, run, states[places], places)
+    model = ours.models[run]
+    speeds = slice(1 + model.nq, 1 + model.nq + model.nv)
+    sides = (
+        (reference, starts),
+        (reference, rounded(starts)),
+        (engine, from_states(theirs, run, states[places], places)),
+        (reference, converged(starts)),
+    )
+    by_mujoco, by_rounded, by_engine, by_converged = (
+        roll_out(by, runs).state[:, 1, speeds] for by, runs in sides
+    )
+    before, after = states[places][:, speeds], states[places + 1][:, speeds]
+    change = np.abs(by_mujoco - before).max(axis=1, initial=0)
+    error, floors = np.abs(by_mujoco - by_engine), np.abs(by_mujoco - by_rounded)
+    # In the run the solver started from the step before: it ended elsewhere within its tolerance.
+    ends = np.maximum(np.abs(by_mujoco - after), np.abs(by_mujoco - by_converged))
+    noise = np.maximum(floors, ends).max(axis=1, initial=0)
+    absolute, relative = _ACCELERATION
+    plain = model.opt.timestep * absolute + relative * change
+    allowed = plain + FLOOR_FACTOR * maximum_filter1d(noise, _AROUND)
+    error = np.where(np.isfinite(error), error, np.inf)
+    worst, velocities = error.argmax(axis=1), (by_mujoco, by_engine)
+    return SteppedStates(places, error.max(axis=1), floors, plain, allowed, worst, velocities)
+
+
+def looked_into(steps: SteppedStates, contacts: np.ndarray) -> np.ndarray:
+    """Return the steps (K,) whose states are worth a look, given (N,) contacts before each step.
+
+    They are those whose single steps differ most, the start, the first one with contacts, the one
+    with most, and some along the run.
+    """
+    excess = steps.error / steps.allowed
+    worst = steps.places[np.argsort(-excess, kind="stable")[: _MOST_FORWARD // 3]]
+    touching = np.flatnonzero(contacts)[:1]
+    along = np.linspace(0, len(contacts) - 1, _MOST_FORWARD // 2).astype(int)
+    return np.unique(np.concatenate([worst, touching, [int(contacts.argmax())], along]))
+
+
+def look_into(
+    comparison: Comparison, run: int, states: Floats, places: np.ndarray
+) -> ForwardStates:
+    """Return what both compute of the states of a run before some steps."""
+    engine, reference = comparison.engine, comparison.reference
+    ours, theirs = (from_states(side, run, states[places], places) for side in comparison.both)
+    sides = ((reference, ours), (engine, theirs), (reference, rounded(ours)))
+    told = [forward(by, runs) or {} for by, runs in sides]
+    return ForwardStates(ours.models[0], places.tolist(), *told)
+
+
+@dataclass(frozen=True)
+class WholeRun:
+    """A run by MuJoCo, of rounded states, and twice by the engine: (N + 1, nq) coordinates each."""
+
+    ours: Floats
+    single: Floats  # every state is rounded
+    rounded: Floats  # the start is, and the solver starts from nothing
+    theirs: Floats
+    again: Floats
+
+    def differences(self) -> tuple[Floats, Floats, Floats]:
+        """Return (N + 1,) differences from MuJoCo, of rounded states, and of the repetition."""
+        error = farthest(self.ours, self.theirs)
+        floor = np.maximum(farthest(self.ours, self.rounded), farthest(self.ours, self.single))
+        return error, floor, farthest(self.theirs, self.again)
+
+    def finding(self) -> Finding | None:
+        """Return where a run leaves MuJoCo's farther than the floors explain."""
+        error, floor, repeat = self.differences()
+        floors = np.maximum.accumulate(np.maximum(floor, repeat))
+        beyond = np.flatnonzero(~(error <= _RESOLVED + _RUN_FACTOR * floors))
+        if not len(beyond):
+            return None
+        step = int(beyond[0])
+        place = int(np.abs(self.ours[step] - self.theirs[step]).argmax())
+        return Finding(
+            stage="whole run",
+            quantity=f"qpos[{place}]",
+            step=step,
+            mujoco=float(self.ours[step, place]),
+            engine=float(self.theirs[step, place]),
+        )
+
+
+def farthest(first: Floats, second: Floats) -> Floats:
+    """Return (K,) the greatest difference in each of K rows."""
+    return np.abs(first - second).max(axis=1, initial=0)
+
+
+def buffers_finding(rollout: Rollout, run: int) -> Finding | None:
+    """Return that memory for contacts or constraints was too small for a run."""
+    full = next((buffer for buffer in _BUFFERS if buffer in rollout.warnings[run]), None)
+    return Finding(stage="buffers", quantity=full, step=0) if full else None
+
+
+def step_finding(steps: SteppedStates, ambiguous: AbstractSet[int]) -> Finding | None:
+    """Return the single step that differs most, of those that differ by more than is allowed.
+
+    From the states before some steps, rounding may lead elsewhere: these are ambiguous.
+    """
+    excess = np.where(np.isin(steps.places, list(ambiguous)), 0, steps.error / steps.allowed)
+    place = int(excess.argmax())
+    if not excess[place] > 1:
+        return None
+    index = int(steps.worst[place])
+    ours, theirs = (float(velocity[place, index]) for velocity in steps.velocities)
+    return Finding(
+        stage="one step",
+        quantity=f"qvel[{index}]",
+        step=int(steps.places[place]),
+        mujoco=ours,
+        engine=theirs,
+    )
+
+
+def _dofs_beside(model: mujoco.MjModel, finding: Finding) -> np.ndarray:
+    """Return the degrees of freedom of the kinematic tree that a coordinate belongs to."""
+    place = int(finding.quantity.removeprefix("qpos[").removesuffix("]"))
+    joint = int(np.searchsorted(model.jnt_qposadr, place, side="right")) - 1
+    return np.flatnonzero(model.dof_treeid == model.dof_treeid[model.jnt_dofadr[joint]])
+
+
+def judge(
+    comparison: Comparison, run: int
+) -> tuple[Verdict, Finding | None, dict[str, float | int]]:
+    """Return the verdict on a run, the first stage that differs, and what was measured."""
+    rollouts = comparison.rollouts
+    steps = min(rollout.steps[run] for rollout in rollouts)
+    if not steps:
+        return "ambiguous", None, {}  # what is not even one step says nothing
+    states = rollouts[0].state[run, : steps + 1]
+    model = comparison.both[0].models[run]
+    ours, *others = (
+        rollout.state[run, : steps + 1, 1 : 1 + model.nq] for rollout in comparison.rollouts
+    )
+    whole = WholeRun(ours, rounded_at_each_step(comparison.both[0], run, steps), *others)
+    error, floor, repeat = (float(difference.max()) for difference in whole.differences())
+    numbers: dict[str, float | int] = {"position": error, "floor": floor, "repeat": repeat}
+    if full := buffers_finding(rollouts[2], run):
+        return "different", full, numbers
+    singles = stepped(comparison, run, states)
+    numbers |= {"step": float(singles.error.max()), "step_floor": float(singles.floor.max())}
+    places = looked_into(singles, comparison.contacts(run)[:steps])
+    looked = look_into(comparison, run, states, places)
+    ambiguous = looked.ambiguous()
+    numbers["ambiguous_states"] = len(ambiguous)
+    found = looked.first_finding() or step_finding(singles, ambiguous)
+    if found:
+        return "different", found, numbers
+    left = whole.finding()
+    if (singles.error > singles.allowed).any() or (
+        left and singles.sensitive_before(left.step, _dofs_beside(model, left))
+    ):
+        return "ambiguous", None, numbers
+    if left:
+        return "different", left, numbers
+    return ("same" if error <= _SAME else "within floor"), None, numbers

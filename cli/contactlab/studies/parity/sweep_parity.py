@@ -1,0 +1,295 @@
+"""A whole panel by MuJoCo and by another engine: its runs, its checks, and what they amount to."""
+
+import math
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import date
+from statistics import fmean
+from typing import Any
+
+import numpy as np
+
+from contactlab.comparison.checks import (
+    NOT_COMPARABLE,
+    SAME,
+    WORSE,
+    CheckSubject,
+    format_percent,
+    out_of,
+    plural,
+)
+from contactlab.comparison.policies import apply_acceptances
+from contactlab.engines import ENGINES
+from contactlab.engines.engine import PreparedRuns, SimulationEngine
+from contactlab.errors import ExpectationError, PolicyError, StoreError
+from contactlab.measure import METRICS
+from contactlab.mjcf import MODEL_ENGINE
+from contactlab.run.evidence_record import as_written
+from contactlab.scene.scene import Scene
+from contactlab.schema.comparison import Check, ComparePolicy, MetricRule, RunPair
+from contactlab.schema.evidence import Setting
+from contactlab.studies.parity.panel import Panel, PanelRun
+from contactlab.studies.parity.parity_report import ClosedForm, Measured, ParityReport, RunParity
+from contactlab.studies.parity.run_parity import Comparison, judge
+
+Metrics = Mapping[str, float | str]
+SUCCESS, PENETRATION, ENERGY = "success", "penetration_mean", "energy"
+_REL = 0.05  # the practice's gate
+_STABLE = "stable"
+_RULE = MetricRule(rel=_REL, level="gate")
+_LEAST_METRIC_CHANGE = 1e-6  # of any metric in its own unit: about what noise makes of 0
+_ORACLE = "oracle_error"
+
+
+@dataclass(frozen=True)
+class ParityRequest:
+    """A panel, the engine that is judged, what is changed for it alone, and by what policy."""
+
+    panel: Panel
+    engine: SimulationEngine
+    device: str
+    changes: Sequence[str]
+    policy: ComparePolicy
+
+
+def run(
+    request: ParityRequest, begin: Callable[[int], None], done: Callable[[RunParity], None]
+) -> ParityReport:
+    """Compare an engine with MuJoCo in all runs of a panel, telling how many, then each."""
+    panel, engine, policy = request.panel, request.engine, request.policy
+    rules = _rules(policy)
+    refused = panel.refused(engine.refusal)
+    told = {
+        member.run_id: _described(member, verdict="refused", reason=refused[member.run_id])
+        for member in panel.runs
+        if member.run_id in refused
+    }
+    begin(len(panel.runs) - len(told))
+    closed: list[tuple[float, float]] = []
+    for group in panel.groups(refused):
+        comparison = Comparison.of(
+            engine,
+            PreparedRuns.of(panel.scene, *[member.ours for member in group]),
+            PreparedRuns.of(panel.scene, *[member.theirs for member in group]),
+        )
+        metrics = _metrics(panel, comparison)
+        for place, member in enumerate(group):
+            ours, *_, theirs = values = [side[place] for side in metrics]
+            told[member.run_id] = _judged(member, comparison, place, values, rules)
+            closed.append((_number(ours, _ORACLE), _number(theirs, _ORACLE)))
+            done(told[member.run_id])
+    runs = [told[member.run_id] for member in panel.runs]
+    checks = list(_checks(runs, rules))
+    checks = apply_acceptances(checks, policy.accept, date.today())  # noqa: DTZ011
+    exit_code, headline = _conclusion(checks, runs, engine.name)
+    return ParityReport(
+        sweep=panel.request.name,
+        scene=panel.scene.name,
+        engine=engine.name,
+        version=engine.version,
+        mujoco=ENGINES[MODEL_ENGINE].version,
+        device=request.device,
+        changes=tuple(request.changes),
+        exit_code=exit_code,
+        headline=headline,
+        verdicts=dict(Counter(judged.verdict for judged in runs)),
+        checks=tuple(checks),
+        closed_form=_closed_form(closed, panel.scene),
+        runs=tuple(runs),
+    )
+
+
+def _rules(policy: ComparePolicy) -> dict[str, MetricRule]:
+    """Return how each judged quantity is judged: three of the practice, and those of the policy."""
+    known = (SUCCESS, PENETRATION, ENERGY, *METRICS)
+    for name in policy.metrics:
+        PolicyError.unless_known(name, known, f"the policy has a rule for '{name}', which is none")
+    rules = dict.fromkeys((SUCCESS, PENETRATION, ENERGY), _RULE)
+    given = {name: metric.model_dump(exclude_none=True) for name, metric in policy.metrics.items()}
+    return rules | {name: _RULE.model_copy(update=rule) for name, rule in given.items()}
+
+
+def _metrics(panel: Panel, comparison: Comparison) -> Sequence[Sequence[Metrics]]:
+    """Return the metrics of each run by MuJoCo, of rounded states, and by the engine."""
+    # What is changed for the engine alone is its mistake: it is measured as if it were not.
+    return [panel.metrics(comparison.both[0], rollout) for rollout in comparison.rollouts[:3]]
+
+
+def _described(member: PanelRun, **rest: Any) -> RunParity:  # noqa: ANN401 - fields of the report
+    axes: dict[str, Setting] = {
+        name: as_written(value) for name, value in member.run.values.items() if name != "engine"
+    }
+    return RunParity(run_id=member.run_id, axes=axes, seed=member.run.seed, **rest)
+
+
+def _judged(
+    member: PanelRun,
+    comparison: Comparison,
+    place: int,
+    metrics: Sequence[Metrics],
+    rules: Mapping[str, MetricRule],
+) -> RunParity:
+    """Return how one run of a group compares."""
+    error = comparison.rollouts[2].errors[place] or comparison.rollouts[3].errors[place]
+    if error is not None:
+        return _described(member, verdict="failed", reason=error)
+    verdict, first, numbers = judge(comparison, place)
+    measured = {name: _measured(name, rule, metrics) for name, rule in rules.items()}
+    if verdict == "ambiguous":
+        measured = {
+            name: reading.model_copy(update={"beyond": False}) for name, reading in measured.items()
+        }
+    labels = str(metrics[0].get("label")), str(metrics[2].get("label"))
+    return _described(
+        member, verdict=verdict, first=first, labels=labels, measured=measured, **numbers
+    )
+
+
+def _measured(name: str, rule: MetricRule, metrics: Sequence[Metrics]) -> Measured:
+    """Return a quantity of a run by MuJoCo, of rounded states, and by the engine."""
+    ours, rounded, theirs = (_number(metric, name) for metric in metrics)
+    scale = {SUCCESS: 1.0, ENERGY: _number(metrics[0], "energy_range")}.get(name, abs(ours))
+    change, noise = abs(theirs - ours), abs(rounded - ours)
+    allowed = max(_LEAST_METRIC_CHANGE, rule.abs or 0) + (rule.rel or 0) * scale
+    allowed += noise if math.isfinite(noise) else 0
+    both_lack = not (math.isfinite(ours) or math.isfinite(theirs))
+    return Measured(
+        mujoco=_finite(ours),
+        engine=_finite(theirs),
+        rounded=_finite(rounded),
+        difference=_finite(change / scale if scale else change and math.inf),
+        beyond=not both_lack and not change <= allowed,
+    )
+
+
+def _number(metrics: Metrics, name: str) -> float:
+    if name == SUCCESS:
+        return float(metrics.get("label") == _STABLE)
+    value = metrics.get("energy_end" if name == ENERGY else name, math.nan)
+    assert isinstance(value, float)
+    return value
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+_CODES = {"different": WORSE, "failed": NOT_COMPARABLE}
+
+
+def _checks(runs: Sequence[RunParity], rules: Mapping[str, MetricRule]) -> Iterator[Check]:
+    """Yield the checks of a panel: that its runs can be compared, their stages, each quantity."""
+    refused = [judged for judged in runs if judged.verdict == "refused"]
+    compared = [judged for judged in runs if judged.verdict not in {"refused", "failed"}]
+    reasons = ", ".join(dict.fromkeys(judged.reason for judged in runs if judged.reason))
+    able = CheckSubject("runs can be simulated", "evidence", "gate" if not compared else "warn")
+    if not compared:
+        yield able.skipped(reasons)
+        return
+    codes = np.array([WORSE if judged in refused else SAME for judged in runs], np.int8)
+    yield able.check(
+        codes, f"{out_of(len(refused), len(runs))} refused: {reasons}" if refused else "all can"
+    )
+    others = [judged for judged in runs if judged.verdict != "refused"]
+    codes = np.array([_CODES.get(other.verdict, SAME) for other in others], np.int8)
+    message = _told(Counter(other.verdict for other in others))
+    yield CheckSubject("stages agree", "runs", "gate").check(codes, message, _worst(others))
+    for name, rule in rules.items():
+        yield from _quantity(name, rule, compared)
+
+
+def _quantity(name: str, rule: MetricRule, runs: Sequence[RunParity]) -> Iterator[Check]:
+    """Yield the checks of a quantity: of its mean, and of each run."""
+    told = [(run, run.measured[name]) for run in runs]
+    told = [
+        (run, reading) for run, reading in told if (reading.mujoco, reading.engine) != (None, None)
+    ]
+    level, share = rule.level or "gate", rule.rel or 0.0
+    mean, worst = (
+        CheckSubject(f"{name} {of}", "metrics", level) for of in ("on average", "of each run")
+    )
+    if not told:
+        yield from (
+            subject.check(np.zeros(0, np.int8), "applies to no run") for subject in (mean, worst)
+        )
+        return
+    within = f"(within {format_percent(share)} and what rounding changes)"
+    differences = [
+        math.inf if reading.difference is None else reading.difference for _, reading in told
+    ]
+    average, beyond = fmean(differences), [reading.beyond for _, reading in told]
+    shown = _means([reading for _, reading in told])
+    code = WORSE if average > share and any(beyond) else SAME
+    message = f"{shown}runs differ by {format_percent(average)} {within}"
+    yield mean.single(code, message, runs=len(told))
+    ranked = sorted(told, key=lambda entry: (not entry[1].beyond, -(entry[1].difference or 0)))
+    pairs = [
+        _pair(run, reading.mujoco, reading.engine) for run, reading in ranked if reading.beyond
+    ]
+    codes = np.where(beyond, WORSE, SAME).astype(np.int8)
+    yield worst.check(codes, f"worst {format_percent(max(differences))} {within}", pairs)
+
+
+def _means(measured: Sequence[Measured]) -> str:
+    """Return the means by both of the runs that both measured."""
+    known = [
+        (reading.mujoco, reading.engine)
+        for reading in measured
+        if reading.mujoco is not None and reading.engine is not None
+    ]
+    if not known:
+        return ""
+    ours, theirs = (fmean(values) for values in zip(*known, strict=True))
+    return f"{ours:.4g} -> {theirs:.4g}; "
+
+
+def _told(verdicts: Mapping[str, int]) -> str:
+    return ", ".join(f"{plural(count)} {verdict}" for verdict, count in verdicts.items())
+
+
+def _worst(runs: Sequence[RunParity]) -> list[RunPair]:
+    return [
+        _pair(judged, "", str(judged.first)) for judged in runs if judged.verdict == "different"
+    ]
+
+
+def _pair(run: RunParity, ours: float | str | None, theirs: float | str | None) -> RunPair:
+    return RunPair(
+        baseline_run=run.run_id,
+        candidate_run=run.run_id,
+        axes=run.axes,
+        baseline=ours,
+        candidate=theirs,
+    )
+
+
+def _conclusion(checks: Sequence[Check], runs: Sequence[RunParity], name: str) -> tuple[int, str]:
+    """Return the exit code and the headline."""
+    counted = _told(Counter(judged.verdict for judged in runs))
+    failed = [check for check in checks if check.outcome == "failed"]
+    if any(judged.verdict == "not comparable" for judged in failed) or any(
+        check.is_open for check in checks
+    ):
+        return StoreError.exit_code, f"{name} cannot be compared: {counted}"
+    fail = "fails" if len(failed) == 1 else "fail"
+    if failed:
+        return (
+            ExpectationError.exit_code,
+            f"{name} differs: {plural(len(failed), 'check')} {fail}; {counted}",
+        )
+    return 0, f"{name} does what MuJoCo does: {counted}"
+
+
+def _closed_form(errors: Sequence[tuple[float, float]], scene: Scene) -> ClosedForm | None:
+    """Return how far both are from the scene's closed form; None if it has none."""
+    known = [pair for pair in errors if all(map(math.isfinite, pair))]
+    manifest = scene.source.manifest
+    if not known or manifest is None or manifest.oracle is None:
+        return None
+    ours, theirs = (max(map(abs, values)) for values in zip(*known, strict=True))
+    limit = manifest.oracle.tolerance
+    off = ("both" if theirs > limit else "mujoco") if ours > limit else None
+    return ClosedForm(
+        mujoco=ours, engine=theirs, off=off or ("engine" if theirs > limit else "neither")
+    )

@@ -1,0 +1,139 @@
+"""Evidence that the fixture gives to a test: a recorder, and statements about its record."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import mujoco
+
+from contactlab.commands.compare import compare
+from contactlab.errors import ContactlabError, OutputError
+from contactlab.loop.recording import Recording, record
+from contactlab.measure import labels_with
+from contactlab.page.report_files import write_page
+from contactlab.scene.scene_source import MANIFEST, read_manifest
+from contactlab.schema.evidence import EvidenceRecord
+from contactlab.store.finished_store import Store
+from contactlab.store.verify_store import write_baseline
+
+_STABLE = "stable"
+_HOW = (
+    'record with scene={"subject": "mug", "hold": {"from": 1.0, "relative_to": "hand"}}, which '
+    "says what should be held, by what and since when"
+)
+
+
+class ContactEvidence:
+    """Records a loop of a test, and says whether it went well.
+
+    Each statement ends the recording. It is true, or raises an AssertionError that names the
+    episode, its label, the reason, the step, and where to look.
+
+    Attributes:
+        folder: the store.
+    """
+
+    def __init__(self, folder: Path, *, update: bool = False) -> None:
+        self.folder, self._update = folder, update
+        self._recording: Recording | None = None
+
+    def record(self, model: mujoco.MjModel, data: mujoco.MjData, **how: Any) -> Recording:  # noqa: ANN401
+        """Record a loop as `contactlab.record` does, in a store of the test's own."""
+        if self._recording is not None:
+            raise OutputError("a test records once; more episodes go into the same recording")
+        self._recording = record(model, data, self.folder, fresh=True, **how)
+        return self._recording
+
+    def stable(self) -> bool:
+        """State that every episode was recorded as a whole, and got no label."""
+        self._require(
+            _said(episode)
+            for episode in self._episodes()
+            if episode.label != _STABLE or episode.status != "ok"
+        )
+        return True
+
+    def held(self, subject: str, by: str) -> bool:
+        """State that every episode held a body as its recording says that it should."""
+        episodes = self._episodes()
+        manifest = read_manifest(self._store().scene_folder / MANIFEST)
+        hold = manifest.hold
+        if hold is None or (manifest.subject, hold.relative_to or "world") != (subject, by):
+            raise AssertionError(f"nobody said when {by} should hold {subject}; {_HOW}")
+        self._require(_not_held(episode) for episode in episodes)
+        return True
+
+    def within(self, baseline: str | Path) -> bool:
+        """State that nothing is worse than in a baseline, episode by episode.
+
+        With `--contact-baseline update` what was recorded becomes the baseline instead.
+        """
+        self._episodes()
+        place = Path(baseline)
+        if self._update:
+            write_baseline(self.folder, place)
+            return True
+        if not place.exists():
+            raise AssertionError(
+                f"there is no baseline {place}; accept this evidence with "
+                "--contact-baseline update, and commit it"
+            )
+        compared = compare(place, self.folder, match="axes")
+        failing = [check for check in compared.checks if check.outcome == "failed"]
+        lines = [f"{compared.headline} (against {place})"]
+        lines += [
+            f"  {check.name}: {check.verdict} in {check.failing} of {check.runs}"
+            for check in failing
+        ]
+        self._require(["\n".join(lines)] if compared.exit_code else [])
+        return True
+
+    def close(self) -> None:
+        """End the recording, as its `with` block does."""
+        if self._recording is not None:
+            self._recording.close()
+
+    def _store(self) -> Store:
+        return Store.open(self.folder)
+
+    def _episodes(self) -> list[EvidenceRecord]:
+        if self._recording is None:
+            raise AssertionError(
+                "nothing was recorded; begin with contact_evidence.record(model, data)"
+            )
+        self.close()
+        return list(self._store().records())
+
+    def _require(self, found: Any) -> None:  # noqa: ANN401 - any strings
+        wrong = [fault for fault in found if fault]
+        if wrong:
+            raise AssertionError("\n".join([*wrong, *self._places()]))
+
+    def _places(self) -> Iterator[str]:
+        yield f"store: {self.folder}  (contactlab show {self.folder})"
+        page = self.folder.with_name(f"{self.folder.name}.html")
+        try:
+            write_page(self._store(), page)
+            yield f"page: {page.absolute().as_uri()}"
+        except ContactlabError as error:
+            yield f"page: none, since {error}"
+
+
+def _said(episode: EvidenceRecord) -> str:
+    """Return what is wrong with an episode: how it ended, and each label."""
+    name = f"episode {episode.seed} (run {episode.run_id[:8]})"
+    ended = [] if episode.status == "ok" else [f"{name} {episode.status}: {episode.status_reason}"]
+    labels = (label for label in episode.labels if label.label != _STABLE)
+    found = [f"{name} is {label.label} at step {label.step}: {label.reason}" for label in labels]
+    return "\n".join([*ended, *found])
+
+
+def _not_held(episode: EvidenceRecord) -> str:
+    """Return why an episode did not hold what it should; empty if it did."""
+    name = f"episode {episode.seed} (run {episode.run_id[:8]})"
+    if episode.metrics["hold_contact"] is None:
+        return f"{name} ended after {episode.duration:g} s, before it should hold anything"
+    labels = [label for label in episode.labels if label.label in labels_with("grip")]
+    return "\n".join(
+        f"{name} is {label.label} at step {label.step}: {label.reason}" for label in labels
+    )

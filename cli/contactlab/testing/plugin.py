@@ -1,0 +1,41 @@
+"""Options and the fixture; what they need is imported when a test asks for it."""
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+if TYPE_CHECKING:
+    from contactlab.testing.evidence import ContactEvidence
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Add the options."""
+    group = parser.getgroup("contactlab")
+    group.addoption(
+        "--contact-evidence",
+        metavar="FOLDER",
+        help="keep what contact_evidence records here, in a folder for each test",
+    )
+    group.addoption(
+        "--contact-baseline",
+        choices=("check", "update"),
+        default="check",
+        help="update: accept what is recorded as the baselines that tests name",
+    )
+
+
+@pytest.fixture
+def contact_evidence(request: pytest.FixtureRequest) -> "Iterator[ContactEvidence]":
+    """Record a loop, and judge what it did."""
+    from contactlab.testing.evidence import ContactEvidence  # noqa: PLC0415 - see the module
+
+    kept = request.config.getoption("--contact-evidence")
+    name = re.sub(r"[^\w.-]+", "-", request.node.nodeid).strip("-")
+    folder = Path(kept) / name if kept else request.getfixturevalue("tmp_path") / "evidence"
+    update = request.config.getoption("--contact-baseline") == "update"
+    evidence = ContactEvidence(folder, update=update)
+    yield evidence
+    evidence.close()

@@ -1,0 +1,157 @@
+"""Shapes of a model, and the poses of its bodies in given configurations."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import mujoco
+import numpy as np
+
+from contactlab.contact.trace_arrays import Floats, Integers
+
+Form = Literal["box", "ellipsoid", "cylinder", "mesh"]
+
+
+@dataclass(frozen=True)
+class BodyShape:
+    """A rigid part of a body."""
+
+    name: str  # unique in the model
+    body: int  # index of its body
+    form: Form  # what it is; a cylinder's axis is its z axis
+    size: Floats  # (3,) full extents along its own axes [m]; ones for a mesh
+    position: Floats  # (3,) of its centre in the body's frame [m]
+    rotation: Floats  # (4,) unit quaternion w, x, y, z to the body's frame
+    colour: Floats  # (4,) red, green, blue and opacity, 0 to 1
+    vertices: Floats  # (V, 3) of a mesh in its own frame [m]; else none
+    triangles: Integers  # (T, 3) indices of a mesh's vertices; else none
+
+
+# As in MuJoCo's viewers, which hide the groups above.
+_VISIBLE_GROUPS = 3
+_UNSET_COLOUR = np.array([0.5, 0.5, 0.5, 1.0], dtype=np.float32)
+_GEOM = mujoco.mjtGeom
+# The form of a kind of geom, and which of its half sizes lie along its three axes.
+_SOLIDS: dict[int, tuple[Form, list[int]]] = {
+    int(_GEOM.mjGEOM_SPHERE): ("ellipsoid", [0, 0, 0]),
+    int(_GEOM.mjGEOM_ELLIPSOID): ("ellipsoid", [0, 1, 2]),
+    int(_GEOM.mjGEOM_BOX): ("box", [0, 1, 2]),
+    int(_GEOM.mjGEOM_CYLINDER): ("cylinder", [0, 0, 1]),
+    int(_GEOM.mjGEOM_CAPSULE): ("cylinder", [0, 0, 1]),
+}
+_SURFACES = {int(kind) for kind in (_GEOM.mjGEOM_MESH, _GEOM.mjGEOM_SDF, _GEOM.mjGEOM_HFIELD)}
+_NO_VERTICES = np.empty((0, 3))
+_NO_TRIANGLES = np.empty((0, 3), np.int32)
+
+
+def poses(model: mujoco.MjModel, qpos: Floats) -> tuple[Floats, Floats]:
+    """Return the poses of all B bodies in configurations (F, nq), in the world frame.
+
+    They are positions (F, B, 3) [m] and unit quaternions (F, B, 4) w, x, y, z.
+    """
+    data = mujoco.MjData(model)
+    positions = np.empty((len(qpos), model.nbody, 3))
+    rotations = np.empty((len(qpos), model.nbody, 4))
+    for row, configuration in enumerate(qpos):
+        data.qpos[:] = configuration
+        mujoco.mj_kinematics(model, data)
+        positions[row], rotations[row] = data.xpos, data.xquat
+    return positions, rotations
+
+
+def shapes(model: mujoco.MjModel) -> tuple[BodyShape, ...]:
+    """Return the parts that are drawn: geoms of groups 0 to 2, or all of a body without such."""
+    low = model.geom_group < _VISIBLE_GROUPS
+    visible_bodies = set(model.geom_bodyid[low].tolist())
+    geoms = [
+        geom
+        for geom in range(model.ngeom)
+        if low[geom] or int(model.geom_bodyid[geom]) not in visible_bodies
+    ]
+    return tuple(
+        shape for geom in geoms if _colour(model, geom)[3] for shape in _shapes_of(model, geom)
+    )
+
+
+def _shapes_of(model: mujoco.MjModel, geom: int) -> Iterator[BodyShape]:
+    kind, size = int(model.geom_type[geom]), model.geom_size[geom].copy()
+    if kind in _SOLIDS:
+        form, axes = _SOLIDS[kind]
+        yield _shape(model, geom, form, 2 * size[axes])
+    if kind == _GEOM.mjGEOM_CAPSULE:
+        for end, place in (("/top", size[1]), ("/bottom", -size[1])):
+            offset = np.array([0.0, 0.0, place])
+            yield _shape(model, geom, "ellipsoid", np.full(3, 2 * size[0]), offset, end)
+    elif kind == _GEOM.mjGEOM_PLANE:
+        yield _plane(model, geom, size)
+    elif kind in _SURFACES:
+        read = _field if kind == _GEOM.mjGEOM_HFIELD else _surface
+        vertices, triangles = read(model, int(model.geom_dataid[geom]))
+        plain = _shape(model, geom, "mesh", np.ones(3))
+        yield replace(plain, vertices=vertices, triangles=triangles)
+
+
+def _plane(model: mujoco.MjModel, geom: int, size: Floats) -> BodyShape:
+    """Return a thin box below the plane; an infinite plane gets a finite one, beyond the scene."""
+    reach = float(model.stat.extent)
+    half = np.where(size[:2] > 0, size[:2], 3 * reach)
+    thickness = reach / 100
+    below = np.array([0.0, 0.0, -thickness / 2])
+    return _shape(model, geom, "box", np.array([*(2 * half), thickness]), below)
+
+
+def _shape(
+    model: mujoco.MjModel,
+    geom: int,
+    form: Form,
+    size: Floats,
+    offset: Floats | None = None,
+    suffix: str = "",
+) -> BodyShape:
+    """Return a shape in the geom's frame, or off its centre by a vector in that frame."""
+    rotation, moved = model.geom_quat[geom].copy(), np.zeros(3)
+    if offset is not None:
+        mujoco.mju_rotVecQuat(moved, offset, rotation)
+    return BodyShape(
+        name=model.geom(geom).name + suffix,
+        body=int(model.geom_bodyid[geom]),
+        form=form,
+        size=size,
+        position=model.geom_pos[geom] + moved,
+        rotation=rotation,
+        colour=_colour(model, geom),
+        vertices=_NO_VERTICES,
+        triangles=_NO_TRIANGLES,
+    )
+
+
+def _surface(model: mujoco.MjModel, mesh: int) -> tuple[Floats, Integers]:
+    start, count = int(model.mesh_vertadr[mesh]), int(model.mesh_vertnum[mesh])
+    first, faces = int(model.mesh_faceadr[mesh]), int(model.mesh_facenum[mesh])
+    vertices = model.mesh_vert[start : start + count].astype(np.float64)
+    return vertices, model.mesh_face[first : first + faces].copy()
+
+
+def _field(model: mujoco.MjModel, field: int) -> tuple[Floats, Integers]:
+    """Return a height field's upper side, each of its cells as two triangles."""
+    rows, columns = int(model.hfield_nrow[field]), int(model.hfield_ncol[field])
+    start = int(model.hfield_adr[field])
+    half_x, half_y, height, _ = model.hfield_size[field]
+    y, x = np.meshgrid(
+        np.linspace(-half_y, half_y, rows), np.linspace(-half_x, half_x, columns), indexing="ij"
+    )
+    z = model.hfield_data[start : start + rows * columns] * height
+    vertices = np.stack([x.ravel(), y.ravel(), z.astype(np.float64)], axis=1)
+    place = np.arange(rows * columns, dtype=np.int32).reshape(rows, columns)
+    low, right = place[:-1, :-1].ravel(), place[:-1, 1:].ravel()
+    up, far = place[1:, :-1].ravel(), place[1:, 1:].ravel()
+    cells = np.stack([low, right, far, low, far, up], axis=1)
+    return vertices, cells.reshape(-1, 3)
+
+
+def _colour(model: mujoco.MjModel, geom: int) -> Floats:
+    """Return a geom's colour, or its material's where it has none of its own."""
+    own, material = model.geom_rgba[geom], int(model.geom_matid[geom])
+    if material >= 0 and np.array_equal(own, _UNSET_COLOUR):
+        own = model.mat_rgba[material]
+    return own.astype(np.float64)

@@ -1,0 +1,399 @@
+"""A run as a film or a sheet of pictures, which MuJoCo draws without a display."""
+
+import ctypes.util
+import importlib
+import math
+import os
+from collections import Counter
+from collections.abc import Generator, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from itertools import chain, repeat, zip_longest
+from pathlib import Path
+from types import MappingProxyType
+from typing import Protocol
+
+import av
+import mujoco
+import numpy as np
+from av.video.stream import VideoStream
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw, ImageFont
+
+from contactlab.contact.trace_arrays import Floats
+from contactlab.contact.trace_setup import RecordedMotion
+from contactlab.errors import SceneError, did_you_mean
+from contactlab.palette import MODE_COLOURS
+from contactlab.run.stored_runs import PreparedReplay
+from contactlab.store.atomic_files import atomic_write
+from contactlab.view.drawn_motion import BodyMotion, Stage, frame_times, nearest
+
+Picture = NDArray[np.uint8]
+
+_AZIMUTH, _ELEVATION = 120.0, -18.0
+_MARGIN = 1.05
+_MOST_GEOMS_OF_A_SCENE = 20_000
+# An arrow's radius as a fraction of the sphere's, and at most of its own length.
+_RADIUS, _MOST_RADIUS = 0.015, 0.1
+_SOLID = 0.45
+_AMBIENT = 0.35
+_SHADOW = 2048
+_BACKGROUND = (0.74, 0.79, 0.86, 1.0)
+# The background's distance as a fraction of the farthest visible one.
+_WALL = 0.5
+_GHOST = (0.95, 0.45, 0.1, 0.35)  # what was recorded
+_ARROW = mujoco.mjtGeom.mjGEOM_ARROW
+_PLACING = (mujoco.mj_kinematics, mujoco.mj_comPos, mujoco.mj_camlight, mujoco.mj_tendon)
+# The values of MUJOCO_GL, each with its system library.
+_BACKENDS = {"egl": "EGL", "osmesa": "OSMesa", "glfw": "glfw"}
+_REMEDY = (
+    "install EGL or OSMesa (Debian: apt install libegl1 libgl1-mesa-dri, or libosmesa6) and choose "
+    "with MUJOCO_GL=egl or MUJOCO_GL=osmesa; .mcap and .rrd files need neither"
+)
+# Half the size of the encoder's default, and no visible difference.
+_H264_OPTIONS = {"crf": "20"}
+_PAPER, _INK = (255, 255, 255), (40, 44, 52)
+_BORDER = 6
+# The whole scene is so many times smaller than a pair's; the longest bar, of the width.
+_INSET, _LONGEST_BAR = 4, 0.2
+
+
+class _Screen(Protocol):
+    """An off-screen OpenGL context of MuJoCo's."""
+
+    def make_current(self) -> None: ...
+    def free(self) -> None: ...
+
+
+@contextmanager
+def graphics(width: int, height: int) -> Generator[_Screen]:
+    """Make an off-screen OpenGL context of this size the current one; a SceneError without any."""
+    asked = os.environ.get("MUJOCO_GL", "").lower()
+    installed = [name for name in ("egl", "osmesa") if ctypes.util.find_library(_BACKENDS[name])]
+    found = [asked] if asked in _BACKENDS else installed
+    if not found:
+        raise SceneError(f"no pictures: there is no OpenGL to draw with; {_REMEDY}")
+    name = found[0]
+    try:
+        screen: _Screen = importlib.import_module(f"mujoco.{name}").GLContext(width, height)
+        screen.make_current()
+    except Exception as error:
+        raise SceneError(f"no pictures: {name} does not work here ({error}); {_REMEDY}") from error
+    try:
+        yield screen
+    finally:
+        screen.free()
+
+
+def draw_pictures(
+    model: mujoco.MjModel,
+    motion: BodyMotion,
+    frames: Mapping[int, Floats],
+    size: tuple[int, int],
+    camera: str | None = None,
+    recorded: Mapping[int, Floats] = MappingProxyType({}),
+) -> Generator[Picture]:
+    """Yield a picture (height, width, 3) of some frames of a motion, by configuration (nq,).
+
+    What was `recorded` of bodies (nq,), NaN for others, is drawn as a ghost beside them.
+
+    The model's off-screen buffer is set to the size, width and height [pixels]. Without the name
+    of one of its cameras, one sees the whole motion; or the body that it follows, with the whole as
+    an inset. A SceneError says that there is no OpenGL, or no camera of this name.
+    """
+    width, height = size
+    _set_looks(model, size)
+    named = None if camera is None else _camera_of(model, camera)
+    areas = [mujoco.MjrRect(0, 0, width, height)]
+    if named is None and motion.followed is not None:
+        areas.append(mujoco.MjrRect(0, 0, width // _INSET, height // _INSET))
+    option = mujoco.MjvOption()
+    option.flags[mujoco.mjtVisFlag.mjVIS_TRANSPARENT] = True
+    data, scene = mujoco.MjData(model), mujoco.MjvScene(model, _MOST_GEOMS_OF_A_SCENE)
+    with graphics(width, height) as screen:
+        context = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100.value)
+        try:
+            for frame, configuration in frames.items():
+                pictures: list[Picture] = []
+                for stage, area in zip((motion.view(frame), motion.stage), areas, strict=False):
+                    view = named or _camera_on(model, stage, width / height)
+                    # Contacts were stored: without collision detection, all else is placed.
+                    data.qpos[:] = configuration
+                    _place(model, data)
+                    everything = mujoco.mjtCatBit.mjCAT_ALL.value
+                    mujoco.mjv_updateScene(model, data, option, None, view, everything, scene)
+                    _decorate(scene, model, motion, frame)
+                    if frame in recorded:
+                        _draw_ghost(scene, model, data, recorded[frame], option)
+                    # Another film may have been drawn since.
+                    screen.make_current()
+                    pictures.append(_drawn(scene, area, context))
+                yield _with_inset(*pictures)
+        finally:
+            # What a context made is deleted by number, in whichever context is the current one.
+            screen.make_current()
+            context.free()
+
+
+def _drawn(scene: mujoco.MjvScene, area: mujoco.MjrRect, context: mujoco.MjrContext) -> Picture:
+    picture = np.empty((area.height, area.width, 3), np.uint8)
+    mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, context)
+    mujoco.mjr_render(area, scene, context)
+    mujoco.mjr_readPixels(picture, None, area, context)
+    return picture[::-1]
+
+
+def _set_looks(model: mujoco.MjModel, size: tuple[int, int]) -> None:
+    """Set what pictures of a size need of a model: bright, with moving bodies translucent."""
+    model.vis.global_.offwidth, model.vis.global_.offheight = size
+    model.vis.quality.shadowsize = _SHADOW
+    # So that arrows show.
+    model.vis.map.alpha = _SOLID
+    model.vis.headlight.ambient[:] = np.maximum(model.vis.headlight.ambient, _AMBIENT)
+
+
+def _decorate(
+    scene: mujoco.MjvScene, model: mujoco.MjModel, motion: BodyMotion, frame: int
+) -> None:
+    """Add the forces of a frame, and a background where the model has no sky."""
+    if not (model.tex_type == mujoco.mjtTexture.mjTEXTURE_SKYBOX).any():
+        _draw_background(scene)
+    _draw_forces(scene, motion, frame)
+
+
+def _with_inset(picture: Picture, inset: Picture | None = None) -> Picture:
+    """Return a picture with another one, in a frame, at its top right."""
+    shown = picture.copy()
+    if inset is not None:
+        height, width, _ = inset.shape
+        right = shown.shape[1] - _BORDER
+        shown[_BORDER : _BORDER + height, right - width : right] = inset
+        frame = shown[_BORDER : _BORDER + height, right - width : right]
+        for edge in (frame[:2], frame[-2:], frame[:, :2], frame[:, -2:]):
+            edge[:] = _PAPER
+    return shown
+
+
+def _place(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+    for place in _PLACING:
+        place(model, data)
+
+
+def _draw_ghost(
+    scene: mujoco.MjvScene,
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
+    recorded: Floats,
+    option: mujoco.MjvOption,
+) -> None:
+    """Add the geoms that what was recorded (nq,) places elsewhere, NaN for what was not."""
+    before, first = data.geom_xpos.copy(), scene.ngeom
+    turned = data.geom_xmat.copy()
+    data.qpos[:] = np.where(np.isnan(recorded), data.qpos, recorded)
+    _place(model, data)
+    moved = (data.geom_xpos != before).any(axis=1) | (data.geom_xmat != turned).any(axis=1)
+    moving = mujoco.mjtCatBit.mjCAT_DYNAMIC.value
+    mujoco.mjv_addGeoms(model, data, option, mujoco.MjvPerturb(), moving, scene)
+    for geom in scene.geoms[first : scene.ngeom]:
+        is_geom = geom.objtype == mujoco.mjtObj.mjOBJ_GEOM.value
+        geom.rgba[:] = _GHOST if is_geom and moved[geom.objid] else 0
+
+
+def _draw_background(scene: mujoco.MjvScene) -> None:
+    """Put a bright wall behind everything; MuJoCo would leave the background black."""
+    eye = scene.camera[0]
+    far = _WALL * eye.frustum_far
+    half = 2 * far / eye.frustum_near * max(eye.frustum_top, eye.frustum_width, eye.frustum_near)
+    up, back = eye.up.astype(float), -eye.forward.astype(float)
+    turn = np.stack([np.cross(up, back), up, back], axis=1)
+    wall = _new_geom(scene, mujoco.mjtGeom.mjGEOM_BOX, _BACKGROUND)
+    wall.pos, wall.size, wall.mat = eye.pos + far * eye.forward, (half, half, far * 1e-3), turn
+    wall.emission, wall.specular, wall.reflectance = 0.2, 0.0, 0.0
+
+
+def _camera_of(model: mujoco.MjModel, name: str) -> mujoco.MjvCamera:
+    names = [model.camera(index).name for index in range(model.ncam)]
+    if name not in names:
+        known = f"; it has {', '.join(names)}" if names else "; leave --camera out"
+        raise SceneError(f"the model has no camera '{name}'{did_you_mean(name, names)}{known}")
+    camera = mujoco.MjvCamera()
+    camera.type, camera.fixedcamid = mujoco.mjtCamera.mjCAMERA_FIXED, names.index(name)
+    return camera
+
+
+def _camera_on(model: mujoco.MjModel, stage: Stage, aspect: float) -> mujoco.MjvCamera:
+    camera = mujoco.MjvCamera()
+    camera.lookat[:] = stage.centre
+    camera.distance = _distance(model, stage, aspect)
+    camera.azimuth, camera.elevation = _AZIMUTH, _ELEVATION
+    return camera
+
+
+def _distance(model: mujoco.MjModel, stage: Stage, aspect: float) -> float:
+    """Return how far from a stage's centre a camera sees all of it [m]."""
+    half = math.radians(float(model.vis.global_.fovy)) / 2
+    narrow = min(half, math.atan(math.tan(half) * aspect))
+    return _MARGIN * stage.radius / math.sin(narrow)
+
+
+def force_bar(
+    model: mujoco.MjModel, stage: Stage, size: tuple[int, int], scale: float
+) -> tuple[float, int]:
+    """Return a round force [N], and how long its arrow is at a stage's centre [pixels].
+
+    The arrow has a scale [m/N] and lies across the view.
+    """
+    width, height = size
+    half = math.radians(float(model.vis.global_.fovy)) / 2
+    across = 2 * math.tan(half) * _distance(model, stage, width / height)
+    pixels = height / across * scale
+    most = _LONGEST_BAR * width / pixels
+    decade = 10.0 ** math.floor(math.log10(most))
+    force = max(digit * decade for digit in (1, 2, 5) if digit * decade <= most * (1 + 1e-9))
+    return force, round(force * pixels)
+
+
+def _draw_forces(scene: mujoco.MjvScene, motion: BodyMotion, frame: int) -> None:
+    chosen = motion.forces.of(frame)
+    points, arrows = motion.forces.position[chosen], motion.arrows[chosen]
+    modes = motion.forces.mode[chosen].tolist()
+    for point, arrow, mode in zip(points, arrows, modes, strict=True):
+        if scene.ngeom == scene.maxgeom:
+            return
+        width = min(
+            _RADIUS * motion.view(frame).radius, _MOST_RADIUS * float(np.linalg.norm(arrow))
+        )
+        geom = _new_geom(scene, _ARROW, MODE_COLOURS[mode])
+        # MuJoCo draws an arrow half as long as it is told.
+        mujoco.mjv_connector(geom, _ARROW.value, width, point, point + 2 * arrow)
+
+
+def _new_geom(
+    scene: mujoco.MjvScene, kind: mujoco.mjtGeom, colour: tuple[float, ...]
+) -> mujoco.MjvGeom:
+    geom, rgba = scene.geoms[scene.ngeom], np.array(colour, np.float32)
+    mujoco.mjv_initGeom(geom, kind.value, np.zeros(3), np.zeros(3), np.eye(3).ravel(), rgba)
+    # Not set by this: whatever the memory held would decide whether the geom casts a shadow.
+    geom.category = mujoco.mjtCatBit.mjCAT_DECOR.value
+    scene.ngeom += 1
+    return geom
+
+
+@dataclass(frozen=True)
+class RunPictures:
+    """The pictures of a run, drawn when they are written; qpos is (F, nq), of the frames.
+
+    The camera is one of the model, or the motion's own; `said` are words for frames.
+    """
+
+    replay: PreparedReplay
+    motion: BodyMotion
+    qpos: Floats
+    size: tuple[int, int]
+    camera: str | None
+    recorded: Mapping[int, Floats]
+    said: Mapping[int, str]
+
+    def film(self, rate: float) -> Iterator[Picture]:
+        """Yield a film's pictures, `rate` per simulated second."""
+        time = self.motion.time
+        shown = Counter(nearest(time, frame_times(time, rate)).tolist())
+        for count, picture in zip(shown.values(), self._draw(list(shown)), strict=True):
+            yield from repeat(picture, count)
+
+    def sheet(self, times: Sequence[float]) -> list[Picture]:
+        """Return a sheet's pictures, at times [s]."""
+        wanted: list[int] = nearest(self.motion.time, np.array(times)).tolist()
+        frames = sorted(set(wanted))
+        drawn = dict(zip(frames, self._draw(frames), strict=True))
+        return [drawn[frame] for frame in wanted]
+
+    def _draw(self, frames: Sequence[int]) -> Iterator[Picture]:
+        record, model, motion = self.replay.record, self.replay.prepared.model, self.motion
+        chosen = {frame: self.qpos[frame] for frame in frames}
+        run = f"{record.scene} {record.run_id[:8]}: {record.label}"
+        bar = None
+        if len(motion.forces.frame) and self.camera is None:
+            bar = force_bar(model, motion.view(0), self.size, motion.scale)
+        drawn = draw_pictures(model, motion, chosen, self.size, self.camera, self.recorded)
+        for frame, picture in zip(frames, drawn, strict=True):
+            said = [f"begins: {self.said[frame]}"] if frame in self.said else []
+            yield captioned(picture, [f"{motion.time[frame]:.3f} s", *said, run], bar)
+
+
+def side_by_side(first: Iterator[Picture], second: Iterator[Picture]) -> Iterator[Picture]:
+    """Yield pairs of pictures of one size beside each other; the shorter film keeps its last."""
+    left = right = np.empty(0, np.uint8)
+    for one, other in zip_longest(first, second):
+        left, right = (left if one is None else one), (right if other is None else other)
+        yield np.concatenate([left, right], axis=1)
+
+
+def recorded_poses(motion: RecordedMotion | None, times: Floats) -> dict[int, Floats]:
+    """Return what was recorded of a run (nq,) nearest to some times (F,) [s], by their index."""
+    if motion is None:
+        return {}
+    rows: list[int] = nearest(motion.times[0][np.isfinite(motion.times[0])], times).tolist()
+    return {frame: motion.qpos[0, row] for frame, row in enumerate(rows)}
+
+
+def write_mp4(target: Path, pictures: Iterator[Picture], rate: int) -> None:
+    """Write pictures of one even size as H.264 video, `rate` per second."""
+    with atomic_write(target) as temporary, av.open(str(temporary), "w", format="mp4") as container:
+        stream: VideoStream = container.add_stream("libx264", rate=rate, options=_H264_OPTIONS)
+        first = next(pictures)
+        stream.height, stream.width = first.shape[:2]
+        stream.pix_fmt = "yuv420p"
+        for picture in chain([first], pictures):
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(picture, format="rgb24")))
+        container.mux(stream.encode())
+
+
+def write_gif(target: Path, pictures: Iterator[Picture], rate: int) -> None:
+    """Write pictures as an endless animation, `rate` per second."""
+    images = (Image.fromarray(picture) for picture in pictures)
+    with atomic_write(target) as temporary:
+        animation = {"save_all": True, "append_images": images, "duration": 1000 // rate, "loop": 0}
+        next(images).save(temporary, format="GIF", **animation)
+
+
+def captioned(
+    picture: Picture, words: Sequence[str], bar: tuple[float, int] | None = None
+) -> Picture:
+    """Return a picture with a line of words below it; its height is even, as H.264 requires.
+
+    The first of them stand there as far as there is room. A bar of so many pixels shows how long
+    the arrow of a force [N] is.
+    """
+    height, width, _ = picture.shape
+    size = max(10, width // 40)
+    strip = size + 2 * _BORDER
+    image = Image.new("RGB", (width, (height + strip + 1) // 2 * 2), _PAPER)
+    image.paste(Image.fromarray(picture))
+    top, middle, right = height + _BORDER // 2, height + strip // 2, width - _BORDER
+    pen, font = ImageDraw.Draw(image), ImageFont.load_default(size)
+    if bar is not None:
+        force, pixels = bar
+        label, left = f"{force:g} N", right - pixels
+        pen.line((left, middle, right, middle), _INK, 2)
+        for end in (left, right):
+            pen.line((end, middle - size // 3, end, middle + size // 3), _INK, 2)
+        right = left - _BORDER - math.ceil(pen.textlength(label, font))
+        pen.text((right, top), label, _INK, font)
+    lines = ["   ".join(words[: len(words) - left_out]) for left_out in range(len(words))]
+    fitting = (line for line in lines if pen.textlength(line, font) < right - 3 * _BORDER)
+    pen.text((_BORDER, top), next(fitting, words[0]), _INK, font)
+    return np.asarray(image)
+
+
+def write_sheet(target: Path, pictures: Sequence[Picture], most: int = 3) -> None:
+    """Write pictures of one size as one PNG, row by row, at most so many in a row."""
+    columns = min(len(pictures), most)
+    rows = math.ceil(len(pictures) / columns)
+    height, width, _ = pictures[0].shape
+    sheet = Image.new("RGB", (columns * width, rows * height), _PAPER)
+    for index, picture in enumerate(pictures):
+        row, column = divmod(index, columns)
+        sheet.paste(Image.fromarray(picture), (column * width, row * height))
+    with atomic_write(target) as temporary:
+        sheet.save(temporary, format="PNG")

@@ -1,0 +1,216 @@
+"""A trace file with a 3D layer of Foxglove's own messages: poses, shapes, contact arrows.
+
+Source: the message schemas at https://docs.foxglove.dev/docs/sdk/schemas; quaternions there are
+x, y, z, w, and an arrow points along +x of its pose.
+"""
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+import numpy as np
+from foxglove_schemas_protobuf.ArrowPrimitive_pb2 import ArrowPrimitive
+from foxglove_schemas_protobuf.Color_pb2 import Color
+from foxglove_schemas_protobuf.CubePrimitive_pb2 import CubePrimitive
+from foxglove_schemas_protobuf.CylinderPrimitive_pb2 import CylinderPrimitive
+from foxglove_schemas_protobuf.FrameTransform_pb2 import FrameTransform
+from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
+from foxglove_schemas_protobuf.JointState_pb2 import JointState
+from foxglove_schemas_protobuf.JointStates_pb2 import JointStates
+from foxglove_schemas_protobuf.KeyValuePair_pb2 import KeyValuePair
+from foxglove_schemas_protobuf.Log_pb2 import Log
+from foxglove_schemas_protobuf.Point3_pb2 import Point3
+from foxglove_schemas_protobuf.Pose_pb2 import Pose
+from foxglove_schemas_protobuf.Quaternion_pb2 import Quaternion
+from foxglove_schemas_protobuf.SceneEntity_pb2 import SceneEntity
+from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
+from foxglove_schemas_protobuf.SpherePrimitive_pb2 import SpherePrimitive
+from foxglove_schemas_protobuf.TriangleListPrimitive_pb2 import TriangleListPrimitive
+from foxglove_schemas_protobuf.Vector3_pb2 import Vector3
+from google.protobuf.descriptor_pb2 import FileDescriptorSet
+from google.protobuf.message import Message
+from google.protobuf.timestamp_pb2 import Timestamp
+
+from contactlab.contact.rotations import rotation_from_x
+from contactlab.contact.trace_arrays import Floats
+from contactlab.palette import MODE_COLOURS
+from contactlab.store.mcap.trace_writer import RECORD_SCHEMA_NAME, AddedChannel, copy_trace
+from contactlab.view.drawn_motion import BodyMotion, RunEvent
+from contactlab.view.drawn_shapes import BodyShape
+from contactlab.view.foxglove_files import (
+    EVENTS,
+    FORCES,
+    JOINTS,
+    SCENE,
+    evidence_schema,
+    layout_file,
+    write_layout,
+)
+
+_WORLD = 0
+# An arrow's head as a fraction of its length; its diameter as a fraction of the sphere's radius,
+# and at most of its own length.
+_HEAD, _DIAMETER, _MOST_DIAMETER = 0.25, 0.02, 0.15
+
+
+def write_with_layer(
+    source: Path, target: Path, motion: BodyMotion, events: Sequence[RunEvent] = ()
+) -> None:
+    """Write a trace file again with the 3D layer and events added, and a layout beside it.
+
+    An OutputError says that a file cannot be written.
+    """
+    rows = motion.rows.tolist()
+    poses = [(row, transforms(motion, frame)) for frame, row in enumerate(rows)]
+    forces = [(row, contact_forces(motion, frame)) for frame, row in enumerate(rows)]
+    joints = [(row, joint_states(motion, frame)) for frame, row in enumerate(rows)]
+    channels = (
+        _channel(SCENE, SceneUpdate, [(rows[0], scene(motion))]),
+        _channel("/tf", FrameTransforms, poses),
+        _channel(FORCES, SceneUpdate, forces),
+        _channel(JOINTS, JointStates, joints if motion.joints.names else []),
+        _channel(EVENTS, Log, [(event.row, event_log(event)) for event in events]),
+    )
+    copy_trace(source, target, channels, {RECORD_SCHEMA_NAME: evidence_schema()})
+    write_layout(layout_file(target), motion)
+
+
+def _channel(
+    topic: str, kind: type[Message], messages: Iterable[tuple[int, Message]]
+) -> AddedChannel:
+    encoded = [(row, message.SerializeToString(deterministic=True)) for row, message in messages]
+    return AddedChannel(topic, kind.DESCRIPTOR.full_name, descriptors(kind), encoded)
+
+
+def descriptors(message: type[Message]) -> bytes:
+    """Return a FileDescriptorSet that defines a message and all that it uses."""
+    pending, files = [message.DESCRIPTOR.file], {}
+    while pending:
+        file = pending.pop()
+        # A file that is needed again moves to the end, behind all that need it.
+        files.pop(file.name, None)
+        files[file.name] = file
+        pending += file.dependencies
+    descriptor_set = FileDescriptorSet()
+    for file in reversed(files.values()):
+        file.CopyToProto(descriptor_set.file.add())
+    return descriptor_set.SerializeToString(deterministic=True)
+
+
+def transforms(motion: BodyMotion, frame: int) -> FrameTransforms:
+    """Return where every body but the world is in a frame."""
+    time = _timestamp(motion.time[frame])
+    return FrameTransforms(
+        transforms=[
+            FrameTransform(
+                timestamp=time,
+                parent_frame_id=motion.bodies[_WORLD],
+                child_frame_id=motion.bodies[body],
+                translation=_vector(motion.positions[frame, body]),
+                rotation=_quaternion(motion.rotations[frame, body]),
+            )
+            for body in range(1, len(motion.bodies))
+        ]
+    )
+
+
+def scene(motion: BodyMotion) -> SceneUpdate:
+    """Return what the bodies look like, each as an entity that moves with its body's frame."""
+    time, entities = _timestamp(motion.time[0]), dict[str, SceneEntity]()
+    for shape in sorted(motion.shapes, key=lambda drawn: drawn.body):
+        name = motion.bodies[shape.body]
+        entity = SceneEntity(timestamp=time, frame_id=name, id=name, frame_locked=True)
+        _add(entities.setdefault(name, entity), shape)
+    return SceneUpdate(entities=entities.values())
+
+
+def contact_forces(motion: BodyMotion, frame: int) -> SceneUpdate:
+    """Return the arrows of a frame; they replace those of the frame before."""
+    chosen, forces = motion.forces.of(frame), motion.forces
+    points, modes = forces.position[chosen], forces.mode[chosen].tolist()
+    arrows = zip(points, motion.arrows[chosen], modes, strict=True)
+    scale = {"metres_per_newton": motion.scale, "longest_metres": motion.longest}
+    return SceneUpdate(
+        entities=[
+            SceneEntity(
+                timestamp=_timestamp(motion.time[frame]),
+                frame_id=motion.bodies[_WORLD],
+                id=FORCES.lstrip("/"),
+                metadata=[
+                    KeyValuePair(key=key, value=f"{value:g}") for key, value in scale.items()
+                ],
+                arrows=[_arrow(*arrow, _DIAMETER * motion.radius) for arrow in arrows],
+            )
+        ]
+    )
+
+
+def joint_states(motion: BodyMotion, frame: int) -> JointStates:
+    """Return the hinge and slide joints of a frame by name."""
+    names, positions, velocities = motion.joints
+    parts = zip(names, positions[frame].tolist(), velocities[frame].tolist(), strict=True)
+    joints = [JointState(name=name, position=at, velocity=speed) for name, at, speed in parts]
+    return JointStates(timestamp=_timestamp(motion.time[frame]), joints=joints)
+
+
+def event_log(event: RunEvent) -> Log:
+    """Return a label as a line of the log; a severe one as an error."""
+    return Log(
+        timestamp=_timestamp(event.time),
+        level=Log.ERROR if event.is_severe else Log.WARNING,
+        message=f"{event.label}: {event.reason}",
+        name="contactlab",
+    )
+
+
+def _add(entity: SceneEntity, shape: BodyShape) -> None:
+    pose, colour = _pose(shape.position, shape.rotation), _colour(shape.colour)
+    size = _vector(shape.size)
+    if shape.form == "box":
+        entity.cubes.append(CubePrimitive(pose=pose, size=size, color=colour))
+    elif shape.form == "ellipsoid":
+        entity.spheres.append(SpherePrimitive(pose=pose, size=size, color=colour))
+    elif shape.form == "cylinder":
+        ends = {"bottom_scale": 1, "top_scale": 1}
+        entity.cylinders.append(CylinderPrimitive(pose=pose, size=size, color=colour, **ends))
+    else:
+        points = [Point3(x=x, y=y, z=z) for x, y, z in shape.vertices.tolist()]
+        mesh = TriangleListPrimitive(pose=pose, points=points, color=colour)
+        mesh.indices.extend(shape.triangles.ravel().tolist())
+        entity.triangles.append(mesh)
+
+
+def _arrow(point: Floats, arrow: Floats, mode: int, diameter: float) -> ArrowPrimitive:
+    length = float(np.linalg.norm(arrow))
+    thickness = min(diameter, _MOST_DIAMETER * length)
+    return ArrowPrimitive(
+        pose=_pose(point, rotation_from_x(arrow)),
+        shaft_length=(1 - _HEAD) * length,
+        shaft_diameter=thickness,
+        head_length=_HEAD * length,
+        head_diameter=2 * thickness,
+        color=_colour(np.array(MODE_COLOURS[mode])),
+    )
+
+
+def _timestamp(time: float) -> Timestamp:
+    seconds, nanos = divmod(round(time * 1e9), 10**9)
+    return Timestamp(seconds=seconds, nanos=nanos)
+
+
+def _pose(position: Floats, rotation: Floats) -> Pose:
+    return Pose(position=_vector(position), orientation=_quaternion(rotation))
+
+
+def _vector(values: Floats) -> Vector3:
+    x, y, z = values.tolist()
+    return Vector3(x=x, y=y, z=z)
+
+
+def _quaternion(values: Floats) -> Quaternion:
+    w, x, y, z = values.tolist()
+    return Quaternion(x=x, y=y, z=z, w=w)
+
+
+def _colour(values: Floats) -> Color:
+    red, green, blue, opacity = values.tolist()
+    return Color(r=red, g=green, b=blue, a=opacity)

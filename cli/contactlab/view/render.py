@@ -1,0 +1,282 @@
+"""A stored run to look at: as a file, whose suffix says which kind, or in MuJoCo's viewer."""
+
+import time
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import mujoco
+import numpy as np
+
+from contactlab.errors import OutputError, SceneError, optional
+from contactlab.run.stored_runs import PreparedReplay, prepare_replay
+from contactlab.scene.initial_states import InitialStates, apply_inputs
+from contactlab.store.finished_store import Store
+from contactlab.store.mcap.trace_reader import StoredTrace
+from contactlab.view.drawn_motion import (
+    BodyMotion,
+    Stage,
+    arrow_scale,
+    failing_pair,
+    following,
+    read_motion,
+    run_events,
+    telling_moments,
+    widened,
+)
+from contactlab.view.drawn_shapes import poses
+from contactlab.view.foxglove_files import layout_file
+
+if TYPE_CHECKING:
+    from contactlab.view.film import RunPictures
+
+_VIEWERS = (".mcap", ".rrd")
+_FILMS = {".mp4": 30, ".gif": 25}  # frames per second
+_SHEET = ".png"
+_SIDES = (64, 4096)
+_SPEEDS = (0.001, 1000.0)
+_SIZE = (640, 480)
+# Frames per second of viewers' files, and of the steps that a sheet's arrows stand for.
+_RATE = 60.0
+_MOMENTS, _MOMENTS_OF_TWO = 6, 3
+
+
+@dataclass(frozen=True)
+class PictureOptions:
+    """How pictures are taken: their width and height [pixels], and by which camera of the model.
+
+    Without a camera, one sees the failing pair, and the whole motion as an inset. A film's speed is
+    in simulated seconds per second, a sheet's pictures are `at` times [s] or, without any, where
+    labels begin and forces peak. Another run of the store is drawn `beside`, if one is named.
+    """
+
+    size: tuple[int, int] | None = None
+    camera: str | None = None
+    speed: float | None = None
+    at: tuple[float, ...] = ()
+    beside: str | None = None
+
+
+_DEFAULT = PictureOptions()
+
+
+def render(store: Store, run: str, target: Path, options: PictureOptions = _DEFAULT) -> BodyMotion:
+    """Write a stored run as .mcap with a 3D layer, .rrd, .mp4, .gif or .png.
+
+    Everything comes from the stored trace and scene; nothing is simulated again. An OutputError
+    says what of suffix, options, file and libraries is wrong, a StoreError that there is no such
+    run or trace, a SceneError that there is no OpenGL to draw with, or no such camera.
+    """
+    _check_options(target, options)
+    replay = prepare_replay(store, run)
+    trace = store.trace(replay.record)
+    start, end = trace.time[[0, -1]].tolist()
+    if outside := [instant for instant in options.at if not start <= instant <= end]:
+        raise OutputError(
+            f"--at {outside[0]:g}: choose a time within the run, {start:g} to {end:g} s"
+        )
+    if target.suffix.lower() in _VIEWERS:
+        return _write_for_viewer(store, replay, trace, target)
+    runs = [(replay, trace)]
+    if options.beside is not None:
+        other = prepare_replay(store, options.beside)
+        runs.append((other, store.trace(other.record)))
+    return _write_pictures(runs, target, options)
+
+
+def write_file(  # noqa: PLR0913 - one argument an option
+    store: Store,
+    run: str,
+    target: Path,
+    *,
+    size: tuple[int, int] | None,
+    camera: str | None,
+    speed: float | None,
+    at: Sequence[float],
+    beside: str | None = None,
+) -> str | None:
+    """Write a run as `render` does; return what its arrows mean and what else was written."""
+    motion = render(store, run, target, PictureOptions(size, camera, speed, tuple(at), beside))
+    notes: list[str] = []
+    if len(motion.forces.frame):
+        notes.append(
+            f"an arrow is the force on the second side of a pair: {motion.scale:g} m long for 1 N, "
+            f"at most {motion.longest:.3g} m"
+        )
+    if target.suffix.lower() == ".mcap":
+        notes.append(f"{layout_file(target)} is a layout that shows it")
+    return "; ".join(notes) or None
+
+
+def _write_for_viewer(
+    store: Store, replay: PreparedReplay, trace: StoredTrace, target: Path
+) -> BodyMotion:
+    motion = read_motion(replay.prepared, trace, _RATE)
+    events = run_events(replay.record.labels, trace.time[: motion.rows[-1] + 1])
+    if target.suffix.lower() == ".rrd":
+        with optional("rerun", target.suffix):
+            from contactlab.view.rerun_export import write_rrd  # noqa: PLC0415 - an extra
+        write_rrd(target, trace, motion, events)
+    else:
+        with optional("view", f"{target.suffix} with a 3D layer"):
+            from contactlab.view.foxglove_layer import write_with_layer  # noqa: PLC0415 - an extra
+        assert replay.record.trace is not None, "its trace was read"
+        with store.trace_file(replay.record.trace) as source:
+            write_with_layer(source, target, motion, events)
+    return motion
+
+
+def _write_pictures(
+    runs: Sequence[tuple[PreparedReplay, StoredTrace]], target: Path, options: PictureOptions
+) -> BodyMotion:
+    """Write a film or a sheet of one run, or of two beside each other, seen from one place."""
+    suffix = target.suffix.lower()
+    with optional("view", target.suffix):
+        from contactlab.view.film import (  # noqa: PLC0415 - an extra
+            side_by_side,
+            write_gif,
+            write_mp4,
+            write_sheet,
+        )
+    rate = _FILMS.get(suffix, _RATE) / (options.speed or 1.0)
+    is_sheet = suffix == _SHEET
+    most = _MOMENTS if len(runs) == 1 else _MOMENTS_OF_TWO
+    telling = {time for run in runs for time in _moments(*run, most)} if is_sheet else ()
+    times = options.at or sorted(telling)
+    pictures = [_run_pictures(*run, rate, times, options) for run in runs]
+    if len(pictures) > 1:
+        pictures = _seen_alike(pictures)
+    if is_sheet:
+        sheets = [iter(picture.sheet(times)) for picture in pictures]
+        if len(sheets) > 1:
+            write_sheet(target, [*side_by_side(*sheets)], most=1)
+        else:
+            write_sheet(target, [*sheets[0]])
+    else:
+        films = [picture.film(rate) for picture in pictures]
+        write_film = write_mp4 if suffix == ".mp4" else write_gif
+        write_film(target, side_by_side(*films) if len(films) > 1 else films[0], _FILMS[suffix])
+    return pictures[0].motion
+
+
+def _moments(replay: PreparedReplay, trace: StoredTrace, most: int) -> list[float]:
+    """Return the times of a sheet's pictures: where labels begin, force peaks, start and end."""
+    motion = read_motion(replay.prepared, trace, _RATE)
+    events = run_events(replay.record.labels, trace.time[: motion.rows[-1] + 1])
+    return telling_moments(motion, trace, events, failing_pair(replay.record, trace.pairs), most)
+
+
+def _run_pictures(
+    replay: PreparedReplay,
+    trace: StoredTrace,
+    rate: float,
+    times: Sequence[float],
+    options: PictureOptions,
+) -> "RunPictures":
+    from contactlab.view.film import RunPictures, recorded_poses  # noqa: PLC0415 - an extra
+
+    motion, model = read_motion(replay.prepared, trace, rate, times), replay.prepared.model
+    qpos = trace.qpos[motion.rows]
+    recorded = recorded_poses(replay.runs.scene.motion(replay.runs.resolved), motion.time)
+    if recorded:
+        ghosts = np.stack([recorded[frame] for frame in range(len(qpos))])
+        motion = widened(motion, *poses(model, np.where(np.isnan(ghosts), qpos, ghosts)))
+    pair = failing_pair(replay.record, trace.pairs)
+    if pair is not None and options.camera is None and not recorded:
+        motion = following(motion, _bodies_of(replay, pair)) or motion
+    begins = [(label.step, label.label) for label in replay.record.labels if label.step is not None]
+    said = {int(np.searchsorted(motion.rows, step)): label for step, label in reversed(begins)}
+    size = options.size or _SIZE
+    return RunPictures(replay, motion, qpos, size, options.camera, recorded, said)
+
+
+def _bodies_of(replay: PreparedReplay, name: str) -> list[int]:
+    """Return the indices of the bodies of a monitored pair."""
+    [pair] = [known for known in replay.runs.base.pairs if known.name == name]
+    return [int(replay.prepared.model.geom_bodyid[geoms[0]]) for geoms in pair.geoms]
+
+
+def _seen_alike(pictures: Sequence["RunPictures"]) -> list["RunPictures"]:
+    """Return the pictures of runs from the place that sees both, with arrows of one scale."""
+    motions = [picture.motion for picture in pictures]
+    low = np.min([motion.centre - motion.radius for motion in motions], axis=0)
+    high = np.max([motion.centre + motion.radius for motion in motions], axis=0)
+    centre = (low + high) / 2
+    radius = max(
+        float(np.linalg.norm(motion.centre - centre)) + motion.radius for motion in motions
+    )
+    stage, forces = (
+        Stage(centre, radius),
+        np.concatenate([motion.forces.force for motion in motions]),
+    )
+    scale, longest = arrow_scale(forces, radius)
+    alike = {"stage": stage, "scale": scale, "longest": longest, "followed": None}
+    return [replace(picture, motion=replace(picture.motion, **alike)) for picture in pictures]
+
+
+def _check_options(target: Path, options: PictureOptions) -> None:
+    """Check the kind of a file, and that each option applies to it."""
+    suffix = target.suffix.lower()
+    known = (*_VIEWERS, *_FILMS, _SHEET)
+    if suffix not in known:
+        raise OutputError(f"cannot write {target}: end its name in {', '.join(known)}")
+    if not target.parent.is_dir():
+        raise OutputError(f"cannot write {target}: there is no folder {target.parent}")
+    if options.at and suffix != _SHEET:
+        raise OutputError(f"--at is for {_SHEET} only; leave it out for {suffix}")
+    if options.speed is not None and suffix not in _FILMS:
+        raise OutputError(f"--speed is for {' and '.join(_FILMS)} only; leave it out for {suffix}")
+    if suffix in _VIEWERS and (options.size or options.camera or options.beside):
+        names = "--size, --camera and --side-by-side"
+        raise OutputError(f"{names} are for pictures; leave them out for {suffix}")
+    low, high = _SIDES
+    if options.size and any(side % 2 or not low <= side <= high for side in options.size):
+        raise OutputError(f"--size takes even numbers from {low} to {high}, as in 640x480")
+    slowest, fastest = _SPEEDS
+    if options.speed is not None and not slowest <= options.speed <= fastest:
+        raise OutputError(f"--speed takes {slowest:g} to {fastest:g}; 0.1 is slow motion")
+
+
+def open_viewer(model: mujoco.MjModel, start: InitialStates) -> None:
+    """Simulate from an initial state in MuJoCo's viewer, in real time, until it is closed.
+
+    A SceneError says that there is no display.
+    """
+    import glfw  # noqa: PLC0415 - it looks for a display
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        # Checked beforehand: without a display, MuJoCo's viewer ends the process.
+        has_display = bool(glfw.init())
+    if not has_display:
+        raise SceneError("no display for the viewer; replay without --view")
+    import mujoco.viewer  # noqa: PLC0415 - it looks for a display
+
+    data = mujoco.MjData(model)
+    data.qpos[:], data.qvel[:], data.ctrl[:] = start.qpos[0], start.qvel[0], start.ctrl[0]
+    data.xfrc_applied[:] = start.applied[0].reshape(-1, 6)
+    data.act[:] = start.act[0]
+    try:
+        window = mujoco.viewer.launch_passive(model, data)
+    except (RuntimeError, OSError) as error:
+        raise SceneError(f"no viewer: {error}; replay without --view checks the run") from error
+    with window:
+        while window.is_running():
+            tick = time.perf_counter()
+            _drive(model, data, start)
+            mujoco.mj_step(model, data)
+            window.sync()
+            time.sleep(max(0.0, model.opt.timestep - (time.perf_counter() - tick)))
+
+
+def _drive(model: mujoco.MjModel, data: mujoco.MjData, start: InitialStates) -> None:
+    """Set the inputs that change over time; the others are the user's."""
+    step = np.array([round(data.time / model.opt.timestep)])
+    inputs = start.inputs(0, model.opt.timestep, step)[0]
+    own = np.concatenate(
+        [part.ravel() for part in (data.ctrl, data.xfrc_applied, data.mocap_pos, data.mocap_quat)]
+    )
+    own[start.driven] = inputs[start.driven]
+    apply_inputs(model, data, own)

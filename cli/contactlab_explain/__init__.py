@@ -1,1 +1,0 @@
-"""What contactlab's words and MuJoCo's contact settings mean: `contactlab explain`."""

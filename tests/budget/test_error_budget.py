@@ -1,0 +1,315 @@
+"""Laws of the backward error: closed forms, order of convergence, units, and an obvious loop."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import pairwise
+from typing import Any
+
+import mujoco
+import numpy as np
+import pytest
+from tests.budget_motions import WALKER, motion_of, walker
+
+from contactlab.budget import Motion, PhaseBudget, Settings, error_budget, judge
+from contactlab.budget.motion import INTEGRATION
+from contactlab.errors import EngineError
+
+# The bare definition: a reference at h/4, and nothing of finer ones.
+PLAIN = Settings(energy=False, places=False, check=False)
+
+
+def measured(motion: Motion, settings: Settings = PLAIN, **options: Any) -> PhaseBudget:
+    return error_budget([motion], settings=settings, workers=1, **options).phases[0]
+
+
+@pytest.mark.parametrize("gravity", ["0 0 -9.81", "0 0 0"])
+def test_what_falls_freely_has_no_error(gravity: str) -> None:
+    """Constant forces change velocities by h g each step, in any stepping; only rounding is left.
+
+    Each of 8 steps a window rounds velocities below 10 m/s by 1e-15, over impulses of 4 m/s.
+    """
+    xml = f"""<mujoco><option timestep=".005" gravity="{gravity}"/><worldbody>
+        <body><freejoint/><geom size=".1"/></body></worldbody></mujoco>"""
+    phase = measured(motion_of(xml, 0.4, qvel=[1, 2, 3, 0, 0, 0]))
+    assert 0 <= phase.run.share < 1e-13
+    assert judge(error_budget([motion_of(xml, 0.4)])).word == "sound"
+
+
+OSCILLATOR = """<mujoco><option timestep="{step}" gravity="0 0 0"/><worldbody><body>
+    <joint type="slide" stiffness="{stiffness}"/><geom size=".1" mass="1"/></body></worldbody>
+    </mujoco>"""
+
+
+def oscillator_share(step: float, stiffness: float, seconds: float, finer: int = 4) -> float:
+    """Return x of an oscillator of 1 kg that starts at rest .1 m away, from powers of matrices.
+
+    Semi-implicit Euler is v' = v - h k q, q' = q + h v', so a window of n steps is a power.
+    """
+
+    def powers(timestep: float, most: int) -> np.ndarray:
+        one = np.array([[1 - timestep**2 * stiffness, timestep], [-timestep * stiffness, 1]])
+        return np.array([np.linalg.matrix_power(one, power) for power in range(most + 1)])
+
+    length = round(0.04 / step)
+    count = round(seconds / step) // length
+    run, fine = powers(step, count * length + 1), powers(step / finer, (length + 1) * finer)
+    states = run @ np.array([0.1, 0.0])
+    defects, path = 0.0, 0.0
+    for window in range(count):
+        begin, end = window * length, (window + 1) * length
+        velocity = (fine @ states[begin])[:, 1]
+        around, own = velocity[(length - 1) * finer :], states[end - 1 : end + 2, 1]
+        # On a line, the nearest of a polyline is within its range or at one of its ends.
+        defects += max(
+            abs(own[1] - np.clip(own[1], around.min(), around.max())),
+            abs(around[finer] - np.clip(around[finer], own.min(), own.max())),
+        )
+        path += np.abs(np.diff(velocity[: length * finer + 1 : finer])).sum()
+    return defects / path
+
+
+@pytest.mark.parametrize("stiffness", [400.0, 2000.0])
+def test_an_oscillator_has_the_error_of_its_closed_form(stiffness: float) -> None:
+    """Powers of a matrix round differently from steps: 100 of them by 1e-16 each, over 1e-3."""
+    for step in (0.01, 0.005, 0.0025):
+        phase = measured(
+            motion_of(OSCILLATOR.format(step=step, stiffness=stiffness), 0.8, qpos=[0.1])
+        )
+        assert phase.run.share == pytest.approx(oscillator_share(step, stiffness, 0.8), rel=1e-9)
+
+
+def test_a_check_reaches_the_limit_of_fine_references() -> None:
+    """h/4 leaves out a quarter of a first-order error, and more where slack forgives a part.
+
+    The exact motion is that of 64 steps in one of the run.
+    """
+    for step in (0.01, 0.005, 0.0025):
+        motion = motion_of(OSCILLATOR.format(step=step, stiffness=400), 0.8, qpos=[0.1])
+        exact = oscillator_share(step, 400, 0.8, 64)
+        checked = measured(motion, replace(PLAIN, check=True)).run.share
+        assert checked == pytest.approx(exact, rel=0.05)
+        assert measured(motion).run.share < 0.75 * exact
+
+
+def test_euler_is_of_first_order() -> None:
+    """Slack forgives a shift of one step, itself of first order."""
+    shares = [
+        measured(
+            motion_of(OSCILLATOR.format(step=step, stiffness=400), 0.8, qpos=[0.1]),
+            replace(PLAIN, check=True),
+        ).run.share
+        for step in (0.005, 0.0025, 0.00125)
+    ]
+    for coarse, fine in pairwise(shares):
+        assert 1.8 < coarse / fine < 2.3
+
+
+@pytest.mark.long
+def test_robots_converge_too() -> None:
+    """Over impacts and friction, averaged over seeds, as no trajectory of them does."""
+    shares = [
+        measured(walker(step, seeds=4, seconds=0.4)).run.share for step in (0.01, 0.005, 0.0025)
+    ]
+    for coarse, fine in pairwise(shares):
+        assert 1.5 < coarse / fine < 3.2
+
+
+SCALED = """<mujoco>
+  <option timestep=".004" gravity="0 0 {g}" tolerance="1e-13"/>
+  <size memory="1M"/>
+  <worldbody>
+    <geom type="plane" size="0 0 {m}" solimp=".9 .95 {width}"/>
+    <body pos="0 0 {z}"><freejoint/>
+      <geom type="box" size="{a} {a} {b}" mass="{kg}" solimp=".9 .95 {width}"/></body>
+    <body pos="0 0 {z2}"><joint axis="0 1 0" damping="{damping}"/>
+      <geom type="capsule" size="{r}" fromto="0 0 0 {m} 0 0" mass="{kg}"/></body>
+  </worldbody></mujoco>"""
+
+
+def scaled(length: float, mass: float) -> Motion:
+    """Slide a box and swing a rod, in units of 1 / length m and 1 / mass kg."""
+    xml = SCALED.format(
+        g=-9.81 * length, m=length, z=0.049 * length, z2=3 * length, a=0.1 * length,
+        b=0.05 * length, r=0.03 * length, kg=mass, width=0.001 * length,
+        damping=0.1 * mass * length**2,
+    )  # fmt: skip
+    return motion_of(xml, 0.4, qvel=[length, 0, 0, 0, 0, 0, 0])
+
+
+def test_millimetres_and_grams_give_the_same_numbers() -> None:
+    """Forces scale exactly but for rounding, which windows do not amplify.
+
+    MuJoCo's tolerance is of accelerations, which have a unit, so it is set below what would show.
+    """
+    settings = Settings(places=False)
+    one, other = (measured(scaled(*units), settings) for units in ((1, 1), (1000, 1000)))
+    assert one.run.share > 1e-4
+    np.testing.assert_allclose(one.run.shares, other.run.shares, rtol=1e-6)
+    np.testing.assert_allclose(one.energy, other.energy, rtol=1e-6, atol=1e-12)
+    np.testing.assert_allclose(one.energy_rk4, other.energy_rk4, rtol=1e-6, atol=1e-12)
+    for row, same in zip(one.rows, other.rows, strict=True):
+        assert row.exercised == same.exercised
+        np.testing.assert_allclose(row.shares, same.shares, rtol=1e-5, atol=1e-9)
+
+
+def slow_shares(motion: Motion) -> np.ndarray:
+    """Return (S, B) the run's shares by loops over `mj_step` that say the definition."""
+    span = motion.steps * motion.model.opt.timestep
+    pairs = zip(motion.starts, motion.inputs, strict=True)
+    found = [slow_sums(motion.model, start, inputs) for start, inputs in pairs]
+    return np.array([defects / (real + 0.1 * 9.81 * span) for defects, real in found])
+
+
+def slow_sums(
+    model: mujoco.MjModel, start: np.ndarray, inputs: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return (B,) sums of defects, and (B,) the first speed and the path of velocity."""
+    length, finer, steps = round(0.04 / model.opt.timestep), 4, len(inputs)
+    states, velocities = stepped(model, start, [*inputs, inputs[-1]])
+    fine = mujoco.MjModel.from_xml_string(mjcf(model))
+    defects, real = np.zeros(model.nbody - 1), np.linalg.norm(velocities[0], axis=1)
+    for begin in range(0, steps, length):
+        held = [
+            inputs[min(begin + step // finer, steps - 1)] for step in range((length + 1) * finer)
+        ]
+        found = stepped(fine, states[begin], held)[1]
+        own = velocities[begin + length - 1 : begin + length + 2]
+        there = nearest_by_trying(own[1], found[(length - 1) * finer :])
+        back = nearest_by_trying(found[length * finer], own)
+        defects += np.maximum(there, back)
+        real += sum(
+            np.linalg.norm(later - earlier, axis=1)
+            for earlier, later in pairwise(found[: length * finer + 1 : finer])
+        )
+    return defects, real
+
+
+def nearest_by_trying(point: np.ndarray, others: Sequence[np.ndarray]) -> np.ndarray:
+    """Return (B,) distances of (B, 6) from polylines, the least of 1000 places on each part."""
+    places = np.linspace(0, 1, 1001)[:, None, None]
+    return np.min(
+        [
+            np.linalg.norm(begin + places * (end - begin) - point, axis=2).min(axis=0)
+            for begin, end in pairwise(others)
+        ],
+        axis=0,
+    )
+
+
+def stepped(
+    model: mujoco.MjModel, start: np.ndarray, inputs: Sequence[np.ndarray]
+) -> tuple[list[np.ndarray], list[np.ndarray]]:
+    """Return states and velocities, before each step and after the last."""
+    data, states, velocities = mujoco.MjData(model), list[np.ndarray](), list[np.ndarray]()
+    mujoco.mj_setState(model, data, start, INTEGRATION)
+    for held in [*inputs, None]:
+        states.append(np.empty_like(start))
+        mujoco.mj_getState(model, data, states[-1], INTEGRATION)
+        velocities.append(seen(model, states[-1]))
+        if held is not None:
+            data.ctrl[:] = held
+            mujoco.mj_step(model, data)
+    return states, velocities
+
+
+def mjcf(model: mujoco.MjModel) -> str:
+    """Return the walker at a quarter of its step."""
+    text = WALKER.format(
+        step=model.opt.timestep / 4, integrator="Euler", solver="Newton", iterations=100
+    )
+    return text.replace("<option", '<option tolerance="1e-12" jacobian="dense"')
+
+
+def seen(model: mujoco.MjModel, state: np.ndarray) -> np.ndarray:
+    """Return (B, 6) velocities of centres of mass, and spins times radius of gyration."""
+    data, found = mujoco.MjData(model), list[list[float]]()
+    mujoco.mj_setState(model, data, state, INTEGRATION)
+    mujoco.mj_forward(model, data)
+    radius = np.sqrt(model.body_inertia.max(axis=1)[1:] / model.body_mass[1:])
+    for body in range(1, model.nbody):
+        twist = np.empty(6)
+        mujoco.mj_objectVelocity(model, data, mujoco.mjtObj.mjOBJ_BODY, body, twist, 0)
+        found.append([*twist[3:], *twist[:3] * radius[body - 1]])
+    return np.array(found)
+
+
+@pytest.mark.long
+def test_batches_equal_an_obvious_loop() -> None:
+    """Places on a polyline are tried 1e-3 of its parts apart, which are no longer than 1 m/s.
+
+    The nearest is then too far by at most (1e-3 / 2)^2 / 2 over a defect of 1e-2, in parts of both.
+    """
+    motion = walker()
+    phase = measured(motion)
+    shares = slow_shares(motion)
+    assert shares.mean(axis=0).max() > 1e-3
+    np.testing.assert_allclose(phase.run.shares, shares.mean(axis=0), rtol=1e-4)
+
+
+@pytest.mark.parametrize("workers", [2, 3])
+def test_no_bit_depends_on_the_number_of_workers(workers: int) -> None:
+    one, other = (error_budget([walker()], workers=count).phases[0] for count in (1, workers))
+    for row, same in zip((one.run, *one.rows), (other.run, *other.rows), strict=True):
+        np.testing.assert_array_equal(row.shares, same.shares)
+        np.testing.assert_array_equal(row.seeds, same.seeds)
+        assert (row.body, row.place, row.exercised) == (same.body, same.place, same.exercised)
+    np.testing.assert_array_equal(one.energy, other.energy)
+    np.testing.assert_array_equal(one.energy_rk4, other.energy_rk4)
+    assert (one.check, one.peak) == (other.check, other.peak)
+
+
+def test_windows_cover_every_step() -> None:
+    """83 steps are 10 windows of 8, and one that begins 5 steps earlier than they end."""
+    motion = walker(seconds=0.415)
+    phase = measured(motion)
+    assert (phase.windows, phase.window) == (11, pytest.approx(0.04))
+
+
+def test_an_event_in_the_last_steps_is_not_missed() -> None:
+    """A ball that hits the floor within the last window, which is short: there is its defect."""
+    xml = """<mujoco><option timestep=".01"/><worldbody><geom type="plane" size="0 0 1"
+        solref="-40000 -10"/><body name="ball" pos="0 0 1"><freejoint/><geom size=".1"
+        solref="-40000 -10"/></body></worldbody></mujoco>"""
+    phase = measured(motion_of(xml, 0.43))
+    assert phase.run.share > 0.005
+    assert phase.run.time == pytest.approx(0.39)
+
+
+def test_what_stands_still_is_sound() -> None:
+    """Without gravity nothing is real, and nothing is wrong either: 0, not 0 / 0."""
+    box = """<mujoco><option {}/><worldbody><geom type="plane" size="0 0 1"/>
+        <body pos="0 0 {}"><freejoint/><geom type="box" size=".1 .1 .05"/></body></worldbody>
+        </mujoco>"""
+    for option, height in (("", 0.0499), ('gravity="0 0 0"', 0.051)):
+        budget = error_budget([motion_of(box.format(option, height), 1.0)])
+        assert judge(budget).word == "sound"
+        assert not np.isnan(budget.share)
+        assert abs(budget.phases[0].energy_share) < 0.01
+
+
+def test_idle_time_in_another_phase_hides_nothing() -> None:
+    busy, idle = walker(0.01, seconds=0.4), walker(0.01, seconds=2.0)
+    idle = replace(idle, inputs=0 * idle.inputs)
+    alone = error_budget([busy], rows=[]).share
+    assert error_budget([busy, idle], rows=[]).share == pytest.approx(
+        max(alone, error_budget([idle], rows=[]).share)
+    )
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"starts": np.zeros((1, 3))}, "starts have shape"),
+        ({"inputs": np.zeros((5, 3, 2))}, "inputs have shape"),
+        ({"inputs": np.zeros((2, 3, 1))}, "a row of inputs has 1 numbers"),
+        ({"inputs": np.zeros((2, 0, 2))}, "0 steps"),
+    ],
+)
+def test_a_motion_says_what_is_wrong_with_it(change: dict[str, Any], message: str) -> None:
+    with pytest.raises(EngineError, match=message):
+        replace(walker(), **change)
+
+
+def test_an_unknown_row_names_its_neighbour() -> None:
+    with pytest.raises(EngineError, match="friction loss"):
+        error_budget([walker()], rows=["friction los"])

@@ -1,0 +1,93 @@
+"""Remedies: each is proved by a budget of its own, and has its price."""
+
+import copy
+import json
+
+import numpy as np
+import pytest
+from jsonschema import Draft202012Validator
+from tests.budget.test_rows import servo
+from tests.budget_motions import walker
+
+from contactlab.budget import (
+    Motion,
+    Settings,
+    budget_lines,
+    budget_report,
+    error_budget,
+    judge,
+    remedies,
+)
+from contactlab.budget.prices import prices
+from contactlab.budget.remedies import CANDIDATES, sentence
+from contactlab.budget.windows import replay
+from contactlab.schema.error_budget import BudgetReport
+from contactlab.schema.json_schemas import json_schemas
+
+FAST = Settings(energy=False)
+
+
+def test_an_unstable_servo_is_removed_by_what_damps_it_implicitly() -> None:
+    """Euler diverges where h kv / I > 2: half the step does not, nor implicitfast; Newton does."""
+    motion = servo()
+    verdict = judge(error_budget([motion], rows=[], settings=FAST))
+    names = "Newton with 100 iterations", "implicitfast", "half the step"
+    few = [candidate for candidate in CANDIDATES if candidate.name in names]
+    tried = {remedy.name: remedy for remedy in remedies([motion], verdict, candidates=few)}
+    assert not tried[names[0]].removes
+    assert tried[names[1]].removes
+    assert tried[names[2]].removes
+    price = tried[names[2]].price
+    assert price is not None
+    assert price.low <= price.ratio <= price.high
+    assert list(tried)[-1] == names[0]
+    told = sentence(verdict.reasons[0], list(tried.values()))
+    assert "joint left_knee" in told
+    assert "removes it" in told
+
+
+@pytest.mark.long
+@pytest.mark.timed
+def test_half_the_step_costs_twice_the_time() -> None:
+    """Up to what Newton saves where a warm start is better: a tenth of the steps' time."""
+    motion = walker(seconds=0.4)
+    model = copy.copy(motion.model)
+    model.opt.timestep /= 2
+    price = prices(motion, replay(motion, 0.04, 1), {"half": (model, 2)})["half"]
+    assert price.ratio == pytest.approx(2, rel=0.15)
+    assert price.low <= price.ratio <= price.high
+
+
+def test_what_is_sound_needs_no_remedy() -> None:
+    motion = servo(integrator="implicitfast")
+    assert remedies([motion], judge(error_budget([motion], rows=[], settings=FAST))) == ()
+
+
+def test_a_table_has_80_columns_and_says_what_was_not_exercised() -> None:
+    budget = error_budget([servo(integrator="implicitfast")])
+    lines = budget_lines(budget, judge(budget))
+    assert lines[0] == "sound within 10 %"
+    assert max(map(len, lines)) <= 80
+    rows = {line[2:24].strip(): line for line in lines if line.startswith("  ")}
+    assert {"run", "step", "damping", "gravity", "mass 5 %"} <= rows.keys()
+
+
+def test_a_table_shows_infinite_shares() -> None:
+    budget = error_budget([servo(damping=8.0)], rows=[], settings=FAST)
+    lines = budget_lines(budget, judge(budget))
+    assert lines[0] == "unresolved within 10 %"
+    assert any("∞" in line for line in lines)
+    assert any("left_knee" in line for line in lines)
+
+
+@pytest.mark.parametrize("motion", [servo(integrator="implicitfast"), servo(damping=8.0)])
+def test_a_report_comes_back_from_json(motion: Motion) -> None:
+    """Infinite numbers are null, and said to be infinite; the schema allows all that is written."""
+    budget = error_budget([motion], rows=["step", "damping"], settings=FAST)
+    report = budget_report(budget, judge(budget))
+    text = report.model_dump_json()
+    assert BudgetReport.model_validate_json(text) == report
+    Draft202012Validator(json_schemas()["budget.schema.json"]).validate(json.loads(text))
+    run = report.phases[0].run
+    assert run.infinite == np.isinf(budget.share)
+    assert (run.share is None) == run.infinite

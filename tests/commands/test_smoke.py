@@ -1,0 +1,96 @@
+"""Each command does its main job once, on a model of one ball or a store of two runs."""
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+import typer.main
+
+from contactlab.command_line.main import command_line
+
+BALL = """<mujoco><option timestep="0.002"/><worldbody><geom type="plane" size="1 1 .1"/>
+  <body name="ball" pos="0 0 .1"><freejoint/><geom name="ball" size=".1"/></body></worldbody>
+</mujoco>
+"""
+SWEEP = "{version: 1, scene: ball_drop, duration: 0.05, axes: {timestep: [1.0e-3, 2.0e-3]}}"
+# Of each command: what is asked of it, the exit code, and words that it prints.
+SMOKES: dict[str, tuple[str, int, str]] = {
+    "sweep": ("{folder}/two.yaml -o {folder}/again --workers 0", 0, "2 runs"),
+    "stability": (
+        "{folder}/ball.xml --duration 0.2 --workers 0 -o {folder}/stability",
+        0,
+        "stable",
+    ),
+    "effects": ("{folder}/none.xml", 2, "none.xml"),
+    "check": (
+        "{folder}/ball.xml --only timestep --workers 0 -o {folder}/check.json",
+        0,
+        "timestep",
+    ),
+    "examine": (
+        "{folder}/ball.xml --drive none --duration 0.1 --workers 0",
+        0,
+        "sound within 10 %",
+    ),
+    "tradeoff": ("{store}", 0, "4 configurations"),
+    "show": ("{store}", 0, "4 runs"),
+    "replay": ("{store} {run}", 0, "equal"),
+    "render": ("{store} {run} -o {folder}/run.pdf", 2, ".mcap"),
+    "verify": ("{store}", 0, "sound"),
+    "compare": ("{store} {folder}/copy", 0, "same"),
+    "report": ("{store} -o {folder}/page.html", 0, "page.html"),
+    "scenes": ("", 0, "ball_drop"),
+    "sweeps": ("", 0, "bounce"),
+    "metrics": ("", 0, "penetration_max"),
+    "labels": ("", 0, "tunneling"),
+    "thresholds": ("", 0, "penetration"),
+    "init": ("{folder}/ball.xml", 0, "wrote sweep.yaml"),
+    "schema": ("sweep", 0, "$schema"),
+    "explain": ("chatter", 0, "chatter"),
+    "fit": ("ball_drop -o {folder}/fit", 2, "recording"),
+    "bisect": ("{folder}/two.yaml --good 4.0.0 --bad 4.0.0", 2, "4.0.0"),
+    # It asks a Python of its own, which takes a second to start; tests/lock has that.
+    "lock": ("{folder}/two.yaml --check --file {folder}/two.lock", 2, "two.lock"),
+    "parity": ("{folder}/two.yaml --against nobody", 2, "nobody"),
+    "tune": ("{folder}/none.xml", 2, "none.xml"),
+    "baseline": ("update {store} {folder}/baseline", 0, "baseline"),
+    "engines": ("add nobody", 2, "nobody"),
+    "traces": ("expand {store}", 0, ""),
+}
+
+
+Run = Callable[..., Any]
+
+
+@pytest.fixture
+def places(store: Path, tmp_path: Path) -> dict[str, str]:
+    """A model, a sweep file, and a store with one of its runs."""
+    (tmp_path / "ball.xml").write_text(BALL)
+    (tmp_path / "two.yaml").write_text(SWEEP)
+    shutil.copytree(tmp_path / store, tmp_path / "copy")
+    run = next((tmp_path / store / "traces").rglob("*.mcap")).stem
+    return {"folder": str(tmp_path), "store": str(tmp_path / store), "run": run}
+
+
+@pytest.fixture(autouse=True)
+def _undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Draw no films and charts: their libraries take seconds to start, in tests of their own."""
+    html_page: Any = pytest.importorskip("contactlab.page.html_page", reason="jinja2 is an extra")
+    monkeypatch.setattr(html_page, "header_films", lambda *_: [])
+    monkeypatch.setattr(html_page, "vega_bundle", lambda *_: "")
+    monkeypatch.setattr(html_page, "static_svg", lambda *_: "<svg/>")
+
+
+def test_no_command_is_left_out() -> None:
+    group: Any = typer.main.get_command(command_line())
+    assert set(group.commands) == set(SMOKES)
+
+
+@pytest.mark.parametrize("name", SMOKES)
+def test_it_does_its_job(name: str, places: dict[str, str], contactlab: Run) -> None:
+    arguments, code, words = SMOKES[name]
+    result = contactlab(name, *arguments.format(**places).split())
+    assert result.code == code, result
+    assert words in result.out + result.err, result

@@ -1,0 +1,38 @@
+"""The columns that docs/evidence.md lists are those of the table, and their facts the record's."""
+
+import pyarrow as pa
+import pytest
+from pydantic import BaseModel
+from tests.docs.table_columns import PAGE, page_with_columns
+
+from contactlab.schema.evidence import Accuracy, Cost, EvidenceRecord, Timing
+from contactlab.store.table_layout import FIXED_COLUMNS, table_schema
+
+
+def test_the_page_lists_the_columns_as_they_are() -> None:
+    text = PAGE.read_text(encoding="utf-8")
+    assert text == page_with_columns(text), "run make schemas"
+
+
+@pytest.mark.parametrize(
+    ("model", "prefix"), [(EvidenceRecord, ""), (Accuracy, ""), (Timing, ""), (Cost, "cost_")]
+)
+def test_a_field_says_the_same_in_schema_and_table(model: type[BaseModel], prefix: str) -> None:
+    columns = {column.name: column for column in FIXED_COLUMNS}
+    properties = model.model_json_schema(mode="serialization")["properties"]
+    shared = {name for name in properties if prefix + name in columns and name != "labels"}
+    assert len(shared) >= min(len(properties), 20)
+    for name in shared:
+        column, said = columns[prefix + name], properties[name]
+        assert column.description.removesuffix(", as JSON") == said["description"], name
+        assert (column.unit, column.better) == (said.get("unit", ""), said.get("better", "")), name
+
+
+def test_every_number_of_a_column_states_its_unit() -> None:
+    numbers = {pa.int64(), pa.float64()}
+    without = [
+        each.name
+        for each in table_schema(())
+        if each.type in numbers and not each.metadata.get(b"unit")
+    ]
+    assert without == []

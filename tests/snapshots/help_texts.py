@@ -1,0 +1,46 @@
+"""The help of every command and group, 100 columns wide."""
+
+from collections.abc import Iterator
+
+from tests.snapshots.facts import section
+
+_WIDTH = 100
+
+
+def help_text() -> str:
+    """Return the help of all commands of contactlab's own, in the order of the command line."""
+    import typer  # noqa: PLC0415 - collection is quick without
+    from typer.testing import CliRunner  # noqa: PLC0415 - as above
+
+    from contactlab.command_line.main import command_line  # noqa: PLC0415 - as above
+
+    app = command_line()
+    runner = CliRunner()
+
+    def helped(words: tuple[str, ...]) -> str:
+        done = runner.invoke(
+            app,
+            [*words, "--help"],
+            prog_name="contactlab",
+            terminal_width=_WIDTH,
+            color=False,
+            catch_exceptions=False,
+        )
+        assert done.exit_code == 0, done.output
+        return section(" ".join(["contactlab", *words]), done.stdout.splitlines())
+
+    texts = [helped(words) for words in _commands(typer.main.get_command(app))]
+    return "".join(texts).rstrip() + "\n"
+
+
+def _commands(command: object, words: tuple[str, ...] = ()) -> Iterator[tuple[str, ...]]:
+    yield words
+    for name, inner in getattr(command, "commands", {}).items():
+        if _is_ours(inner):
+            yield from _commands(inner, (*words, name))
+
+
+def _is_ours(command: object) -> bool:
+    """Whether a command is no other installed package's; a group has a callback of none."""
+    home = getattr(getattr(command, "callback", None), "__module__", "contactlab")
+    return home.partition(".")[0].partition("_")[0] == "contactlab"
