@@ -55,12 +55,12 @@ def test_a_run_that_differs_elsewhere_is_found(
 def test_a_bare_model_runs_no_longer_than_it_may(
     checked: Checked, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """100 steps of 0.002 s, of the 2 s that bare models take, unless more are asked for."""
+    """100 steps of 0.002 s, of the 3 s that bare models take, unless more are asked for."""
     monkeypatch.setattr(checked_model, "_MOST_STEPS", 100)
     model = '<mujoco><worldbody><body><joint/><geom size=".1"/></body></worldbody></mujoco>'
     for assign, steps in ((), 100), (("duration=0.5",), 250):
         report = checked(model, "repeat", assign=assign)
-        said = "runs take 0.2 s, not 2: longer ones take more than 100 steps"
+        said = "runs take 0.2 s, not 3: longer ones take more than 100 steps"
         assert any(note.startswith(said) for note in report.notes) == (steps == 100)
         (record,) = Store.open(tmp_path / "check/run").records()
         assert record.steps == steps
