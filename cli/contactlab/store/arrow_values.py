@@ -33,13 +33,20 @@ def text_scalar(text: str) -> pa.Scalar:
 def numpy_array(column: pa.Array | pa.ChunkedArray) -> NDArray[Any]:
     """Return the (n,) numbers or booleans of a column; where it is null, anything."""
     if isinstance(column, pa.ChunkedArray):
-        kind = np.dtype(column.type.to_pandas_dtype())
+        kind = _number_type(column.type)
         return np.concatenate([np.empty(0, kind), *map(numpy_array, column.chunks)])
     _, values = column.buffers()
     start, stop = column.offset, column.offset + len(column)
     if not len(column) or values is None:
-        return np.zeros(len(column), column.type.to_pandas_dtype())
+        return np.zeros(len(column), _number_type(column.type))
     if pa.types.is_boolean(column.type):
         bits = np.unpackbits(np.frombuffer(values, np.uint8), count=stop, bitorder="little")
         return bits[start:].view(np.bool_)
-    return np.frombuffer(values, column.type.to_pandas_dtype())[start:stop]
+    return np.frombuffer(values, _number_type(column.type))[start:stop]
+
+
+def _number_type(kind: pa.DataType) -> np.dtype[Any]:
+    if pa.types.is_boolean(kind):
+        return np.dtype(np.bool_)
+    family = "f" if pa.types.is_floating(kind) else "i" if pa.types.is_signed_integer(kind) else "u"
+    return np.dtype(f"{family}{kind.bit_width // 8}")
