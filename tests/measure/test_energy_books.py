@@ -11,7 +11,8 @@ from contactlab.measure import assess
 from contactlab.measure.context import context_of
 from contactlab.measure.energy_balance import constraint_loss
 
-MakeTrace, MakeSetup = Callable[..., Trace], Callable[..., Setup]
+MakeTrace = Callable[..., Trace]
+MakeSetup = Callable[..., Setup]
 # The most kinetic energy [J], far above what lifts 1 kg by 1 mm; the steps in which forces act.
 MOST, STEPS, FIRST, LAST = 8.0, 40, 10, 19
 

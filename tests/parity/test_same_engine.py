@@ -106,4 +106,5 @@ def test_a_changed_quantity_is_found_at_its_stage(
     found = states(**{name: lambda values: values + 1.0}).first_finding()
     assert found is not None
     assert found.stage == stage
+    assert found.mujoco is not None
     assert found.engine == pytest.approx(found.mujoco + 1.0)
