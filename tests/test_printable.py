@@ -5,6 +5,7 @@ import re
 import unicodedata
 from xml.etree import ElementTree as ET
 
+import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
@@ -69,6 +70,19 @@ def test_annotations_are_one_line_each(text: str) -> None:
     lines = annotations(text, [text], [text]).split("\n")
     assert [line.partition(" ")[0] for line in lines] == ["::error", "::warning", ""]
     assert len(obeyed("\n".join(lines))) == 2
+
+
+@pytest.mark.parametrize("count", [0, 1, 9, 10, 25, 1_234])
+def test_annotations_are_shown_or_counted(count: int) -> None:
+    """A step shows ten of a kind: what is not shown is counted in the last."""
+    messages = [f"message {number}" for number in range(count)]
+    errors = [line for line in annotations("a", messages, []).splitlines() if "error" in line]
+    assert len(errors) <= 10
+    counted = [re.search(r"::and ([\d,]+) more", line) for line in errors]
+    more = sum(int(found[1].replace(",", "")) for found in counted if found)
+    shown = [line.rpartition("::")[2] for line in errors if "::and " not in line]
+    assert shown == messages[: len(shown)]
+    assert len(shown) + more == count
 
 
 @given(HOSTILE)

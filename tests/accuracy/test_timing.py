@@ -1,9 +1,12 @@
 """The timing pass: interleaved runs, bounds on their time, and their work."""
 
+from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
+from contactlab.accuracy import timing
 from contactlab.engines.engine import Segments
 from contactlab.engines.mujoco_engine import MujocoEngine
 from contactlab.run.forecast import forecast
@@ -175,3 +178,20 @@ def test_the_plan_counts_what_passes_take(sweeper: Any) -> None:
 
 def _asks(sweeper: Any, texts: dict[str, str]) -> dict[str, Any]:
     return {name: sweeper.ask(text, name) for name, text in texts.items()}
+
+
+@pytest.mark.parametrize("timestep", [5e-4, 2e-3, 1e-2])
+def test_times_are_of_a_second_simulated_and_of_a_step(timestep: float) -> None:
+    """Steps of 1 to 101 us take 51 us in the mean: over the timestep, per simulated second."""
+    steps = 1e-6 * np.arange(1.0, 102.0)
+    engine: Any = SimpleNamespace(
+        time_segments=lambda _, most, repeats: (
+            most * repeats * float(steps.mean()),
+            most * repeats,
+        ),
+        time_steps=lambda _, most: np.tile(steps, most),
+    )
+    segments: Any = SimpleNamespace(model=SimpleNamespace(opt=SimpleNamespace(timestep=timestep)))
+    portion: Any = SimpleNamespace(most=5, repeats=3, single=1)
+    found = timing._clock(engine, segments, portion)  # pyright: ignore[reportPrivateUsage]
+    assert found == pytest.approx((51e-6 / timestep, 51e-6, 100e-6))

@@ -14,9 +14,10 @@ import xmlschema
 from hypothesis import given
 from hypothesis import strategies as st
 
+from contactlab.command_line.comparisons import files_to_write, publish
 from contactlab.comparison.compare_stores import compare, unreadable_report
 from contactlab.comparison.report_formats import as_annotations, as_junit, as_markdown, as_text
-from contactlab.errors import StoreError
+from contactlab.errors import OutputError, StoreError
 from contactlab.printable import visible
 from contactlab.schema.comparison import Check, ComparePolicy, ComparisonReport, PairCounts, RunPair
 from contactlab.schema.json_schemas import json_schemas
@@ -187,8 +188,12 @@ def test_markdown_shows_any_text_as_it_is(text: str) -> None:
     assert set(parser.tags) <= {"details", "summary"}
 
 
-def test_markdown_stays_below_what_a_job_summary_holds(same: ComparisonReport) -> None:
-    checks = [check_of("x" * 2_000, number) for number in range(2_000)]
+@pytest.mark.parametrize("character", ["x", "é", "語"])
+def test_markdown_stays_below_what_a_job_summary_holds(
+    same: ComparisonReport, character: str
+) -> None:
+    """In bytes, of which a character may take several."""
+    checks = [check_of(2_000 * character, number) for number in range(600)]
     text = as_markdown(report_of(same, *checks))
     assert 100_000 < len(text.encode()) < 900_000
     assert "The rest is left out" in text
@@ -239,3 +244,17 @@ def _made() -> ComparisonReport:
 
 
 MADE = _made()
+
+
+@pytest.mark.parametrize("name", ["report.json", "report.md", "report.xml", "report.txt"])
+def test_a_report_that_cannot_be_written_is_an_error(
+    same: ComparisonReport, tmp_path: Path, name: str
+) -> None:
+    """A file is no folder, and a folder no file; both errors name the place."""
+    (tmp_path / "file").write_text("")
+    (tmp_path / name).mkdir()
+    for path in (tmp_path / "file" / name, tmp_path / name):
+        with pytest.raises(OutputError, match=rf"cannot write .*(file|{name})"):
+            publish(same, files_to_write([path]))
+    publish(same, files_to_write([tmp_path / "new" / name]))
+    assert "same" in (tmp_path / "new" / name).read_text(encoding="utf-8")

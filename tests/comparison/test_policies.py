@@ -7,12 +7,14 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from contactlab.comparison.compare_stores import compare
 from contactlab.comparison.policies import accept, acceptance, effective_rule, kind_of
 from contactlab.errors import PolicyError, SweepFileError
 from contactlab.plan.sweep_file import read_yaml_as
-from contactlab.schema.comparison import ComparePolicy
+from contactlab.schema.comparison import AcceptedCheck, ComparePolicy
 from contactlab.store.table_layout import REAL, Column
 
 Runs = Callable[[], Any]
@@ -165,3 +167,34 @@ def test_what_cannot_be_accepted(
     with pytest.raises(PolicyError) as raised:
         acceptance(report, name, reason, None)
     assert message in str(raised.value)
+
+
+NAMES = st.sampled_from(["no new chatter", "depth", "grip"])
+ACCEPTED = st.builds(
+    AcceptedCheck,
+    check=NAMES,
+    group=st.sampled_from([None, "a", "b"]),
+    max=st.integers(1, 9),
+    reason=st.sampled_from(["softer", "known: see the note", "'quoted'"]),
+    until=st.none() | st.dates(),
+)
+
+
+@settings(max_examples=10)
+@given(st.lists(st.lists(ACCEPTED, min_size=1, max_size=2), min_size=1, max_size=4))
+def test_what_was_accepted_stays_until_it_is_accepted_anew(
+    tmp_path_factory: pytest.TempPathFactory, times: list[list[AcceptedCheck]]
+) -> None:
+    """One entry for each check and group, the last one given; what else the file says stays."""
+    path = tmp_path_factory.mktemp("policy") / "policy.yaml"
+    path.write_text("# Ours.\nversion: 1\nlabels: {level: warn}\n")
+    expected = dict[tuple[str, str | None], AcceptedCheck]()
+    for entries in times:
+        accept(path, entries)
+        for entry in entries:
+            expected.pop((entry.check, entry.group), None)
+            expected[entry.check, entry.group] = entry
+    policy = read_yaml_as(path, ComparePolicy)
+    assert list(policy.accept) == [*expected.values()]
+    assert policy.labels.level == "warn"
+    assert path.read_text().startswith("# Ours.\n")

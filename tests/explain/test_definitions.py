@@ -28,6 +28,13 @@ def test_every_label_says_what_to_change() -> None:
     assert all(label.advice for label in LABELS.values())
 
 
+def test_the_places_of_labels_are_counted_from_the_worst() -> None:
+    """From 1 to how many there are, in the order in which they are published."""
+    count = len(LABELS)
+    for place, name in enumerate(LABELS, 1):
+        assert define(name).startswith(f"{name}: a label, {place} of {count} from the worst")
+
+
 def test_an_unknown_word_is_met_with_the_closest() -> None:
     with pytest.raises(SweepFileError, match="did you mean 'chatter'"):
         define("chater")

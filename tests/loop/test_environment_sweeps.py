@@ -349,3 +349,10 @@ def test_code_that_changed_under_way_is_not_run(tmp_path: Path) -> None:
     copy.write_text(copy.read_text(encoding="utf-8") + "# more", encoding="utf-8")
     with pytest.raises(ContactlabError, match="give another id"):
         replay(store, _first(store).run_id, allow_code=True)
+
+
+@pytest.mark.parametrize("timestep", [1e-3, 2e-3])
+def test_an_episode_lasts_as_long_as_the_run(tmp_path: Path, timestep: float) -> None:
+    """An environment that goes on makes no step more than the run has, where its own divide it."""
+    (record,) = _sweep(tmp_path, axes={"timestep": [timestep]}, checks="none").records()
+    assert (record.status, record.steps) == ("ok", round(0.1 / timestep))

@@ -130,3 +130,32 @@ def test_a_belt_is_judged_by_what_it_moves() -> None:
     assert (belt.scale, cord.scale) == pytest.approx((0.05, 0.02 * np.pi / 2))
     # -25 1/s^2 is the stiffness of a time constant of 0.2 s at critical damping.
     assert (belt.constant, cord.constant) == pytest.approx((0.2, 0.02))
+
+
+TURN = """
+<mujoco>
+  <option gravity="0 0 0" timestep="0.002"/>
+  <worldbody><body>
+    <joint name="turn" type="{kind}" axis="0 1 0" range="0 1" limited="true"
+      solreflimit="0.05 0.5"/>
+    <geom type="box" size=".1 .1 .1" mass="1" pos="0 0 0" contype="0" conaffinity="0"/></body>
+  </worldbody>
+  <keyframe><key qvel="{speed}"/></keyframe>
+</mujoco>
+"""
+
+
+@pytest.mark.parametrize("speed", [8.0, 14.0])
+def test_a_ball_joint_is_turned_as_far_as_a_hinge(sweeper: Any, speed: float) -> None:
+    """A cube turns alike about every axis, so that both go beyond the same limit by one angle.
+
+    The hinge's is its coordinate; only rounding of quaternions parts them.
+    """
+    found = list[dict[str, Any]]()
+    for kind, qvel in (("hinge", f"{speed}"), ("ball", f"0 {speed} 0")):
+        (sweeper.folder / "model.xml").write_text(TURN.format(kind=kind, speed=qvel))
+        sweeper.run(SWEEP.replace("duration: 6", "duration: 0.5"), kind)
+        found += sweeper.rows(kind)
+    assert found[0]["constraint_violation"] > 0.05
+    for name in ("constraint_violation", "constraint_violation_rest"):
+        assert found[1][name] == pytest.approx(found[0][name], rel=1e-6, abs=1e-9)

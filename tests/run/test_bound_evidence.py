@@ -230,7 +230,6 @@ def drop_traces(store: Path) -> None:
     in_manifest("traces_left_out", value=True)(store)
 
 
-@pytest.mark.long
 @pytest.mark.parametrize(
     ("attack", "said"),
     [

@@ -6,6 +6,7 @@ import mujoco
 import pytest
 
 import contactlab
+from contactlab.contact.contact_laws import stiffness_damping
 from contactlab.errors import SceneError, SweepFileError
 from contactlab.scene.scene import Scene
 
@@ -186,3 +187,27 @@ def test_what_does_not_come_out_is_said(tmp_path: Path) -> None:
     assert 0.5 < (record.metrics["at_rest_error"] or 0) < 1
     assert record.labels[0].label == "oracle_miss"
     assert "at rest, what is asked for is missed by" in record.labels[0].reason
+
+
+@pytest.mark.parametrize("mixes", [(1, 1, 1), (1, 3, 2), (2, 3, 1), (1, 5, 2)])
+def test_however_geoms_mix_each_pair_has_its_own(
+    tmp_path: Path, mixes: tuple[float, float, float]
+) -> None:
+    """K of each two of three geoms is k A (1 - d), with A = 1/m1 + 1/m2, whatever their weights.
+
+    Solref and solimp are written to geoms, and mixed by MuJoCo again: exact but for rounding.
+    """
+    text, inverse = (
+        BEAMS.format(place="0 0 .15", mass=3),
+        {"floor": 0.0, "light": 1, "heavy": 1 / 3},
+    )
+    for geom, mix in zip(inverse, mixes, strict=True):
+        text = text.replace(f'<geom name="{geom}"', f'<geom name="{geom}" solmix="{mix}"')
+    scene = Scene.open(written(tmp_path, text))
+    prepared = scene.base({}).prepare(scene.resolve({"stiffness": 2e4}, 0, 1.0).edits())
+    assert len(prepared.pairs) == 3
+    for name, pair in prepared.pairs.items():
+        first, second = name.split("-")
+        stiffness = 2e4 * (inverse[first] + inverse[second]) * (1 - pair.solimp[0])
+        assert pair.solimp[:2] == pytest.approx((0.95, 0.95))
+        assert float(stiffness_damping(pair.solref)[0]) == pytest.approx(stiffness, rel=1e-6)

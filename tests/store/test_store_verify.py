@@ -1,14 +1,14 @@
 """A sound store has no problems; every planted damage is found, and named."""
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from contactlab.errors import StoreError
-from contactlab.schema.evidence import EvidenceRecord
+from contactlab.schema.evidence import EvidenceRecord, LabelEntry
 from contactlab.store.atomic_files import sha256_of
 from contactlab.store.finished_store import Store
 from contactlab.store.runs_table import write_table
@@ -151,3 +151,19 @@ def test_a_later_version(store: Path) -> None:
     path.write_text(path.read_text().replace('"store_version": 2', '"store_version": 3'))
     with pytest.raises(StoreError, match="is of store version 3; this contactlab reads version 2"):
         verify(store)
+
+
+@pytest.mark.parametrize("place", [0, 1, 2])
+def test_a_run_has_the_worst_of_its_labels(
+    tmp_path: Path,
+    record_of: Callable[..., EvidenceRecord],
+    store_of: Callable[[Path, Sequence[EvidenceRecord]], object],
+    place: int,
+) -> None:
+    """Labels are listed the worst first, and the label of a run is the first one."""
+    names = ("tunneling", "chatter", "creep")
+    labels = tuple(LabelEntry(label=name, reason="as planted", step=1) for name in names)
+    store_of(tmp_path / "store", [record_of(0, label=names[place], labels=labels)])
+    where = "runs.parquet: run 0000000000000000: its"
+    wrong = [] if place == 0 else [f"{where} label is not what the rest of it gives"]
+    assert verify(tmp_path / "store") == wrong

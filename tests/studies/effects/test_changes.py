@@ -1,14 +1,18 @@
 """When a change of a metric or a label is an effect, and when it is the scene's own spread."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from contactlab.errors import SceneError
 from contactlab.studies.configuration_runs import ConfigurationRows
+from contactlab.studies.effects import ablation
 from contactlab.studies.effects.effect_toggles import (
     ConfigurationDifference,
     difference,
@@ -95,6 +99,18 @@ def test_the_scenario_that_changes_most_is_told(setup: AblationSetup) -> None:
     (change,) = found.changes
     assert change.scenario == {"speed": 2.0}
     assert change.times == pytest.approx(10)
+
+
+@pytest.mark.parametrize("seeds", [(0,), (0, 1, 2), (7, 3, 12)])
+def test_a_set_is_verified_by_seeds_that_found_nothing(
+    setup: AblationSetup, seeds: tuple[int, ...]
+) -> None:
+    """Ten fresh ones, none of which any run of the search had."""
+    trials: Any = SimpleNamespace(setup=replace(setup, seeds=seeds))
+    found = ablation._verified(  # pyright: ignore[reportPrivateUsage]
+        trials, (), {}, SceneError("not written")
+    )
+    assert len({*found.seeds} - {*seeds}) == len(found.seeds) == ablation.FRESH_SEEDS
 
 
 def test_nothing_is_between_two_recorded_runs(tmp_path: Path) -> None:

@@ -1,0 +1,57 @@
+"""A forecast adds up all runs of a plan, and samples them evenly."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import pytest
+
+from contactlab.engines.engine import bytes_of_run
+from contactlab.plan.sweep_file import read_sweep
+from contactlab.run import forecast as forecasts
+from contactlab.run.sweep_request import SceneLoader
+from contactlab.scene.run_spec import RunSpec
+from contactlab.scene.scene import Scene
+
+# Runs of 200 steps at most take as long in all as the sweep does in the mean.
+TIMESTEPS, HEIGHTS = [1e-3, 2e-3, 4e-3], [0.1, 0.2, 0.3, 0.4, 0.5]
+
+
+@pytest.mark.parametrize("seeds", [1, 3, 5])
+@pytest.mark.parametrize(
+    ("trace", "kept"), [("all", 1.0), ("none", 0.0), ("sample:6", 6.0), ("sample:10000", 1.0)]
+)
+def test_a_forecast_is_the_sum_over_its_runs(
+    monkeypatch: pytest.MonkeyPatch, seeds: int, trace: str, kept: float
+) -> None:
+    """Steps and bytes of each run, one by one; what a step costs is asked of every twelfth of n.
+
+    Every n // 12-th run of the plan is asked about, the first one among them.
+    """
+    asked = list[Mapping[str, object]]()
+
+    def cost(_: Scene, run: RunSpec) -> float:
+        asked.append(run.values)
+        return 1e-6
+
+    monkeypatch.setattr(forecasts, "_step_cost", cost)
+    sweep: dict[str, Any] = {
+        "version": 1,
+        "scene": "ball_drop",
+        "duration": 0.1,
+        "seeds": seeds,
+        "axes": {"timestep": TIMESTEPS, "drop_height": HEIGHTS},
+        "trace": trace,
+    }
+    plan = read_sweep(sweep, SceneLoader(None).vocabulary).plan
+    scene = Scene.open("ball_drop")
+    told = forecasts.forecast(plan, scene, 1)
+    runs = [scene.resolve(run.values, run.seed, 0.1) for run in plan.runs()]
+    steps = sum(run.steps for run in runs)
+    assert (told.runs, told.steps) == (15 * seeds, steps)
+    share = kept / len(runs) if kept > 1 else kept
+    size = share * sum(bytes_of_run(scene.base_of(run).model, run.steps) for run in runs)
+    assert told.bytes_by_format["messages"] == pytest.approx((0.1 * size, 0.6 * size))
+    assert told.bytes == told.bytes_by_format[plan.sweep.trace_format]
+    assert asked == [run.values for run in runs[:: len(runs) // 12]]
+    # Recording and measures take 0.2 to 1.5 times what stepping takes.
+    assert told.seconds == pytest.approx((1.2e-6 * steps, 2.5e-6 * steps))
