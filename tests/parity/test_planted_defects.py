@@ -112,7 +112,7 @@ def test_a_policy_may_allow_more_and_accept_a_difference(parity: Parity) -> None
 
 
 @pytest.mark.long
-def test_every_format_tells_the_same_finding(parity: Parity) -> None:
+def test_every_format_tells_the_same_divergence(parity: Parity) -> None:
     report = parity(INCLINE, "friction")
     told = "friction of floor - box"
     assert told in as_text(report)

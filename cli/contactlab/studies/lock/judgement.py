@@ -35,8 +35,8 @@ from contactlab.studies.lock.lock_model import Group, Lock
 _BY_CHANCE = 1e-3
 
 
-class _Finding(NamedTuple):
-    """Finding in a group, and its excess over what is accepted, in tolerances."""
+class _GroupChange(NamedTuple):
+    """Change of a group, and its excess over what is accepted, in tolerances."""
 
     group: Group
     code: int
@@ -76,15 +76,19 @@ class _Judge:
             yield same.single(SAME if before == after else CHANGED, said)
         old, new, rules = self.lock.by_key, self.new.by_key, self.policy
         subject = CheckSubject("no missing groups", "runs", rules.missing_runs)
-        yield self._check(subject, [_Finding(old[key], MISSING) for key in old if key not in new])
+        yield self._check(
+            subject, [_GroupChange(old[key], MISSING) for key in old if key not in new]
+        )
         subject = CheckSubject("no new groups", "runs", rules.new_runs, two_sided=True)
-        yield self._check(subject, [_Finding(new[key], CHANGED) for key in new if key not in old])
+        yield self._check(
+            subject, [_GroupChange(new[key], CHANGED) for key in new if key not in old]
+        )
         subject = CheckSubject("outcomes as locked", "labels", rules.labels.level, two_sided=True)
         yield self._check(subject, [self._outcomes(*pair) for pair in self.pairs])
         for metric in dict.fromkeys(name for group in self.lock.groups for name in group.metrics):
             yield self._metric(metric, columns.get(metric))
 
-    def _outcomes(self, old: Group, new: Group) -> _Finding:
+    def _outcomes(self, old: Group, new: Group) -> _GroupChange:
         counts = {
             name: [(side.outcomes.get(name, 0), side.runs) for side in (old, new)]
             for name in {**old.outcomes, **new.outcomes}
@@ -96,7 +100,7 @@ class _Judge:
             )
             for side in (0, 1)
         )
-        return _Finding(old, CHANGED if wrong else SAME, before, after)
+        return _GroupChange(old, CHANGED if wrong else SAME, before, after)
 
     def _differ(self, old: tuple[int, int], new: tuple[int, int]) -> bool:
         """Return whether two counts, each with how many runs there are, differ."""
@@ -121,32 +125,32 @@ class _Judge:
             return subject.skipped("single runs of other starts tell nothing: lock several seeds")
         return self._check(subject, [self._measured(metric, rule, *pair) for pair in pairs])
 
-    def _measured(self, metric: str, rule: EffectiveRule, old: Group, new: Group) -> _Finding:
+    def _measured(self, metric: str, rule: EffectiveRule, old: Group, new: Group) -> _GroupChange:
         (before, spread, n), (after, other, m) = (side.measured(metric) for side in (old, new))
         if not m or (self.repeated and n != m):
-            return _Finding(old, MISSING, f"{n} values", f"{m} values")
+            return _GroupChange(old, MISSING, f"{n} values", f"{m} values")
         allowed = rule.abs + rule.rel * abs(before)
         if not self.repeated:
             allowed += change_by_chance((spread, n), (other, m), self.alpha)
         excess = abs(after - before) / allowed if allowed else float(after != before) * math.inf
-        return _Finding(old, CHANGED if excess > 1 else SAME, before, after, excess)
+        return _GroupChange(old, CHANGED if excess > 1 else SAME, before, after, excess)
 
-    def _check(self, subject: CheckSubject, found: Sequence[_Finding]) -> Check:
+    def _check(self, subject: CheckSubject, found: Sequence[_GroupChange]) -> Check:
         wrong = sorted(
-            (finding for finding in found if finding.code), key=lambda finding: -finding.excess
+            (change for change in found if change.code), key=lambda change: -change.excess
         )
         said = f"{len(wrong):,} of {plural(len(found), 'group')}" if wrong else "as locked"
         worst = [
             RunPair(
                 baseline_run=None,
-                candidate_run=self.runs.get(finding.group.key),
-                axes=finding.group.at,
-                baseline=finding.before,
-                candidate=finding.after,
+                candidate_run=self.runs.get(change.group.key),
+                axes=change.group.at,
+                baseline=change.before,
+                candidate=change.after,
             )
-            for finding in wrong
+            for change in wrong
         ]
-        return subject.check(np.array([finding.code for finding in found], np.int8), said, worst)
+        return subject.check(np.array([change.code for change in found], np.int8), said, worst)
 
 
 def change_by_chance(old: tuple[float, int], new: tuple[float, int], alpha: float) -> float:

@@ -14,7 +14,7 @@ from contactlab.engines.engine import PreparedRuns, SimulationEngine
 from contactlab.engines.mujoco_engine import MujocoEngine
 from contactlab.scene.initial_states import apply_inputs
 from contactlab.scene.model_names import name_of
-from contactlab.studies.parity.parity_report import Finding, Stage
+from contactlab.studies.parity.parity_report import Divergence, Stage
 
 Forward = Mapping[str, Sequence[Floats]]  # fields of MuJoCo's data, and `contacts`, of K states
 
@@ -86,15 +86,15 @@ class ForwardStates:
     theirs: Forward
     rounded: Forward
 
-    def first_finding(self) -> Finding | None:
+    def first_divergence(self) -> Divergence | None:
         """Return the first stage that differs, where it differs most; None if none does."""
         for stage, names in _STAGES.items():
-            found = [finding for name in names for finding in self._findings(stage, name)]
+            found = [divergence for name in names for divergence in self._divergences(stage, name)]
             if found:
                 return max(found, key=lambda candidate: candidate[0])[1]
         return None
 
-    def _findings(self, stage: Stage, name: str) -> Iterator[tuple[float, Finding]]:
+    def _divergences(self, stage: Stage, name: str) -> Iterator[tuple[float, Divergence]]:
         """Yield by how much more than is allowed states differ in a quantity."""
         if name not in self.theirs:
             return
@@ -107,8 +107,10 @@ class ForwardStates:
                 found = self._mismatch(name, place)
             if found:
                 excess, what, ours, theirs = found
-                finding = Finding(stage=stage, quantity=what, step=step, mujoco=ours, engine=theirs)
-                yield excess, finding
+                divergence = Divergence(
+                    stage=stage, quantity=what, step=step, mujoco=ours, engine=theirs
+                )
+                yield excess, divergence
 
     def _mismatch(self, name: str, place: int) -> "_Mismatch | None":
         ours, theirs, rounded = (

@@ -20,7 +20,7 @@ Stage = Literal[
 ]
 
 
-class Finding(Model):
+class Divergence(Model):
     """Where an engine first leaves MuJoCo."""
 
     stage: Stage = about("The first stage, in the order in which a step computes them.")
@@ -55,7 +55,7 @@ class RunParity(Model):
     seed: int
     verdict: Verdict
     reason: str = about("Why it is refused, or what failed.", default="")
-    first: Finding | None = about("Where it first differs; null unless it does.", default=None)
+    first: Divergence | None = about("Where it first differs; null unless it does.", default=None)
     position: float | None = about("Greatest difference of a coordinate [m or rad].", default=None)
     floor: float | None = about(
         "The same of MuJoCo against itself, rounded to single precision.", default=None
