@@ -9,8 +9,9 @@ from typing import Any
 import pytest
 
 from contactlab.comparison.compare_stores import compare
-from contactlab.comparison.policies import accept, acceptance, effective_rule, kind_of
 from contactlab.errors import PolicyError, SweepFileError
+from contactlab.judge.acceptances import accept, acceptance
+from contactlab.judge.policies import effective_rule, kind_of
 from contactlab.plan.sweep_file import read_yaml_as
 from contactlab.schema.comparison import ComparePolicy
 from contactlab.store.table_layout import REAL, Column
@@ -125,7 +126,10 @@ def test_accepting_keeps_the_files_comments(
     worse.measure(0, slip=0.6)
     candidate = stored("worse", worse)
     report = compare(baseline, candidate, read_policy(path))
-    accept(path, acceptance(report, "slip unchanged", " pads were replaced ", date(2027, 1, 1)))
+    accept(
+        path,
+        acceptance(report.findings, "slip unchanged", " pads were replaced ", date(2027, 1, 1)),
+    )
     text = path.read_text()
     for line in POLICY.splitlines():
         assert line.partition("#")[2] in text
@@ -134,7 +138,7 @@ def test_accepting_keeps_the_files_comments(
     assert compare(baseline, candidate, read_policy(path), today=date(2027, 1, 1)).exit_code == 0
     worse.measure(1, slip=0.6)
     again = compare(baseline, stored("more", worse), read_policy(path), today=date(2026, 1, 1))
-    accept(path, acceptance(again, "slip unchanged", "both were", None))
+    accept(path, acceptance(again.findings, "slip unchanged", "both were", None))
     (entry,) = read_policy(path).accept
     assert (entry.max, entry.reason, entry.until) == (2, "both were", None)
 
@@ -146,7 +150,7 @@ def test_accepting_makes_a_file_where_there_is_none(
     worse.measure(0, depth=2e-3)
     report = compare(baseline, stored("worse", worse))
     path = tmp_path / "new.yaml"
-    accept(path, acceptance(report, "depth no worse", "known", None))
+    accept(path, acceptance(report.findings, "depth no worse", "known", None))
     assert [entry.check for entry in read_policy(path).accept] == ["depth no worse"]
 
 
@@ -163,5 +167,5 @@ def test_what_cannot_be_accepted(
 ) -> None:
     report = compare(baseline, stored("same", runs()))
     with pytest.raises(PolicyError) as raised:
-        acceptance(report, name, reason, None)
+        acceptance(report.findings, name, reason, None)
     assert message in str(raised.value)

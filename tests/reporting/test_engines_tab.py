@@ -83,7 +83,7 @@ def parity(store: Store, **changes: Any) -> ParityReport:
     differs = {"verdict": "different", "first": first, "measured": {"energy": share}}
     told = {"sweep": "tried", "scene": "ball_drop", "engine": "impulse", "version": "1",
             "mujoco": "4", "device": "", "exit_code": 1, "headline": "impulse differs",
-            "verdicts": {}, "checks": (), "closed_form": None,
+            "verdicts": {}, "findings": (), "closed_form": None,
             "runs": (runs[0].model_copy(update=differs), *runs[1:])}  # fmt: skip
     return ParityReport.model_validate(told | changes)
 

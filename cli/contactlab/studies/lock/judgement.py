@@ -17,16 +17,12 @@ from typing import NamedTuple
 import numpy as np
 from scipy import stats
 
-from contactlab.comparison.checks import CHANGED, MISSING, SAME, CheckSubject, plural
 from contactlab.comparison.compare_stores import conclusion, described
-from contactlab.comparison.policies import EffectiveRule, effective_rule
-from contactlab.schema.comparison import (
-    Check,
-    ComparePolicy,
-    ComparisonReport,
-    PairCounts,
-    RunPair,
-)
+from contactlab.judge.policies import EffectiveRule, effective_rule
+from contactlab.judge.subjects import CHANGED, MISSING, SAME, Subject
+from contactlab.judge.wording import plural
+from contactlab.schema.comparison import ComparePolicy, ComparisonReport, PairCounts
+from contactlab.schema.finding import Finding, RunPair
 from contactlab.store.finished_store import Store
 from contactlab.store.table_layout import Column
 from contactlab.studies.lock.lock_file import is_recorded, lock_of, members, metric_columns
@@ -67,23 +63,23 @@ class _Judge:
         judged = (len(old.metrics) + len({*old.outcomes, *new.outcomes}) for old, new in self.pairs)
         return _BY_CHANCE / max(1, sum(judged))
 
-    def checks(self, columns: dict[str, Column]) -> Iterator[Check]:
+    def checks(self, columns: dict[str, Column]) -> Iterator[Finding]:
         """Yield all checks."""
         for name in ("engine", "scene_hash"):
             before, after = getattr(self.lock, name), getattr(self.new, name)
-            same = CheckSubject(f"same {name}", "evidence", "warn", two_sided=True)
+            same = Subject(f"same {name}", "evidence", "warn", two_sided=True)
             said = "the same" if before == after else f"{before}, now {after}"
             yield same.single(SAME if before == after else CHANGED, said)
         old, new, rules = self.lock.by_key, self.new.by_key, self.policy
-        subject = CheckSubject("no missing groups", "runs", rules.missing_runs)
+        subject = Subject("no missing groups", "runs", rules.missing_runs)
         yield self._check(
             subject, [_GroupChange(old[key], MISSING) for key in old if key not in new]
         )
-        subject = CheckSubject("no new groups", "runs", rules.new_runs, two_sided=True)
+        subject = Subject("no new groups", "runs", rules.new_runs, two_sided=True)
         yield self._check(
             subject, [_GroupChange(new[key], CHANGED) for key in new if key not in old]
         )
-        subject = CheckSubject("outcomes as locked", "labels", rules.labels.level, two_sided=True)
+        subject = Subject("outcomes as locked", "labels", rules.labels.level, two_sided=True)
         yield self._check(subject, [self._outcomes(*pair) for pair in self.pairs])
         for metric in dict.fromkeys(name for group in self.lock.groups for name in group.metrics):
             yield self._metric(metric, columns.get(metric))
@@ -109,12 +105,12 @@ class _Judge:
         table = [[found, total - found] for found, total in (old, new)]
         return float(np.asarray(stats.fisher_exact(table))[1]) < self.alpha
 
-    def _metric(self, metric: str, column: Column | None) -> Check:
+    def _metric(self, metric: str, column: Column | None) -> Finding:
         if column is None:
-            gone = CheckSubject(f"{metric} as locked", "metrics", "gate")
+            gone = Subject(f"{metric} as locked", "metrics", "gate")
             return gone.skipped("is no metric now")
         rule = effective_rule(column, self.policy)
-        subject = CheckSubject(
+        subject = Subject(
             f"{metric} as locked", "metrics", rule.level, "", column.unit, rule.budget, True
         )
         versions = [record.metric_versions.get(metric) for record in (self.lock, self.new)]
@@ -129,13 +125,13 @@ class _Judge:
         (before, spread, n), (after, other, m) = (side.measured(metric) for side in (old, new))
         if not m or (self.repeated and n != m):
             return _GroupChange(old, MISSING, f"{n} values", f"{m} values")
-        allowed = rule.abs + rule.rel * abs(before)
+        allowed = rule.limit.allowed(before)
         if not self.repeated:
             allowed += change_by_chance((spread, n), (other, m), self.alpha)
         excess = abs(after - before) / allowed if allowed else float(after != before) * math.inf
         return _GroupChange(old, CHANGED if excess > 1 else SAME, before, after, excess)
 
-    def _check(self, subject: CheckSubject, found: Sequence[_GroupChange]) -> Check:
+    def _check(self, subject: Subject, found: Sequence[_GroupChange]) -> Finding:
         wrong = sorted(
             (change for change in found if change.code), key=lambda change: -change.excess
         )
@@ -150,7 +146,7 @@ class _Judge:
             )
             for change in wrong
         ]
-        return subject.check(np.array([change.code for change in found], np.int8), said, worst)
+        return subject.finding(np.array([change.code for change in found], np.int8), said, worst)
 
 
 def change_by_chance(old: tuple[float, int], new: tuple[float, int], alpha: float) -> float:
@@ -195,6 +191,6 @@ def judge(lock: Lock, name: str, store: Store, policy: ComparePolicy) -> Compari
         pairs=PairCounts(**counts),
         differences=(),
         transitions=(),
-        checks=checks,
+        findings=checks,
         advice=(),
     )

@@ -11,14 +11,12 @@ from contactlab.contact.trace_arrays import Floats
 from contactlab.engines import ENGINES
 from contactlab.engines.engine import PreparedRuns, Rollout, SimulationEngine
 from contactlab.mjcf import MODEL_ENGINE
-from contactlab.studies.parity.forward import FLOOR_FACTOR, ForwardStates, forward
+from contactlab.studies.parity.forward import FLOOR_FACTOR, LIMITS, ForwardStates, forward
 from contactlab.studies.parity.panel import from_states, roll_out
 from contactlab.studies.parity.parity_report import Divergence, Verdict
 from contactlab.studies.parity.rounding import cold, converged, rounded, rounded_at_each_step
 
 _MOST_STEPS, _MOST_FORWARD = 1_000, 24  # states of a run that step, and that are looked into
-# Allowed of an acceleration over a step, absolute and relative: as of `qacc` there.
-_ACCELERATION = (1e-1, 1e-2)
 _AROUND = 33  # states about one from which the solver ends as far from where it should
 _SAME = 1e-9  # a difference of coordinates that is none [m or rad]
 _RESOLVED = 1e-6  # and what single precision resolves of those of this size [m or rad]
@@ -108,8 +106,8 @@ def stepped(comparison: Comparison, run: int, states: Floats) -> SteppedStates:
     # In the run the solver started from the step before: it ended elsewhere within its tolerance.
     ends = np.maximum(np.abs(by_mujoco - after), np.abs(by_mujoco - by_converged))
     noise = np.maximum(floors, ends).max(axis=1, initial=0)
-    absolute, relative = _ACCELERATION
-    plain = model.opt.timestep * absolute + relative * change
+    step = model.opt.timestep  # what is allowed of an acceleration, over a step
+    plain = step * LIMITS["qacc"].allowed(change / step)
     allowed = plain + FLOOR_FACTOR * maximum_filter1d(noise, _AROUND)
     error = np.where(np.isfinite(error), error, np.inf)
     worst, velocities = error.argmax(axis=1), (by_mujoco, by_engine)
