@@ -71,7 +71,7 @@ def hostile_report(text: str) -> Report:
         baseline_run=text, candidate_run=text, axes={text: text}, baseline=text, candidate=text
     )
     failed = Finding(
-        name=text, kind=text, group=text, level="gate", outcome="failed", verdict="exceeded",
+        name=text, kind=text, group=text, level="gate", outcome="failed", verdict="unmet",
         judged=1, failing=1, message=text, unit=text, accepted=text, worst=(pair,),
     )  # fmt: skip
     outcomes = ("failed", "warned", "noted", "skipped", "passed")

@@ -133,7 +133,7 @@ def limit_findings(kind: str, measures: Sequence[Measure]) -> Iterator[Finding]:
             kind=kind,
             level=worst.level,
             outcome=OUTCOMES[worst.level] if failing else "passed",
-            verdict="exceeded" if failing else "kept",
+            verdict="unmet" if failing else "met",
             judged=len(group),
             failing=len(failing),
             message=in_words(worst) + _count_in_words(len(failing), len(group)),

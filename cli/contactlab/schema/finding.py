@@ -15,7 +15,7 @@ Level = Literal["gate", "warn", "note"]
 LEVEL = "gate: fails the job; warn: a warning; note: reported only"
 Outcome = Literal["failed", "warned", "noted", "passed", "skipped"]
 Change = Literal["better", "same", "worse", "changed", "missing", "not comparable"]
-Verdict = Literal[Change, "kept", "exceeded", "not applicable"]
+Verdict = Literal[Change, "met", "unmet", "not applicable"]
 Count = Annotated[Whole, Field(ge=0)]
 
 
@@ -37,7 +37,7 @@ class Finding(Model):
     group: str = about("Axis values of its runs, such as cone=elliptic; or empty.", default="")
     level: Level = about(f"Of a failure. {LEVEL}.")
     outcome: Outcome = about("Its effect on the job.")
-    verdict: Verdict = about("What it says of the evidence: a change, or whether a limit is kept.")
+    verdict: Verdict = about("A change, or whether a limit or an expectation is met.")
     judged: int = about("How many runs, groups of them, or measures were judged.")
     failing: int = about("How many of these fail.")
     counts: dict[Verdict, int] = about("How many have each verdict.", default={})

@@ -34,7 +34,7 @@ def as_markdown(report: Report) -> str:
 
 def _lines(report: Report) -> Iterator[str]:
     yield f"### {_SIGNS['passed' if report.passed else 'failed']} {in_markdown(report.headline)}"
-    yield ""
+    yield from [""] if report.facts else []
     yield from _listed(f"{name} {text}" if name else text for name, text in report.facts)
     # Stable: within the urgent ones and the others the worst come first.
     shown = sorted(finding_lines(report), key=lambda line: not line.urgent)
