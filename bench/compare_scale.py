@@ -22,10 +22,11 @@ import pyarrow as pa
 from bench.made_up import Rows, ids_of, parts_of, real_store, tables, write_store
 
 from contactlab.comparison.compare_stores import compare
-from contactlab.comparison.report_formats import as_junit, as_markdown, as_text
+from contactlab.comparison.report import report_of
 from contactlab.measure import LABELS, METRICS
 from contactlab.schema.comparison import ComparePolicy
 from contactlab.store.finished_store import Store
+from contactlab.writers import as_junit, as_markdown, as_text
 
 SIZES = (10_000, 1_000_000)
 SWEEP = "{version: 1, scene: box_slide, axes: {timestep: [1e-3, 2e-3]}, trace: none}"
@@ -57,10 +58,10 @@ def measure(baseline: Path, candidate: Path, match: str) -> None:
     cpu, wall = time.process_time(), time.perf_counter()
     report = compare(baseline, candidate, policy)
     for render in (as_text, as_markdown, as_junit):
-        render(report)
+        render(report_of(report))
     spent = time.process_time() - cpu, time.perf_counter() - wall
     assert report.pairs.missing == report.pairs.new == 0
-    assert any(check.verdict == "worse" for check in report.checks)
+    assert any(check.verdict == "worse" for check in report.findings)
     print(json.dumps([*spent, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024]))
 
 

@@ -9,9 +9,10 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from contactlab.ci_output import annotations, junit, junit_case
 from contactlab.printable import in_markdown, in_one_line, printable, visible
-from contactlab.schema.comparison import JudgedCheck
+from contactlab.schema.finding import Finding, RunPair
+from contactlab.writers import WRITERS, Report, Section, as_text
+from contactlab.writers.github import annotations
 
 TERMINAL = ("\n", "\r", " ", "\x1b[31m", "\x9b2J", "\u202e", "\u2066", "\u2028", "\ud800")
 MARKUP = ("@admin", "#12", "https://evil.example", "|", "`", "<script>", "&#64;me", "%0A", "]]>")
@@ -65,11 +66,29 @@ def test_markdown_shows_text_in_one_cell(text: str) -> None:
     assert visible(cell) == cell
 
 
-@given(HOSTILE)
-def test_annotations_are_one_line_each(text: str) -> None:
-    lines = annotations(text, [text], [text]).split("\n")
-    assert [line.partition(" ")[0] for line in lines] == ["::error", "::warning", ""]
-    assert len(obeyed("\n".join(lines))) == 2
+def hostile_report(text: str) -> Report:
+    """A report that has a text in each of its parts."""
+    pair = RunPair(
+        baseline_run=text, candidate_run=text, axes={text: text}, baseline=text, candidate=text
+    )
+    failed = Finding(
+        name=text, kind=text, group=text, level="gate", outcome="failed", verdict="unmet",
+        judged=1, failing=1, message=text, unit=text, accepted=text, worst=(pair,),
+    )  # fmt: skip
+    outcomes = ("failed", "warned", "noted", "skipped", "passed")
+    findings = tuple(failed.model_copy(update={"outcome": outcome}) for outcome in outcomes)
+    return Report(
+        title=text,
+        place=(text, text),
+        headline=text,
+        passed=False,
+        record=findings[0],
+        facts=(("", text), (text, text)),
+        findings=findings,
+        sections=(Section(text, (text,), (text, text), ((text, text),), (text,)),),
+        notes=(text,),
+        commands=((text, text),),
+    )
 
 
 @pytest.mark.parametrize("count", [0, 1, 9, 10, 25, 1_234])
@@ -85,8 +104,47 @@ def test_annotations_are_shown_or_counted(count: int) -> None:
     assert len(shown) + more == count
 
 
-@given(HOSTILE)
-def test_junit_is_xml(text: str) -> None:
-    check = JudgedCheck(name=text, group=text, message=text, outcome="failed", failing=1)
-    root = ET.fromstring(junit(text, [junit_case(check, [text], text, [text])]))  # noqa: S314
-    assert len(list(root.iter("testcase"))) == 1
+def commands_of(written: str, form: str) -> int:
+    """Return how many commands a CI job may take from a format: annotations are its only ones."""
+    lines = written.splitlines()
+    errors = sum(line.startswith("::error ") for line in lines)
+    warnings = sum(line.startswith("::warning ") for line in lines)
+    return errors + warnings if form == "github" else 0
+
+
+@pytest.mark.parametrize("form", WRITERS)
+@given(text=HOSTILE)
+@example(text="\n::error::x")
+@example(text="##[add-mask]y\r\n::stop-commands::z")
+@example(text="```\n</details>\n<script>")
+def test_no_writer_lets_data_be_obeyed(form: str, text: str) -> None:
+    written = WRITERS[form](hostile_report(text))
+    assert len(obeyed(written)) == commands_of(written, form) == (3 if form == "github" else 0)
+    shown = written.replace("\n", "").replace("\t", "")
+    # Pictures and joiners of ours and of words are no controls; those of direction are gone.
+    assert {unicodedata.category(sign) for sign in shown}.isdisjoint({"Cc", "Cs", "Zl", "Zp"})
+    assert not set(shown) & set("\u061c\u200e\u200f\u202a\u202b\u202c\u202d\u202e\u2066\u2067")
+
+
+@given(text=HOSTILE, width=st.integers(10, 60))
+@example(text="ab ::error::x", width=10)
+@example(text="a b c d ##[add-mask]y", width=10)
+def test_lines_that_wrap_are_not_obeyed(text: str, width: int) -> None:
+    assert obeyed(as_text(hostile_report(text), width)) == []
+
+
+@given(text=HOSTILE)
+def test_formats_stay_what_they_are(text: str) -> None:
+    """JSON keeps its data, JUnit its cases; Markdown has no markup but the writer's own."""
+    report = hostile_report(text)
+    assert json.loads(WRITERS["json"](report)) == report.record.model_dump(mode="json")
+    root = ET.fromstring(WRITERS["junit"](report))  # noqa: S314 - our own
+    tags = [[child.tag for child in case] for case in root.iter("testcase")]
+    assert tags == [["failure"], ["system-out"], ["system-out"], ["skipped"], []]
+    parts = re.split("^```.*$", WRITERS["markdown"](report), flags=re.MULTILINE)
+    assert len(parts) == 5  # two blocks of code, in which markup is none
+    lines = "".join(parts[::2]).splitlines()
+    assert [line for line in lines if line.startswith("<")] == [
+        "<details><summary>commands</summary>",
+        "</details>",
+    ]

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import contactlab
-from contactlab.ci_output import annotations
+from contactlab.writers.github import annotations
 
 MOST_CELLS = 12  # a side of the map
 SQUARES = "🟥🟧🟨🟪🟦🟫⬛"
@@ -101,7 +101,7 @@ def _order(text: str) -> tuple[float, str]:
 
 
 def _failed_checks(file: Path) -> list[tuple[str, str]]:
-    checks = json.loads(file.read_text(encoding="utf-8"))["checks"]
+    checks = json.loads(file.read_text(encoding="utf-8"))["findings"]
     failed = [check for check in checks if check["outcome"] == "failed"]
     return [(check["name"], f"{check['name']}: {check['message']}") for check in failed]
 

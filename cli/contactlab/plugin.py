@@ -20,13 +20,14 @@ if TYPE_CHECKING:
         proceed_always,
     )
     from contactlab.errors import ContactlabError, EngineError, PluginError, SceneError
+    from contactlab.judge.limits import Limit, informative
     from contactlab.measure import (
         Context,
-        Finding,
-        Findings,
         Floats,
         Found,
         MeasuredRuns,
+        Onset,
+        Onsets,
         Threshold,
         cached,
         contact_depths,
@@ -38,7 +39,6 @@ if TYPE_CHECKING:
         worst_pair,
     )
     from contactlab.studies.check.check_entries import Measured, check, remedy
-    from contactlab.studies.check.check_results import Limit, informative
     from contactlab.studies.check.checked_model import CheckedModel
 
 __all__ = [
@@ -47,13 +47,13 @@ __all__ = [
     "ContactlabError",
     "Context",
     "EngineError",
-    "Finding",
-    "Findings",
     "Floats",
     "Found",
     "Limit",
     "Measured",
     "MeasuredRuns",
+    "Onset",
+    "Onsets",
     "PluginError",
     "PreparedRuns",
     "Proceed",
@@ -81,9 +81,9 @@ __all__ = [
 _HOMES = (
     "contactlab.measure",
     "contactlab.errors",
+    "contactlab.judge.limits",
     "contactlab.engines.engine",
     "contactlab.studies.check.check_entries",
-    "contactlab.studies.check.check_results",
     "contactlab.studies.check.checked_model",
 )
 

@@ -49,3 +49,15 @@ def shortened(lines: Sequence[str], most: int, rest: str) -> list[str]:
     """Return the first lines, and a last one that says where the rest of them is."""
     more = len(lines) - most
     return list(lines) if more <= 0 else [*lines[:most], f"and {more} more in {rest}"]
+
+
+_MOST_NAMES = 12  # of a list in one line
+
+
+def first_names(line: str) -> str:
+    """Return `kind: name, name, ...` with the first names, and how many more there are."""
+    kind, _, listed = line.partition(": ")
+    names = listed.split(", ")
+    more = len(names) - _MOST_NAMES
+    rest = [f"and {more} more"] if more > 0 else []
+    return f"{kind}: {', '.join([*names[:_MOST_NAMES], *rest])}"

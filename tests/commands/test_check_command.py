@@ -44,12 +44,13 @@ def test_a_model_that_misses_a_rule_of_thumb(contactlab: Run, tmp_path: Path) ->
     code, out, err = contactlab(*SHORT, "--only", "shells", "--only", "timestep")
     assert (code, err) == (0, "")
     assert "own, from keyframe high, driven by exercise, for manipulation" in out
-    assert re.search("warning +shell", out)
+    assert re.search("WARN +shell", out)
     assert "margin lets contact force start 20 mm before touch (floor-box, limit 0.1 mm)" in out
     assert "contactlab stability own.xml" in out
     page = (tmp_path / "results/check/own/check.md").read_text()
-    assert page.startswith("# own: passes\n")
-    assert "## flat_contact" not in page
+    assert page.startswith("### ✅ own.xml passes\n")
+    assert "#### flat_contact" not in page
+    assert "#### shells: warning" in page
     # A margin of the geom's own is reached by no default; it is changed where it stands.
     assert "1. margin 0 mends shell" in out
     change = 'own.xml:2: <geom name="floor" type="plane" size="1 1 .1" margin="0"/>'
@@ -61,7 +62,7 @@ def test_an_error_fails(contactlab: Run) -> None:
     code, out, err = contactlab(*CHECK, "thin_plate", "--only", "timestep", "--no-remedies")
     assert code == 1
     assert err == "error: thin_plate fails travel\n"
-    assert re.search("error +travel +travel 20 mm", out)
+    assert re.search("FAIL +travel +travel 20 mm", out)
     assert contactlab(*CHECK, "thin_plate", "--only", "shells", "--no-remedies")[0] == 0
 
 
@@ -97,7 +98,7 @@ def test_what_is_accepted_fails_no_job(contactlab: Run, tmp_path: Path) -> None:
 def test_limits_of_ones_own(contactlab: Run) -> None:
     only = (*SHORT, "--only", "shells", "--no-remedies", "--set", "margin=1e-3")
     assert "force start 1 mm before touch (floor-box, limit 0.1 mm)" in contactlab(*only).out
-    assert "warning" not in contactlab(*only, "--within", "shell=2e-3").out
+    assert "WARN" not in contactlab(*only, "--within", "shell=2e-3").out
     code, out, err = contactlab(*only, "--within", "shel=1")
     assert (code, out) == (2, "")
     assert "no limit 'shel'; did you mean 'shell'?; there are penetration_steady, " in err
@@ -117,7 +118,7 @@ def test_outputs_for_jobs(contactlab: Run) -> None:
     assert [child.tag for child in cases["hold"]] == ["skipped"]
     assert [*cases["step_ratio"]] == []
     out = contactlab(*only, "--format", "github").out
-    assert out.startswith("::error title=contactlab check thin_plate::travel 20 mm")
+    assert out.startswith("::error title=contactlab check thin_plate::travel: travel 20 mm")
 
 
 @pytest.mark.long

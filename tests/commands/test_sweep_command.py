@@ -4,6 +4,7 @@ import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree as ET
 
 import pytest
 
@@ -126,3 +127,24 @@ def test_wrong_options(contactlab: Run, small: Path, option: list[str]) -> None:
     code, out, err = contactlab("sweep", small.name, *option)
     assert (code, out) == (2, "")
     assert err.startswith("Usage: contactlab sweep")
+
+
+def test_expectations_that_are_not_met_are_for_jobs(
+    contactlab: Run, small: Path, tmp_path: Path
+) -> None:
+    """Each format names the same two runs of which the other outcome was expected."""
+    file = tmp_path / "wrong.yaml"
+    file.write_text(small.read_text().replace("max: 1}", "max: 1.0e-9}"))
+    code, out, err = contactlab("sweep", file.name, "--workers", "0", "--format", "junit")
+    assert (code, err) == (1, "error: 2 of 4 runs are not as the sweep expects\n")
+    cases = {case.get("name"): [*case] for case in ET.fromstring(out).iter("testcase")}  # noqa: S314
+    assert [len(children) for children in cases.values()] == [0, 1]
+    said = cases["runs as expected"][0].text or ""
+    unmet = said.splitlines()[1:3]
+    assert said.startswith("unmet: 0 of 2 runs are as expected; 2 have no expectation\n")
+    assert all("penetration_max" in line and "timestep=0.002" in line for line in unmet)
+    again = ("sweep", file.name, "--workers", "0", "--format")
+    annotation = contactlab(*again, "github").out
+    assert annotation.startswith("::error title=contactlab sweep wrong::runs as expected: 0 of 2")
+    assert all(line.replace("%", "%25") in annotation for line in unmet)
+    assert contactlab(*again, "markdown").out.startswith("### ❌ wrong: ")

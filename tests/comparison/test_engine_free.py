@@ -16,10 +16,11 @@ from pathlib import Path
 
 sys.modules["mujoco"] = None
 from contactlab.comparison.compare_stores import compare
-from contactlab.comparison.report_formats import as_junit, as_markdown, as_text
+from contactlab.comparison.report import report_of
+from contactlab.writers import as_junit, as_markdown, as_text
 
 report = compare(Path(sys.argv[1]), Path(sys.argv[2]))
-assert as_text(report) and as_markdown(report) and as_junit(report)
+assert as_text(report_of(report)) and as_markdown(report_of(report)) and as_junit(report_of(report))
 loaded = {"contactlab.run", "contactlab.scene", "contactlab.engines", "scipy"} & set(sys.modules)
 print(report.verdict, sorted(loaded))
 """

@@ -8,7 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from contactlab.comparison.checks import (
+from contactlab.comparison.metric_checks import aggregate, gap_verdicts, judge
+from contactlab.judge.policies import EffectiveRule
+from contactlab.judge.subjects import (
     BETTER,
     CHANGED,
     MISSING,
@@ -16,11 +18,9 @@ from contactlab.comparison.checks import (
     NOT_COMPARABLE,
     SAME,
     WORSE,
-    CheckSubject,
+    Subject,
     verdict_counts,
 )
-from contactlab.comparison.metric_checks import aggregate, gap_verdicts, judge
-from contactlab.comparison.policies import EffectiveRule
 from contactlab.store.run_columns import NumberColumn
 
 REALS = st.floats(-1e6, 1e6)
@@ -131,7 +131,7 @@ def test_ratios_to_zero() -> None:
 @given(st.lists(st.sampled_from(range(len(NAMES)))))
 def test_a_fold_is_the_worst_and_counts_add_up(codes: list[int]) -> None:
     verdicts = np.array(codes, dtype=np.int8)
-    assert CheckSubject("check", "metrics", "gate").check(verdicts, "").verdict == (
+    assert Subject("check", "metrics", "gate").finding(verdicts, "").verdict == (
         NAMES[max(codes)] if codes else "same"
     )
     assert sum(verdict_counts(verdicts).values()) == len(codes)

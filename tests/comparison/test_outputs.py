@@ -14,13 +14,15 @@ import xmlschema
 from hypothesis import given
 from hypothesis import strategies as st
 
-from contactlab.command_line.comparisons import files_to_write, publish
+from contactlab.command_line.judgements import files_to_write, publish
 from contactlab.comparison.compare_stores import compare, unreadable_report
-from contactlab.comparison.report_formats import as_annotations, as_junit, as_markdown, as_text
+from contactlab.comparison.report import report_of
 from contactlab.errors import OutputError, StoreError
 from contactlab.printable import visible
-from contactlab.schema.comparison import Check, ComparePolicy, ComparisonReport, PairCounts, RunPair
+from contactlab.schema.comparison import ComparePolicy, ComparisonReport, PairCounts
+from contactlab.schema.finding import Finding, RunPair
 from contactlab.schema.json_schemas import json_schemas
+from contactlab.writers import as_annotations, as_junit, as_markdown, as_text
 
 XSD = xmlschema.XMLSchema(Path(__file__).with_name("junit.xsd"))
 Runs = Callable[[], Any]
@@ -46,7 +48,7 @@ def same(baseline: Path, runs: Runs, stored: Stored) -> ComparisonReport:
     return compare(baseline, stored("same", runs()))
 
 
-def check_of(text: str, number: int = 0, **changes: Any) -> Check:
+def check_of(text: str, number: int = 0, **changes: Any) -> Finding:
     plain: dict[str, Any] = {
         "name": f"check {number} {text}".strip(),
         "kind": "metrics",
@@ -54,17 +56,17 @@ def check_of(text: str, number: int = 0, **changes: Any) -> Check:
         "level": "gate",
         "outcome": "failed",
         "verdict": "worse",
-        "runs": 1,
+        "judged": 1,
         "failing": 1,
         "counts": {"worse": 1},
         "message": text,
         "worst": (PAIR.model_copy(update={"axes": {"x": text}, "baseline": text}),),
     }
-    return Check(**{**plain, **changes})
+    return Finding(**{**plain, **changes})
 
 
-def report_of(same: ComparisonReport, *checks: Check) -> ComparisonReport:
-    return same.model_copy(update={"checks": checks, "exit_code": 1})
+def failing(same: ComparisonReport, *checks: Finding) -> ComparisonReport:
+    return same.model_copy(update={"findings": checks, "exit_code": 1})
 
 
 @pytest.mark.long
@@ -77,18 +79,18 @@ def test_json_fits_its_schema(worse: ComparisonReport) -> None:
 def test_junit_fits_its_schema(worse: ComparisonReport, same: ComparisonReport) -> None:
     error = unreadable_report(StoreError("no store at x"), ComparePolicy(version=1))
     for report in (worse, same, error):
-        XSD.validate(as_junit(report))
+        XSD.validate(as_junit(report_of(report)))
 
 
 def test_junit_has_a_case_for_each_check(worse: ComparisonReport) -> None:
-    suite = ET.fromstring(as_junit(worse)).find("testsuite")  # noqa: S314 - our own
+    suite = ET.fromstring(as_junit(report_of(worse))).find("testsuite")  # noqa: S314 - our own
     assert suite is not None
     cases = suite.findall("testcase")
     marks = {"failed": "failure", "warned": "system-out", "noted": "system-out"}
-    for case, check in zip(cases, worse.checks, strict=True):
+    for case, check in zip(cases, worse.findings, strict=True):
         mark = {**marks, "skipped": "skipped"}.get(check.outcome)
         assert [child.tag for child in case] == ([mark] if mark else [])
-    outcomes = [check.outcome for check in worse.checks]
+    outcomes = [check.outcome for check in worse.findings]
     assert {"failed", "warned", "noted", "skipped", "passed"} == set(outcomes)
     assert suite.get("failures") == str(outcomes.count("failed"))
     assert suite.get("skipped") == str(outcomes.count("skipped"))
@@ -102,7 +104,7 @@ def test_junit_names_are_unique_and_the_same_every_time(
 ) -> None:
     names = [
         [(case.get("classname"), case.get("name")) for case in ET.fromstring(text).iter("testcase")]  # noqa: S314
-        for text in (as_junit(worse), as_junit(same))
+        for text in (as_junit(report_of(worse)), as_junit(report_of(same)))
     ]
     assert names[0] == names[1]
     assert len(set(names[0])) == len(names[0])
@@ -112,7 +114,7 @@ def test_junit_names_are_unique_and_the_same_every_time(
 @given(text=TEXTS)
 def test_junit_holds_any_text(text: str) -> None:
     report = unreadable_report(StoreError(text), ComparePolicy(version=1))
-    XSD.validate(as_junit(report))
+    XSD.validate(as_junit(report_of(report)))
 
 
 ANNOTATION = re.compile(r"::(error|warning) title=([^:,\n\r]*)::([^\n\r]*)")
@@ -122,8 +124,8 @@ ANNOTATION = re.compile(r"::(error|warning) title=([^:,\n\r]*)::([^\n\r]*)")
 def test_annotations_are_read_back(texts: list[str]) -> None:
     """As GitHub reads them: commands at the start of lines, three escapes undone."""
     checks = [check_of("", number, message=text, worst=()) for number, text in enumerate(texts)]
-    report = MADE.model_copy(update={"checks": tuple(checks)})
-    lines = as_annotations(report).split("\n")
+    report = MADE.model_copy(update={"findings": tuple(checks)})
+    lines = as_annotations(report_of(report)).split("\n")
     assert lines.pop() == ""
     found = [ANNOTATION.fullmatch(line) for line in lines]
     messages = [unescaped(match[3]) for match in found if match]
@@ -139,7 +141,7 @@ def unescaped(text: str) -> str:
 
 
 def test_errors_and_warnings_are_annotated(worse: ComparisonReport) -> None:
-    lines = as_annotations(worse).splitlines()
+    lines = as_annotations(report_of(worse)).splitlines()
     assert "::error title=contactlab tried::no new chatter: 1 of 8 runs newly chatter" in lines[0]
     assert any("slip" in line and line.startswith("::error") for line in lines)
     assert any("cpu_model" in line and line.startswith("::warning") for line in lines)
@@ -165,7 +167,7 @@ def rows_of(markdown: str) -> list[list[str]]:
 
 
 def test_markdown_tells_the_worst_first(worse: ComparisonReport) -> None:
-    text = as_markdown(worse)
+    text = as_markdown(report_of(worse))
     assert text.startswith("### ❌ worse: 2 of ")
     header, _, first, *_ = (line for line in text.splitlines() if line.startswith("|"))
     assert header == "| | check | result | worst | where |"
@@ -178,8 +180,8 @@ def test_markdown_tells_the_worst_first(worse: ComparisonReport) -> None:
 
 @given(text=TEXTS)
 def test_markdown_shows_any_text_as_it_is(text: str) -> None:
-    report = MADE.model_copy(update={"checks": (check_of("", message=text, worst=()),)})
-    markdown = as_markdown(report)
+    report = MADE.model_copy(update={"findings": (check_of("", message=text, worst=()),)})
+    markdown = as_markdown(report_of(report))
     (row,) = [row for row in rows_of(markdown) if len(row) > 1 and row[1].startswith("check 0")]
     assert len(row) == 5
     assert row[2] == " ".join(visible(text).split())
@@ -194,24 +196,25 @@ def test_markdown_stays_below_what_a_job_summary_holds(
 ) -> None:
     """In bytes, of which a character may take several."""
     checks = [check_of(2_000 * character, number) for number in range(600)]
-    text = as_markdown(report_of(same, *checks))
+    text = as_markdown(report_of(failing(same, *checks)))
     assert 100_000 < len(text.encode()) < 900_000
     assert "The rest is left out" in text
 
 
 def test_text_of_many_failures_stays_readable(same: ComparisonReport) -> None:
     checks = [check_of("", number, worst=()) for number in range(100)]
-    lines = as_text(report_of(same, *checks)).splitlines()
+    lines = as_text(report_of(failing(same, *checks))).splitlines()
     assert sum(line.startswith("FAIL") for line in lines) == 26
     assert any(line.startswith("FAIL  and 75 more") for line in lines)
 
 
 def test_text_of_what_cannot_be_compared() -> None:
     report = unreadable_report(StoreError("no store at x"), ComparePolicy(version=1))
-    assert as_text(report) == "not comparable: no store at x\n"
+    text = "not comparable: no store at x\n\nFAIL  stores can be compared  no store at x\n"
+    assert as_text(report_of(report)).startswith(text)
     assert report.exit_code == 3
-    expected = "::error title=contactlab compare::not comparable: no store at x\n"
-    assert as_annotations(report) == expected
+    expected = "::error title=contactlab compare::stores can be compared: no store at x\n"
+    assert as_annotations(report_of(report)) == expected
 
 
 def _made() -> ComparisonReport:
@@ -237,7 +240,7 @@ def _made() -> ComparisonReport:
             "pairs": counts,
             "differences": (),
             "transitions": (),
-            "checks": (),
+            "findings": (),
             "advice": (),
         }
     )

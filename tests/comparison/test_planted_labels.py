@@ -8,8 +8,10 @@ from typing import Any
 import pytest
 
 from contactlab.comparison.compare_stores import compare
-from contactlab.comparison.report_formats import as_text
-from contactlab.schema.comparison import Check, ComparePolicy, ComparisonReport
+from contactlab.comparison.report import report_of
+from contactlab.schema.comparison import ComparePolicy, ComparisonReport
+from contactlab.schema.finding import Finding
+from contactlab.writers import as_text
 
 Runs = Callable[[], Any]
 Stored = Callable[..., Path]
@@ -19,8 +21,8 @@ def policy(**changes: Any) -> ComparePolicy:
     return ComparePolicy.model_validate({"version": 1, **changes})
 
 
-def check(report: ComparisonReport, name: str, group: str = "") -> Check:
-    (found,) = [each for each in report.checks if (each.name, each.group) == (name, group)]
+def check(report: ComparisonReport, name: str, group: str = "") -> Finding:
+    (found,) = [each for each in report.findings if (each.name, each.group) == (name, group)]
     return found
 
 
@@ -33,7 +35,7 @@ def test_one_flipped_label(baseline: Path, runs: Runs, stored: Stored, labels: l
     for label in labels:
         found = check(report, f"no new {label}")
         assert (found.outcome, found.message) == ("failed", f"1 of 8 runs newly {label}")
-    assert "label      stable -> tunneling: 1 run\n" in as_text(report)
+    assert "label      stable -> tunneling: 1 run\n" in as_text(report_of(report))
 
 
 def test_a_label_that_only_the_column_tells(baseline: Path, runs: Runs, stored: Stored) -> None:
@@ -62,7 +64,7 @@ def test_a_label_nobody_knows_is_taken_for_the_worst(
     strange.label(0, "haunted")
     report = compare(baseline, stored("strange", strange))
     assert check(report, "no new haunted").outcome == "failed"
-    assert report.checks.index(check(report, "no new haunted")) < report.checks.index(
+    assert report.findings.index(check(report, "no new haunted")) < report.findings.index(
         check(report, "no new crashed")
     )
 
@@ -101,7 +103,7 @@ def test_knife_edge_runs_gate_nothing_and_are_counted(runs: Runs, stored: Stored
     report = compare(*stores)
     assert report.exit_code == 0
     assert (report.pairs.knife_edge, report.pairs.knife_edge_flipped) == (1, 1)
-    assert "1 knife-edge (1 with another label now)" in as_text(report)
+    assert "1 knife-edge (1 with another label now)" in as_text(report_of(report))
     strict = compare(*stores, policy(knife_edge={"exclude": False}))
     assert strict.exit_code == 1
 

@@ -9,8 +9,10 @@ import pyarrow.parquet as pq
 import pytest
 
 from contactlab.comparison.compare_stores import compare
-from contactlab.comparison.report_formats import as_text
-from contactlab.schema.comparison import Check, ComparePolicy, ComparisonReport
+from contactlab.comparison.report import report_of
+from contactlab.schema.comparison import ComparePolicy, ComparisonReport
+from contactlab.schema.finding import Finding
+from contactlab.writers import as_text
 
 Runs = Callable[[], Any]
 Stored = Callable[..., Path]
@@ -20,8 +22,8 @@ def policy(**changes: Any) -> ComparePolicy:
     return ComparePolicy.model_validate({"version": 1, **changes})
 
 
-def check(report: ComparisonReport, name: str, group: str = "") -> Check:
-    (found,) = [each for each in report.checks if (each.name, each.group) == (name, group)]
+def check(report: ComparisonReport, name: str, group: str = "") -> Finding:
+    (found,) = [each for each in report.findings if (each.name, each.group) == (name, group)]
     return found
 
 
@@ -39,7 +41,7 @@ def test_one_worse_metric(baseline: Path, runs: Runs, stored: Stored) -> None:
     assert (pair.baseline, pair.candidate) == (1e-3, 1.5e-3)
     assert pair.axes == {"cone": "elliptic", "timestep": 8e-3}
     line = "0.001 -> 0.0015 m (+50 %)  cone=elliptic timestep=0.008 [00000000]"
-    assert line in as_text(report)
+    assert line in as_text(report_of(report))
 
 
 def test_one_better_metric(baseline: Path, runs: Runs, stored: Stored) -> None:
@@ -48,7 +50,9 @@ def test_one_better_metric(baseline: Path, runs: Runs, stored: Stored) -> None:
     report = compare(baseline, stored("better", better))
     assert (report.verdict, report.exit_code) == ("better", 0)
     assert check(report, "grip no worse").outcome == "noted"
-    assert "make the candidate the baseline: contactlab baseline update" in as_text(report)
+    assert "make the candidate the baseline: contactlab baseline update" in as_text(
+        report_of(report)
+    )
 
 
 def test_a_metric_without_a_better_side_may_not_change(
@@ -141,7 +145,7 @@ def test_an_accepted_check(baseline: Path, runs: Runs, stored: Stored) -> None:
     report = compare(baseline, candidate, rules, today=date(2026, 6, 30))
     found = check(report, "depth no worse")
     assert (report.exit_code, found.outcome, found.accepted) == (0, "noted", "softer")
-    assert "1 of 8 runs worse; accepted: softer" in as_text(report)
+    assert "1 of 8 runs worse; accepted: softer" in as_text(report_of(report))
     assert compare(baseline, candidate, rules, today=date(2026, 7, 1)).exit_code == 1
     worse.measure(1, depth=2e-3)
     more = compare(baseline, stored("more", worse), rules, today=date(2026, 1, 1))

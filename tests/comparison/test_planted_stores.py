@@ -9,11 +9,13 @@ import pyarrow.parquet as pq
 import pytest
 
 from contactlab.comparison.compare_stores import compare
-from contactlab.comparison.report_formats import as_text
+from contactlab.comparison.report import report_of
 from contactlab.errors import ContactlabError, PolicyError, StoreError
-from contactlab.schema.comparison import Check, ComparePolicy, ComparisonReport
+from contactlab.schema.comparison import ComparePolicy, ComparisonReport
 from contactlab.schema.evidence import EvidenceRecord
+from contactlab.schema.finding import Finding
 from contactlab.store.atomic_files import sha256_of
+from contactlab.writers import as_text
 
 Runs = Callable[[], Any]
 Stored = Callable[..., Path]
@@ -23,8 +25,8 @@ def policy(**changes: Any) -> ComparePolicy:
     return ComparePolicy.model_validate({"version": 1, **changes})
 
 
-def check(report: ComparisonReport, name: str, group: str = "") -> Check:
-    (found,) = [each for each in report.checks if (each.name, each.group) == (name, group)]
+def check(report: ComparisonReport, name: str, group: str = "") -> Finding:
+    (found,) = [each for each in report.findings if (each.name, each.group) == (name, group)]
     return found
 
 
@@ -32,8 +34,8 @@ def test_the_same_runs_are_bitwise_equal(baseline: Path, runs: Runs, stored: Sto
     report = compare(baseline, stored("again", runs()))
     assert (report.verdict, report.exit_code) == ("same", 0)
     assert report.pairs.bitwise_equal == report.pairs.paired == 8
-    assert {each.outcome for each in report.checks} == {"passed"}
-    assert "8 paired by id, all bitwise equal" in as_text(report)
+    assert {each.outcome for each in report.findings} == {"passed"}
+    assert "8 paired by id, all bitwise equal" in as_text(report_of(report))
 
 
 def test_swapped_sides(baseline: Path, runs: Runs, stored: Stored) -> None:

@@ -11,10 +11,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from contactlab.comparison.compare_stores import compare
-from contactlab.comparison.policies import accept, acceptance, effective_rule, kind_of
 from contactlab.errors import PolicyError, SweepFileError
+from contactlab.judge.acceptances import accept, acceptance
+from contactlab.judge.policies import effective_rule, kind_of
 from contactlab.plan.sweep_file import read_yaml_as
-from contactlab.schema.comparison import AcceptedCheck, ComparePolicy
+from contactlab.schema.comparison import ComparePolicy
+from contactlab.schema.finding import Acceptance
 from contactlab.store.table_layout import REAL, Column
 
 Runs = Callable[[], Any]
@@ -127,7 +129,10 @@ def test_accepting_keeps_the_files_comments(
     worse.measure(0, slip=0.6)
     candidate = stored("worse", worse)
     report = compare(baseline, candidate, read_policy(path))
-    accept(path, acceptance(report, "slip unchanged", " pads were replaced ", date(2027, 1, 1)))
+    accept(
+        path,
+        acceptance(report.findings, "slip unchanged", " pads were replaced ", date(2027, 1, 1)),
+    )
     text = path.read_text()
     for line in POLICY.splitlines():
         assert line.partition("#")[2] in text
@@ -136,7 +141,7 @@ def test_accepting_keeps_the_files_comments(
     assert compare(baseline, candidate, read_policy(path), today=date(2027, 1, 1)).exit_code == 0
     worse.measure(1, slip=0.6)
     again = compare(baseline, stored("more", worse), read_policy(path), today=date(2026, 1, 1))
-    accept(path, acceptance(again, "slip unchanged", "both were", None))
+    accept(path, acceptance(again.findings, "slip unchanged", "both were", None))
     (entry,) = read_policy(path).accept
     assert (entry.max, entry.reason, entry.until) == (2, "both were", None)
 
@@ -148,7 +153,7 @@ def test_accepting_makes_a_file_where_there_is_none(
     worse.measure(0, depth=2e-3)
     report = compare(baseline, stored("worse", worse))
     path = tmp_path / "new.yaml"
-    accept(path, acceptance(report, "depth no worse", "known", None))
+    accept(path, acceptance(report.findings, "depth no worse", "known", None))
     assert [entry.check for entry in read_policy(path).accept] == ["depth no worse"]
 
 
@@ -165,13 +170,13 @@ def test_what_cannot_be_accepted(
 ) -> None:
     report = compare(baseline, stored("same", runs()))
     with pytest.raises(PolicyError) as raised:
-        acceptance(report, name, reason, None)
+        acceptance(report.findings, name, reason, None)
     assert message in str(raised.value)
 
 
 NAMES = st.sampled_from(["no new chatter", "depth", "grip"])
 ACCEPTED = st.builds(
-    AcceptedCheck,
+    Acceptance,
     check=NAMES,
     group=st.sampled_from([None, "a", "b"]),
     max=st.integers(1, 9),
@@ -183,12 +188,12 @@ ACCEPTED = st.builds(
 @settings(max_examples=10)
 @given(st.lists(st.lists(ACCEPTED, min_size=1, max_size=2), min_size=1, max_size=4))
 def test_what_was_accepted_stays_until_it_is_accepted_anew(
-    tmp_path_factory: pytest.TempPathFactory, times: list[list[AcceptedCheck]]
+    tmp_path_factory: pytest.TempPathFactory, times: list[list[Acceptance]]
 ) -> None:
     """One entry for each check and group, the last one given; what else the file says stays."""
     path = tmp_path_factory.mktemp("policy") / "policy.yaml"
     path.write_text("# Ours.\nversion: 1\nlabels: {level: warn}\n")
-    expected = dict[tuple[str, str | None], AcceptedCheck]()
+    expected = dict[tuple[str, str | None], Acceptance]()
     for entries in times:
         accept(path, entries)
         for entry in entries:

@@ -7,7 +7,8 @@ from typing import Any
 import pytest
 
 from contactlab.comparison.compare_stores import compare
-from contactlab.schema.comparison import Check, ComparePolicy
+from contactlab.schema.comparison import ComparePolicy
+from contactlab.schema.finding import Finding
 
 Runs = Callable[[], Any]
 Stored = Callable[..., Path]
@@ -34,9 +35,9 @@ def weighed(runs: Runs) -> Callable[..., Any]:
     return make
 
 
-def checked(baseline: Path, candidate: Path) -> Check:
+def checked(baseline: Path, candidate: Path) -> Finding:
     policy = ComparePolicy.model_validate({"version": 1, "recommendation": {"changed": "gate"}})
-    checks = compare(baseline, candidate, policy).checks
+    checks = compare(baseline, candidate, policy).findings
     (found,) = [check for check in checks if check.kind == "recommendation"]
     return found
 

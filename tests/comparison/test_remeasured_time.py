@@ -15,10 +15,12 @@ from hypothesis import strategies as st
 
 from contactlab.comparison.compare_stores import compare
 from contactlab.comparison.metric_checks import Remeasure, median_interval
-from contactlab.comparison.report_formats import as_text
+from contactlab.comparison.report import report_of
 from contactlab.errors import PolicyError, StoreError
 from contactlab.run.stored_runs import timing_process
-from contactlab.schema.comparison import Check, ComparisonReport
+from contactlab.schema.comparison import ComparisonReport
+from contactlab.schema.finding import Finding
+from contactlab.writers import as_text
 
 Runs = Callable[[], Any]
 Stored = Callable[..., Path]
@@ -54,8 +56,8 @@ def timer(tmp_path: Path) -> Callable[..., Path]:
     return make
 
 
-def remeasured(report: ComparisonReport) -> Check:
-    (check,) = [each for each in report.checks if each.name == "remeasured_time no worse"]
+def remeasured(report: ComparisonReport) -> Finding:
+    (check,) = [each for each in report.findings if each.name == "remeasured_time no worse"]
     return check
 
 
@@ -85,11 +87,11 @@ def test_a_slower_engine_fails_the_gate(  # noqa: PLR0917 - fixtures
     asked = remeasure(3, *(timer(factor) for factor in factors))
     report = compare(baseline, stored("again", runs()), remeasure=asked)
     found = remeasured(report)
-    assert (found.verdict, report.exit_code, found.runs) == (verdict, code, 3)
+    assert (found.verdict, report.exit_code, found.judged) == (verdict, code, 3)
     ratio = f"{factors[1] / factors[0]:.3f}"
     message = f"median ratio {ratio}, 95 % interval {ratio} to {ratio} over 3 runs (within 5 %; "
     assert found.message == f"{message}fake {factors[0]}, now fake {factors[1]})"
-    assert found.message in as_text(report)
+    assert found.message in as_text(report_of(report))
 
 
 def test_runs_take_turns(

@@ -7,9 +7,9 @@ from typing import Any
 import pytest
 
 from contactlab.engines import ENGINES
+from contactlab.judge.limits import LIMITS
 from contactlab.measure import LABELS, METRICS, ORACLES, THRESHOLDS
 from contactlab.studies.check.check_entries import CHECKS
-from contactlab.studies.check.check_results import LIMITS
 
 TEXT = (Path(__file__).parents[2] / "CONTRIBUTING.md").read_text(encoding="utf-8")
 EXAMPLES = re.findall(r"^```python\n(.*?)^```", TEXT, re.MULTILINE | re.DOTALL)

@@ -109,7 +109,7 @@ def test_a_release_that_changed_friction_is_found_with_the_run(
     slides.begin("1.0", "1.4")
     found = bisect(list(SINCE), slides.differs, ignore)
     assert (found.before, found.after) == ("1.1", "1.2")
-    shown = {each.name: each for each in slides.shown(found).checks}
+    shown = {each.name: each for each in slides.shown(found).findings}
     slip = shown["slip_distance unchanged"]
     (pair,) = slip.worst
     assert pair.candidate_run
@@ -201,4 +201,4 @@ def test_a_change_of_a_real_release_is_found(tmp_path: Path) -> None:
         pytest.skip(str(error))
     found = bisect(listed, subject.differs, ignore)
     assert (found.before, found.after) == ("3.10.0", "3.11.0")
-    assert "no new energy_loss" in {each.name for each in subject.shown(found).checks}
+    assert "no new energy_loss" in {each.name for each in subject.shown(found).findings}

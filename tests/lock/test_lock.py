@@ -79,7 +79,7 @@ def judged(lock: Lock, store: Store, policy: ComparePolicy = DEFAULT_POLICY) -> 
 
 
 def failing(report: ComparisonReport) -> set[str]:
-    return {each.name for each in report.checks if each.outcome == "failed"}
+    return {each.name for each in report.findings if each.outcome == "failed"}
 
 
 def axes(sweep: Mapping[str, Any], **more: Any) -> dict[str, Any]:
@@ -108,7 +108,7 @@ def test_more_friction_is_seen(slid: Store, swept: Swept) -> None:
     report = judged(frozen(slid), more)
     assert report.exit_code == 1
     assert "slip_distance as locked" in failing(report)
-    slip = next(each for each in report.checks if each.name == "slip_distance as locked")
+    slip = next(each for each in report.findings if each.name == "slip_distance as locked")
     # Run ids name the runs that show it.
     assert slip.worst[0].candidate_run in set(more.table["run_id"].to_pylist())
 
@@ -201,7 +201,7 @@ def test_lost_groups_and_labels_are_seen(slid: Store) -> None:
     labels = made.model_copy(update={"groups": (moved, *rest)})
     report = judged(labels, slid)
     assert failing(report) == {"outcomes as locked"}
-    (pair,) = next(each.worst for each in report.checks if each.name == "outcomes as locked")
+    (pair,) = next(each.worst for each in report.findings if each.name == "outcomes as locked")
     assert (pair.baseline, pair.candidate) == (
         "stable 2 of 3, chatter 1 of 3",
         "stable 3 of 3, chatter 0 of 3",

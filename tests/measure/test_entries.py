@@ -14,9 +14,9 @@ from contactlab.measure import (
     METRICS,
     ORACLES,
     Context,
-    Finding,
-    Findings,
     MeasuredRuns,
+    Onset,
+    Onsets,
     Threshold,
     assess,
     label,
@@ -48,9 +48,9 @@ def declare_racing(rank: float = 7.5) -> None:
     limit = Threshold("top_speed", 10.0, "rad/s", "Largest metric top_speed.")
 
     @label("poor", rank=rank, thresholds=(limit,))
-    def racing(runs: MeasuredRuns) -> Findings:
+    def racing(runs: MeasuredRuns) -> Onsets:
         """A joint moves faster than its limit."""
-        return {run: Finding(f"at {speed:g} rad/s", 0) for run, speed, _ in runs.over("top_speed")}
+        return {run: Onset(f"at {speed:g} rad/s", 0) for run, speed, _ in runs.over("top_speed")}
 
 
 def test_a_metric_with_its_label_is_measured(trace_of: Any, setup_of: Any) -> None:
@@ -146,6 +146,6 @@ def test_an_entry_needs_a_definition() -> None:
         metric(unit="1")(bare)
 
 
-def _nothing(_runs: MeasuredRuns) -> Findings:
+def _nothing(_runs: MeasuredRuns) -> Onsets:
     """Nothing is wrong."""
     return {}

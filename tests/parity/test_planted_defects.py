@@ -9,8 +9,9 @@ from jsonschema import Draft202012Validator
 
 from contactlab.errors import SweepFileError
 from contactlab.resources import SCHEMAS
-from contactlab.studies.parity.formats import as_annotations, as_junit, as_markdown, as_text
 from contactlab.studies.parity.parity_report import ParityReport
+from contactlab.studies.parity.report import report_of
+from contactlab.writers import as_annotations, as_junit, as_markdown, as_text
 
 Parity = Callable[..., ParityReport]
 # It slides from the start, so that friction acts in full.
@@ -61,7 +62,7 @@ def test_without_a_defect_every_number_is_the_same(parity: Parity, sweep: str) -
     (run,) = report.runs
     assert (run.verdict, run.position, run.repeat, run.step) == ("same", 0.0, 0.0, 0.0)
     assert report.exit_code == 0
-    assert {each.outcome for each in report.checks} == {"passed"}
+    assert {each.outcome for each in report.findings} == {"passed"}
 
 
 @pytest.mark.long
@@ -91,7 +92,7 @@ def test_a_refused_run_is_neither_good_nor_bad(parity: Parity) -> None:
     report = parity(both)
     assert [each.verdict for each in report.runs] == ["same", "refused"]
     assert "PGS" in report.runs[1].reason
-    assert [each.outcome for each in report.checks][:2] == ["warned", "passed"]
+    assert [each.outcome for each in report.findings][:2] == ["warned", "passed"]
     alone = parity(INCLINE.replace("axes: {", "axes: {solver: [PGS], "))
     assert (alone.exit_code, alone.verdicts) == (3, {"refused": 1})
 
@@ -112,17 +113,17 @@ def test_a_policy_may_allow_more_and_accept_a_difference(parity: Parity) -> None
 
 
 @pytest.mark.long
-def test_every_format_tells_the_same_finding(parity: Parity) -> None:
+def test_every_format_tells_the_same_divergence(parity: Parity) -> None:
     report = parity(INCLINE, "friction")
     told = "friction of floor - box"
-    assert told in as_text(report)
-    assert told in as_markdown(report).replace("\\", "")
+    assert told in as_text(report_of(report))
+    assert told in as_markdown(report_of(report)).replace("\\", "")
     assert json.loads(report.model_dump_json())["runs"][0]["first"]["quantity"] == told
-    suite = ET.fromstring(as_junit(report)).find("testsuite")  # noqa: S314 - our own
+    suite = ET.fromstring(as_junit(report_of(report))).find("testsuite")  # noqa: S314 - our own
     assert suite is not None
     failures = [case.get("name") for case in suite if case.find("failure") is not None]
     assert "stages agree" in failures
-    lines = as_annotations(report).splitlines()
+    lines = as_annotations(report_of(report)).splitlines()
     assert {line.split("::")[1] for line in lines} == {
         f"error title=contactlab parity panel --against {report.engine}"
     }

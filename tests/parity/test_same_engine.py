@@ -57,7 +57,7 @@ def test_mujoco_under_another_name_does_the_same(
         ("same", 0.0, 0.0)
     }
     assert told == ["2", *(judged.run_id for judged in report.runs)]
-    assert (report.exit_code, {check.outcome for check in report.checks}) == (0, {"passed"})
+    assert (report.exit_code, {check.outcome for check in report.findings}) == (0, {"passed"})
 
 
 @pytest.fixture(scope="module")
@@ -83,9 +83,9 @@ def test_both_quaternions_of_a_rotation_agree(
     states: Callable[..., ForwardStates], sign: int
 ) -> None:
     """Signs of a quaternion turn alike; what turns by 0.01 rad more does not."""
-    assert states(xquat=lambda quat: sign * quat).first_finding() is None
+    assert states(xquat=lambda quat: sign * quat).first_divergence() is None
     turned = states(xquat=lambda quat: sign * (quat + 0.005 * np.roll(quat, 1, axis=-1)))
-    found = turned.first_finding()
+    found = turned.first_divergence()
     assert found is not None
     assert (found.stage, found.quantity[:5]) == ("kinematics", "xquat")
 
@@ -103,7 +103,7 @@ def test_a_changed_quantity_is_found_at_its_stage(
     states: Callable[..., ForwardStates], name: str, stage: str
 ) -> None:
     """With the values of both, and which is whose."""
-    found = states(**{name: lambda values: values + 1.0}).first_finding()
+    found = states(**{name: lambda values: values + 1.0}).first_divergence()
     assert found is not None
     assert found.stage == stage
     assert found.mujoco is not None

@@ -22,7 +22,7 @@ SOURCE = f'''
 import numpy as np
 
 from contactlab.plugin import (
-    Buffers, Context, Finding, Findings, Floats, Limit, Measured, MeasuredRuns, PreparedRuns,
+    Buffers, Context, Floats, Limit, Measured, MeasuredRuns, Onset, Onsets, PreparedRuns,
     Proceed, Rollout, SimulationEngine, Threshold, Watch, check, engine, label, metric, no_limit,
     proceed_always,
 )
@@ -42,13 +42,13 @@ def start_height(context: Context) -> Floats:
     advice="{ADVICE}",
     thresholds=(Threshold("start_height", 0.01, "m", "Largest height at the start."),),
 )
-def too_high(runs: MeasuredRuns) -> Findings:
+def too_high(runs: MeasuredRuns) -> Onsets:
     """A body starts higher than accepted."""
     found = runs.over("start_height")
-    return {{run: Finding(f"it starts at {{high:g}} m", 0) for run, high, _ in found}}
+    return {{run: Onset(f"it starts at {{high:g}} m", 0) for run, high, _ in found}}
 
 
-@check("degrees", asks="at most two degrees of freedom", limits=(Limit("dofs", "1", "error", 2),))
+@check("degrees", asks="at most two degrees of freedom", limits=(Limit("dofs", "1", "gate", 2),))
 def degrees(checked):
     return Measured([checked.measure("dofs", float(checked.base.model.nv))])
 

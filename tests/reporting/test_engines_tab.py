@@ -12,7 +12,7 @@ from contactlab.page.engine_parts import engine_parts, engines_sentence
 from contactlab.page.report_files import write_page
 from contactlab.reporting.report import PageRequest, read_report_data
 from contactlab.store.finished_store import Store
-from contactlab.studies.parity.parity_report import Finding, Measured, ParityReport, RunParity
+from contactlab.studies.parity.parity_report import Divergence, Measured, ParityReport, RunParity
 
 pytestmark = pytest.mark.long
 
@@ -79,11 +79,11 @@ def parity(store: Store, **changes: Any) -> ParityReport:
         RunParity(run_id=each, axes={"timestep": 0.001}, seed=0, verdict="same", position=1e-12)
         for each in ids
     ]
-    first = Finding(stage="contacts", quantity="count of <a> - b", step=4, mujoco=8, engine=4)
+    first = Divergence(stage="contacts", quantity="count of <a> - b", step=4, mujoco=8, engine=4)
     differs = {"verdict": "different", "first": first, "measured": {"energy": share}}
     told = {"sweep": "tried", "scene": "ball_drop", "engine": "impulse", "version": "1",
             "mujoco": "4", "device": "", "exit_code": 1, "headline": "impulse differs",
-            "verdicts": {}, "checks": (), "closed_form": None,
+            "verdicts": {}, "findings": (), "closed_form": None,
             "runs": (runs[0].model_copy(update=differs), *runs[1:])}  # fmt: skip
     return ParityReport.model_validate(told | changes)
 

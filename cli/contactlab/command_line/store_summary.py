@@ -10,9 +10,9 @@ from contactlab.command_line.terminal import echo, print_csv, print_json, print_
 
 if TYPE_CHECKING:
     from contactlab.reporting.report_columns import GridAxis, RunLabels
-    from contactlab.schema.evidence import StoreManifest
     from contactlab.store.finished_store import Store
     from contactlab.store.run_columns import RunColumns
+    from contactlab.writers import Report
 
 _MOST_ROWS_SHOWN = 12
 _ID_DIGITS = 8
@@ -49,7 +49,7 @@ def summary_text(store: "Store", given: Given) -> None:
     found = finding(axes, labels) if axes else ""
     for told in filter(None, (found, distance_to_reality(axes, columns))):
         tell(told)
-    for line in _as_expected(manifest):
+    for line in _as_expected(store):
         tell(line)
     _print_missing_effects(columns)
     if manifest.runs <= _MOST_ROWS_SHOWN:
@@ -114,11 +114,32 @@ def format_value(value: object) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 
-def _as_expected(manifest: "StoreManifest") -> "Iterator[str]":
+def expectations(store: "Store", given: Given) -> "Report":
+    """Return what is written of whether a sweep ended as it expects."""
+    del given
+    from contactlab.judge.conclusion import exit_code
+    from contactlab.judge.expectations import expectation_findings
+    from contactlab.reporting.finding import headline
+    from contactlab.reporting.report_columns import read_run_labels
+    from contactlab.writers import Report
+
+    findings, name = tuple(expectation_findings(store)), store.manifest.sweep.name
+    return Report(
+        title=f"contactlab sweep {name}",
+        place=(name,),
+        headline=f"{name}: {headline(read_run_labels(store))}",
+        passed=exit_code(findings) == 0,
+        record=store.manifest,
+        findings=findings,
+        commands=(("look closer", f"contactlab show {store.address}"),),
+    )
+
+
+def _as_expected(store: "Store") -> "Iterator[str]":
     """Yield how far a sweep went as it expects."""
-    met, unmet = (manifest.expectations.get(name, 0) for name in ("met", "unmet"))
-    rest = f"; {manifest.runs - met - unmet:,} have no expectation"
-    as_expected = f"{met:,} of {met + unmet:,} runs are as expected"
-    as_expected += rest if met + unmet < manifest.runs else ""
-    yield as_expected if met + unmet else "no expectations defined"
-    yield from (f"not as expected: {mean}" for mean in manifest.unmet_means)
+    from contactlab.judge.expectations import EXPECTED, expectation_findings
+
+    for finding in expectation_findings(store):
+        if finding.name == EXPECTED:
+            yield finding.message
+    yield from (f"not as expected: {mean}" for mean in store.manifest.unmet_means)

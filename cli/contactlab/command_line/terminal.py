@@ -28,7 +28,7 @@ from rich.text import Text
 
 from contactlab.command_line.surroundings import Surroundings, Watch
 from contactlab.errors import StoppedError
-from contactlab.printable import in_one_line, printable
+from contactlab.printable import first_names, in_one_line, printable
 
 if TYPE_CHECKING:
     from contactlab.run.tasks import Finished, Stop
@@ -67,9 +67,6 @@ class _Notice:
 notice = _Notice()
 
 
-_MOST_NAMES = 12  # of parts of one kind in a line
-
-
 def echo(text: object, *, err: bool = False) -> None:
     """Print lines to stdout, or to stderr; what they hold of data is shown, never obeyed."""
     echo_commands(printable(str(text)), err=err)
@@ -77,11 +74,8 @@ def echo(text: object, *, err: bool = False) -> None:
 
 def echo_unexercised(lines: Sequence[str], of: str = "") -> None:
     """Print what no run exercised, a line by kind with its first names."""
-    for kind, _, listed in (line.partition(": ") for line in lines):
-        names = listed.split(", ")
-        more = len(names) - _MOST_NAMES
-        rest = [f"and {more} more"] if more > 0 else []
-        echo(f"{of}{kind}: {', '.join([*names[:_MOST_NAMES], *rest])}")
+    for line in lines:
+        echo(of + first_names(line))
 
 
 def tell(sentence: str) -> None:

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 from contactlab.command_line import options as opt
-from contactlab.command_line.comparisons import policy_of, print_report
 from contactlab.command_line.declaration import Argument, Given, Option, command
+from contactlab.command_line.judgements import compared, policy_of, print_report
 from contactlab.command_line.surroundings import say
 from contactlab.command_line.terminal import echo, print_json
 from contactlab.commands.lock import sweep_words
@@ -28,7 +28,7 @@ class Bisection(NamedTuple):
 
 
 def _text(result: Bisection, given: Given) -> None:
-    from contactlab.comparison.checks import plural
+    from contactlab.judge.wording import plural
 
     found = result.found
     tried = plural(found.steps, "release")
@@ -36,15 +36,15 @@ def _text(result: Bisection, given: Given) -> None:
     for version, reason in found.skipped.items():
         echo(f"or {version}, which cannot be run: {reason}")
     if result.comparison is not None:
-        print_report("text", result.comparison, given)
+        print_report("text", compared, result.comparison, given)
     else:
         echo(f"what pytest printed: {result.folder / found.after / 'pytest.txt'}")
 
 
 def _json(result: Bisection, given: Given) -> None:
     del given
-    compared = result.comparison and result.comparison.model_dump(mode="json")
-    print_json({**asdict(result.found), "comparison": compared, "folder": str(result.folder)})
+    report = result.comparison and result.comparison.model_dump(mode="json")
+    print_json({**asdict(result.found), "comparison": report, "folder": str(result.folder)})
 
 
 @command(

@@ -1,54 +1,39 @@
 """`contactlab check`: whether a model is fit to be trusted."""
 
 from collections.abc import Sequence
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from contactlab.command_line import options as opt
 from contactlab.command_line.declaration import Argument, Given, Option, command, flag
+from contactlab.command_line.judgements import printed
 from contactlab.command_line.surroundings import study_session
-from contactlab.command_line.terminal import echo, echo_commands, echo_unexercised, print_table
-from contactlab.errors import ExpectationError
-from contactlab.printable import shortened
+from contactlab.errors import ContactlabError
 
 if TYPE_CHECKING:
     from contactlab.schema.check_report import CheckReport
-    from contactlab.schema.comparison import AcceptedCheck
+    from contactlab.schema.finding import Acceptance
+    from contactlab.writers import Report
 
 
-def _shown(form: str, report: "CheckReport", given: Given) -> None:
-    from contactlab.ci_output import annotations, junit, junit_case
+def _report_of(report: "CheckReport", given: Given) -> "Report":
+    from contactlab.studies.check.check_results import report_of
 
-    title = f"contactlab check {report.scene}"
-    match form:
-        case "json":
-            echo(report.model_dump_json(indent=2))
-        case "junit":
-            cases = [
-                junit_case(finding, (report.scene, finding.check), finding.severity)
-                for finding in report.findings
-            ]
-            echo(junit(title, cases).rstrip("\n"))
-        case "github":
-            errors, warnings = (
-                [finding.full_message for finding in report.findings if finding.outcome == outcome]
-                for outcome in ("failed", "warned")
-            )
-            echo_commands(annotations(title, errors, warnings).rstrip("\n"))
-        case _:
-            _print_findings(report, opt.study_folder("check", given["model"], given["output"]))
+    folder = opt.study_folder("check", given["model"], given["output"])
+    return report_of(report, folder / "check.md")
 
 
-def _failure(report: "CheckReport", given: Given) -> ExpectationError | None:
-    failed = [finding.name for finding in report.findings if finding.outcome == "failed"]
-    return ExpectationError(f"{given['model']} fails {', '.join(failed)}") if failed else None
+def _failure(report: "CheckReport", given: Given) -> ContactlabError | None:
+    from contactlab.judge.conclusion import error_of, exit_code, failed_names
+
+    failed = ", ".join(failed_names(report.findings))
+    return error_of(exit_code(report.findings), f"{given['model']} fails {failed}")
 
 
 @command(
     "run",
     examples=("check robot.xml", "check menagerie:franka_emika_panda --format junit"),
-    formats={form: partial(_shown, form) for form in ("text", "json", "junit", "github")},
+    formats=printed(_report_of),
     failure=_failure,
 )
 def check(
@@ -74,7 +59,7 @@ def check(
     within: opt.Within = (),
     must: opt.Must = (),
     accept: Annotated[
-        "str | Path | Sequence[AcceptedCheck] | None",
+        "str | Path | Sequence[Acceptance] | None",
         Option("FILE", "File of findings that are accepted, with reasons.", kind=Path),
     ] = None,
     remedies: Annotated[
@@ -112,32 +97,11 @@ def check(
 
 
 def _accepted(
-    accept: "str | Path | Sequence[AcceptedCheck] | None",
-) -> "Sequence[AcceptedCheck]":
+    accept: "str | Path | Sequence[Acceptance] | None",
+) -> "Sequence[Acceptance]":
     from contactlab.plan.sweep_file import read_yaml_as
-    from contactlab.schema.comparison import Acceptances
+    from contactlab.schema.finding import Acceptances
 
     if isinstance(accept, str | Path):
         return read_yaml_as(Path(accept), Acceptances).accept
     return accept or ()
-
-
-def _print_findings(report: "CheckReport", folder: Path) -> None:
-    from contactlab.studies.check import check_results
-
-    echo(report.task.line)
-    echo(f"{report.scene}, {check_results.conditions(report)}")
-    print_table(("", "finding", "result"), list(check_results.summary_rows(report)))
-    for each in report.checks:
-        for note in shortened(each.notes, 4, "check.md"):
-            echo(f"{each.name}: {note}")
-    for note in report.notes:
-        echo(note)
-    if report.remedies:
-        echo(check_results.REMEDIES)
-    for number, remedy in enumerate(report.remedies, 1):
-        echo("\n".join(check_results.remedy_lines(number, remedy)))
-    echo(check_results.STABILITY.format(model=report.model))
-    verdict = "passes" if report.passed else "fails"
-    echo_unexercised(report.not_exercised)
-    echo(f"{report.model} {verdict}; all numbers and evidence are in {folder / 'check.md'}")

@@ -7,14 +7,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from contactlab.command_line import options as opt
-from contactlab.command_line.comparisons import (
-    COMPARED,
+from contactlab.command_line.declaration import Argument, Option, command, flag
+from contactlab.command_line.judgements import (
+    compared,
     failure,
     files_to_write,
     policy_of,
+    printed,
     publish,
 )
-from contactlab.command_line.declaration import Argument, Option, command, flag
 from contactlab.errors import PolicyError, StoreError
 
 if TYPE_CHECKING:
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
 @command(
     "read",
     examples=("compare results/before results/after",),
-    formats=COMPARED,
+    formats=printed(compared),
     failure=failure,
 )
 def compare(
@@ -77,8 +78,8 @@ def compare(
     """
     from contactlab.comparison.compare_stores import compare as compare_stores
     from contactlab.comparison.compare_stores import unreadable_report
-    from contactlab.comparison.policies import accept as add_accepted
-    from contactlab.comparison.policies import acceptance
+    from contactlab.judge.acceptances import accept as add_accepted
+    from contactlab.judge.acceptances import acceptance
 
     targets = files_to_write(output)
     given = {"match": match, "baseline_digest": baseline_digest}
@@ -90,7 +91,7 @@ def compare(
             raise PolicyError("--accept adds to a policy file; name it with --policy FILE")
         before = run(policy_of(policy if Path(policy).exists() else None, given))
         day = until.date() if isinstance(until, datetime) else until
-        add_accepted(Path(policy), acceptance(before, accept, reason, day))
+        add_accepted(Path(policy), acceptance(before.findings, accept, reason, day))
     rules = policy_of(policy, given)
     try:
         report = run(rules)

@@ -6,14 +6,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 from contactlab.command_line import options as opt
-from contactlab.command_line.comparisons import (
-    COMPARED,
+from contactlab.command_line.declaration import Argument, Given, Option, Show, command, flag
+from contactlab.command_line.judgements import (
+    compared,
     failure,
     files_to_write,
     policy_of,
+    printed,
     publish,
 )
-from contactlab.command_line.declaration import Argument, Given, Option, Show, command, flag
 from contactlab.command_line.surroundings import say
 from contactlab.command_line.terminal import echo, print_json
 from contactlab.errors import ContactlabError, OutputError, SweepFileError
@@ -55,7 +56,7 @@ def _failure(result: "WrittenLock | ComparisonReport", given: Given) -> Contactl
         "lock sweeps/gripper.yaml --check --set seeds=[10,11,12]",
     ),
     codes="0 written or as locked, 1 an outcome changed, 2 bad input, 3 it cannot be judged",
-    formats={form: partial(_shown, form, show) for form, show in COMPARED.items()},
+    formats={form: partial(_shown, form, show) for form, show in printed(compared).items()},
     failure=_failure,
 )
 def lock(

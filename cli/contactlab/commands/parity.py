@@ -6,25 +6,24 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 from contactlab.command_line import options as opt
-from contactlab.command_line.declaration import Argument, Given, Option, command
+from contactlab.command_line.declaration import Argument, Given, Option, Show, command
+from contactlab.command_line.judgements import failure, policy_of, printed
 from contactlab.command_line.surroundings import say, surroundings
-from contactlab.command_line.terminal import echo, echo_commands
+from contactlab.command_line.terminal import echo
 from contactlab.errors import (
     ContactlabError,
     EngineError,
-    ExpectationError,
     StoppedError,
-    StoreError,
     SweepFileError,
 )
 
 if TYPE_CHECKING:
     from contactlab.engines.engine import SimulationEngine
     from contactlab.plan.overrides import Overrides
-    from contactlab.schema.comparison import ComparePolicy
     from contactlab.studies.parity.panel import Panel
     from contactlab.studies.parity.parity_report import ParityReport, RunParity
     from contactlab.studies.parity.sweep_parity import ParityRequest
+    from contactlab.writers import Report
 
 
 class WrittenBundle(NamedTuple):
@@ -35,32 +34,25 @@ class WrittenBundle(NamedTuple):
     refused: dict[str, str]  # run id to why it is left out
 
 
-def _shown(form: str, result: "ParityReport | WrittenBundle", given: Given) -> None:
-    """Print a report; of a bundle, how many runs it has."""
-    from contactlab.comparison.checks import plural
+def _report_of(report: "ParityReport", given: Given) -> "Report":
+    from contactlab.studies.parity.report import report_of
 
     del given
+    return report_of(report)
+
+
+def _shown(show: Show, result: "ParityReport | WrittenBundle", given: Given) -> None:
+    """Print a report; of a bundle, how many runs it has."""
+    from contactlab.judge.wording import plural
+
     if isinstance(result, WrittenBundle):
         echo(f"{plural(result.runs, 'run')} in {result.folder}, for its check_newton.py")
-        return
-    from contactlab.studies.parity.formats import as_annotations, as_junit, as_markdown, as_text
-
-    match form:
-        case "json":
-            echo(result.model_dump_json(indent=2))
-        case "github":
-            echo_commands(as_annotations(result).removesuffix("\n"))
-        case _:
-            render = {"text": as_text, "markdown": as_markdown, "junit": as_junit}[form]
-            echo(render(result).removesuffix("\n"))
+    else:
+        show(result, given)
 
 
 def _failure(result: "ParityReport | WrittenBundle", given: Given) -> ContactlabError | None:
-    del given
-    if isinstance(result, WrittenBundle) or not result.exit_code:
-        return None
-    failed = result.exit_code == ExpectationError.exit_code
-    return (ExpectationError if failed else StoreError)(result.headline)
+    return None if isinstance(result, WrittenBundle) else failure(result, given)
 
 
 @command(
@@ -71,9 +63,7 @@ def _failure(result: "ParityReport | WrittenBundle", given: Given) -> Contactlab
         "parity --from bundle",
     ),
     codes="0 it does what MuJoCo does, 1 not, 2 bad input, 3 it cannot be judged, 130 interrupted",
-    formats={
-        form: partial(_shown, form) for form in ("text", "json", "markdown", "junit", "github")
-    },
+    formats={form: partial(_shown, show) for form, show in printed(_report_of).items()},
     failure=_failure,
 )
 def parity(
@@ -135,7 +125,7 @@ def parity(
         return _compared(_bundled(Path(from_), policy))
     engine, changed = _engine(str(against), device), tuple(opt.assigned(with_))
     panel = _panel(str(source), engine.name, overrides, changed, drive)
-    return _compared(ParityRequest(panel, engine, device, changed, _policy(policy)))
+    return _compared(ParityRequest(panel, engine, device, changed, policy_of(policy)))
 
 
 def _compared(request: "ParityRequest") -> "ParityReport":
@@ -165,7 +155,7 @@ def _panel(
 def _write_bundle(
     name: str, overrides: "Overrides", drive: str | None, folder: Path
 ) -> WrittenBundle:
-    from contactlab.comparison.checks import plural
+    from contactlab.judge.wording import plural
     from contactlab.studies.parity.bundle import ENGINE, write_bundle
 
     panel = _panel(name, ENGINE, overrides, (), drive)
@@ -182,7 +172,7 @@ def _bundled(folder: Path, policy: str | Path | None) -> "ParityRequest":
 
     bundle = Bundle.read(folder)
     engine = BundledEngine(folder, bundle)
-    return ParityRequest(bundle.panel(folder), engine, engine.device, (), _policy(policy))
+    return ParityRequest(bundle.panel(folder), engine, engine.device, (), policy_of(policy))
 
 
 def _engine(name: str, device: str) -> "SimulationEngine":
@@ -197,10 +187,3 @@ def _engine(name: str, device: str) -> "SimulationEngine":
     if not isinstance(engine, AdaptedEngine):
         raise EngineError(f"--device {device}: the {name} engine computes where this runs")
     return engine.on(device)
-
-
-def _policy(path: str | Path | None) -> "ComparePolicy":
-    from contactlab.plan.sweep_file import read_yaml_as
-    from contactlab.schema.comparison import ComparePolicy
-
-    return ComparePolicy(version=1) if path is None else read_yaml_as(Path(path), ComparePolicy)

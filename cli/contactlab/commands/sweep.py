@@ -3,12 +3,15 @@
 from collections.abc import Mapping
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 from contactlab.command_line import options as opt
-from contactlab.command_line.declaration import Argument, Given, Option, command, flag
+from contactlab.command_line.declaration import Argument, Given, Option, Show, command, flag
+from contactlab.command_line.judgements import printed
 from contactlab.command_line.store_summary import (
+    expectations,
     format_value,
     summary_csv,
     summary_json,
@@ -57,25 +60,42 @@ def _csv(result: "Store | PlannedSweep", given: Given) -> None:
         summary_csv(result, given)
 
 
+def _judged(show: Show, result: "Store | PlannedSweep", given: Given) -> None:
+    if isinstance(result, PlannedSweep):
+        _print_plan(result.plan, result.forecast)
+    else:
+        show(result, given)
+
+
 def _failure(result: "Store | PlannedSweep", given: Given) -> ContactlabError | None:
     """Return what runs were lost, or are not as the sweep expects."""
     del given
     if isinstance(result, PlannedSweep):
         return None
+    from contactlab.judge.expectations import EXPECTED, MEANS, RUNS, expectation_findings
+
     manifest = result.manifest
-    lost = manifest.statuses.get("crashed", 0) + manifest.statuses.get("timeout", 0)
-    if lost:
-        return RunFailedError(f"{lost} of {manifest.runs} runs crashed or timed out")
-    unmet = manifest.expectations.get("unmet", 0)
-    if unmet:
+    failed = {finding.name: finding for finding in expectation_findings(result) if finding.failing}
+    if RUNS in failed:
+        return RunFailedError(failed[RUNS].message)
+    if EXPECTED in failed:
+        unmet = failed[EXPECTED].failing
         return ExpectationError(f"{unmet} of {manifest.runs} runs are not as the sweep expects")
-    return ExpectationError("; ".join(manifest.unmet_means)) if manifest.unmet_means else None
+    return ExpectationError(failed[MEANS].message) if MEANS in failed else None
+
+
+_OF_JOBS = printed(expectations)
 
 
 @command(
     "run",
     examples=("sweep grasp", "sweep grid.yaml --set timestep=1e-3 --workers 4"),
-    formats={"text": _text, "json": _json, "csv": _csv},
+    formats={
+        "text": _text,
+        "json": _json,
+        "csv": _csv,
+        **{form: partial(_judged, _OF_JOBS[form]) for form in ("markdown", "junit", "github")},
+    },
     failure=_failure,
 )
 def sweep(

@@ -5,7 +5,6 @@ from collections.abc import Iterator, Sequence
 from datetime import date
 from pathlib import Path
 
-from contactlab.comparison.checks import CHANGED, NAMES, NOT_COMPARABLE, SAME, CheckSubject, plural
 from contactlab.comparison.metric_checks import Remeasure, metric_checks, remeasured_check
 from contactlab.comparison.pairing import (
     PairedStores,
@@ -15,7 +14,6 @@ from contactlab.comparison.pairing import (
     pair,
     pair_by_axes,
 )
-from contactlab.comparison.policies import apply_acceptances, check_names
 from contactlab.comparison.run_checks import (
     PairLabels,
     bitwise_equal,
@@ -27,21 +25,25 @@ from contactlab.comparison.run_checks import (
     unpaired_checks,
 )
 from contactlab.errors import ContactlabError, ExpectationError, PolicyError, StoreError
+from contactlab.judge.acceptances import apply_acceptances
+from contactlab.judge.conclusion import exit_code
+from contactlab.judge.policies import check_names
+from contactlab.judge.subjects import CHANGED, NAMES, NOT_COMPARABLE, SAME, Subject
+from contactlab.judge.wording import plural
 from contactlab.schema.comparison import (
-    Check,
     ComparedStore,
     ComparePolicy,
     ComparisonReport,
     Difference,
     PairCounts,
-    Verdict,
 )
+from contactlab.schema.finding import Change, Finding
 from contactlab.store.finished_store import Store
 from contactlab.store.store_files import Address
 from contactlab.store.verify_store import verify
 
 DEFAULT_POLICY = ComparePolicy(version=1)
-_COMPARABLE = CheckSubject("stores can be compared", "evidence", "gate")
+_COMPARABLE = Subject("stores can be compared", "evidence", "gate")
 _MOST_PROBLEMS_SHOWN = 3
 # Metrics and labels are checked one by one: those that have not changed stay comparable.
 _JUDGED_ONE_BY_ONE = {"metric_versions", "thresholds"}
@@ -114,7 +116,7 @@ def unreadable_report(error: ContactlabError, policy: ComparePolicy) -> Comparis
         pairs=PairCounts(**dict.fromkeys(PairCounts.model_fields, 0)),
         differences=(),
         transitions=(),
-        checks=(_COMPARABLE.single(NOT_COMPARABLE, str(error)),),
+        findings=(_COMPARABLE.single(NOT_COMPARABLE, str(error)),),
         advice=(),
     )
 
@@ -156,10 +158,10 @@ def _report(paired: PairedStores, remeasure: Remeasure | None) -> ComparisonRepo
     if remeasure is not None:
         checks.append(remeasured_check(paired, remeasure))
     checks = apply_acceptances(checks, policy.accept, paired.today)
-    verdict, exit_code, headline = conclusion(checks)
+    verdict, code, headline = conclusion(checks)
     return ComparisonReport(
         verdict=verdict,
-        exit_code=exit_code,
+        exit_code=code,
         headline=headline,
         baseline=described(before),
         candidate=described(after),
@@ -167,7 +169,7 @@ def _report(paired: PairedStores, remeasure: Remeasure | None) -> ComparisonRepo
         pairs=_counts(paired),
         differences=tuple(found for _, found in sameness if found),
         transitions=labels.transitions(),
-        checks=tuple(checks),
+        findings=tuple(checks),
         advice=tuple(_advice(checks, before, after)),
     )
 
@@ -189,7 +191,7 @@ def described(store: Store) -> ComparedStore:
 
 def _sameness_checks(
     baseline: Store, candidate: Store, policy: ComparePolicy
-) -> Iterator[tuple[Check, Difference | None]]:
+) -> Iterator[tuple[Finding, Difference | None]]:
     """Yield one check for each property that the policy names, and in what the stores differ."""
     for what in dict.fromkeys((*policy.require.same, *policy.require.warn_if_different)):
         # A changed scene is what runs are matched by axes for.
@@ -197,7 +199,7 @@ def _sameness_checks(
         required = what in policy.require.same and not changes_scene
         is_gate = required and what not in _JUDGED_ONE_BY_ONE
         level = "gate" if is_gate else "warn"
-        subject = CheckSubject(f"same {what}", "evidence", level, two_sided=True)
+        subject = Subject(f"same {what}", "evidence", level, two_sided=True)
         values = difference(baseline, candidate, what)
         if values is None:
             yield subject.single(SAME, "the same"), None
@@ -210,7 +212,7 @@ def _sameness_checks(
             yield subject.single(CHANGED, f"{old}, now {new}"), found
 
 
-def _store_checks(baseline: Store, candidate: Store) -> Iterator[Check]:
+def _store_checks(baseline: Store, candidate: Store) -> Iterator[Finding]:
     """Yield whether the stores are of two sweeps, in the right order; these checks only warn."""
     old, new = baseline.manifest, candidate.manifest
     copied = (old.started, old.finished, old.sweep) == (new.started, new.finished, new.sweep)
@@ -222,8 +224,8 @@ def _store_checks(baseline: Store, candidate: Store) -> Iterator[Check]:
     yield _warning("candidate is newer", warning if swapped else "", "finished after the baseline")
 
 
-def _warning(name: str, warning: str, fine: str) -> Check:
-    subject = CheckSubject(name, "evidence", "warn", two_sided=True)
+def _warning(name: str, warning: str, fine: str) -> Finding:
+    subject = Subject(name, "evidence", "warn", two_sided=True)
     return subject.single(CHANGED if warning else SAME, warning or fine)
 
 
@@ -240,7 +242,7 @@ def _counts(paired: PairedStores) -> PairCounts:
     )
 
 
-def conclusion(checks: Sequence[Check]) -> tuple[Verdict, int, str]:
+def conclusion(checks: Sequence[Finding]) -> tuple[Change, int, str]:
     """Return verdict, exit code and headline.
 
     Stores that differ in what must be the same come first: no other check means anything then.
@@ -249,21 +251,21 @@ def conclusion(checks: Sequence[Check]) -> tuple[Verdict, int, str]:
     skipped = [check.kind for check in checks if check.is_open]
     found = Counter(check.verdict for check in checks if check.kind in _ABOUT_RUNS)
     changed = set(found) - {"same", "not comparable"}
-    verdict, exit_code = "changed" if changed - {"better"} else "better" if changed else "same", 0
-    if failed and "evidence" not in skipped:
-        verdict, exit_code = NAMES[max(failed)], ExpectationError.exit_code
-    elif skipped:
-        verdict, exit_code = "not comparable", StoreError.exit_code
+    verdict: Change = "changed" if changed - {"better"} else "better" if changed else "same"
+    if (code := exit_code(checks)) == ExpectationError.exit_code:
+        verdict = NAMES[max(failed)]
+    elif code:
+        verdict = "not comparable"
     parts = [f"{len(failed)} of {plural(len(checks), 'check')} fail"] if failed else []
     parts += [f"{plural(len(skipped), 'check')} cannot be made"] if skipped else []
     if parts:
-        return verdict, exit_code, f"{verdict}: {', '.join(parts)}"
+        return verdict, code, f"{verdict}: {', '.join(parts)}"
     words = {"better": "better", "changed": "changed", "worse": "worse within budget"}
     changes = ", ".join(f"{found[name]} {word}" for name, word in words.items() if found[name])
-    return verdict, 0, f"{verdict}: no check of {len(checks)} fails{changes and f'; {changes}'}"
+    return verdict, code, f"{verdict}: no check of {len(checks)} fails{changes and f'; {changes}'}"
 
 
-def _advice(checks: Sequence[Check], baseline: Store, candidate: Store) -> Iterator[str]:
+def _advice(checks: Sequence[Finding], baseline: Store, candidate: Store) -> Iterator[str]:
     """Yield the commands to go on with, each after what it is for."""
     old, new = baseline.address, candidate.address
     order = ("failed", "warned", "noted")

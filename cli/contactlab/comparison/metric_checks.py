@@ -9,7 +9,10 @@ from typing import Protocol
 
 import numpy as np
 
-from contactlab.comparison.checks import (
+from contactlab.comparison.pairing import PairedStores, Rows, Value, difference, groups
+from contactlab.contact.trace_arrays import Floats
+from contactlab.judge.policies import REMEASURED, EffectiveRule, effective_rule, kind_of
+from contactlab.judge.subjects import (
     BETTER,
     CHANGED,
     MISSING,
@@ -18,19 +21,13 @@ from contactlab.comparison.checks import (
     NOT_COMPARABLE,
     SAME,
     WORSE,
-    CheckSubject,
     Mask,
+    Subject,
     Verdicts,
-    format_percent,
-    out_of,
-    plural,
-    value_change,
     verdict_counts,
 )
-from contactlab.comparison.pairing import PairedStores, Rows, Value, difference, groups
-from contactlab.comparison.policies import REMEASURED, EffectiveRule, effective_rule, kind_of
-from contactlab.contact.trace_arrays import Floats
-from contactlab.schema.comparison import Check, RunPair, Verdict
+from contactlab.judge.wording import format_percent, out_of, plural, value_change
+from contactlab.schema.finding import Finding, RunPair, Verdict
 from contactlab.store.run_columns import NumberColumn
 from contactlab.store.table_layout import REAL, Column
 
@@ -50,7 +47,7 @@ _LEAST_SECONDS_OF_A_TIMING = 0.05  # CPU time that each timing of a run takes at
 _MOST_REPEATS_OF_A_TIMING = 200
 
 
-def metric_checks(paired: PairedStores) -> Iterator[Check]:
+def metric_checks(paired: PairedStores) -> Iterator[Finding]:
     """Yield the checks of every metric that the baseline or the candidate has."""
     measured = {**paired.candidate.columns.measured, **paired.baseline.columns.measured}
     for metric in measured.values():
@@ -59,7 +56,7 @@ def metric_checks(paired: PairedStores) -> Iterator[Check]:
         columns = None if reason else paired.numbers(metric.name)
         exempt = paired.half_checked & metric.second_pass
         for group, member in groups(paired.baseline, paired.pairing, rule.by):
-            subject = CheckSubject(
+            subject = Subject(
                 name=f"{metric.name} {'unchanged' if rule.better == 'none' else 'no worse'}",
                 kind=kind_of(metric.name),
                 level=rule.level if metric.name in paired.baseline.columns.measured else "note",
@@ -74,7 +71,7 @@ def metric_checks(paired: PairedStores) -> Iterator[Check]:
                 rows = np.flatnonzero(member)
                 whole = len(rows) == len(member)
                 before, after = columns if whole else (column.at(rows) for column in columns)
-                yield MetricPairs(paired, rows, before, after, exempt[rows]).check(subject, rule)
+                yield MetricPairs(paired, rows, before, after, exempt[rows]).finding(subject, rule)
 
 
 def _not_comparable(paired: PairedStores, metric: Column, rule: EffectiveRule) -> str | None:
@@ -105,20 +102,20 @@ class MetricPairs:
     candidate: NumberColumn
     exempt: Mask
 
-    def check(self, subject: CheckSubject, rule: EffectiveRule) -> Check:
-        """Return the check that these values make by a rule."""
+    def finding(self, subject: Subject, rule: EffectiveRule) -> Finding:
+        """Return the finding that these values make by a rule."""
         verdicts = gap_verdicts(self.baseline, self.candidate, self.exempt)
         both = self.baseline.valid & self.candidate.valid & (verdicts == SAME)
         applies = both | (verdicts != SAME)
         runs = int(applies.sum())
         if not runs:
-            return subject.check(verdicts[:0], "applies to no run")
+            return subject.finding(verdicts[:0], "applies to no run")
         known = slice(None) if both.all() else both
         before, after = self.baseline.values[known], self.candidate.values[known]
         if rule.statistic == "each":
             verdicts[known] = judge(rule, before, after)
             message = _format_counts(verdicts, runs) or f"within {format_percent(rule.rel)}"
-            return subject.check(verdicts[applies], message, self._worst(rule, verdicts))
+            return subject.finding(verdicts[applies], message, self._worst(rule, verdicts))
         judged = verdicts[applies & ~both]
         parts = [_format_counts(verdicts, runs)] if len(judged) else []
         if both.any():
@@ -126,7 +123,7 @@ class MetricPairs:
             verdict = judge(rule, *statistic)
             judged = np.concatenate([judged, verdict])
             parts.insert(0, _format_statistic(rule, verdict, *statistic, subject.unit))
-        return subject.check(judged, "; ".join(parts), self._worst(rule, verdicts), runs=runs)
+        return subject.finding(judged, "; ".join(parts), self._worst(rule, verdicts), judged=runs)
 
     def _worst(self, rule: EffectiveRule, verdicts: Verdicts) -> list[RunPair]:
         """Return the pairs of the worst verdict that are farthest beyond the tolerance."""
@@ -135,7 +132,7 @@ class MetricPairs:
         shown = shown if len(shown) else np.flatnonzero(verdicts)
         baseline, candidate = self.baseline.values[shown], self.candidate.values[shown]
         with np.errstate(all="ignore"):
-            excess = np.abs(candidate - baseline) / allowed_change(rule, baseline)
+            excess = np.abs(candidate - baseline) / rule.limit.allowed(baseline)
         # Less than 1, so that it only orders pairs of equal verdict.
         ordering = np.nan_to_num(excess / _MOST_TOLERANCES_ORDERED, nan=0, posinf=0.5).clip(0, 0.5)
         worst = shown[np.argsort(-(verdicts[shown] + ordering), kind="stable")[:MOST_SHOWN]]
@@ -152,15 +149,10 @@ def judge(rule: EffectiveRule, baseline: Floats, candidate: Floats) -> Verdicts:
     A change is beyond tolerance if it is larger than `abs + rel * |baseline|`.
     """
     change = _SIGN[rule.better] * (candidate - baseline)
-    beyond = np.abs(change) > allowed_change(rule, baseline)
+    beyond = np.abs(change) > rule.limit.allowed(baseline)
     if rule.better == "none":
         return np.where(beyond, CHANGED, SAME).astype(np.int8)
     return np.where(beyond, np.where(change > 0, WORSE, BETTER), SAME).astype(np.int8)
-
-
-def allowed_change(rule: EffectiveRule, baseline: Floats) -> Floats:
-    """Return the largest change within tolerance (n,), in the metric's unit."""
-    return rule.abs + rule.rel * np.abs(baseline)
 
 
 def gap_verdicts(baseline: NumberColumn, candidate: NumberColumn, exempt: Mask) -> Verdicts:
@@ -242,7 +234,7 @@ class Remeasure:
     candidate: StartTimer
 
 
-def remeasured_check(paired: PairedStores, request: Remeasure) -> Check:
+def remeasured_check(paired: PairedStores, request: Remeasure) -> Finding:
     """Return whether the candidate's runs take longer, timed again on this machine, interleaved.
 
     The candidate is slower, or faster, only if the whole confidence interval of the median ratio
@@ -251,7 +243,7 @@ def remeasured_check(paired: PairedStores, request: Remeasure) -> Check:
     """
     metric = Column(REMEASURED, REAL, "1", "", "lower")
     rule = effective_rule(metric, paired.policy)
-    subject = CheckSubject(f"{REMEASURED} no worse", "time", rule.level)
+    subject = Subject(f"{REMEASURED} no worse", "time", rule.level)
     old, new = paired.baseline.path, paired.candidate.path
     with request.baseline(old) as before, request.candidate(new) as after:
         sample = _sample(paired, request.runs, before.timed_engines & after.timed_engines)
@@ -271,7 +263,7 @@ def remeasured_check(paired: PairedStores, request: Remeasure) -> Check:
     worst = int(np.argmax(ratios))
     then, now = times[worst]
     shown = pairs[worst].model_copy(update={"baseline": then, "candidate": now})
-    return subject.single(code, message, [shown] if code != SAME else [], runs=len(ratios))
+    return subject.single(code, message, [shown] if code != SAME else [], judged=len(ratios))
 
 
 def median_interval(values: Sequence[float]) -> tuple[float, float]:

@@ -9,10 +9,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from contactlab.comparison.checks import Mask
 from contactlab.errors import PolicyError, StoreError
-from contactlab.schema.comparison import ComparePolicy, RunPair, Sameness
+from contactlab.judge.subjects import Mask
+from contactlab.schema.comparison import ComparePolicy, Sameness
 from contactlab.schema.evidence import Setting
+from contactlab.schema.finding import RunPair
 from contactlab.store.finished_store import Store
 from contactlab.store.run_columns import NumberColumn
 

@@ -8,26 +8,24 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
-from contactlab.comparison.checks import (
+from contactlab.comparison.pairing import PairedStores, Rows, difference, groups, unpaired_runs
+from contactlab.errors import ContactlabError
+from contactlab.judge.subjects import (
     BETTER,
     CHANGED,
     MISSING,
     MOST_SHOWN,
     SAME,
     WORSE,
-    CheckSubject,
     Mask,
+    Subject,
     Verdicts,
-    format_percent,
-    format_settings,
-    out_of,
-    plural,
     verdict_counts,
 )
-from contactlab.comparison.pairing import PairedStores, Rows, difference, groups, unpaired_runs
-from contactlab.errors import ContactlabError
+from contactlab.judge.wording import format_percent, format_settings, out_of, plural
 from contactlab.pareto.analysis import analyse
-from contactlab.schema.comparison import AllowedTransition, Check, Transition
+from contactlab.schema.comparison import AllowedTransition, Transition
+from contactlab.schema.finding import Finding
 from contactlab.schema.tradeoff_report import TradeoffReport
 from contactlab.store.finished_store import Store
 
@@ -49,7 +47,7 @@ def knife_edge(paired: PairedStores) -> Mask:
     return (before.values == 1) | (after.values == 1)
 
 
-def unpaired_checks(paired: PairedStores) -> Iterator[Check]:
+def unpaired_checks(paired: PairedStores) -> Iterator[Finding]:
     """Yield whether every run of one store is in the other: of the baseline, of the candidate."""
     missing, new = paired.pairing.missing, paired.pairing.new
     total = len(paired.pairing.baseline) + len(missing)
@@ -57,19 +55,19 @@ def unpaired_checks(paired: PairedStores) -> Iterator[Check]:
     verdicts[: len(missing)] = MISSING
     message = f"{out_of(len(missing), total)} not in the candidate"
     worst = unpaired_runs(paired.baseline, "baseline", missing[:MOST_SHOWN].tolist())
-    subject = CheckSubject("no missing runs", "runs", paired.policy.missing_runs)
-    yield subject.check(verdicts, message if len(missing) else f"all {total:,} are there", worst)
+    subject = Subject("no missing runs", "runs", paired.policy.missing_runs)
+    yield subject.finding(verdicts, message if len(missing) else f"all {total:,} are there", worst)
     verdicts = np.full(len(new), CHANGED, dtype=np.int8)
     message = f"{plural(len(new))} not in the baseline"
     worst = unpaired_runs(paired.candidate, "candidate", new[:MOST_SHOWN].tolist())
-    subject = CheckSubject("no new runs", "runs", paired.policy.new_runs, two_sided=True)
-    yield subject.check(verdicts, message if len(new) else "none", worst)
+    subject = Subject("no new runs", "runs", paired.policy.new_runs, two_sided=True)
+    yield subject.finding(verdicts, message if len(new) else "none", worst)
 
 
-def knife_edge_check(paired: PairedStores) -> Check:
+def knife_edge_check(paired: PairedStores) -> Finding:
     """Return whether few enough runs are on a knife edge."""
     rules = paired.policy.knife_edge
-    subject = CheckSubject("few knife-edge runs", "runs", rules.level)
+    subject = Subject("few knife-edge runs", "runs", rules.level)
     columns = paired.numbers("knife_edge")
     before, after = (int((column.values == 1).sum()) for column in columns)
     flagged = knife_edge(paired)
@@ -80,7 +78,7 @@ def knife_edge_check(paired: PairedStores) -> Check:
         allowed = format_percent(rules.max_share)
         message = f"{out_of(after, total)}, {before:,} in the baseline ({allowed} may be)"
         message += f"; {plural(excluded)} set apart" if excluded else ""
-    return subject.single(WORSE if too_many else SAME, message, runs=total)
+    return subject.single(WORSE if too_many else SAME, message, judged=total)
 
 
 @dataclass(frozen=True)
@@ -140,7 +138,7 @@ class PairLabels:
         )
 
 
-def label_checks(labels: PairLabels) -> Iterator[Check]:
+def label_checks(labels: PairLabels) -> Iterator[Finding]:
     """Yield for each label and group whether it is new in some runs."""
     paired, rules = labels.paired, labels.paired.policy.labels
     grouped = list(groups(paired.baseline, paired.pairing, rules.by))
@@ -149,14 +147,14 @@ def label_checks(labels: PairLabels) -> Iterator[Check]:
         thresholds = None
     for rank, label in enumerate(paired.ranks[:-1]):
         for group, member in grouped:
-            subject = CheckSubject(f"no new {label}", "labels", rules.level, group)
+            subject = Subject(f"no new {label}", "labels", rules.level, group)
             if thresholds:
                 yield subject.skipped(f"thresholds differ: {thresholds[0]}, now {thresholds[1]}")
             else:
                 yield _label_check(labels, subject, rank, np.flatnonzero(member))
 
 
-def _label_check(labels: PairLabels, subject: CheckSubject, rank: int, members: Rows) -> Check:
+def _label_check(labels: PairLabels, subject: Subject, rank: int, members: Rows) -> Finding:
     """Return whether label `rank` is new in some of the pairs with indices `members`."""
     gained = labels.gained[members] >> rank & 1 == 1
     lost = labels.lost[members] >> rank & 1 == 1
@@ -176,7 +174,7 @@ def _label_check(labels: PairLabels, subject: CheckSubject, rank: int, members: 
         [ranks[code] for code in labels.before[shown].tolist()],
         [ranks[code] for code in labels.after[shown].tolist()],
     )
-    return subject.check(verdicts, "; ".join(parts), worst)
+    return subject.finding(verdicts, "; ".join(parts), worst)
 
 
 def _label_counts(verdicts: Verdicts, label: str, allowed: int) -> Iterator[str]:
@@ -203,7 +201,7 @@ def _obstacle(entry: AllowedTransition, runs: int, paired: PairedStores) -> str 
     return None
 
 
-def expectation_checks(paired: PairedStores) -> Iterator[Check]:
+def expectation_checks(paired: PairedStores) -> Iterator[Finding]:
     """Yield whether runs still meet the expectations, and the tolerances, of the sweep."""
     for column, name in (("expectation_met", "expectations"), ("tolerances_met", "tolerances")):
         before, after = paired.numbers(column)
@@ -217,18 +215,18 @@ def expectation_checks(paired: PairedStores) -> Iterator[Check]:
         message = message if judged.any() else f"the sweep has no {name}"
         shown = np.flatnonzero(verdicts == WORSE)[:MOST_SHOWN].tolist()
         worst = paired.run_pairs(shown, ["met"] * len(shown), ["not met"] * len(shown))
-        subject = CheckSubject(f"{name} still met", "labels", paired.policy.expectations)
-        yield subject.check(verdicts[judged], message, worst)
+        subject = Subject(f"{name} still met", "labels", paired.policy.expectations)
+        yield subject.finding(verdicts[judged], message, worst)
 
 
-def recommendation_check(paired: PairedStores) -> Check:
+def recommendation_check(paired: PairedStores) -> Finding:
     """Return whether what `contactlab tradeoff` recommends for the baseline still holds.
 
     It holds while it is feasible in the candidate and no feasible configuration is clearly faster,
     both by the candidate's own times.
     """
     level = paired.policy.recommendation.changed
-    subject = CheckSubject("same recommendation", "recommendation", level, two_sided=True)
+    subject = Subject("same recommendation", "recommendation", level, two_sided=True)
     before, after = _analysis(paired.baseline), _analysis(paired.candidate)
     return subject.single(*_recommendation(before, after))
 

@@ -24,12 +24,12 @@ from contactlab.measure.entries import LABELS as LABELS
 from contactlab.measure.entries import METRICS as METRICS
 from contactlab.measure.entries import ORACLES as ORACLES
 from contactlab.measure.entries import THRESHOLDS as THRESHOLDS
-from contactlab.measure.entries import Finding as Finding
-from contactlab.measure.entries import Findings as Findings
 from contactlab.measure.entries import Found as Found
 from contactlab.measure.entries import Label as Label
 from contactlab.measure.entries import MeasuredRuns as MeasuredRuns
 from contactlab.measure.entries import Metric as Metric
+from contactlab.measure.entries import Onset as Onset
+from contactlab.measure.entries import Onsets as Onsets
 from contactlab.measure.entries import Requirement as Requirement
 from contactlab.measure.entries import Severity as Severity
 from contactlab.measure.entries import Threshold as Threshold

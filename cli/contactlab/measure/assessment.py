@@ -83,10 +83,10 @@ def _values(metric: Metric, context: Context, failures: Failures) -> Floats:
 def _labels(runs: MeasuredRuns, failures: Failures) -> tuple[tuple[AppliedLabel, ...], ...]:
     applied: list[list[AppliedLabel]] = [[] for _ in range(runs.context.trace.runs)]
     for name, label in LABELS.items():
-        findings = _tried(f"label '{name}'", label.of, runs, failures, None)
-        for own, finding in zip(applied, findings, strict=True):
-            if finding:
-                own.append(AppliedLabel(name, *finding))
+        onsets = _tried(f"label '{name}'", label.of, runs, failures, None)
+        for own, onset in zip(applied, onsets, strict=True):
+            if onset:
+                own.append(AppliedLabel(name, *onset))
     applied = [[*_with_causes(runs.context, *indexed)] for indexed in enumerate(applied)]
     for run, reasons in failures.items():
         others = [verdict for verdict in applied[run] if verdict.label != invalid.__name__]
@@ -96,7 +96,7 @@ def _labels(runs: MeasuredRuns, failures: Failures) -> tuple[tuple[AppliedLabel,
 
 
 def _with_causes(context: Context, run: int, labels: list[AppliedLabel]) -> Iterator[AppliedLabel]:
-    """Yield labels of a run with whether they are numerical; what a drive may do is no finding."""
+    """Yield labels of a run with whether they are numerical; what a drive may do is no onset."""
     checks = context.checks
     traced = labels_with("numerical")
     if not checks or not checks.compared[run] or traced.isdisjoint(label[0] for label in labels):

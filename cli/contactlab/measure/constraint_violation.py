@@ -8,7 +8,7 @@ import numpy as np
 from contactlab.contact.trace_arrays import Floats
 from contactlab.contact.trace_setup import DEGREES, QUARTER_TURN, Mechanism, Part
 from contactlab.measure.context import Context, cached, first_step, worst_pair
-from contactlab.measure.entries import Finding, Found, MeasuredRuns, Threshold, label, metric
+from contactlab.measure.entries import Found, MeasuredRuns, Onset, Threshold, label, metric
 
 _PEAK = Threshold(
     "constraint_violation", 0.4, "1", "Public robots reach 0.2; stops pushed through, 0.9 to 3."
@@ -171,7 +171,7 @@ def _overshoots(runs: MeasuredRuns) -> Found:
                     f"{violation.name} is off by {most:.3g} {violation.unit}; "
                     f"at a quarter of the step, by {less:.3g}"
                 )
-                yield run, Finding(reason, first_step(violation.course[run] >= most))
+                yield run, Onset(reason, first_step(violation.course[run] >= most))
 
 
 @label(
@@ -196,5 +196,5 @@ def constraint_violated(runs: MeasuredRuns) -> Found:
             reason = f"{each.name} is off by {amounts[worst]:.3g} {each.unit}{when}"
             beyond = None if each.course is None else each.course[run, begin:] > most
             step = begin + (0 if beyond is None else first_step(beyond))
-            yield run, Finding(f"{reason} (limit {most:.3g} {each.unit})", step)
+            yield run, Onset(f"{reason} (limit {most:.3g} {each.unit})", step)
     yield from _overshoots(runs)

@@ -13,7 +13,7 @@ from contactlab.measure.context import (
     runs_where,
     semi_implicit,
 )
-from contactlab.measure.entries import Finding, Found, MeasuredRuns, Threshold, label, metric
+from contactlab.measure.entries import Found, MeasuredRuns, Onset, Threshold, label, metric
 
 INTEGRATION_GAIN = Threshold(
     "integration_gain", 0.3, "1", "Public robots stay below 0.26; too long steps reach 0.7."
@@ -125,7 +125,7 @@ def integration_gains(runs: MeasuredRuns) -> Found:
         reason = (
             f"the integrator added {part_of(gain)} the largest kinetic energy (limit {limit:g})"
         )
-        yield run, Finding(reason, first_step(_unexplained(runs.context)[run] > limit))
+        yield run, Onset(reason, first_step(_unexplained(runs.context)[run] > limit))
 
 
 @label(
@@ -140,13 +140,13 @@ def energy_loss(runs: MeasuredRuns) -> Found:
     """The integrator, or constraints of too long a step, took energy that nothing damps."""
     for run, loss, limit in runs.over("integration_loss"):
         reason = f"the integrator took {part_of(loss)} the largest kinetic energy (limit {limit:g})"
-        yield run, Finding(reason, first_step(-_unexplained(runs.context)[run] > limit))
+        yield run, Onset(reason, first_step(-_unexplained(runs.context)[run] > limit))
     taken = constraint_loss(runs.context)
     for run in runs_where(taken > runs.limits[LOSS.name]) if runs.context.checks else ():
         finer = float(constraint_loss(runs.context.refined(run))[0])
         if finer < taken[run] / 3:
             reason = f"constraints took {part_of(taken[run])} the largest kinetic energy"
-            yield run, Finding(f"{reason}; at a quarter of the step, {part_of(finer)} it", 0)
+            yield run, Onset(f"{reason}; at a quarter of the step, {part_of(finer)} it", 0)
 
 
 @label(
@@ -165,4 +165,4 @@ def generous_constraints(runs: MeasuredRuns) -> Found:
     for run, gain, limit in runs.over("constraint_gain"):
         reason = f"constraints gave {part_of(gain)} the largest kinetic energy beyond what they had"
         step = 0 if given is None else int(given[run, 1])
-        yield run, Finding(f"{reason} stored (limit {limit:g})", step)
+        yield run, Onset(f"{reason} stored (limit {limit:g})", step)

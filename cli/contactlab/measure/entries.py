@@ -103,16 +103,16 @@ class MetricOptions(TypedDict, total=False):
     rule: MetricRule
 
 
-class Finding(NamedTuple):
+class Onset(NamedTuple):
     """Why a label applies to a run, and the first step at which it does."""
 
     reason: str
     step: int
 
 
-Findings = dict[int, Finding]  # findings of one label by run; runs without one are absent
+Onsets = dict[int, Onset]  # onsets of one label by run; runs without one are absent
 
-Found = Iterator[tuple[int, Finding]]
+Found = Iterator[tuple[int, Onset]]
 """The same one by one; of several of one run, the first counts."""
 
 
@@ -143,7 +143,7 @@ class MeasuredRuns:
         return MeasuredRuns(self.context.only(run), metrics)
 
 
-LabelRule = Callable[[MeasuredRuns], Findings | Found]
+LabelRule = Callable[[MeasuredRuns], Onsets | Found]
 
 
 @dataclass(frozen=True)
@@ -233,12 +233,12 @@ class Label:
         """Whether a plug-in declares it."""
         return self.rule is not None and self.rule.__module__.partition(".")[0] != "contactlab"
 
-    def of(self, runs: MeasuredRuns) -> list[Finding | None]:
+    def of(self, runs: MeasuredRuns) -> list[Onset | None]:
         """Return why the label applies, for each run; None where it does not."""
         found = self.rule(runs) if self.rule else ()
-        first: Findings = {}
-        for run, finding in found.items() if isinstance(found, dict) else found:
-            first.setdefault(run, finding)
+        first: Onsets = {}
+        for run, onset in found.items() if isinstance(found, dict) else found:
+            first.setdefault(run, onset)
         return [first.get(run) for run in range(runs.context.trace.runs)]
 
 

@@ -32,7 +32,7 @@ from contactlab.measure.context import (
     share,
     worst_pair,
 )
-from contactlab.measure.entries import Finding, Found, MeasuredRuns, Threshold, label, metric
+from contactlab.measure.entries import Found, MeasuredRuns, Onset, Threshold, label, metric
 from contactlab.measure.stick_slip import HELD_USAGE, Spans, changes, spans
 
 _CREEP_SPEED = Threshold("creep_speed", None, "m/s", "Set where what sticks should stay.")
@@ -186,13 +186,13 @@ def creep(runs: MeasuredRuns) -> Found:
     for run, speed, limit in runs.over("creep_speed"):
         name = name_of_worst(runs.context, _creeps(runs.context), run)
         reason = f"{name} sticks, but slips at {speed:.3g} m/s (limit {limit:g} m/s)"
-        yield run, Finding(reason, runs.context.last_fifth.start)
+        yield run, Onset(reason, runs.context.last_fifth.start)
     judged = not _OF_SCENES.isdisjoint(runs.context.setup.thresholds)
     for run, way, limit in () if judged else runs.over(_CREPT.name):
         crept = _crept(runs.context)
         name = max(crept, key=lambda pair: np.nan_to_num(crept[pair][run]))
         reason = f"{name} sticks, but would creep by {way:.3g} of its size (limit {limit:g})"
-        yield run, Finding(reason, runs.context.last_fifth.start)
+        yield run, Onset(reason, runs.context.last_fifth.start)
 
 
 @metric("1/s", "lower", tolerance=5.0)
@@ -334,7 +334,7 @@ def _hunting(runs: MeasuredRuns) -> Found:
         if rate > limit and turns >= runs.limits[_FEWEST.name]:
             reason = f"{mechanism.actuators[place].name} went {turns} times from one end of its"
             reason = f"{reason} force to the other, {rate:.3g} times a second (limit {limit:g})"
-            yield run, Finding(reason, half.start)
+            yield run, Onset(reason, half.start)
 
 
 def _often(
@@ -368,4 +368,4 @@ def _often(
         if late - early >= _SPREAD * touching.sum() and (held or touching.sum() >= moment):
             rate = counts[run] / seconds[run]
             reason = f"{what.format(counts[run])}, {rate:.3g} times a second (limit {limit:g})"
-            yield run, Finding(reason, int(steps[0]))
+            yield run, Onset(reason, int(steps[0]))

@@ -30,7 +30,7 @@ from contactlab.measure.context import (
     runs_where,
     worst_pair,
 )
-from contactlab.measure.entries import Finding, Found, MeasuredRuns, Threshold, label, metric
+from contactlab.measure.entries import Found, MeasuredRuns, Onset, Threshold, label, metric
 from contactlab.measure.friction import hold_switch_masks
 from contactlab.measure.penetration import mean_depths
 
@@ -164,16 +164,16 @@ def slipping(runs: MeasuredRuns) -> Found:
     share, seconds = runs.metrics["hold_contact"], hold_seconds(runs.context)
     for run in runs_where(share < runs.limits["hold_contact"]):
         reason = f"nothing bore force in {1 - share[run]:.0%} of the time in which it should hold"
-        yield run, Finding(reason, first_step(window[run]))
+        yield run, Onset(reason, first_step(window[run]))
     for run, offset, limit in runs.over("hold_offset"):
         assert held is not None
         reason = f"it was {offset:.3g} m from its place in the grip when it should be held"
         step = first_step(_offsets(held)[run] > limit)
-        yield run, Finding(f"{reason} (limit {limit:g} m)", step)
+        yield run, Onset(f"{reason} (limit {limit:g} m)", step)
     for run, slip, limit in runs.over("hold_slip"):
         name = name_of_worst(runs.context, _slips(runs.context), run)
         reason = f"{name} slipped {slip:.3g} m in {seconds[run]:.3g} s (limit {limit:g} m)"
-        yield run, Finding(reason, first_step(window[run]))
+        yield run, Onset(reason, first_step(window[run]))
 
 
 def _deep(runs: MeasuredRuns, threshold: str) -> Found:
@@ -181,7 +181,7 @@ def _deep(runs: MeasuredRuns, threshold: str) -> Found:
     for run, depth, limit in runs.over("hold_penetration", threshold):
         step = max(first_step((pair_depth[run] > limit) & inside[run]) for pair_depth in depths)
         name = name_of_worst(runs.context, mean_depths(runs.context, inside), run)
-        yield run, Finding(f"{name} is {depth:.3g} m deep on average (limit {limit:g} m)", step)
+        yield run, Onset(f"{name} is {depth:.3g} m deep on average (limit {limit:g} m)", step)
 
 
 def _offsets(held: HeldPose) -> Floats:

@@ -26,7 +26,7 @@ from contactlab.measure.context import (
     worst_body,
 )
 from contactlab.measure.energy_balance import INTEGRATION_GAIN, integration_gains
-from contactlab.measure.entries import Finding, Found, MeasuredRuns, Threshold, label, metric
+from contactlab.measure.entries import Found, MeasuredRuns, Onset, Threshold, label, metric
 
 _ENERGY_GAIN = Threshold(
     "energy_gain", 0.01, "1", "Measured: good settings gain up to 0.01, bad ones 3 to 1500."
@@ -207,7 +207,7 @@ def energy_injection(runs: MeasuredRuns) -> Found:
         given = values[0] + _stored_at_start(context)[run]
         risen = values - given > limit * energy_scale(context)[run]
         reason = f"energy rose by {part_of(gain)} that at the start (limit {limit:.3g})"
-        yield run, Finding(reason, first_step(risen))
+        yield run, Onset(reason, first_step(risen))
     for run, ratio, limit in runs.over("speed_ratio"):
         reason = f"a body moved {part_of(ratio)} as fast as the energy at the start allows"
         bounds = [_speed_bound(context, body) for body in context.setup.free_bodies]
@@ -215,7 +215,7 @@ def energy_injection(runs: MeasuredRuns) -> Found:
             squares[run] > (limit * most[run]) ** 2
             for squares, most in zip(squared_speeds(context), bounds, strict=True)
         ]
-        yield run, Finding(f"{reason} (limit {limit:g})", max(_first_of(fast) - 1, 0))
+        yield run, Onset(f"{reason} (limit {limit:g})", max(_first_of(fast) - 1, 0))
     yield from integration_gains(runs)
 
 
@@ -237,7 +237,7 @@ def asleep_unsupported(runs: MeasuredRuns) -> Found:
         acceleration, joint, step = sleeper[run]
         what = f"{setup.mechanism.joints[int(joint)].name} sleeps, but would accelerate by"
         reason = f"{what} {acceleration / pull[run]:.3g} of gravity (limit {limit:g})"
-        yield run, Finding(reason, int(step))
+        yield run, Onset(reason, int(step))
 
 
 @label(
@@ -256,7 +256,7 @@ def drifting(runs: MeasuredRuns) -> Found:
         reason = f"a body ended {moved:.3g} m away from its start (limit {limit:g} m)"
         below, paths = down(runs.context)[run], [place[run] - place[run, 0] for place in places]
         away = [np.sqrt(_across(path, below)) > limit for path in paths]
-        yield run, Finding(reason, _first_of(away) - 1)
+        yield run, Onset(reason, _first_of(away) - 1)
 
 
 @label(
@@ -273,7 +273,7 @@ def unsettled(runs: MeasuredRuns) -> Found:
     for run, speed, limit in runs.over("rest_speed"):
         reason = f"a body moved at {speed:.3g} m/s in the last fifth (limit {limit:g} m/s)"
         fast = (squares[:, run, start + 1 :] > limit**2).any(axis=0)
-        yield run, Finding(reason, start + first_step(np.asarray(fast)))
+        yield run, Onset(reason, start + first_step(np.asarray(fast)))
 
 
 @cached

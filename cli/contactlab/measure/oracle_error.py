@@ -15,9 +15,9 @@ from contactlab.measure.context import (
 )
 from contactlab.measure.entries import (
     ORACLES,
-    Finding,
     Found,
     MeasuredRuns,
+    Onset,
     OracleResult,
     Threshold,
     label,
@@ -77,10 +77,10 @@ def oracle_miss(runs: MeasuredRuns) -> Found:
         else:
             limit = f"(limit {setup.oracle_tolerance:g})"
             reason += f"measured {measured[run]:.4g}, error {error[run]:.3g} {limit}"
-        yield run, Finding(reason, last)
+        yield run, Onset(reason, last)
     for run, error, limit in runs.over("at_rest_error"):
         reason = f"at rest, what is asked for is missed by {error:.3g} of it (limit {limit:g})"
-        yield run, Finding(reason, last)
+        yield run, Onset(reason, last)
 
 
 @cached

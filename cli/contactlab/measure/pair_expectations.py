@@ -9,7 +9,7 @@ from contactlab.contact.trace_arrays import NO_CONTACT, SLIDE, STICK, Floats
 from contactlab.contact.trace_setup import ExpectedContact
 from contactlab.measure.context import Context, contact_depths, first_step, runs_where
 from contactlab.measure.coverage import TURNING
-from contactlab.measure.entries import Finding, Found, MeasuredRuns, Threshold, label
+from contactlab.measure.entries import Found, MeasuredRuns, Onset, Threshold, label
 from contactlab.measure.stick_slip import spans
 
 _VERBS = {"stick": "stick", "slide": "slide", "apart": "be apart", "rolls": "roll"}
@@ -84,7 +84,7 @@ def _found(runs: MeasuredRuns, mode: int) -> Found:
             for wanted, met, where in found:
                 step = first_step(where)
                 reason = f"{wanted}, but {met}, from {context.trace.time[run, step]:.4g} s on"
-                yield run, Finding(reason, step)
+                yield run, Onset(reason, step)
 
 
 def _may_fail(context: Context, expectation: ExpectedContact, mode: int) -> Mask | bool:

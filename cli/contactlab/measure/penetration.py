@@ -17,7 +17,7 @@ from contactlab.measure.context import (
     share,
     worst_pair,
 )
-from contactlab.measure.entries import Finding, Found, MeasuredRuns, Threshold, label, metric
+from contactlab.measure.entries import Found, MeasuredRuns, Onset, Threshold, label, metric
 from contactlab.measure.stick_slip import spans
 
 _PIERCED = Threshold(
@@ -166,7 +166,7 @@ def distance_min(context: Context) -> Floats:
 def tunneling(runs: MeasuredRuns) -> Found:
     """A body's centre crossed a surface or a geom, or it overlaps beyond the thinner's middle."""
     passed = [
-        (run, Finding(f"{passage.mover} passed through {passage.wall}", passage.step))
+        (run, Onset(f"{passage.mover} passed through {passage.wall}", passage.step))
         for run, passages in enumerate(runs.context.trace.passages)
         for passage in passages
     ]
@@ -186,7 +186,7 @@ def contact_at_distance(runs: MeasuredRuns) -> Found:
     """A body is carried or pushed by contacts whose margin keeps it away."""
     for run, part, limit in runs.over("standoff"):
         reason = f"contacts bear at {part:.3g} of the thinner body's half extent (limit {limit:g})"
-        yield run, Finding(reason, first_step(runs.context.trace.contacts[run] > 0))
+        yield run, Onset(reason, first_step(runs.context.trace.contacts[run] > 0))
 
 
 @label(
@@ -209,7 +209,7 @@ def sinking(runs: MeasuredRuns) -> Found:
     for run in runs_where(sunk > limit):
         name = name_of_worst(runs.context, _gains(runs.context), run)
         reason = f"{name} sinks by {rate[run]:.3g} m/s, {sunk[run]:.3g} m in a quarter of the run"
-        yield run, Finding(f"{reason} (limit {limit:g} m)", steps // 2)
+        yield run, Onset(f"{reason} (limit {limit:g} m)", steps // 2)
 
 
 @label(
@@ -243,7 +243,7 @@ def deep_penetration(runs: MeasuredRuns) -> Found:
             limit = accepted[row, run]
             reason = f"{name} rests {steady[row, run]:.3g} m deep (limit {limit:.3g} m)"
             step = context.last_fifth.start + first_step(depth[run] > limit)
-            yield run, Finding(reason, step)
+            yield run, Onset(reason, step)
 
 
 def _pierced(runs: MeasuredRuns) -> Found:
@@ -259,7 +259,7 @@ def _pierced(runs: MeasuredRuns) -> Found:
         for run, start, stop in np.transpose((deep.run, deep.start, deep.stop)).tolist():
             dips = _idle(context, row)[run] or _dips(context, row, run, slice(start, stop))
             if given or not dips:
-                yield run, Finding(f"{context.pairs.names[place]} is deeper than {where}", start)
+                yield run, Onset(f"{context.pairs.names[place]} is deeper than {where}", start)
 
 
 def _idle(context: Context, row: int) -> NDArray[np.bool_]:
@@ -306,7 +306,7 @@ def _crossed(context: Context) -> Found:
             steps = np.flatnonzero(changed[run])
             inside = steps[_within_reach(barrier, place[run], steps, height[run])]
             if len(inside):
-                yield run, Finding(reason, int(inside[0]))
+                yield run, Onset(reason, int(inside[0]))
 
 
 def _within_reach(
@@ -367,4 +367,4 @@ def squeezed(runs: MeasuredRuns) -> Found:
         for pair in runs_where(alone & (borne > limit)):
             amount = f"{borne[pair]:.3g} times the weight of the lighter (limit {limit:g})"
             reason = f"{context.pairs.names[pair]} is squeezed by {amount}"
-            yield run, Finding(reason, context.last_fifth.start)
+            yield run, Onset(reason, context.last_fifth.start)

@@ -9,7 +9,7 @@ from contactlab.contact.expected_motion import ExpectedMotion
 from contactlab.contact.rotations import rotate
 from contactlab.contact.trace_arrays import NO_CONTACT, Floats
 from contactlab.measure.context import Context, first_step
-from contactlab.measure.entries import Finding, Found, MeasuredRuns, label
+from contactlab.measure.entries import Found, MeasuredRuns, Onset, label
 from contactlab.measure.pair_expectations import MODE_HOLD, lasting
 
 _ROUNDING = 1e-6  # share of a step by which a time may miss that of a state
@@ -45,7 +45,7 @@ def broken_requirement(runs: MeasuredRuns) -> Found:
             found.sort()
             times = context.trace.time[run]
             reasons = [f"{said}, from {times[state]:.4g} s on" for _, said, state in found]
-            yield run, Finding("; ".join(reasons), found[0][0])
+            yield run, Onset("; ".join(reasons), found[0][0])
 
 
 def _faults(context: Context, expected: ExpectedMotion, run: int, hold: float) -> Iterator[Fault]:

@@ -3,7 +3,7 @@
 import numpy as np
 
 from contactlab.measure.context import Context, energy, first_step, runs_where, squares_from
-from contactlab.measure.entries import LABELS, Finding, Found, Label, MeasuredRuns, Threshold, label
+from contactlab.measure.entries import LABELS, Found, Label, MeasuredRuns, Onset, Threshold, label
 
 LABELS.add(
     Label(
@@ -57,9 +57,9 @@ def invalid(runs: MeasuredRuns) -> Found:
     for run in range(trace.runs):
         for name, value in (("timestep", trace.timestep[run]), ("duration", setup.duration[run])):
             if not value > 0:
-                yield run, Finding(f"{name} {value:g} s is not positive", 0)
+                yield run, Onset(f"{name} {value:g} s is not positive", 0)
         if trace.steps == 0:
-            yield run, Finding("no step was recorded", 0)
+            yield run, Onset("no step was recorded", 0)
 
 
 @label(
@@ -74,7 +74,7 @@ def buffer_overflow(runs: MeasuredRuns) -> Found:
     for run, counts in enumerate(runs.context.trace.warnings):
         if full := _FULL & counts.keys():
             reason = f"too small: {', '.join(sorted(full))}; give the engine more memory"
-            yield run, Finding(reason, _last(runs.context))
+            yield run, Onset(reason, _last(runs.context))
 
 
 @label(
@@ -88,13 +88,13 @@ def buffer_overflow(runs: MeasuredRuns) -> Found:
 )
 def diverged(runs: MeasuredRuns) -> Found:
     """The simulation failed: a warning, a wrong number, clock or quaternion, or an early end."""
-    signs: dict[int, list[Finding]] = {}
+    signs: dict[int, list[Onset]] = {}
     for check in (_warnings, _cut_short, _not_finite, _clock, _quaternions):
-        for run, finding in check(runs):
-            signs.setdefault(run, []).append(finding)
+        for run, onset in check(runs):
+            signs.setdefault(run, []).append(onset)
     for run, found in signs.items():
         reason = "; ".join(sign.reason for sign in found)
-        yield run, Finding(reason, min(sign.step for sign in found))
+        yield run, Onset(reason, min(sign.step for sign in found))
 
 
 def _warnings(runs: MeasuredRuns) -> Found:
@@ -102,7 +102,7 @@ def _warnings(runs: MeasuredRuns) -> Found:
         counts = {name: count for name, count in found.items() if name not in _FULL}
         raised = [f"{name} x{count}" for name, count in counts.items() if count > 0]
         if raised:
-            yield run, Finding(f"engine warnings: {', '.join(raised)}", _last(runs.context))
+            yield run, Onset(f"engine warnings: {', '.join(raised)}", _last(runs.context))
 
 
 def _cut_short(runs: MeasuredRuns) -> Found:
@@ -110,7 +110,7 @@ def _cut_short(runs: MeasuredRuns) -> Found:
     if trace.steps < trace.steps_asked:
         reason = f"stopped after {trace.steps} of {trace.steps_asked} steps"
         for run in range(trace.runs):
-            yield run, Finding(reason, _last(runs.context))
+            yield run, Onset(reason, _last(runs.context))
 
 
 def _not_finite(runs: MeasuredRuns) -> Found:
@@ -123,7 +123,7 @@ def _not_finite(runs: MeasuredRuns) -> Found:
         for run in runs_where(~np.isfinite(values.sum(axis=(1, 2)))):
             bad = ~np.isfinite(values[run]).all(axis=1)
             step = first_step(bad) if name == "energy" else max(first_step(bad) - 1, 0)
-            yield run, Finding(f"{name} is not finite", step)
+            yield run, Onset(f"{name} is not finite", step)
 
 
 def _clock(runs: MeasuredRuns) -> Found:
@@ -138,7 +138,7 @@ def _clock(runs: MeasuredRuns) -> Found:
     for run in runs_where(~regular):
         step = first_step(~((ticks[run] >= low[run]) & (ticks[run] <= high[run])))
         reason = f"the clock moved by {ticks[run, step]:.3g} s in a step of "
-        yield run, Finding(f"{reason}{trace.timestep[run]:.3g} s", step)
+        yield run, Onset(f"{reason}{trace.timestep[run]:.3g} s", step)
 
 
 def _quaternions(runs: MeasuredRuns) -> Found:
@@ -153,7 +153,7 @@ def _quaternions(runs: MeasuredRuns) -> Found:
             state = first_step((square < low) | (square > high))
             norm = f"{np.sqrt(square[state]):.4g}"
             reason = f"the quaternion at qpos {starts[place]} has norm {norm}"
-            yield run, Finding(reason, max(state - 1, 0))
+            yield run, Onset(reason, max(state - 1, 0))
 
 
 def _last(context: Context) -> int:

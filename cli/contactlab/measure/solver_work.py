@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from contactlab.contact.trace_arrays import Floats
 from contactlab.measure.amounts import part_of
 from contactlab.measure.context import Context, cached, count, first_step, runs_where, share
-from contactlab.measure.entries import Finding, Found, MeasuredRuns, Threshold, label, metric
+from contactlab.measure.entries import Found, MeasuredRuns, Onset, Threshold, label, metric
 from contactlab.schema.comparison import MetricRule
 
 _RESIDUAL = Threshold(
@@ -95,12 +95,12 @@ def solver_nonconvergence(runs: MeasuredRuns) -> Found:
         for run in runs_where(residual > limits["residual"]):
             left = f"still differ by {residual[run]:.2g} of the largest force"
             reason = f"{used(allowed[run], hit[run].mean())}, and forces and accelerations {left}"
-            yield run, Finding(reason, first_step(hit[run]))
+            yield run, Onset(reason, first_step(hit[run]))
         return
     share, limit = stuck_share(context), limits["saturated_share"]
     for run in runs_where((share >= limit) & (allowed >= _FEWEST_ITERATIONS)):
         reason = f"{used(allowed[run], share[run])} with constraints (limit {limit:.0%})"
-        yield run, Finding(reason, first_step(hit[run]))
+        yield run, Onset(reason, first_step(hit[run]))
 
 
 @label(
@@ -120,7 +120,7 @@ def unrecorded_contacts(runs: MeasuredRuns) -> Found:
         most = int(context.net.found[row, run].max())
         had = f"{name} had up to {most} contacts, of which {slots} were recorded"
         reason = f"{had}, in {cut.sum()} steps; give the pair more `slots`"
-        yield run, Finding(reason, first_step(cut))
+        yield run, Onset(reason, first_step(cut))
 
 
 @cached
@@ -211,7 +211,7 @@ def solver_inconsistent(runs: MeasuredRuns) -> Found:
     """The solver stopped early and wrong or left the cone, or a sparse Jacobian or run differs."""
     context, checks = runs.context, runs.context.checks
     for run, excess, limit in runs.over("cone_violation"):
-        yield run, Finding(f"a force exceeds its cone by {part_of(excess)} it (limit {limit:g})", 0)
+        yield run, Onset(f"a force exceeds its cone by {part_of(excess)} it (limit {limit:g})", 0)
     if checks is None:
         return
     early = ~saturated(context)
@@ -219,13 +219,13 @@ def solver_inconsistent(runs: MeasuredRuns) -> Found:
     for run in runs_where(residual > limit):
         differ = f"forces and accelerations differ by {residual[run]:.2g} of the largest force"
         reason = f"the solver stopped early, but {differ} (limit {limit:g})"
-        yield run, Finding(reason, first_step(early[run] & (checks.residual[run] > limit)))
+        yield run, Onset(reason, first_step(early[run] & (checks.residual[run] > limit)))
     for run, difference, limit in runs.over("jacobian_difference"):
         differ = f"a dense and a sparse Jacobian give accelerations that differ by {difference:.2g}"
         step = checks.jacobian_steps[first_step(checks.jacobian[run] > limit)]
-        yield run, Finding(f"{differ} (limit {limit:g})", int(step))
+        yield run, Onset(f"{differ} (limit {limit:g})", int(step))
     for run in runs_where(~checks.repeats):
-        yield run, Finding("a second rollout gave another trajectory", 0)
+        yield run, Onset("a second rollout gave another trajectory", 0)
 
 
 @label(
@@ -262,4 +262,4 @@ def _misjudged(runs: MeasuredRuns, amounts: Floats, threshold: Threshold, what: 
     for run in runs_where(amounts.max(axis=1) > limit):
         first = first_step(amounts[run] > limit)
         reason = f"{what}, by {amounts[run].max():.3g} m (limit {limit:g} m)"
-        yield run, Finding(reason, int(checks.geometry_steps[first]) if checks else 0)
+        yield run, Onset(reason, int(checks.geometry_steps[first]) if checks else 0)

@@ -23,9 +23,9 @@ from contactlab.measure.context import (
 )
 from contactlab.measure.energy_balance import LOSS, constraint_loss
 from contactlab.measure.entries import (
-    Finding,
     Found,
     MeasuredRuns,
+    Onset,
     Threshold,
     label,
     limits,
@@ -169,7 +169,7 @@ def step_dependent(runs: MeasuredRuns) -> Found:
         reason = _shakes(runs, run) or _moves(runs, checks, run) or _rests(runs, run)
         reason = reason or _brakes(runs.context, checks, run)
         if reason:
-            yield run, Finding(reason, _parting(runs.context, checks, run))
+            yield run, Onset(reason, _parting(runs.context, checks, run))
 
 
 def _shakes(runs: MeasuredRuns, run: int) -> str:

@@ -9,10 +9,10 @@ from typing import NamedTuple
 import numpy as np
 from pydantic import ValidationError
 
-from contactlab.comparison.checks import format_percent
 from contactlab.comparison.pairing import rounded
 from contactlab.contact.trace_arrays import Floats
 from contactlab.errors import StoreError
+from contactlab.judge.wording import format_percent
 from contactlab.reporting.report import ReportData
 from contactlab.reporting.report_columns import Codes
 from contactlab.studies.parity.parity_report import ParityReport
@@ -140,7 +140,7 @@ def _gate_row(engine: str, quantity: str, ours: Floats, theirs: Floats) -> GateR
 
 def _gate_of_report(report: ParityReport) -> Iterator[GateRow]:
     """Yield the judged quantities of a report: its checks say which are beyond what is allowed."""
-    failed = {check.name for check in report.checks if check.outcome == "failed"}
+    failed = {check.name for check in report.findings if check.outcome == "failed"}
     for name in dict.fromkeys(name for run in report.runs for name in run.measured):
         told = [run.measured[name] for run in report.runs if name in run.measured]
         ours, theirs, shares = (

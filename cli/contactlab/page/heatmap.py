@@ -36,8 +36,9 @@ from contactlab.reporting.report_columns import (
     read_run_labels,
     summary_metrics,
 )
-from contactlab.schema.comparison import Check, CheckOutcome, ComparisonReport
+from contactlab.schema.comparison import ComparisonReport
 from contactlab.schema.evidence import LabelFacts
+from contactlab.schema.finding import Finding, Outcome
 from contactlab.store.finished_store import Store
 
 Layered = alt.LayerChart | alt.FacetChart
@@ -46,7 +47,7 @@ Room = tuple[int, int]
 _ROOM: Room = 560, 340
 _THIRD: Room = 300, 260
 _PANELS = ("baseline", "candidate", "difference")
-_LISTED: tuple[CheckOutcome, ...] = ("failed", "warned", "noted")
+_LISTED: tuple[Outcome, ...] = ("failed", "warned", "noted")
 _CELL_WIDTH, _CELL_HEIGHT = (13, 112), (13, 56)
 _GAP = 0.03
 _DIVERGING = ["#1845fb", "#f4f4f4", "#ff5e02"]
@@ -254,10 +255,10 @@ def _ticks(ticks: Sequence[str]) -> dict[str, Any]:
 
 
 class BaselineComparison(NamedTuple):
-    """A comparison as a page shows it: its checks, the failed ones first, and maps by name."""
+    """A comparison as a page shows it: its findings, the failed ones first, and maps by name."""
 
     report: ComparisonReport
-    checks: tuple[Check, ...]
+    findings: tuple[Finding, ...]
     maps: dict[str, Spec]
     command: str
 
@@ -274,8 +275,8 @@ def compare_with_baseline(data: ReportData, baseline: Store) -> BaselineComparis
     option = "" if policy.match == "id" else " --match axes"
     return BaselineComparison(
         report=report,
-        checks=tuple(
-            check for outcome in _LISTED for check in report.checks if check.outcome == outcome
+        findings=tuple(
+            check for outcome in _LISTED for check in report.findings if check.outcome == outcome
         ),
         maps=dict(_maps(data, baseline, pairing)),
         command=f"contactlab compare {baseline.address} {store.address}{option}",

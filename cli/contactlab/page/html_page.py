@@ -8,7 +8,7 @@ import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from contactlab.charts import static_svg, vega_bundle
-from contactlab.comparison.checks import format_percent
+from contactlab.judge.wording import format_percent
 from contactlab.page.engine_parts import engine_parts, engines_sentence
 from contactlab.page.header_films import header_films
 from contactlab.page.heatmap import compare_with_baseline, default_map, metric_map
@@ -34,7 +34,7 @@ from contactlab.schema.pair_expectation import Bounds, PairExpectation
 from contactlab.schema.sweep_schema import Sweep
 from contactlab.store.finished_store import Store
 from contactlab.store.verify_store import trace_warning
-from contactlab.studies.parity.formats import HEADER, about, row, shown
+from contactlab.studies.parity.report import HEADER, about, row, shown
 
 _PACKAGE = __name__.rpartition(".")[0]
 _MOST_UNEXPECTED = 50

@@ -4,16 +4,15 @@ from typing import Literal
 
 from pydantic import RootModel
 
-from contactlab.schema.comparison import JudgedCheck
 from contactlab.schema.drive import Drive
 from contactlab.schema.evidence import Engine, Provenance, Setting
+from contactlab.schema.finding import LEVEL, Finding, Level
 from contactlab.schema.strict_model import Model, about
 from contactlab.schema.task import Task
 
-CHECK_VERSION = 2
+CHECK_VERSION = 3
 
 CheckVerdict = Literal["pass", "warning", "fail", "not applicable"]
-Severity = Literal["error", "warning", "note"]
 TaskKind = Literal["manipulation", "locomotion"]
 
 
@@ -26,7 +25,7 @@ class Measure(Model):
     unit: str
     limit: float | None = about("Its limit; null if it is only reported.")
     holds: bool | None = about("Whether the limit is met; null if it is only reported.")
-    severity: Severity = about("What it means to miss the limit.", default="note")
+    level: Level = about(f"Of a limit that is missed. {LEVEL}.", default="note")
 
 
 class CheckResult(Model):
@@ -41,13 +40,6 @@ class CheckResult(Model):
     stores: tuple[str, ...] = about(
         "Its evidence: stores, relative to the folder of the check.", default=()
     )
-
-
-class Finding(JudgedCheck):
-    """All measures of one name against their limit, or a check that does not apply."""
-
-    check: str = about("The check that found it.")
-    severity: Severity = about("What it means if it fails and is not accepted.")
 
 
 class Edit(Model):
@@ -72,7 +64,7 @@ class Remedy(Model):
 class CheckReport(Model):
     """Every check of one model (`check.json`). Units are SI; each measure names its own."""
 
-    check_version: Literal[2] = CHECK_VERSION
+    check_version: Literal[3] = CHECK_VERSION
     model: str = about("The model as given.")
     scene: str
     scene_hash: str
@@ -85,9 +77,9 @@ class CheckReport(Model):
     settings: dict[str, Setting] = about("Every resolved setting, defaults included.")
     engine: Engine
     provenance: Provenance
-    passed: bool = about("Whether there is no error that is not accepted.")
+    passed: bool = about("Whether no gate fails that is not accepted.")
     checks: tuple[CheckResult, ...]
-    findings: tuple[Finding, ...] = about("What was judged, errors first.")
+    findings: tuple[Finding, ...] = about("What was judged, failures first.")
     remedies: tuple[Remedy, ...] = about("Changes that help, each with those above.")
     notes: tuple[str, ...] = about("Acceptances that are stale, remedies not found.")
     not_exercised: tuple[str, ...] = about(

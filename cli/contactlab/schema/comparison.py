@@ -1,60 +1,17 @@
-"""Checks as a job shows them; the policy file and the report of `contactlab compare`.
+"""The policy file and the report of `contactlab compare`.
 
 The policy says what counts as regressed, what fails the job, and which failures are accepted.
 """
 
 from datetime import date
-from typing import Annotated, Literal, Self
+from typing import Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import model_validator
 from pydantic_core import PydanticCustomError
 
-from contactlab.schema.evidence import Setting
-from contactlab.schema.strict_model import Flag, Model, Sha256, Tolerance, Whole, Word, about
+from contactlab.schema.finding import LEVEL, Acceptances, Change, Count, Finding, Level
+from contactlab.schema.strict_model import Flag, Model, Sha256, Tolerance, Word, about
 
-CheckOutcome = Literal["failed", "warned", "noted", "passed", "skipped"]
-Count = Annotated[Whole, Field(ge=0)]
-
-
-class JudgedCheck(Model):
-    """One thing that was judged."""
-
-    name: str
-    group: str = about("Which part of what was judged; or empty.", default="")
-    outcome: CheckOutcome = about("Its effect on the job.")
-    failing: int = about("How many of those that were judged fail.")
-    message: str = about("The result, in words.")
-    accepted: str | None = about("Why it is accepted.", default=None)
-
-    @property
-    def full_name(self) -> str:
-        """Its name with its group."""
-        return f"{self.name} ({self.group})" if self.group else self.name
-
-    @property
-    def full_message(self) -> str:
-        """Its message, and why it is accepted."""
-        return f"{self.message}; accepted: {self.accepted}" if self.accepted else self.message
-
-
-class AcceptedCheck(Model):
-    """A failed check that is known and accepted; `contactlab compare --accept` writes these."""
-
-    check: Word = about("the check's name")
-    group: Word | None = about("its group; all groups if left out", default=None)
-    max: Count = about("how many runs may fail it")
-    reason: Word = about("why it is accepted")
-    until: date | None = about("last accepted day, YYYY-MM-DD", default=None)
-
-
-class Acceptances(Model):
-    """The failing checks that are known and accepted."""
-
-    version: Literal[1] = about("version of this file format: 1")
-    accept: tuple[AcceptedCheck, ...] = about("checks that may fail", default=())
-
-
-Level = Literal["gate", "warn", "note"]
 Better = Literal["lower", "higher", "none"]
 Statistic = Literal["each", "mean", "median", "worst", "ratio"]
 Sameness = Literal[
@@ -71,7 +28,6 @@ Sameness = Literal[
     "cpu_flags",
     "os",
 ]
-LEVEL = "gate: fails the job; warn: a warning; note: reported only"
 
 
 class Require(Model):
@@ -183,10 +139,7 @@ class ComparePolicy(Acceptances):
     )
 
 
-COMPARISON_VERSION = 1
-
-Verdict = Literal["better", "same", "worse", "changed", "missing", "not comparable"]
-CheckKind = Literal["evidence", "runs", "labels", "metrics", "time", "recommendation"]
+COMPARISON_VERSION = 2
 
 
 class ComparedStore(Model):
@@ -211,43 +164,13 @@ class Difference(Model):
     required: bool = about("Whether the policy requires it to be the same.")
 
 
-class RunPair(Model):
-    """Two runs that were compared, or one without a counterpart."""
-
-    baseline_run: str | None
-    candidate_run: str | None
-    axes: dict[str, Setting]
-    baseline: float | str | None
-    candidate: float | str | None
-
-
-class Check(JudgedCheck):
-    """One thing that was judged; the list of checks does not depend on their outcomes."""
-
-    kind: CheckKind
-    group: str = about("Axis values of its runs, such as cone=elliptic; or empty.")
-    level: Level
-    verdict: Verdict = about("Its result for the evidence.")
-    runs: int = about("Runs, or groups of them, that were judged.")
-    failing: int = about("How many of these fail.")
-    counts: dict[Verdict, int] = about("How many have each verdict.")
-    unit: str = ""
-    accepted: str | None = about("Why the policy accepts it.", default=None)
-    worst: tuple[RunPair, ...] = about("The worst few.", default=())
-
-    @property
-    def is_open(self) -> bool:
-        """Whether it is a gate that could not be checked."""
-        return self.outcome == "skipped" and self.level == "gate"
-
-
 class Transition(Model):
     """Runs whose worst label changed."""
 
     baseline: str
     candidate: str
     runs: int
-    verdict: Verdict
+    verdict: Change
 
 
 class PairCounts(Model):
@@ -264,8 +187,8 @@ class PairCounts(Model):
 class ComparisonReport(Model):
     """The comparison of two stores."""
 
-    schema_version: Literal[1] = COMPARISON_VERSION
-    verdict: Verdict
+    schema_version: Literal[2] = COMPARISON_VERSION
+    verdict: Change
     exit_code: int
     headline: str
     baseline: ComparedStore | None = about("Null if it cannot be read.")
@@ -274,5 +197,5 @@ class ComparisonReport(Model):
     pairs: PairCounts
     differences: tuple[Difference, ...]
     transitions: tuple[Transition, ...]
-    checks: tuple[Check, ...]
+    findings: tuple[Finding, ...]
     advice: tuple[str, ...] = about("Commands to run next.")

@@ -79,7 +79,7 @@ class ContactEvidence:
                 "--contact-baseline update, and commit it"
             )
         compared = compare(place, self.folder, match="axes")
-        failing = [check for check in compared.checks if check.outcome == "failed"]
+        failing = [check for check in compared.findings if check.outcome == "failed"]
         lines = [f"{compared.headline} (against {place})"]
         lines += [
             f"  {check.name}: {check.verdict} in {check.failing} of {check.runs}"

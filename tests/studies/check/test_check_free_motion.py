@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from contactlab.judge.limits import LIMITS
 from contactlab.schema.check_report import CheckReport, CheckResult, Measure
-from contactlab.studies.check.check_results import LIMITS
 
 Checked = Callable[..., CheckReport]
 One = Callable[..., CheckResult]

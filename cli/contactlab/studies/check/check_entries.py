@@ -4,9 +4,10 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from contactlab.judge.limits import LIMITS, Limit
 from contactlab.registry import Registry
 from contactlab.schema.check_report import CheckResult, Measure
-from contactlab.studies.check.check_results import LIMITS, Limit, check_result
+from contactlab.studies.check.check_results import check_result
 from contactlab.studies.check.checked_model import CheckedModel
 from contactlab.studies.session import Values
 

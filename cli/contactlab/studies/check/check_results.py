@@ -1,92 +1,22 @@
-"""Measures and their limits, the results of checks, and the page that a report becomes.
+"""The results of checks and their findings, and how they and changes that help are written.
 
-An error is what a run of the model itself shows to be wrong, or what no physical body can be; a
+A gate is what a run of the model itself shows to be wrong, or what no physical body can be; a
 warning is a rule of thumb of people who simulate contact with MuJoCo.
 """
 
-import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from itertools import chain, starmap
+from pathlib import Path
 
-from contactlab.printable import in_markdown, shortened
-from contactlab.registry import Registry
+from contactlab.judge.limits import exceeding, in_words, limit_findings, limited, worst_of
+from contactlab.printable import first_names, shortened
 from contactlab.run.evidence_record import as_written
-from contactlab.schema.check_report import (
-    CheckReport,
-    CheckResult,
-    CheckVerdict,
-    Finding,
-    Measure,
-    Remedy,
-    Severity,
-)
-from contactlab.schema.comparison import CheckOutcome
+from contactlab.schema.check_report import CheckReport, CheckResult, CheckVerdict, Measure, Remedy
 from contactlab.schema.drive import drive_text
+from contactlab.schema.finding import Finding, Level
+from contactlab.writers.report import Report, Section
 
-
-@dataclass(frozen=True)
-class Limit:
-    """The limit of all measures of one name: without a value, the model or its task decides.
-
-    Where it is strict, the limit itself misses it; people read it times the factor in that unit.
-    """
-
-    name: str
-    unit: str
-    severity: Severity
-    value: float | None = None
-    strict: bool = False
-    shown: tuple[float, str] = (1.0, "")
-    exceeded: str = ""  # sentence of a measure beyond it, with {} for the value; else its name
-
-
-MILLIMETRES, MILLISECONDS, PERCENT_PER_SECOND = (1e3, " mm"), (1e3, " ms"), (1e2, " %/s")
-LIMITS: Registry[Limit] = Registry("limit")
-"""By the name of a measure, which is unique among all checks; each check adds its own."""
-
-
-def replaceable_limits() -> list[str]:
-    """Return the names of the limits that a request may replace by its own."""
-    return [*(name for name, limit in LIMITS.items() if limit.value is not None), "timestep"]
-
-
-def informative(name: str, value: float, unit: str, of: str | None = None) -> Measure:
-    """Return a measure without a limit."""
-    kept = value if math.isfinite(value) else None
-    return Measure(name=name, of=of, value=kept, unit=unit, limit=None, holds=None)
-
-
-def utilization(measure: Measure) -> float:
-    """Return a measure as a fraction of its limit; infinite where it has no value."""
-    if measure.value is None or measure.limit is None:
-        return math.inf
-    if not measure.limit:
-        return math.inf if measure.value else 0.0
-    return measure.value / measure.limit
-
-
-def in_words(measure: Measure) -> str:
-    """Return a limited measure as text: `slip 0.2 mm (floor-foot, limit 0.1 mm)`."""
-    factor, unit = LIMITS[measure.name].shown if measure.name in LIMITS else (1.0, "")
-    unit = unit or ("" if measure.unit == "1" else f" {measure.unit}")
-    value = "not measured" if measure.value is None else f"{measure.value * factor:.3g}{unit}"
-    of = f"{measure.of}, " if measure.of else ""
-    limit = f"{(measure.limit or 0) * factor:.3g}{unit}"
-    sentence = f"{measure.name.replace('_', ' ')} {{}}"
-    if measure.holds is False and measure.value is not None and measure.name in LIMITS:
-        sentence = LIMITS[measure.name].exceeded or sentence
-    return f"{sentence.format(value)} ({of}limit {limit})"
-
-
-# What it means for a finding, and for its check, that a limit of some severity is missed.
-_OUTCOMES: Mapping[str, CheckOutcome] = {"error": "failed", "warning": "warned", "note": "noted"}
-_VERDICTS: Mapping[str, CheckVerdict] = {"error": "fail", "warning": "warning", "note": "pass"}
-
-
-def violated(measures: Sequence[Measure]) -> list[Measure]:
-    """Return the measures whose limit does not hold."""
-    return [measure for measure in measures if measure.holds is False]
+# What it means for a check that a limit of some level is exceeded, the worst first.
+_VERDICTS: Mapping[Level, CheckVerdict] = {"gate": "fail", "warn": "warning", "note": "pass"}
 
 
 def check_result(
@@ -104,10 +34,11 @@ def check_result(
         reason, *notes = notes
         verdict: CheckVerdict = "not applicable"
     else:
-        worst = {measure.severity for measure in violated(measures)}
-        verdict = _VERDICTS[next((severity for severity in _VERDICTS if severity in worst), "note")]
-        told = sorted(_by_name(measures), key=lambda group: not violated(group))
-        reason = "; ".join(in_words(max(group, key=utilization)) for group in told)
+        levels = {measure.level for measure in exceeding(measures)}
+        worst: list[CheckVerdict] = [word for level, word in _VERDICTS.items() if level in levels]
+        verdict = worst[0] if worst else "pass"
+        told = sorted(limited(measures), key=lambda group: not exceeding(group))
+        reason = "; ".join(in_words(worst_of(group)) for group in told)
     return CheckResult(
         name=name,
         asks=asks,
@@ -124,41 +55,15 @@ def findings_of(result: CheckResult) -> Iterator[Finding]:
     if result.verdict == "not applicable":
         yield Finding(
             name=result.name,
-            check=result.name,
-            severity="note",
+            kind=result.name,
+            level="note",
             outcome="skipped",
+            verdict="not applicable",
+            judged=0,
             failing=0,
             message=result.reason,
         )
-    for group in _by_name(result.measures):
-        failing = violated(group)
-        worst = max(failing or group, key=utilization)
-        count = _count_in_words(len(failing), len(group))
-        yield Finding(
-            name=worst.name,
-            check=result.name,
-            severity=worst.severity,
-            outcome=_OUTCOMES[worst.severity] if failing else "passed",
-            failing=len(failing),
-            message=in_words(worst) + count,
-        )
-
-
-def _count_in_words(failing: int, all_of_them: int) -> str:
-    """Return how many of some measures exceed their limit; nothing of one, or where none does."""
-    if not failing or all_of_them == 1:
-        return ""
-    if failing == all_of_them:
-        return f"; all {failing} exceed the limit"
-    return f"; {failing} of {all_of_them} exceed{'s' if failing == 1 else ''} the limit"
-
-
-def _by_name(measures: Sequence[Measure]) -> list[list[Measure]]:
-    groups: dict[str, list[Measure]] = {}
-    for measure in measures:
-        if measure.limit is not None:
-            groups.setdefault(measure.name, []).append(measure)
-    return list(groups.values())
+    yield from limit_findings(result.name, result.measures)
 
 
 _DEFAULT_CURVE = (0.5, 2.0)  # midpoint and power of an impedance, where MJCF names none
@@ -181,17 +86,6 @@ STABILITY = (
     "check looks at what the model is made of and at one run; whether whole runs from several "
     "starts stay stable: contactlab stability {model}"
 )
-_WORDS = {"failed": "error", "warned": "warning", "noted": "note", "skipped": "n/a"}
-
-
-def summary_rows(report: CheckReport) -> Iterator[tuple[str, str, str]]:
-    """Yield what fails and is left out, worst first, then the checks that pass, as rows."""
-    for finding in report.findings:
-        if finding.outcome in _WORDS:
-            yield _WORDS[finding.outcome], finding.name, finding.full_message
-    for check in report.checks:
-        if check.verdict == "pass":
-            yield "pass", check.name, check.reason
 
 
 def remedy_lines(number: int, remedy: Remedy) -> Iterator[str]:
@@ -211,37 +105,61 @@ def _price_in_words(ratio: float) -> str:
     )
 
 
-REMEDIES = "changes that help, each run on the model with those above it:"
+REMEDIES = "changes that help, each run on the model with those above it"
+_MOST_NOTES = 4  # of a check, in the short report
 
 
-def page(report: CheckReport) -> str:
-    """Return a report as a Markdown page."""
-    return "".join(f"{paragraph}\n\n" for paragraph in _paragraphs(report))
+def report_of(report: CheckReport, page: Path | None = None) -> Report:
+    """Return a check of a model as what is written of it.
 
-
-def _paragraphs(report: CheckReport) -> Iterator[str]:
-    yield f"# {report.scene}: {'passes' if report.passed else 'fails'}"
+    With a page, which has all of it: without the numbers of each check, and with its name.
+    """
+    verdict = "passes" if report.passed else "fails"
     given = "".join(f" --set '{override}'" for override in report.overrides)
-    yield f"    contactlab check {report.model}{given}"
-    yield (
-        f"Model `{report.model}` ({report.scene_hash}), {conditions(report)}; "
-        f"{report.engine.name} {report.engine.version}."
+    notes = [*report.notes, *map(first_names, report.not_exercised)]
+    notes.append(STABILITY.format(model=report.model))
+    notes += [] if page is None else [f"all numbers and evidence are in {page}"]
+    remedies = _remedies(report)
+    return Report(
+        title=f"contactlab check {report.scene}",
+        place=(report.scene,),
+        headline=f"{report.model} {verdict}",
+        passed=report.passed,
+        record=report,
+        facts=(
+            ("task", report.task.line),
+            ("model", f"{report.scene}, {conditions(report)}"),
+            ("scene", report.scene_hash),
+            ("engine", f"{report.engine.name} {report.engine.version}"),
+            ("command", f"contactlab check {report.model}{given}"),
+        ),
+        findings=report.findings,
+        sections=(*_check_sections(report, page), *remedies),
+        notes=tuple(notes),
     )
-    rows = (
-        f"| {word} | {name} | {in_markdown(what)} |" for word, name, what in summary_rows(report)
-    )
-    yield "\n".join(("| | finding | result |", "|---|---|---|", *rows))
-    yield "\n".join(f"- {note}" for note in (*report.notes, STABILITY.format(model=report.model)))
-    if report.remedies:
-        yield "## Remedies"
-        yield REMEDIES.capitalize()
-        lines = chain.from_iterable(starmap(remedy_lines, enumerate(report.remedies, 1)))
-        yield "\n".join(("```", *lines, "```"))
+
+
+def _check_sections(report: CheckReport, page: Path | None) -> Iterator[Section]:
+    """Yield a section for each check: all of it, or beside a page its first notes."""
     for check in report.checks:
-        yield from _check(check)
-    if report.not_exercised:
-        yield "## Not exercised"
-        yield "\n".join(f"- {line}" for line in report.not_exercised)
+        if page is None:
+            yield _check(check)
+        elif check.notes:
+            yield Section("", tuple(f"{check.name}: {note}" for note in _first(check.notes, page)))
+
+
+def _first(notes: Sequence[str], page: Path) -> list[str]:
+    return shortened(notes, _MOST_NOTES, page.name)
+
+
+def _remedies(report: CheckReport) -> Iterator[Section]:
+    lines = (
+        line
+        for number, remedy in enumerate(report.remedies, 1)
+        for line in remedy_lines(number, remedy)
+    )
+    if report.remedies:
+        yield Section(REMEDIES, code=tuple(lines))
 
 
 def conditions(report: CheckReport) -> str:
@@ -252,24 +170,23 @@ def conditions(report: CheckReport) -> str:
     return f"from {start}, {driven}, for {report.kind} ({report.kind_reason})"
 
 
-def _check(check: CheckResult) -> Iterator[str]:
-    yield f"## {check.name}: {check.verdict}"
-    yield f"Criterion: {check.asks}."
-    yield f"{check.reason[:1].upper()}{check.reason[1:]}."
-    if check.measures:
-        header = ("| number | of | value | limit | |", "|---|---|---|---|---|")
-        yield "\n".join((*header, *map(_row, check.measures)))
-    if check.notes:
-        yield "\n".join(f"- {note}" for note in check.notes)
+def _check(check: CheckResult) -> Section:
+    lines = [f"criterion: {check.asks}", check.reason, *check.notes]
     if check.stores:
-        yield f"Evidence: {', '.join(f'`{store}`' for store in check.stores)}."
+        lines.append(f"evidence: {', '.join(check.stores)}")
+    return Section(
+        f"{check.name}: {check.verdict}",
+        tuple(filter(None, lines)),
+        ("number", "of", "value", "limit", "") if check.measures else (),
+        tuple(map(_row, check.measures)),
+    )
 
 
-def _row(measure: Measure) -> str:
-    verdict = {None: "", True: "holds", False: "**violated**"}[measure.holds]
+def _row(measure: Measure) -> tuple[str, ...]:
+    verdict = {None: "", True: "holds", False: "exceeded"}[measure.holds]
     limit = "" if measure.limit is None else _number(measure.limit, measure.unit)
-    name, of = measure.name.replace("_", " "), in_markdown(measure.of or "")
-    return f"| {name} | {of} | {_number(measure.value, measure.unit)} | {limit} | {verdict} |"
+    value = _number(measure.value, measure.unit)
+    return measure.name.replace("_", " "), measure.of or "", value, limit, verdict
 
 
 def _number(value: float | None, unit: str) -> str:

@@ -1,6 +1,5 @@
 """The model under check, with its settings and initial state, and its runs."""
 
-import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -10,6 +9,7 @@ import mujoco
 
 from contactlab.engines.engine import bytes_of_run
 from contactlab.errors import SweepFileError
+from contactlab.judge.limits import LIMITS
 from contactlab.plan.task_options import AS_INFERRED, TaskOptions
 from contactlab.run.planned_runs import RUN_BYTES
 from contactlab.run.sweep_request import SceneLoader
@@ -18,10 +18,10 @@ from contactlab.scene.run_setup import make_setup
 from contactlab.scene.run_spec import RunSpec, steps_of
 from contactlab.scene.scene import Scene
 from contactlab.scene.setting_values import as_number
-from contactlab.schema.check_report import Measure, Severity, TaskKind
+from contactlab.schema.check_report import Measure, TaskKind
 from contactlab.schema.drive import Drive, drive_data
+from contactlab.schema.finding import Level
 from contactlab.schema.task import SEEDS, Task
-from contactlab.studies.check.check_results import LIMITS
 from contactlab.studies.check.check_runs import CheckRun, Holding, holding_of
 from contactlab.studies.session import Session, Values
 
@@ -36,9 +36,6 @@ _SMALL = 10  # degrees of freedom up to which a model may take so many steps; la
 def most_steps(model: mujoco.MjModel, of_small: int | None = None) -> int:
     """Return how many steps a run of a model takes at most, given how many that of a small one."""
     return (of_small or _MOST_STEPS) * _SMALL // max(_SMALL, model.nv)
-
-
-_SLACK = 1 + 1e-9  # keeps a value that equals its limit within it, whatever its rounding error
 
 
 class TooLongError(SweepFileError):
@@ -205,24 +202,13 @@ class CheckedModel:
         of: str | None = None,
         *,
         limit: float | None = None,
-        severity: Severity | None = None,
+        level: Level | None = None,
     ) -> Measure:
         """Return a value, and whether it meets its limit; NaN never does.
 
-        A limit or severity that is given replaces that of the check, but not that of the request.
+        A limit or level that is given replaces that of the check, but not that of the request.
         """
-        rule = LIMITS[name]
-        bound = self.limits.get(name, rule.value if limit is None else limit)
-        assert bound is not None
-        return Measure(
-            name=name,
-            of=of,
-            value=value if math.isfinite(value) else None,
-            unit=rule.unit,
-            limit=bound,
-            holds=bool(value < bound if rule.strict else value <= bound * _SLACK),
-            severity=severity or rule.severity,
-        )
+        return LIMITS[name].measure(value, of, self.limits.get(name, limit), level)
 
     def stores(self, *names: str) -> tuple[str, ...]:
         """Return which of these stores were written."""

@@ -17,18 +17,12 @@ from contactlab.contact.contact_laws import (
     stiffness_damping,
 )
 from contactlab.contact.trace_arrays import DISTANCE, FORCE, Floats
+from contactlab.judge.limits import MILLIMETRES, MILLISECONDS, Limit, exceeding, informative
 from contactlab.scene.setting_values import as_vector
 from contactlab.schema.check_report import CheckResult, Measure
 from contactlab.schema.evidence import PairRecord
 from contactlab.studies.check.check_entries import Measured, check, remedy
-from contactlab.studies.check.check_results import (
-    MILLIMETRES,
-    MILLISECONDS,
-    Limit,
-    informative,
-    mjcf_text,
-    violated,
-)
+from contactlab.studies.check.check_results import mjcf_text
 from contactlab.studies.check.check_runs import CheckRun
 from contactlab.studies.check.checked_model import (
     NOMINAL_STORE,
@@ -151,8 +145,8 @@ _TIMES = 30  # time constants in which a mode decays to rounding
     asks=_RESTS,
     place=3,
     limits=(
-        Limit("penetration_steady", "m", "warning", 1e-4, strict=True, shown=MILLIMETRES),
-        Limit("penetration_growth", "m/s", "warning", 1e-6, shown=(1e6, " µm/s")),
+        Limit("penetration_steady", "m", "warn", 1e-4, strict=True, shown=MILLIMETRES),
+        Limit("penetration_growth", "m/s", "warn", 1e-6, shown=(1e6, " µm/s")),
     ),
 )
 def check_flat_contact(checked: CheckedModel) -> Measured:
@@ -210,7 +204,7 @@ def stiffer_rest(checked: CheckedModel, result: CheckResult) -> Iterator[Values]
     The closed form holds for elliptic cones; for pyramidal ones the load is the one that gives the
     measured depth by the same law. The stiffest that a failed set of parameters needs counts.
     """
-    failed = {measure.of for measure in violated(result.measures)}
+    failed = {measure.of for measure in exceeding(result.measures)}
     depths = {
         measure.of: measure for measure in result.measures if measure.name == "penetration_steady"
     }
@@ -248,8 +242,8 @@ _PUSHES = "contacts push at touch only, and are no softer than the engine's defa
     asks=_PUSHES,
     place=6,
     limits=(
-        Limit("shell", "m", "warning", 1e-4, shown=MILLIMETRES, exceeded=_EARLY),
-        Limit("softness", "s", "warning", 0.02, shown=MILLISECONDS),
+        Limit("shell", "m", "warn", 1e-4, shown=MILLIMETRES, exceeded=_EARLY),
+        Limit("softness", "s", "warn", 0.02, shown=MILLISECONDS),
     ),
 )
 def check_contact_margin(checked: CheckedModel) -> Measured:

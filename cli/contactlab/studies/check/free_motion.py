@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import Floats
+from contactlab.judge.limits import PERCENT_PER_SECOND, Limit, informative
 from contactlab.schema.check_report import CheckResult, Measure
 from contactlab.store.mcap.trace_reader import StoredTrace
 from contactlab.studies.check.check_entries import Measured, check, remedy
-from contactlab.studies.check.check_results import PERCENT_PER_SECOND, Limit, informative
 from contactlab.studies.check.check_runs import CheckRun
 from contactlab.studies.check.checked_model import CheckedModel
 from contactlab.studies.check.inertia import judged_inertias
@@ -42,8 +42,8 @@ _STATES = 500  # states at which the energy is computed, evenly spaced
     asks=_ASKS,
     place=2,
     limits=(
-        Limit("energy_gain", "1/s", "error", 1e-2, shown=PERCENT_PER_SECOND),
-        Limit("energy_drift", "1/s", "warning", 1e-3, shown=PERCENT_PER_SECOND),
+        Limit("energy_gain", "1/s", "gate", 1e-2, shown=PERCENT_PER_SECOND),
+        Limit("energy_drift", "1/s", "warn", 1e-3, shown=PERCENT_PER_SECOND),
     ),
     findings=("inertia_not_positive", "inertia_triangle", "inertia_balanced"),
 )

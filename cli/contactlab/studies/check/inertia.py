@@ -58,7 +58,7 @@ def judged_inertias(checked: CheckedModel) -> tuple[list[Measure], list[str]]:
             unit=fault.unit,
             limit=float(fault.limit),
             holds=False,
-            severity="error",
+            level="gate",
         )
         for fault in faults
         if fault.kind in _IMPOSSIBLE

@@ -6,10 +6,12 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
-from contactlab.comparison.policies import apply_acceptances, stale_acceptances
 from contactlab.engines import find_engine
 from contactlab.engines.engine import ChecksRuns
 from contactlab.errors import SceneError, SweepFileError, did_you_mean
+from contactlab.judge.acceptances import apply_acceptances, stale_acceptances
+from contactlab.judge.conclusion import failed_names
+from contactlab.judge.limits import LIMITS
 from contactlab.mjcf import MODEL_ENGINE
 from contactlab.plan.task_options import AS_INFERRED, TaskOptions
 from contactlab.run.evidence_record import engine, provenance
@@ -18,19 +20,13 @@ from contactlab.scene.compiled_scene import CompiledScene
 from contactlab.scene.parameters import PARAMETERS
 from contactlab.scene.run_setup import actuated_limbs
 from contactlab.scene.run_spec import RunSpec
-from contactlab.schema.check_report import CheckReport, CheckResult, Finding, TaskKind
-from contactlab.schema.comparison import AcceptedCheck
+from contactlab.schema.check_report import CheckReport, CheckResult, TaskKind
 from contactlab.schema.coverage import Exercised
+from contactlab.schema.finding import Acceptance, Finding
 from contactlab.schema.task import QPOS0
 from contactlab.store.table_layout import record_to_row
 from contactlab.studies.check.check_entries import CHECKS, Check
-from contactlab.studies.check.check_results import (
-    LIMITS,
-    check_result,
-    findings_of,
-    page,
-    replaceable_limits,
-)
+from contactlab.studies.check.check_results import check_result, findings_of, report_of
 from contactlab.studies.check.checked_model import (
     NOMINAL_STORE,
     CheckedModel,
@@ -41,10 +37,11 @@ from contactlab.studies.check.checked_model import (
 from contactlab.studies.check.remedies import find_remedies
 from contactlab.studies.check.run_checks import reference_of
 from contactlab.studies.session import Session, Values, read_settings
+from contactlab.writers.markdown import as_markdown
+from contactlab.writers.report import ORDER
 
 REPORT, PAGE, REFERENCE = "check.json", "check.md", "reference.json"
 _WALKING = 2  # number of actuated limbs from which a free body is taken to walk
-_ORDER = ("failed", "warned", "noted", "skipped", "passed")
 
 
 @dataclass(frozen=True)
@@ -57,7 +54,7 @@ class CheckRequest:
     kind: TaskKind | None = None  # of task; derived from the model if None
     # What replaces parts of the model's task; its limits are of measures, by name.
     task: TaskOptions = AS_INFERRED
-    accepted: Sequence[AcceptedCheck] = ()  # findings that are known and accepted
+    accepted: Sequence[Acceptance] = ()  # findings that are known and accepted
     remedies: bool = True  # whether to look for changes that help
 
 
@@ -95,7 +92,7 @@ def run(request: CheckRequest, session: Session) -> CheckReport:
         settings=checked.resolved.values,
         engine=engine(),
         provenance=provenance(),
-        passed=all(finding.outcome != "failed" for finding in findings),
+        passed=not failed_names(findings),
         checks=tuple(results),
         findings=tuple(findings),
         remedies=remedies,
@@ -202,11 +199,16 @@ def _result(name: str, check: Check, checked: CheckedModel) -> CheckResult:
         return check_result(name, "whether it can be run at all", [], [str(error)])
 
 
-def _judged(results: Sequence[CheckResult], accepted: Sequence[AcceptedCheck]) -> list[Finding]:
+def _judged(results: Sequence[CheckResult], accepted: Sequence[Acceptance]) -> list[Finding]:
     """Return all findings, those first that fail and are not accepted."""
     found = [finding for result in results for finding in findings_of(result)]
     judged = apply_acceptances(found, accepted, datetime.now(UTC).date(), _known_findings())
-    return sorted(judged, key=lambda finding: _ORDER.index(finding.outcome))
+    return sorted(judged, key=lambda finding: ORDER.index(finding.outcome))
+
+
+def replaceable_limits() -> list[str]:
+    """Return the names of the limits that a request may replace by its own."""
+    return [*(name for name, limit in LIMITS.items() if limit.value is not None), "timestep"]
 
 
 def _known_findings() -> set[str]:
@@ -214,7 +216,7 @@ def _known_findings() -> set[str]:
 
 
 def _files(report: CheckReport, checked: CheckedModel) -> dict[str, str]:
-    files = {REPORT: report.model_dump_json(indent=2) + "\n", PAGE: page(report)}
+    files = {REPORT: report.model_dump_json(indent=2) + "\n", PAGE: as_markdown(report_of(report))}
     if checked.stores(NOMINAL_STORE) and checked.nominal.record.trajectory_hash is not None:
         files[REFERENCE] = reference_of(checked.nominal).model_dump_json(indent=2) + "\n"
     return files

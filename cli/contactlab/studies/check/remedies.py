@@ -8,7 +8,8 @@ from contactlab.run.evidence_record import as_written
 from contactlab.scene.model_draft import Change, ModelEdits
 from contactlab.scene.model_writer import write_model
 from contactlab.scene.setting_values import as_number
-from contactlab.schema.check_report import CheckResult, Edit, Finding, Remedy
+from contactlab.schema.check_report import CheckResult, Edit, Remedy
+from contactlab.schema.finding import Finding
 from contactlab.studies.check.check_entries import CHECKS, REMEDIES, Check
 from contactlab.studies.check.check_results import MODEL, findings_of, settings_text
 from contactlab.studies.check.checked_model import CheckedModel, TooLongError
@@ -53,7 +54,7 @@ class _Search:
             return
         now = self.model.trying(self.settings, "remedies/now")
         tried: list[str] = []
-        for proposal in REMEDIES[name].propose(now, self.results[finding.check]):
+        for proposal in REMEDIES[name].propose(now, self.results[finding.kind]):
             text = settings_text(proposal)
             try:
                 obstacle = self._obstacle(proposal, finding)
@@ -77,12 +78,12 @@ class _Search:
         settings = _merged(self.settings, proposal)
         changed = self.model.trying(settings, f"remedies/{self.trials}")
         results: dict[str, CheckResult] = {}
-        results[finding.check] = self.checks[finding.check](changed)
+        results[finding.kind] = self.checks[finding.kind](changed)
         if finding.name in (failing := _failing(results)):
             return failing[finding.name].message
         for name, check in self.checks.items():
             still = name == "free_motion" and not _MOVES_FREELY & proposal.keys()
-            if name != finding.check:
+            if name != finding.kind:
                 same = name == "repeat" or still
                 results[name] = self.results[name] if same else check(changed)
         failing, before = _failing(results), self.failing

@@ -11,19 +11,19 @@ from dataclasses import replace
 import numpy as np
 
 from contactlab.contact.contact_laws import stiffness_damping
+from contactlab.judge.limits import (
+    MILLIMETRES,
+    MILLISECONDS,
+    Limit,
+    exceeding,
+    informative,
+    utilization,
+)
 from contactlab.measure import METRICS, labels_with
 from contactlab.scene.run_setup import make_setup
 from contactlab.scene.setting_values import as_vector
 from contactlab.schema.check_report import CheckResult, Measure, Reference, TaskKind
 from contactlab.studies.check.check_entries import Measured, check, remedy
-from contactlab.studies.check.check_results import (
-    MILLIMETRES,
-    MILLISECONDS,
-    Limit,
-    informative,
-    utilization,
-    violated,
-)
 from contactlab.studies.check.check_runs import CheckRun, HeldPair, Holding, pair_speeds
 from contactlab.studies.check.checked_model import NOMINAL_STORE, CheckedModel
 from contactlab.studies.check.contact_checks import STIFF_SOLREF, contact_sets, rounded_down
@@ -39,9 +39,9 @@ _SUITS = "the timestep suits the task, the thinnest geometry and the stiffest co
     asks=_SUITS,
     place=1,
     limits=(
-        Limit("timestep", "s", "warning", shown=MILLISECONDS),
-        Limit("step_ratio", "1", "warning", 0.8),
-        Limit("travel", "m", "error", shown=MILLIMETRES),
+        Limit("timestep", "s", "warn", shown=MILLISECONDS),
+        Limit("step_ratio", "1", "warn", 0.8),
+        Limit("travel", "m", "gate", shown=MILLIMETRES),
     ),
 )
 def check_timestep(checked: CheckedModel) -> Measured:
@@ -86,10 +86,12 @@ def _travels(checked: CheckedModel) -> Iterator[Measure]:
 @remedy("timestep", "step_ratio", "travel")
 def shorter_timestep(checked: CheckedModel, result: CheckResult) -> Iterator[Values]:
     """Yield the longest timestep, to two digits, at which every limit holds."""
-    failed = violated(result.measures)
+    failed = exceeding(result.measures)
     timestep = checked.resolved.timestep
     longest = [
-        timestep / utilization(measure) for measure in failed if measure.name != "step_ratio"
+        timestep / utilization(measure.value, measure.limit)
+        for measure in failed
+        if measure.name != "step_ratio"
     ]
     ratios = [measure.limit or 0.0 for measure in failed if measure.name == "step_ratio"]
     if ratios:
@@ -122,11 +124,11 @@ _STAYS = "what is held or stands stays: below 5 mode switches a second, 1 mm dee
     asks=_STAYS,
     place=4,
     limits=(
-        Limit("steps_lost", "1", "error", 1, strict=True),
-        Limit("mode_switches", "1/s", "error", 5, strict=True, shown=(1.0, " a second")),
-        Limit("slip", "m", "warning", 1e-4, strict=True, shown=MILLIMETRES),
-        Limit("penetration_mean", "m", "warning", 1e-3, strict=True, shown=MILLIMETRES),
-        Limit("loose_share", "1", "error", 0.5),
+        Limit("steps_lost", "1", "gate", 1, strict=True),
+        Limit("mode_switches", "1/s", "gate", 5, strict=True, shown=(1.0, " a second")),
+        Limit("slip", "m", "warn", 1e-4, strict=True, shown=MILLIMETRES),
+        Limit("penetration_mean", "m", "warn", 1e-3, strict=True, shown=MILLIMETRES),
+        Limit("loose_share", "1", "gate", 0.5),
     ),
 )
 def check_hold(checked: CheckedModel) -> Measured:
@@ -149,11 +151,11 @@ def check_hold(checked: CheckedModel) -> Measured:
 
 
 def _hold_measures(checked: CheckedModel, held: HeldPair) -> list[Measure]:
-    severity = "error" if checked.holding.declared else None
+    level = "gate" if checked.holding.declared else None
     return [
         checked.measure("mode_switches", held.switches, held.name),
         checked.measure("penetration_mean", held.depth, held.name),
-        checked.measure("slip", held.slip, held.name, severity=severity),
+        checked.measure("slip", held.slip, held.name, level=level),
         informative("force_mean", held.force, "N", held.name),
     ]
 
@@ -204,7 +206,7 @@ _REPEATS = "the same run in another process is the same bit for bit"
     "repeat",
     asks=_REPEATS,
     place=5,
-    limits=(Limit("trajectories_differ", "1", "error", 0),),
+    limits=(Limit("trajectories_differ", "1", "gate", 0),),
 )
 def check_repeat(checked: CheckedModel) -> Measured:
     """Run the model again in another process, and compare the trajectories."""
@@ -249,7 +251,7 @@ def reference_of(nominal: CheckRun) -> Reference:
     "must",
     asks="what the model must do, it does",
     place=4.5,
-    limits=(Limit("requirements_broken", "1", "error", 0),),
+    limits=(Limit("requirements_broken", "1", "gate", 0),),
 )
 def check_must(checked: CheckedModel) -> Measured:
     """Look for what the scene or the request requires that a run of the model does not do."""

@@ -12,7 +12,8 @@ from pathlib import Path
 
 from contactlab.comparison.compare_stores import compare
 from contactlab.errors import ContactlabError, ExpectationError, PolicyError, StoppedError
-from contactlab.schema.comparison import Check, ComparePolicy, ComparisonReport
+from contactlab.schema.comparison import ComparePolicy, ComparisonReport
+from contactlab.schema.finding import Finding
 from contactlab.store.atomic_files import atomic_write, sha256_of
 
 # What counts as an outcome: checks of the first of these kinds in which the two ends differ.
@@ -79,9 +80,9 @@ class SweepOutcomes:
         self.good = good
         report = self.compared(good, bad)
         for name in self.asked:
-            known = [check.name for check in report.checks]
+            known = [check.name for check in report.findings]
             PolicyError.unless_known(name, known, f"there is no check '{name}'")
-        found = [check for check in report.checks if check.name in self.asked and _differs(check)]
+        found = [check for check in report.findings if check.name in self.asked and _differs(check)]
         if not self.asked:
             found = next(filter(None, (_of_kinds(report, kinds) for kinds in _KINDS)), [])
         if not found:
@@ -97,7 +98,7 @@ class SweepOutcomes:
         report = self.compared(found.before, found.after)
         if not self._changed(report):  # by less than the tolerance, which was almost used up before
             report = self.compared(self.good, found.after)
-        return report.model_copy(update={"checks": tuple(self._changed(report))})
+        return report.model_copy(update={"findings": tuple(self._changed(report))})
 
     def compared(self, before: str, after: str) -> ComparisonReport:
         """Return the comparison of two releases, run by run."""
@@ -106,19 +107,19 @@ class SweepOutcomes:
         policy = self.policy.model_copy(update={"match": "axes"})
         return compare(self.folder / before, self.folder / after, policy)
 
-    def _changed(self, report: ComparisonReport) -> list[Check]:
+    def _changed(self, report: ComparisonReport) -> list[Finding]:
         return [
-            check for check in report.checks if check.full_name in self.names and _differs(check)
+            check for check in report.findings if check.full_name in self.names and _differs(check)
         ]
 
 
-def _of_kinds(report: ComparisonReport, kinds: frozenset[str]) -> list[Check]:
+def _of_kinds(report: ComparisonReport, kinds: frozenset[str]) -> list[Finding]:
     """Return the checks of some kinds that fail, or else those that changed at all."""
-    found = [check for check in report.checks if check.kind in kinds and _differs(check)]
+    found = [check for check in report.findings if check.kind in kinds and _differs(check)]
     return [check for check in found if check.outcome == "failed"] or found
 
 
-def _differs(check: Check) -> bool:
+def _differs(check: Finding) -> bool:
     return check.verdict not in {"same", "not comparable"}
 
 

@@ -17,16 +17,12 @@ from typing import NamedTuple
 import numpy as np
 from scipy import stats
 
-from contactlab.comparison.checks import CHANGED, MISSING, SAME, CheckSubject, plural
 from contactlab.comparison.compare_stores import conclusion, described
-from contactlab.comparison.policies import EffectiveRule, effective_rule
-from contactlab.schema.comparison import (
-    Check,
-    ComparePolicy,
-    ComparisonReport,
-    PairCounts,
-    RunPair,
-)
+from contactlab.judge.policies import EffectiveRule, effective_rule
+from contactlab.judge.subjects import CHANGED, MISSING, SAME, Subject
+from contactlab.judge.wording import plural
+from contactlab.schema.comparison import ComparePolicy, ComparisonReport, PairCounts
+from contactlab.schema.finding import Finding, RunPair
 from contactlab.store.finished_store import Store
 from contactlab.store.table_layout import Column
 from contactlab.studies.lock.lock_file import is_recorded, lock_of, members, metric_columns
@@ -35,8 +31,8 @@ from contactlab.studies.lock.lock_model import Group, Lock
 _BY_CHANCE = 1e-3
 
 
-class _Finding(NamedTuple):
-    """Finding in a group, and its excess over what is accepted, in tolerances."""
+class _GroupChange(NamedTuple):
+    """Change of a group, and its excess over what is accepted, in tolerances."""
 
     group: Group
     code: int
@@ -67,24 +63,28 @@ class _Judge:
         judged = (len(old.metrics) + len({*old.outcomes, *new.outcomes}) for old, new in self.pairs)
         return _BY_CHANCE / max(1, sum(judged))
 
-    def checks(self, columns: dict[str, Column]) -> Iterator[Check]:
+    def checks(self, columns: dict[str, Column]) -> Iterator[Finding]:
         """Yield all checks."""
         for name in ("engine", "scene_hash"):
             before, after = getattr(self.lock, name), getattr(self.new, name)
-            same = CheckSubject(f"same {name}", "evidence", "warn", two_sided=True)
+            same = Subject(f"same {name}", "evidence", "warn", two_sided=True)
             said = "the same" if before == after else f"{before}, now {after}"
             yield same.single(SAME if before == after else CHANGED, said)
         old, new, rules = self.lock.by_key, self.new.by_key, self.policy
-        subject = CheckSubject("no missing groups", "runs", rules.missing_runs)
-        yield self._check(subject, [_Finding(old[key], MISSING) for key in old if key not in new])
-        subject = CheckSubject("no new groups", "runs", rules.new_runs, two_sided=True)
-        yield self._check(subject, [_Finding(new[key], CHANGED) for key in new if key not in old])
-        subject = CheckSubject("outcomes as locked", "labels", rules.labels.level, two_sided=True)
+        subject = Subject("no missing groups", "runs", rules.missing_runs)
+        yield self._check(
+            subject, [_GroupChange(old[key], MISSING) for key in old if key not in new]
+        )
+        subject = Subject("no new groups", "runs", rules.new_runs, two_sided=True)
+        yield self._check(
+            subject, [_GroupChange(new[key], CHANGED) for key in new if key not in old]
+        )
+        subject = Subject("outcomes as locked", "labels", rules.labels.level, two_sided=True)
         yield self._check(subject, [self._outcomes(*pair) for pair in self.pairs])
         for metric in dict.fromkeys(name for group in self.lock.groups for name in group.metrics):
             yield self._metric(metric, columns.get(metric))
 
-    def _outcomes(self, old: Group, new: Group) -> _Finding:
+    def _outcomes(self, old: Group, new: Group) -> _GroupChange:
         counts = {
             name: [(side.outcomes.get(name, 0), side.runs) for side in (old, new)]
             for name in {**old.outcomes, **new.outcomes}
@@ -96,7 +96,7 @@ class _Judge:
             )
             for side in (0, 1)
         )
-        return _Finding(old, CHANGED if wrong else SAME, before, after)
+        return _GroupChange(old, CHANGED if wrong else SAME, before, after)
 
     def _differ(self, old: tuple[int, int], new: tuple[int, int]) -> bool:
         """Return whether two counts, each with how many runs there are, differ."""
@@ -105,12 +105,12 @@ class _Judge:
         table = [[found, total - found] for found, total in (old, new)]
         return float(np.asarray(stats.fisher_exact(table))[1]) < self.alpha
 
-    def _metric(self, metric: str, column: Column | None) -> Check:
+    def _metric(self, metric: str, column: Column | None) -> Finding:
         if column is None:
-            gone = CheckSubject(f"{metric} as locked", "metrics", "gate")
+            gone = Subject(f"{metric} as locked", "metrics", "gate")
             return gone.skipped("is no metric now")
         rule = effective_rule(column, self.policy)
-        subject = CheckSubject(
+        subject = Subject(
             f"{metric} as locked", "metrics", rule.level, "", column.unit, rule.budget, True
         )
         versions = [record.metric_versions.get(metric) for record in (self.lock, self.new)]
@@ -121,32 +121,32 @@ class _Judge:
             return subject.skipped("single runs of other starts tell nothing: lock several seeds")
         return self._check(subject, [self._measured(metric, rule, *pair) for pair in pairs])
 
-    def _measured(self, metric: str, rule: EffectiveRule, old: Group, new: Group) -> _Finding:
+    def _measured(self, metric: str, rule: EffectiveRule, old: Group, new: Group) -> _GroupChange:
         (before, spread, n), (after, other, m) = (side.measured(metric) for side in (old, new))
         if not m or (self.repeated and n != m):
-            return _Finding(old, MISSING, f"{n} values", f"{m} values")
-        allowed = rule.abs + rule.rel * abs(before)
+            return _GroupChange(old, MISSING, f"{n} values", f"{m} values")
+        allowed = rule.limit.allowed(before)
         if not self.repeated:
             allowed += change_by_chance((spread, n), (other, m), self.alpha)
         excess = abs(after - before) / allowed if allowed else float(after != before) * math.inf
-        return _Finding(old, CHANGED if excess > 1 else SAME, before, after, excess)
+        return _GroupChange(old, CHANGED if excess > 1 else SAME, before, after, excess)
 
-    def _check(self, subject: CheckSubject, found: Sequence[_Finding]) -> Check:
+    def _check(self, subject: Subject, found: Sequence[_GroupChange]) -> Finding:
         wrong = sorted(
-            (finding for finding in found if finding.code), key=lambda finding: -finding.excess
+            (change for change in found if change.code), key=lambda change: -change.excess
         )
         said = f"{len(wrong):,} of {plural(len(found), 'group')}" if wrong else "as locked"
         worst = [
             RunPair(
                 baseline_run=None,
-                candidate_run=self.runs.get(finding.group.key),
-                axes=finding.group.at,
-                baseline=finding.before,
-                candidate=finding.after,
+                candidate_run=self.runs.get(change.group.key),
+                axes=change.group.at,
+                baseline=change.before,
+                candidate=change.after,
             )
-            for finding in wrong
+            for change in wrong
         ]
-        return subject.check(np.array([finding.code for finding in found], np.int8), said, worst)
+        return subject.finding(np.array([change.code for change in found], np.int8), said, worst)
 
 
 def change_by_chance(old: tuple[float, int], new: tuple[float, int], alpha: float) -> float:
@@ -191,6 +191,6 @@ def judge(lock: Lock, name: str, store: Store, policy: ComparePolicy) -> Compari
         pairs=PairCounts(**counts),
         differences=(),
         transitions=(),
-        checks=checks,
+        findings=checks,
         advice=(),
     )

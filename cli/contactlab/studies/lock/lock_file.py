@@ -17,8 +17,8 @@ import numpy as np
 from ruamel.yaml import YAML
 
 from contactlab.comparison.pairing import engine_of
-from contactlab.comparison.policies import effective_rule, kind_of
 from contactlab.errors import SweepFileError
+from contactlab.judge.policies import effective_rule, kind_of
 from contactlab.measure import METRICS
 from contactlab.plan.sweep_file import read_yaml_as
 from contactlab.schema.comparison import ComparePolicy

@@ -8,8 +8,8 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 from pydantic_core import PydanticCustomError
 
-from contactlab.schema.comparison import Count
 from contactlab.schema.evidence import Setting
+from contactlab.schema.finding import Count
 from contactlab.schema.strict_model import Flag, Model, Number, Whole, Word
 
 

@@ -12,9 +12,10 @@ from contactlab.contact.trace_arrays import Floats
 from contactlab.engines.adapted_engine import AdaptedEngine
 from contactlab.engines.engine import PreparedRuns, SimulationEngine
 from contactlab.engines.mujoco_engine import MujocoEngine
+from contactlab.judge.limits import Limit
 from contactlab.scene.initial_states import apply_inputs
 from contactlab.scene.model_names import name_of
-from contactlab.studies.parity.parity_report import Finding, Stage
+from contactlab.studies.parity.parity_report import Divergence, Stage
 
 Forward = Mapping[str, Sequence[Floats]]  # fields of MuJoCo's data, and `contacts`, of K states
 
@@ -26,16 +27,19 @@ _STAGES: Mapping[Stage, Sequence[str]] = {
     "constraint forces": ("qfrc_constraint",),
     "acceleration": ("qacc",),
 }
-# Allowed differences, absolute and relative: those of MuJoCo's skill for parity.
-_ALLOWED = {
-    "xpos": (1e-5, 1e-4),
-    "xquat": (1e-5, 1e-4),
-    "qfrc_bias": (1e-3, 1e-3),
-    "qfrc_passive": (1e-3, 1e-3),
-    "qfrc_actuator": (1e-3, 1e-3),
-    "qacc_smooth": (1e-2, 1e-3),
-    "qfrc_constraint": (1e-1, 1e-2),
-    "qacc": (1e-1, 1e-2),
+# Allowed differences: those of MuJoCo's skill for parity; units of joints' forces differ.
+LIMITS = {
+    limit.name: limit
+    for limit in (
+        Limit("xpos", "m", value=1e-5, relative=1e-4),
+        Limit("xquat", "1", value=1e-5, relative=1e-4),
+        Limit("qfrc_bias", "any", value=1e-3, relative=1e-3),
+        Limit("qfrc_passive", "any", value=1e-3, relative=1e-3),
+        Limit("qfrc_actuator", "any", value=1e-3, relative=1e-3),
+        Limit("qacc_smooth", "any", value=1e-2, relative=1e-3),
+        Limit("qfrc_constraint", "any", value=1e-1, relative=1e-2),
+        Limit("qacc", "any", value=1e-1, relative=1e-2),
+    )
 }
 FLOOR_FACTOR = 8.0  # how many times what rounding the state changes is allowed beside
 GRAZING = 1e-5  # from where contacts begin to act, or lie, that rounding decides about [m]
@@ -64,7 +68,7 @@ def _forward_by_mujoco(runs: PreparedRuns) -> Forward:
         inputs = (start.ctrl[run], start.applied[run], start.mocap[run])
         apply_inputs(model, data, np.concatenate(inputs))
         mujoco.mj_forward(model, data)
-        for name in _ALLOWED:
+        for name in LIMITS:
             told[name].append(np.array(getattr(data, name)))
         told["contacts"].append(_contact_rows(data.contact))
     return told
@@ -86,15 +90,15 @@ class ForwardStates:
     theirs: Forward
     rounded: Forward
 
-    def first_finding(self) -> Finding | None:
+    def first_divergence(self) -> Divergence | None:
         """Return the first stage that differs, where it differs most; None if none does."""
         for stage, names in _STAGES.items():
-            found = [finding for name in names for finding in self._findings(stage, name)]
+            found = [divergence for name in names for divergence in self._divergences(stage, name)]
             if found:
                 return max(found, key=lambda candidate: candidate[0])[1]
         return None
 
-    def _findings(self, stage: Stage, name: str) -> Iterator[tuple[float, Finding]]:
+    def _divergences(self, stage: Stage, name: str) -> Iterator[tuple[float, Divergence]]:
         """Yield by how much more than is allowed states differ in a quantity."""
         if name not in self.theirs:
             return
@@ -107,8 +111,10 @@ class ForwardStates:
                 found = self._mismatch(name, place)
             if found:
                 excess, what, ours, theirs = found
-                finding = Finding(stage=stage, quantity=what, step=step, mujoco=ours, engine=theirs)
-                yield excess, finding
+                divergence = Divergence(
+                    stage=stage, quantity=what, step=step, mujoco=ours, engine=theirs
+                )
+                yield excess, divergence
 
     def _mismatch(self, name: str, place: int) -> "_Mismatch | None":
         ours, theirs, rounded = (
@@ -119,9 +125,8 @@ class ForwardStates:
             return None
         if name == "xquat":
             theirs = theirs * np.where((ours * theirs).sum(axis=-1, keepdims=True) < 0, -1, 1)
-        absolute, relative = _ALLOWED[name]
         floor = float(np.abs(ours - rounded).max())
-        allowed = absolute + relative * np.abs(ours) + FLOOR_FACTOR * floor
+        allowed = LIMITS[name].allowed(ours) + FLOOR_FACTOR * floor
         excess = np.abs(ours - theirs) / allowed
         excess[~np.isfinite(theirs)] = np.inf
         worst = np.unravel_index(int(excess.argmax()), excess.shape)

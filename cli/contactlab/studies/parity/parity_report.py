@@ -2,8 +2,8 @@
 
 from typing import Literal
 
-from contactlab.schema.comparison import Check
 from contactlab.schema.evidence import Setting
+from contactlab.schema.finding import Finding
 from contactlab.schema.strict_model import Model, about
 
 Verdict = Literal["same", "within floor", "ambiguous", "different", "refused", "failed"]
@@ -20,7 +20,7 @@ Stage = Literal[
 ]
 
 
-class Finding(Model):
+class Divergence(Model):
     """Where an engine first leaves MuJoCo."""
 
     stage: Stage = about("The first stage, in the order in which a step computes them.")
@@ -55,7 +55,7 @@ class RunParity(Model):
     seed: int
     verdict: Verdict
     reason: str = about("Why it is refused, or what failed.", default="")
-    first: Finding | None = about("Where it first differs; null unless it does.", default=None)
+    first: Divergence | None = about("Where it first differs; null unless it does.", default=None)
     position: float | None = about("Greatest difference of a coordinate [m or rad].", default=None)
     floor: float | None = about(
         "The same of MuJoCo against itself, rounded to single precision.", default=None
@@ -82,7 +82,7 @@ class ClosedForm(Model):
 class ParityReport(Model):
     """Whether an engine does what MuJoCo does in the runs of a sweep."""
 
-    schema_version: Literal[1] = 1
+    schema_version: Literal[2] = 2
     sweep: str
     scene: str
     engine: str
@@ -93,6 +93,6 @@ class ParityReport(Model):
     exit_code: int
     headline: str
     verdicts: dict[Verdict, int]
-    checks: tuple[Check, ...]
+    findings: tuple[Finding, ...]
     closed_form: ClosedForm | None
     runs: tuple[RunParity, ...]

@@ -11,14 +11,12 @@ from contactlab.contact.trace_arrays import Floats
 from contactlab.engines import ENGINES
 from contactlab.engines.engine import PreparedRuns, Rollout, SimulationEngine
 from contactlab.mjcf import MODEL_ENGINE
-from contactlab.studies.parity.forward import FLOOR_FACTOR, ForwardStates, forward
+from contactlab.studies.parity.forward import FLOOR_FACTOR, LIMITS, ForwardStates, forward
 from contactlab.studies.parity.panel import from_states, roll_out
-from contactlab.studies.parity.parity_report import Finding, Verdict
+from contactlab.studies.parity.parity_report import Divergence, Verdict
 from contactlab.studies.parity.rounding import cold, converged, rounded, rounded_at_each_step
 
 _MOST_STEPS, _MOST_FORWARD = 1_000, 24  # states of a run that step, and that are looked into
-# Allowed of an acceleration over a step, absolute and relative: as of `qacc` there.
-_ACCELERATION = (1e-1, 1e-2)
 _AROUND = 33  # states about one from which the solver ends as far from where it should
 _SAME = 1e-9  # a difference of coordinates that is none [m or rad]
 _RESOLVED = 1e-6  # and what single precision resolves of those of this size [m or rad]
@@ -108,8 +106,8 @@ def stepped(comparison: Comparison, run: int, states: Floats) -> SteppedStates:
     # In the run the solver started from the step before: it ended elsewhere within its tolerance.
     ends = np.maximum(np.abs(by_mujoco - after), np.abs(by_mujoco - by_converged))
     noise = np.maximum(floors, ends).max(axis=1, initial=0)
-    absolute, relative = _ACCELERATION
-    plain = model.opt.timestep * absolute + relative * change
+    step = model.opt.timestep  # what is allowed of an acceleration, over a step
+    plain = step * LIMITS["qacc"].allowed(change / step)
     allowed = plain + FLOOR_FACTOR * maximum_filter1d(noise, _AROUND)
     error = np.where(np.isfinite(error), error, np.inf)
     worst, velocities = error.argmax(axis=1), (by_mujoco, by_engine)
@@ -156,7 +154,7 @@ class WholeRun:
         floor = np.maximum(farthest(self.ours, self.rounded), farthest(self.ours, self.single))
         return error, floor, farthest(self.theirs, self.again)
 
-    def finding(self) -> Finding | None:
+    def divergence(self) -> Divergence | None:
         """Return where a run leaves MuJoCo's farther than the floors explain."""
         error, floor, repeat = self.differences()
         floors = np.maximum.accumulate(np.maximum(floor, repeat))
@@ -165,7 +163,7 @@ class WholeRun:
             return None
         step = int(beyond[0])
         place = int(np.abs(self.ours[step] - self.theirs[step]).argmax())
-        return Finding(
+        return Divergence(
             stage="whole run",
             quantity=f"qpos[{place}]",
             step=step,
@@ -179,13 +177,13 @@ def farthest(first: Floats, second: Floats) -> Floats:
     return np.abs(first - second).max(axis=1, initial=0)
 
 
-def buffers_finding(rollout: Rollout, run: int) -> Finding | None:
+def buffers_divergence(rollout: Rollout, run: int) -> Divergence | None:
     """Return that memory for contacts or constraints was too small for a run."""
     full = next((buffer for buffer in _BUFFERS if buffer in rollout.warnings[run]), None)
-    return Finding(stage="buffers", quantity=full, step=0) if full else None
+    return Divergence(stage="buffers", quantity=full, step=0) if full else None
 
 
-def step_finding(steps: SteppedStates, ambiguous: AbstractSet[int]) -> Finding | None:
+def step_divergence(steps: SteppedStates, ambiguous: AbstractSet[int]) -> Divergence | None:
     """Return the single step that differs most, of those that differ by more than is allowed.
 
     From the states before some steps, rounding may lead elsewhere: these are ambiguous.
@@ -196,7 +194,7 @@ def step_finding(steps: SteppedStates, ambiguous: AbstractSet[int]) -> Finding |
         return None
     index = int(steps.worst[place])
     ours, theirs = (float(velocity[place, index]) for velocity in steps.velocities)
-    return Finding(
+    return Divergence(
         stage="one step",
         quantity=f"qvel[{index}]",
         step=int(steps.places[place]),
@@ -205,16 +203,16 @@ def step_finding(steps: SteppedStates, ambiguous: AbstractSet[int]) -> Finding |
     )
 
 
-def _dofs_beside(model: mujoco.MjModel, finding: Finding) -> np.ndarray:
+def _dofs_beside(model: mujoco.MjModel, divergence: Divergence) -> np.ndarray:
     """Return the degrees of freedom of the kinematic tree that a coordinate belongs to."""
-    place = int(finding.quantity.removeprefix("qpos[").removesuffix("]"))
+    place = int(divergence.quantity.removeprefix("qpos[").removesuffix("]"))
     joint = int(np.searchsorted(model.jnt_qposadr, place, side="right")) - 1
     return np.flatnonzero(model.dof_treeid == model.dof_treeid[model.jnt_dofadr[joint]])
 
 
 def judge(
     comparison: Comparison, run: int
-) -> tuple[Verdict, Finding | None, dict[str, float | int]]:
+) -> tuple[Verdict, Divergence | None, dict[str, float | int]]:
     """Return the verdict on a run, the first stage that differs, and what was measured."""
     rollouts = comparison.rollouts
     steps = min(rollout.steps[run] for rollout in rollouts)
@@ -228,7 +226,7 @@ def judge(
     whole = WholeRun(ours, rounded_at_each_step(comparison.both[0], run, steps), *others)
     error, floor, repeat = (float(difference.max()) for difference in whole.differences())
     numbers: dict[str, float | int] = {"position": error, "floor": floor, "repeat": repeat}
-    if full := buffers_finding(rollouts[2], run):
+    if full := buffers_divergence(rollouts[2], run):
         return "different", full, numbers
     singles = stepped(comparison, run, states)
     numbers |= {"step": float(singles.error.max()), "step_floor": float(singles.floor.max())}
@@ -236,10 +234,10 @@ def judge(
     looked = look_into(comparison, run, states, places)
     ambiguous = looked.ambiguous()
     numbers["ambiguous_states"] = len(ambiguous)
-    found = looked.first_finding() or step_finding(singles, ambiguous)
+    found = looked.first_divergence() or step_divergence(singles, ambiguous)
     if found:
         return "different", found, numbers
-    left = whole.finding()
+    left = whole.divergence()
     if (singles.error > singles.allowed).any() or (
         left and singles.sensitive_before(left.step, _dofs_beside(model, left))
     ):

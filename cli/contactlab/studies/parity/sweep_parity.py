@@ -10,25 +10,21 @@ from typing import Any
 
 import numpy as np
 
-from contactlab.comparison.checks import (
-    NOT_COMPARABLE,
-    SAME,
-    WORSE,
-    CheckSubject,
-    format_percent,
-    out_of,
-    plural,
-)
-from contactlab.comparison.policies import apply_acceptances
 from contactlab.engines import ENGINES
 from contactlab.engines.engine import PreparedRuns, SimulationEngine
-from contactlab.errors import ExpectationError, PolicyError, StoreError
+from contactlab.errors import PolicyError, StoreError
+from contactlab.judge.acceptances import apply_acceptances
+from contactlab.judge.conclusion import exit_code, failed_names
+from contactlab.judge.limits import Limit
+from contactlab.judge.subjects import NOT_COMPARABLE, SAME, WORSE, Subject
+from contactlab.judge.wording import format_percent, out_of, plural
 from contactlab.measure import METRICS
 from contactlab.mjcf import MODEL_ENGINE
 from contactlab.run.evidence_record import as_written
 from contactlab.scene.scene import Scene
-from contactlab.schema.comparison import Check, ComparePolicy, MetricRule, RunPair
+from contactlab.schema.comparison import ComparePolicy, MetricRule
 from contactlab.schema.evidence import Setting
+from contactlab.schema.finding import Finding, RunPair
 from contactlab.studies.parity.panel import Panel, PanelRun
 from contactlab.studies.parity.parity_report import ClosedForm, Measured, ParityReport, RunParity
 from contactlab.studies.parity.run_parity import Comparison, judge
@@ -82,7 +78,7 @@ def run(
     runs = [told[member.run_id] for member in panel.runs]
     checks = list(_checks(runs, rules))
     checks = apply_acceptances(checks, policy.accept, date.today())  # noqa: DTZ011
-    exit_code, headline = _conclusion(checks, runs, engine.name)
+    code, headline = _conclusion(checks, runs, engine.name)
     return ParityReport(
         sweep=panel.request.name,
         scene=panel.scene.name,
@@ -91,10 +87,10 @@ def run(
         mujoco=ENGINES[MODEL_ENGINE].version,
         device=request.device,
         changes=tuple(request.changes),
-        exit_code=exit_code,
+        exit_code=code,
         headline=headline,
         verdicts=dict(Counter(judged.verdict for judged in runs)),
-        checks=tuple(checks),
+        findings=tuple(checks),
         closed_form=_closed_form(closed, panel.scene),
         runs=tuple(runs),
     )
@@ -151,7 +147,8 @@ def _measured(name: str, rule: MetricRule, metrics: Sequence[Metrics]) -> Measur
     ours, rounded, theirs = (_number(metric, name) for metric in metrics)
     scale = {SUCCESS: 1.0, ENERGY: _number(metrics[0], "energy_range")}.get(name, abs(ours))
     change, noise = abs(theirs - ours), abs(rounded - ours)
-    allowed = max(_LEAST_METRIC_CHANGE, rule.abs or 0) + (rule.rel or 0) * scale
+    least = max(_LEAST_METRIC_CHANGE, rule.abs or 0.0)
+    allowed = Limit(name, "", value=least, relative=rule.rel or 0.0).allowed(scale)
     allowed += noise if math.isfinite(noise) else 0
     both_lack = not (math.isfinite(ours) or math.isfinite(theirs))
     return Measured(
@@ -178,28 +175,28 @@ def _finite(value: float) -> float | None:
 _CODES = {"different": WORSE, "failed": NOT_COMPARABLE}
 
 
-def _checks(runs: Sequence[RunParity], rules: Mapping[str, MetricRule]) -> Iterator[Check]:
+def _checks(runs: Sequence[RunParity], rules: Mapping[str, MetricRule]) -> Iterator[Finding]:
     """Yield the checks of a panel: that its runs can be compared, their stages, each quantity."""
     refused = [judged for judged in runs if judged.verdict == "refused"]
     compared = [judged for judged in runs if judged.verdict not in {"refused", "failed"}]
     reasons = ", ".join(dict.fromkeys(judged.reason for judged in runs if judged.reason))
-    able = CheckSubject("runs can be simulated", "evidence", "gate" if not compared else "warn")
+    able = Subject("runs can be simulated", "evidence", "gate" if not compared else "warn")
     if not compared:
         yield able.skipped(reasons)
         return
     codes = np.array([WORSE if judged in refused else SAME for judged in runs], np.int8)
-    yield able.check(
+    yield able.finding(
         codes, f"{out_of(len(refused), len(runs))} refused: {reasons}" if refused else "all can"
     )
     others = [judged for judged in runs if judged.verdict != "refused"]
     codes = np.array([_CODES.get(other.verdict, SAME) for other in others], np.int8)
     message = _told(Counter(other.verdict for other in others))
-    yield CheckSubject("stages agree", "runs", "gate").check(codes, message, _worst(others))
+    yield Subject("stages agree", "runs", "gate").finding(codes, message, _worst(others))
     for name, rule in rules.items():
         yield from _quantity(name, rule, compared)
 
 
-def _quantity(name: str, rule: MetricRule, runs: Sequence[RunParity]) -> Iterator[Check]:
+def _quantity(name: str, rule: MetricRule, runs: Sequence[RunParity]) -> Iterator[Finding]:
     """Yield the checks of a quantity: of its mean, and of each run."""
     told = [(run, run.measured[name]) for run in runs]
     told = [
@@ -207,11 +204,11 @@ def _quantity(name: str, rule: MetricRule, runs: Sequence[RunParity]) -> Iterato
     ]
     level, share = rule.level or "gate", rule.rel or 0.0
     mean, worst = (
-        CheckSubject(f"{name} {of}", "metrics", level) for of in ("on average", "of each run")
+        Subject(f"{name} {of}", "metrics", level) for of in ("on average", "of each run")
     )
     if not told:
         yield from (
-            subject.check(np.zeros(0, np.int8), "applies to no run") for subject in (mean, worst)
+            subject.finding(np.zeros(0, np.int8), "applies to no run") for subject in (mean, worst)
         )
         return
     within = f"(within {format_percent(share)} and what rounding changes)"
@@ -222,13 +219,13 @@ def _quantity(name: str, rule: MetricRule, runs: Sequence[RunParity]) -> Iterato
     shown = _means([reading for _, reading in told])
     code = WORSE if average > share and any(beyond) else SAME
     message = f"{shown}runs differ by {format_percent(average)} {within}"
-    yield mean.single(code, message, runs=len(told))
+    yield mean.single(code, message, judged=len(told))
     ranked = sorted(told, key=lambda entry: (not entry[1].beyond, -(entry[1].difference or 0)))
     pairs = [
         _pair(run, reading.mujoco, reading.engine) for run, reading in ranked if reading.beyond
     ]
     codes = np.where(beyond, WORSE, SAME).astype(np.int8)
-    yield worst.check(codes, f"worst {format_percent(max(differences))} {within}", pairs)
+    yield worst.finding(codes, f"worst {format_percent(max(differences))} {within}", pairs)
 
 
 def _means(measured: Sequence[Measured]) -> str:
@@ -264,21 +261,18 @@ def _pair(run: RunParity, ours: float | str | None, theirs: float | str | None) 
     )
 
 
-def _conclusion(checks: Sequence[Check], runs: Sequence[RunParity], name: str) -> tuple[int, str]:
+def _conclusion(checks: Sequence[Finding], runs: Sequence[RunParity], name: str) -> tuple[int, str]:
     """Return the exit code and the headline."""
     counted = _told(Counter(judged.verdict for judged in runs))
-    failed = [check for check in checks if check.outcome == "failed"]
-    if any(judged.verdict == "not comparable" for judged in failed) or any(
-        check.is_open for check in checks
-    ):
-        return StoreError.exit_code, f"{name} cannot be compared: {counted}"
-    fail = "fails" if len(failed) == 1 else "fail"
-    if failed:
-        return (
-            ExpectationError.exit_code,
-            f"{name} differs: {plural(len(failed), 'check')} {fail}; {counted}",
-        )
-    return 0, f"{name} does what MuJoCo does: {counted}"
+    failed, code = failed_names(checks), exit_code(checks)
+    if any(check.outcome == "failed" and check.verdict == "not comparable" for check in checks):
+        code = StoreError.exit_code
+    if code == StoreError.exit_code:
+        return code, f"{name} cannot be compared: {counted}"
+    if code:
+        fail = "fails" if len(failed) == 1 else "fail"
+        return code, f"{name} differs: {plural(len(failed), 'check')} {fail}; {counted}"
+    return code, f"{name} does what MuJoCo does: {counted}"
 
 
 def _closed_form(errors: Sequence[tuple[float, float]], scene: Scene) -> ClosedForm | None:

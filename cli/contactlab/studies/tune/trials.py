@@ -21,7 +21,7 @@ from contactlab.studies.configuration_runs import ConfigurationRows, Measure, ru
 from contactlab.studies.effects.effects_request import AblationSetup
 from contactlab.studies.session import Session, Values
 from contactlab.studies.tune.profile import costs_without
-from contactlab.studies.tune.tune_request import BASELINE, Limits, by_seeds, mean_of
+from contactlab.studies.tune.tune_request import BASELINE, Feasibility, by_seeds, mean_of
 
 PRUNING, PROVING = 2, 4
 """By how much references refine the timestep: by RK4 twice, as much work as 16 times as many steps.
@@ -47,7 +47,7 @@ class Trials:
     setup: AblationSetup
     session: Session
     deadline: float  # by `time.monotonic` [s]
-    limits: Limits = field(default_factory=lambda: Limits({}, frozenset()))
+    limits: Feasibility = field(default_factory=lambda: Feasibility({}, frozenset()))
     runs: int = 0  # how many runs the stores have
     stores: list[str] = field(default_factory=list[str])
     error: object = None  # the request's

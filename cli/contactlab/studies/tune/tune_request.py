@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 
 from contactlab.errors import ExpectationError, SceneError, SweepFileError
+from contactlab.judge.limits import utilization
 from contactlab.measure import METRICS
 from contactlab.plan.task_options import AS_INFERRED, TaskOptions
 from contactlab.schema.study_reports import Goal, MetricChange
@@ -102,7 +103,7 @@ _CHAOTIC = 2.0
 
 
 @dataclass(frozen=True)
-class Limits:
+class Feasibility:
     """Limits that every run of a feasible configuration keeps."""
 
     sizes: Mapping[str, float]  # error or metric to its largest size
@@ -117,7 +118,7 @@ class Limits:
         if self.failed(rows):
             return math.inf
         return max(
-            math.inf if size is None else abs(size) / limit if limit else math.inf * bool(size)
+            utilization(None if size is None else abs(size), limit)
             for _, size, limit, _ in self._sizes(rows)
         )
 
@@ -150,13 +151,13 @@ class Limits:
         return ""
 
 
-def limits_of(request: TuneRequest, now: ConfigurationRows) -> Limits:
+def limits_of(request: TuneRequest, now: ConfigurationRows) -> Feasibility:
     """Return what configurations must keep, from what runs of the model as written do."""
     labels = frozenset({"stable", *(row["label"] for row in now.flat)})
     if request.error == REALITY:
         if (mean := mean_of(now, REALITY)) is None:
             raise ExpectationError(f"{request.model}: not every run has a distance from reality")
-        return Limits({REALITY: _EQUAL * mean, **request.tolerances}, labels)
+        return Feasibility({REALITY: _EQUAL * mean, **request.tolerances}, labels)
     for row in now.flat:
         if row["error_peak"] is None:
             raise ExpectationError(
@@ -176,7 +177,7 @@ def limits_of(request: TuneRequest, now: ConfigurationRows) -> Limits:
     if request.error is None and not chaotic:
         late = _LATE * largest("error_final", "error_final_estimate")
         sizes["error_final"] = max(_LEAST_FINAL, late)
-    return Limits(
+    return Feasibility(
         sizes={**sizes, **request.tolerances},
         labels=labels,
         divergence=divergence,

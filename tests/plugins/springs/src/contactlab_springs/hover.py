@@ -5,9 +5,9 @@ import numpy as np
 from contactlab.contact.trace_arrays import Floats
 from contactlab.measure import (
     Context,
-    Finding,
-    Findings,
     MeasuredRuns,
+    Onset,
+    Onsets,
     Threshold,
     label,
     metric,
@@ -23,10 +23,10 @@ def hover_height(context: Context) -> Floats:
 
 
 @label("noted", thresholds=(Threshold("hover", -1.0, "m", "Largest height gained; a test's."),))
-def hovering(runs: MeasuredRuns) -> Findings:
+def hovering(runs: MeasuredRuns) -> Onsets:
     """The first body gains more height than accepted."""
     high = np.flatnonzero(runs.metrics["hover_height"] > runs.limits["hover"])
-    return {int(run): Finding("it hovers", 0) for run in high}
+    return {int(run): Onset("it hovers", 0) for run in high}
 
 
 @oracle(unit="m", settings=("drop_height",), relative=False)

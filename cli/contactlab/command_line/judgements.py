@@ -1,0 +1,101 @@
+"""Reports of judges: their policy, the files they are written to, and how they are printed."""
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, Protocol
+
+from contactlab.command_line.declaration import Given, Show
+from contactlab.command_line.surroundings import surroundings
+from contactlab.command_line.terminal import echo, echo_commands, stdout
+from contactlab.errors import ContactlabError, OutputError
+
+if TYPE_CHECKING:
+    from contactlab.schema.comparison import ComparePolicy, ComparisonReport
+    from contactlab.writers import Report
+
+ReportFormat = Literal["text", "json", "markdown", "junit", "github"]
+_FORMATS: Mapping[str, ReportFormat] = {
+    ".txt": "text",
+    ".json": "json",
+    ".md": "markdown",
+    ".xml": "junit",
+}
+ReportOf = Callable[[Any, Given], "Report"]
+"""Returns what is written of a command's result, and of its parameters."""
+
+
+class Concluded(Protocol):
+    """A report that says how its command ends."""
+
+    exit_code: int
+    headline: str
+
+
+def policy_of(
+    policy: str | Path | None, given: Mapping[str, str | None] | None = None
+) -> "ComparePolicy":
+    """Return the policy of a file, or the default one, with what options say."""
+    from contactlab.plan.sweep_file import read_yaml_as
+    from contactlab.schema.comparison import ComparePolicy
+
+    read = ComparePolicy(version=1) if policy is None else read_yaml_as(Path(policy), ComparePolicy)
+    return read.model_copy(update={name: value for name, value in (given or {}).items() if value})
+
+
+def files_to_write(files: Sequence[str | Path]) -> list[tuple[Path, ReportFormat]]:
+    """Return the files of `-o`, each with the format of its suffix."""
+    paths = [Path(file) for file in files]
+    if unknown := [path for path in paths if path.suffix not in _FORMATS]:
+        raise OutputError(f"{unknown[0]}: write a name that ends in {', '.join(_FORMATS)}")
+    return [(path, _FORMATS[path.suffix]) for path in paths]
+
+
+def publish(report: "ComparisonReport", targets: Sequence[tuple[Path, ReportFormat]]) -> None:
+    """Write the files of `-o`; tell a CI job that calls the command."""
+    from contactlab.store.atomic_files import atomic_write, write_error
+    from contactlab.writers import WRITERS
+
+    written = compared(report, {})
+    try:
+        for path, form in targets:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            with atomic_write(path) as temporary:
+                temporary.write_text(WRITERS[form](written), encoding="utf-8")
+    except OSError as error:
+        raise write_error(Path(error.filename), error) from error
+    surroundings().announce(
+        lambda: WRITERS["markdown"](written), lambda: WRITERS["github"](written)
+    )
+
+
+def compared(report: "ComparisonReport", given: Given) -> "Report":
+    """Return what is written of a comparison."""
+    from contactlab.comparison.report import report_of
+
+    del given
+    return report_of(report)
+
+
+def print_report(form: ReportFormat, report_of: ReportOf, result: object, given: Given) -> None:
+    """Print a report, whose text is as wide as the terminal."""
+    from contactlab.writers import WRITERS, as_text
+
+    report = report_of(result, given)
+    text = as_text(report, stdout().width) if form == "text" else WRITERS[form](report)
+    show = echo_commands if form == "github" else echo
+    show(text.removesuffix("\n"))
+
+
+def printed(report_of: ReportOf) -> dict[str, Show]:
+    """Return how a command's reports are printed, by format."""
+    forms: tuple[ReportFormat, ...] = (*_FORMATS.values(), "github")
+    return {form: partial(print_report, form, report_of) for form in forms}
+
+
+def failure(report: Concluded, given: Given) -> ContactlabError | None:
+    """Return the error of a report whose gates fail, or that cannot be judged."""
+    from contactlab.judge.conclusion import error_of
+
+    del given
+    return error_of(report.exit_code, report.headline)

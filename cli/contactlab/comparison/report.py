@@ -1,0 +1,62 @@
+"""The comparison of two stores as a report: its stores, runs, changed labels and checks."""
+
+from collections.abc import Iterator
+
+from contactlab.judge.policies import REMEASURED
+from contactlab.judge.wording import plural
+from contactlab.schema.comparison import ComparedStore, ComparisonReport
+from contactlab.writers.report import Report
+
+
+def report_of(compared: ComparisonReport) -> Report:
+    """Return a comparison as what is written of it."""
+    sweep = compared.baseline.sweep if compared.baseline else "stores"
+    commands = (advice.partition(": ") for advice in compared.advice)
+    return Report(
+        title=f"contactlab {sweep}" if compared.baseline else "contactlab compare",
+        place=(sweep,),
+        headline=compared.headline,
+        passed=compared.exit_code == 0,
+        record=compared,
+        facts=tuple(_facts(compared)),
+        findings=compared.findings,
+        commands=tuple((what, command) for what, _, command in commands),
+        lists_passed=False,
+    )
+
+
+def _facts(compared: ComparisonReport) -> Iterator[tuple[str, str]]:
+    if compared.baseline is None or compared.candidate is None:
+        return
+    yield "baseline", _store_summary(compared.baseline)
+    yield "candidate", _store_summary(compared.candidate)
+    yield "runs", _run_summary(compared)
+    for transition in compared.transitions:
+        moved = f"{transition.baseline} -> {transition.candidate}"
+        yield "label", f"{moved}: {plural(transition.runs)}"
+    for finding in compared.findings:
+        if finding.name.startswith(REMEASURED) and finding.outcome == "passed":
+            yield "time", f"{finding.name}: {finding.message}"
+
+
+def _run_summary(compared: ComparisonReport) -> str:
+    """Return how many runs are paired, equal, missing, new and on a knife edge."""
+    pairs = compared.pairs
+    parts = [f"{pairs.paired:,} paired by {compared.match}"]
+    equal = "all" if pairs.bitwise_equal == pairs.paired else f"{pairs.bitwise_equal:,}"
+    parts.append(f"{equal} bitwise equal")
+    parts += [f"{pairs.missing:,} missing"] if pairs.missing else []
+    parts += [f"{pairs.new:,} new"] if pairs.new else []
+    if pairs.knife_edge:
+        flipped = f" ({pairs.knife_edge_flipped:,} with another label now)"
+        parts.append(f"{pairs.knife_edge:,} knife-edge{flipped}")
+    return ", ".join(parts)
+
+
+def _store_summary(store: ComparedStore) -> str:
+    """Return a store's sweep, size, versions and date in one line."""
+    revision = f", {store.git_revision[:12]}" if store.git_revision else ""
+    return (
+        f"{store.store}: {store.sweep}, {plural(store.runs)}, {store.engine}, "
+        f"contactlab {store.contactlab}, {store.finished[:16].replace('T', ' ')}{revision}"
+    )

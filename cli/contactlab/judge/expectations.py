@@ -1,0 +1,64 @@
+"""Whether a sweep ended as it expects: findings of its runs and means."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from contactlab.judge.subjects import MOST_SHOWN
+from contactlab.judge.wording import out_of
+from contactlab.schema.finding import Finding, RunPair
+from contactlab.store.finished_store import Store
+
+RUNS, EXPECTED, MEANS = "runs finished", "runs as expected", "means as expected"
+
+
+def expectation_findings(store: Store) -> Iterator[Finding]:
+    """Yield whether all runs finished, whether they are as expected, and whether means are."""
+    manifest = store.manifest
+    lost = manifest.statuses.get("crashed", 0) + manifest.statuses.get("timeout", 0)
+    said = f"{out_of(lost, manifest.runs)} crashed or timed out" if lost else "all did"
+    yield _finding(RUNS, "runs", manifest.runs, lost, said)
+    met, unmet = (manifest.expectations.get(name, 0) for name in ("met", "unmet"))
+    rest = manifest.runs - met - unmet
+    said = f"{met:,} of {met + unmet:,} runs are as expected"
+    said += f"; {rest:,} have no expectation" if rest else ""
+    said = said if met + unmet else "no expectations defined"
+    yield _finding(EXPECTED, "labels", met + unmet, unmet, said, _unmet_runs(store))
+    if means := manifest.unmet_means:
+        yield _finding(MEANS, "metrics", len(means), len(means), "; ".join(means))
+
+
+def _finding(
+    name: str, kind: str, judged: int, failing: int, message: str, worst: tuple[RunPair, ...] = ()
+) -> Finding:
+    return Finding(
+        name=name,
+        kind=kind,
+        level="gate" if judged else "note",
+        outcome="failed" if failing else "passed" if judged else "skipped",
+        verdict="unmet" if failing else "met" if judged else "not applicable",
+        judged=judged,
+        failing=failing,
+        message=message,
+        worst=worst,
+    )
+
+
+def _unmet_runs(store: Store) -> tuple[RunPair, ...]:
+    """Return the first runs that are not as expected, each with the reason."""
+    columns = store.columns
+    unmet = columns.numbers("expectation_met")
+    rows = np.flatnonzero(unmet.valid & (unmet.values == 0))[:MOST_SHOWN].tolist()
+    if not rows:
+        return ()
+    told = columns.to_pydict(["expectation_reason", "label", *columns.axis_names])
+    return tuple(
+        RunPair(
+            baseline_run=None,
+            candidate_run=str(columns.run_ids[row]),
+            axes={name: told[name][row] for name in columns.axis_names},
+            baseline="",
+            candidate=f"{told['label'][row]}: {told['expectation_reason'][row]}",
+        )
+        for row in rows
+    )

@@ -1,0 +1,86 @@
+"""The findings that verdicts make."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contactlab.schema.finding import Change, Finding, Level, Outcome, RunPair, Verdict
+
+Verdicts = NDArray[np.int8]
+Mask = NDArray[np.bool_]
+Pairs = Sequence[RunPair]
+# Ordered from good to bad, so that the worst of many is their maximum.
+NAMES: tuple[Change, ...] = ("same", "better", "changed", "worse", "missing", "not comparable")
+SAME, BETTER, CHANGED, WORSE, MISSING, NOT_COMPARABLE = range(len(NAMES))
+assert set(NAMES) == set(get_args(Change))
+
+MOST_SHOWN = 5
+OUTCOMES: dict[Level, Outcome] = {"gate": "failed", "warn": "warned", "note": "noted"}
+
+
+def verdict_counts(verdicts: Verdicts) -> dict[Verdict, int]:
+    """Return the number of each verdict that occurs."""
+    counts = [int(np.count_nonzero(verdicts == code)) for code in range(len(NAMES))]
+    return {name: count for name, count in zip(NAMES, counts, strict=True) if count}
+
+
+@dataclass(frozen=True)
+class Subject:
+    """Subject of a finding: its name is the same in every report.
+
+    A fraction of the verdicts, the budget, may fail with a warning. Of a two-sided one any change
+    fails, as of a metric without a better direction.
+    """
+
+    name: str
+    kind: str
+    level: Level
+    group: str = ""
+    unit: str = ""
+    budget: float = 0.0
+    two_sided: bool = False
+
+    def finding(
+        self, verdicts: Verdicts, message: str, worst: Pairs = (), *, judged: int | None = None
+    ) -> Finding:
+        """Return the finding that verdicts (n,) make; `judged` is how many were judged, if not n.
+
+        Of the worst pairs a few are kept.
+        """
+        counts = verdict_counts(verdicts)
+        changed = (CHANGED,) if self.two_sided else ()
+        failures = (*changed, WORSE, MISSING, NOT_COMPARABLE)
+        failing = sum(counts.get(NAMES[code], 0) for code in failures)
+        return Finding(
+            name=self.name,
+            kind=self.kind,
+            group=self.group,
+            level=self.level,
+            outcome=self._outcome(counts, failing, len(verdicts)),
+            verdict=NAMES[int(verdicts.max(initial=SAME))],
+            judged=len(verdicts) if judged is None else judged,
+            failing=failing,
+            counts=counts,
+            message=message,
+            unit=self.unit,
+            worst=tuple(worst[:MOST_SHOWN]),
+        )
+
+    def single(self, code: int, message: str, worst: Pairs = (), *, judged: int = 0) -> Finding:
+        """Return the finding that one verdict on both stores as a whole makes."""
+        return self.finding(np.full(1, code, dtype=np.int8), message, worst, judged=judged)
+
+    def skipped(self, reason: str) -> Finding:
+        """Return the finding of what cannot be compared."""
+        none = self.finding(np.zeros(0, dtype=np.int8), reason)
+        return none.model_copy(update={"outcome": "skipped", "verdict": "not comparable"})
+
+    def _outcome(self, counts: Mapping[Verdict, int], failing: int, judged: int) -> Outcome:
+        if "not comparable" in counts or failing > self.budget * judged:
+            return OUTCOMES[self.level]
+        if failing:
+            return "noted" if self.level == "note" else "warned"
+        return "noted" if counts.keys() & {"changed", "better"} else "passed"

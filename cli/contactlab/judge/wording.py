@@ -1,0 +1,92 @@
+"""How findings and reports write numbers, changes, counts and settings."""
+
+from collections.abc import Iterator, Mapping, Sequence
+
+from contactlab.schema.evidence import Setting
+from contactlab.schema.finding import Finding, RunPair
+
+
+def format_number(value: float) -> str:
+    """Return a number to four digits."""
+    return f"{value:.4g}"
+
+
+def value_change(baseline: float, candidate: float, unit: str) -> str:
+    """Return `0.1 -> 0.12 m (+20 %)`: two values and their relative change."""
+    shown = f"{format_number(baseline)} -> {format_number(candidate)}"
+    if format_number(baseline) == format_number(candidate):
+        shown = f"{baseline:.10g} -> {candidate:.10g}"
+    named = shown if unit in {"", "1", "any"} else f"{shown} {unit}"
+    if baseline <= 0 or not abs(candidate / baseline) < 1e3:
+        return named
+    return f"{named} ({format_percent(candidate / baseline - 1, signed=True)})"
+
+
+def format_percent(value: float, *, signed: bool = False) -> str:
+    """Return a fraction in percent, to two digits."""
+    sign = "+" if signed else ""
+    percent = 100 * value
+    digits = f"{percent:{sign}.0f}" if abs(percent) >= 10 else f"{percent:{sign}.2g}"
+    return f"{digits} %"
+
+
+def out_of(count: int, total: int, noun: str = "run") -> str:
+    """Return `2 of 6 runs`."""
+    return f"{count:,} of {total:,} {noun}{'' if total == 1 else 's'}"
+
+
+def plural(count: int, noun: str = "run") -> str:
+    """Return `1 run` or `2 runs`."""
+    return f"{count:,} {noun}{'' if count == 1 else 's'}"
+
+
+def format_settings(values: Mapping[str, Setting]) -> str:
+    """Return axis values as `cone=elliptic direction=45`."""
+    return " ".join(f"{name}={_setting(value)}" for name, value in values.items())
+
+
+def _setting(value: Setting) -> str:
+    if isinstance(value, float):
+        return f"{value:g}"
+    return f"'{value}'" if isinstance(value, str) and " " in value else str(value)
+
+
+def pair_values(finding: Finding, pair: RunPair) -> str:
+    """Return the values of a pair: `stable -> tunneling`, or numbers and their ratio.
+
+    A baseline that is an empty text is left out.
+    """
+    before, after = pair.baseline, pair.candidate
+    if before is None and after is None:
+        return ""
+    if before == "":
+        return _value(after)
+    if before is None or after is None or isinstance(before, str) or isinstance(after, str):
+        return f"{_value(before)} -> {_value(after)}"
+    return value_change(before, after, finding.unit)
+
+
+def _value(value: float | str | None) -> str:
+    if value is None:
+        return "none"
+    return value if isinstance(value, str) else format_number(value)
+
+
+def pair_location(pair: RunPair) -> str:
+    """Return the axis values of a pair and the first digits of its run id."""
+    run = (pair.candidate_run or pair.baseline_run or "")[:8]
+    return f"{format_settings(pair.axes)} [{run}]".lstrip()
+
+
+def pairs_in_words(finding: Finding) -> Iterator[str]:
+    """Yield the worst pairs of a finding: `stable -> tunneling at cone=elliptic [0f3a...]`."""
+    for pair in finding.worst:
+        values = pair_values(finding, pair)
+        yield f"{f'{values} ' if values else ''}at {pair_location(pair)}"
+
+
+def passed_in_words(findings: Sequence[Finding]) -> str:
+    """Return how many of some findings passed, by kind; empty if none did."""
+    kinds = [finding.kind for finding in findings if finding.outcome == "passed"]
+    counts = ", ".join(f"{kind} {kinds.count(kind)}" for kind in dict.fromkeys(kinds))
+    return f"{plural(len(kinds), 'check')} passed ({counts})" if kinds else ""

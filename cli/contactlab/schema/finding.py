@@ -1,0 +1,81 @@
+"""A finding: one thing that was judged, with its effect on a job; and findings that are accepted.
+
+All judges have these words: check, compare, lock, parity, and sweeps with expectations.
+"""
+
+from datetime import date
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from contactlab.schema.evidence import Setting
+from contactlab.schema.strict_model import Model, Whole, Word, about
+
+Level = Literal["gate", "warn", "note"]
+LEVEL = "gate: fails the job; warn: a warning; note: reported only"
+Outcome = Literal["failed", "warned", "noted", "passed", "skipped"]
+Change = Literal["better", "same", "worse", "changed", "missing", "not comparable"]
+Verdict = Literal[Change, "met", "unmet", "not applicable"]
+Count = Annotated[Whole, Field(ge=0)]
+
+
+class RunPair(Model):
+    """Two runs that were compared, or one without a counterpart."""
+
+    baseline_run: str | None
+    candidate_run: str | None
+    axes: dict[str, Setting]
+    baseline: float | str | None
+    candidate: float | str | None
+
+
+class Finding(Model):
+    """One thing that was judged; which findings there are does not depend on their outcomes."""
+
+    name: str
+    kind: str = about("The part of the judgement that it is of; of a model, the check's name.")
+    group: str = about("Axis values of its runs, such as cone=elliptic; or empty.", default="")
+    level: Level = about(f"Of a failure. {LEVEL}.")
+    outcome: Outcome = about("Its effect on the job.")
+    verdict: Verdict = about("A change, or whether a limit or an expectation is met.")
+    judged: int = about("How many runs, groups of them, or measures were judged.")
+    failing: int = about("How many of these fail.")
+    counts: dict[Verdict, int] = about("How many have each verdict.", default={})
+    message: str = about("The result, in words.")
+    value: float | None = about("The worst value that has a limit; else null.", default=None)
+    limit: float | None = about("The limit of this value.", default=None)
+    unit: str = ""
+    accepted: str | None = about("Why it is accepted.", default=None)
+    worst: tuple[RunPair, ...] = about("The worst few pairs of runs.", default=())
+
+    @property
+    def full_name(self) -> str:
+        """Its name with its group."""
+        return f"{self.name} ({self.group})" if self.group else self.name
+
+    @property
+    def full_message(self) -> str:
+        """Its message, and why it is accepted."""
+        return f"{self.message}; accepted: {self.accepted}" if self.accepted else self.message
+
+    @property
+    def is_open(self) -> bool:
+        """Whether it is a gate that could not be judged."""
+        return self.outcome == "skipped" and self.level == "gate"
+
+
+class Acceptance(Model):
+    """A failure that is known and accepted; `contactlab compare --accept` writes these."""
+
+    check: Word = about("the check's name")
+    group: Word | None = about("its group; all groups if left out", default=None)
+    max: Count = about("how many runs may fail it")
+    reason: Word = about("why it is accepted")
+    until: date | None = about("last accepted day, YYYY-MM-DD", default=None)
+
+
+class Acceptances(Model):
+    """The failures that are known and accepted."""
+
+    version: Literal[1] = about("version of this file format: 1")
+    accept: tuple[Acceptance, ...] = about("checks that may fail", default=())

@@ -1,0 +1,20 @@
+"""What judges found, as text, Markdown, JUnit XML, annotations of GitHub and JSON."""
+
+from collections.abc import Callable, Mapping
+
+from contactlab.writers.github import as_annotations
+from contactlab.writers.junit import as_junit
+from contactlab.writers.markdown import as_markdown
+from contactlab.writers.record import as_json
+from contactlab.writers.report import Report as Report
+from contactlab.writers.report import Section as Section
+from contactlab.writers.text import as_text
+
+WRITERS: Mapping[str, Callable[[Report], str]] = {
+    "text": as_text,
+    "json": as_json,
+    "markdown": as_markdown,
+    "junit": as_junit,
+    "github": as_annotations,
+}
+"""By the name of the format."""

@@ -1,0 +1,56 @@
+"""A report as JUnit XML: a test case for each finding."""
+
+import re
+from collections.abc import Sequence
+from xml.etree import ElementTree as ET
+
+from contactlab.judge.wording import pairs_in_words
+from contactlab.printable import printable
+from contactlab.schema.finding import Finding
+from contactlab.writers.report import Report
+
+# XML cannot represent these characters, not even escaped.
+_FORBIDDEN = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+
+
+def as_junit(report: Report) -> str:
+    """Return a report as JUnit XML; a warning or a note is passed, with an output."""
+    cases = [_case(finding, report) for finding in report.findings]
+    root = ET.Element("testsuites")
+    told = {
+        "name": _clean(report.title),
+        "tests": str(len(cases)),
+        "failures": str(sum(case.find("failure") is not None for case in cases)),
+        "errors": "0",
+        "skipped": str(sum(case.find("skipped") is not None for case in cases)),
+        "time": "0",
+    }
+    ET.SubElement(root, "testsuite", told).extend(cases)
+    ET.indent(root)
+    return ET.tostring(root, encoding="unicode", xml_declaration=True) + "\n"
+
+
+def _case(finding: Finding, report: Report) -> ET.Element:
+    place = ("contactlab", *report.place, finding.kind, finding.group)
+    # Readers split the class name at its dots.
+    classname = _clean(".".join(part.replace(".", "_") for part in place if part))
+    case = ET.Element("testcase", name=_clean(finding.name), classname=classname, time="0")
+    message = f"{finding.verdict}: {finding.full_message}"
+    details = list(pairs_in_words(finding))
+    if finding.outcome == "failed":
+        failure = ET.SubElement(case, "failure", message=_clean(message), type=finding.verdict)
+        failure.text = _lines([message, *details, *report.command_lines])
+    elif finding.outcome == "skipped":
+        ET.SubElement(case, "skipped", message=_clean(message))
+    elif finding.outcome != "passed":
+        output = [f"{finding.outcome}: {message}", *details]
+        ET.SubElement(case, "system-out").text = _lines(output)
+    return case
+
+
+def _lines(texts: Sequence[str]) -> str:
+    return _clean("\n".join(texts))
+
+
+def _clean(text: str) -> str:
+    return _FORBIDDEN.sub("?", printable(text))

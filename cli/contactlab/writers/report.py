@@ -1,0 +1,108 @@
+"""A report as its writers take it, and which of its findings they show, the worst first."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from pydantic import BaseModel
+
+from contactlab.judge.wording import pair_location, pair_values, plural
+from contactlab.schema.finding import Finding, Outcome
+
+ORDER: tuple[Outcome, ...] = ("failed", "skipped", "warned", "noted", "passed")
+
+
+@dataclass(frozen=True)
+class Section:
+    """A part of a report after its findings: lines, a table of one header, and lines of a file."""
+
+    title: str
+    lines: tuple[str, ...] = ()
+    header: tuple[str, ...] = ()
+    rows: tuple[tuple[str, ...], ...] = ()
+    code: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Report:
+    """What one command found.
+
+    Attributes:
+        title: the command and its subject.
+        place: parts of the class names of its findings in JUnit, the widest first.
+        headline: the result, in a sentence.
+        passed: whether the job passes.
+        record: all of it as data.
+        facts: what was judged: names with texts.
+        findings: each thing that was judged.
+        sections: what is behind the findings.
+        notes: sentences at the end.
+        commands: command lines to go on with, each after what it is for.
+        lists_passed: whether findings that passed are shown one by one, or counted.
+    """
+
+    title: str
+    place: tuple[str, ...]
+    headline: str
+    passed: bool
+    record: BaseModel
+    facts: tuple[tuple[str, str], ...] = ()
+    findings: tuple[Finding, ...] = ()
+    sections: tuple[Section, ...] = ()
+    notes: tuple[str, ...] = ()
+    commands: tuple[tuple[str, str], ...] = ()
+    lists_passed: bool = True
+
+    @property
+    def command_lines(self) -> list[str]:
+        """The commands, each in a line with what it is for."""
+        return [f"{what}: {command}" for what, command in self.commands]
+
+
+@dataclass(frozen=True)
+class Line:
+    """A finding in a table, with its worst pair and where that is; errors are urgent."""
+
+    outcome: Outcome
+    name: str
+    message: str = ""
+    worst: str = ""
+    where: str = ""
+    urgent: bool = False
+
+    @property
+    def cells(self) -> tuple[str, str, str, str]:
+        """Its cells after the outcome."""
+        return self.name, self.message, self.worst, self.where
+
+
+def finding_lines(report: Report) -> list[Line]:
+    """Return the lines of findings, the worst first; those skipped for one reason together."""
+    lines: list[Line] = []
+    skipped: dict[tuple[str, str], list[Finding]] = {}
+    for finding in report.findings:
+        if finding.outcome == "skipped":
+            skipped.setdefault((finding.level, finding.message), []).append(finding)
+        elif finding.outcome != "passed" or report.lists_passed:
+            lines.append(_line(finding))
+    lines += [_line(same[0]) if len(same) == 1 else _together(same) for same in skipped.values()]
+    return sorted(lines, key=lambda line: ORDER.index(line.outcome))
+
+
+def _line(finding: Finding) -> Line:
+    pair = finding.worst[0] if finding.worst else None
+    return Line(
+        finding.outcome,
+        finding.full_name,
+        finding.full_message,
+        pair_values(finding, pair) if pair else "",
+        pair_location(pair) if pair else "",
+        finding.outcome in {"failed", "warned"} or finding.is_open,
+    )
+
+
+def _together(findings: Sequence[Finding]) -> Line:
+    """Return one line for all skipped findings of one reason and level."""
+    names = list(dict.fromkeys(finding.name.split()[0] for finding in findings))
+    where = ", ".join(names if len(names) <= 3 else [*names[:3], "..."])
+    name = plural(len(findings), "check")
+    return Line("skipped", name, findings[0].message, "", where, findings[0].is_open)
