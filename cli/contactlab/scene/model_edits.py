@@ -18,7 +18,7 @@ from contactlab.scene.contact_pairs import MonitoredPair, effective_parameters, 
 from contactlab.scene.model_names import find_id
 from contactlab.scene.mujoco_versions import enum_members
 from contactlab.scene.parameters import PARAMETERS, WORDS
-from contactlab.scene.setting_values import Settings, as_number, integer, number
+from contactlab.schema.setting_values import Settings, as_number, integer, number
 from contactlab.schema.vocabulary import AxisSpec
 
 _NAME = re.compile(r"(?P<field>[a-z]\w*)\[(?P<object>[^,\]]+(\[\d+\]_*)?)(,(?P<place>\d+))?\]")

@@ -305,12 +305,11 @@ class Sweep(Model):
     @property
     def roles(self) -> dict[str, Role]:
         """The role of each axis: a knob unless it says otherwise; recorded runs are scenarios."""
-        axes = [pair for block in (self.axes, *self.zip) for pair in block.items()]
         roles = dict[str, Role]()
-        for name, axis in axes:
-            own = axis.role if isinstance(axis, Ranged) else "knob"
-            roles[name] = "scenario" if name == RECORDED_RUN else own
-        return roles
+        for block in (self.axes, *self.zip):
+            for name, axis in block.items():
+                roles[name] = axis.role if isinstance(axis, Ranged) else "knob"
+        return roles | dict.fromkeys(roles.keys() & {RECORDED_RUN}, "scenario")
 
     @property
     def scenario(self) -> list[str]:

@@ -11,7 +11,6 @@ from itertools import chain, starmap
 
 from contactlab.printable import in_markdown, shortened
 from contactlab.registry import Registry
-from contactlab.run.evidence_record import as_written
 from contactlab.schema.check_report import (
     CheckReport,
     CheckResult,
@@ -23,6 +22,7 @@ from contactlab.schema.check_report import (
 )
 from contactlab.schema.comparison import CheckOutcome
 from contactlab.schema.drive import drive_text
+from contactlab.store.table_layout import as_written
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,8 @@ import numpy as np
 from contactlab.contact.contact_laws import stiffness_damping
 from contactlab.measure import METRICS, labels_with
 from contactlab.scene.run_setup import make_setup
-from contactlab.scene.setting_values import as_vector
 from contactlab.schema.check_report import CheckResult, Measure, Reference, TaskKind
+from contactlab.schema.setting_values import as_vector
 from contactlab.studies.check.check_entries import Measured, check, remedy
 from contactlab.studies.check.check_results import (
     MILLIMETRES,

@@ -25,10 +25,10 @@ from contactlab.engines.engine import PreparedRuns, SimulationEngine
 from contactlab.errors import ExpectationError, PolicyError, StoreError
 from contactlab.measure import METRICS
 from contactlab.mjcf import MODEL_ENGINE
-from contactlab.run.evidence_record import as_written
 from contactlab.scene.scene import Scene
 from contactlab.schema.comparison import Check, ComparePolicy, MetricRule, RunPair
 from contactlab.schema.evidence import Setting
+from contactlab.store.table_layout import as_written
 from contactlab.studies.parity.panel import Panel, PanelRun
 from contactlab.studies.parity.parity_report import ClosedForm, Measured, ParityReport, RunParity
 from contactlab.studies.parity.run_parity import Comparison, judge
