@@ -7,6 +7,7 @@ import itertools
 import math
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from operator import itemgetter
 from typing import cast
 
 from contactlab.expression import Expression, ExpressionError, NoValueError
@@ -30,8 +31,7 @@ class Block:
 
     def column(self, name: str) -> tuple[object, ...]:
         """Return the values of one of its axes, row by row."""
-        index = self.names.index(name)
-        return tuple(row[index] for row in self.rows)
+        return tuple(map(itemgetter(self.names.index(name)), self.rows))
 
     def keeping(self, name: str, values: Collection[object]) -> "Block":
         """Return the rows in which an axis, if the block has it, takes one of some values."""

@@ -8,6 +8,7 @@ import json
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from itertools import chain
 from typing import Any
 
@@ -56,7 +57,7 @@ class RunSpec:
         """Name of the engine that simulates it."""
         return str(self.settings["engine"])
 
-    @property
+    @cached_property
     def timestep(self) -> float:
         """Length of a step [s]."""
         return as_number(self.settings["timestep"])
@@ -76,7 +77,7 @@ class RunSpec:
         """Its initial values, its seed, and the factor of the seed's perturbation."""
         return self.initial, self.seed, as_number(self.settings.get("perturbation", 1.0))
 
-    @property
+    @cached_property
     def steps(self) -> int:
         """Steps that cover the duration; at least one."""
         return steps_of(self.duration, self.timestep)
@@ -112,9 +113,13 @@ class RunSpec:
 
 def settings_table(runs: Sequence[RunSpec]) -> dict[str, list[object]]:
     """Return the values of runs, run by run; NaN where a run has none of a name."""
-    rows = [run.values for run in runs]
-    names = dict.fromkeys(chain.from_iterable(rows))
-    return {name: [row.get(name, math.nan) for row in rows] for name in names}
+    names = dict.fromkeys(chain.from_iterable(run.values for run in runs))
+    table: dict[str, list[object]] = {name: [] for name in names}
+    for run in runs:
+        values = run.values
+        for name, column in table.items():
+            column.append(values.get(name, math.nan))
+    return table
 
 
 def steps_of(duration: float, timestep: float) -> int:
@@ -131,7 +136,7 @@ def write_axes(
     """
     changed = set[str]()
     requested = dict[str, bool]()
-    for axis in application_order(values):
+    for axis in application_order([*values]):
         if axis in EFFECTS and axis not in PARAMETERS:
             requested[axis] = bool(values[axis])
             if axis in _FLAGS:

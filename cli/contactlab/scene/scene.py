@@ -388,8 +388,9 @@ class Scene:
         """
         drive = drive_identity(run.drive)
         held = run.initial if run.drive == "hold" else {}
-        parts = [run.structure, sorted(run.without), run.edits(), drive, held]
-        return hashlib.sha256(json.dumps(parts).encode()).hexdigest()
+        edits, without = run.edits(), sorted(run.without)
+        key = json.dumps([run.structure, without, edits, drive, held])
+        return hashlib.sha256(key.encode()).hexdigest()
 
     def compile_without_sensors(self, run: RunSpec) -> mujoco.MjModel:
         """Compile the structure of a run without the sensors that record."""

@@ -185,7 +185,7 @@ def axis_column(name: str, values: Iterable[object], unit: str, description: str
 
     A ValueError says that some are texts there and others are not.
     """
-    kinds = {_type_of(as_written(value)) for value in values}
+    kinds = {*map(_type_of, map(as_written, values))}
     if _TEXT in kinds and len(kinds) > 1:
         raise ValueError("mixes single numbers with lists or shares; write all in one form")
     for kind, fitting in ((_TRUTH, {_TRUTH}), (_WHOLE, {_WHOLE}), (REAL, {_WHOLE, REAL})):
@@ -258,8 +258,11 @@ def record_to_row(record: EvidenceRecord) -> Row:
 
 def row_entries(fields: Mapping[str, Any]) -> list[bytes]:
     """Return the columns of some fields of a record that have a value, each as in a JSON object."""
-    entries = to_row(fields).items()
-    return [to_json({name: value})[1:-1] for name, value in entries if value is not None]
+    entries: list[bytes] = []
+    for name, value in to_row(fields).items():
+        if value is not None:
+            entries.append(to_json({name: value})[1:-1])
+    return entries
 
 
 def to_row(fields: Mapping[str, Any]) -> Row:
@@ -284,7 +287,7 @@ def to_row(fields: Mapping[str, Any]) -> Row:
 
 def axes_as_written(axes: Mapping[str, object]) -> dict[str, bool | int | float | str]:
     """Return the values of axes as they are in their columns."""
-    return {name: as_written(value) for name, value in axes.items()}
+    return dict(zip(axes, map(as_written, axes.values()), strict=True))
 
 
 def _columns_of_labels(labels: Sequence[Any]) -> Row:
