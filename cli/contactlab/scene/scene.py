@@ -240,7 +240,8 @@ class Scene:
         of_model: dict[str, object] = {}
         for axis, value in {**self.switched, **values}.items():
             if axis in structure:
-                structure[axis] = type(structure[axis])(as_number(value))
+                number = as_number(value)
+                structure[axis] = int(number) if isinstance(structure[axis], int) else number
             elif axis in initial:
                 initial[axis] = as_number(value)
             elif axis in DRIVE_AXES:

@@ -309,7 +309,9 @@ class Sweep(Model):
         for block in (self.axes, *self.zip):
             for name, axis in block.items():
                 roles[name] = axis.role if isinstance(axis, Ranged) else "knob"
-        return roles | dict.fromkeys(roles.keys() & {RECORDED_RUN}, "scenario")
+        if RECORDED_RUN in roles:
+            roles[RECORDED_RUN] = "scenario"
+        return roles
 
     @property
     def scenario(self) -> list[str]:
