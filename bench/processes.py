@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 
 _SET_CHILD_SUBREAPER = 36
+_NO_BYTECODE = "PYTHONDONTWRITEBYTECODE"
 
 
 def adopt_orphans() -> None:
@@ -23,11 +24,14 @@ def adopt_orphans() -> None:
 def cpu_of(command: Sequence[str]) -> float:
     """Return the CPU time, user and system, of a command and of everything it started [s].
 
+    It may write bytecode, as what is installed has it.
+
     Raises:
         RuntimeError: the command failed.
     """
     before = _spent()
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    others = {name: value for name, value in os.environ.items() if name != _NO_BYTECODE}
+    done = subprocess.run(command, env=others, capture_output=True, text=True, check=False)
     if done.returncode != 0:
         raise RuntimeError(f"{' '.join(command)} failed:\n{done.stdout}{done.stderr}")
     with suppress(ChildProcessError):

@@ -48,11 +48,11 @@ def make_store(file: Path) -> None:
     """Begin a sweep, make up the rows of all its runs, and finish it."""
     from pydantic_core import to_json  # noqa: PLC0415 - imports are measured
 
-    from contactlab.run.evidence_record import as_written  # noqa: PLC0415
     from contactlab.run.planned_runs import RunIndex  # noqa: PLC0415
     from contactlab.run.sweep_request import read_request  # noqa: PLC0415
     from contactlab.run.sweep_runner import run_sweep  # noqa: PLC0415
     from contactlab.store.row_journal import read_lines, sealed  # noqa: PLC0415
+    from contactlab.store.table_layout import as_written  # noqa: PLC0415
 
     store = file.with_suffix("")
     ask = read_request(file, file.stem, store, folder=file.parent, workers=0)

@@ -9,8 +9,10 @@ text, and in tuples, lists, sets and mappings, their keys too, down to three lev
 is a tuple; the fields of other objects are not searched, nor arrays: a function that hands an
 object on has no need to know what is in it. Counted are the files and the functions that hold the
 value at least once, and the hops: how often one event that holds it is in another file than the one
-before. Nested functions and comprehensions are functions of their own. Bytes are not searched: they
-are what is written of the value. What imports run does not count.
+before. The whole is counted first, with the summary that the command prints of the finished store;
+then what lies before the store is published, from when on the value is evidence. Nested functions
+and comprehensions are functions of their own. Bytes are not searched: they are what is written of
+the value. What imports run does not count.
 """
 
 import argparse
@@ -18,13 +20,16 @@ import contextlib
 import io
 import sys
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from collections.abc import Set as AbstractSet
+from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from types import FrameType
 
 import contactlab
 from contactlab.command_line.main import main as command
+from contactlab.run.sweep_runner import run_sweep
 
 PROJECT = Path(contactlab.__file__).parent
 SENTINELS = {
@@ -42,26 +47,29 @@ axes: {{{axis}: [{text}]}}
 DEPTH = 3
 
 
+@dataclass(frozen=True)
+class Stop:
+    """One call or return of a function that holds the value."""
+
+    file: str
+    function: str
+
+
+def counts(stops: Sequence[Stop]) -> str:
+    """Return how many files and functions a way has, and how often it goes from file to file."""
+    files, functions = {stop.file for stop in stops}, set(stops)
+    hops = sum(one.file != other.file for one, other in pairwise(stops))
+    return f"{len(files)} files, {len(functions)} functions, {hops} hops"
+
+
 class Way:
     """The functions that hold a value while this is the profile function, in their order."""
 
     def __init__(self, value: float) -> None:
         self._value, self._text = value, f"{value:g}"
         self._importing = 0
-        self.functions: dict[tuple[str, str], None] = {}
-        self.stops: list[str] = []
-
-    @property
-    def files(self) -> list[str]:
-        """Files that hold the value, in the order in which they first do."""
-        return list(dict.fromkeys(file for file, _ in self.functions))
-
-    @property
-    def hops(self) -> int:
-        """Changes of file between one event that holds the value and the next."""
-        return sum(
-            before != after for before, after in zip(self.stops, self.stops[1:], strict=False)
-        )
+        self.stops: list[Stop] = []
+        self.published = 0  # stops before the store was
 
     def __call__(self, frame: FrameType, event: str, _result: object) -> None:
         """Note a call or return of a function of the project that holds the value."""
@@ -74,9 +82,9 @@ class Way:
         if self._importing or PROJECT not in file.parents:
             return
         if any(self._holds(local, DEPTH) for local in list(frame.f_locals.values())):
-            name = file.relative_to(PROJECT).as_posix()
-            self.functions[name, code.co_qualname] = None
-            self.stops.append(name)
+            self.stops.append(Stop(file.relative_to(PROJECT).as_posix(), code.co_qualname))
+        if event == "return" and code is run_sweep.__code__:
+            self.published = len(self.stops)
 
     def _holds(self, held: object, depth: int) -> bool:
         if isinstance(held, float):
@@ -123,12 +131,14 @@ def main() -> None:
     parser.add_argument("--functions", action="store_true", help="list the functions of each file")
     asked = parser.parse_args()
     way = follow(asked.axis)
-    print(f"{len(way.files)} files, {len(way.functions)} functions, {way.hops} hops")
-    for file in way.files:
+    print(counts(way.stops))
+    print(f"{counts(way.stops[: way.published])} before it is evidence")
+    functions = dict.fromkeys(way.stops)
+    for file in dict.fromkeys(stop.file for stop in functions):
         print(f"  {file}")
-        for place, function in way.functions if asked.functions else ():
-            if place == file:
-                print(f"    {function}")
+        for stop in functions if asked.functions else ():
+            if stop.file == file:
+                print(f"    {stop.function}")
 
 
 if __name__ == "__main__":

@@ -166,8 +166,8 @@ def _columns(runs: Sequence[EvidenceRecord]) -> list[Any]:
     return [
         *axes,
         *metrics,
-        struct_column("settings", first),
-        struct_column("effects", {"refsafe": True}),
+        struct_column("settings", [first]),
+        struct_column("effects", [{"refsafe": True}]),
     ]
 
 

@@ -23,8 +23,8 @@ from contactlab.run.sweep_request import read_request
 from contactlab.run.sweep_runner import run_sweep
 from contactlab.scene.run_spec import RunSpec
 from contactlab.scene.scene import Scene
-from contactlab.scene.setting_values import as_number
 from contactlab.schema.evidence import EvidenceRecord
+from contactlab.schema.setting_values import as_number
 from contactlab.store.finished_store import Store
 
 

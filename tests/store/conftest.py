@@ -134,7 +134,10 @@ def columns(records: Sequence[EvidenceRecord]) -> list[Column]:
     ]
     metrics = [Column(name, REAL, unit, f"what {name} is", "none") for name, unit in UNITS.items()]
     settings = {name: value for record in records for name, value in record.settings.items()}
-    structs = [struct_column("settings", settings), struct_column("effects", records[0].effects)]
+    structs = [
+        struct_column("settings", [settings]),
+        struct_column("effects", [records[0].effects]),
+    ]
     return [*axes, *metrics, *structs]
 
 

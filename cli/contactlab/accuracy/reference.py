@@ -32,7 +32,7 @@ from contactlab.scene.model_edits import read_flag
 from contactlab.scene.run_setup import joints_of
 from contactlab.scene.run_spec import RunSpec
 from contactlab.scene.scene import Scene
-from contactlab.scene.setting_values import Settings
+from contactlab.schema.setting_values import Settings
 
 _LENGTH = 1e-3
 

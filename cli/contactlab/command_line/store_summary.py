@@ -3,6 +3,7 @@
 import json
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
+from operator import itemgetter, methodcaller
 from typing import TYPE_CHECKING
 
 from contactlab.command_line.declaration import Given
@@ -74,11 +75,11 @@ def _print_runs(axes: Sequence[str], rows: Sequence[Mapping[str, object]]) -> No
     from contactlab.measure import METRICS
 
     headed = [(metric.name, metric.heading) for metric in METRICS.values() if metric.heading]
-    shown = [name for name, _ in headed if any(row.get(name) for row in rows)]
+    shown = [name for name, _ in headed if any(map(methodcaller("get", name), rows))]
     headings = [heading for name, heading in headed if name in shown]
     said = _OF_LOOPS if "loop" in rows[0] else {"expectation_met": "as expected"}
-    columns = ["label", *said, *axes, *shown]
-    cells = [[str(row["run_id"])[:_ID_DIGITS], *(row[name] for name in columns)] for row in rows]
+    of_columns = itemgetter("label", *said, *axes, *shown)
+    cells = [[str(row["run_id"])[:_ID_DIGITS], *of_columns(row)] for row in rows]
     header = ["run", "label", *said.values(), *axes, *headings]
     print_table(header, cells, droppable=len(headings))
 

@@ -131,14 +131,12 @@ def print_table(
     colours of labels, which repeat what the word says.
     """
     console = stdout()
-    cells = [[_text(value) for value in row] for row in rows]
-    widths = [
-        max(len(name), *(len(row[index]) for row in cells)) if cells else len(name)
-        for index, name in enumerate(header)
-    ]
+    cells = [list(map(_text, row)) for row in rows]
+    columns = list(zip(header, *cells, strict=True))
+    widths = [max(map(len, column)) for column in columns]
     least = [
-        min(width, max(_LEAST_WIDTH_OF_WORDS, len(name))) if _has_words(cells, index) else width
-        for index, (name, width) in enumerate(zip(header, widths, strict=True))
+        min(width, max(_LEAST_WIDTH_OF_WORDS, len(name))) if any(map(_is_words, said)) else width
+        for (name, *said), width in zip(columns, widths, strict=True)
     ]
     shown = len(header)
     while droppable and sum(least[:shown]) + 2 * shown > console.width:
@@ -167,8 +165,8 @@ def print_table(
         echo(f"not shown: {', '.join(header[shown:])}; --format csv has all")
 
 
-def _has_words(cells: Sequence[Sequence[str]], index: int) -> bool:
-    return any(len(row[index]) > _LEAST_WIDTH_OF_WORDS and " " in row[index] for row in cells)
+def _is_words(cell: str) -> bool:
+    return len(cell) > _LEAST_WIDTH_OF_WORDS and " " in cell
 
 
 def _print_blocks(console: Console, header: Sequence[str], cells: Sequence[Sequence[str]]) -> None:
@@ -192,8 +190,7 @@ def _print_blocks(console: Console, header: Sequence[str], cells: Sequence[Seque
 def _print_rendered(console: Console, table: Table) -> None:
     with console.capture() as rendered:
         console.print(table, highlight=False)
-    lines = (line.rstrip() for line in rendered.get().splitlines())
-    echo_commands("\n".join(line for line in lines if line))
+    echo_commands("\n".join(filter(None, map(str.rstrip, rendered.get().splitlines()))))
 
 
 def label_style(name: str) -> str:

@@ -25,13 +25,14 @@ from contactlab.loop.simulation import other_parts
 from contactlab.measure import METRICS
 from contactlab.plugins import load_plugins, loaded_plugins
 from contactlab.run.evidence_record import provenance
-from contactlab.run.sweep_runner import measured_columns, new_identity, shared_fields
+from contactlab.run.sweep_runner import identity_fields, measured_columns, shared_fields
 from contactlab.run.tasks import Task
 from contactlab.run.worker import Worker
 from contactlab.scene.contact_pairs import colliding, declared_pairs, geom_pairs, may_touch
 from contactlab.scene.model_names import matching, name_of
 from contactlab.scene.scene import Scene
 from contactlab.scene.scene_source import BINARY, MANIFEST, stored_scene
+from contactlab.schema.evidence import SweepIdentity
 from contactlab.schema.scene_manifest import SceneManifest
 from contactlab.schema.sweep_schema import Sweep
 from contactlab.store import store_files
@@ -88,7 +89,8 @@ def record(
         if not own.base({}).pairs:
             raise SceneError("no two geoms of the model can touch, so nothing is monitored")
         unknown = {"source": "", "overrides": (), "runs_asked": 0, "plan_hash": _hash([])}
-        identity = new_identity(name, own, sweep, lacking=lacking_checks(), **unknown)
+        known = identity_fields(name, own, sweep)
+        identity = SweepIdentity(**known, lacking=lacking_checks(), **unknown)
         writer = opening.enter_context(open_writer(folder, identity, source.content, fresh=fresh))
         assert isinstance(writer, StoreWriter)
         where = writer.scene_folder.resolve()
@@ -155,8 +157,8 @@ class Recording(Listener):
             ids = [str(row["run_id"]) for row in self._writer.rows()]
             update = {"runs_asked": len(ids), "plan_hash": _hash(ids)}
             identity = self._writer.identity.model_copy(update=update)
-            settings = self._worker.scene.resolve({}, 0, 1.0).values
-            columns = [*measured_columns(settings), *LOOP_COLUMNS]
+            run = self._worker.scene.resolve({}, 0, 1.0)
+            columns = [*measured_columns([run]), *LOOP_COLUMNS]
             shared = shared_fields(identity)
             self._writer.finish(columns, shared, provenance(), identity=identity)
 

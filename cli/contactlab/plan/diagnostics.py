@@ -23,6 +23,10 @@ class SourceText:
     lines: tuple[str, ...]
     numbered: bool = True
 
+    def line(self, number: int) -> str:
+        """Return a line by its number, from 1; empty if there is none."""
+        return self.lines[number - 1] if 0 < number <= len(self.lines) else ""
+
 
 @dataclass(frozen=True)
 class Place:
@@ -36,8 +40,7 @@ class Place:
     @property
     def text(self) -> str:
         """The whole line."""
-        lines = self.source.lines
-        return lines[self.line - 1] if 0 < self.line <= len(lines) else ""
+        return self.source.line(self.line)
 
     @property
     def spot(self) -> str:

@@ -7,6 +7,7 @@ import itertools
 import math
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from operator import itemgetter
 from typing import cast
 
 from contactlab.expression import Expression, ExpressionError, NoValueError
@@ -27,6 +28,10 @@ class Block:
 
     names: tuple[str, ...]
     rows: tuple[tuple[object, ...], ...]
+
+    def column(self, name: str) -> tuple[object, ...]:
+        """Return the values of one of its axes, row by row."""
+        return tuple(map(itemgetter(self.names.index(name)), self.rows))
 
     def keeping(self, name: str, values: Collection[object]) -> "Block":
         """Return the rows in which an axis, if the block has it, takes one of some values."""
@@ -90,16 +95,20 @@ class Grid:
     added: tuple[RowValues, ...]  # rows to include
     written: tuple[RowValues, ...] = ()  # rows of the scene as written, one for each scenario
 
-    def values(self) -> dict[str, dict[object, None]]:
-        """Return the values that each axis takes anywhere, each once, in order."""
-        values: dict[str, dict[object, None]] = {}
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The axes of any row, in order, effects of all rows included."""
+        blocks = (block.names for block in self.blocks or () if block.rows)
+        return tuple(dict.fromkeys(itertools.chain(*blocks, self.base, *self.added)))
+
+    def taken(self, name: str) -> tuple[object, ...]:
+        """Return the values that an axis takes anywhere, each once, in order."""
+        values = dict[object, None]()
         for block in self.blocks or ():
-            for name, column in zip(block.names, zip(*block.rows, strict=True), strict=False):
-                values[name] = dict.fromkeys(column)
-        for row in (self.base, *self.added):
-            for name, value in row.items():
-                values.setdefault(name, {})[value] = None
-        return values
+            if name in block.names:
+                values.update(dict.fromkeys(block.column(name)))
+        rows = (row for row in (self.base, *self.added) if name in row)
+        return tuple(values | dict.fromkeys(row[name] for row in rows))
 
     def keeping(self, name: str, values: Collection[object]) -> "Grid":
         """Return the rows in which an axis takes one of some values."""

@@ -1,71 +1,18 @@
 """Names, values and conditions of a sweep file, checked against what its scene offers."""
 
 import math
-from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Sequence
 from itertools import combinations
-from typing import cast
 
-from contactlab.errors import did_you_mean, suggestion
+from contactlab.errors import suggestion
 from contactlab.expression import Expression, ExpressionError
 from contactlab.plan.diagnostics import Place
 from contactlab.plan.grid import Match
-from contactlab.plan.validation import Draft
+from contactlab.plan.rows import SweepContext
 from contactlab.plan.yaml_document import Document, KeyPath
 from contactlab.schema.evidence import ERRORS
 from contactlab.schema.pair_expectation import PairExpectation
 from contactlab.schema.sweep_schema import Condition, Sweep
-from contactlab.schema.units import without_unit
-from contactlab.schema.vocabulary import AxisSpec, Vocabulary
-
-UNREADABLE = object()
-
-
-@dataclass(frozen=True)
-class SweepContext(Draft):
-    """A draft, and the names that its scene offers."""
-
-    vocabulary: Vocabulary
-
-    def find(self, name: str) -> AxisSpec | None:
-        """Return the axis of this name, or None."""
-        return self.vocabulary.find(name)
-
-    def canonical(self, name: str, value: object, place: Place) -> object:
-        """Return the canonical form of an axis value; or UNREADABLE, and add the mistake."""
-        spec = self.find(name)
-        if spec is None:
-            return UNREADABLE
-        if isinstance(value, float) and not math.isfinite(value):
-            self.document.add("not-finite", place, f"'{name}' must be finite")
-            return UNREADABLE
-        measured = without_unit(value, spec.unit) if spec.unit else None
-        try:
-            return spec.parse(value if measured is None else measured)
-        except ValueError as error:
-            close = did_you_mean(value, spec.choices) if isinstance(value, str) else ""
-            written = list(cast("tuple[object]", value)) if isinstance(value, tuple) else value
-            message = f"{written!r} is not a value of '{name}'"
-            other = spec.unit and measured is None and without_unit(value) is not None
-            hint = (
-                "write a number" + f" in {spec.unit}" * (spec.unit != "1") if other else str(error)
-            )
-            self.document.add("bad-value", place, message, f"{hint}{close}")
-            return UNREADABLE
-
-    def swept(self) -> list[tuple[str, KeyPath]]:
-        """Return the axes that the file names, readable or not, with where it names them."""
-        paths: list[KeyPath] = [("axes", name) for name in self.document.mapping("axes")]
-        for index, block in zip_blocks(self.document):
-            paths.extend(("zip", index, name) for name in block)
-        return [(str(path[-1]), path) for path in paths]
-
-
-def zip_blocks(document: Document) -> Iterator[tuple[int, dict[str, object]]]:
-    """Yield the blocks of `zip` that are mappings, readable or not, with their positions."""
-    blocks = document.at(("zip",))
-    for index in range(len(cast("list[object]", blocks)) if isinstance(blocks, list) else 0):
-        yield index, document.mapping("zip", index)
 
 
 def check_names(context: SweepContext) -> None:
@@ -120,7 +67,7 @@ def _check_axes(context: SweepContext) -> None:
     document = context.document
     # `base` is for the effects that have no entry of their own.
     effects = [name for name in document.mapping("effects") if name != "base"]
-    named = [(name, path, "axis") for name, path in context.swept()]
+    named = [(name, path, "axis") for name, path in context.swept]
     named += [(name, ("effects", name), "effect") for name in effects]
     places: dict[str, Place] = {}
     for name, path, kind in named:

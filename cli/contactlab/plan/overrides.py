@@ -1,7 +1,7 @@
 """Changes of a sweep file by the command line: `--set`, `--only` and `--limit`."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import cast
 
@@ -9,8 +9,9 @@ from pydantic import ValidationError
 
 from contactlab.errors import SweepFileError, suggestion
 from contactlab.plan.diagnostics import Place, SourceText
-from contactlab.plan.names import SweepContext, add_not_swept, zip_blocks
-from contactlab.plan.rows import span
+from contactlab.plan.grid import Grid
+from contactlab.plan.names import add_not_swept
+from contactlab.plan.rows import SweepContext, span, zip_blocks
 from contactlab.plan.yaml_document import Document, KeyPath, read_argument
 from contactlab.schema.drive import Drive, read_drive
 from contactlab.schema.sweep_schema import Sweep
@@ -132,12 +133,10 @@ def read_filters(
     return tuple(filters)
 
 
-def check_values(
-    document: Document, filters: Sequence[Filter], taken: Mapping[str, Mapping[object, None]]
-) -> None:
+def check_values(document: Document, filters: Sequence[Filter], grid: Grid) -> None:
     """Add a mistake for every filter whose axis never takes any of its values."""
     for condition in filters:
-        values = list(taken.get(condition.name, ()))
+        values = grid.taken(condition.name)
         if not set(values).intersection(condition.values):
             first = ", ".join(str(value) for value in values[:8])
             more = ", ..." if len(values) > 8 else ""

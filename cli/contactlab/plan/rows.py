@@ -1,4 +1,4 @@
-"""The rows of a sweep: values of axes, the product of them, zip blocks and samples, and `include`.
+"""The values of a sweep's axes, as canonical ones: lists, forms, zip blocks and samples.
 
 Values of `linspace` and `range` are computed exactly and rounded once: the third step of 0.1 is
 0.3. Others are rounded to 12 digits: so they do not depend on the machine's math library, and
@@ -8,28 +8,23 @@ runs of two machines can be paired.
 import math
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from decimal import Decimal
 from fractions import Fraction
-from pathlib import Path
+from functools import cached_property
 from typing import cast
 
 import numpy as np
 from pydantic import ValidationError
 
 from contactlab.contact.trace_arrays import Floats
-from contactlab.errors import SweepFileError
-from contactlab.plan.diagnostics import Place, SourceText
-from contactlab.plan.grid import Block, RowValues
-from contactlab.plan.names import (
-    UNREADABLE,
-    SweepContext,
-    check_axis,
-    check_conflicts,
-    zip_blocks,
-)
-from contactlab.plan.yaml_document import Document, KeyPath, read_text
-from contactlab.schema.sweep_schema import IncludeFile, Sample
-from contactlab.schema.units import SI_UNITS, split_unit, without_unit
+from contactlab.errors import did_you_mean
+from contactlab.plan.diagnostics import Place
+from contactlab.plan.grid import Block
+from contactlab.plan.validation import Draft
+from contactlab.plan.yaml_document import Document, KeyPath
+from contactlab.schema.setting_values import SI_UNITS, split_unit, without_unit
+from contactlab.schema.sweep_schema import Sample
 from contactlab.schema.vocabulary import (
     FORMS,
     Axis,
@@ -37,21 +32,69 @@ from contactlab.schema.vocabulary import (
     Drawn,
     Linspace,
     Logspace,
-    Loguniform,
     Range,
     Ranged,
+    Sampled,
     Uniform,
     Values,
-    is_sampled,
+    Vocabulary,
 )
 
-_Sampled = Uniform | Loguniform
 # How many amounts each form begins with.
 _LISTED = {"linspace": 2, "logspace": 2, "range": 3, "uniform": 2, "loguniform": 2}
 _SPAN = re.compile(r"([-+.\de]+?)\.\.([-+.\de]+)\s*([^-+.\d\s]\S*)")
 _DIGITS = 12
-# One cell and what ends it: a quoted text, in which "" stands for a quote, or what has no comma.
-_CELL = re.compile(r'\s*(?:"((?:[^"]|"")*)"|([^,]*?))\s*(,|$)')
+
+
+UNREADABLE = object()
+
+
+@dataclass(frozen=True)
+class SweepContext(Draft):
+    """A draft, and the names that its scene offers."""
+
+    vocabulary: Vocabulary
+
+    def find(self, name: str) -> AxisSpec | None:
+        """Return the axis of this name, or None."""
+        return self.vocabulary.find(name)
+
+    def canonical(self, name: str, value: object, place: Place) -> object:
+        """Return the canonical form of an axis value; or UNREADABLE, and add the mistake."""
+        spec = self.find(name)
+        if spec is None:
+            return UNREADABLE
+        if isinstance(value, float) and not math.isfinite(value):
+            self.document.add("not-finite", place, f"'{name}' must be finite")
+            return UNREADABLE
+        measured = without_unit(value, spec.unit)
+        try:
+            return spec.parse(value if measured is None else measured)
+        except ValueError as error:
+            close = did_you_mean(value, spec.choices) if isinstance(value, str) else ""
+            written = list(cast("tuple[object]", value)) if isinstance(value, tuple) else value
+            message = f"{written!r} is not a value of '{name}'"
+            other = spec.unit and measured is None and without_unit(value) is not None
+            hint = (
+                "write a number" + f" in {spec.unit}" * (spec.unit != "1") if other else str(error)
+            )
+            self.document.add("bad-value", place, message, f"{hint}{close}")
+            return UNREADABLE
+
+    @cached_property
+    def swept(self) -> list[tuple[str, KeyPath]]:
+        """The axes that the file names, readable or not, with where it names them."""
+        paths: list[KeyPath] = [("axes", name) for name in self.document.mapping("axes")]
+        for index, block in zip_blocks(self.document):
+            paths.extend(("zip", index, name) for name in block)
+        return [(str(path[-1]), path) for path in paths]
+
+
+def zip_blocks(document: Document) -> Iterator[tuple[int, dict[str, object]]]:
+    """Yield the blocks of `zip` that are mappings, readable or not, with their positions."""
+    blocks = document.at(("zip",))
+    for index in range(len(cast("list[object]", blocks)) if isinstance(blocks, list) else 0):
+        yield index, document.mapping("zip", index)
 
 
 def listed_values(axis: Axis, known: Sequence[object] = ()) -> Sequence[object]:
@@ -145,7 +188,7 @@ def sample_points(sample: Sample, dimensions: int) -> Floats:
     return qmc.Sobol(dimensions, rng=sample.seed).random_base2(power)[: sample.n]
 
 
-def sampled_values(axis: _Sampled, spec: AxisSpec, units: Floats) -> list[object]:
+def sampled_values(axis: Sampled, spec: AxisSpec, units: Floats) -> list[object]:
     """Return values for points in [0, 1); whole numbers where the axis takes no others."""
     low, high = _bounds(axis)
     whole = low.is_integer() and high.is_integer() and spec.accepts(low)
@@ -159,7 +202,7 @@ def sampled_values(axis: _Sampled, spec: AxisSpec, units: Floats) -> list[object
     return [min(max(value, low), high) for value in rounded]
 
 
-def _bounds(axis: _Sampled) -> tuple[float, float]:
+def _bounds(axis: Sampled) -> tuple[float, float]:
     return axis.uniform if isinstance(axis, Uniform) else axis.loguniform
 
 
@@ -179,14 +222,17 @@ def _rounded(value: float) -> float:
 def read_blocks(context: SweepContext) -> tuple[Block, ...] | None:
     """Return the blocks of the product, or None where the file only lists rows to include."""
     sweep = context.sweep
-    blocks = [
-        Block((name,), tuple((value,) for value in _listed(context, ("axes", name), axis)))
-        for name, axis in sweep.axes.items()
-        if not is_sampled(axis)
-    ]
+    blocks: list[Block] = []
+    sampled: dict[str, Sampled] = {}
+    for name, axis in sweep.axes.items():
+        if isinstance(axis, Sampled):
+            sampled[name] = axis
+        else:
+            values = _listed(context, ("axes", name), axis)
+            blocks.append(Block((name,), tuple(zip(values, strict=True))))
     for index, axes in enumerate(sweep.zip):
         blocks.append(_zipped(context, context.path("zip", index), axes))
-    blocks.extend(_sampled(context))
+    blocks.extend(_sampled(context, sampled))
     return tuple(blocks) if blocks or not sweep.include else None
 
 
@@ -225,7 +271,7 @@ def _zipped(context: SweepContext, path: KeyPath, axes: Mapping[str, Axis]) -> B
     columns: dict[str, list[object]] = {}
     counts: dict[str, int] = {}
     for name, axis in axes.items():
-        if is_sampled(axis):
+        if isinstance(axis, Sampled):
             why = f"'{name}' is sampled, so it cannot advance with others"
             document.add("sampled-in-zip", document.key((*path, name)), why, "move it to `axes`")
             continue
@@ -238,22 +284,21 @@ def _zipped(context: SweepContext, path: KeyPath, axes: Mapping[str, Axis]) -> B
     return Block(tuple(columns), tuple(zip(*columns.values(), strict=False)))
 
 
-def _sampled(context: SweepContext) -> list[Block]:
+def _sampled(context: SweepContext, axes: Mapping[str, Sampled]) -> list[Block]:
     document, sample = context.document, context.sweep.sample
-    axes = {name: axis for name, axis in context.sweep.axes.items() if is_sampled(axis)}
     if axes and "sample" not in document.mapping():
         name = next(iter(axes))
         message = f"'{name}' is sampled, but there is no `sample`"
         hint = "add sample: {method: sobol, n: 64}"
         document.add("sample-missing", document.key(("axes", name)), message, hint)
-    written = (document.mapping("axes", name) for name in document.mapping("axes"))
-    if sample and not any("uniform" in form or "loguniform" in form for form in written):
+    written = (path[2] for path in document.keys if path[0] == "axes" and len(path) == 3)
+    if sample and not {"uniform", "loguniform"}.intersection(written):
         hint = "give an axis as {uniform: [low, high]} or {loguniform: [low, high]}"
         document.add("sample-unused", document.key(("sample",)), "no axis is sampled", hint)
     return [_drawn(context, axes, sample)] if axes and sample else []
 
 
-def _drawn(context: SweepContext, axes: Mapping[str, _Sampled], sample: Sample) -> Block:
+def _drawn(context: SweepContext, axes: Mapping[str, Sampled], sample: Sample) -> Block:
     cube = sample_points(sample, len(axes))
     columns: list[list[object]] = []
     for index, (name, axis) in enumerate(axes.items()):
@@ -263,100 +308,3 @@ def _drawn(context: SweepContext, axes: Mapping[str, _Sampled], sample: Sample) 
             values = sampled_values(axis, spec, cube[:, index])
             columns.append(_canonical(context, name, values, path, written=False))
     return Block(tuple(axes), tuple(zip(*columns, strict=False)))
-
-
-def read_rows(context: SweepContext, folder: Path) -> tuple[RowValues, ...]:
-    """Return the rows to include, with canonical values; add their mistakes to the document.
-
-    A CSV file lies in the sweep's folder or below: a sweep may come from a stranger.
-    """
-    include, document = context.sweep.include, context.document
-    if isinstance(include, IncludeFile):
-        source = _table(document, folder, include.file)
-        return tuple(_table_rows(context, source)) if source else ()
-    rows: list[RowValues] = []
-    for index, row in enumerate(include):
-        path = context.path("include", index)
-        _check_row(context, {name: document.key((*path, name)) for name in row})
-        places = {name: document.value((*path, name)) for name in row}
-        rows.append({name: context.canonical(name, row[name], places[name]) for name in row})
-    return tuple(rows)
-
-
-def _check_row(context: SweepContext, places: dict[str, Place]) -> None:
-    for name, place in places.items():
-        check_axis(context, name, place)
-    check_conflicts(context, places)
-
-
-def _table(document: Document, folder: Path, name: str) -> SourceText | None:
-    """Return the text of a CSV file that has a row; or None, and add the mistake."""
-    path, lines, hint = folder / name, (), ""
-    if not path.resolve().is_relative_to(folder.resolve()):
-        message, hint = f"{path} lies outside of the sweep's folder", "put it there"
-    elif path.exists() and not path.is_file():
-        message = f"{path} is no file"
-    else:
-        message = f"{path} has no rows"
-        hint = "the first line names the axes, each further line is a row"
-        try:
-            lines = tuple(read_text(path).splitlines())
-        except SweepFileError as error:
-            message, hint = str(error), ""
-    if sum(bool(line.strip()) for line in lines) > 1:
-        return SourceText(str(path), lines)
-    document.add("bad-table", ("include", "file"), message, hint)
-    return None
-
-
-def _table_rows(context: SweepContext, source: SourceText) -> Iterator[RowValues]:
-    """Yield the rows of a table that name a value; add its mistakes to the document."""
-    document = context.document
-    first, *numbers = [number for number, line in enumerate(source.lines, 1) if line.strip()]
-    header = list(_cells(source, first))
-    places: dict[str, Place] = {}
-    for name, place in header:
-        if not name or name in places:
-            message = f"a second column '{name}'" if name else "a column without a name"
-            document.add("bad-table", place, message)
-        else:
-            places[name] = place
-    _check_row(context, places)
-    for number in numbers:
-        cells = list(_cells(source, number))
-        if len(cells) != len(header):
-            place = Place(source, number, 1, len(source.lines[number - 1]))
-            message = f"{len(cells)} cells under {len(header)} columns"
-            document.add("bad-table", place, message, "quote a cell that holds a comma")
-            continue
-        row = {
-            name: context.canonical(name, _scalar(text), place)
-            for (name, _), (text, place) in zip(header, cells, strict=True)
-            if text
-        }
-        if row:
-            yield row
-
-
-def _cells(source: SourceText, number: int) -> Iterator[tuple[str, Place]]:
-    line, start = source.lines[number - 1], 0
-    while match := _CELL.match(line, start):
-        group = 2 if match.group(1) is None else 1
-        text, begin = match.group(group), match.start(group)
-        yield text.replace('""', '"'), Place(source, number, begin + 1, max(len(text), 1))
-        start = match.end()
-        if not match.group(3):
-            return
-    yield line[start:], Place(source, number, start + 1, max(len(line) - start, 1))
-
-
-def _scalar(text: str) -> object:
-    """Return what a cell means: a number, true or false, or the word itself."""
-    if text.lower() in {"true", "false"}:
-        return text.lower() == "true"
-    for read in (int, float):
-        try:
-            return read(text)
-        except ValueError:
-            continue
-    return text

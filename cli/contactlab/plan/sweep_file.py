@@ -1,9 +1,8 @@
 """From a sweep file and the options of the command line to a plan, or to all mistakes at once."""
 
 import itertools
-import json
 import math
-from collections.abc import Callable, Container, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
@@ -15,11 +14,12 @@ from pydantic import BaseModel, ValidationError
 from contactlab.errors import SceneError
 from contactlab.plan.diagnostics import Diagnostic, Place, SourceText, SweepMistakesError
 from contactlab.plan.grid import MOST_RUNS, Grid, Match, Plan, SweptAxis
-from contactlab.plan.names import SweepContext, check_names, read_condition
+from contactlab.plan.included_rows import read_rows
+from contactlab.plan.names import check_names, read_condition
 from contactlab.plan.overrides import Filter, Overrides, apply_settings, check_values, read_filters
-from contactlab.plan.rows import read_blocks, read_rows, write_out_units
+from contactlab.plan.rows import SweepContext, read_blocks, write_out_units
 from contactlab.plan.validation import Draft, add_validation_errors, read_draft
-from contactlab.plan.yaml_document import Document, data_document, read_document, read_text
+from contactlab.plan.yaml_document import Document, open_document, read_document, read_text
 from contactlab.schema.sweep_schema import Sweep, scene_reference, switches
 from contactlab.schema.vocabulary import Vocabulary
 
@@ -49,13 +49,7 @@ def read_sweep(
     The vocabulary has the names that a scene offers, unless it raises SceneError. A SweepFileError
     says that the file cannot be read or, as SweepMistakesError, has all mistakes as data.
     """
-    path = source if isinstance(source, Path) else None
-    if isinstance(source, Mapping):
-        text = json.dumps(source, indent=1)
-        document = data_document(json.loads(text), "sweep")
-    else:
-        text = read_text(path) if path else str(source)
-        document = read_document(text, str(path) if path else "sweep")
+    path, document = source if isinstance(source, Path) else None, open_document(source)
     if document.mistakes and document.data is None:
         raise SweepMistakesError(document.mistakes)
     if isinstance(document.data, dict):
@@ -65,7 +59,7 @@ def read_sweep(
     plan = _checked(draft, vocabulary, overrides, path.parent if path else Path())
     if plan is None or document.has_errors:
         raise SweepMistakesError(_sorted(document))
-    return SweepFile(path, text, draft.sweep, plan)
+    return SweepFile(path, document.text, draft.sweep, plan)
 
 
 def _unit_of(document: Document, vocabulary: Callable[[str], Vocabulary], axis: str) -> str:
@@ -118,10 +112,9 @@ def _checked(
     filters = read_filters(context, overrides.only, carried)
     if document.has_errors:
         return None
-    values = grid.values()
     for match, _ in expected:
-        _warn_unmet(document, match, values)
-    check_values(document, filters, values)
+        _warn_unmet(document, match, grid)
+    check_values(document, filters, grid)
     if document.has_errors:
         return None
     grid = _kept(draft.sweep, grid, filters)
@@ -139,9 +132,9 @@ def _kept(sweep: Sweep, grid: Grid, filters: Sequence[Filter]) -> Grid:
     return grid.with_baseline(sweep.scenario) if sweep.baseline else grid
 
 
-def _warn_unmet(document: Document, match: Match, taken: Mapping[str, Container[object]]) -> None:
+def _warn_unmet(document: Document, match: Match, grid: Grid) -> None:
     for name, value in match.settings:
-        if value not in taken.get(name, ()):
+        if value not in grid.taken(name):
             message = f"no run has {name} = {value}, so this applies to no run"
             document.add("unmatched-expect", match.place, message, severity="warning")
 
@@ -162,7 +155,7 @@ def _read_grid(context: SweepContext, folder: Path) -> Grid:
 
 def _product_axes(context: SweepContext) -> tuple[str, ...]:
     """Return the axes that every row of the product carries, effects included."""
-    axes = [name for name, _ in context.swept()]
+    axes = [name for name, _ in context.swept]
     return tuple(dict.fromkeys([*axes, *switches(context.sweep.effects)]))
 
 
@@ -191,11 +184,8 @@ def _count(context: SweepContext, grid: Grid, limit: int | None, *, warn: bool) 
 
 
 def _axes(sweep: Sweep, grid: Grid) -> tuple[SweptAxis, ...]:
-    return tuple(
-        SweptAxis(name, sweep.roles.get(name, "knob"), tuple(values))
-        for name, values in grid.values().items()
-        if name not in grid.base
-    )
+    roles, names = sweep.roles, [name for name in grid.names if name not in grid.base]
+    return tuple(SweptAxis(name, roles.get(name, "knob"), grid.taken(name)) for name in names)
 
 
 _Kind = TypeVar("_Kind", bound=BaseModel)

@@ -12,7 +12,7 @@ from contactlab.errors import SweepFileError
 from contactlab.plan.overrides import drive_option
 from contactlab.schema.drive import Drive
 from contactlab.schema.requirement import read_requirement
-from contactlab.schema.units import read_quantity
+from contactlab.schema.setting_values import read_quantity
 
 _KINDS = {"m": "m", "rad": "rad"}
 

@@ -14,8 +14,8 @@ from pydantic_core import ErrorDetails
 from contactlab.errors import suggestion
 from contactlab.plan.yaml_document import Document, KeyPath
 from contactlab.schema.drive import DRIVE_FORMS
+from contactlab.schema.setting_values import without_unit
 from contactlab.schema.sweep_schema import Sweep
-from contactlab.schema.units import without_unit
 from contactlab.schema.vocabulary import FORMS
 
 _WANTED = {

@@ -2,7 +2,7 @@
 
 import json
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import cast
@@ -29,11 +29,12 @@ class Document:
     """Plain data with the places of its values and keys by path, and the mistakes in it.
 
     Mistakes, warnings included, are in the order in which they were added; none is added where the
-    text is unreadable.
+    text is unreadable. The text is that of the file; JSON of data.
     """
 
     source: SourceText
     data: object = None
+    text: str = ""
     values: dict[KeyPath, Place] = field(default_factory=dict[KeyPath, Place])
     keys: dict[KeyPath, Place] = field(default_factory=dict[KeyPath, Place])
     mistakes: list[Diagnostic] = field(default_factory=list[Diagnostic])
@@ -117,17 +118,27 @@ def read_text(path: Path) -> str:
         raise SweepFileError(f"cannot read {path}: it is not UTF-8 text") from error
 
 
+def open_document(source: Path | str | Mapping[str, object]) -> Document:
+    """Read a YAML file by its path, or its text, or data as JSON has it; see `read_document`."""
+    if isinstance(source, Mapping):
+        return data_document(source, "sweep")
+    if isinstance(source, Path):
+        return read_document(read_text(source), str(source))
+    return read_document(source, "sweep")
+
+
 def read_document(text: str, name: str) -> Document:
     """Read a YAML text; its mistakes are in the document."""
-    document = Document(SourceText(name, tuple(_BREAK.split(text))))
+    document = Document(SourceText(name, tuple(_BREAK.split(text))), text=text)
     document.data = _Reader(document, document.source).read(text)
     return document
 
 
 def data_document(data: object, name: str) -> Document:
     """Return data, as JSON has it, as a document; its places are paths, such as `axes.mass[2]`."""
-    document = Document(SourceText(name, (name,), numbered=False), data)
-    for path, value in _parts(data, ()):
+    text = json.dumps(data, indent=1)
+    document = Document(SourceText(name, (name,), numbered=False), json.loads(text), text)
+    for path, value in _parts(document.data, ()):
         text = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in path)[1:]
         text += "" if isinstance(value, dict | list) else f": {json.dumps(value)}"
         place = Place(SourceText(name, (text,), numbered=False), 1, 1, len(text))

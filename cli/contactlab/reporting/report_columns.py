@@ -128,8 +128,9 @@ def read_axes(store: Store) -> tuple[GridAxis, ...]:
     """Return the axes that differ between runs of a store, and the seed if there are several."""
     columns, sweep = store.columns, Sweep.model_validate(store.manifest.sweep.resolved)
     roles: dict[str, Role] = {**sweep.roles, SEED: "scenario"}
-    names = [name for name in (*columns.axis_names, SEED) if name in columns.schema.names]
-    axes = [_axis(columns, name, roles.get(name, "knob")) for name in dict.fromkeys(names)]
+    named = dict.fromkeys((*columns.axis_names, SEED))
+    names = [name for name in named if name in columns.schema.names and columns.varies(name)]
+    axes = [_axis(columns, name, roles.get(name, "knob")) for name in names]
     return tuple(axis for axis in axes if len(axis.ticks) > 1)
 
 

@@ -5,7 +5,7 @@ import math
 import os
 import platform
 import subprocess
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
 from importlib.metadata import version
@@ -38,7 +38,7 @@ from contactlab.schema.evidence import (
 )
 from contactlab.store.mcap.trace_writer import TraceEncoder
 from contactlab.store.store_files import time_now
-from contactlab.store.table_layout import to_row
+from contactlab.store.table_layout import axes_as_written, row_entries, to_row
 
 Fields = dict[str, Any]  # of a record, by name
 _NONE = np.array(None)
@@ -79,7 +79,7 @@ class Common:
             "scene": identity.scene,
             "scene_hash": identity.scene_hash,
             "engine": Engine(name=engine.name, version=engine.version),
-            "axes": {name: as_written(value) for name, value in run.axes.items()},
+            "axes": axes_as_written(run.axes),
             "settings": run.values,
             "effects": {name: effect.on for name, effect in effects.items()},
             "effect_reasons": {name: effect.reason for name, effect in effects.items()},
@@ -97,8 +97,7 @@ class Common:
     @cached_property
     def entries(self) -> Sequence[bytes]:
         """The entries of a row, as JSON has them."""
-        row = to_row(self.fields).items()
-        return [to_json({name: value})[1:-1] for name, value in row if value is not None]
+        return row_entries(self.fields)
 
     def record_json(self, own: Fields) -> bytes:
         """Return a run's record without cost and times of day: equal runs have equal records."""
@@ -129,6 +128,17 @@ class Common:
             elif text := common.model_dump_json(include={*names})[1:-1]:
                 parts.append(text.encode())
         return parts
+
+
+def commons_of(task: Task, plans: Iterable[PlannedModel]) -> Iterator[Common]:
+    """Yield the common fields of each run; those next to each other may have the same."""
+    common: Common | None = None
+    last: PlannedModel | None = None
+    for plan in plans:
+        alike = last and plan.prepared is last.prepared and plan.run.is_sibling(last.run)
+        if common is None or not alike:
+            common, last = Common(task, plan), plan
+        yield common
 
 
 RunRow = tuple[Fields, Common]
@@ -167,6 +177,7 @@ class RunOutcome:
     """
 
     plan: PlannedModel
+    common: Common
     group: MeasuredGroup
     rollout: Rollout
     place: int
@@ -196,9 +207,9 @@ class RunOutcome:
         return scene.applied_until(run.steps * run.timestep) if held else None
 
 
-def fields_of(task: Task, outcome: RunOutcome, common: Common) -> Fields:
+def fields_of(task: Task, outcome: RunOutcome) -> Fields:
     """Return the fields of a run's record that are its own, without cost and times of day."""
-    group, row, place = outcome.group, outcome.row, outcome.place
+    common, group, row, place = outcome.common, outcome.group, outcome.row, outcome.place
     labels, coverage = group.assessment.labels[row], group.assessment.coverage
     twin, error = outcome.twin_label, outcome.rollout.errors[place]
     invalid = () if error is None else (AppliedLabel("invalid", error, 0),)
@@ -276,19 +287,6 @@ def _initial(start: InitialStates) -> SimpleNamespace:
     applied = start.applied if start.applied.any() else start.applied[:, :0]
     parts = {"qpos": start.qpos, "qvel": start.qvel, "ctrl": start.ctrl, "applied": applied}
     return SimpleNamespace(**{name: tuple(part[0].tolist()) for name, part in parts.items()})
-
-
-def as_written(value: object) -> bool | int | float | str:
-    """Return an axis value as it is in its column: several numbers as one string, "0.02 1"."""
-    if isinstance(value, tuple):
-        return " ".join(_short(number) for number in value)
-    assert isinstance(value, (bool, int, float, str))
-    return value
-
-
-def _short(number: object) -> str:
-    assert isinstance(number, (int, float))
-    return f"{number:g}" if float(f"{number:g}") == number else repr(number)
 
 
 def _status(outcome: RunOutcome) -> tuple[str, str | None]:

@@ -113,9 +113,19 @@ class RunIndex:
     def runs(self, done: Collection[str] = ()) -> Iterator[RunSpec]:
         """Yield every run that is not done."""
         distinct = self._distinct.tobytes()
-        for run in self._planned() if self._kept is None else self._kept:
-            if distinct[run.index] and run.run_id not in done:
-                yield run
+        if self._kept is not None:
+            for run in self._kept:
+                if distinct[run.index] and run.run_id not in done:
+                    yield run
+            return
+        duration = self._plan.sweep.duration
+        for row in self._plan.rows():
+            resolved: RunSpec | None = None
+            for index, seed in enumerate(row.seeds, row.first):
+                run_id = f"{self._ids[index]:016x}"
+                if distinct[index] and run_id not in done:
+                    resolved = resolved or self._scene.resolve(row.values, seed, duration)
+                    yield resolved.planned(row.values, seed, run_id, index)
 
     def rows(self) -> Iterator[tuple[RunSpec, int]]:
         """Yield a run of each row of the plan, and the number of distinct runs of the row."""
@@ -133,11 +143,11 @@ class RunIndex:
     def _checked_ids(self) -> Iterator[int]:
         check, checked = _Check(self._scene), None
         for run in self._planned():
-            if run.settings is not checked:  # Runs that differ only in their seed share them.
+            if not run.is_sibling(checked):
                 shape = _shape(run)
                 check(run, shape)
                 self.firsts.setdefault(shape, run)
-                checked = run.settings
+                checked = run
             if self._kept is not None:
                 self._kept.append(run)
                 if len(self._kept) > MAX_KEPT:
@@ -214,12 +224,11 @@ def pack_jobs(runs: Iterable[RunSpec], count: int, scene: Scene, workers: int) -
     shares = 2 * workers if workers > 1 else 1
     waiting: dict[Key, list[RunSpec]] = {}
     bounds: dict[Key, tuple[int, int]] = {}
-    key, settings = Key(), None
+    key, last = Key(), None
     for taken, run in enumerate(runs):
-        if run.settings is not settings:  # Runs that differ only in their seed share them.
-            sleep, settings = run.flags.get("sleep"), run.settings
-            structure = run.structure.items()
-            key = (*structure, run.steps, run.engine, sleep, run.without)
+        if not run.is_sibling(last):
+            structure, sleep = run.structure.items(), run.flags.get("sleep")
+            key, last = (*structure, run.steps, run.engine, sleep, run.without), run
         if key not in bounds:
             base, steps = scene.base_of(run), run.steps
             size, work = bytes_of_run(base.model, steps), steps * max(1, base.model.nv) ** 2
@@ -290,11 +299,11 @@ class Preparer:
         """Return model and initial state of each run of a job of one structure."""
         starts = self.scene.starts(job)
         plans: list[PlannedModel] = []
-        key, settings = "", None
+        key, last = "", None
         for place, run in enumerate(job):
             start = self._acted_on(run, starts.pick(place))
-            if run.settings is not settings:  # Runs that differ only in their seed share them.
-                key, settings = self.scene.model_key(run), run.settings
+            if not run.is_sibling(last):
+                key, last = self.scene.model_key(run), run
             plans.append(PlannedModel(run, self._prepared(key, run, start), start))
         return plans
 

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
-from itertools import chain, starmap
+from itertools import starmap
 from pathlib import Path
 
 from contactlab.engines import ENGINES
@@ -15,7 +15,7 @@ from contactlab.plan.starter import starter
 from contactlab.plan.sweep_file import SweepFile, read_sweep
 from contactlab.run.tasks import Executor
 from contactlab.scene.expected_contacts import mistake_in
-from contactlab.scene.mujoco_versions import why_unsupported
+from contactlab.scene.mujoco_versions import incomplete_axes, why_unsupported
 from contactlab.scene.requirements import mistake_in_requirement
 from contactlab.scene.scene import Scene
 from contactlab.schema.drive import Drive, drive_text
@@ -92,8 +92,9 @@ def _given(overrides: Overrides, drive: Drive | None) -> tuple[str, ...]:
 
 def supported(plan: Plan) -> tuple[Plan, tuple[str, ...]]:
     """Return a plan without the rows that this engine does not support, and why, each once."""
-    named = ((axis.name, value) for axis in plan.axes for value in axis.values)
-    if not any(starmap(why_unsupported, chain(named, plan.grid.base.items()))):
+    concerned = incomplete_axes().intersection(plan.grid.names)
+    taken = ((name, value) for name in concerned for value in plan.grid.taken(name))
+    if not any(starmap(why_unsupported, taken)):
         return plan, ()
     rows = list(plan.grid.rows())
     reasons = [next(filter(None, starmap(why_unsupported, row.items())), None) for row in rows]

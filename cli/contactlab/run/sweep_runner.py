@@ -1,7 +1,7 @@
 """Run a sweep into a store: plan, skip what is done, run the rest, publish."""
 
 import logging
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator
 from functools import partial
 from itertools import chain
 from pathlib import Path
@@ -15,7 +15,7 @@ from contactlab.engines.contact_kernel import reason_for_sensors
 from contactlab.errors import SweepFileError
 from contactlab.measure import LABELS, METRICS, added_labels
 from contactlab.plugins import loaded_plugins
-from contactlab.run.evidence_record import as_written, definitions, engine, provenance
+from contactlab.run.evidence_record import definitions, engine, provenance
 from contactlab.run.passes import SweepSession, run_passes
 from contactlab.run.planned_runs import RunIndex, pack_jobs
 from contactlab.run.run_verdicts import unmet_means
@@ -35,6 +35,7 @@ from contactlab.run.worker import Worker
 from contactlab.run.worker_pool import LocalPool
 from contactlab.scene.effects.effect_table import EFFECTS
 from contactlab.scene.model_edits import MODEL_ENGINE
+from contactlab.scene.run_spec import RunSpec
 from contactlab.scene.scene import Scene
 from contactlab.schema.evidence import (
     RECORD_VERSION,
@@ -45,7 +46,13 @@ from contactlab.schema.evidence import (
 )
 from contactlab.schema.sweep_schema import Sweep
 from contactlab.store.store_writer import open_writer
-from contactlab.store.table_layout import PLUGINS_COLUMN, REAL, Column, axis_column, struct_column
+from contactlab.store.table_layout import (
+    PLUGINS_COLUMN,
+    REAL,
+    Column,
+    axis_column,
+    struct_column,
+)
 
 # Of a run by itself, where the second is taken to be its own fault; one more in its first job.
 _MOST_CRASHES = 2
@@ -150,10 +157,8 @@ def identity_of(request: SweepRequest, index: RunIndex) -> SweepIdentity:
     lacking = [used.null_fields(driven=timed).items() for used in engines]
     lacking += [own.lacking(sweep).items()] if (own := scene.source.environment) else []
     name = request.name
-    identity = new_identity(
-        name,
-        scene,
-        sweep,
+    identity = SweepIdentity(
+        **identity_fields(name, scene, sweep),
         source=request.source,
         overrides=request.overrides,
         runs_asked=len(index),
@@ -171,24 +176,25 @@ def identity_of(request: SweepRequest, index: RunIndex) -> SweepIdentity:
     return identity
 
 
-def new_identity(name: str, scene: Scene, sweep: Sweep, **rest: Any) -> SweepIdentity:  # noqa: ANN401
-    """Return the identity of a store of a sweep of a scene, given the fields that differ."""
-    return SweepIdentity(
-        name=name,
+def identity_fields(name: str, scene: Scene, sweep: Sweep) -> dict[str, Any]:
+    """Return what the identity of a store says of a sweep, a scene and this code."""
+    return {
+        "name": name,
         # Sweeps of versions that knew no drives stay the same.
-        resolved=sweep.model_dump(mode="json", exclude={"drive"} if sweep.drive is None else None),
-        scene=scene.name,
-        scene_hash=scene.hash,
-        scene_model=scene.source.content.model.as_posix(),
-        engine=engine(),
-        metric_versions={name: metric.version for name, metric in METRICS.items()},
-        definitions=definitions(),
-        plugins=tuple(
+        "resolved": sweep.model_dump(
+            mode="json", exclude={"drive"} if sweep.drive is None else None
+        ),
+        "scene": scene.name,
+        "scene_hash": scene.hash,
+        "scene_model": scene.source.content.model.as_posix(),
+        "engine": engine(),
+        "metric_versions": {name: metric.version for name, metric in METRICS.items()},
+        "definitions": definitions(),
+        "plugins": tuple(
             PluginInfo(name=plugin.name, version=plugin.version, sha256=plugin.sha256)
             for plugin in loaded_plugins()
         ),
-        **rest,
-    )
+    }
 
 
 def _baseline(request: SweepRequest) -> str | None:
@@ -200,37 +206,31 @@ def _baseline(request: SweepRequest) -> str | None:
 
 def _columns(request: SweepRequest, index: RunIndex) -> list[Column]:
     """Return the columns of axes, typed by their values, of metrics, settings and effects."""
-    values: dict[str, Sequence[object]] = {}
-    settings: dict[str, object] = {}
-    for run in index.firsts.values():
-        settings |= run.values
-        values |= {name: [value] for name, value in run.axes.items()}
-    values |= {axis.name: axis.values for axis in request.plan.axes if axis.name in values}
-    axes = [_axis_column(request.scene, name, taken) for name, taken in values.items()]
-    own = request.scene.source.environment
-    return [*axes, *measured_columns(settings), *(own.columns if own else ())]
+    firsts, own = index.firsts.values(), request.scene.source.environment
+    names = dict.fromkeys(chain.from_iterable(run.axes for run in firsts))
+    axes = [_axis_column(request, name) for name in names]
+    return [*axes, *measured_columns(firsts), *(own.columns if own else ())]
 
 
-def measured_columns(settings: Mapping[str, object]) -> list[Column]:
-    """Return the columns of metrics, settings and effects."""
+def measured_columns(runs: Iterable[RunSpec]) -> list[Column]:
+    """Return the columns of metrics, and of the settings and effects of runs."""
     metrics = [
         Column(m.name, REAL, m.unit, m.definition, m.better, m.resolution, m.kind == "check")
         for m in METRICS.values()
     ]
-    effects = struct_column("effects", dict.fromkeys(EFFECTS, True))
+    settings = struct_column("settings", (run.values for run in runs))
+    effects = struct_column("effects", [dict.fromkeys(EFFECTS, True)])
     plugins = [PLUGINS_COLUMN] if loaded_plugins() else []
-    return [*metrics, struct_column("settings", settings), effects, *plugins]
+    return [*metrics, settings, effects, *plugins]
 
 
-def _axis_column(scene: Scene, name: str, values: Sequence[object]) -> Column:
-    spec = scene.catalogue.find(name)
+def _axis_column(request: SweepRequest, name: str) -> Column:
+    spec = request.scene.catalogue.find(name)
     assert spec is not None
-    written = [as_written(value) for value in values]
-    if len({isinstance(value, str) for value in written}) > 1:
-        raise SweepFileError(
-            f"axis '{name}' mixes single numbers with lists or shares; write all in one form"
-        )
-    return axis_column(name, written, spec.unit, spec.description)
+    try:
+        return axis_column(name, request.plan.grid.taken(name), spec.unit, spec.description)
+    except ValueError as error:
+        raise SweepFileError(f"axis '{name}' {error}") from error
 
 
 def run_all_jobs(

@@ -37,6 +37,7 @@ from contactlab.run.evidence_record import (
     MeasuredGroup,
     RunOutcome,
     RunRow,
+    commons_of,
     cost_and_times,
     fields_of,
     journalled,
@@ -44,7 +45,6 @@ from contactlab.run.evidence_record import (
 )
 from contactlab.run.planned_runs import Preparer, reference_models
 from contactlab.run.tasks import Finished, Job, Task, note
-from contactlab.scene.compiled_scene import PreparedModel
 from contactlab.scene.expected_contacts import Asked
 from contactlab.scene.initial_states import InitialStates
 from contactlab.scene.model_names import input_names
@@ -98,8 +98,6 @@ class Worker:
         self._buffers, self._twin_buffers = Buffers(), Buffers()
         self._store = backend_at(task.store, OutputError)
         self._controls: set[str] = set()  # hashes of those that this process has stored
-        # Of the runs of a job, by their models and by their axes as text: -0.0 is not 0.0.
-        self._common: dict[tuple[PreparedModel, str], Common] = {}
         self._policy = task.policy and load_policy(task.policy.found_in(self.scene.drive))
         self._player = task.environment and task.environment.player(self.scene, self._policy)
         source = self.scene.source
@@ -139,7 +137,6 @@ class Worker:
         Those of a kind go through together, so that no run depends on those beside it.
         """
         plans = self._preparer.plans(job)
-        self._common.clear()
         kinds = dict[Hashable, list[int]]()
         for place, plan in enumerate(plans):
             kinds.setdefault(kind_of(plan.run, plan.prepared.model), []).append(place)
@@ -157,12 +154,13 @@ class Worker:
         rollout, groups = self._measure(plans, starts, self._buffers, self._proceed)
         labels = self._twin_labels(plans[: len(rollout.steps)], starts)
         rows = dict[int, RunRow]()
+        commons = list(commons_of(self._task, plans))
         for group in groups:
             for place in group.rows:
-                twin = labels.get(place)
+                twin, common = labels.get(place), commons[place]
                 if twin is not None or not self._task.sweep.knife_edge:
-                    outcome = RunOutcome(plans[place], group, rollout, place, started, twin)
-                    rows[place] = self._finish(outcome)
+                    found = RunOutcome(plans[place], common, group, rollout, place, started, twin)
+                    rows[place] = self._finish(found)
         return rows
 
     def _play(self, job: Job) -> list[Finished]:
@@ -190,23 +188,20 @@ class Worker:
         engine = engine_of(resolved[0])
         with self._preparer.watchdog() as watch:
             rollout = engine.roll_out(runs, buffers, watch, proceed)
-        trace, setup = self._seen(runs, rollout, plans)
+        trace, setup = self._seen(runs, rollout)
         return rollout, self._measured_groups(runs, rollout, trace, setup)
 
-    def _seen(
-        self, runs: PreparedRuns, rollout: Rollout, plans: Sequence[PlannedModel]
-    ) -> tuple[Trace, Setup]:
+    def _seen(self, runs: PreparedRuns, rollout: Rollout) -> tuple[Trace, Setup]:
         """Return what was recorded of runs, and what it is measured by."""
         done = len(rollout.steps)
         resolved, models = runs.resolved[:done], runs.models[:done]
         manifest, sweep = self.scene.source.manifest, self._task.sweep
-        values = [plan.run.axes for plan in plans[:done]]
         asked: list[Asked] = [
             (expectation, [True] * done) for expectation in (*sweep.pairs, *sweep.must)
         ]
         for match, expectation in self._task.expected:
             if expectation.expects:
-                asked.append((expectation, list(map(match.holds, values))))
+                asked.append((expectation, [match.holds(run.axes) for run in resolved]))
         setup = make_setup(runs.base, manifest, resolved, models, sweep.thresholds, asked)
         setup = replace(setup, recorded=self.scene.motion(resolved))
         return _without_momentum(make_trace(runs.base, runs.prepared[:done], rollout), setup), setup
@@ -216,14 +211,14 @@ class Worker:
     ) -> Finished:
         """Store a run of somebody's loop, given parts of its setup and fields of its record."""
         runs = PreparedRuns(self.scene, [plan.run], [plan.prepared], plan.start, plan.run.steps)
-        trace, setup = self._seen(runs, rollout, [plan])
+        trace, setup = self._seen(runs, rollout)
         setup = replace(setup, **known)
         if setup.hold:  # It is known only now how long the run lasts.
             ends = np.minimum(setup.hold.stop, setup.duration)
             setup = replace(setup, hold=replace(setup.hold, stop=ends))
         (group,) = self._measured_groups(runs, rollout, trace, setup)
-        self._common.clear()
-        row = self._finish(RunOutcome(plan, group, rollout, 0, started, None), said)
+        common = Common(self._task, plan)
+        row = self._finish(RunOutcome(plan, common, group, rollout, 0, started, None), said)
         return journalled([row])[0]
 
     def _measured_groups(
@@ -298,11 +293,8 @@ class Worker:
         return journalled([row_of_crash(self._task, plan, label)])[0]
 
     def _finish(self, outcome: RunOutcome, said: Said | None = None) -> RunRow:
-        plan = outcome.plan
-        key = plan.prepared, repr(plan.run.axes)
-        common = self._common.get(key) or Common(self._task, plan)
-        self._common[key] = common
-        own = fields_of(self._task, outcome, common)
+        plan, common = outcome.plan, outcome.common
+        own = fields_of(self._task, outcome)
         for name, value in (said or {}).items():
             (common.fields if name in common.fields else own)[name] = value
         if outcome.controls is not None:
@@ -330,7 +322,7 @@ class Worker:
     def _write_trace(self, own: Fields, common: Common, outcome: RunOutcome) -> TraceFile:
         """Store a run's trace; its record has neither cost nor times of day, so that it repeats."""
         group, name = outcome.group, _trace_name(own["run_id"])
-        metadata = _metadata({**common.fields, **own}, outcome.plan.prepared.model.na)
+        metadata = self._metadata(own, outcome.plan)
         said = common.record_json(own), metadata, self._model_xml
         form = self._task.sweep.trace_format
         content, messages = group.encoder.encode(outcome.row, *said, form=form)
@@ -338,12 +330,16 @@ class Worker:
         sha256 = hashlib.sha256(content).hexdigest()
         return TraceFile(file=name, sha256=sha256, bytes=len(content), messages=dict(messages))
 
-
-def _metadata(record: Fields, activations: int) -> dict[str, str]:
-    fields = ("run_id", "sweep", "scene", "scene_hash", "seed", "label")
-    return {
-        **{name: str(record[name]) for name in fields},
-        "engine": f"{record['engine'].name} {record['engine'].version}",
-        "contactlab": record["provenance"].contactlab,
-        ACTIVATIONS: str(activations),
-    }
+    def _metadata(self, own: Fields, plan: PlannedModel) -> dict[str, str]:
+        identity, engine = self._task.identity, engine_of(plan.run)
+        return {
+            "run_id": plan.run.run_id,
+            "sweep": identity.name,
+            "scene": identity.scene,
+            "scene_hash": identity.scene_hash,
+            "seed": str(plan.run.seed),
+            "label": own["label"],
+            "engine": f"{engine.name} {engine.version}",
+            "contactlab": self._task.provenance.contactlab,
+            ACTIVATIONS: str(plan.prepared.model.na),
+        }

@@ -12,9 +12,9 @@ from contactlab.scene.effects.effect_table import EFFECTS
 from contactlab.scene.model_edits import LOOP_ENGINE, field_axis
 from contactlab.scene.mujoco_versions import in_this_version, missing_flags
 from contactlab.scene.parameters import PARAMETERS
-from contactlab.scene.setting_values import choice, integer, number, switch
 from contactlab.scene.task import keyframe_names
 from contactlab.schema.scene_manifest import InitialValue, SceneManifest, StructureValue
+from contactlab.schema.setting_values import choice, integer, number, switch
 from contactlab.schema.sweep_schema import switches
 from contactlab.schema.task import QPOS0
 from contactlab.schema.vocabulary import RECORDED_RUN, AxisSpec

@@ -2,10 +2,9 @@
 
 import copy
 import json
-import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import cast
 
 import mujoco
@@ -40,11 +39,11 @@ from contactlab.scene.model_edits import (
 )
 from contactlab.scene.model_names import find_id, is_address, name_of
 from contactlab.scene.scene_source import BINARY, SceneSource
-from contactlab.scene.setting_values import Settings, as_number
 from contactlab.scene.task import keyframe_names
 from contactlab.scene.timed_inputs import HoldSpec, find_hold
 from contactlab.schema.evidence import PairRecord
 from contactlab.schema.scene_manifest import SceneManifest
+from contactlab.schema.setting_values import Settings, as_number
 from contactlab.schema.task import QPOS0
 
 
@@ -71,8 +70,8 @@ class CompiledScene:
 
     @cached_property
     def id_entries(self) -> Mapping[str, str]:
-        """Text of each setting as written in the identity of a run, by name."""
-        return {name: self.id_entry(name, value) for name, value in self.settings.items()}
+        """Text of each setting as written in the identity of a run, by name in their order."""
+        return {name: self.id_entry(name, value) for name, value in sorted(self.settings.items())}
 
     @cached_property
     def _starts_unnamed(self) -> bool:
@@ -85,7 +84,7 @@ class CompiledScene:
         # Where no keyframe has a name, ids are those of versions that knew none of them.
         if name == "keyframe" and value == QPOS0 and self._starts_unnamed:
             return ""
-        return f"{json.dumps(name)}:{_rounded(value)}"
+        return f"{_as_json(name)}:{_rounded(value)}"
 
     def prepare(
         self,
@@ -129,12 +128,19 @@ class CompiledScene:
 def _rounded(value: object) -> str:
     """Return a value as JSON, rounded to 12 digits, since machines may differ in the last ones."""
     if isinstance(value, tuple):
-        return f"[{','.join([_rounded(part) for part in cast('tuple[object, ...]', value)])}]"
+        return f"[{','.join(map(_rounded, cast('tuple[object, ...]', value)))}]"
     if isinstance(value, float):
-        value = float(f"{value:.12g}")
-        # The same text as the encoder's, ten times as fast.
-        return repr(value) if math.isfinite(value) else json.dumps(value)
-    return json.dumps(value, sort_keys=True, separators=(",", ":"))
+        return _rounded_number(value) if value else repr(value)
+    return _as_json(value)
+
+
+@lru_cache(maxsize=1 << 12)
+def _rounded_number(value: float) -> str:
+    """Return a number that is not 0, of which there are two, as JSON."""
+    return json.dumps(float(f"{value:.12g}"))
+
+
+_as_json = lru_cache(maxsize=1 << 10, typed=True)(json.dumps)
 
 
 @dataclass(frozen=True, eq=False)

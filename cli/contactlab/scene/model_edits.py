@@ -18,7 +18,7 @@ from contactlab.scene.contact_pairs import MonitoredPair, effective_parameters, 
 from contactlab.scene.model_names import find_id
 from contactlab.scene.mujoco_versions import enum_members
 from contactlab.scene.parameters import PARAMETERS, WORDS
-from contactlab.scene.setting_values import Settings, as_number, integer, number
+from contactlab.schema.setting_values import Settings, as_number, integer, number
 from contactlab.schema.vocabulary import AxisSpec
 
 _NAME = re.compile(r"(?P<field>[a-z]\w*)\[(?P<object>[^,\]]+(\[\d+\]_*)?)(,(?P<place>\d+))?\]")
@@ -178,9 +178,11 @@ def write_settings(
     model: mujoco.MjModel, changed: Mapping[str, object], targets: EditTargets
 ) -> bool:
     """Write changed settings and flags into a model; return whether MuJoCo derives more of them."""
-    write_flags(model, {name: bool(changed[name]) for name in FLAGS if name in changed})
     inputs, derived = getattr(mujoco.MjModel, "_setconst_inputs", ()), False
+    flags = dict[str, bool]()
     for name, value in changed.items():
+        if name in FLAGS:
+            flags[name] = bool(value)
         if name in OPTIONS:
             write_option(model, name, value)
         elif name in CONTACT:
@@ -194,6 +196,7 @@ def write_settings(
             array, index = found
             array[index] = value
             derived |= not inputs or name.partition("[")[0] in inputs
+    write_flags(model, flags)
     return derived
 
 

@@ -68,6 +68,11 @@ def missing_flags() -> frozenset[str]:
     return frozenset(feature.axis for feature in _unsupported() if isinstance(feature.value, bool))
 
 
+def incomplete_axes() -> frozenset[str]:
+    """Return the axes of which this version lacks a value."""
+    return frozenset(feature.axis for feature in _unsupported())
+
+
 def why_unsupported(axis: str, value: object) -> str | None:
     """Return why this version lacks a value of an axis; None if it is not known to."""
     lacking = _lacking(axis, value)
@@ -92,8 +97,7 @@ def in_this_version(axis: AxisSpec, *, lenient: bool) -> AxisSpec:
             raise ValueError(why_unsupported(axis.name, value))
         return lacking.value if lacking else axis.parse(value)
 
-    concerned = any(feature.axis == axis.name for feature in _unsupported())
-    return replace(axis, parse=parse) if concerned else axis
+    return replace(axis, parse=parse) if axis.name in incomplete_axes() else axis
 
 
 def _lacking(axis: str, value: object) -> NewFeature | None:

@@ -14,7 +14,7 @@ from contactlab.contact.contact_laws import damping_ratio_of, stiffness_damping
 from contactlab.mjcf import AT_REST, attribute_of
 from contactlab.registry import Registry
 from contactlab.scene.mujoco_versions import enum_members
-from contactlab.scene.setting_values import (
+from contactlab.schema.setting_values import (
     Parser,
     Settings,
     as_number,

@@ -38,7 +38,7 @@ from contactlab.scene.initial_states import quaternions
 from contactlab.scene.model_edits import read_flag
 from contactlab.scene.model_names import is_address, name_of
 from contactlab.scene.requirements import required_of
-from contactlab.scene.run_spec import RunSpec
+from contactlab.scene.run_spec import RunSpec, settings_table
 from contactlab.schema.drive import Drive, FileDrive, drive_word
 from contactlab.schema.scene_manifest import SceneManifest
 
@@ -78,14 +78,12 @@ def make_setup(
 ) -> Setup:
     """Return the setup of n runs of one structure, with what their sweep says of them."""
     bodies, holding = _free_bodies(models), base.holding
-    values = [_values(base, run, model) for run, model in zip(runs, models, strict=True)]
-    names = {name: None for value in values for name in value}
     windows = [holding.window(run.initial) for run in runs] if holding else []
     oracle = manifest.oracle if manifest else None
     distinct = list({id(model): model for model in models}.values())
     passive = all(map(is_passive, distinct)) and not _is_pushed(manifest, runs)
     return Setup(
-        settings={name: [value.get(name, np.nan) for value in values] for name in names},
+        settings=settings_table(runs) | _settings_at_rest(base, runs, models),
         elliptic=np.array([model.opt.cone == mujoco.mjtCone.mjCONE_ELLIPTIC for model in models]),
         iterations=np.array([model.opt.iterations for model in models], np.int32),
         gravity=np.array([model.opt.gravity * read_flag(model, "gravity") for model in models]),
@@ -130,19 +128,29 @@ def _of_pairs(base: CompiledScene, model: mujoco.MjModel) -> Mapping[str, Any]:
     }
 
 
-def _values(base: CompiledScene, run: RunSpec, model: mujoco.MjModel) -> dict[str, object]:
-    """Return a run's values, with the solref and solimp that follow from what it asks at rest.
+def _settings_at_rest(
+    base: CompiledScene, runs: Sequence[RunSpec], models: Sequence[mujoco.MjModel]
+) -> dict[str, list[object]]:
+    """Return the solref and solimp of runs where any ask for contacts at rest, as they follow.
 
     They are NaN where pairs have others.
     """
-    values = run.values
-    if run.changed & AT_REST.keys():
-        used = [effective_parameters(model, pair) for pair in base.pairs]
-        for name in ("solref", "solimp"):
-            every = np.array([getattr(compiled, name) for compiled in used])
-            same = np.isclose(every, every[0], rtol=1e-9).all()
-            values[name] = tuple((every[0] if same else np.full(every.shape[1], np.nan)).tolist())
-    return values
+    asking = [bool(run.changed & AT_REST.keys()) for run in runs]
+    if not any(asking):
+        return {}
+    return {
+        name: [
+            _common_parameter(base, model, name) if asks else run.settings[name]
+            for run, model, asks in zip(runs, models, asking, strict=True)
+        ]
+        for name in ("solref", "solimp")
+    }
+
+
+def _common_parameter(base: CompiledScene, model: mujoco.MjModel, name: str) -> tuple[float, ...]:
+    every = np.array([getattr(effective_parameters(model, pair), name) for pair in base.pairs])
+    same = np.isclose(every, every[0], rtol=1e-9).all()
+    return tuple((every[0] if same else np.full(every.shape[1], np.nan)).tolist())
 
 
 def is_passive(model: mujoco.MjModel) -> bool:

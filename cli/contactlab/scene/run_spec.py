@@ -5,8 +5,11 @@
 
 import hashlib
 import json
-from collections.abc import Iterable, Iterator, Mapping
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import chain
 from typing import Any
 
 from contactlab.scene.compiled_scene import CompiledScene
@@ -14,9 +17,9 @@ from contactlab.scene.effects.effect import EffectRequest
 from contactlab.scene.effects.effect_table import EFFECTS
 from contactlab.scene.effects.proofs import RunState
 from contactlab.scene.model_edits import FLAGS, non_default
-from contactlab.scene.parameters import PARAMETERS
-from contactlab.scene.setting_values import Settings, as_number
+from contactlab.scene.parameters import PARAMETERS, application_order
 from contactlab.schema.drive import Drive, drive_identity
+from contactlab.schema.setting_values import Settings, as_number
 from contactlab.schema.task import QPOS0
 
 
@@ -54,7 +57,7 @@ class RunSpec:
         """Name of the engine that simulates it."""
         return str(self.settings["engine"])
 
-    @property
+    @cached_property
     def timestep(self) -> float:
         """Length of a step [s]."""
         return as_number(self.settings["timestep"])
@@ -74,7 +77,7 @@ class RunSpec:
         """Its initial values, its seed, and the factor of the seed's perturbation."""
         return self.initial, self.seed, as_number(self.settings.get("perturbation", 1.0))
 
-    @property
+    @cached_property
     def steps(self) -> int:
         """Steps that cover the duration; at least one."""
         return steps_of(self.duration, self.timestep)
@@ -91,6 +94,10 @@ class RunSpec:
         vars(planned).update(vars(self), axes=axes, seed=seed, run_id=run_id, index=index)
         return planned
 
+    def is_sibling(self, other: "RunSpec | None") -> bool:
+        """Return whether it differs from another run of its plan only in seed, id and place."""
+        return other is not None and self.settings is other.settings
+
     def edits(self) -> dict[str, object]:
         """Return the settings, flags and effects to write into the compiled scene's model."""
         # Model fields go last: they are more particular than the settings that write them too.
@@ -104,32 +111,59 @@ class RunSpec:
         return edits | {name: requested[name] for name in other}
 
 
+def settings_table(runs: Sequence[RunSpec]) -> dict[str, list[object]]:
+    """Return the values of runs, run by run; NaN where a run has none of a name."""
+    names = dict.fromkeys(chain.from_iterable(run.values for run in runs))
+    table: dict[str, list[object]] = {name: [] for name in names}
+    for run in runs:
+        values = run.values
+        for name, column in table.items():
+            column.append(values.get(name, math.nan))
+    return table
+
+
 def steps_of(duration: float, timestep: float) -> int:
     """Return how many steps cover a duration; at least one."""
     return max(1, round(duration / timestep))
 
 
-def settings_of(axis: str) -> tuple[str, ...]:
-    """Return the settings that an axis may write."""
-    if axis in PARAMETERS:
-        return (PARAMETERS[axis].sets,)
-    return EFFECTS[axis].switch.settings if axis in EFFECTS else (axis,)
+def write_axes(
+    settings: Settings, flags: dict[str, bool], values: Mapping[str, object]
+) -> tuple[set[str], dict[str, bool]]:
+    """Write the canonical values of axes of a model into settings and flags, in place.
+
+    Return the names of what they change, and the effects that they request.
+    """
+    changed = set[str]()
+    requested = dict[str, bool]()
+    for axis in application_order([*values]):
+        if axis in EFFECTS and axis not in PARAMETERS:
+            requested[axis] = bool(values[axis])
+            if axis in _FLAGS:
+                flags[axis] = requested[axis]
+        changed.update(write_axis(settings, axis, values[axis]))
+    return changed, requested
 
 
-def write_axis(settings: Settings, axis: str, value: object) -> bool:
-    """Write an axis' canonical value into settings, in place; return whether they carry it."""
+def write_axis(settings: Settings, axis: str, value: object) -> tuple[str, ...]:
+    """Write an axis' canonical value into settings, in place; return the names of what it changes.
+
+    That is the axis itself where settings do not carry it.
+    """
     if axis in PARAMETERS:
         PARAMETERS[axis].write(settings, value)
-    elif axis in EFFECTS:
-        return EFFECTS[axis].switch.fold(settings, bool(value))
-    else:
-        settings[axis] = value
-    return True
+        return (PARAMETERS[axis].sets,)
+    if axis in EFFECTS:
+        switch = EFFECTS[axis].switch
+        return switch.settings if switch.fold(settings, bool(value)) else (axis,)
+    settings[axis] = value
+    return (axis,)
 
 
 START_SETTINGS = ("keyframe", "joint_speed", "perturbation")
 """Settings that decide the initial state, besides initial values."""
 _ID_DIGITS = 16
+_FLAGS = frozenset(FLAGS)
 _json = json.JSONEncoder(sort_keys=True, separators=(",", ":")).encode
 
 
@@ -142,13 +176,13 @@ def run_ids(base: CompiledScene, run: RunSpec, scene: str, seeds: Iterable[int])
     flags = non_default(run.flags) | other_effects(base, run)
     drive = {} if run.drive == "none" else {"drive": drive_identity(run.drive)}
     head = _json({**drive, "duration": run.duration, "flags": flags, "scene": scene})
-    own, known = base.settings, base.id_entries
-    entries = {
-        name: known[name] if value is own.get(name) else base.id_entry(name, value)
-        for name, value in run.values.items()
-    }
-    settings = ",".join([entries[name] for name in sorted(entries) if entries[name]])
-    written_over = _json(sorted(run.changed & base.nonuniform))
+    own, entries = base.settings, dict(base.id_entries)
+    for name, value in run.values.items():
+        if value is not own.get(name):
+            entries[name] = base.id_entry(name, value)
+    settings = ",".join(filter(None, map(entries.__getitem__, sorted(entries))))
+    over = run.changed & base.nonuniform
+    written_over = _json(sorted(over)) if over else "[]"
     tail = f'"settings":{{{settings}}},"written_over":{written_over}}}'
     for seed in seeds:
         text = f'{head[:-1]},"seed":{seed},{tail}'
@@ -160,7 +194,7 @@ def other_effects(base: CompiledScene, run: RunSpec) -> dict[str, bool]:
 
     What is left out because it provably changes nothing is not part of a run's identity.
     """
-    names = run.effect_request.requested.keys() & run.changed - set(FLAGS) - run.settings.keys()
+    names = run.effect_request.requested.keys() & run.changed - _FLAGS - run.settings.keys()
     if not names:
         return {}
     written = RunState(base.model, base.facts, straight=False)

@@ -1,6 +1,7 @@
 """A scene ready for its runs: from a run's values to settings, model and initial state."""
 
 import copy
+import hashlib
 import json
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -32,7 +33,7 @@ from contactlab.scene.drive.located_drive import (
 )
 from contactlab.scene.drive.recorded import RecordedTable, TableReader
 from contactlab.scene.effects.effect import EffectRequest
-from contactlab.scene.effects.effect_table import EFFECTS, left_uncompiled, remove
+from contactlab.scene.effects.effect_table import left_uncompiled, remove
 from contactlab.scene.expected_contacts import check_expectations
 from contactlab.scene.initial_states import (
     InitialStateRule,
@@ -41,20 +42,16 @@ from contactlab.scene.initial_states import (
     joint_directions,
     nudged_states,
 )
-from contactlab.scene.model_edits import FLAGS
 from contactlab.scene.mujoco_versions import missing_flags
-from contactlab.scene.parameters import PARAMETERS, application_order
 from contactlab.scene.recording import RecordedRuns
 from contactlab.scene.requirements import check_requirements
 from contactlab.scene.run_spec import (
     START_SETTINGS,
     RunSpec,
     run_ids,
-    settings_of,
-    write_axis,
+    write_axes,
 )
 from contactlab.scene.scene_source import SceneSource, find_scene
-from contactlab.scene.setting_values import Settings, as_number
 from contactlab.scene.task import drive_of, infer_task
 from contactlab.schema.drive import (
     Drive,
@@ -62,6 +59,7 @@ from contactlab.schema.drive import (
     PolicyDrive,
     drive_identity,
 )
+from contactlab.schema.setting_values import Settings, as_number
 from contactlab.schema.task import QPOS0, SEEDS, Task
 from contactlab.schema.vocabulary import RECORDED_RUN
 
@@ -91,6 +89,11 @@ class Scene:
         manifest, base = source.manifest, self.base({})
         with source.named_in_errors():
             self.recorded = self._recorded_in(base)
+            self._structure = full_structure(manifest, {})
+            entries = manifest.initial.items() if manifest else ()
+            self._initial = {name: as_number(entry.default) for name, entry in entries}
+            if self.recorded:
+                self._initial[RECORDED_RUN] = as_number(self.recorded.numbers[0])
             runs = self.recorded.numbers if self.recorded else ()
             self.catalogue = SceneCatalogue(base, manifest, engines, runs)
             if manifest:
@@ -160,12 +163,11 @@ class Scene:
         columns = self._tables(self.source.path.parent / entry.file)
         return RecordedRuns(base.model, entry, RecordedTable(entry.file, columns))
 
-    def lasts(self, values: Mapping[str, object]) -> float:
-        """Return how long a run of some values takes unless its sweep says otherwise [s]."""
+    def _lasts(self, initial: Mapping[str, float]) -> float:
+        """Return how long a run of initial values takes unless its sweep says otherwise [s]."""
         if self.recorded is None:
             return self.duration
-        number = as_number(values.get(RECORDED_RUN, self.recorded.numbers[0]))
-        return min(self.duration, self.recorded.lasts(number))
+        return min(self.duration, self.recorded.lasts(initial[RECORDED_RUN]))
 
     def _drive_by(self, drive: LocatedDrive) -> None:
         asked, model, manifest = drive.drive, self.base({}).model, self.source.manifest
@@ -233,29 +235,24 @@ class Scene:
 
         Its duration [s] is the scene's own if none is given.
         """
-        # A version that lacks a flag behaves as with the default, the only value that is accepted.
-        given = {**self.switched, **values}
-        given = {name: value for name, value in given.items() if name not in self.lacking}
-        manifest = self.source.manifest
-        structure, entries = full_structure(manifest, given), manifest.initial if manifest else {}
-        defaults: dict[str, object] = {name: entry.default for name, entry in entries.items()}
-        if self.recorded:
-            defaults[RECORDED_RUN] = self.recorded.numbers[0]
-        initial = {name: as_number(given.get(name, default)) for name, default in defaults.items()}
-        base = self.base(structure)
-        driving = {name: given[name] for name in given if name in DRIVE_AXES}
-        drive = with_values(self.drive.drive, driving)
-        settings, flags = Settings(base.settings | drive_settings(drive)), dict(base.flags)
-        changed: set[str] = set()
-        requested: dict[str, bool] = {}
-        other = structure.keys() | initial.keys() | DRIVE_AXES.keys()
-        for axis in application_order(name for name in given if name not in other):
-            if axis in EFFECTS and axis not in PARAMETERS:
-                requested[axis] = bool(given[axis])
-                if axis in FLAGS:
-                    flags[axis] = requested[axis]
-            written = write_axis(settings, axis, given[axis])
-            changed.update(settings_of(axis) if written else {axis})
+        structure, initial = dict(self._structure), dict(self._initial)
+        driving: dict[str, object] = {}
+        of_model: dict[str, object] = {}
+        for axis, value in {**self.switched, **values}.items():
+            if axis in structure:
+                number = as_number(value)
+                structure[axis] = int(number) if isinstance(structure[axis], int) else number
+            elif axis in initial:
+                initial[axis] = as_number(value)
+            elif axis in DRIVE_AXES:
+                driving[axis] = value
+            elif axis not in self.lacking:
+                # A version that lacks a flag behaves as with the default, the only value accepted.
+                of_model[axis] = value
+        base, drive = self.base(structure), with_values(self.drive.drive, driving)
+        settings, flags = Settings(base.settings), dict(base.flags)
+        settings.update(drive_settings(drive))
+        changed, requested = write_axes(settings, flags, of_model)
         if drive == "auto":
             drive = drive_of(base.model, str(settings.get("keyframe", QPOS0)))
         engine = self._engines.get(str(settings["engine"]))
@@ -271,7 +268,7 @@ class Scene:
             flags=flags,
             initial=initial,
             seed=seed,
-            duration=self.lasts(given) if duration is None else duration,
+            duration=self._lasts(initial) if duration is None else duration,
             effect_request=request,
             without=left_uncompiled(base.facts, request),
             drive=drive,
@@ -386,13 +383,15 @@ class Scene:
         return base.prepare(run.edits(), run.effect_request, start, load)
 
     def model_key(self, run: RunSpec) -> str:
-        """Return a key that runs share if their models are the same, where starts are alike.
+        """Return a hash that runs share if their models are the same, where starts are alike.
 
         They are alike if `is_straight` says the same of them.
         """
         drive = drive_identity(run.drive)
         held = run.initial if run.drive == "hold" else {}
-        return json.dumps([run.structure, sorted(run.without), run.edits(), drive, held])
+        edits, without = run.edits(), sorted(run.without)
+        key = json.dumps([run.structure, without, edits, drive, held])
+        return hashlib.sha256(key.encode()).hexdigest()
 
     def compile_without_sensors(self, run: RunSpec) -> mujoco.MjModel:
         """Compile the structure of a run without the sensors that record."""

@@ -14,8 +14,8 @@ from pydantic import AfterValidator, BeforeValidator, Field
 from pydantic_core import PydanticCustomError
 
 from contactlab.errors import did_you_mean
+from contactlab.schema.setting_values import read_quantity
 from contactlab.schema.strict_model import Word, listed
-from contactlab.schema.units import read_quantity
 
 RequirementWord = Literal["held", "still", "upright", "passes", "slides", "stays"]
 _KEYS = ("by", "from", "until")

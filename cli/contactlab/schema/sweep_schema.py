@@ -305,11 +305,12 @@ class Sweep(Model):
     @property
     def roles(self) -> dict[str, Role]:
         """The role of each axis: a knob unless it says otherwise; recorded runs are scenarios."""
-        axes = [pair for block in (self.axes, *self.zip) for pair in block.items()]
         roles = dict[str, Role]()
-        for name, axis in axes:
-            own = axis.role if isinstance(axis, Ranged) else "knob"
-            roles[name] = "scenario" if name == RECORDED_RUN else own
+        for block in (self.axes, *self.zip):
+            for name, axis in block.items():
+                roles[name] = axis.role if isinstance(axis, Ranged) else "knob"
+        if RECORDED_RUN in roles:
+            roles[RECORDED_RUN] = "scenario"
         return roles
 
     @property

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Literal, TypeGuard, cast
+from typing import Annotated, Literal, cast
 
 from pydantic import AfterValidator, Discriminator, Field, Tag, WithJsonSchema
 from pydantic_core import PydanticCustomError
@@ -183,7 +183,5 @@ Axis = Annotated[
     ),
 ]
 
-
-def is_sampled(axis: Axis) -> TypeGuard[Uniform | Loguniform]:
-    """Return whether the values of an axis are sampled, not listed."""
-    return isinstance(axis, Uniform | Loguniform)
+Sampled = Uniform | Loguniform
+"""Axes whose values are sampled, not listed."""

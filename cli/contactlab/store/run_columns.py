@@ -106,6 +106,11 @@ class RunColumns:
         used = {*compute("list_flatten", self._read("axis_names")).unique().to_pylist()}
         return tuple(name for name in self.schema.names if name in used)
 
+    def varies(self, name: str) -> bool:
+        """Return whether a column has more than one value, none being one."""
+        kinds = pc.CountOptions(mode="all")
+        return compute("count_distinct", self._read(name), options=kinds).as_py() > 1
+
     def is_number(self, name: str) -> bool:
         """Return whether a column holds numbers or booleans."""
         kind = self.schema.field(name).type

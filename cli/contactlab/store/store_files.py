@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import TypeVar
 
 from pydantic import BaseModel, ValidationError
-from pydantic_core import from_json
 
 from contactlab.errors import OutputError, StoreError
 from contactlab.plugins import extensions
@@ -205,24 +204,20 @@ def _other_plugins(stored: SweepIdentity, requested: SweepIdentity) -> str:
     return f": it was begun with {old}; loaded now: {new}"
 
 
+class _Versioned(BaseModel):
+    store_version: object = None
+
+
 def _parse(data: bytes, kind: type[_Document], path: Address) -> _Document:
     try:
-        content = from_json(data)
-        _check_version(path, content)
-        return kind.model_validate(content)
+        version = _Versioned.model_validate_json(data).store_version
+        if version != STORE_VERSION:
+            raise StoreError(
+                f"{path} is of store version {version}; this contactlab reads version "
+                f"{STORE_VERSION}"
+            )
+        return kind.model_validate_json(data)
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         where = ".".join(map(str, first["loc"]))
         raise StoreError(f"{path} is damaged: {where}: {first['msg']}") from error
-    except ValueError as error:
-        raise StoreError(f"{path} is damaged: {error}") from error
-
-
-def _check_version(path: Address, content: object) -> None:
-    if not isinstance(content, dict):
-        raise ValueError("it is not a JSON object")
-    version = content.get("store_version")
-    if version != STORE_VERSION:
-        raise StoreError(
-            f"{path} is of store version {version}; this contactlab reads version {STORE_VERSION}"
-        )

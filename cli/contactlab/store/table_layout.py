@@ -172,20 +172,39 @@ def table_schema(own: Sequence[Column]) -> pa.Schema:
     return pa.schema([_field(column) for column in columns.values()])
 
 
-def struct_column(name: str, values: Mapping[str, object]) -> Column:
-    """Return the column of `settings` or `effects` with the fields that hold these values."""
+def struct_column(name: str, rows: Iterable[Mapping[str, object]]) -> Column:
+    """Return the column of `settings` or `effects` with the fields that hold all of these rows."""
     (placeholder,) = (column for column in FIXED_COLUMNS if column.name == name)
-    fields = [pa.field(inner, _type_of(value)) for inner, value in values.items()]
+    kinds = {inner: _type_of(value) for row in rows for inner, value in row.items()}
+    fields = [pa.field(inner, kind) for inner, kind in kinds.items()]
     return replace(placeholder, type=pa.struct(fields))
 
 
-def axis_column(name: str, values: Sequence[object], unit: str, description: str) -> Column:
-    """Return the column of an axis, of the type that its values need."""
-    kinds = {_type_of(value) for value in values}
+def axis_column(name: str, values: Iterable[object], unit: str, description: str) -> Column:
+    """Return the column of an axis, of the type that its canonical values need.
+
+    A ValueError says that some are texts there and others are not.
+    """
+    kinds = {*map(_type_of, map(as_written, values))}
+    if _TEXT in kinds and len(kinds) > 1:
+        raise ValueError("mixes single numbers with lists or shares; write all in one form")
     for kind, fitting in ((_TRUTH, {_TRUTH}), (_WHOLE, {_WHOLE}), (REAL, {_WHOLE, REAL})):
         if kinds <= fitting:
             return Column(name, kind, unit, description)
     return Column(name, _TEXT, unit, description)
+
+
+def as_written(value: object) -> bool | int | float | str:
+    """Return an axis value as it is in its column: several numbers as one string, "0.02 1"."""
+    if isinstance(value, tuple):
+        return " ".join(map(_short, cast("tuple[object, ...]", value)))
+    assert isinstance(value, (bool, int, float, str))
+    return value
+
+
+def _short(number: object) -> str:
+    assert isinstance(number, (int, float))
+    return f"{number:g}" if float(f"{number:g}") == number else repr(number)
 
 
 def as_ratios(names: Iterable[str]) -> list[Column]:
@@ -237,6 +256,15 @@ def record_to_row(record: EvidenceRecord) -> Row:
     return to_row(dict(record))
 
 
+def row_entries(fields: Mapping[str, Any]) -> list[bytes]:
+    """Return the columns of some fields of a record that have a value, each as in a JSON object."""
+    entries: list[bytes] = []
+    for name, value in to_row(fields).items():
+        if value is not None:
+            entries.append(to_json({name: value})[1:-1])
+    return entries
+
+
 def to_row(fields: Mapping[str, Any]) -> Row:
     """Return the columns of some fields of a record."""
     row: Row = {}
@@ -255,6 +283,11 @@ def to_row(fields: Mapping[str, Any]) -> Row:
     if "axes" in fields:
         row[_AXES_COLUMN.name] = tuple(fields["axes"])
     return row | fields.get("axes", {}) | fields.get("metrics", {})
+
+
+def axes_as_written(axes: Mapping[str, object]) -> dict[str, bool | int | float | str]:
+    """Return the values of axes as they are in their columns."""
+    return dict(zip(axes, map(as_written, axes.values()), strict=True))
 
 
 def _columns_of_labels(labels: Sequence[Any]) -> Row:

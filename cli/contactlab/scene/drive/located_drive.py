@@ -11,8 +11,8 @@ from pathlib import Path
 from pydantic import ValidationError
 
 from contactlab.errors import SceneError
-from contactlab.scene.setting_values import number
 from contactlab.schema.drive import Drive, FileDrive, PolicyDrive, drive_files, drive_text
+from contactlab.schema.setting_values import number
 from contactlab.schema.vocabulary import AxisSpec
 
 _HASH_DIGITS = 16

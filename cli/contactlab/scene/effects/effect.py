@@ -9,8 +9,8 @@ import numpy as np
 
 from contactlab.scene.effects.proofs import Proof, RunState, most_condim, never
 from contactlab.scene.model_edits import read_flag, read_option, write_flags, write_option
-from contactlab.scene.setting_values import Settings
 from contactlab.schema.coverage import Feature
+from contactlab.schema.setting_values import Settings
 
 NOT_IN_MODEL = "not in the model"  # the reason of an effect that a model does not have
 

@@ -27,7 +27,7 @@ from contactlab.scene.effects.effect import (
 from contactlab.scene.effects.proofs import ModelFacts, RunState, acts, where, zero
 from contactlab.scene.initial_states import InitialStates
 from contactlab.scene.model_edits import FLAGS
-from contactlab.scene.setting_values import as_number
+from contactlab.schema.setting_values import as_number
 
 EFFECTS: Registry[Effect] = Registry("effect")
 """Every effect that this version of MuJoCo has, in the order of records and tables."""

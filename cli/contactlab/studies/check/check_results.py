@@ -9,10 +9,10 @@ from pathlib import Path
 
 from contactlab.judge.limits import exceeding, in_words, limit_findings, limited, worst_of
 from contactlab.printable import first_names, shortened
-from contactlab.run.evidence_record import as_written
 from contactlab.schema.check_report import CheckReport, CheckResult, CheckVerdict, Measure, Remedy
 from contactlab.schema.drive import drive_text
 from contactlab.schema.finding import Finding, Level
+from contactlab.store.table_layout import as_written
 from contactlab.writers.report import Report, Section
 
 # What it means for a check that a limit of some level is exceeded, the worst first.

@@ -17,10 +17,10 @@ from contactlab.scene.compiled_scene import CompiledScene, PreparedModel
 from contactlab.scene.run_setup import make_setup
 from contactlab.scene.run_spec import RunSpec, steps_of
 from contactlab.scene.scene import Scene
-from contactlab.scene.setting_values import as_number
 from contactlab.schema.check_report import Measure, TaskKind
 from contactlab.schema.drive import Drive, drive_data
 from contactlab.schema.finding import Level
+from contactlab.schema.setting_values import as_number
 from contactlab.schema.task import SEEDS, Task
 from contactlab.studies.check.check_runs import CheckRun, Holding, holding_of
 from contactlab.studies.session import Session, Values

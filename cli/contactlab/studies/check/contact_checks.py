@@ -18,9 +18,9 @@ from contactlab.contact.contact_laws import (
 )
 from contactlab.contact.trace_arrays import DISTANCE, FORCE, Floats
 from contactlab.judge.limits import MILLIMETRES, MILLISECONDS, Limit, exceeding, informative
-from contactlab.scene.setting_values import as_vector
 from contactlab.schema.check_report import CheckResult, Measure
 from contactlab.schema.evidence import PairRecord
+from contactlab.schema.setting_values import as_vector
 from contactlab.studies.check.check_entries import Measured, check, remedy
 from contactlab.studies.check.check_results import mjcf_text
 from contactlab.studies.check.check_runs import CheckRun

@@ -4,12 +4,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from contactlab.errors import ContactlabError, OutputError, SceneError, StoppedError
-from contactlab.run.evidence_record import as_written
 from contactlab.scene.model_draft import Change, ModelEdits
 from contactlab.scene.model_writer import write_model
-from contactlab.scene.setting_values import as_number
 from contactlab.schema.check_report import CheckResult, Edit, Remedy
 from contactlab.schema.finding import Finding
+from contactlab.schema.setting_values import as_number
 from contactlab.studies.check.check_entries import CHECKS, REMEDIES, Check
 from contactlab.studies.check.check_results import MODEL, findings_of, settings_text
 from contactlab.studies.check.checked_model import CheckedModel, TooLongError

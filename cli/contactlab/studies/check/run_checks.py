@@ -21,8 +21,8 @@ from contactlab.judge.limits import (
 )
 from contactlab.measure import METRICS, labels_with
 from contactlab.scene.run_setup import make_setup
-from contactlab.scene.setting_values import as_vector
 from contactlab.schema.check_report import CheckResult, Measure, Reference, TaskKind
+from contactlab.schema.setting_values import as_vector
 from contactlab.studies.check.check_entries import Measured, check, remedy
 from contactlab.studies.check.check_runs import CheckRun, HeldPair, Holding, pair_speeds
 from contactlab.studies.check.checked_model import NOMINAL_STORE, CheckedModel

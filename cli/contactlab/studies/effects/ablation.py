@@ -7,7 +7,7 @@ from itertools import combinations
 from pathlib import Path
 
 from contactlab.errors import SceneError
-from contactlab.run.evidence_record import as_written, engine, provenance
+from contactlab.run.evidence_record import engine, provenance
 from contactlab.scene.effects.effect_table import EFFECTS
 from contactlab.scene.model_draft import ModelEdits
 from contactlab.scene.model_writer import WrittenModel, write_model
@@ -23,6 +23,7 @@ from contactlab.schema.study_reports import (
     Verification,
 )
 from contactlab.schema.tradeoff_report import REALITY
+from contactlab.store.table_layout import as_written
 from contactlab.studies.configuration_runs import ConfigurationRows
 from contactlab.studies.effects.effect_toggles import (
     BASE,

@@ -13,13 +13,13 @@ import mujoco
 import numpy as np
 
 from contactlab.measure import METRICS, Requirement
-from contactlab.run.evidence_record import as_written
 from contactlab.scene.effects.effect import Effect, EffectState
 from contactlab.scene.effects.effect_table import EFFECTS
 from contactlab.schema.drive import NoiseDrive, parse_drive
 from contactlab.schema.study_reports import MetricChange, Ratio
 from contactlab.schema.tradeoff_report import REALITY
 from contactlab.store.finished_store import Store
+from contactlab.store.table_layout import as_written
 from contactlab.studies.configuration_runs import ConfigurationRows, Row, run_configurations
 from contactlab.studies.effects.effects_request import AblationSetup
 from contactlab.studies.session import Session, Values

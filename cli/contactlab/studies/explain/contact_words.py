@@ -22,11 +22,10 @@ from contactlab.contact.trace_arrays import DISTANCE
 from contactlab.errors import SceneError, SweepFileError
 from contactlab.mjcf import AT_REST
 from contactlab.plan.task_options import AS_INFERRED, TaskOptions
-from contactlab.run.evidence_record import as_written
 from contactlab.run.sweep_request import SceneLoader
 from contactlab.scene.contact_at_rest import ContactAtRest, law_of_rest
-from contactlab.scene.setting_values import as_number
-from contactlab.schema.units import without_unit
+from contactlab.schema.setting_values import as_number, without_unit
+from contactlab.store.table_layout import as_written
 from contactlab.studies.session import Session, read_settings
 
 WORDS = {**AT_REST, "restitution": ""}

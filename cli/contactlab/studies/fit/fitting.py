@@ -12,7 +12,6 @@ from contactlab.contact.trace_arrays import Floats
 from contactlab.errors import ExpectationError, SceneError, SweepFileError
 from contactlab.plan.rows import sample_points
 from contactlab.reporting.start_noise import PERTURBATION, noise_floor
-from contactlab.run.evidence_record import as_written
 from contactlab.run.sweep_request import SceneLoader
 from contactlab.scene.model_draft import ModelEdits
 from contactlab.scene.model_writer import write_model
@@ -20,6 +19,7 @@ from contactlab.scene.scene import Scene
 from contactlab.schema.study_reports import FIT_REPORT, FITTED, FitReport, FittedSetting
 from contactlab.schema.sweep_schema import Sample
 from contactlab.schema.vocabulary import RECORDED_RUN, AxisSpec
+from contactlab.store.table_layout import as_written
 from contactlab.studies.session import Session, Values, read_settings
 
 FREE = ("friction.slide", "solref", "impratio", "cone")

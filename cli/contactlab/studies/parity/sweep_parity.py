@@ -20,11 +20,11 @@ from contactlab.judge.subjects import NOT_COMPARABLE, SAME, WORSE, Subject
 from contactlab.judge.wording import format_percent, out_of, plural
 from contactlab.measure import METRICS
 from contactlab.mjcf import MODEL_ENGINE
-from contactlab.run.evidence_record import as_written
 from contactlab.scene.scene import Scene
 from contactlab.schema.comparison import ComparePolicy, MetricRule
 from contactlab.schema.evidence import Setting
 from contactlab.schema.finding import Finding, RunPair
+from contactlab.store.table_layout import as_written
 from contactlab.studies.parity.panel import Panel, PanelRun
 from contactlab.studies.parity.parity_report import ClosedForm, Measured, ParityReport, RunParity
 from contactlab.studies.parity.run_parity import Comparison, judge

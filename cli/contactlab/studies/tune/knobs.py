@@ -8,8 +8,8 @@ from contactlab.scene.compiled_scene import CompiledScene
 from contactlab.scene.effects.effect_table import EFFECTS
 from contactlab.scene.effects.proofs import RunState, no_damping
 from contactlab.scene.parameters import WORDS
-from contactlab.scene.setting_values import as_number
 from contactlab.schema.coverage import Exercised, Feature
+from contactlab.schema.setting_values import as_number
 from contactlab.schema.study_reports import Kept
 from contactlab.studies.effects.effect_toggles import find_toggles
 from contactlab.studies.effects.effects_request import AblationSetup

@@ -11,7 +11,7 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 
-from contactlab.scene.setting_values import as_number
+from contactlab.schema.setting_values import as_number
 from contactlab.studies.session import Values
 
 GAIN = 0.95  # a change helps if it takes at most this share of the time; less is noise

@@ -9,10 +9,10 @@ from dataclasses import dataclass, field, replace
 import mujoco
 
 from contactlab.errors import SceneError, StoppedError
-from contactlab.run.evidence_record import as_written
 from contactlab.scene.model_writer import ModelEdits, WrittenModel, write_model
 from contactlab.schema.study_reports import MODEL, Kept, Proof, Ratio
 from contactlab.store.finished_store import Store
+from contactlab.store.table_layout import as_written
 from contactlab.studies.configuration_runs import ConfigurationRows, Row
 from contactlab.studies.effects.effects_request import AblationSetup
 from contactlab.studies.session import Session, Values

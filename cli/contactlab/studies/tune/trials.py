@@ -14,9 +14,9 @@ from contactlab.engines import engine_of
 from contactlab.engines.engine import SEGMENTS, Segments, TimesSteps
 from contactlab.engines.single_run import time_segments
 from contactlab.errors import StoppedError
-from contactlab.run.evidence_record import as_written
 from contactlab.schema.study_reports import Candidate, Ratio, Standing
 from contactlab.schema.tradeoff_report import REALITY
+from contactlab.store.table_layout import as_written
 from contactlab.studies.configuration_runs import ConfigurationRows, Measure, run_configurations
 from contactlab.studies.effects.effects_request import AblationSetup
 from contactlab.studies.session import Session, Values

@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from contactlab.errors import SweepFileError
-from contactlab.run.evidence_record import as_written, engine, provenance
+from contactlab.run.evidence_record import engine, provenance
 from contactlab.scene.model_writer import ModelEdits, WrittenModel
 from contactlab.schema.coverage import Exercised
 from contactlab.schema.drive import drive_data, drive_text
@@ -20,6 +20,7 @@ from contactlab.schema.study_reports import (
     TuneReport,
 )
 from contactlab.schema.tradeoff_report import REALITY
+from contactlab.store.table_layout import as_written
 from contactlab.studies.configuration_runs import sweep_of
 from contactlab.studies.session import Session, Values
 from contactlab.studies.tune.knobs import space_of

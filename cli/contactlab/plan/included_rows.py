@@ -1,0 +1,113 @@
+"""Rows that a sweep includes beside its product: written in the file, or in a table beside it."""
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+from contactlab.errors import SweepFileError
+from contactlab.plan.diagnostics import Place, SourceText
+from contactlab.plan.grid import RowValues
+from contactlab.plan.names import check_axis, check_conflicts
+from contactlab.plan.rows import SweepContext
+from contactlab.plan.yaml_document import Document, read_text
+from contactlab.schema.sweep_schema import IncludeFile
+
+# One cell and what ends it: a quoted text, in which "" stands for a quote, or what has no comma.
+_CELL = re.compile(r'\s*(?:"((?:[^"]|"")*)"|([^,]*?))\s*(,|$)')
+
+
+def read_rows(context: SweepContext, folder: Path) -> tuple[RowValues, ...]:
+    """Return the rows to include, with canonical values; add their mistakes to the document.
+
+    A CSV file lies in the sweep's folder or below: a sweep may come from a stranger.
+    """
+    include, document = context.sweep.include, context.document
+    if isinstance(include, IncludeFile):
+        source = _table(document, folder, include.file)
+        return tuple(_table_rows(context, source)) if source else ()
+    rows: list[RowValues] = []
+    for index, row in enumerate(include):
+        path = context.path("include", index)
+        _check_row(context, {name: document.key((*path, name)) for name in row})
+        places = {name: document.value((*path, name)) for name in row}
+        rows.append({name: context.canonical(name, row[name], places[name]) for name in row})
+    return tuple(rows)
+
+
+def _check_row(context: SweepContext, places: dict[str, Place]) -> None:
+    for name, place in places.items():
+        check_axis(context, name, place)
+    check_conflicts(context, places)
+
+
+def _table(document: Document, folder: Path, name: str) -> SourceText | None:
+    """Return the text of a CSV file that has a row; or None, and add the mistake."""
+    path, lines, hint = folder / name, (), ""
+    if not path.resolve().is_relative_to(folder.resolve()):
+        message, hint = f"{path} lies outside of the sweep's folder", "put it there"
+    elif path.exists() and not path.is_file():
+        message = f"{path} is no file"
+    else:
+        message = f"{path} has no rows"
+        hint = "the first line names the axes, each further line is a row"
+        try:
+            lines = tuple(read_text(path).splitlines())
+        except SweepFileError as error:
+            message, hint = str(error), ""
+    if sum(bool(line.strip()) for line in lines) > 1:
+        return SourceText(str(path), lines)
+    document.add("bad-table", ("include", "file"), message, hint)
+    return None
+
+
+def _table_rows(context: SweepContext, source: SourceText) -> Iterator[RowValues]:
+    """Yield the rows of a table that name a value; add its mistakes to the document."""
+    document = context.document
+    first, *numbers = [number for number, line in enumerate(source.lines, 1) if line.strip()]
+    header = list(_cells(source, first))
+    places: dict[str, Place] = {}
+    for name, place in header:
+        if not name or name in places:
+            message = f"a second column '{name}'" if name else "a column without a name"
+            document.add("bad-table", place, message)
+        else:
+            places[name] = place
+    _check_row(context, places)
+    for number in numbers:
+        cells = list(_cells(source, number))
+        if len(cells) != len(header):
+            place = Place(source, number, 1, len(source.lines[number - 1]))
+            message = f"{len(cells)} cells under {len(header)} columns"
+            document.add("bad-table", place, message, "quote a cell that holds a comma")
+            continue
+        row = {
+            name: context.canonical(name, _scalar(text), place)
+            for (name, _), (text, place) in zip(header, cells, strict=True)
+            if text
+        }
+        if row:
+            yield row
+
+
+def _cells(source: SourceText, number: int) -> Iterator[tuple[str, Place]]:
+    line, start = source.lines[number - 1], 0
+    while match := _CELL.match(line, start):
+        group = 2 if match.group(1) is None else 1
+        text, begin = match.group(group), match.start(group)
+        yield text.replace('""', '"'), Place(source, number, begin + 1, max(len(text), 1))
+        start = match.end()
+        if not match.group(3):
+            return
+    yield line[start:], Place(source, number, start + 1, max(len(line) - start, 1))
+
+
+def _scalar(text: str) -> object:
+    """Return what a cell means: a number, true or false, or the word itself."""
+    if text.lower() in {"true", "false"}:
+        return text.lower() == "true"
+    for read in (int, float):
+        try:
+            return read(text)
+        except ValueError:
+            continue
+    return text
