@@ -68,7 +68,7 @@ def print_report(form: ReportFormat, report: "ComparisonReport", given: Given) -
 COMPARED: Mapping[str, Show] = {
     name: partial(print_report, name) for name in (*_FORMATS.values(), "github")
 }
-"""How a comparison is printed."""
+"""Printers of a comparison, by format."""
 
 
 def failure(report: "ComparisonReport", given: Given) -> ContactlabError | None:

@@ -22,7 +22,7 @@ SolrefRule = Literal["absolute", "tied"]
 
 
 class InTable(Enum):
-    """How the table stores a field of the record, where its type does not say it."""
+    """Form of a record's field in the table, where its type does not say it."""
 
     SHARED = "once, in the table's metadata, since all runs of a store share it"
     BY_NAME = "each entry in a column that has the entry's own name"
