@@ -1,6 +1,7 @@
 """The page: a store in one HTML file that needs nothing else, with its tables."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping
+from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
@@ -13,7 +14,7 @@ from contactlab.reporting.report_columns import number_with_unit, with_unit
 from contactlab.store.finished_store import Store
 
 
-def html_page(store: Store, request: PageRequest) -> tuple[str, Sequence[str]]:
+def html_page(store: Store, request: PageRequest) -> tuple[str, tuple[str, ...]]:
     """Return the page of a store, and notes on what it leaves out."""
     environment = Environment(
         loader=PackageLoader(PACKAGE),
@@ -24,13 +25,20 @@ def html_page(store: Store, request: PageRequest) -> tuple[str, Sequence[str]]:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters |= {
-        "number": lambda value: "-" if value is None else f"{value:.3g}",
-        "number_with_unit": number_with_unit,
-        "with_unit": with_unit,
-        "setting": setting_text,
-        "settings": settings_text,
-        "percent": format_percent,
-    }
+    environment.filters.update(_FILTERS)
     view = page_view(store, request)
     return environment.get_template("page.html").render(view=view), view.head.notes
+
+
+def _number(value: float | None) -> str:
+    return "-" if value is None else f"{value:.3g}"
+
+
+_FILTERS: Mapping[str, Any] = {
+    "number": _number,
+    "number_with_unit": number_with_unit,
+    "with_unit": with_unit,
+    "setting": setting_text,
+    "settings": settings_text,
+    "percent": format_percent,
+}

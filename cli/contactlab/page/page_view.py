@@ -63,7 +63,7 @@ class HeadView:
     reality: str
     films: Sequence[HeaderFilm]
     first: tuple[str, str] | None
-    notes: Sequence[str]
+    notes: tuple[str, ...]
 
 
 @dataclass(frozen=True)
