@@ -20,7 +20,7 @@ import pyarrow.parquet as pq
 from contactlab.store.mcap.file_parts import encode_file
 from contactlab.store.mcap.stored_messages import message_stream, start_of, stored_file
 from contactlab.store.mcap.trace_messages import HEADER_SIZE
-from contactlab.store.row_journal import SEAL_SIZE, is_sealed, row_extent, sealed
+from contactlab.store.row_journal import SEAL_SIZE, row_extent, sealed
 from contactlab.store.runs_table import count_outcomes, rows_digest
 
 TABLE, MANIFEST, IDENTITY = "runs.parquet", "manifest.json", "sweep.json"
@@ -332,7 +332,10 @@ def reseal(store: Path) -> None:
     if path.is_file() and not path.is_symlink():
         lines = path.read_bytes().splitlines(keepends=True)
         path.write_bytes(
-            b"".join(sealed(each[:-SEAL_SIZE]) if is_sealed(each) else each for each in lines)
+            b"".join(
+                sealed(line[:-SEAL_SIZE]) if line[-SEAL_SIZE:].startswith(b"\t") else line
+                for line in lines
+            )
         )
 
 

@@ -17,8 +17,7 @@ import contactlab
 import contactlab.commands
 from contactlab.command_line import options as opt
 from contactlab.command_line.declaration import Command, Option, command, declared
-from contactlab.command_line.main import command_line
-from contactlab.command_line.modules import command_modules, commands_of
+from contactlab.command_line.main import command_line, command_modules, commands_of
 from contactlab.command_line.parser import typed
 from contactlab.errors import EngineError, SweepFileError
 

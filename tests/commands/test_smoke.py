@@ -77,10 +77,10 @@ def places(store: Path, tmp_path: Path) -> dict[str, str]:
 @pytest.fixture(autouse=True)
 def _undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
     """Draw no films and charts: their libraries take seconds to start, in tests of their own."""
-    html_page: Any = pytest.importorskip("contactlab.page.html_page", reason="jinja2 is an extra")
-    monkeypatch.setattr(html_page, "header_films", lambda *_: [])
-    monkeypatch.setattr(html_page, "vega_bundle", lambda *_: "")
-    monkeypatch.setattr(html_page, "static_svg", lambda *_: "<svg/>")
+    page_view: Any = pytest.importorskip("contactlab.page.page_view", reason="jinja2 is an extra")
+    monkeypatch.setattr(page_view, "header_films", lambda *_: [])
+    monkeypatch.setattr(page_view, "vega_bundle", lambda *_: "")
+    monkeypatch.setattr(page_view, "static_svg", lambda *_: "<svg/>")
 
 
 def test_no_command_is_left_out() -> None:

@@ -141,6 +141,7 @@ def write(path: Path, given: Given) -> Path:
         "scene_model": "scene.xml",
         "engine": Engine(name="mujoco", version="4.0.0"),
         "metric_versions": given.versions,
+        "definitions": "d" * 64,
         "runs_asked": len(given.runs),
         "plan_hash": "b",
     }

@@ -12,7 +12,7 @@ from tests.reporting.test_map_cells import axis
 
 from contactlab.errors import SceneError
 from contactlab.page.header_films import header_films
-from contactlab.page.html_page import first_look
+from contactlab.page.page_view import first_look
 from contactlab.page.report_files import write_page
 from contactlab.page.sentences import (
     closest_settings,

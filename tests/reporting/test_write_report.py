@@ -148,7 +148,10 @@ def test_a_tolerance_of_an_unknown_metric_is_refused(swept: Swept, tmp_path: Pat
 def test_a_missing_library_is_named(
     swept: Swept, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for module in ("contactlab.page.html_page", "contactlab.page.heatmap", "contactlab.charts"):
+    for module in (
+        *("contactlab.page.html_page", "contactlab.page.page_view", "contactlab.page.heatmap"),
+        "contactlab.charts",
+    ):
         monkeypatch.delitem(sys.modules, module, raising=False)
     monkeypatch.setitem(sys.modules, "vl_convert", None)
     with pytest.raises(OutputError, match=r"needs vl_convert, .* 'contactlab\[figures\]'"):

@@ -23,7 +23,7 @@ from contactlab.store.finished_store import Store
 from contactlab.store.mcap.file_parts import encode_file
 from contactlab.store.mcap.stored_messages import message_stream, start_of, stored_file
 from contactlab.store.mcap.trace_messages import HEADER_SIZE
-from contactlab.store.row_journal import mend_journal, read_lines, write_journal
+from contactlab.store.row_journal import mend_journal, read_lines, sealed, write_journal
 from contactlab.store.runs_table import rows_digest
 from contactlab.store.store_files import document_json
 from contactlab.store.verify_store import unverified, verify
@@ -344,9 +344,7 @@ def test_runs_of_other_definitions_are_not_mixed(
         with pytest.raises(StoreError, match=r"prepares, measures or labels .* with --fresh$"):
             sweeper.run(ball, repair=repair)
     identity = json.loads((half / "sweep.json").read_text())
-    assert identity.pop("definitions") == definitions()
-    # As older versions wrote it.
-    (half / "sweep.json").write_text(json.dumps(identity))
+    assert identity["definitions"] == definitions()
     sweeper.run(ball)
     assert sweeper.outcome() == whole
 
@@ -434,11 +432,11 @@ def test_repair_of_a_sound_store_does_nothing(sweeper: Any, ball: str) -> None:
 
 
 def line_of(change: Callable[[dict[str, Any]], object]) -> Callable[[bytes], bytes]:
-    """Return what changes the row of a line and leaves its checksum out, as older versions did."""
+    """Return the change of a line's row, with a checksum of the new row."""
 
     def changed(line: bytes) -> bytes:
         row = json.loads(line.partition(b"\t")[0])
-        return json.dumps(change(row) or row).encode() + b"\n"
+        return sealed(json.dumps(change(row) or row).encode())
 
     return changed
 
@@ -449,19 +447,15 @@ def line_of(change: Callable[[dict[str, Any]], object]) -> Callable[[bytes], byt
     [
         (lambda line: line.replace(b'"label": "stable"', b'"label": "chatte"'), "checksum"),
         (lambda line: line.replace(b"0", b"1", 1), "checksum"),
-        (lambda _: b"5\n", "is not a JSON object"),
-        (lambda _: b"null\n", "is not a JSON object"),
-        (lambda _: b"{}\n", "is no row of a run: run_id: Field required"),
-        (lambda _: b"[" * 100_000 + b"\n", "is not JSON"),
+        (lambda line: line.partition(b"\t")[0] + b"\n", "checksum"),
+        (lambda _: sealed(b"5"), "is not a JSON object"),
+        (lambda _: sealed(b"null"), "is not a JSON object"),
+        (lambda _: sealed(b"{}"), "is no row of a run: run_id: Field required"),
+        (lambda _: sealed(b"[" * 100_000), "is not JSON"),
         (
             line_of(lambda row: row.pop("label") and None),
             "is no row of a run: label: Field required",
         ),
-        (
-            line_of(lambda row: row.pop("steps") and None),
-            "is no row of a run: steps: Input should be a valid integer",
-        ),
-        (line_of(lambda row: row.update(steps="many")), "is no row of a run: steps: "),
         (line_of(lambda row: row.update(index=0, run_id="0" * 16)), "which is not run 0 of the"),
         (line_of(lambda row: row.update(scene_hash="0" * 16)), "not of this sweep's"),
         (line_of(lambda row: row.update(trace_file="../../etc/passwd")), "trace_file: "),
@@ -502,20 +496,6 @@ def test_runs_without_an_identity_are_refused_then_kept(
     assert sweeper.outcome() == whole
 
 
-@pytest.mark.long
-def test_a_journal_of_an_older_version_is_resumed_with_a_word(
-    sweeper: Any, ball: str, half: Path, whole: Any, caplog: pytest.LogCaptureFixture
-) -> None:
-    journal = half / "journal.jsonl"
-    write_journal(journal, [*read_lines(journal)])
-    rows = [line.partition(b"\t")[0] + b"\n" for line in journal.read_bytes().splitlines()]
-    journal.write_bytes(b"".join(rows))
-    sweeper.run(ball)
-    assert sweeper.began == [(18, 3)]
-    assert sweeper.outcome() == whole
-    assert "3 runs were stored by an older version, without checksums" in caplog.text
-
-
 @pytest.mark.night
 def test_a_journal_cut_anywhere_is_resumed(
     sweeper: Any,
@@ -535,11 +515,11 @@ def test_a_journal_cut_anywhere_is_resumed(
     end = ends[-2]
     for cut in (*range(0, len(text) + 1, 37), *range(end - 100, end + 100)):
         cut_journal.write_bytes(text[:cut])
-        mended = mend_journal(tmp_path, lambda _row, _is_sealed: None, lambda _row: True)
+        mended = mend_journal(tmp_path, lambda _row: None, lambda _row: True)
         whole_lines = max(each for each in ends if each <= cut)
         assert cut_journal.read_bytes() == text[:whole_lines]
         # The first line is what the rows of the job share.
-        assert len(mended.runs) == max(0, ends.index(whole_lines) - 1)
+        assert len(mended) == max(0, ends.index(whole_lines) - 1)
     begun = shutil.copytree(half, tmp_path / "begun")
     # Around each kind of end: of nothing, of the first line, and of the last.
     picked = (ends[0], ends[1], ends[-1])

@@ -1,6 +1,5 @@
 """Sweeps with a policy: what it did is stored, and whatever comes later needs it no more."""
 
-import json
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -19,6 +18,7 @@ from contactlab.run.sweep_runner import run_sweep
 from contactlab.schema.drive import PolicyDrive
 from contactlab.schema.evidence import StoreManifest
 from contactlab.store.finished_store import Store
+from contactlab.store.row_journal import write_journal
 from contactlab.store.verify_store import verify, write_baseline
 
 CART_POLE = cart_pole(0.004, more='<keyframe><key name="tilted" qpos="0 0.1"/></keyframe>')
@@ -177,10 +177,9 @@ def test_an_interrupted_sweep_goes_on(folder: Path) -> None:
     swept(folder, "whole", seeds=4)
     swept(folder, seeds=4)
     store = folder / "store"
-    journal = [json.dumps(row).encode() for row in rows(folder)[:2]]
     shutil.copytree(store, folder / "copy")
     (folder / "copy" / "manifest.json").unlink()
-    (folder / "copy" / "journal.jsonl").write_bytes(b"\n".join(journal) + b"\n")
+    write_journal(folder / "copy" / "journal.jsonl", rows(folder)[:2])
     shutil.rmtree(folder / "copy" / "controls")
     shutil.copytree(store / "controls", folder / "copy" / "controls")
     swept(folder, "copy", seeds=4)

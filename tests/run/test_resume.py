@@ -106,7 +106,7 @@ def test_a_garbled_line_of_the_journal_is_named_and_repaired(
     lines = journal.read_bytes().splitlines(keepends=True)
     lines[place] = bytes(400) + b"\n"
     journal.write_bytes(b"".join(lines))
-    message = rf"journal\.jsonl, line {place + 1} is not JSON; add --repair"
+    message = rf"journal\.jsonl, line {place + 1} does not match its checksum; add --repair"
     with pytest.raises(StoreError, match=message):
         sweeper.run(ball)
     sweeper.run(ball, repair=True)

@@ -52,7 +52,7 @@ def page_text(folder: Path) -> str:
 
 def _page(folder: Path) -> str:
     import contactlab  # noqa: PLC0415 - collection is quick without
-    from contactlab.page import html_page  # noqa: PLC0415 - an extra
+    from contactlab.page import page_view  # noqa: PLC0415 - an extra
     from contactlab.page.report_files import write_page  # noqa: PLC0415 - as above
     from contactlab.reporting.report import PageRequest  # noqa: PLC0415 - as above
     from contactlab.schema.evidence import Cost, Provenance  # noqa: PLC0415 - as above
@@ -69,9 +69,9 @@ def _page(folder: Path) -> str:
     known = {"provenance": Provenance.model_validate(_MADE), "started": _THEN, "finished": _THEN}
     store = replace(store, manifest=store.manifest.model_copy(update=known))
     with (
-        patch.object(html_page, "static_svg", lambda *_: "<svg></svg>"),
-        patch.object(html_page, "vega_bundle", lambda: ""),
-        patch.object(html_page, "header_films", lambda *_: []),
+        patch.object(page_view, "static_svg", lambda *_: "<svg></svg>"),
+        patch.object(page_view, "vega_bundle", lambda: ""),
+        patch.object(page_view, "header_films", lambda *_: []),
     ):
         write_page(store, folder / "page.html", PageRequest())
     return (folder / "page.html").read_text(encoding="utf-8")

@@ -152,6 +152,7 @@ def identity(runs: int, **changes: Any) -> SweepIdentity:
         scene_model="scene.xml",
         engine=ENGINE,
         metric_versions={"depth": 1, "gain": 1},
+        definitions="d" * 64,
         runs_asked=runs,
         plan_hash=hashlib.sha256("".join(f"{i:016x}" for i in range(runs)).encode()).hexdigest()[
             :32

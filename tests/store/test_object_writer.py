@@ -8,6 +8,7 @@ import pytest
 from contactlab.errors import OutputError, StoreError
 from contactlab.schema.evidence import StoreManifest
 from contactlab.store.finished_store import Store
+from contactlab.store.row_journal import sealed
 from contactlab.store.store_files import ObjectAddress
 from contactlab.store.store_writer import StoreWriter, open_writer
 from contactlab.store.verify_store import verify
@@ -71,7 +72,7 @@ def test_a_row_without_its_trace_is_done_again(kit: Any, damage: str) -> None:
 def test_rows_of_two_sweeps(kit: Any) -> None:
     """Both did the same run: one that lost its lock without noticing, and its successor."""
     kit.interrupt(0, 1)
-    kit.client.put(OTHER, kit.row(1) + b"\n" + kit.row(0) + b"\n")
+    kit.client.put(OTHER, sealed(kit.row(1)) + sealed(kit.row(0)))
     assert kit.done() == kit.ids(0, 1)
     kit.write(2)
     assert verify(kit.address) == []

@@ -1,6 +1,5 @@
 """Failed runs are taken out of a store; the others stay as they are, wherever it is interrupted."""
 
-import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -12,7 +11,7 @@ from pydantic_core import to_json
 from contactlab.errors import StoreError
 from contactlab.schema.evidence import EvidenceRecord, StoreManifest
 from contactlab.store.finished_store import Store
-from contactlab.store.row_journal import read_lines
+from contactlab.store.row_journal import read_lines, write_journal
 from contactlab.store.store_writer import StoreWriter, open_writer
 from contactlab.store.table_layout import record_to_row
 from contactlab.store.verify_store import verify, write_baseline
@@ -121,7 +120,7 @@ def unfinish(store: Path, retry: Any) -> None:
     """Have a store look as if its sweep had been stopped just before its end."""
     rows = pq.read_table(store / "runs.parquet").to_pylist()
     (store / "manifest.json").unlink()
-    (store / "journal.jsonl").write_text("".join(json.dumps(row) + "\n" for row in rows))
+    write_journal(store / "journal.jsonl", rows)
     with retry(store, retry_failed=False) as writer:
         assert writer.done == ids(KEPT | FAILED)
 

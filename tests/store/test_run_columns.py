@@ -1,6 +1,5 @@
 """The table as arrays says the same as the table as rows."""
 
-import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -10,6 +9,7 @@ import pytest
 
 from contactlab.errors import StoreError
 from contactlab.store.finished_store import Store
+from contactlab.store.row_journal import write_journal
 from contactlab.store.run_columns import RunColumns
 from contactlab.store.runs_table import write_table
 from contactlab.store.table_layout import record_to_row
@@ -64,7 +64,7 @@ def test_word_sets_are_masks(
         record_to_row(each) | {"labels": found} for each, found in zip(records, labels, strict=True)
     ]
     journal = tmp_path / "rows"
-    journal.write_text("".join(json.dumps(row) + "\n" for row in rows))
+    write_journal(journal, rows)
     write_table(journal, tmp_path / "runs.parquet", columns_of(records), shared_part(records[0]))
     masks, words = RunColumns(tmp_path).string_sets("labels")
     found = [[word for bit, word in enumerate(words) if mask >> bit & 1] for mask in masks]

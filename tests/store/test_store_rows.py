@@ -17,6 +17,7 @@ from contactlab.errors import StoreError
 from contactlab.schema.coverage import Coverage, PairUse, Travel
 from contactlab.schema.evidence import Accuracy, Cost, EvidenceRecord, LabelEntry, Timing, TraceFile
 from contactlab.store.finished_store import Store, similar_ids
+from contactlab.store.row_journal import write_journal
 from contactlab.store.runs_table import iterate_rows, shared_fields, write_table
 from contactlab.store.table_layout import record_to_row, row_to_record
 
@@ -124,8 +125,7 @@ def write(
 ) -> Path:
     """Write the table of records, by way of a journal in another order than theirs."""
     journal, table = folder / "journal.jsonl", folder / "runs.parquet"
-    lines = [json.dumps(record_to_row(record), allow_nan=False) + "\n" for record in records]
-    journal.write_text("".join(reversed(lines)), encoding="utf-8")
+    write_journal(journal, map(record_to_row, reversed(records)))
     write_table(journal, table, columns, shared)
     return table
 
@@ -170,7 +170,7 @@ def test_a_table_survives_the_journal(
     columns, shared = columns_of(records), shared_part(records[0])
     path = write(folder, records, columns, shared)
     journal, again = folder / "again.jsonl", folder / "again.parquet"
-    journal.write_bytes(b"".join(json.dumps(row).encode() + b"\n" for row in iterate_rows(path)))
+    write_journal(journal, iterate_rows(path))
     write_table(journal, again, columns, shared)
     assert pq.read_table(again).equals(pq.read_table(path), check_metadata=True)
     assert again.read_bytes() == path.read_bytes()

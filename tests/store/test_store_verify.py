@@ -8,9 +8,10 @@ from typing import Any
 import pytest
 
 from contactlab.errors import StoreError
-from contactlab.schema.evidence import EvidenceRecord, LabelEntry
+from contactlab.schema.evidence import STORE_VERSION, EvidenceRecord, LabelEntry
 from contactlab.store.atomic_files import sha256_of
 from contactlab.store.finished_store import Store
+from contactlab.store.row_journal import write_journal
 from contactlab.store.runs_table import write_table
 from contactlab.store.table_layout import record_to_row
 from contactlab.store.verify_store import verify
@@ -82,14 +83,15 @@ def test_a_changed_count(store: Path, name: str, said: object, problem: str) -> 
 
 
 def test_runs_that_are_not_all_there(
-    store: Path, record_of: Callable[..., EvidenceRecord], columns_of: Any, shared_part: Any
+    store: Path, record_of: Callable[..., EvidenceRecord], columns_of: Any
 ) -> None:
     """A table of two runs, hashed as it is, in a store that was asked for three."""
-    rows = [record_to_row(record) for record in Store.open(store).records()][:2]
+    opened = Store.open(store)
+    rows = [record_to_row(record) for record in opened.records()][:2]
     journal = store / "rows"
-    journal.write_text("".join(json.dumps(row) + "\n" for row in rows))
+    write_journal(journal, rows)
     records = [record_of(0), record_of(1)]
-    write_table(journal, store / "runs.parquet", columns_of(records), shared_part(records[0]))
+    write_table(journal, store / "runs.parquet", columns_of(records), opened.columns.shared)
     path = store / "manifest.json"
     manifest = json.loads(path.read_text())
     manifest |= {"runs": 2, "labels": {"stable": 2}, "statuses": {"ok": 2}, "traces": 2}
@@ -139,17 +141,20 @@ def test_no_store(tmp_path: Path) -> None:
         verify(tmp_path)
 
 
-@pytest.mark.parametrize("text", ["", "{", "[]", "{}", '{"store_version": 2}'])
+@pytest.mark.parametrize("text", ["", "{", "[]", "{}", '{"store_version": 3}'])
 def test_a_damaged_manifest(store: Path, text: str) -> None:
     (store / "manifest.json").write_text(text)
     with pytest.raises(StoreError, match=r"manifest\.json is (damaged|of store version None)"):
         verify(store)
 
 
-def test_a_later_version(store: Path) -> None:
-    path = store / "manifest.json"
-    path.write_text(path.read_text().replace('"store_version": 2', '"store_version": 3'))
-    with pytest.raises(StoreError, match="is of store version 3; this contactlab reads version 2"):
+@pytest.mark.parametrize("version", [STORE_VERSION - 1, STORE_VERSION + 1])
+def test_another_version_is_refused(store: Path, version: int) -> None:
+    """Whatever else it holds: manifests of earlier releases had other fields."""
+    manifest = {"store_version": version, "sweep": {"store_version": version}}
+    (store / "manifest.json").write_text(json.dumps(manifest))
+    reason = f"is of store version {version}; .* reads version {STORE_VERSION}: sweep again, or"
+    with pytest.raises(StoreError, match=reason):
         verify(store)
 
 

@@ -1,1 +1,1 @@
-"""How far runs are from the limit of small timesteps, and what they cost by themselves."""
+"""Distance of runs from the limit of small timesteps, and their own cost."""

@@ -218,7 +218,7 @@ class ReferenceSolution:
 
     @cached_property
     def estimate(self) -> float:
-        """How far its two solutions part at most [m]."""
+        """Largest distance of its two solutions [m]."""
         return self.distance(self.coarse.sampled).peak
 
     def rows(self, times: Floats) -> NDArray[np.intp]:

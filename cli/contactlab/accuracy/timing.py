@@ -73,7 +73,7 @@ def timing_seconds(request: TimingRequest, steps: Sequence[int], per_step: float
 
 
 class _Portion(NamedTuple):
-    """How many steps of each segment of a run are timed in a round, how often, and one by one."""
+    """Steps of each segment of a run that are timed in a round, repetitions, and single steps."""
 
     most: int
     repeats: int

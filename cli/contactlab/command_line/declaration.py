@@ -43,7 +43,7 @@ _Result = TypeVar("_Result")
 
 @dataclass(frozen=True)
 class Parameter:
-    """How the command line names, explains and reads a parameter."""
+    """Name, explanation and type of a parameter on the command line."""
 
     metavar: str | None
     help: str
@@ -135,7 +135,7 @@ def command(
 
 
 def is_declared(function: object) -> bool:
-    """Whether a function is declared as a command."""
+    """Return whether a function is declared as a command."""
     return isinstance(getattr(function, "__dict__", {}).get("command"), Command)
 
 

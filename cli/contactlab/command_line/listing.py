@@ -62,4 +62,4 @@ def _csv(listing: Listing, given: Given) -> None:
 
 
 LISTED: Mapping[str, Show] = {"text": _text, "json": _json, "csv": _csv}
-"""How a listing is printed."""
+"""Printers of a listing, by format."""

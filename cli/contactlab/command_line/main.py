@@ -6,19 +6,34 @@ import os
 import sys
 import warnings
 from collections.abc import Sequence
+from functools import cache
 from importlib import import_module
 from pathlib import Path
+from pkgutil import iter_modules
 
 import typer
 
-from contactlab.command_line.declaration import CODES, Command, declared
-from contactlab.command_line.modules import command_modules, commands_of
+from contactlab.command_line.declaration import CODES, Command, declared, is_declared
 from contactlab.command_line.parser import typed
 from contactlab.command_line.terminal import echo, notice, say
 from contactlab.errors import ContactlabError, OutputError, in_one_line
 from contactlab.printable import printable
+from contactlab.resources import COMMANDS
 
 _HELP = ("-h", "--help")
+
+
+@cache
+def command_modules() -> tuple[str, ...]:
+    """Return the names of modules, each the first word of its commands, sorted."""
+    return tuple(sorted(module.name for module in iter_modules([str(COMMANDS)])))
+
+
+def commands_of(name: str) -> list[Command]:
+    """Return the commands that a module declares, in its order."""
+    module = import_module(f"contactlab.commands.{name}")
+    found = map(declared, filter(is_declared, vars(module).values()))
+    return [command for command in found if command.function.__module__ == module.__name__]
 
 
 def command_line(first: str | None = None) -> typer.Typer:

@@ -59,7 +59,7 @@ def call(command: Command, values: Given) -> None:
 
 
 def _is_given(value: object) -> bool:
-    """Whether the command line has a value, and the default of Python is not meant."""
+    """Return whether the command line has a value, in place of Python's default."""
     return value is not None and value != []
 
 

@@ -13,7 +13,7 @@ from contactlab.errors import ExpectationError, SweepFileError
 
 
 class Explanation(NamedTuple):
-    """What words mean, or the contacts of a model are, in lines of text."""
+    """Meaning of words, or the contacts of a model, in lines of text."""
 
     text: str
     missed: Sequence[str] = ()  # what a run with these settings does not show

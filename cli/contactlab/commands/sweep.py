@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 
 class PlannedSweep(NamedTuple):
-    """What a sweep would run, and the time and disk space that it would take."""
+    """Runs of a sweep that is only planned, with the time and disk space that they take."""
 
     plan: "Plan"
     forecast: "Forecast"

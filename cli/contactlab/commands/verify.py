@@ -12,7 +12,7 @@ from contactlab.printable import in_one_line
 
 
 class Soundness(NamedTuple):
-    """Whether a store is sound, and what was looked at."""
+    """Verdict on a store, and the extent of the check."""
 
     sound: bool
     problems: list[str]

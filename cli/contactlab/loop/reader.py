@@ -67,7 +67,7 @@ class LoopSteps:
 
     @property
     def is_driven(self) -> bool:
-        """Whether anything from outside changed or pushed."""
+        """True if anything from outside changed or pushed."""
         pushed = self.fields["xfrc_applied"].any() or self.fields["qfrc_applied"].any()
         return bool(pushed or (self.inputs != self.inputs[0]).any())
 
@@ -144,7 +144,7 @@ class LoopReader:
 
     @property
     def steps(self) -> int:
-        """How many steps were read."""
+        """Number of steps that were read."""
         return self._steps.count()
 
     @property
@@ -165,7 +165,7 @@ class LoopReader:
 
     @property
     def is_large(self) -> bool:
-        """Whether twice as many steps would take more than 1 GiB."""
+        """True if twice as many steps would take more than 1 GiB."""
         return 2 * sum(array.nbytes for array in self._arrays.values()) > _MOST_BYTES_OF_A_RECORDING
 
     @property

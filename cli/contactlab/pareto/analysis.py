@@ -109,10 +109,7 @@ def _not_exercised(store: Store, runs: StoredRuns) -> Iterator[str]:
             concerned.setdefault(feature, []).append(name)
     if not concerned:
         return
-    # Older stores have neither.
-    known = [name for name in _COVERAGE if name in store.columns.schema.names]
-    rows = store.columns.distinct(known) if known else [dict[str, object]()]
-    exercised = Exercised.of(rows, enough=concerned.keys())
+    exercised = Exercised.of(store.columns.distinct(_COVERAGE), enough=concerned.keys())
     for feature, names in concerned.items():
         if lack := exercised.lack([feature]):
             yield f"{', '.join(names)}: not tested: {lack}"

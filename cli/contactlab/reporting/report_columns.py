@@ -52,7 +52,7 @@ class GridAxis:
 
     @property
     def is_ordered(self) -> bool:
-        """Whether its values are numbers, the least first."""
+        """True if its values are numbers, the least first."""
         return self.numbers is not None or all(map(_is_number, self.ticks))
 
 

@@ -31,7 +31,6 @@ from contactlab.scene.mujoco_versions import silence_mujoco
 from contactlab.scene.run_spec import RunSpec
 from contactlab.scene.scene import Scene
 from contactlab.schema.evidence import EvidenceRecord
-from contactlab.schema.task import QPOS0
 from contactlab.store.finished_store import Store
 
 
@@ -111,11 +110,7 @@ def resolve_record(scene: Scene, record: EvidenceRecord) -> RunSpec:
 
 def canonical_values(scene: Scene, record: EvidenceRecord) -> dict[str, object]:
     """Return the axis values of a stored run; raise StoreError if the scene takes no such."""
-    values = {name: _parsed(scene, name, value) for name, value in record.axes.items()}
-    if "keyframe" not in record.settings and scene.catalogue.find("keyframe"):
-        # Versions before 0.3 knew no keyframes without names.
-        values["keyframe"] = QPOS0
-    return values
+    return {name: _parsed(scene, name, value) for name, value in record.axes.items()}
 
 
 def replay(store: Store, run: str, *, allow_code: bool = False) -> ReplayResult:
@@ -236,9 +231,7 @@ class TimingProcess:
         self._python, self._requests, self._answers = python, requests, answers
         greeting = self._answer()
         self.engine = str(greeting["engine"])
-        # Older versions time their own engine alone.
-        own = [self.engine.partition(" ")[0]]
-        self.timed_engines = frozenset(map(str, greeting.get("timed_engines", own)))
+        self.timed_engines = frozenset(map(str, greeting["timed_engines"]))
 
     def time(self, run: str, repeats: int) -> tuple[float, float]:
         """Return the CPU time of all steps that were made of a run, and of one of them [s]."""

@@ -93,12 +93,6 @@ def run_sweep(
         if isinstance(store, StoreManifest):
             begin(len(index), len(index))
             return store
-        if store.unsealed:
-            _LOG.warning(
-                "%s runs were stored by an older version, without checksums; they are taken as "
-                "they are",
-                f"{store.unsealed:,}",
-            )
         task = Task(
             sweep=request.plan.sweep,
             expected=request.plan.expected,

@@ -132,7 +132,7 @@ class StabilityResult(Model):
 
     @property
     def passed(self) -> bool:
-        """Whether there were expectations, and all were met."""
+        """True if there were expectations, and all were met."""
         return self.met == self.asked > 0
 
 
@@ -146,5 +146,5 @@ class StabilityReport(RootModel[tuple[StabilityResult, ...]]):
 
     @property
     def passed(self) -> bool:
-        """Whether every case passed."""
+        """True if every case passed."""
         return all(report.passed for report in self.root)

@@ -54,7 +54,7 @@ class AllowedTransition(Model):
 
 
 class LabelRules(Model):
-    """How labels are compared."""
+    """Comparison of labels."""
 
     severity: tuple[Word, ...] | None = about(
         "labels, worst first; as stored if left out", default=None
@@ -74,7 +74,7 @@ class LabelRules(Model):
 
 
 class MetricRule(Model):
-    """How a metric is compared; keys left out come from a wider pattern or the defaults."""
+    """Comparison of a metric; keys left out come from a wider pattern or the defaults."""
 
     better: Better | None = about(
         "lower, higher or none; as stored with the metric if left out", default=None
@@ -101,7 +101,7 @@ class MetricRule(Model):
 
 
 class KnifeEdgeRules(Model):
-    """How runs are treated whose label changes from a start 1e-6 away."""
+    """Treatment of runs whose label changes from a start 1e-6 away."""
 
     exclude: Flag = about("whether they are counted and reported, never gated", default=True)
     max_share: Tolerance = about(
@@ -111,7 +111,7 @@ class KnifeEdgeRules(Model):
 
 
 class RecommendationRules(Model):
-    """How a change of the recommended configuration is treated."""
+    """Treatment of a change of the recommended configuration."""
 
     changed: Level = about(f"of a changed recommendation; {LEVEL}", default="warn")
 
@@ -174,7 +174,7 @@ class Transition(Model):
 
 
 class PairCounts(Model):
-    """How many runs there are, by how they were paired."""
+    """Numbers of runs, by pairing."""
 
     paired: int
     missing: int = about("Only in the baseline.")

@@ -63,7 +63,7 @@ _FEATURES: Mapping[str, Feature] = {
 
 
 class Travel(Model):
-    """How far a joint, a tendon or a control went through its range."""
+    """Share of its range that a joint, a tendon or a control went through."""
 
     moved: Short = about(
         "Greatest less least value; of free joints the diagonal of the box "
@@ -81,13 +81,13 @@ class Travel(Model):
 
     @property
     def counts(self) -> bool:
-        """Whether it moved by more than what holding still takes."""
+        """True if it moved by more than holding still takes."""
         share = self.moved if self.share is None else self.share
         return max(share, self.turned or 0.0) >= _MOVED
 
 
 class ActuatorUse(Travel):
-    """How far an actuator's control went through its range, and its force."""
+    """Share of its range that an actuator's control went through, and its force."""
 
     force: Short = about("Largest force, as the actuator has it.", default=0.0)
     saturated: Short = about("Share of time at a limit of its force.", default=0.0)

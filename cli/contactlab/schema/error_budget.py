@@ -19,7 +19,7 @@ class BudgetPrice(Model):
 
 
 class BudgetRow(Model):
-    """What one change is worth: phantom impulses over real ones."""
+    """Effect of one change: phantom impulses over real ones."""
 
     name: str = about("The row; `run` is the run itself against the reference.")
     summary: str = about("The change that is made.")

@@ -22,7 +22,7 @@ SolrefRule = Literal["absolute", "tied"]
 
 
 class InTable(Enum):
-    """How the table stores a field of the record, where its type does not say it."""
+    """Form of a record's field in the table, where its type does not say it."""
 
     SHARED = "once, in the table's metadata, since all runs of a store share it"
     BY_NAME = "each entry in a column that has the entry's own name"
@@ -318,13 +318,13 @@ class EvidenceRecord(Model):
     )
 
 
-STORE_VERSION = 2
+STORE_VERSION = 3
 
 
 class SweepIdentity(Model):
     """The definition of a store's runs; a resumed sweep must match it (`sweep.json`)."""
 
-    store_version: Literal[2] = STORE_VERSION
+    store_version: Literal[3] = STORE_VERSION
     name: str
     source: str = about("The sweep file's text.")
     overrides: tuple[str, ...] = about("--set, --only and --limit, as given.")
@@ -334,10 +334,8 @@ class SweepIdentity(Model):
     scene_model: InnerName = about("The model file, relative to scenes/<hash>.")
     engine: Engine
     metric_versions: dict[str, int]
-    definitions: Sha256 | None = Field(
-        default=None,
-        description="Hash of the code that prepares runs, rolls them out, measures and labels "
-        "them; null in stores of older versions.",
+    definitions: Sha256 = about(
+        "Hash of the code that prepares runs, rolls them out, measures and labels them."
     )
     runs_asked: int
     lacking: dict[str, str] = about(
@@ -354,7 +352,7 @@ class SweepIdentity(Model):
 class StoreManifest(Model):
     """Contents of a finished store (`manifest.json`)."""
 
-    store_version: Literal[2] = STORE_VERSION
+    store_version: Literal[3] = STORE_VERSION
     sweep: SweepIdentity
     provenance: Provenance
     runs: int
@@ -369,10 +367,6 @@ class StoreManifest(Model):
         "Which means over runs are not as the sweep expects.", default=()
     )
     files: dict[InnerName, Sha256] = about("SHA-256 of every file but traces and this one.")
-    records: Sha256 | None = about(
-        "Digest of every record in plan order, whatever the table's encoding; null in "
-        "stores of older versions.",
-        default=None,
-    )
+    records: Sha256 = about("Digest of every record in plan order, whatever the table's encoding.")
     started: str
     finished: str

@@ -16,7 +16,7 @@ class Examination(Model):
 
     @property
     def sound(self) -> bool:
-        """Whether the run is the motion of its model.
+        """True if the run is the motion of its model.
 
         How soft that model is, is told and fails nothing: softness may be meant.
         """

@@ -28,13 +28,13 @@ class Bounds(Model):
 
 
 class DepthBound(Model):
-    """How deep a pair may be."""
+    """Depth that a pair may have."""
 
     max: Positive = about("largest accepted penetration [m]")
 
 
 class ExpectedModes(Model):
-    """Whether monitored pairs should stick or slide when first and last in contact."""
+    """Sticking or sliding of monitored pairs when first and last in contact."""
 
     first: Literal["stick", "slide"] | None = about("when first so", default=None)
     last: Literal["stick", "slide"] | None = about("when last so", default=None)
@@ -69,7 +69,7 @@ class PairExpectation(Model):
 
     @property
     def expects(self) -> bool:
-        """Whether anything is expected of pairs."""
+        """True if anything is expected of pairs."""
         return not (self.mode is None and self.force is None and self.depth is None)
 
     @model_validator(mode="after")

@@ -1,4 +1,4 @@
-"""What has to hold in a run, in words: `still(box, 1 mm)`, `held(mug, by: hand, from: 0.5 s)`.
+"""Requirements of a run, in words: `still(box, 1 mm)`, `held(mug, by: hand, from: 0.5 s)`.
 
 A requirement is a word with arguments in parentheses: the names that it is about, then a tolerance,
 then `from:` and `until:`, the time in which it has to hold.
@@ -23,7 +23,7 @@ _KEYS = ("by", "from", "until")
 
 @dataclass(frozen=True)
 class _Form:
-    """How one word is written: how many names it takes, and its tolerance."""
+    """Grammar of one word: the number of names that it takes, and its tolerance."""
 
     example: str
     names: int = 1

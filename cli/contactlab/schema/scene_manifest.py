@@ -95,12 +95,12 @@ class PairEntry(PairExpectation):
 
     @property
     def monitors(self) -> bool:
-        """Whether it names pairs to monitor."""
+        """True if it names pairs to monitor."""
         return not (self.geoms is None and self.bodies is None and self.chain is None)
 
 
 class Perturbation(Model):
-    """How a seed perturbs the start state: a uniform offset in [-scale, scale] for each."""
+    """Perturbation of the start state by a seed: a uniform offset in [-scale, scale] for each."""
 
     coordinates: tuple[str, ...] | dict[str, Annotated[Number, Field(gt=0)]] = about(
         "names, or names with a size of each in units of the scale"
@@ -167,7 +167,7 @@ class Recording(Model):
 
 
 class SceneManifest(Model):
-    """How a scene's model is simulated and judged (`scene.yaml` beside the MJCF)."""
+    """Simulation and judgement of a scene's model (`scene.yaml` beside the MJCF)."""
 
     version: Literal[1]
     title: str

@@ -28,7 +28,7 @@ class Ratio(Model):
 
 
 class MetricChange(Model):
-    """How much one effect changes one metric, in the scenario where it changes most."""
+    """Change of one metric by one effect, in the scenario where it changes most."""
 
     metric: str
     unit: str

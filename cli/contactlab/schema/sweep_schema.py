@@ -135,7 +135,7 @@ class Expectation(PairExpectation):
 
 
 class Sample(Model):
-    """How the values of `uniform` and `loguniform` axes are drawn."""
+    """Draw of the values of `uniform` and `loguniform` axes."""
 
     method: Literal["sobol", "lhs", "random"] = about(
         "sobol: low discrepancy; lhs: Latin hypercube; random", default="sobol"

@@ -25,7 +25,7 @@ class Phase(Model):
 
 
 class Task(Model):
-    """What a model is judged on."""
+    """Task that a model is judged on."""
 
     start: str = about("keyframe, or qpos0")
     drive: Drive = about("what moves it; none: constant controls, those of the start")

@@ -44,7 +44,7 @@ class TimeMeasure(Model):
 
 
 class ConfigurationOutcomes(Model):
-    """How many runs of a configuration succeed: no failure label, every tolerance met."""
+    """Successful runs of a configuration: no failure label, every tolerance met."""
 
     runs: int
     good: int
@@ -90,7 +90,7 @@ class FrontPoint(Model):
 
 
 class Order(Model):
-    """How fast the error falls with the timestep."""
+    """Rate at which the error falls with the timestep."""
 
     slope: float | None = about("Of log error against log timestep; null if none.")
     standard_error: float | None

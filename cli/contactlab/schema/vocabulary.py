@@ -63,7 +63,7 @@ class Vocabulary:
     mistake_in: Callable[[PairExpectation, float | None], tuple[str, str] | None] | None = None
     """The key that is wrong in what is expected of pairs in runs of that duration, and why."""
     mistake_in_requirement: Callable[[str, float | None], str | None] | None = None
-    """What is wrong with a requirement of runs of that duration."""
+    """Fault of a requirement in runs of that duration; None if there is none."""
 
 
 def _reaching(values: tuple[float, float, float]) -> tuple[float, float, float]:

@@ -50,25 +50,18 @@ def lines_of(rows: Iterable[bytes], shared: bytes) -> list[bytes]:
     return [first, *(sealed(row + first[-SEAL_SIZE:-1]) for row in rows)]
 
 
-def is_sealed(line: bytes) -> bool:
-    """Return whether a line has a checksum; those of older versions have none."""
-    return line[-SEAL_SIZE : 1 - SEAL_SIZE] == b"\t"
-
-
 def row_extent(line: bytes) -> tuple[int, bytes]:
     """Return how many bytes of a whole line are its row, and the name of what the row shares.
 
     The name is `SHARED` of the line that holds it, and empty of a row that shares nothing.
     """
-    if not is_sealed(line):
-        return len(line) - 1, b""
     size = line.find(b"\t")
     return size, line[size + 1 : -SEAL_SIZE]
 
 
 def parsed(line: bytes) -> dict[str, Any]:
     """Return what a whole line has by itself; a ValueError says how it is damaged."""
-    if is_sealed(line) and line != sealed(line[:-SEAL_SIZE]):
+    if line != sealed(line[:-SEAL_SIZE]):
         raise ValueError("does not match its checksum")
     try:
         content = from_json(line[: row_extent(line)[0]])
@@ -82,7 +75,7 @@ def parsed(line: bytes) -> dict[str, Any]:
 class _LineReader:
     """Reads the lines of a journal in their order, and checks rows as `mend_journal` says."""
 
-    def __init__(self, check: Callable[[Row, bool], None] = lambda *_: None) -> None:
+    def __init__(self, check: Callable[[Row], None] = lambda _: None) -> None:
         self._check, self._name, self._shared = check, b"", dict[str, Any]()
 
     def row(self, line: bytes) -> dict[str, Any] | None:
@@ -94,39 +87,31 @@ class _LineReader:
         if name not in (b"", self._name):
             raise ValueError("refers to shared fields that no earlier line has")
         row = {**self._shared, **row} if name else row
-        self._check(row, is_sealed(line))
+        self._check(row)
         return row
-
-
-@dataclass(frozen=True)
-class Mended:
-    """The ids of a journal's runs, and how many of its lines an older version left unsealed."""
-
-    runs: frozenset[str] = frozenset()
-    unsealed: int = 0
 
 
 def mend_journal(
     folder: Path,
-    check: Callable[[Row, bool], None],
+    check: Callable[[Row], None],
     is_complete: Callable[[Row], bool],
     *,
     repair: bool = False,
     shown_path: object = None,
-) -> Mended:
+) -> frozenset[str]:
     """Drop lines that are torn or repeated, and those of runs that are not stored completely.
 
-    The check of a row, given whether it has a checksum, raises a ValueError if it does not belong
-    there. To repair, damaged lines are dropped too. Errors name the journal by the shown path.
-    Raises a StoreError if a line is damaged, and it is not the last, which a kill leaves torn; an
-    OutputError if the journal cannot be rewritten.
+    Returns the ids of the runs that stay. The check of a row raises a ValueError if it does not
+    belong there. To repair, damaged lines are dropped too. Errors name the journal by the shown
+    path. Raises a StoreError if a line is damaged, and it is not the last, which a kill leaves
+    torn; an OutputError if the journal cannot be rewritten.
     """
     path = folder / JOURNAL
     if not path.is_file():
-        return Mended()
+        return frozenset()
     kept: set[str] = set()
     good = bytearray()
-    unsealed, reader = 0, _LineReader(check)
+    reader = _LineReader(check)
     with path.open("rb") as lines:
         for number, line in enumerate(lines, 1):
             good.append(False)
@@ -144,10 +129,9 @@ def mend_journal(
             good[-1] = row is None or (row["run_id"] not in kept and is_complete(row))
             if row and good[-1]:
                 kept.add(row["run_id"])
-                unsealed += not is_sealed(line)
     if not all(good):
         _keep_lines(path, good)
-    return Mended(frozenset(kept), unsealed)
+    return frozenset(kept)
 
 
 def _keep_lines(path: Path, good: Iterable[int]) -> None:
@@ -218,11 +202,11 @@ class ResumedRows:
     retry_failed: bool  # whether failed runs are removed
     repair: bool  # whether runs whose evidence contradicts itself are removed
 
-    def check(self, row: Row, is_sealed: bool) -> None:
-        """Check that a row is of this sweep, all of it if unsealed; a ValueError says why not."""
+    def check(self, row: Row) -> None:
+        """Check that a row is of this sweep, all of it to repair; a ValueError says why not."""
         try:
             head = _RowHead.model_validate(row)
-            if self.repair or not is_sealed:
+            if self.repair:
                 self._record(row)
         except ValidationError as error:
             first = error.errors()[0]

@@ -185,9 +185,7 @@ def document_json(document: BaseModel) -> str:
 def check_same_sweep(store: Address, stored: SweepIdentity, requested: SweepIdentity) -> None:
     """Raise a StoreError unless a store is of the requested sweep, by the same definitions."""
     ours, theirs = requested.model_dump(), stored.model_dump()
-    ignored = {"source"} if stored.definitions else {"source", "definitions"}
-    names = [name for name in {**ours, **theirs} if name not in ignored]
-    differing = [name for name in names if ours.get(name) != theirs.get(name)]
+    differing = [name for name in ours if name != "source" and ours[name] != theirs[name]]
     if not differing:
         return
     held = f"another sweep (other {', '.join(differing)}{_other_plugins(stored, requested)})"
@@ -214,7 +212,8 @@ def _parse(data: bytes, kind: type[_Document], path: Address) -> _Document:
         if version != STORE_VERSION:
             raise StoreError(
                 f"{path} is of store version {version}; this contactlab reads version "
-                f"{STORE_VERSION}"
+                f"{STORE_VERSION}: sweep again, or read it with the release of contactlab that "
+                "wrote it"
             )
         return kind.model_validate_json(data)
     except ValidationError as error:

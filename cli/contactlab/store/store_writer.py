@@ -19,7 +19,6 @@ from contactlab.store.folder_backend import backend_at
 from contactlab.store.row_journal import (
     FAILED_STATUSES,
     IsPlanned,
-    Mended,
     ResumedRows,
     Row,
     amend_journal,
@@ -61,12 +60,14 @@ class CopyableFiles(Protocol):
 class StoreWriter:
     """A store that runs are added to; made by `open_writer`."""
 
-    def __init__(self, session: WriteSession, identity: SweepIdentity, mended: Mended) -> None:
+    def __init__(
+        self, session: WriteSession, identity: SweepIdentity, done: frozenset[str]
+    ) -> None:
         # Local folder of its journal, table and scene; the store itself if that is local.
         self.path = session.folder
         self.identity = identity
-        # Ids of the runs that it held when it was opened, and how many of them lack checksums.
-        self.done, self.unsealed = mended.runs, mended.unsealed
+        # Ids of the runs that it held when it was opened.
+        self.done = done
         self.started = time_now()
         self._session = session
         self._files = {JOURNAL: (self.path / JOURNAL).open("ab")}
@@ -223,7 +224,7 @@ def _find_manifest(rows: ResumedRows) -> StoreManifest | None:
 
 def _prepare(
     rows: ResumedRows, session: WriteSession, folders: Mapping[str, CopyableFiles]
-) -> Mended:
+) -> frozenset[str]:
     """Make a new store, or mend an interrupted one; return what it holds."""
     address, folder = rows.backend.address, session.folder
     stored = rows.backend.read(IDENTITY)

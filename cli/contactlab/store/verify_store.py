@@ -77,8 +77,6 @@ def unverified(store: Store) -> list[str]:
     """Return what of a store its own content cannot show to be true, and why."""
     manifest = store.manifest
     found: list[str] = []
-    if manifest.records is None:
-        found.append("the digest of all records: an older version wrote the store")
     if manifest.traces_left_out:
         found.append("trajectories, metrics and labels: the traces were left out")
     elif without := manifest.runs - manifest.traces:
@@ -174,9 +172,8 @@ def _check_sweep(store: Store) -> Iterator[str]:
     stated = {"sweep": sweep.name, "metric_versions": versions, "units": units}
     own = ("schema_version", "severity", *({"labels"} & shared.keys()))
     stated |= {name: shared.get(name) for name in own}
-    # Older stores say it in the manifest alone.
-    said = store.manifest.model_dump(mode="json", include={"started", "finished", "provenance"})
-    stated |= said if said.keys() & shared.keys() else {}
+    own = {"started", "finished", "provenance"}
+    stated |= store.manifest.model_dump(mode="json", include=own)
     for name in dict.fromkeys((*shared, *stated)):
         if shared.get(name) != stated.get(name):
             yield f"{MANIFEST}: another {name} than {TABLE}"
@@ -217,7 +214,7 @@ def _check_records(store: Store, model: bytes | None) -> Iterator[str]:
     for name in store.backend.trace_names():
         if name not in named:
             yield f"{name}: belongs to no run"
-    if store.manifest.records not in {None, rows_digest(store.path / TABLE)}:
+    if store.manifest.records != rows_digest(store.path / TABLE):
         yield f"{TABLE}: its records are not those of the manifest's digest"
 
 

@@ -45,7 +45,7 @@ _MOMENTS, _MOMENTS_OF_TWO = 6, 3
 
 @dataclass(frozen=True)
 class PictureOptions:
-    """How pictures are taken: their width and height [pixels], and by which camera of the model.
+    """View of pictures: their width and height [pixels], and the camera of the model.
 
     Without a camera, one sees the failing pair, and the whole motion as an inset. A film's speed is
     in simulated seconds per second, a sheet's pictures are `at` times [s] or, without any, where

@@ -63,12 +63,12 @@ class LockHolder(BaseModel):
 
     @property
     def is_here(self) -> bool:
-        """Whether it is, or was, a process that is visible from here."""
+        """True of a process, running or ended, that is visible from here."""
         return self.machine == _machine()
 
     @property
     def is_gone(self) -> bool:
-        """Whether it released the lock, or was a process here that has ended."""
+        """True if it released the lock, or was a process here that has ended."""
         return self.released or (self.is_here and _start_time(self.pid) != self.started)
 
     def encoded(self) -> bytes:

@@ -9,6 +9,7 @@ from contactlab.scene.model_writer import write_model
 from contactlab.schema.check_report import CheckResult, Edit, Remedy
 from contactlab.schema.finding import Finding
 from contactlab.schema.setting_values import as_number
+from contactlab.store.table_layout import as_written
 from contactlab.studies.check.check_entries import CHECKS, REMEDIES, Check
 from contactlab.studies.check.check_results import MODEL, findings_of, settings_text
 from contactlab.studies.check.checked_model import CheckedModel, TooLongError

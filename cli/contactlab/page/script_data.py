@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -50,37 +51,88 @@ _ALL_BITS, _FEW_BITS = 23, 11
 _BYTES_PER_RUN, _BYTES_PER_VALUE = 12.0, 2.2
 
 
-def page_content(
-    data: ReportData, request: PageRequest, chart: Spec | None
-) -> tuple[dict[str, str], tuple[str, ...]]:
-    """Return what the script of a page is given, by the element that holds it, and notes.
+@dataclass(frozen=True)
+class ScriptData:
+    """Data of the script, as the texts of its elements, and notes on what it leaves out.
 
-    These are names, texts and specifications; packed numbers; time series. Where all runs would
-    take more room than the page may have, it is given the cells of every map, and a selection of
-    runs only.
+    These are names, texts and specifications; packed numbers; time series.
     """
-    width = _BYTES_PER_RUN + _BYTES_PER_VALUE * len(data.quantities)
+
+    metadata: str
+    columns: str
+    series: str
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class _Selection:
+    """The runs that a page lists, by their rows, and of these the records of those with series.
+
+    Where all runs would take more room than the page may have, it has the cells of every map, and a
+    selection of runs only.
+    """
+
+    rows: Codes
+    records: dict[int, EvidenceRecord]  # by place among the rows
+    is_aggregated: bool
+    axes: Sequence[GridAxis]
+
+
+def script_data(data: ReportData, request: PageRequest, chart: Spec | None) -> ScriptData:
+    """Return the data of a page's script."""
+    selection = _selection(data, request)
+    table = data.tolerance_table()
+    columns = _columns(data, selection, table)
+    if selection.is_aggregated:
+        columns |= aggregated_columns(selection.axes, data.labels, data.quantities)
+    metadata = {
+        **_store_facts(data, selection),
+        **_names(data, selection.axes),
+        "digits": 6 if len(selection.rows) <= _MOST_RUNS_IN_FULL_PRECISION else 3,
+        "specs": chart_templates(data, chart),
+        "tradeoff": _tradeoff(data.tradeoff) if data.tradeoff and table else None,
+        "details": {place: _details(record) for place, record in selection.records.items()},
+    }
     total = data.store.columns.runs
-    is_aggregated = 4 / 3 * width * total > request.most_bytes
+    note = (
+        f"{total:,} runs are too many for one page: each map covers all of them, over any two axes "
+        f"and all values of the others; {len(selection.rows):,} single runs are listed"
+    )
+    return ScriptData(
+        packed_text(as_json(metadata)),
+        as_json(pack(columns)),
+        as_json(packed_series(data.store, selection.records)),
+        (note,) if selection.is_aggregated else (),
+    )
+
+
+def _selection(data: ReportData, request: PageRequest) -> _Selection:
+    width = _BYTES_PER_RUN + _BYTES_PER_VALUE * len(data.quantities)
+    stored = data.store.columns
+    is_aggregated = 4 / 3 * width * stored.runs > request.most_bytes
     traces = min(request.traces, _SERIES_IF_AGGREGATED) if is_aggregated else request.traces
     with_series = list(dict.fromkeys(_by_interest(data)))[:traces] if traces else []
-    rows = _selected_runs(data, with_series) if is_aggregated else np.arange(total)
-    positions = {row: position for position, row in enumerate(rows.tolist())}
-    stored = data.store.columns
+    rows = _selected_runs(data, with_series) if is_aggregated else np.arange(stored.runs)
+    places = {row: place for place, row in enumerate(rows.tolist())}
     records = {
-        positions[row]: row_to_record(stored.row(row), stored.shared) for row in sorted(with_series)
+        places[row]: row_to_record(stored.row(row), stored.shared) for row in sorted(with_series)
     }
     axes = aggregated_axes(data.axes) if is_aggregated else data.axes
-    table = data.tolerance_table()
-    columns = _columns(data, axes, rows, table)
-    if is_aggregated:
-        columns |= aggregated_columns(axes, data.labels, data.quantities)
-    tradeoff = _tradeoff(data.tradeoff) if data.tradeoff and table else None
-    metadata = {
+    return _Selection(rows, records, is_aggregated, axes)
+
+
+def _store_facts(data: ReportData, selection: _Selection) -> dict[str, Any]:
+    return {
         "store": str(data.store.address),
-        "runs": len(rows),
-        "total": total,
-        "aggregated": is_aggregated,
+        "runs": len(selection.rows),
+        "total": data.store.columns.runs,
+        "aggregated": selection.is_aggregated,
+    }
+
+
+def _names(data: ReportData, axes: Sequence[GridAxis]) -> dict[str, Any]:
+    """Return axes, labels, modes of contact and quantities, by the names that the script reads."""
+    return {
         "axes": [
             {name: getattr(axis, name) for name in ("name", "title", "ticks", "role")}
             | {"binned": axis.numbers is not None}
@@ -98,21 +150,7 @@ def page_content(
             for column in [quantity.column]
         ],
         "mapAxes": [*data.map_axes.names, None][:2] if data.map_axes else [None, None],
-        "digits": 6 if len(rows) <= _MOST_RUNS_IN_FULL_PRECISION else 3,
-        "specs": chart_templates(data, chart),
-        "tradeoff": tradeoff,
-        "details": {position: _details(record) for position, record in records.items()},
     }
-    note = (
-        f"{total:,} runs are too many for one page: each map covers all of them, "
-        f"over any two axes and all values of the others; {len(rows):,} single runs are listed"
-    )
-    content = {
-        "metadata": packed_text(as_json(metadata)),
-        "columns": as_json(pack(columns)),
-        "series": as_json(packed_series(data.store, records)),
-    }
-    return content, (note,) if is_aggregated else ()
 
 
 def page_colours(labels: RunLabels) -> list[str]:
@@ -158,9 +196,13 @@ def _by_interest(data: ReportData) -> Iterator[int]:
 
 
 def _columns(
-    data: ReportData, axes: Sequence[GridAxis], rows: Codes, table: ToleranceTable | None
+    data: ReportData, selection: _Selection, table: ToleranceTable | None
 ) -> dict[str, NDArray[Any]]:
-    labels, (met, given) = data.labels, data.store.columns.numbers("expectation_met")
+    rows, labels, (met, given) = (
+        selection.rows,
+        data.labels,
+        data.store.columns.numbers("expectation_met"),
+    )
     # 2 for a run as expected, 1 for one that is not, 0 without an expectation.
     expected = np.where(given, np.nan_to_num(met) + 1, 0).astype(np.int64)
     bits = _ALL_BITS if len(rows) <= _MOST_RUNS_IN_FULL_PRECISION else _FEW_BITS
@@ -171,7 +213,7 @@ def _columns(
         "labels:high": (labels.masks[rows] >> 32).astype("u4"),
         "expected": packed_integers(expected[rows]),
     }
-    for axis in axes:
+    for axis in selection.axes:
         columns[f"axis:{axis.name}"] = packed_integers(axis.codes[rows])
         if axis.numbers is not None:
             columns[f"number:{axis.name}"] = rounded_floats(axis.numbers[rows])

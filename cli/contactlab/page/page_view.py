@@ -1,0 +1,422 @@
+"""The view of a page: all that its templates read, by topic, each part built by one function."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from importlib import resources
+from itertools import accumulate, islice
+
+import numpy as np
+
+from contactlab.charts import Spec, static_svg, vega_bundle
+from contactlab.page.engine_parts import EngineParts, engine_parts, engines_sentence
+from contactlab.page.header_films import HeaderFilm, header_films
+from contactlab.page.heatmap import (
+    BaselineComparison,
+    compare_with_baseline,
+    default_map,
+    metric_map,
+)
+from contactlab.page.map_cells import label_counts
+from contactlab.page.packing import packed_text
+from contactlab.page.page_charts import KnobChange, knob_changes, tradeoff_chart
+from contactlab.page.paper_figures import physical_figures
+from contactlab.page.script_data import ScriptData, listed_metrics, page_colours, script_data
+from contactlab.page.sentences import closest_settings, reality_sentence, tradeoff_sentence
+from contactlab.pareto.criteria import RECORDED
+from contactlab.pareto.recommendation import blocker_texts, next_step_text, robust_text
+from contactlab.reporting.finding import finding
+from contactlab.reporting.report import PageRequest, ReportData, read_report_data
+from contactlab.reporting.report_columns import summary_metrics
+from contactlab.schema.evidence import StoreManifest
+from contactlab.schema.pair_expectation import Bounds, PairExpectation
+from contactlab.schema.sweep_schema import Sweep
+from contactlab.schema.tradeoff_report import Configuration, TradeoffReport
+from contactlab.store.finished_store import Store
+from contactlab.store.verify_store import trace_warning
+from contactlab.studies.parity.report import HEADER, about, row, shown
+
+PACKAGE = __name__.rpartition(".")[0]
+_MOST_UNEXPECTED = 50
+_MOST_CELLS = 400
+_MOST_RATIOS = 5
+_MOST_LISTED = 24
+_SCRIPTS = (
+    *("data", "state", "elements", "heatmap", "evaluation", "plots", "timeline", "run"),
+    *("runs_table", "parallel", "tabs", "main"),
+)
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table of texts; of a row of runs the first cell is an id."""
+
+    header: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    foot: Sequence[str] = ()
+
+
+@dataclass(frozen=True)
+class HeadView:
+    """The head: the finding, sentences, films, and the run to look at first by id and label."""
+
+    finding: str
+    reality: str
+    films: Sequence[HeaderFilm]
+    first: tuple[str, str] | None
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class OutcomeView:
+    """A label with its runs; start and width are of its piece of a bar of 1000 units."""
+
+    name: str
+    letter: str
+    colour: str
+    count: int
+    start: float
+    width: float
+    meaning: str
+    advice: str
+
+
+@dataclass(frozen=True)
+class MapView:
+    """The map of labels, and its cells as texts from the top; no rows of too many cells."""
+
+    picture: str
+    corner: str
+    ticks: Sequence[str]
+    rows: Sequence[tuple[str, Sequence[str]]]
+    has_closed_form: bool
+
+
+@dataclass(frozen=True)
+class TradeoffView:
+    """The trade-off of accuracy and time; without a report, the reason why there is none."""
+
+    report: TradeoffReport | None
+    missing: str = ""
+    sentence: str = ""
+    recommended: Sequence[str] = ()
+    blockers: Sequence[str] = ()
+    titles: Mapping[str, str] | None = None
+    worst: Mapping[str, float | None] | None = None
+    chart: str = ""
+    cheapest: Sequence[Configuration] = ()
+
+
+@dataclass(frozen=True)
+class RealityView:
+    """The distance of runs to recordings: sentence, meaning, map, and the closest settings."""
+
+    sentence: str
+    description: str
+    picture: str
+    closest: Table
+
+
+@dataclass(frozen=True)
+class EffectsView:
+    """Effects of changing one knob, and the quantities whose ratios are shown."""
+
+    changes: Sequence[KnobChange]
+    ratios: Sequence[str]
+
+
+@dataclass(frozen=True)
+class ExpectationsView:
+    """Expectations as runs, expected, reason; and those runs that are not as expected."""
+
+    rows: Sequence[tuple[str, str, str]]
+    unexpected: Sequence[tuple[str, str, str]]
+
+
+@dataclass(frozen=True)
+class EnginesView:
+    """Engines side by side, and the runs of a report of parity as ids and rows."""
+
+    parts: EngineParts
+    sentence: str
+    about: Sequence[str]
+    header: Sequence[str]
+    runs: Sequence[tuple[str, Sequence[str]]]
+
+
+@dataclass(frozen=True)
+class ComparisonView:
+    """The comparison with a baseline, and its maps."""
+
+    result: BaselineComparison
+    pictures: Sequence[str]
+
+
+@dataclass(frozen=True)
+class ScriptView:
+    """The script: its data, its code, and the charting library, packed."""
+
+    data: ScriptData
+    code: str
+    bundle: str
+
+
+@dataclass(frozen=True)
+class PageView:
+    """A page: a part is None where the store has nothing of it."""
+
+    store: str
+    manifest: StoreManifest
+    style: str
+    head: HeadView
+    outcomes: Sequence[OutcomeView]
+    map: MapView | None
+    tradeoff: TradeoffView | None
+    reality: RealityView | None
+    runs: Table
+    figures: Mapping[str, str]
+    effects: EffectsView | None
+    expectations: ExpectationsView | None
+    engines: EnginesView | None
+    comparison: ComparisonView | None
+    script: ScriptView
+
+    @property
+    def title(self) -> str:
+        """Title: sweep and scene."""
+        return f"{self.manifest.sweep.name}: {self.manifest.sweep.scene}"
+
+    @property
+    def stable(self) -> int:
+        """Number of stable runs."""
+        return next((outcome.count for outcome in self.outcomes if outcome.name == "stable"), 0)
+
+
+def page_view(store: Store, request: PageRequest) -> PageView:
+    """Return the view of a store's page; for the errors see `read_report_data`."""
+    data = read_report_data(store, request.criteria)
+    chart = tradeoff_chart(data)
+    script = script_data(data, request, chart)
+    reality = reality_view(data)
+    return PageView(
+        store=str(store.address),
+        manifest=store.manifest,
+        style=_read("style.css"),
+        head=head_view(data, request, reality, script.notes),
+        outcomes=list(outcome_views(data)),
+        map=map_view(data),
+        tradeoff=tradeoff_view(data, chart),
+        reality=reality,
+        runs=listed_runs(data),
+        figures={
+            name: static_svg(spec, name) for name, spec in physical_figures(data).items() if spec
+        },
+        effects=effects_view(data),
+        expectations=expectations_view(store),
+        engines=engines_view(data, request),
+        comparison=comparison_view(data, request),
+        script=ScriptView(
+            script,
+            "\n".join(_read(f"script/{name}.js") for name in _SCRIPTS),
+            packed_text(vega_bundle()),
+        ),
+    )
+
+
+def _read(name: str) -> str:
+    return resources.files(PACKAGE).joinpath(name).read_text(encoding="utf-8")
+
+
+def head_view(
+    data: ReportData, request: PageRequest, reality: RealityView | None, notes: Sequence[str]
+) -> HeadView:
+    """Return the head of a page; damaged traces are among its notes."""
+    first = first_look(data)
+    return HeadView(
+        finding=finding(data.axes, data.labels),
+        reality=reality.sentence if reality else "",
+        films=header_films(data, first[0] if first else None) if request.traces else [],
+        first=first,
+        notes=(*notes, *trace_warning(data.store)),
+    )
+
+
+def first_look(data: ReportData) -> tuple[str, str] | None:
+    """Return id and label of the run to look at first: not as expected, or else the worst."""
+    labels = data.labels
+    met, given = data.store.columns.numbers("expectation_met")
+    candidates = np.flatnonzero(given & (np.nan_to_num(met) == 0))
+    candidates = candidates if len(candidates) else np.flatnonzero(labels.failed)
+    if not len(candidates):
+        return None
+    row = int(candidates[labels.codes[candidates].argmin()])
+    return str(data.store.columns.run_ids[row]), labels.names[labels.codes[row]]
+
+
+def outcome_views(data: ReportData) -> Iterator[OutcomeView]:
+    """Yield the labels of a store, the worst first."""
+    labels, runs = data.labels, max(1, data.store.manifest.runs)
+    starts = accumulate(labels.counts, initial=0)
+    columns = (labels.names, labels.letters, page_colours(labels), labels.counts, labels.facts)
+    for start, name, letter, colour, count, facts in zip(starts, *columns, strict=False):
+        place = 1000 * start / runs, 1000 * count / runs
+        # Nothing is to be changed of a stable run.
+        advice = "" if name == "stable" else facts.advice
+        yield OutcomeView(name, letter, colour, count, *place, facts.meaning, advice)
+
+
+def map_view(data: ReportData) -> MapView | None:
+    """Return the default map; None of a store without axes."""
+    axes = data.map_axes
+    if axes is None:
+        return None
+    return MapView(
+        picture=static_svg(default_map(data), f"Labels over {' and '.join(axes.names)}"),
+        corner=f"{axes.y.title} \\ {axes.x.title}" if axes.y else axes.x.title,
+        ticks=axes.x.ticks,
+        rows=_map_rows(data),
+        has_closed_form=bool(data.quantities_named("oracle_expected")),
+    )
+
+
+def _map_rows(data: ReportData) -> list[tuple[str, list[str]]]:
+    axes, labels = data.map_axes, data.labels
+    if axes is None or axes.size > _MOST_CELLS:
+        return []
+    ticks = axes.y.ticks if axes.y else ("all",)
+    rows = [
+        [", ".join(f"{n} {labels.names[code]}" for code, n in enumerate(cell) if n) for cell in row]
+        for row in label_counts(axes, labels).tolist()
+    ]
+    return list(zip(ticks, rows, strict=True))[::-1]
+
+
+def tradeoff_view(data: ReportData, chart: Spec | None) -> TradeoffView | None:
+    """Return the trade-off, or why there is none; None where neither is to be said."""
+    report = data.tradeoff
+    if report is None:
+        return TradeoffView(None, data.no_tradeoff) if data.no_tradeoff else None
+    wanted = report.recommendation.configuration if report.recommendation else None
+    worst = (outcome.worst for outcome in report.configurations if outcome.configuration == wanted)
+    return TradeoffView(
+        report=report,
+        sentence=tradeoff_sentence(report),
+        recommended=[text for text in (robust_text(report), next_step_text(report)) if text],
+        blockers=blocker_texts(report),
+        titles={axis.name: axis.title for axis in data.axes},
+        worst=next(worst, {}),
+        chart=static_svg(chart, "Error against time of each configuration") if chart else "",
+        cheapest=sorted(
+            report.configurations,
+            key=lambda configuration: (not configuration.feasible, configuration.time or 0.0),
+        ),
+    )
+
+
+def reality_view(data: ReportData) -> RealityView | None:
+    """Return the distance to recordings; None where no run was compared with one."""
+    for reality in data.quantities_named("reality"):
+        header, rows, foot = closest_settings(data)
+        return RealityView(
+            sentence=reality_sentence(data),
+            description=reality.column.description,
+            picture=static_svg(metric_map(data, "reality"), "Distance to the recording"),
+            closest=Table(header, rows, foot),
+        )
+    return None
+
+
+def listed_runs(data: ReportData) -> Table:
+    """Return a table of some runs, the worst first."""
+    quantities = data.quantities_named(*listed_metrics(data))
+    ids = data.store.columns.run_ids
+    rows = [
+        [
+            str(ids[row]),
+            data.labels.names[data.labels.codes[row]],
+            *(axis.ticks[axis.codes[row]] for axis in data.axes),
+            *(f"{quantity.values[row]:.4g}" for quantity in quantities),
+        ]
+        for row in np.argsort(data.labels.codes, kind="stable")[:_MOST_LISTED].tolist()
+    ]
+    titles = (column.title for column in (*data.axes, *quantities))
+    return Table(["run", "label", *titles], rows)
+
+
+def effects_view(data: ReportData) -> EffectsView | None:
+    """Return the effect of each knob; None where no two runs differ in one alone."""
+    changes = knob_changes(data.axes, data.labels, data.quantities)
+    return EffectsView(changes, _ratio_names(data, changes)) if changes else None
+
+
+def _ratio_names(data: ReportData, changes: Sequence[KnobChange]) -> list[str]:
+    """Return five quantities that changes have ratios of: time, error, and the summary's."""
+    report = data.tradeoff
+    first = (report.time.name, report.error.name, *report.tolerances) if report else (RECORDED,)
+    known = {
+        name for change in changes for name, ratio in change.ratios.items() if ratio is not None
+    }
+    wanted = dict.fromkeys((*first, *summary_metrics()))
+    return [name for name in wanted if name in known][:_MOST_RATIOS]
+
+
+def expectations_view(store: Store) -> ExpectationsView | None:
+    """Return expectations and the first runs that do not meet theirs; None if none is stated."""
+    rows = list(_expectations(store.manifest))
+    return ExpectationsView(rows, _unexpected_runs(store)) if rows else None
+
+
+def _expectations(manifest: StoreManifest) -> Iterator[tuple[str, str, str]]:
+    sweep = Sweep.model_validate(manifest.sweep.resolved)
+    for expectation in sweep.expect:
+        conditions = [f"{name} = {value}" for name, value in expectation.where.settings.items()]
+        conditions += [expectation.where.where] if expectation.where.where else []
+        expected = [" or ".join(expectation.label)] if expectation.label else []
+        expected += [_bounds(name, bounds) for name, bounds in expectation.metrics.items()]
+        expected += [_bounds(f"mean {name}", bounds) for name, bounds in expectation.mean.items()]
+        pairs = expectation.model_dump(include=set(PairExpectation.model_fields), exclude_none=True)
+        expected += [f"{name} {value}".replace("'", "") for name, value in pairs.items()]
+        yield ", ".join(conditions) or "all runs", "; ".join(expected), expectation.reason or ""
+
+
+def _bounds(name: str, bounds: Bounds) -> str:
+    low, high = bounds.min, bounds.max
+    if low is not None and high is not None:
+        return f"{low:g} ≤ {name} ≤ {high:g}"
+    return f"{name} ≥ {low:g}" if low is not None else f"{name} ≤ {high:g}"
+
+
+def _unexpected_runs(store: Store) -> list[tuple[str, str, str]]:
+    """Return id, label and unmet expectation of the first runs that are not as expected."""
+    if not store.manifest.expectations.get("unmet", 0):
+        return []
+    columns = store.columns.to_pydict(["run_id", "label", "expectation_met", "expectation_reason"])
+    rows = zip(*columns.values(), strict=True)
+    unmet = ((run, label, reason or "") for run, label, met, reason in rows if met is False)
+    return list(islice(unmet, _MOST_UNEXPECTED))
+
+
+def engines_view(data: ReportData, request: PageRequest) -> EnginesView | None:
+    """Return engines side by side; None of one engine without a report of parity."""
+    parts = engine_parts(data, request.parity)
+    if parts is None:
+        return None
+    parity = parts.parity
+    return EnginesView(
+        parts=parts,
+        sentence=engines_sentence(parts),
+        about=list(about(parity)) if parity else [],
+        header=HEADER,
+        runs=[(run.run_id, row(run)) for run in shown(parity)] if parity else [],
+    )
+
+
+def comparison_view(data: ReportData, request: PageRequest) -> ComparisonView | None:
+    """Return the comparison with a baseline; None without one."""
+    if request.baseline is None:
+        return None
+    result = compare_with_baseline(data, request.baseline)
+    pictures = [
+        static_svg(spec, f"{name}: baseline, candidate and difference")
+        for name, spec in result.maps.items()
+    ]
+    return ComparisonView(result, pictures)
