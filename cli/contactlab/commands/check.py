@@ -46,7 +46,7 @@ def _failure(report: "CheckReport", given: Given) -> ExpectationError | None:
 
 
 @command(
-    "run",
+    "examine",
     examples=("check robot.xml", "check menagerie:franka_emika_panda --format junit"),
     formats={form: partial(_shown, form) for form in ("text", "json", "junit", "github")},
     failure=_failure,
@@ -84,7 +84,7 @@ def check(
     plugin: opt.Plugins = (),
     allow_code: opt.AllowCode = False,
 ) -> "CheckReport":
-    """Check a model; exit with 1 if there is an error that is not accepted.
+    """Check a model for CI; exit with 1 if an error is not accepted.
 
     The report has each check with its numbers, and what helps. Evidence goes to
     `results/check/NAME` unless `output` names another folder.

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 @command(
-    "read",
+    "gate",
     examples=("compare results/before results/after",),
     formats=COMPARED,
     failure=failure,

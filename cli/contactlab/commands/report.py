@@ -83,7 +83,7 @@ def report(
         Option(None, "File formats of the figures: png, svg, pdf.", kind=str),
     ] = "png",
 ) -> "Path | Any":  # noqa: ANN401 - so that a caller without `figures` has a path
-    """Draw a store as one page that works offline: maps, accuracy against time, every run.
+    """Draw a store as one page that works offline.
 
     The path of the page is returned, those of the figures, or the list of figures.
 
