@@ -1,5 +1,6 @@
 """Each command does its main job once, on a model of one ball or a store of two runs."""
 
+import importlib
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -73,7 +74,7 @@ def places(store: Path, tmp_path: Path) -> dict[str, str]:
 @pytest.fixture(autouse=True)
 def _undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
     """Draw no films and charts: their libraries take seconds to start, in tests of their own."""
-    html_page: Any = pytest.importorskip("contactlab.page.html_page", reason="jinja2 is an extra")
+    html_page: Any = importlib.import_module("contactlab.page.html_page")
     monkeypatch.setattr(html_page, "header_films", lambda *_: [])
     monkeypatch.setattr(html_page, "vega_bundle", lambda *_: "")
     monkeypatch.setattr(html_page, "static_svg", lambda *_: "<svg/>")
