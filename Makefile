@@ -57,7 +57,7 @@ schemas: .venv/dev
 snapshots: .venv/dev
 	$(BIN)/python -m tests.snapshots
 
-# What `contactlab sweeps` lists without the engine.
+# What `contactlab list sweeps` lists without the engine.
 sweeps/index.json: .venv/dev sweeps/*.yaml
 	$(BIN)/python -m tests.commands.sweep_index
 

@@ -11,7 +11,7 @@ import pyarrow as pa
 import pytest
 
 import contactlab
-from contactlab.command_line.main import command_modules
+from contactlab.command_line.modules import command_modules
 from contactlab.errors import StoreError, SweepFileError
 from contactlab.store.finished_store import Store
 

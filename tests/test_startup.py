@@ -139,7 +139,7 @@ def test_a_command_loads_no_more_than_it_prints(folder: Path) -> None:
     engine = "mujoco scipy ruamel.yaml mcap pandas zstandard"
     run(COMMAND, folder, engine, "show", "store")
     table = "numpy pyarrow contactlab.plugins contactlab.commands.sweep"
-    run(COMMAND, folder, f"{engine} {table}", "sweeps")
+    run(COMMAND, folder, f"{engine} {table}", "list", "sweeps")
 
 
 @pytest.mark.long

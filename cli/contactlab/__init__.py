@@ -28,19 +28,15 @@ if TYPE_CHECKING:
     from contactlab.commands.explain import explain
     from contactlab.commands.fit import fit
     from contactlab.commands.init import init
-    from contactlab.commands.labels import labels
+    from contactlab.commands.list import list
     from contactlab.commands.lock import lock
-    from contactlab.commands.metrics import metrics
     from contactlab.commands.parity import parity
     from contactlab.commands.render import render
     from contactlab.commands.replay import replay
     from contactlab.commands.report import report
-    from contactlab.commands.scenes import scenes
     from contactlab.commands.show import show
     from contactlab.commands.stability import stability
     from contactlab.commands.sweep import sweep
-    from contactlab.commands.sweeps import sweeps
-    from contactlab.commands.thresholds import thresholds
     from contactlab.commands.tradeoff import tradeoff
     from contactlab.commands.tune import tune
     from contactlab.commands.verify import verify
@@ -61,9 +57,8 @@ __all__ = [
     "explain",
     "fit",
     "init",
-    "labels",
+    "list",
     "lock",
-    "metrics",
     "open",
     "parity",
     "progress",
@@ -71,12 +66,9 @@ __all__ = [
     "render",
     "replay",
     "report",
-    "scenes",
     "show",
     "stability",
     "sweep",
-    "sweeps",
-    "thresholds",
     "traces",
     "tradeoff",
     "tune",
@@ -108,13 +100,29 @@ def __getattr__(name: str) -> Any:  # noqa: ANN401 - each function has a type of
 
 
 def _installed(name: str) -> Any:  # noqa: ANN401 - as above
-    """Return a command that another package adds."""
+    """Return a command that another package adds, or one by its former name."""
+    from contactlab.command_line.front_door import FORMER
     from contactlab.plugins import extensions
 
+    if name in FORMER:
+        return _former(name, FORMER[name][-1])
     found = None if name.startswith("_") else extensions("command").get(name)
     if found is None:
         raise AttributeError(f"module 'contactlab' has no attribute '{name}'")
     return found.load()
+
+
+def _former(name: str, what: str) -> Any:  # noqa: ANN401 - as above
+    """Return a listing's function under the name that it had up to 0.3."""
+    import warnings
+    from functools import partial
+
+    from contactlab.commands.list import list
+
+    warnings.warn(
+        f"contactlab.{name}() is contactlab.list('{what}') now", DeprecationWarning, stacklevel=3
+    )
+    return partial(list, what)
 
 
 def __dir__() -> list[str]:

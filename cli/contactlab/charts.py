@@ -1,9 +1,5 @@
-"""Charts: their layers, one theme for paper and page, and how they become pictures.
+"""Charts: their layers, one theme for paper and page, and how they become pictures."""
 
-Loads Altair, of the extra `figures`.
-"""
-
-import io
 import re
 from collections.abc import Callable, Container, Sequence
 from functools import cache
@@ -11,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import altair as alt
-import pikepdf
 import vl_convert
 
 from contactlab.errors import OutputError
@@ -142,28 +137,20 @@ def check_figure(path: Path) -> None:
 def save_figure(chart: alt.TopLevelMixin, path: Path) -> None:
     """Write a chart as a .png or .svg file; an OutputError if it cannot be written."""
     try:
-        path.write_bytes(render_chart(themed(chart.to_dict()), path.suffix[1:]))
+        spec = themed(chart.to_dict())
+        path.write_bytes(as_png(spec) if path.suffix == ".png" else as_svg(spec).encode())
     except OSError as error:
         raise OutputError(f"cannot write {path}: {error.strerror}") from error
 
 
-def render_chart(spec: Spec, form: str, scale: float = 1.0) -> bytes:
-    """Return a specification as a file of one of the formats; a PDF at a scale."""
-    if form == "svg":
-        return as_svg(spec).encode()
-    spec = shown(spec)
-    if form == "png":
-        return vl_convert.vegalite_to_png(spec, scale=_SCALE, allowed_base_urls=_ALLOWED_URLS)
-    pdf = vl_convert.vegalite_to_pdf(spec, allowed_base_urls=_ALLOWED_URLS)
-    # Its objects in a fixed order: the renderer's own varies.
-    written = io.BytesIO()
-    with pikepdf.open(io.BytesIO(pdf)) as opened:
-        for page in opened.pages if scale != 1 else ():
-            page.mediabox = pikepdf.Array([float(side) * scale for side in page.mediabox.as_list()])
-            page.contents_add(f"q {scale:.9f} 0 0 {scale:.9f} 0 0 cm".encode(), prepend=True)
-            page.contents_add(b"Q")
-        opened.save(written, deterministic_id=True)
-    return written.getvalue()
+def as_png(spec: Spec, scale: float = _SCALE) -> bytes:
+    """Return a specification as PNG, at so many dots a pixel."""
+    return vl_convert.vegalite_to_png(shown(spec), scale=scale, allowed_base_urls=_ALLOWED_URLS)
+
+
+def as_pdf(spec: Spec) -> bytes:
+    """Return a specification as PDF, whose objects are in no fixed order."""
+    return vl_convert.vegalite_to_pdf(shown(spec), allowed_base_urls=_ALLOWED_URLS)
 
 
 @cache

@@ -47,20 +47,20 @@ def sweep_names() -> list[str]:
 
 def scene_folder(name: str) -> Path:
     """Return the folder of a shipped scene; raise SceneError if there is none of this name."""
-    message, rest = f"no shipped scene named '{name}'", "\nsee `contactlab scenes`"
+    message, rest = f"no shipped scene named '{name}'", "\nsee `contactlab list scenes`"
     SceneError.unless_known(name, scene_names(), message, rest=rest)
     return MODELS / name
 
 
 def sweep_index() -> dict[str, tuple[str, str, int, str]]:
-    """Return what `contactlab sweeps` lists of shipped sweeps, by the SHA-256 of their files."""
+    """Return the rows of `contactlab list sweeps`, by the SHA-256 of the shipped files."""
     return json.loads((SWEEPS / "index.json").read_text(encoding="utf-8"))
 
 
 def sweep_file(name: str) -> Path:
     """Return the path of a shipped sweep; raise SweepFileError if there is none of this name."""
     message = f"no sweep file and no shipped sweep named '{name}'"
-    SweepFileError.unless_known(name, sweep_names(), message, rest="\nsee `contactlab sweeps`")
+    SweepFileError.unless_known(name, sweep_names(), message, rest="\nsee `contactlab list sweeps`")
     return SWEEPS / f"{name}.yaml"
 
 

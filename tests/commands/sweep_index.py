@@ -1,4 +1,4 @@
-"""The index of the shipped sweeps: from each file's SHA-256 to its row in `contactlab sweeps`.
+"""The index of the shipped sweeps: from each file's SHA-256 to its row in `contactlab list sweeps`.
 
 Run, after a shipped sweep was changed: python -m tests.commands.sweep_index
 """
@@ -7,7 +7,7 @@ import json
 from hashlib import sha256
 
 from contactlab import resources
-from contactlab.commands.sweeps import sweep_row
+from contactlab.commands.list import sweep_row
 
 
 def sweep_index() -> dict[str, list[object]]:

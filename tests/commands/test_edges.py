@@ -19,7 +19,7 @@ SWEEP = "version: 1\nscene: ball_drop\nduration: {duration}\naxes: {{timestep: {
 def test_a_full_device_is_one_line() -> None:
     with Path("/dev/full").open("w") as full:
         done = subprocess.run(
-            [sys.executable, "-m", "contactlab", "metrics", "--format", "json"],
+            [sys.executable, "-m", "contactlab", "list", "metrics", "--format", "json"],
             stdout=full,
             stderr=subprocess.PIPE,
             text=True,

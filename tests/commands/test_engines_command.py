@@ -1,4 +1,4 @@
-"""The commands `engines`: the list says what is installed, and `add` makes an environment whole."""
+"""Engines: the list says what is installed, and `add` makes an environment whole."""
 
 import json
 from pathlib import Path
@@ -35,7 +35,7 @@ def installer(folder: Path, then: str = "") -> None:
 
 
 def versions(contactlab: Any) -> dict[str, str]:
-    listed = json.loads(contactlab("engines", "--format", "json").out)
+    listed = json.loads(contactlab("list", "engines", "--format", "json").out)
     return {each["engine"]: each["version"] for each in listed}
 
 

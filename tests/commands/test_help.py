@@ -10,6 +10,9 @@ from typing import Any
 
 import pytest
 
+import contactlab as api
+from contactlab.command_line.declaration import TITLES
+from contactlab.command_line.front_door import FORMER
 from contactlab.command_line.main import command_line
 
 Run = Callable[..., Any]
@@ -77,7 +80,7 @@ def test_help_loads_little() -> None:
         (["--help"], "-"),
         (["sweep", "--help"], "-"),
         (["schema", "record"], "-"),
-        (["sweeps"], "-"),
+        (["list", "sweeps"], "-"),
         (["show", "store"], "numpy,pyarrow"),
         (["verify", "store"], "mujoco,numpy,pyarrow"),
     ],
@@ -105,3 +108,25 @@ def test_a_reader_that_leaves_is_no_error(store: Path, tmp_path: Path) -> None:
             check=False,
         )
     assert done.stderr == b""
+
+
+def test_no_summary_is_cut(contactlab: Run) -> None:
+    """All commands fit one screen of 80 columns, each with its whole summary."""
+    _, out, _ = contactlab("--help")
+    lines = out.partition("Options:")[2].splitlines()
+    assert not [line for line in lines if "..." in line or len(line) > 80]
+    assert all(f"\n{title}:\n" in out for title in TITLES.values())
+
+
+@pytest.mark.parametrize("name", FORMER)
+def test_a_former_name_works_and_says_the_new_one(contactlab: Run, name: str) -> None:
+    code, out, err = contactlab(name)
+    now = " ".join(FORMER[name])
+    assert (code, err.splitlines()[0]) == (
+        0,
+        f"`contactlab {name}` is `contactlab {now}` now; the old name goes next",
+    )
+    assert out == contactlab(*FORMER[name]).out
+    if name != "engines":  # In Python that is a package.
+        with pytest.warns(DeprecationWarning, match="contactlab.list"):
+            assert len(getattr(api, name)()) > 2

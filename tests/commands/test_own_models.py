@@ -7,7 +7,6 @@ from typing import Any
 
 import pytest
 
-from contactlab.command_line.main import command_line
 from contactlab.store.finished_store import Store
 from contactlab.store.verify_store import verify
 
@@ -221,8 +220,16 @@ def test_a_folder_that_is_not_there_is_told(contactlab: Run, tmp_path: Path) -> 
     [
         (["init", "bal_drop"], "error: no shipped scene named 'bal_drop'; did you mean 'ball_dr"),
         (["init", "-o", "nowhere/sweep.yaml"], "error: cannot write nowhere/sweep.yaml: No such"),
-        (["scenes", "box_slid"], "error: no shipped scene named 'box_slid'; did you mean 'box_s"),
-        (["scenes", "gone.xml"], "error: no model file gone.xml"),
+        (
+            ["list", "axes", "box_slid"],
+            "error: no shipped scene named 'box_slid'; did you mean 'box_s",
+        ),
+        (["list", "axes", "gone.xml"], "error: no model file gone.xml"),
+        (["list", "lables"], "error: nothing called 'lables' to list; did you mean 'labels'?"),
+        (["list", "axes"], "error: list axes: name a scene too"),
+        (["list", "labels", "ball_drop"], "error: only axes are of a scene"),
+        (["balldrop"], "error: no command, model or shipped scene 'balldrop'; did you mean 'ball"),
+        (["swep", "bounce"], "error: no command, model or shipped scene 'swep'; did you mean 'sw"),
         (["schema", "swep"], "error: no schema 'swep'; did you mean 'sweep'?"),
         (["schema", "--write", "/proc/here"], "error: cannot write /proc/here"),
     ],
@@ -236,16 +243,13 @@ def test_mistakes_of_other_commands(
     assert list(tmp_path.iterdir()) == []
 
 
-LISTS = [
-    each.name or getattr(each.callback, "__name__", "")
-    for each in command_line().registered_commands
-    if getattr(each.callback, "__name__", "") in {"scenes", "sweeps", "metrics", "labels"}
-]
-
-
 @pytest.mark.long
-@pytest.mark.parametrize("arguments", [[name] for name in LISTS] + [["scenes", "ball_drop"]])
+@pytest.mark.parametrize(
+    "arguments",
+    [[], ["axes", "ball_drop"], ["scenes"], ["sweeps"], ["metrics"], ["labels"], ["limits"]],
+)
 def test_lists_in_both_formats(contactlab: Run, arguments: list[str]) -> None:
+    arguments = ["list", *arguments]
     code, out, err = contactlab(*arguments)
     assert (code, err) == (0, "")
     code, listed, err = contactlab(*arguments, "--format", "json")

@@ -55,7 +55,7 @@ def robot(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPa
 
 def use(contactlab: Run, folder: Path, monkeypatch: pytest.MonkeyPatch) -> list[EvidenceRecord]:
     """Use a robot in every way; return the records of a sweep."""
-    code, out, err = contactlab("scenes", ROBOT)
+    code, out, err = contactlab("list", "axes", ROBOT)
     assert (code, err) == (0, "")
     assert "home, qpos0" in out
     code, out, _ = contactlab("stability", ROBOT, "--workers", "0")
@@ -98,8 +98,8 @@ def test_a_robot_that_is_not_there_is_a_message(
     contactlab: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("MENAGERIE_ROOT", str(tmp_path))
-    for command in ("scenes", "stability", "init"):
-        code, out, err = contactlab(command, ROBOT)
+    for words in (["list", "axes"], ["stability"], ["init"]):
+        code, out, err = contactlab(*words, ROBOT)
         assert (code, out) == (2, "")
         assert "cannot get franka_emika_panda" in err
         assert "set MENAGERIE_ROOT" in err

@@ -14,7 +14,7 @@ from contactlab.command_line.declaration import Argument, Option, command
 from contactlab.errors import SweepFileError
 
 
-@command("list", formats={"text": lambda sound, given: print(sound)})
+@command("extend", formats={"text": lambda sound, given: print(sound)})
 def ring(
     bell: Annotated[str, Argument("BELL", "Which one.")],
     times: Annotated[int, Option("N", "How often.")] = 1,

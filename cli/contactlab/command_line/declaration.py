@@ -21,14 +21,26 @@ from typing import Any, Literal, ParamSpec, TypeVar
 from contactlab.command_line.surroundings import progress
 from contactlab.errors import ContactlabError, PluginError
 
-Group = Literal["run", "read", "list"]
-"""Kind of a command: it runs simulations, reads evidence, or lists what there is."""
-CODES: Mapping[Group, str] = {
-    "run": "0 as expected, 1 not, 2 bad input, 3 bad store, 4 runs lost, 130 interrupted",
-    "read": "0 sound or equal, 1 it differs, 2 bad input, 3 bad or damaged store",
-    "list": "0 printed, 2 bad input",
+Group = Literal["examine", "run", "read", "gate", "extend"]
+"""Kind of a command, by what it is for."""
+TITLES: Mapping[Group, str] = {
+    "examine": "Examine a model",
+    "run": "Run sweeps",
+    "read": "Read evidence",
+    "gate": "Gate changes",
+    "extend": "Look up and extend",
 }
-"""Exit codes of a command, in the order in which groups stand in `--help`."""
+"""Titles of groups, in the order in which they stand in `--help`."""
+_OF_RUNS = "0 as expected, 1 not, 2 bad input, 3 bad store, 4 runs lost, 130 interrupted"
+_OF_STORES = "0 sound or equal, 1 it differs, 2 bad input, 3 bad or damaged store"
+CODES: Mapping[Group, str] = {
+    "examine": _OF_RUNS,
+    "run": _OF_RUNS,
+    "read": _OF_STORES,
+    "gate": _OF_STORES,
+    "extend": "0 printed, 2 bad input",
+}
+"""Exit codes of the commands of a group, where they have none of their own."""
 
 Given = Mapping[str, Any]
 """The parameters of a call by name, with the defaults of those that are left out."""
@@ -115,10 +127,14 @@ def command(
         codes: exit codes, where they are not those of the group.
         formats: what prints its result, by the name that `--format` takes.
         failure: returns, of a result and the parameters, the error to end with; None if it is fine.
+
+    Raises:
+        PluginError: there is no such group.
     """
 
     def declare(function: Callable[_Parameters, _Result]) -> Callable[_Parameters, _Result]:
         words = name or function.__name__
+        PluginError.unless_known(group, CODES, f"{words}: no group '{group}' of commands")
 
         @wraps(function)
         def call(*args: _Parameters.args, **given: _Parameters.kwargs) -> _Result:

@@ -6,34 +6,24 @@ import os
 import sys
 import warnings
 from collections.abc import Sequence
-from functools import cache
 from importlib import import_module
 from pathlib import Path
-from pkgutil import iter_modules
 
 import typer
+from click import HelpFormatter
+from typer.core import TyperGroup
 
-from contactlab.command_line.declaration import CODES, Command, declared, is_declared
+from contactlab.command_line.declaration import TITLES, Command, Group, declared
+from contactlab.command_line.front_door import completed
+from contactlab.command_line.modules import command_modules, commands_of
 from contactlab.command_line.parser import typed
 from contactlab.command_line.terminal import echo, notice, say
 from contactlab.errors import ContactlabError, OutputError, in_one_line
 from contactlab.printable import printable
-from contactlab.resources import COMMANDS
 
 _HELP = ("-h", "--help")
-
-
-@cache
-def command_modules() -> tuple[str, ...]:
-    """Return the names of modules, each the first word of its commands, sorted."""
-    return tuple(sorted(module.name for module in iter_modules([str(COMMANDS)])))
-
-
-def commands_of(name: str) -> list[Command]:
-    """Return the commands that a module declares, in its order."""
-    module = import_module(f"contactlab.commands.{name}")
-    found = map(declared, filter(is_declared, vars(module).values()))
-    return [command for command in found if command.function.__module__ == module.__name__]
+_OF_OTHERS = "From other packages"
+_SUMMARY = 66  # columns that a line of 80 leaves for the summary of a command
 
 
 def command_line(first: str | None = None) -> typer.Typer:
@@ -43,6 +33,7 @@ def command_line(first: str | None = None) -> typer.Typer:
     """
     app = typer.Typer(
         name="contactlab",
+        cls=_Grouped,
         no_args_is_help=True,
         context_settings={"help_option_names": list(_HELP)},
         pretty_exceptions_enable=False,
@@ -51,13 +42,31 @@ def command_line(first: str | None = None) -> typer.Typer:
     app.callback()(contactlab)
     modules = command_modules()
     names = [first] if first in modules else modules
-    groups = list(CODES)
-    found = {name: commands_of(name) for name in names}
-    for name in sorted(found, key=lambda name: groups.index(found[name][0].group)):
-        _add(app, name, found[name], in_list=first in _HELP)
+    for name in names:
+        _add(app, name, commands_of(name), in_list=first in _HELP)
     if first not in modules:
         _add_installed(app)
     return app
+
+
+class _Grouped(TyperGroup):
+    """All commands, whose help lists them by groups."""
+
+    def format_commands(self, ctx: typer.Context, formatter: HelpFormatter) -> None:  # pyright: ignore[reportIncompatibleMethodOverride]
+        """Write a section for each group, and one for what other packages add."""
+        del ctx
+        listed: dict[str, list[tuple[str, str]]] = {title: [] for title in TITLES.values()}
+        for name, found in self.commands.items():
+            title = TITLES[_group(name)] if name in command_modules() else _OF_OTHERS
+            listed.setdefault(title, []).append((name, found.get_short_help_str(_SUMMARY)))
+        for title, rows in listed.items():
+            if rows:
+                with formatter.section(title):
+                    formatter.write_dl(rows)
+
+
+def _group(name: str) -> Group:
+    return commands_of(name)[0].group
 
 
 def _add(app: typer.Typer, name: str, found: Sequence[Command], *, in_list: bool) -> None:
@@ -108,7 +117,10 @@ def contactlab(
         help="Let models name the files of a folder outside of their own; may be repeated.",
     ),
 ) -> None:
-    """Evidence for contact simulation: sweeps of MuJoCo rollouts, labelled and stored."""
+    """Evidence for contact simulation: `contactlab MODEL` says whether to trust a model.
+
+    A model is an .xml or .urdf file, a shipped scene, or menagerie:ROBOT.
+    """
     del version
     if allow_files:
         from contactlab.scene.model_guards import allow_files as allow
@@ -122,7 +134,8 @@ def main() -> None:
     os.environ["PYTHONSAFEPATH"] = "1"
     warnings.formatwarning = lambda message, *_: f"warning: {printable(str(message))}\n"
     try:
-        command_line(sys.argv[1] if sys.argv[1:] else _HELP[0])(prog_name="contactlab")
+        words = completed(sys.argv[1:])
+        command_line(words[0] if words else _HELP[0])(words, prog_name="contactlab")
     except ContactlabError as error:
         say(f"error: {error}" if not str(error).startswith("error") else str(error))
         raise SystemExit(error.exit_code) from error

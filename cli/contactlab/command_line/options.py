@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from contactlab.command_line.declaration import Argument, Option, flag
 from contactlab.command_line.surroundings import say
-from contactlab.errors import OutputError, SweepFileError, optional
+from contactlab.errors import OutputError, SweepFileError
 
 if TYPE_CHECKING:
     from contactlab.plan.task_options import TaskOptions
@@ -192,8 +192,8 @@ def load_plugins(files: Sequence[str | Path]) -> "Sequence[Plugin]":
 def check_figure(path: str | Path | None) -> None:
     """Check that the figure of `--figure` can be drawn; an OutputError says why not."""
     if path is not None:
-        with optional("figures", "a figure"):
-            from contactlab.charts import check_figure as check
+        from contactlab.charts import check_figure as check
+
         check(Path(path))
 
 

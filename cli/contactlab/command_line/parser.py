@@ -43,7 +43,7 @@ def typed(
 
 def call(command: Command, values: Given) -> None:
     """Call a command with the values that typer read, print its result, and raise its failure."""
-    if command.group != "list":
+    if command.group != "extend":
         notice.show()
     chosen = values.get(_FORMAT) if len(command.formats) > 1 else next(iter(command.formats), None)
     own = inspect.signature(command.function)

@@ -36,7 +36,7 @@ def _json(done: WrittenBaseline, given: Given) -> None:
 
 
 @command(
-    "read",
+    "gate",
     name="baseline update",
     examples=("baseline update results/grasp baselines/grasp",),
     codes="0 written, 2 bad input, 3 bad or damaged store",

@@ -48,7 +48,7 @@ def _json(result: Bisection, given: Given) -> None:
 
 
 @command(
-    "run",
+    "gate",
     examples=(
         "bisect tower.yaml --good 3.11.0 --bad 4.0.0",
         "bisect tests/test_grasp.py::test_held --good 3.11.0 --bad 4.0.0",
@@ -84,7 +84,7 @@ def bisect(
     ] = None,
     allow_code: opt.AllowCode = False,
 ) -> Bisection:
-    """Find the release of MuJoCo that changed an outcome; the same command resumes.
+    """Find the release of MuJoCo that changed an outcome.
 
     Raises:
         ExpectationError: both ends give the same.

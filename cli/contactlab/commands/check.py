@@ -31,7 +31,7 @@ def _failure(report: "CheckReport", given: Given) -> ContactlabError | None:
 
 
 @command(
-    "run",
+    "examine",
     examples=("check robot.xml", "check menagerie:franka_emika_panda --format junit"),
     formats=printed(_report_of),
     failure=_failure,
@@ -69,7 +69,7 @@ def check(
     plugin: opt.Plugins = (),
     allow_code: opt.AllowCode = False,
 ) -> "CheckReport":
-    """Check a model; exit with 1 if there is an error that is not accepted.
+    """Check a model for CI; exit with 1 if an error is not accepted.
 
     The report has each check with its numbers, and what helps. Evidence goes to
     `results/check/NAME` unless `output` names another folder.

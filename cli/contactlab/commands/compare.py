@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 @command(
-    "read",
+    "gate",
     examples=("compare results/before results/after",),
     formats=printed(compared),
     failure=failure,

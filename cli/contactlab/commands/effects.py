@@ -32,7 +32,7 @@ def _failure(report: "EffectsReport", given: Given) -> ExpectationError | None:
 
 
 @command(
-    "run",
+    "examine",
     examples=("effects grasp_mug",),
     formats={"text": _text, "json": _json},
     failure=_failure,
@@ -63,7 +63,7 @@ def effects(
     plugin: opt.Plugins = (),
     allow_code: opt.AllowCode = False,
 ) -> "EffectsReport":
-    """Change one effect at a time, and find the smallest set that keeps every result.
+    """Find the smallest set of effects that keeps every result.
 
     Settings give the base configuration. Evidence goes to `results/effects/NAME` unless `output`
     names another folder.

@@ -1,37 +1,18 @@
-"""Engines that can simulate."""
+"""Add engines that can simulate."""
 
 from typing import Annotated
 
 from contactlab.command_line.declaration import Argument, Given, command
-from contactlab.command_line.listing import LISTED, Listing
 from contactlab.command_line.surroundings import say
 from contactlab.command_line.terminal import echo
 from contactlab.errors import EngineError
-
-
-@command("list", formats=LISTED)
-def engines() -> Listing:
-    """List the engines: what each is, and the version that is installed."""
-    from contactlab.engines import ENGINES
-    from contactlab.engines.adapted_engine import AdaptedEngine
-
-    known = ENGINES.values()
-    why = {engine.name: engine.refused for engine in known if isinstance(engine, AdaptedEngine)}
-    rows = [
-        (engine.name, "refused", f"{engine.summary}: {why[engine.name]}")
-        if why.get(engine.name)
-        else (engine.name, engine.version or "not installed", engine.summary)
-        for engine in known
-    ]
-    say("more by `contactlab engines add NAME`")
-    return Listing(("engine", "version", "what computes"), rows)
 
 
 def _text(version: str, given: Given) -> None:
     echo(f"{given['name']} {version}")
 
 
-@command("list", name="engines add", examples=("engines add bullet",), formats={"text": _text})
+@command("extend", name="engines add", examples=("engines add bullet",), formats={"text": _text})
 def add(name: Annotated[str, Argument("NAME", "Engine to install.")]) -> str:
     """Install an engine in an environment of its own, in the user's cache.
 

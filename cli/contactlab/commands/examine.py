@@ -34,7 +34,7 @@ def _failure(report: "Examination", given: Given) -> ExpectationError | None:
 
 
 @command(
-    "run",
+    "examine",
     examples=("examine robot.xml", "examine robot.xml --within 30% -o robot.json"),
     formats={"text": _text, "json": _json},
     failure=_failure,
@@ -61,7 +61,7 @@ def examine(
     plugin: opt.Plugins = (),
     allow_code: opt.AllowCode = False,
 ) -> "Examination":
-    """Measure how far a model's simulation is from its own motion, and which change mends that.
+    """Say whether a model can be trusted, and which change mends it.
 
     The verdict is sound, unresolved (the timestep, solver or integrator is at fault), not resolved
     (nor is the reference known), or model (the result hangs on how soft or regularised it is).

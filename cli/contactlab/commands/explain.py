@@ -36,7 +36,7 @@ def _failure(found: Explanation, given: Given) -> ExpectationError | None:
 
 
 @command(
-    "run",
+    "examine",
     examples=(
         "explain chatter",
         'explain solref="0.005 1" MODEL        # its stiffness, damping, restitution, depth',
@@ -59,7 +59,7 @@ def explain(
     duration: opt.Duration = None,
     plugin: opt.Plugins = (),
 ) -> Explanation:
-    """Say what a label, a metric or an axis is; or what the contacts of a model are.
+    """Explain a label, a metric, an axis, or the contacts of a model.
 
     Raises:
         SweepFileError: a word is none, or settings are of no one model.

@@ -39,7 +39,7 @@ def _json(report: "FitReport", given: Given) -> None:
 
 
 @command(
-    "run",
+    "examine",
     examples=("fit cube_toss", "fit scene/ --free friction.slide=0.1:1,solref --fitted 60"),
     codes="0 fitted, 2 bad input, 130 interrupted",
     formats={"text": _text, "json": _json},
@@ -60,7 +60,7 @@ def fit(
     workers: opt.Workers = None,
     plugin: opt.Plugins = (),
 ) -> "FitReport":
-    """Fit settings to recorded motion, with intervals, and try them on runs that were held out.
+    """Fit settings to recorded motion, tried on held-out runs.
 
     Everything goes to `results/fit/NAME` if `output` is left out.
 

@@ -8,7 +8,7 @@ from contactlab.command_line.surroundings import say
 from contactlab.errors import OutputError
 
 
-@command("list", examples=("init robot.xml -o robot.yaml",))
+@command("run", examples=("init robot.xml -o robot.yaml",), codes="0 written, 2 bad input")
 def init(
     scene: Annotated[
         str | Path,
@@ -19,7 +19,7 @@ def init(
         str | Path, Option("FILE", "Sweep file to write.", kind=Path, short="-o")
     ] = Path("sweep.yaml"),
 ) -> Path:
-    """Write a starter sweep file for a scene, and its JSON Schema beside it.
+    """Write a starter sweep file for a model, with its JSON Schema.
 
     The path of the sweep file is returned.
 

@@ -49,7 +49,7 @@ def _failure(result: "WrittenLock | ComparisonReport", given: Given) -> Contactl
 
 
 @command(
-    "run",
+    "gate",
     examples=(
         "lock sweeps/gripper.yaml",
         "lock sweeps/gripper.yaml --check -o lock.xml",
@@ -79,7 +79,7 @@ def lock(
         bool, flag("Other machines cannot repeat it: judge by spread alone.")
     ] = False,
 ) -> "WrittenLock | ComparisonReport":
-    """Freeze what a sweep gives in a small file, or check that it still does.
+    """Freeze what a sweep gives in a file, or check that it still does.
 
     The lock is returned, or with `check` the comparison with it.
 

@@ -56,7 +56,7 @@ def _failure(result: "ParityReport | WrittenBundle", given: Given) -> Contactlab
 
 
 @command(
-    "run",
+    "gate",
     examples=(
         "parity grasp --against warp",
         "parity grid.yaml --bundle bundle",
@@ -101,7 +101,7 @@ def parity(
     ] = None,
     plugin: opt.Plugins = (),
 ) -> "ParityReport | WrittenBundle":
-    """Compare an engine with MuJoCo, stage by stage; exit with 1 if it differs.
+    """Compare an engine with MuJoCo, stage by stage.
 
     Give a sweep with `against` or with `bundle`, or `from_` alone.
 

@@ -46,7 +46,7 @@ def render(
         str | None, Option("RUN", "Another run of the store, drawn beside it.")
     ] = None,
 ) -> Path:
-    """Render a stored run in 3D with its contact forces: for a viewer, as a film or pictures.
+    """Render a stored run in 3D with forces: viewer, film, pictures.
 
     The file's path is returned.
 

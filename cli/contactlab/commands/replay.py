@@ -46,7 +46,7 @@ def replay(
     plugin: opt.Plugins = (),
     allow_code: opt.AllowCode = False,
 ) -> "ReplayResult | None":
-    """Simulate a stored run again and check that every state is bitwise equal.
+    """Simulate a stored run again; check that all bits are equal.
 
     The result says where the first difference is. With `view` there is none: it returns once the
     viewer is closed.

@@ -83,12 +83,12 @@ def report(
         Option(None, "File formats of the figures: png, svg, pdf.", kind=str),
     ] = "png",
 ) -> "Path | Any":  # noqa: ANN401 - so that a caller without `figures` has a path
-    """Draw a store as one page that works offline: maps, accuracy against time, every run.
+    """Draw a store as one page that works offline.
 
     The path of the page is returned, those of the figures, or the list of figures.
 
     Raises:
-        OutputError: the extra `figures` is not installed, or a file cannot be written.
+        OutputError: figures want an extra that is not installed, or a file cannot be written.
         StoreError: a store cannot be read.
     """
     from contactlab.page.report_files import write_page
@@ -128,7 +128,7 @@ def _figures(
     from contactlab.reporting.report import read_report_data
 
     if folder == Path("list"):
-        with optional("figures", "a report"):
+        with optional("figures", "figures for paper"):
             from contactlab.page.paper_figures import figure_list
         return Listing(("figure", "what it shows"), figure_list(read_report_data(store, criteria)))
     written, missing = write_figures(store, folder, formats, criteria, width)

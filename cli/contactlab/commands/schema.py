@@ -23,7 +23,7 @@ def _text(found: dict[str, Any], given: Given) -> None:
         echo("\n".join(found))
 
 
-@command("list", examples=("schema --write schemas",), formats={"text": _text})
+@command("extend", examples=("schema --write schemas",), formats={"text": _text})
 def schema(
     name: Annotated[
         str | None, Argument("NAME", "Schema to print; lists all names by default.")
@@ -33,7 +33,7 @@ def schema(
         str | Path | None, Option("FOLDER", "Write all schemas into a folder.", kind=Path)
     ] = None,
 ) -> dict[str, Any]:
-    """Print or write the JSON Schemas of the files that contactlab reads and writes.
+    """Print or write the JSON Schemas of all files.
 
     A schema is returned as data; without a name all of them, by the names of their files.
 

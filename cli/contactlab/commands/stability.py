@@ -40,7 +40,7 @@ def _failure(report: "StabilityReport", given: Given) -> ExpectationError | None
 
 
 @command(
-    "run",
+    "examine",
     examples=("stability", "stability robot.xml --duration 5"),
     formats={"text": _text, "json": _json},
     failure=_failure,
@@ -64,7 +64,7 @@ def stability(
     plugin: opt.Plugins = (),
     allow_code: opt.AllowCode = False,
 ) -> "StabilityReport":
-    """Run hard cases; report what held, what failed, and whether that is as expected.
+    """Run hard cases, or a model; say which held and which failed.
 
     Each case has a store in `results/stability`, or in the folder `output`.
 

@@ -130,7 +130,7 @@ def sweep(
         bool, flag("Keep the sound runs of a damaged store, repeat the others.")
     ] = False,
 ) -> "Store | Any":  # noqa: ANN401 - so that a caller without `plan` has a store
-    """Run a sweep into a store; the same command resumes an interrupted one.
+    """Run a sweep into a store, or resume an interrupted one.
 
     The source may also be what a sweep file would say, as data. The store, which is returned open,
     is `results/NAME` unless `output` names one. With `plan` nothing is run, and a PlannedSweep is

@@ -49,7 +49,7 @@ def _failure(report: "TradeoffReport", given: Given) -> ExpectationError | None:
 
 
 @command(
-    "run",
+    "examine",
     examples=("tradeoff results/bounce --within oracle_error=1%",),
     formats={"text": _text, "json": _json},
     failure=_failure,
@@ -81,7 +81,7 @@ def tradeoff(
     plugin: opt.Plugins = (),
     allow_code: opt.AllowCode = False,
 ) -> "TradeoffReport":
-    """Weigh accuracy against time, and recommend the fastest settings that are accurate enough.
+    """Weigh accuracy against time; recommend accurate, fast settings.
 
     A sweep is run into the store `output`, or `results/tradeoff/NAME`. `within` has the largest
     acceptable values by metric, over those of the sweep.

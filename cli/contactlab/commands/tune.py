@@ -51,7 +51,7 @@ def _failure(report: "TuneReport", given: Given) -> ExpectationError | None:
 
 
 @command(
-    "run",
+    "examine",
     examples=("tune robot.xml",),
     formats={"text": _text, "json": _json},
     failure=_failure,
@@ -95,7 +95,7 @@ def tune(
     plugin: opt.Plugins = (),
     allow_code: opt.AllowCode = False,
 ) -> "TuneReport":
-    """Find the settings to use, write the model that has them, and prove that it is as good.
+    """Find the settings to use, and write the model that has them.
 
     Numbers are in m, and of `budget` in s. Everything goes to `results/tune/NAME` if `output` is
     left out.

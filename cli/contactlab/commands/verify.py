@@ -62,7 +62,7 @@ def verify(
     simulate: Annotated[int, Option("N", "Simulate N runs again, drawn at random.", least=0)] = 0,
     allow_code: opt.AllowCode = False,
 ) -> Soundness:
-    """Check every file of a store against its hash, and recompute what its content gives.
+    """Check the files of a store, and recompute what they give.
 
     Raises:
         StoreError: there is no store to look at.

@@ -1,11 +1,12 @@
 """Figures of a given width on paper: charts laid out anew, so that text stays readable."""
 
+import io
 import re
 from typing import Any
 
-import vl_convert
+import pikepdf
 
-from contactlab.charts import Spec, as_svg, render_chart, shown
+from contactlab.charts import Spec, as_pdf, as_png, as_svg
 from contactlab.errors import OutputError
 from contactlab.page.outlined_text import outlined
 
@@ -38,7 +39,9 @@ def parse_width(text: str) -> float:
 def render_at(spec: Spec, form: str, width: float | None) -> bytes:
     """Return a figure as a file of one of the formats, exactly so wide [mm] if a width is given."""
     if width is None:
-        return outlined(as_svg(spec)).encode() if form == "svg" else render_chart(spec, form)
+        if form == "svg":
+            return outlined(as_svg(spec)).encode()
+        return as_png(spec) if form == "png" else _pdf(spec)
     pixels = width / _MM_PER_POINT / _POINTS_PER_PIXEL
     spec = laid_out(spec, pixels)
     across, high = _extent(spec)
@@ -47,9 +50,20 @@ def render_at(spec: Spec, form: str, width: float | None) -> bytes:
         return _SIZE.sub(size, outlined(as_svg(spec)), count=1).encode()
     scale = width / _MM_PER_POINT / across
     if form == "png":
-        dots = scale * _DOTS_PER_INCH / 72
-        return vl_convert.vegalite_to_png(shown(spec), scale=dots, allowed_base_urls=[])
-    return render_chart(spec, form, scale)
+        return as_png(spec, scale * _DOTS_PER_INCH / 72)
+    return _pdf(spec, scale)
+
+
+def _pdf(spec: Spec, scale: float = 1.0) -> bytes:
+    """Return a specification as PDF at a scale, its objects in a fixed order."""
+    written = io.BytesIO()
+    with pikepdf.open(io.BytesIO(as_pdf(spec))) as opened:
+        for page in opened.pages if scale != 1 else ():
+            page.mediabox = pikepdf.Array([float(side) * scale for side in page.mediabox.as_list()])
+            page.contents_add(f"q {scale:.9f} 0 0 {scale:.9f} 0 0 cm".encode(), prepend=True)
+            page.contents_add(b"Q")
+        opened.save(written, deterministic_id=True)
+    return written.getvalue()
 
 
 def laid_out(spec: Spec, pixels: float) -> Spec:

@@ -21,8 +21,8 @@ def write_page(store: Store, target: Path, request: PageRequest = _DEFAULT_PAGE)
     The same store gives the same bytes; notes say what the page leaves out. Besides the errors of
     `read_report_data`, an OutputError says that a library is missing, or what cannot be written.
     """
-    with optional("figures", "a report"):
-        from contactlab.page.html_page import html_page
+    from contactlab.page.html_page import html_page
+
     text, notes = html_page(store, request)
     with atomic_write(target) as temporary:
         temporary.write_bytes(text.encode())
@@ -46,7 +46,7 @@ def write_figures(
     for form in formats:
         if form not in FORMATS:
             raise OutputError(f"unknown format '{form}'; choose from {', '.join(FORMATS)}")
-    with optional("figures", "a report"):
+    with optional("figures", "figures for paper"):
         from contactlab.page.paper_figures import figure_files
     files, missing = figure_files(read_report_data(store, criteria), formats, width)
     try:

@@ -114,7 +114,7 @@ def _all_failed(store: Store) -> bool:
 def _check_number(store: Store, name: str) -> None:
     known = [column for column in store.columns.schema.names if store.columns.is_number(column)]
     message = f"no number '{name}' in the table of {store.address}"
-    SweepFileError.unless_known(name, known, message, rest="\nsee `contactlab metrics`")
+    SweepFileError.unless_known(name, known, message, rest="\nsee `contactlab list metrics`")
 
 
 def _is_measured(store: Store, name: str) -> bool:

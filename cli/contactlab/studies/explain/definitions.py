@@ -22,7 +22,7 @@ def define(name: str) -> str:
         name,
         known,
         f"nothing is called '{name}'",
-        rest="; contactlab metrics, labels and scenes MODEL list names",
+        rest="; contactlab list metrics, labels and scenes MODEL list names",
     )
     return "\n".join(known[name](name))
 

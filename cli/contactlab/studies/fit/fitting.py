@@ -65,7 +65,9 @@ class _Knob:
         name, _, bounds = text.partition("=")
         spec = scene.catalogue.find(name)
         if spec is None:
-            raise SweepFileError(f"--free {name}: no such axis; `contactlab scenes` lists all")
+            raise SweepFileError(
+                f"--free {name}: no such axis; `contactlab list axes SCENE` lists all"
+            )
         if spec.choices:
             return cls(spec)
         try:

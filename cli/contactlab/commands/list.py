@@ -1,0 +1,153 @@
+"""`contactlab list`: all that there is to name in a sweep, a gate or an option."""
+
+from collections.abc import Callable, Mapping
+from hashlib import sha256
+from pathlib import Path
+from typing import Annotated
+
+from contactlab.command_line import options as opt
+from contactlab.command_line.declaration import Argument, command
+from contactlab.command_line.listing import LISTED, Listing
+from contactlab.command_line.surroundings import say
+from contactlab.errors import SweepFileError, did_you_mean
+
+
+def _scenes() -> Listing:
+    from contactlab import resources
+    from contactlab.scene.scene_source import find_scene
+
+    sources = [find_scene(name) for name in resources.scene_names()]
+    rows = [
+        (source.name, source.manifest.title, source.manifest.duration)
+        for source in sources
+        if source.manifest
+    ]
+    return Listing(("scene", "title", "duration"), rows, {"duration": "s"})
+
+
+def _axes(scene: str) -> Listing:
+    from contactlab.run.sweep_request import SceneLoader
+
+    catalogue = SceneLoader(None).open(scene).catalogue
+    rows = [
+        (axis.name, axis.unit, axis.description, ", ".join(axis.choices))
+        for axis in map(catalogue.find, catalogue.names)
+        if axis
+    ]
+    return Listing(("axis", "unit", "description", "values"), rows)
+
+
+def _sweeps() -> Listing:
+    from contactlab import resources
+
+    # To count the runs of a file that is not indexed takes the engine.
+    index = resources.sweep_index()
+    files = map(resources.sweep_file, resources.sweep_names())
+    rows = [index.get(sha256(path.read_bytes()).hexdigest()) or sweep_row(path) for path in files]
+    return Listing(("sweep", "scene", "runs", "description"), rows)
+
+
+def sweep_row(path: Path) -> tuple[str, str, int, str]:
+    """Return name, scene, number of runs and description of a sweep file."""
+    from contactlab.plan.sweep_file import read_sweep
+    from contactlab.run.sweep_request import SceneLoader
+
+    read = read_sweep(path, SceneLoader(path.parent).vocabulary)
+    return path.stem, read.sweep.scene, read.plan.count, read.sweep.description or ""
+
+
+def _metrics() -> Listing:
+    from contactlab.measure import METRICS
+
+    rows = [
+        (metric.name, metric.unit, metric.better, metric.version, metric.definition)
+        for metric in METRICS.values()
+    ]
+    return Listing(("metric", "unit", "better", "version", "definition"), rows)
+
+
+def _labels() -> Listing:
+    from contactlab.measure import LABELS
+
+    rows = [
+        (label.name, label.meaning, ", ".join(limit.name for limit in label.thresholds))
+        for label in LABELS.values()
+    ]
+    return Listing(("label", "meaning", "thresholds"), rows)
+
+
+def _limits() -> Listing:
+    from contactlab.measure import THRESHOLDS
+
+    rows = [
+        (threshold.name, threshold.default, threshold.unit, threshold.source)
+        for threshold in THRESHOLDS.values()
+    ]
+    return Listing(("threshold", "default", "unit", "source"), rows)
+
+
+def _engines() -> Listing:
+    from contactlab.engines import ENGINES
+    from contactlab.engines.adapted_engine import AdaptedEngine
+
+    known = ENGINES.values()
+    why = {engine.name: engine.refused for engine in known if isinstance(engine, AdaptedEngine)}
+    rows = [
+        (engine.name, "refused", f"{engine.summary}: {why[engine.name]}")
+        if why.get(engine.name)
+        else (engine.name, engine.version or "not installed", engine.summary)
+        for engine in known
+    ]
+    say("more by `contactlab engines add NAME`")
+    return Listing(("engine", "version", "what computes"), rows)
+
+
+_KINDS: Mapping[str, tuple[str, Callable[[], Listing]]] = {
+    "scenes": ("the shipped scenes", _scenes),
+    "sweeps": ("the shipped sweeps, and how many runs each has", _sweeps),
+    "metrics": ("unit, direction, version and definition of each metric", _metrics),
+    "labels": ("all that a run can be called, worst first", _labels),
+    "limits": ("thresholds of labels that a scene or sweep may set", _limits),
+    "engines": ("what computes, and the version that is installed", _engines),
+}
+_OF_SCENE = "axes"
+
+
+@command("extend", examples=("list", "list labels", "list axes grasp_mug"), formats=LISTED)
+def list(
+    what: Annotated[
+        str | None,
+        Argument("[WHAT]", "scenes, sweeps, metrics, labels, limits, engines, or axes."),
+    ] = None,
+    scene: Annotated[
+        str | Path | None,
+        Argument("[SCENE]", "Of axes: scene, scene folder or model file.", kind=str),
+    ] = None,
+    *,
+    plugin: opt.Plugins = (),
+) -> Listing:
+    """List scenes, sweeps, metrics, labels, limits, engines, or axes.
+
+    Raises:
+        SweepFileError: there is nothing of that name to list.
+        SceneError: there is no such scene.
+    """
+    opt.load_plugins(plugin)
+    if what == _OF_SCENE:
+        if scene is None:
+            raise SweepFileError("list axes: name a scene too; write `contactlab list axes SCENE`")
+        return _axes(str(scene))
+    if scene is not None:
+        raise SweepFileError(f"only axes are of a scene; write `contactlab list axes {scene}`")
+    if what is None:
+        rows = [(name, summary) for name, (summary, _) in _KINDS.items()]
+        return Listing(
+            ("list", "of"), [*rows, (f"{_OF_SCENE} SCENE", "all that a sweep can set in a scene")]
+        )
+    if what not in _KINDS:
+        known = (*_KINDS, _OF_SCENE)
+        raise SweepFileError(
+            f"nothing called '{what}' to list{did_you_mean(what, known)}; there are "
+            f"{', '.join(known)}"
+        )
+    return _KINDS[what][1]()
