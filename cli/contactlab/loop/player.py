@@ -21,7 +21,7 @@ from contactlab.scene.contact_pairs import effective_parameters
 from contactlab.scene.scene import Scene
 
 SUCCESS = ("success", "is_success")
-_UNCHECKED = "refined copies and repeats: only the environment's own code makes its steps"
+_UNCHECKED = "backward errors and repeats: only the environment's own code makes its steps"
 _MISTAKES = (Exception, SystemExit)
 _TIMESTEP = "opt.timestep"
 _FEW, _MANY = 4, 5  # what step() returns: one or two of the numbers say whether the episode ended
