@@ -118,6 +118,6 @@ def percent(share: float) -> str:
 def plain(number: float, digits: int = 3) -> str:
     """Return a number in so many digits, without an exponent from 1e-3 to 1e5."""
     short = f"{number:.{digits}g}"
-    if "e" not in short or not 1e-3 <= abs(number) < 1e5:  # noqa: PLR2004 - as it says
+    if "e" not in short or not 1e-3 <= abs(number) < 1e5:
         return short
     return f"{float(short):.0f}" if abs(number) < 10**digits else f"{number:.0f}"
