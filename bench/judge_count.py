@@ -43,7 +43,7 @@ def _is_number(value: ast.expr) -> bool:
 
 def count(root: Path) -> dict[str, int]:
     """Return how many labels, thresholds, constants and lines the judge of a checkout has."""
-    found = dict.fromkeys(("labels", "thresholds", "constants", "lines"), 0)
+    found: dict[str, int] = dict.fromkeys(("labels", "thresholds", "constants", "lines"), 0)
     packages = root / "cli" / "contactlab"
     for file in sorted(file for pattern in _FILES for file in packages.glob(pattern)):
         text = file.read_text(encoding="utf-8")
