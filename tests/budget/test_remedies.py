@@ -20,6 +20,7 @@ from contactlab.budget import (
 )
 from contactlab.budget.prices import prices
 from contactlab.budget.remedies import CANDIDATES, sentence
+from contactlab.budget.verdict import percent
 from contactlab.budget.windows import replay
 from contactlab.schema.error_budget import BudgetReport
 from contactlab.schema.json_schemas import json_schemas
@@ -44,6 +45,25 @@ def test_an_unstable_servo_is_removed_by_what_damps_it_implicitly() -> None:
     told = sentence(verdict.reasons[0], list(tried.values()))
     assert "joint left_knee" in told
     assert "removes it" in told
+
+
+def test_a_finer_step_is_named_where_it_alone_helps() -> None:
+    """At 2.5 ms h kv / I is below 2 again; the solver has no part in it."""
+    motion = servo()
+    verdict = judge(error_budget([motion], rows=[], settings=FAST))
+    names = "Newton with 100 iterations", "half the step"
+    few = [candidate for candidate in CANDIDATES if candidate.name in names]
+    first, second = remedies([motion], verdict, candidates=few, settings=FAST)
+    assert (first.name, first.removes) == ("half the step", True)
+    assert first.share < 0.1 < second.share
+    assert "; half the step removes it" in sentence(verdict.reasons[0], [first, second])
+
+
+@pytest.mark.parametrize(
+    ("share", "said"), [(0.9951, "100 %"), (0.034, "3.4 %"), (1.5, "150 %"), (6.83, "683 %")]
+)
+def test_shares_have_no_exponents(share: float, said: str) -> None:
+    assert percent(share) == said
 
 
 @pytest.mark.long

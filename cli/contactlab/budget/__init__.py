@@ -1,5 +1,6 @@
 """The error budget: what a run's numerics, its model's softness and each effect are worth."""
 
+from contactlab.budget.backward_error import backward_error
 from contactlab.budget.error_budget import error_budget
 from contactlab.budget.measuring import Settings
 from contactlab.budget.motion import Motion, motion_of_run
@@ -21,6 +22,7 @@ __all__ = [
     "Row",
     "Settings",
     "Verdict",
+    "backward_error",
     "budget_lines",
     "budget_report",
     "error_budget",

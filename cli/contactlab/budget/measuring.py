@@ -183,7 +183,8 @@ class PhaseMeasure:
             around, lost = self._measure_run(windows, block, found)
             if self._settings.check:
                 self._measure_check(windows, block, around, found)
-            around["step"] = self._around(windows, self._bases["step"], 1)
+            if any(variation.against == "step" for variation in variations.values()):
+                around["step"] = self._around(windows, self._bases["step"], 1)
             for name, variation in variations.items():
                 if name == RUN.name:
                     continue

@@ -52,6 +52,7 @@ class Remedy:
         removes: whether nothing is left of the kind of verdict that it was tried against.
         budget: of the changed model, under the same inputs.
         verdict: on that.
+        row: the row of the model that it was tried against, or "run".
         price: its time over that of the model as it is.
     """
 
@@ -60,6 +61,13 @@ class Remedy:
     budget: ErrorBudget
     verdict: Verdict
     price: Price | None
+    row: str = "run"
+
+    @property
+    def share(self) -> float:
+        """Of that row, in the worst phase; NaN where it is not exercised."""
+        found = self.budget.worst(self.row)
+        return found[1].share if found else float("nan")
 
 
 def _nothing(_model: mujoco.MjModel) -> None:
@@ -153,7 +161,8 @@ def remedies(
         found = judge(budget, verdict.within)
         removes = found.word == "sound" or (word == "unresolved" and found.word == "model")
         price = _price(motions[0], changed[0].model, candidate, settings)
-        tried.append(Remedy(candidate.name, removes, budget, found, price))
+        row = verdict.reasons[0].row if word == "model" else "run"
+        tried.append(Remedy(candidate.name, removes, budget, found, price, row))
     return tuple(
         sorted(tried, key=lambda one: (not one.removes, one.price.ratio if one.price else 0))
     )

@@ -57,7 +57,7 @@ def _remedy(remedy: Remedy) -> BudgetRemedy:
         name=remedy.name,
         removes=remedy.removes,
         word=remedy.verdict.word,
-        share=_finite(remedy.budget.share),
+        share=_finite(remedy.share),
         price=_price(remedy.price),
     )
 

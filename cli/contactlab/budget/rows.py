@@ -499,7 +499,7 @@ ROWS: tuple[Row, ...] = (
     ),
     Row(
         "integrator",
-        "implicitfast at the run's step; Euler, if that is its own",
+        "implicitfast in place of the run's integrator; Euler in place of implicitfast",
         "numerics",
         (_option("integrator", _other_integrator),),
         has_no_flex,

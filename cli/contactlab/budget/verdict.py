@@ -71,7 +71,7 @@ def _reasons(phase: PhaseBudget, within: float, meant: Sequence[str]) -> Iterato
             body = phase.bodies[row.body]
             sentence = (
                 f"{percent(row.share)} of the motion of {body} hangs on {row.name}: "
-                f"{1e3 * row.speed:.2g} mm/s"
+                f"{plain(1e3 * row.speed)} mm/s"
             )
             where = body, row.place, row.time
             yield Reason("model", phase.name, row.name, row.share, *where, sentence)
@@ -109,7 +109,15 @@ def _numerical(phase: PhaseBudget, within: float) -> Iterator[Reason]:
 
 
 def percent(share: float) -> str:
-    """Return a share as people write it: two digits."""
+    """Return a share as people write it: two digits, or all before the point."""
     if not np.isfinite(share):
         return "∞" if share > 0 else "-"
-    return f"{100 * share:.2g} %" if abs(share) < 1 else f"{100 * share:.0f} %"
+    return f"{plain(100 * share, 2)} %"
+
+
+def plain(number: float, digits: int = 3) -> str:
+    """Return a number in so many digits, without an exponent from 1e-3 to 1e5."""
+    short = f"{number:.{digits}g}"
+    if "e" not in short or not 1e-3 <= abs(number) < 1e5:
+        return short
+    return f"{float(short):.0f}" if abs(number) < 10**digits else f"{number:.0f}"

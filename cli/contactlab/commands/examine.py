@@ -1,6 +1,7 @@
 """`contactlab examine`: the error budget of a model under its task."""
 
 from pathlib import Path
+from tempfile import TemporaryFile
 from typing import TYPE_CHECKING, Annotated
 
 from contactlab.command_line import options as opt
@@ -77,6 +78,10 @@ def examine(
 
     opt.load_plugins(plugin)
     task = opt.task_of(start, drive, duration, watch, within)
+    if output is not None:
+        # Before minutes of measuring, a folder that cannot be written to.
+        with write_errors(Path(output)), TemporaryFile(dir=Path(output).parent):
+            pass
     report = run(ExamineRequest(str(model), opt.assigned(set), task, workers, allow_code))
     if output is not None:
         with write_errors(Path(output)), atomic_write(Path(output)) as path:

@@ -244,17 +244,23 @@ class PairSeries:
     mode: NDArray[np.int8]  # (n, N) NO_CONTACT, STICK or SLIDE, with hysteresis (see `measure`)
 
 
-REFINEMENT = 4  # steps of a refined copy in each step of its run
-BY_RUN = ("residual", "jacobian", "overlap", "apart", "squeeze", "repeats", "rest", "travel")
+BY_RUN = ("residual", "jacobian", "overlap", "apart", "squeeze", "repeats")
+
+
+class BackwardError(NamedTuple):
+    """How far a run is from the motion of its own model, as a budget of errors defines it."""
+
+    share: (
+        float  # phantom forces over real ones, on the worst body; infinite where the engine warned
+    )
+    body: str  # that body
+    time: float  # when the window begins in which it is farthest off [s]
+    energy: float  # the share of energy that the run gains, or loses, and its model does not
 
 
 @dataclass(frozen=True)
 class SelfChecks:
-    """Self-checks of n runs, of N steps; those that do not apply to a run are NaN.
-
-    Refined copies have a quarter of the step and a tightened solver; perturbed ones start from
-    velocities that differ by 1e-9.
-    """
+    """Self-checks of n runs, of N steps; those that do not apply to a run are NaN."""
 
     residual: Floats
     """(n, N) disagreement of forces and accelerations, over the largest constraint force of the run
@@ -271,40 +277,24 @@ class SelfChecks:
     """(n, P) normal force of each pair once nothing but contacts has acted for a while after the
     end: that of what overlaps between walls [N]."""
     repeats: NDArray[np.bool_]  # (n,) whether a second rollout gave every state again, bit for bit
-    refined: tuple[Trace, ...]  # the refined copy of each run, in the steps of the run
-    rest: Floats
-    """(n, 3, 2, nv) `motion_at_rest` of the run, of its refined and of its perturbed copy, each by
-    its own steps; NaN for copies where one did not complete."""
-    travel: Floats
-    """(n, 3, nbody) how far bodies ended from their start, likewise [mean body sizes]."""
-    bodies: tuple[str, ...]  # their names
+    backward: tuple[BackwardError, ...] = ()  # of each run; empty where none was measured
 
     @property
     def runs(self) -> int:
         """Number of runs that were checked."""
         return len(self.repeats)
 
-    @property
-    def compared(self) -> NDArray[np.bool_]:
-        """(n,) whether both copies of a run completed."""
-        return np.isfinite(self.rest.sum(axis=(1, 2, 3)))
+    def first(self, runs: int) -> "SelfChecks":
+        """Return the checks of the first of the runs."""
+        return self._of(slice(runs))
 
     def only(self, run: int) -> "SelfChecks":
         """Return the checks of one of the runs."""
-        arrays = {name: getattr(self, name)[run : run + 1] for name in BY_RUN}
-        return replace(self, refined=(self.refined[run],), **arrays)
+        return self._of(slice(run, run + 1))
 
-
-def motion_at_rest(velocity: Floats) -> Floats:
-    """Return (..., 2, nv) of the last quarter of (..., T, nv) speeds.
-
-    Their root mean square, and the median amplitude of what alternates from step to step.
-    """
-    late = velocity[..., 3 * velocity.shape[-2] // 4 :, :]
-    change = np.diff(late, axis=-2, prepend=late[..., :1, :])
-    turns = np.abs(np.diff(change, axis=-2, prepend=change[..., :1, :])) / 4
-    swing = median(np.swapaxes(turns, -1, -2))
-    return np.stack((np.sqrt((late**2).mean(axis=-2)), swing), axis=-2)
+    def _of(self, runs: slice) -> "SelfChecks":
+        arrays = {name: getattr(self, name)[runs] for name in BY_RUN}
+        return replace(self, backward=self.backward[runs], **arrays)
 
 
 class Invariants(NamedTuple):

@@ -1,7 +1,6 @@
 """MuJoCo's second, untimed pass over runs, for what the recorded arrays cannot show."""
 
 import copy
-from dataclasses import replace
 
 import mujoco
 import numpy as np
@@ -10,25 +9,17 @@ from numpy.typing import NDArray
 from contactlab.contact.trace_arrays import (
     BY_RUN,
     FORCE,
-    REFINEMENT,
     SLOT_WIDTH,
     Floats,
     SelfChecks,
     Trace,
-    motion_at_rest,
 )
-from contactlab.engines.contact_kernel import roll_out_by_kernel
 from contactlab.engines.engine import (
-    Buffers,
     PreparedRuns,
     Proceed,
-    Rollout,
-    no_limit,
     proceed_always,
 )
 from contactlab.engines.mujoco_batch import STATE, driven, start_batch
-from contactlab.engines.older_mujoco import SimulationError
-from contactlab.engines.rollout_trace import make_trace
 from contactlab.scene.compiled_scene import CompiledScene
 from contactlab.scene.contact_pairs import colliding, may_touch
 from contactlab.scene.initial_states import InitialStates, apply_inputs
@@ -42,11 +33,6 @@ _LEAST_SHARE_OF_LARGEST = 1e-3
 _NO_ACCELERATION = 1e-2  # m/s^2 or rad/s^2: a thousandth of gravity.
 _TIGHT = 1e-12
 _MOST_SOLVER_ITERATIONS = 1000
-# How the solver of a refined copy is tightened, and how far off a perturbed one starts.
-_FEWEST_ITERATIONS, _FEWEST_LINE_SEARCHES, _REFINED_TOLERANCE = 100, 50, 1e-10
-_PERTURBATION = 1e-9
-# Numbers that a run's sensors may give for it to have copies, which take four times the memory.
-_MOST_SENSOR_VALUES_OF_A_RUN = 1 << 25
 _DENSE = int(mujoco.mjtJacobian.mjJAC_DENSE)
 _SPARSE = int(mujoco.mjtJacobian.mjJAC_SPARSE)
 _BUT_CONTACTS = sum(
@@ -63,24 +49,20 @@ def run_checks(runs: PreparedRuns, trace: Trace, proceed: Proceed = proceed_alwa
     """Return the self-checks of runs that completed, as `ChecksRuns.check_runs` says."""
     jacobian_steps = _spread(trace.steps, _JACOBIAN_SAMPLES)
     geometry_steps = _spread(trace.steps, _GEOMETRY_SAMPLES)
-    refined, found, buffers = list[Trace](), list[tuple[Floats | float, ...]](), Buffers()
+    found = list[tuple[Floats | float, ...]]()
     # All of a run before the next one, so that its time limit covers nothing else.
     for run, model in enumerate(runs.models):
         if run and not proceed():
             break
         again = _repeat(model, runs.starts.pick(run), trace.steps)
-        copied, rest, travel = _copy(runs, trace, run, buffers)
-        refined.append(copied)
         jacobian = _jacobian(model, trace, runs.starts, run, jacobian_steps)
         geometry = _geometry(runs.base, model, trace, run, geometry_steps)
         squeeze = _squeeze(runs.base, model, trace.qpos[run, -1])
-        others = jacobian, *geometry, squeeze, _repeats(trace, run, again), rest, travel
-        found.append((_residual(model, again), *others))
+        repeats = _repeats(trace, run, again)
+        found.append((_residual(model, again), jacobian, *geometry, squeeze, repeats))
     return SelfChecks(
         jacobian_steps=jacobian_steps,
         geometry_steps=geometry_steps,
-        refined=tuple(refined),
-        bodies=tuple(runs.models[0].body(body).name for body in range(runs.models[0].nbody)),
         **dict(zip(BY_RUN, map(np.array, zip(*found, strict=True)), strict=True)),
     )
 
@@ -100,89 +82,11 @@ def _repeat(model: mujoco.MjModel, start: InitialStates, steps: int) -> dict[int
     return {field: out[field][0] for field in fields}
 
 
-def _copy(
-    runs: PreparedRuns, trace: Trace, run: int, buffers: Buffers
-) -> tuple[Trace, Floats, Floats]:
-    """Copy a run, refined and perturbed; return what `SelfChecks` has of it."""
-    model, start, steps = runs.models[run], runs.starts.pick(run), trace.steps
-    if model.nsensordata * steps > _MOST_SENSOR_VALUES_OF_A_RUN:
-        return trace.select([run]), *_uncompared(model, motion_at_rest(trace.qvel[run]))
-    moving = slice(1 + model.nq, 1 + model.nq + model.nv)
-    rollout = _refined(runs, run, steps, buffers)
-    complete = rollout.steps[0] == REFINEMENT * steps
-    finer = motion_at_rest(rollout.state[0, :, moving])
-    refined = make_trace(runs.base, [runs.prepared[run]], _thinned(rollout))
-    noise = np.random.default_rng(0).standard_normal(start.qvel.shape)
-    nearby = _states(model, start._replace(qvel=start.qvel + _PERTURBATION * noise), steps)
-    if nearby is None or not complete:
-        return refined, *_uncompared(model, motion_at_rest(trace.qvel[run]))
-    rest = motion_at_rest(trace.qvel[run]), finer, motion_at_rest(nearby[:, moving])
-    paths = trace.qpos[run], refined.qpos[0], nearby[:, 1 : moving.start]
-    return refined, np.stack(rest), np.stack([_travel(model, path) for path in paths])
-
-
-def _uncompared(model: mujoco.MjModel, own: Floats) -> tuple[Floats, Floats]:
-    """Return what `SelfChecks` has of rest and travel where copies say nothing of them."""
-    none = np.full_like(own, np.nan)
-    return np.stack((own, none, none)), np.full((3, model.nbody), np.nan)
-
-
-def _refined(runs: PreparedRuns, run: int, steps: int, buffers: Buffers) -> Rollout:
-    """Roll a run out at a quarter of its step, with a solver that goes on until it is done."""
-    prepared = runs.prepared[run]
-    refined, option = copy.copy(prepared.model), prepared.model.opt
-    refined.opt.timestep = option.timestep / REFINEMENT
-    refined.opt.iterations = max(option.iterations, _FEWEST_ITERATIONS)
-    refined.opt.ls_iterations = max(option.ls_iterations, _FEWEST_LINE_SEARCHES)
-    refined.opt.tolerance = min(option.tolerance, _REFINED_TOLERANCE)
-    alone = replace(prepared, model=refined)
-    finer = replace(runs.rows([run]), prepared=[alone], steps=REFINEMENT * steps)
-    return roll_out_by_kernel(finer, buffers, no_limit, proceed_always)
-
-
 def _without_sensors(model: mujoco.MjModel) -> mujoco.MjModel:
     """Return a copy of a model that measures nothing as it steps."""
     alone = copy.copy(model)
     alone.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_SENSOR)
     return alone
-
-
-def _states(model: mujoco.MjModel, start: InitialStates, steps: int) -> Floats | None:
-    """Return (N + 1, nstate) the states of a rollout; None if it does not complete."""
-    alone = _without_sensors(model)
-    inputs = driven(alone, start, 0, steps)
-    try:
-        out = start_batch([alone], start).rollout(steps, record=[int(STATE)], **inputs)
-    except SimulationError:
-        return None
-    first = np.concatenate(([0.0], start.qpos[0], start.qvel[0], start.act[0]))
-    states = np.vstack((first, out[int(STATE)][0]))
-    return states if (np.diff(states[:, 0]) > 0).all() else None
-
-
-def _thinned(rollout: Rollout) -> Rollout:
-    """Return what a refined copy did in the steps of its run, in memory of its own."""
-    names, work, given = ("state", "sensors", "iterations"), rollout.work, rollout.given
-    rows = {name: getattr(rollout, name)[:, ::REFINEMENT].copy() for name in names}
-    # Those of pairs that never touch are one view of zeros.
-    slots = rollout.slots and tuple(
-        slot[:, ::REFINEMENT].copy() if slot.strides[0] else slot[:, ::REFINEMENT]
-        for slot in rollout.slots
-    )
-    if work is not None:
-        work = work.reshape(1, -1, REFINEMENT, 3).sum(axis=2)
-    if given is not None:
-        given = np.concatenate((given[:, :2] // REFINEMENT, given[:, 2:]), axis=1)
-    return replace(rollout, **rows, slots=slots, work=work, given=given)
-
-
-def _travel(model: mujoco.MjModel, path: Floats) -> Floats:
-    """Return (nbody,) how far bodies end from where they start [mean body sizes]."""
-    data, places = mujoco.MjData(model), list[Floats]()
-    for data.qpos[:] in path[[0, -1]]:
-        mujoco.mj_kinematics(model, data)
-        places.append(data.xpos.copy())
-    return np.linalg.norm(places[1] - places[0], axis=1) / max(model.stat.meansize, 1e-9)
 
 
 def _residual(model: mujoco.MjModel, again: dict[int | str, Floats]) -> Floats:

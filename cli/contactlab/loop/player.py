@@ -23,7 +23,7 @@ from contactlab.scene.scene import Scene
 from contactlab.schema.drive import PolicyDrive
 
 SUCCESS = ("success", "is_success")
-_UNCHECKED = "refined copies and repeats: only the environment's own code makes its steps"
+_UNCHECKED = "backward errors and repeats: only the environment's own code makes its steps"
 _MISTAKES = (Exception, SystemExit)
 _TIMESTEP = "opt.timestep"
 _FEW, _MANY = 4, 5  # what step() returns: one or two of the numbers say whether the episode ended

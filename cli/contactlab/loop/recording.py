@@ -42,7 +42,7 @@ from contactlab.store.table_layout import LOOP_COLUMNS
 Monitored = str | Sequence[str] | Mapping[str, object]
 """A geom or body with all that it may touch, two geoms or two bodies, or an entry of `pairs`."""
 
-_UNCHECKED = "refined copies and repeats: the code that made the steps is not in the store"
+_UNCHECKED = "backward errors and repeats: the code that made the steps is not in the store"
 _LONG = 1e6  # how long an episode may last [s]; a hold without an end lasts as long as its episode
 _MODEL = f"model{BINARY}"
 _USUAL = {"title": "A recorded loop", "description": "The model that a loop of one's own stepped."}

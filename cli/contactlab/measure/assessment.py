@@ -1,7 +1,7 @@
 """Every metric, label and series of a trace."""
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple, TypeVar
 
 import numpy as np
@@ -10,20 +10,15 @@ from numpy.typing import NDArray
 from contactlab.contact.trace_arrays import Floats, PairSeries, SelfChecks, Trace
 from contactlab.contact.trace_setup import Setup
 from contactlab.errors import ContactlabError
+from contactlab.measure.backward_error import phantom_forces, resolved_runs
 from contactlab.measure.context import Context, StackedPairs, context_of
 from contactlab.measure.coverage import coverages
-from contactlab.measure.entries import LABELS, METRICS, MeasuredRuns, Metric, labels_with, limits
+from contactlab.measure.entries import LABELS, METRICS, MeasuredRuns, Metric, labels_with
 from contactlab.measure.run_integrity import STABLE, invalid
-from contactlab.measure.step_dependence import suspects
+from contactlab.measure.second_look import suspects
 from contactlab.schema.coverage import Coverage
 
 Failures = dict[int, list[str]]  # why metrics and labels fail, by run
-
-_OF_CONTROL = ("mode_switches", "contact_losses")
-"""Thresholds of chatter, which controls that change may be the cause of, where the step is not."""
-_CLEAR = 0.5  # Share of these that a copy must keep below to be free of it
-_NUMERICAL = "numerical, since a copy at a quarter of the step is free of it"
-_MODELLED = "modelled, or not resolved by a quarter of the step either"
 
 _Result = TypeVar("_Result")
 
@@ -46,6 +41,8 @@ class Assessment:
     pairs: StackedPairs  # the contacts of the monitored pairs
     # (n,) whether a second pass is due: for a label, or a sign that none judges.
     suspect: NDArray[np.bool_]
+    # For each run the body that its backward error is of; None where none was measured.
+    backward_error_body: tuple[str, ...] | None = None
     # What each run exercised; None where the setup does not ask.
     coverage: tuple[Coverage, ...] | None = None
 
@@ -69,7 +66,8 @@ def assess(trace: Trace, setup: Setup, checks: SelfChecks | None = None) -> Asse
         if checks is None and trace.steps:
             suspect |= suspects(context)
         covered = coverages(context)
-    return Assessment(metrics, labels, context.pairs, suspect, covered)
+    bodies = tuple(error.body for error in checks.backward) if checks else ()
+    return Assessment(metrics, labels, context.pairs, suspect, bodies or None, covered)
 
 
 def _values(metric: Metric, context: Context, failures: Failures) -> Floats:
@@ -96,23 +94,14 @@ def _labels(runs: MeasuredRuns, failures: Failures) -> tuple[tuple[AppliedLabel,
 
 
 def _with_causes(context: Context, run: int, labels: list[AppliedLabel]) -> Iterator[AppliedLabel]:
-    """Yield labels of a run with whether they are numerical; what a drive may do is no onset."""
-    checks = context.checks
-    traced = labels_with("numerical")
-    if not checks or not checks.compared[run] or traced.isdisjoint(label[0] for label in labels):
-        yield from labels
-        return
-    setup, usual = context.setup.select([run]), limits(context.setup.thresholds)
-    if setup.steered:
-        lower = {name: _CLEAR * usual[name] for name in _OF_CONTROL}
-        setup = replace(setup, thresholds={**setup.thresholds, **lower})
-    kept = {verdict.label for verdict in assess(checks.refined[run], setup).labels[0]}
+    """Yield labels of a run with whether they are numerical; what a drive may do is no finding."""
+    traced, resolved = labels_with("numerical"), resolved_runs(context)
     for label in labels:
-        if label.label not in traced:
+        if resolved is None or label.label not in traced:
             yield label
-        elif not (setup.steered and label.label in kept and label.label == "chatter"):
-            cause = _MODELLED if label.label in kept else _NUMERICAL
-            yield label._replace(reason=f"{label.reason}; {cause}")
+        elif not (resolved[run] and context.setup.steered and label.label == "chatter"):
+            cause = "of the model" if resolved[run] else "numerical"
+            yield label._replace(reason=f"{label.reason}; {cause}: {phantom_forces(context, run)}")
 
 
 def _tried(

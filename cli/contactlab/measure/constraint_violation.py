@@ -7,6 +7,7 @@ import numpy as np
 
 from contactlab.contact.trace_arrays import Floats
 from contactlab.contact.trace_setup import DEGREES, QUARTER_TURN, Mechanism, Part
+from contactlab.measure.backward_error import phantom_forces, unresolved_runs
 from contactlab.measure.context import Context, cached, first_step, worst_pair
 from contactlab.measure.entries import Found, MeasuredRuns, Onset, Threshold, label, metric
 
@@ -14,7 +15,7 @@ _PEAK = Threshold(
     "constraint_violation", 0.4, "1", "Public robots reach 0.2; stops pushed through, 0.9 to 3."
 )
 OVERSHOOT = Threshold(
-    "limit_overshoot", 0.1, "1", "On constraint_violation; with half the overshoot in its copy."
+    "limit_overshoot", 0.1, "1", "On constraint_violation, where backward_error is too large."
 )
 _AT_REST = Threshold(
     "constraint_violation_rest",
@@ -157,21 +158,15 @@ def _judged(context: Context, judge: Threshold) -> list[_Violation]:
 
 
 def _overshoots(runs: MeasuredRuns) -> Found:
-    """Yield runs in which a limit gives way more than twice as far as in the refined copy."""
-    checks, limit = runs.context.checks, runs.limits[OVERSHOOT.name]
-    if checks is None or runs.context.setup.steered:
-        return
-    far = checks.compared & (runs.metrics["constraint_violation"] > limit)
-    for run in np.flatnonzero(far).tolist():
-        copy = _violations(runs.context.refined(run))
-        for violation, finer in zip(_violations(runs.context), copy, strict=False):
-            most, less = violation.peak[run], finer.peak[0]
-            if violation.course is not None and most > max(limit * violation.scale, 2 * less):
-                reason = (
-                    f"{violation.name} is off by {most:.3g} {violation.unit}; "
-                    f"at a quarter of the step, by {less:.3g}"
-                )
-                yield run, Onset(reason, first_step(violation.course[run] >= most))
+    """Yield runs in which a limit gives way, and which are not the motion of their model."""
+    context, limit = runs.context, runs.limits[OVERSHOOT.name]
+    for run in () if context.setup.steered else unresolved_runs(context):
+        for violation in _violations(context):
+            most = violation.peak[run]
+            if violation.course is not None and most > limit * violation.scale:
+                off = f"{violation.name} is off by {most:.3g} {violation.unit}"
+                step = first_step(violation.course[run] >= most)
+                yield run, Onset(f"{off}; {phantom_forces(context, run)}", step)
 
 
 @label(

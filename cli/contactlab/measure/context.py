@@ -115,11 +115,6 @@ class Context:
         checks = None if self.checks is None else self.checks.only(run)
         return context_of(self.trace.select([run]), self.setup.select([run]), checks)
 
-    def refined(self, run: int) -> "Context":
-        """Return the context of the refined copy of a run that was checked."""
-        assert self.checks is not None
-        return context_of(self.checks.refined[run], self.setup.select([run]))
-
 
 def context_of(trace: Trace, setup: Setup, checks: SelfChecks | None = None) -> Context:
     """Reduce the monitored pairs of a trace, ready to measure."""

@@ -4,13 +4,13 @@ import numpy as np
 
 from contactlab.contact.trace_arrays import ACTUATORS, CONSTRAINTS, OTHERS, Floats, median
 from contactlab.measure.amounts import part_of
+from contactlab.measure.backward_error import phantom_forces, unresolved_runs
 from contactlab.measure.context import (
     Context,
     cached,
     energy,
     first_step,
     peak_kinetic,
-    runs_where,
     semi_implicit,
 )
 from contactlab.measure.entries import Found, MeasuredRuns, Onset, Threshold, label, metric
@@ -142,11 +142,10 @@ def energy_loss(runs: MeasuredRuns) -> Found:
         reason = f"the integrator took {part_of(loss)} the largest kinetic energy (limit {limit:g})"
         yield run, Onset(reason, first_step(-_unexplained(runs.context)[run] > limit))
     taken = constraint_loss(runs.context)
-    for run in runs_where(taken > runs.limits[LOSS.name]) if runs.context.checks else ():
-        finer = float(constraint_loss(runs.context.refined(run))[0])
-        if finer < taken[run] / 3:
+    for run in unresolved_runs(runs.context):
+        if taken[run] > runs.limits[LOSS.name]:
             reason = f"constraints took {part_of(taken[run])} the largest kinetic energy"
-            yield run, Onset(f"{reason}; at a quarter of the step, {part_of(finer)} it", 0)
+            yield run, Onset(f"{reason}; {phantom_forces(runs.context, run)}", 0)
 
 
 @label(

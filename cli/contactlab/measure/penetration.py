@@ -4,8 +4,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contactlab.contact.rotations import rotate
-from contactlab.contact.trace_arrays import DISTANCE, NORMAL, Floats, median
+from contactlab.contact.trace_arrays import NORMAL, Floats, median
 from contactlab.contact.trace_setup import Barrier
+from contactlab.measure.backward_error import resolved_runs
 from contactlab.measure.context import (
     Context,
     cached,
@@ -272,19 +273,17 @@ def _idle(context: Context, row: int) -> NDArray[np.bool_]:
 
 
 def _dips(context: Context, row: int, run: int, deep: slice) -> bool:
-    """Return whether what dips beyond its middle turns back on its own side, as copies do."""
-    trace, checks, depth = context.trace, context.checks, contact_depths(context)[1][row, run]
+    """Return whether what dips beyond its middle turns back on its own side, as its model does."""
+    trace, resolved = context.trace, resolved_runs(context)
     index = context.pairs.places[row]
     soon = deep.start > 0 and (deep.stop - deep.start) * trace.timestep[run] <= _DIP
+    depth = contact_depths(context)[1][row, run]
     left = deep.stop < trace.steps and depth[deep.stop] == 0
     extent, ends = context.setup.thickness[index], [deep.start, min(deep.stop, trace.steps - 1)]
     first, last = trace.pairs[index].slots[run, ends, 0, NORMAL]
     brief = deep.stop - deep.start <= _BRIEF and depth[deep].max() < _EDGEWAYS * extent
-    if not checks or not soon or left or not (brief or first @ last > 0):
-        return False
-    pair = checks.refined[run].pairs[index]
-    copied = np.where(pair.touching, -pair.slots[..., DISTANCE], 0).max(initial=0)
-    return bool(copied > (extent / 2 if brief else extent))
+    turns = soon and not left and (brief or first @ last > 0)
+    return bool(resolved is not None and resolved[run] and turns)
 
 
 def _crossed(context: Context) -> Found:

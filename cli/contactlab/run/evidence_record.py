@@ -211,6 +211,7 @@ def fields_of(task: Task, outcome: RunOutcome) -> Fields:
     """Return the fields of a run's record that are its own, without cost and times of day."""
     common, group, row, place = outcome.common, outcome.group, outcome.row, outcome.place
     labels, coverage = group.assessment.labels[row], group.assessment.coverage
+    bodies = group.assessment.backward_error_body
     twin, error = outcome.twin_label, outcome.rollout.errors[place]
     invalid = () if error is None else (AppliedLabel("invalid", error, 0),)
     status, reason = _status(outcome)
@@ -225,6 +226,7 @@ def fields_of(task: Task, outcome: RunOutcome) -> Fields:
         "trajectory_hash": trajectory_hash(outcome.rollout, place),
         "knife_edge": None if twin is None else twin != labels[0].label,
         "coverage": coverage and coverage[row],
+        "backward_error_body": bodies and bodies[row],
     }
 
 

@@ -99,7 +99,7 @@ class BudgetRemedy(Model):
     name: str
     removes: bool
     word: BudgetWord = about("The verdict on the changed model.")
-    share: float | None = about("The changed run's; null if infinite.")
+    share: float | None = about("Of the row it was tried against, or the run; null if infinite.")
     price: BudgetPrice | None
 
 

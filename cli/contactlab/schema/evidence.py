@@ -296,6 +296,7 @@ class EvidenceRecord(Model):
     )
     trajectory_hash: Hash | None = about("SHA-256 of every state row")
     knife_edge: bool | None = about("whether a start 1e-6 away gives another label", default=None)
+    backward_error_body: str | None = about("the body whose backward_error it is", default=None)
     provenance: Provenance = about("tool, host and versions")
     plugins: PluginInfos = ()
     cost: Annotated[Cost | None, InColumns("cost_")] = None

@@ -115,9 +115,10 @@ def _judged_again(remedy: Remedy, verdict: Verdict, task: Task) -> Remedy:
     """Return a remedy by what it does for the watched bodies."""
     if not task.watched:
         return remedy
-    found = judge(of_watched(remedy.budget, task.watched), verdict.within)
+    budget = of_watched(remedy.budget, task.watched)
+    found = judge(budget, verdict.within)
     removes = found.word == "sound" or (verdict.word != "model" and found.word == "model")
-    return replace(remedy, removes=removes, verdict=found)
+    return replace(remedy, removes=removes, budget=budget, verdict=found)
 
 
 def _sentence(verdict: Verdict, tried: Sequence[Remedy], task: Task, budget: ErrorBudget) -> str:

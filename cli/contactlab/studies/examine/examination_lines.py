@@ -34,7 +34,7 @@ def examination_lines(report: Examination) -> list[str]:
     for phase in report.budget.phases:
         lines += ["", *_phase(phase, report.task)]
     if report.budget.remedies:
-        head = f"{'changes tried:':45} {'cost':>6} {'the run':>7}"
+        head = f"{'changes tried:':45} {'cost':>6} {'share':>7}"
         lines += ["", head, *map(_remedy, report.budget.remedies)]
     return [visible(line) for line in lines]
 

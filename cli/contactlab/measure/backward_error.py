@@ -1,0 +1,101 @@
+"""The backward error of runs that had a second pass: phantom forces over real ones."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contactlab.contact.trace_arrays import Floats
+from contactlab.measure.amounts import part_of
+from contactlab.measure.context import Context, runs_where
+from contactlab.measure.entries import (
+    Found,
+    MeasuredRuns,
+    Threshold,
+    label,
+    limits,
+    metric,
+)
+
+TOLERANCE = Threshold(
+    "backward_error",
+    0.1,
+    "1",
+    "The share within which a run is the motion of its model, and its energy the model's.",
+)
+
+
+@metric("1", "lower", 1e-9, kind="check")
+def backward_error(context: Context) -> Floats:
+    """Phantom forces under which the run would be its model's motion, over the real ones.
+
+    On the worst body, in windows of 40 ms, against references at a quarter of the step with a
+    solver that goes on: docs/budget.md. Not defined where the engine warned.
+    """
+    share = _of(context, "share")
+    return np.where(np.isinf(share), np.nan, share)
+
+
+@metric("s", kind="check")
+def backward_error_time(context: Context) -> Floats:
+    """When the window begins in which backward_error is largest."""
+    return _of(context, "time")
+
+
+@metric("1", kind="check")
+def backward_error_energy(context: Context) -> Floats:
+    """Share of energy that the run gains, if positive, and its model does not: docs/budget.md."""
+    return _of(context, "energy")
+
+
+def _of(context: Context, name: str) -> Floats:
+    if context.checks is None or not context.checks.backward:
+        return context.undefined()
+    return np.array([getattr(error, name) for error in context.checks.backward], np.float64)
+
+
+def resolved_runs(context: Context) -> NDArray[np.bool_] | None:
+    """Return (n,) whether runs are the motion of their model; None where nobody asked."""
+    if context.checks is None or not context.checks.backward:
+        return None
+    within = limits(context.setup.thresholds)[TOLERANCE.name]
+    return ~((_of(context, "share") > within) | (np.abs(_of(context, "energy")) > within))
+
+
+def unresolved_runs(context: Context) -> list[int]:
+    """Return the runs that are not the motion of their model; none where nobody asked."""
+    resolved = resolved_runs(context)
+    return [] if resolved is None else runs_where(~resolved)
+
+
+def phantom_forces(context: Context, run: int) -> str:
+    """Say how large phantom forces on a run are, and on which body."""
+    assert context.checks is not None
+    error = context.checks.backward[run]
+    if np.isinf(error.share):
+        return "the engine warned"
+    return f"phantom forces of {part_of(error.share)} the real ones on {error.body}"
+
+
+@label(
+    "poor",
+    rank=4,
+    thresholds=(TOLERANCE,),
+    letter="J",
+    colour="#83140e",
+    advice="the change that its budget names: contactlab examine MODEL",
+)
+def step_dependent(runs: MeasuredRuns) -> Found:
+    """The run is not the motion of its model: its backward error, or its drift of energy, is large.
+
+    Both are measured within windows of 40 ms, so chaos is none of it.
+    """
+    context, within = runs.context, runs.limits[TOLERANCE.name]
+    for run in unresolved_runs(context):
+        assert context.checks is not None
+        error = context.checks.backward[run]
+        if error.share > within:
+            step = round(error.time / context.trace.timestep[run])
+            yield run, Onset(f"{phantom_forces(context, run)}, most at {error.time:.3g} s", step)
+        else:
+            verb = "gains" if error.energy > 0 else "loses"
+            reason = f"the run {verb} {part_of(abs(error.energy))} the energy of its motion"
+            yield run, Onset(f"{reason}, which its model does not", 0)

@@ -1,0 +1,89 @@
+"""Which runs deserve a second pass although no label says so."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contactlab.contact.trace_arrays import Floats, median, squared_lengths
+from contactlab.measure.backward_error import TOLERANCE
+from contactlab.measure.constraint_violation import OVERSHOOT, constraint_violation
+from contactlab.measure.context import Context, kinetic, peak_kinetic, squared_speeds
+from contactlab.measure.energy_balance import LOSS, constraint_loss
+from contactlab.measure.entries import limits
+from contactlab.measure.penetration import PRESSED, weights_borne
+from contactlab.measure.solver_work import SATURATED, stuck_share
+
+_TO_AND_FRO = 0.15  # Amplitude of what alternates from step to step over speed
+_FEWEST = 3  # Speeds that can go to and fro
+_GRAVITY = 9.81  # m/s^2
+_MOVING = 0.1  # Least speed of what does not come to rest [rad/s, or mean body sizes a second]
+_RATTLES = 0.1  # Share of the first half's steps in which the number of contacts changes
+# Whether degrees of freedom move along, by kind of joint.
+_ALONG = {"free": [True] * 3 + [False] * 3, "ball": [False] * 3, "slide": [True], "hinge": [False]}
+
+
+def _late_speeds(context: Context) -> Floats:
+    """Return (n, T, nv) speeds of the last quarter [rad/s, or mean body sizes a second]."""
+    late, mechanism = context.trace.qvel[:, 3 * context.trace.steps // 4 :], context.setup.mechanism
+    if mechanism is None:
+        return late
+    along = [moves for joint in mechanism.joints for moves in _ALONG[joint.kind]]
+    return late / np.where(along, mechanism.size, 1.0)
+
+
+def _shakes(context: Context, late: Floats) -> NDArray[np.bool_]:
+    """Return (n,) whether speeds go to and fro from step to step, by a share of gravity.
+
+    Those of free joints only where nothing touches, since bodies hop as they slide.
+    """
+    mechanism = context.setup.mechanism
+    size, joints = (mechanism.size, mechanism.joints) if mechanism else (1.0, ())
+    hinged = [joint.kind != "free" for joint in joints for _ in _ALONG[joint.kind]] or [True]
+    aloft = context.trace.contacts.max(axis=1, initial=0)[:, None] == 0
+    if late.shape[1] < _FEWEST:
+        return np.zeros(len(late), bool)
+    swing = median(np.swapaxes(np.abs(np.diff(late, n=2, axis=1)) / 4, 1, 2))
+    swing *= (swing >= _TO_AND_FRO * np.sqrt((late**2).mean(axis=1))) & (np.array(hinged) | aloft)
+    acceleration = 2 * size * swing.max(axis=1, initial=0) / context.trace.timestep
+    return acceleration > limits(context.setup.thresholds)[TOLERANCE.name] * _GRAVITY
+
+
+def suspects(context: Context) -> NDArray[np.bool_]:
+    """Return (n,) which runs deserve a second look although no label says so.
+
+    It has what shakes in its steps, is pressed hard at rest or against a limit, has a solver that
+    uses all its iterations, does not come to rest under constant controls, loses half of its
+    kinetic energy in a step, or has a body that moved far from where it rested or rattled.
+    """
+    trace, ranges = context.trace, context.trace.control_ranges
+    size = context.setup.mechanism.size if context.setup.mechanism else np.inf
+    most = limits(context.setup.thresholds)
+    late = _late_speeds(context)
+    found = _shakes(context, late)
+    found |= weights_borne(context) > most[PRESSED.name]
+    found |= stuck_share(context) >= most[SATURATED.name]
+    found |= (constraint_loss(context) > most[LOSS.name]) & (stuck_share(context) == 0)
+    found |= constraint_violation(context) > most[OVERSHOOT.name]
+    if ranges is not None and ranges.shape[1]:
+        constant = (ranges[..., 0] == ranges[..., 1]).all(axis=1)
+        found |= constant & (np.sqrt((late**2).mean(axis=(1, 2))) > _MOVING)
+    found |= _abrupt(context)
+    changes = (np.diff(trace.contacts[:, : trace.steps // 2]) != 0).sum(axis=1)
+    rattles = changes > _RATTLES * trace.steps / 2
+    squares = squared_speeds(context)
+    early = squares[..., : 1 + trace.steps // 10]
+    first, fastest = (np.sqrt(speeds.max(axis=2)) for speeds in (early, squares))
+    for body, rested in zip(context.setup.free_bodies, first < 0.01 * fastest, strict=True):
+        # What falls or rolls from the start was not at rest.
+        far = np.sqrt(squared_lengths(context.displacement(body))) > size
+        found |= (rested | rattles) & far & (trace.contacts[:, :1] > 0).any(axis=1)
+    return found
+
+
+def _abrupt(context: Context) -> NDArray[np.bool_]:
+    """Return (n,) whether a step that begins without contact takes half of the kinetic energy.
+
+    Of at least a quarter of the largest, so that turning points do not count.
+    """
+    moving = kinetic(context)
+    fast = (moving >= peak_kinetic(context)[:, None] / 4) & (context.trace.contacts == 0)
+    return (fast[:, :-1] & (moving[:, 1:] < moving[:, :-1] / 2)).any(axis=1)
