@@ -126,6 +126,8 @@ def _print_findings(report: "CheckReport", folder: Path) -> None:
     from contactlab.studies.check import check_results
 
     echo(report.task.line)
+    if report.verdict is not None:
+        echo(report.verdict.line)
     echo(f"{report.scene}, {check_results.conditions(report)}")
     print_table(("", "finding", "result"), list(check_results.summary_rows(report)))
     for each in report.checks:
