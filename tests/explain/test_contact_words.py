@@ -3,7 +3,9 @@
 from dataclasses import replace
 from pathlib import Path
 
+import mujoco
 import pytest
+from tests.run.test_task import SQUEEZE
 
 from contactlab.command_line.declaration import declared
 from contactlab.commands.explain import explain
@@ -23,7 +25,7 @@ BALL = """<mujoco><option cone="{cone}" impratio="{impratio}"/><worldbody>
 def resting(softness: float = 1.0) -> RestingPair:
     solimp = (0.9, 0.95, 0.001, 0.5, 2.0)
     law = ContactAtRest("a-b", (0.02, 1.0), solimp, 0.5, softness, 0.05)
-    return RestingPair(law, None, 1.0, 20.0)
+    return RestingPair(law, None, "held", 1.0, 20.0)
 
 
 @pytest.mark.parametrize("depth", [1e-6, 3e-4, 2e-3])
@@ -74,8 +76,47 @@ def test_force_begins_at_the_margin(tmp_path: Path) -> None:
 
 
 def test_what_does_not_rest_has_no_depth(tmp_path: Path) -> None:
-    with pytest.raises(SceneError, match="no pair rests at the end of the run"):
+    with pytest.raises(SceneError, match="no pair rests at the end of the first phase"):
         explain_contacts("ball_drop", [], {"depth_at_rest": 1e-4}, Session(tmp_path))
+
+
+def test_rest_is_that_of_the_first_phase(tmp_path: Path) -> None:
+    """Pushes of its weight come later; a box lies on four corners, each with mg / 4."""
+    floor = '<geom name="floor" type="plane" size="1 1 .1"/>'
+    box = '<geom name="box" type="box" size=".1 .1 .05" mass="2"/>'
+    (tmp_path / "box.xml").write_text(
+        f'<mujoco><worldbody>{floor}<body pos="0 0 .05"><freejoint/>{box}</body></worldbody>'
+        "</mujoco>"
+    )
+    text = explain([str(tmp_path / "box.xml")]).text
+    assert "sines and pushes" in text
+    assert f"{2 * 9.81 / 4:.4g} N on each of 4 contacts" in text
+
+
+@pytest.mark.long
+def test_a_squeeze_is_explained_with_its_forces(tmp_path: Path) -> None:
+    """What motors press a box with is, to the four digits that are printed, plain MuJoCo's."""
+    path = tmp_path / "grip.xml"
+    path.write_text(SQUEEZE)
+    model = mujoco.MjModel.from_xml_path(str(path))
+    data, steps = mujoco.MjData(model), round(2 / model.opt.timestep)
+    mujoco.mj_resetDataKeyframe(model, data, model.key("grip").id)
+    box = model.geom("box").id
+    loads, counts = {"left": 0.0, "right": 0.0}, {"left": 0.0, "right": 0.0}
+    for step in range(steps):
+        mujoco.mj_step(model, data)
+        if step < steps - steps // 5:
+            continue
+        for name in loads:
+            finger = model.geom(name).id
+            own = [contact for contact in data.contact if {*contact.geom} == {finger, box}]
+            force = sum(data.efc_force[contact.efc_address] for contact in own)
+            loads[name] += force / len(own) / (steps // 5)
+            counts[name] += len(own) / (steps // 5)
+    text = explain([str(path)]).text
+    for name, load in loads.items():
+        assert load * counts[name] == pytest.approx(8, rel=0.01), "what the motor presses with"
+        assert f"{load:.4g} N on each of {counts[name]:.3g} contacts" in text
 
 
 def test_too_long_a_step_is_told(tmp_path: Path) -> None:

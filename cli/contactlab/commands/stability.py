@@ -87,6 +87,9 @@ def stability(
 def _print_cases(done: "Sequence[StabilityResult]") -> None:
     for line in dict.fromkeys(each.task.line for each in done if each.task):
         echo(line)
+    for each in done:
+        if each.verdict:
+            echo(f"{each.name}: {each.verdict.line}")
     rows: list[tuple[object, ...]] = []
     for each in done:
         labels = ", ".join(f"{label} {count}" for label, count in each.labels.items())

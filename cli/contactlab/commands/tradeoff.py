@@ -181,6 +181,8 @@ def _head(report: "TradeoffReport") -> Iterator[str]:
     source = "a timing pass" if report.time.source == "timing" else "the recorded runs"
     if report.task is not None:
         yield report.task.line
+    if report.verdict is not None:
+        yield f"as written: {report.verdict.line}"
     yield f"{report.sweep}: {len(report.configurations)} configurations of {report.scene}"
     yield f"  runs of each  {report.cases} (scenarios: {', '.join(report.scenarios) or 'one'})"
     written = "from the model as written" if report.error.reference == "written" else None

@@ -79,7 +79,8 @@ class Limit:
         return f"{sentence.format(value)} ({of}limit {limit})"
 
 
-MILLIMETRES, MILLISECONDS, PERCENT_PER_SECOND = (1e3, " mm"), (1e3, " ms"), (1e2, " %/s")
+MILLIMETRES, MILLISECONDS = (1e3, " mm"), (1e3, " ms")
+PERCENT, PERCENT_PER_SECOND = (1e2, " %"), (1e2, " %/s")
 LIMITS: Registry[Limit] = Registry("limit")
 """By the name of a measure, which is unique among all checks; each check adds its own."""
 

@@ -9,6 +9,7 @@ from contactlab.measure.context import Context, runs_where
 from contactlab.measure.entries import (
     Found,
     MeasuredRuns,
+    Onset,
     Threshold,
     label,
     limits,

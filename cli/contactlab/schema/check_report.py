@@ -9,6 +9,7 @@ from contactlab.schema.evidence import Engine, Provenance, Setting
 from contactlab.schema.finding import LEVEL, Finding, Level
 from contactlab.schema.strict_model import Model, about
 from contactlab.schema.task import Task
+from contactlab.schema.task_verdict import TaskVerdict
 
 CHECK_VERSION = 3
 
@@ -69,6 +70,9 @@ class CheckReport(Model):
     scene: str
     scene_hash: str
     task: Task = about("What it is judged on.")
+    verdict: TaskVerdict | None = about(
+        "What the runs of the task come to; null if that was not asked.", default=None
+    )
     overrides: tuple[str, ...] = about("--set, as given.")
     keyframe: str | None = about("The keyframe that runs start from; null if none.")
     drive: Drive = about("What drives the runs of the model itself.")
@@ -125,6 +129,9 @@ class StabilityResult(Model):
     seconds: float = about("Wall time [s].")
     store: str = about("The evidence.")
     task: Task | None = about("What a model is judged on; null for a case.", default=None)
+    verdict: TaskVerdict | None = about(
+        "What the runs of that task come to; null for a case.", default=None
+    )
     not_exercised: tuple[str, ...] = about(
         "What of a model no run exercised, a line by kind with names.", default=()
     )
@@ -132,8 +139,8 @@ class StabilityResult(Model):
 
     @property
     def passed(self) -> bool:
-        """True if there were expectations, and all were met."""
-        return self.met == self.asked > 0
+        """Whether there were expectations, all were met, and the numerics are sound."""
+        return self.met == self.asked > 0 and (self.verdict is None or self.verdict.sound)
 
 
 class StabilityReport(RootModel[tuple[StabilityResult, ...]]):

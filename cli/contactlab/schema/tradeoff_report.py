@@ -5,6 +5,7 @@ from typing import Literal
 from contactlab.schema.evidence import Setting
 from contactlab.schema.strict_model import Model, about
 from contactlab.schema.task import Task
+from contactlab.schema.task_verdict import TaskVerdict
 
 TRADEOFF_VERSION = 1
 
@@ -160,6 +161,9 @@ class TradeoffReport(Model):
     sweep: str
     scene: str
     task: Task | None = about("What runs are judged on; null for a stored sweep.", default=None)
+    verdict: TaskVerdict | None = about(
+        "What the runs of the model as written come to; null for a stored sweep.", default=None
+    )
     knobs: tuple[str, ...]
     scenarios: tuple[str, ...]
     idle: tuple[str, ...] = about("Knobs that change no error by more than 1 %.")

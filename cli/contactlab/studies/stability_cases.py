@@ -16,7 +16,9 @@ from contactlab.scene.scene_source import MODEL_SUFFIXES, is_menagerie, menageri
 from contactlab.schema.check_report import StabilityReport, StabilityResult
 from contactlab.schema.coverage import Exercised
 from contactlab.schema.task import SEEDS
+from contactlab.store.finished_store import Store
 from contactlab.studies.session import Session
+from contactlab.studies.task_verdict import records_of, refuse_lengths, task_verdict
 
 FOLDER = "stability"
 
@@ -55,6 +57,7 @@ def run(request: StabilityRequest, session: Session) -> StabilityReport:
     or not of a model; an OutputError if the session's folder cannot be written; a StoppedError if
     the session was stopped.
     """
+    refuse_lengths(request.task)
     cases = find_cases(request.names)
     said = {"a drive": request.task.drive, "--watch": request.task.watch}
     said |= {"a share of --within": request.task.within}
@@ -113,7 +116,10 @@ def _run_case(case: StabilityCase, session: Session, request: StabilityRequest) 
     task = sweep.scene.task(
         values, duration, watch=asked.watch, within=asked.within, seeds=tuple(seeds)
     )
-    return result.model_copy(update={"task": task})
+    store_of_runs = Store.open(store)
+    records = records_of(store_of_runs, sweep.scene, values, task)
+    verdict = task_verdict(task, sweep.scene, values, records, session)
+    return result.model_copy(update={"task": task, "verdict": verdict})
 
 
 def _case(name: str, known: dict[str, Path]) -> StabilityCase:

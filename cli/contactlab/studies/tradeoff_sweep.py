@@ -28,7 +28,8 @@ from contactlab.schema.sweep_schema import Sweep
 from contactlab.schema.tradeoff_report import Recommendation, TradeoffReport
 from contactlab.store.finished_store import Store
 from contactlab.store.store_files import Address
-from contactlab.studies.session import Session
+from contactlab.studies.session import Session, Values
+from contactlab.studies.task_verdict import records_of, refuse_lengths, task_verdict
 
 
 @dataclass(frozen=True)
@@ -55,8 +56,9 @@ def run(request: TradeoffRequest, session: Session) -> TradeoffReport:
     SweepFileError if the sweep holds mistakes, or the criteria name what it does not measure; a
     StoreError if the store has no error to evaluate; a StoppedError if the session was stopped.
     """
+    refuse_lengths(request.task)
     stored = find_store(request.source, request.store)
-    task = None
+    task = verdict = None
     if stored is not None:
         store = Store.open(stored)
     else:
@@ -66,7 +68,10 @@ def run(request: TradeoffRequest, session: Session) -> TradeoffReport:
         store = session.run(sweep)
         seeds, duration = sweep.plan.sweep.seed_values, sweep.plan.sweep.duration
         watch, within = request.task.watch, request.task.within
-        task = sweep.scene.task({}, duration, watch=watch, within=within, seeds=tuple(seeds))
+        values = _of_model(sweep)
+        task = sweep.scene.task(values, duration, watch=watch, within=within, seeds=tuple(seeds))
+        records = records_of(store, sweep.scene, values, task)
+        verdict = task_verdict(task, sweep.scene, values, records, session)
     report = analyse(store, request.criteria)
     with TemporaryDirectory(prefix="contactlab-") as folder:
         chosen, notes = _written(
@@ -74,7 +79,13 @@ def run(request: TradeoffRequest, session: Session) -> TradeoffReport:
         )
         robust, _ = _written(report, report.robust, Path(folder), store)
     found = {"recommendation": chosen, "robust": robust, "notes": (*report.notes, *notes)}
-    return report.model_copy(update={**found, "task": task})
+    return report.model_copy(update={**found, "task": task, "verdict": verdict})
+
+
+def _of_model(sweep: SweepRequest) -> Values:
+    """Return the values of the model as written, in the first scenario."""
+    first = next(sweep.plan.runs()).values
+    return {name: value for name, value in first.items() if name in sweep.plan.sweep.scenario}
 
 
 def _written(

@@ -128,6 +128,7 @@ def report_of(report: CheckReport, page: Path | None = None) -> Report:
         record=report,
         facts=(
             ("task", report.task.line),
+            *((("verdict", report.verdict.line),) if report.verdict is not None else ()),
             ("model", f"{report.scene}, {conditions(report)}"),
             ("scene", report.scene_hash),
             ("engine", f"{report.engine.name} {report.engine.version}"),

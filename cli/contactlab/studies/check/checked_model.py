@@ -22,8 +22,10 @@ from contactlab.schema.drive import Drive, drive_data
 from contactlab.schema.finding import Level
 from contactlab.schema.setting_values import as_number
 from contactlab.schema.task import SEEDS, Task
+from contactlab.schema.task_verdict import TaskVerdict
 from contactlab.studies.check.check_runs import CheckRun, Holding, holding_of
 from contactlab.studies.session import Session, Values
+from contactlab.studies.task_verdict import task_verdict
 
 NOMINAL_STORE = "run"
 """Name of the store of the nominal runs, those of the model as it is."""
@@ -95,7 +97,15 @@ class CheckedModel:
     def task(self) -> Task:
         """Task on which the model is judged."""
         watch, within = self.options.watch, self.options.within
-        return self.scene.task(self.values, self.duration, watch=watch, within=within)
+        return self.scene.task(
+            self.values, self.duration, watch=watch, within=within, seeds=self.seeds
+        )
+
+    @cached_property
+    def verdict(self) -> TaskVerdict:
+        """What the runs of its task come to."""
+        records = [run.record for run in self.nominals]
+        return task_verdict(self.task, self.scene, self.values, records, self.session)
 
     @property
     def base(self) -> CompiledScene:

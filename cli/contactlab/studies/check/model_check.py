@@ -37,6 +37,7 @@ from contactlab.studies.check.checked_model import (
 from contactlab.studies.check.remedies import find_remedies
 from contactlab.studies.check.run_checks import reference_of
 from contactlab.studies.session import Session, Values, read_settings
+from contactlab.studies.task_verdict import refuse_lengths
 from contactlab.writers.markdown import as_markdown
 from contactlab.writers.report import ORDER
 
@@ -84,6 +85,7 @@ def run(request: CheckRequest, session: Session) -> CheckReport:
         scene=checked.scene.name,
         scene_hash=checked.scene.hash,
         task=checked.task,
+        verdict=checked.verdict if "task" in checks else None,
         overrides=tuple(_assigned(request)),
         keyframe=None if checked.resolved.keyframe == QPOS0 else checked.resolved.keyframe,
         drive=checked.resolved.drive,
@@ -109,6 +111,7 @@ def open_model(request: CheckRequest, session: Session) -> CheckedModel:
     Raises a SceneError if there is no such scene, or it does not compile; a SweepFileError if a
     setting is wrong (all are named).
     """
+    refuse_lengths(request.task)
     _require_known("limit", request.task.limits, replaceable_limits())
     scenes, reference = SceneLoader(Path()), request.model
     scene = scenes.open(reference)

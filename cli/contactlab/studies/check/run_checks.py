@@ -14,6 +14,7 @@ from contactlab.contact.contact_laws import stiffness_damping
 from contactlab.judge.limits import (
     MILLIMETRES,
     MILLISECONDS,
+    PERCENT,
     Limit,
     exceeding,
     informative,
@@ -268,3 +269,35 @@ def check_must(checked: CheckedModel) -> Measured:
         measures.append(checked.measure("requirements_broken", float(bool(broken)), seed))
         notes += [f"{seed}: {each.reason}" for each in broken]
     return Measured(measures, notes, checked.stores(NOMINAL_STORE))
+
+
+@check(
+    "task",
+    asks="in every phase of its task it moves as its model does, and no label holds",
+    place=0.5,
+    limits=(
+        Limit("phantom_forces", "1", "gate", shown=PERCENT),
+        Limit("labelled_runs", "1", "gate", 0),
+    ),
+)
+def check_task(checked: CheckedModel) -> Measured:
+    """Judge the phases of the task one by one, and count the runs that have a label."""
+    verdict, task = checked.verdict, checked.task
+    measures = [
+        checked.measure(
+            "phantom_forces",
+            np.nan if phase.share is None else phase.share,
+            f"{phase.body}, {phase.name}",
+            limit=task.within,
+        )
+        for phase in verdict.phases
+        if phase.body is not None
+    ]
+    for phase in verdict.phases:
+        for label, runs in phase.labels.items():
+            measures.append(checked.measure("labelled_runs", runs, f"{label}, {phase.name}"))
+    if not any(phase.labels for phase in verdict.phases):
+        measures.append(checked.measure("labelled_runs", 0))
+    return Measured(
+        measures, [] if verdict.sound else [verdict.sentence], checked.stores(NOMINAL_STORE)
+    )

@@ -30,17 +30,21 @@ from contactlab.studies.session import Session, read_settings
 
 WORDS = {**AT_REST, "restitution": ""}
 _MEANS = ("contacts", "load", "depth")
-_RESTING = 0.9  # share of the last fifth of a run in which a pair at rest touches
+_RESTING = 0.9  # share of the last fifth of the first phase in which a pair at rest touches
 _AGREE = 0.1  # share by which what is measured may miss what is asked for
 
 
 @dataclass(frozen=True)
 class RestingPair:
-    """A pair of contacts, what it bears at the end of a run, and how deep it is."""
+    """A pair of contacts, what it bears at rest, and how deep it is.
+
+    That is measured at the end of the first phase of the task, before anything is excited.
+    """
 
     law: ContactAtRest
     restitution: float | None  # measured in the run
-    contacts: float = 0.0  # mean number in the last fifth of the run, if the pair rests then
+    phase: str  # the first of the task
+    contacts: float = 0.0  # mean number in the last fifth of that phase, if the pair rests then
     load: float = 0.0  # that one contact bears [N]
     depth: float = 0.0  # mean of the contacts, measured [m]
 
@@ -60,7 +64,7 @@ class RestingPair:
         solref, mass = self.law.solref, 1 / self.law.inverse_mass
         (rate, drag), zeta = stiffness_damping(solref), damping_ratio(solref)
         depth = self.expected_depth
-        rest = {"depth_at_rest": "it does not rest at the end of the run"}
+        rest = {"depth_at_rest": f"it does not rest at the end of its {self.phase} phase"}
         if self.load:
             bears = f"{self.load:.4g} N on each of {self.contacts:.3g} contacts"
             measured = f"measured {self.depth * 1e3:.4g} mm"
@@ -130,8 +134,8 @@ def explain_contacts(
         pairs = [pair for pair in pairs if pair.load]
     if not pairs:
         raise SceneError(
-            f"{model}: no pair rests at the end of the run, so that none has a depth or stiffness; "
-            "give a restitution, or a model that comes to rest"
+            f"{model}: no pair rests at the end of the first phase, so that none has a depth or "
+            "stiffness; give a restitution, or a model that comes to rest"
         )
     lines, missed = [head], list[str]()
     for pair in pairs:
@@ -179,12 +183,15 @@ def _resting(
     store, base = session.run_derived("run", sweep, scenes), scenes.open(model).base({})
     (record,) = store.records()
     trace, rests = store.trace(record), list[RestingPair]()
-    fifth = (len(trace.time) - 1) // 5
+    task = scenes.open(model).task(values, given.duration, seeds=(0,))
+    first = task.phases[0]
+    end = round((len(trace.time) - 1) * first.end / task.duration)
+    fifth = end // 5
     timestep = as_number(record.settings["timestep"])
     edited = base.prepare(scenes.open(model).resolve(values, 0, None).edits()).model
     for pair in base.pairs:
         stored, used = trace.pair(pair.name), record.pairs[pair.name]
-        last = stored.steps >= len(trace.time) - 1 - fifth
+        last = (stored.steps >= end - fifth) & (stored.steps < end)
         count, loads = stored.contacts[last], stored.normal[last]
         points = stored.points[np.repeat(last, stored.contacts), DISTANCE]
         safe = record.effects.get("refsafe", True)
@@ -192,7 +199,7 @@ def _resting(
         law = replace(law_of_rest(edited, pair, used), solref=solref)
         if not law.inverse_mass:
             raise SceneError(f"{pair.name}: neither side can move, so that nothing is stiff")
-        rests.append(RestingPair(law, record.metrics.get("restitution_measured")))
+        rests.append(RestingPair(law, record.metrics.get("restitution_measured"), first.name))
         if last.sum() >= _RESTING * fifth:
             depth = used.margin - float(points.mean())  # force begins at the margin
             means = float(count.mean()), float((loads / count).mean()), depth
