@@ -12,6 +12,7 @@ Python, where the answers are data:
 Importing this loads neither the physics engine nor Arrow; the first call does, if it needs them.
 """
 
+from collections.abc import Sequence
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -117,13 +118,13 @@ def _former(name: str, what: str) -> Any:  # noqa: ANN401 - as above
     import warnings
     from functools import partial
 
-    from contactlab.commands.list import list
+    from contactlab.commands import list as listing
 
     warnings.warn(
         f"contactlab.{name}() is contactlab.list('{what}') now", DeprecationWarning, stacklevel=3
     )
-    return partial(list, what)
+    return partial(listing.list, what)
 
 
-def __dir__() -> list[str]:
+def __dir__() -> Sequence[str]:
     return __all__

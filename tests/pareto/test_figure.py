@@ -1,6 +1,5 @@
 """The chart shows what the report says, and never loses a point to a logarithmic axis."""
 
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -120,15 +119,6 @@ def test_the_specification_has_data_only_and_no_address(report: TradeoffReport) 
 def test_another_suffix_is_refused(report: TradeoffReport, tmp_path: Path) -> None:
     with pytest.raises(OutputError, match=r"ends in \.png or \.svg"):
         draw(report, tmp_path / "chart.bmp")
-
-
-def test_a_missing_extra_is_named(
-    report: TradeoffReport, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.delitem(sys.modules, "contactlab.charts")
-    monkeypatch.setitem(sys.modules, "vl_convert", None)
-    with pytest.raises(OutputError, match=r"pip install 'contactlab\[figures\]'"):
-        draw(report, tmp_path / "chart.png")
 
 
 def test_a_folder_that_is_not_there(report: TradeoffReport, tmp_path: Path) -> None:

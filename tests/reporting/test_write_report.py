@@ -145,17 +145,19 @@ def test_a_tolerance_of_an_unknown_metric_is_refused(swept: Swept, tmp_path: Pat
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_missing_library_is_named(
+@pytest.mark.long
+def test_a_page_needs_no_extra(
     swept: Swept, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for module in (
-        *("contactlab.page.html_page", "contactlab.page.page_view", "contactlab.page.heatmap"),
-        "contactlab.charts",
-    ):
-        monkeypatch.delitem(sys.modules, module, raising=False)
-    monkeypatch.setitem(sys.modules, "vl_convert", None)
-    with pytest.raises(OutputError, match=r"needs vl_convert, .* 'contactlab\[figures\]'"):
-        write_page(swept("bounce"), tmp_path / "page.html")
+    """Figures for paper do, and name it before anything is written."""
+    for module in [name for name in sys.modules if name.startswith("contactlab.page")]:
+        monkeypatch.delitem(sys.modules, module)
+    for library in ("fontTools", "pikepdf"):
+        monkeypatch.setitem(sys.modules, library, None)
+    write_page(swept("bounce"), tmp_path / "page.html")
+    with pytest.raises(OutputError, match=r"needs .*, .* 'contactlab\[figures\]'"):
+        write_figures(swept("bounce"), tmp_path / "figures", ["svg"])
+    assert [path.name for path in tmp_path.iterdir()] == ["page.html"]
 
 
 @pytest.mark.night

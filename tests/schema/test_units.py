@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from contactlab.schema.units import SI_UNITS, read_quantity, split_unit, without_unit
+from contactlab.schema.setting_values import SI_UNITS, read_quantity, split_unit, without_unit
 
 PREFIXES = {"": 1.0, "u": 1e-6, "µ": 1e-6, "m": 1e-3, "c": 1e-2, "k": 1e3}
 BASES = {"s": 1.0, "m": 1.0, "g": 1e-3, "N": 1.0, "rad": 1.0, "deg": math.pi / 180}

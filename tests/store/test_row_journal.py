@@ -32,5 +32,5 @@ def test_each_row_has_the_shared_fields_of_its_own_job(
     (folder / JOURNAL).write_bytes(b"".join(lines))
     assert list(read_lines(folder / JOURNAL)) == expected
     seen = list[Any]()
-    mended = mend_journal(folder, lambda row, _: seen.append(dict(row)), lambda _: True)
-    assert (seen, mended.runs) == (expected, {row["run_id"] for row in expected})
+    mended = mend_journal(folder, lambda row: seen.append(dict(row)), lambda _: True)
+    assert (seen, mended) == (expected, {row["run_id"] for row in expected})

@@ -1,6 +1,7 @@
 """Studies of one model judge one task: by phases, by watched bodies, and by its share."""
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -25,7 +26,7 @@ def written(folder: Path, timestep: float = 0.005, stiffness: float = 4e3) -> st
     return str(path)
 
 
-def verdicts(model: str, folder: Path, **task: str) -> tuple[str, list[TaskVerdict]]:
+def verdicts(model: str, folder: Path, **task: Any) -> tuple[str, list[TaskVerdict]]:
     """Return the task line of three studies, which is one, and their verdicts."""
     checked = contactlab.check(
         model, only=["task"], remedies=False, workers=0, output=folder / "check", **task
@@ -55,7 +56,7 @@ def test_watched_bodies_and_the_share_decide(tmp_path: Path) -> None:
     """Euler with h w = .32 in the spring, and .03 in the pendulum, whose share is the smaller."""
     model = written(tmp_path)
 
-    def checked(**task: object) -> CheckReport:
+    def checked(**task: Any) -> CheckReport:
         folder = tmp_path / "check"
         return contactlab.check(
             model, only=["task"], remedies=False, workers=0, output=folder, duration="1.5s", **task

@@ -9,7 +9,7 @@ from contactlab.command_line.declaration import Given, Option, command
 from contactlab.command_line.listing import Listing
 from contactlab.command_line.surroundings import say
 from contactlab.command_line.terminal import echo, print_table
-from contactlab.errors import OutputError, optional
+from contactlab.errors import OutputError
 
 if TYPE_CHECKING:
     from contactlab.pareto.criteria import Criteria
@@ -128,8 +128,8 @@ def _figures(
     from contactlab.reporting.report import read_report_data
 
     if folder == Path("list"):
-        with optional("figures", "figures for paper"):
-            from contactlab.page.paper_figures import figure_list
+        from contactlab.page.paper_figures import figure_list
+
         return Listing(("figure", "what it shows"), figure_list(read_report_data(store, criteria)))
     written, missing = write_figures(store, folder, formats, criteria, width)
     for name, why in missing.items():

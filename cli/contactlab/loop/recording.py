@@ -88,9 +88,14 @@ def record(
         own = Scene(source, ENGINES)
         if not own.base({}).pairs:
             raise SceneError("no two geoms of the model can touch, so nothing is monitored")
-        unknown = {"source": "", "overrides": (), "runs_asked": 0, "plan_hash": _hash([])}
+        unknown: dict[str, Any] = {
+            "source": "",
+            "overrides": (),
+            "runs_asked": 0,
+            "plan_hash": _hash([]),
+        }
         known = identity_fields(name, own, sweep)
-        identity = SweepIdentity(**known, lacking=lacking_checks(), **unknown)
+        identity = SweepIdentity(**known, lacking=lacking_checks(), plan_hash=_hash([]), **unknown)
         writer = opening.enter_context(open_writer(folder, identity, source.content, fresh=fresh))
         assert isinstance(writer, StoreWriter)
         where = writer.scene_folder.resolve()

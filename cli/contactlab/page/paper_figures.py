@@ -10,10 +10,10 @@ import numpy as np
 from contactlab.charts import Rows, Spec, layer_of, themed, word_colours
 from contactlab.contact.contact_laws import damping_ratio, restitution_of, sticking_speed
 from contactlab.contact.trace_arrays import LINEAR_VELOCITY, STICK, Floats
+from contactlab.errors import optional
 from contactlab.measure import labels_with
 from contactlab.page.heatmap import Layered, default_map, metric_map
 from contactlab.page.page_charts import change_panels, knob_changes, tradeoff_chart
-from contactlab.page.paper_size import parse_width, render_at
 from contactlab.page.run_series import decimated, is_single_body, qpos_entries
 from contactlab.page.stick_or_slip import slope_runs, stick_slip_panel
 from contactlab.palette import COLOURS, INK, SHAPES
@@ -259,6 +259,8 @@ def figure_files(
 
     A width, as in `85mm`, lays them out for paper; an OutputError says that it is none.
     """
+    with optional("figures", "figures for paper"):
+        from contactlab.page.paper_size import parse_width, render_at  # noqa: PLC0415 - an extra
     millimetres = None if width is None else parse_width(width)
     specs = figure_specs(data)
     files = {

@@ -3,13 +3,13 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from contactlab.errors import OutputError, optional
+from contactlab.errors import OutputError
 from contactlab.pareto.criteria import Criteria
 from contactlab.reporting.report import DEFAULT_CRITERIA, PageRequest, read_report_data
 from contactlab.store.atomic_files import atomic_write
 from contactlab.store.finished_store import Store
 
-# ruff: noqa: PLC0415 - drawing needs an extra
+# ruff: noqa: PLC0415 - what draws takes a while to load
 
 FORMATS = ("png", "svg", "pdf")
 _DEFAULT_PAGE = PageRequest()
@@ -46,8 +46,8 @@ def write_figures(
     for form in formats:
         if form not in FORMATS:
             raise OutputError(f"unknown format '{form}'; choose from {', '.join(FORMATS)}")
-    with optional("figures", "figures for paper"):
-        from contactlab.page.paper_figures import figure_files
+    from contactlab.page.paper_figures import figure_files
+
     files, missing = figure_files(read_report_data(store, criteria), formats, width)
     try:
         folder.mkdir(parents=True, exist_ok=True)

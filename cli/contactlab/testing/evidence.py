@@ -82,7 +82,7 @@ class ContactEvidence:
         failing = [check for check in compared.findings if check.outcome == "failed"]
         lines = [f"{compared.headline} (against {place})"]
         lines += [
-            f"  {check.name}: {check.verdict} in {check.failing} of {check.runs}"
+            f"  {check.name}: {check.verdict} in {check.failing} of {check.judged}"
             for check in failing
         ]
         self._require(["\n".join(lines)] if compared.exit_code else [])
