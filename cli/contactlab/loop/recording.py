@@ -95,7 +95,7 @@ def record(
             "plan_hash": _hash([]),
         }
         known = identity_fields(name, own, sweep)
-        identity = SweepIdentity(**known, lacking=lacking_checks(), plan_hash=_hash([]), **unknown)
+        identity = SweepIdentity(**known, lacking=lacking_checks(), **unknown)
         writer = opening.enter_context(open_writer(folder, identity, source.content, fresh=fresh))
         assert isinstance(writer, StoreWriter)
         where = writer.scene_folder.resolve()
