@@ -1,7 +1,7 @@
 """What removes what a budget finds: changes of settings, each tried by a budget of its own."""
 
 import copy
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -15,6 +15,8 @@ from contactlab.budget.readings import ErrorBudget
 from contactlab.budget.rows import ROWS, Row, go_on, has_no_flex
 from contactlab.budget.verdict import Reason, Verdict, Word, judge
 from contactlab.budget.windows import replay
+from contactlab.mjcf import OPTIONS
+from contactlab.scene.model_edits import read_option
 
 _EULER = int(mujoco.mjtIntegrator.mjINT_EULER)
 _RK4 = int(mujoco.mjtIntegrator.mjINT_RK4)
@@ -33,6 +35,7 @@ class Candidate:
         rate: how many of its steps make one of the run's.
         rows: of the model, which it is worth trying against; any if empty.
         new: whether it changes a model at all.
+        physics: whether it makes another model, not another computation of the same one.
     """
 
     name: str
@@ -41,6 +44,7 @@ class Candidate:
     rate: int = 1
     rows: Sequence[str] = ()
     new: Callable[[mujoco.MjModel], bool] = lambda _model: True
+    physics: bool = False
 
 
 @dataclass(frozen=True)
@@ -52,6 +56,8 @@ class Remedy:
         removes: whether nothing is left of the kind of verdict that it was tried against.
         budget: of the changed model, under the same inputs.
         verdict: on that.
+        physics: whether it makes another model, not another computation of the same one.
+        options: the options that it changes, by name; all that it changes, unless it is of physics.
         row: the row of the model that it was tried against, or "run".
         price: its time over that of the model as it is.
     """
@@ -61,6 +67,8 @@ class Remedy:
     budget: ErrorBudget
     verdict: Verdict
     price: Price | None
+    physics: bool
+    options: Mapping[str, object]
     row: str = "run"
 
     @property
@@ -122,7 +130,13 @@ CANDIDATES: tuple[Candidate, ...] = (
     Candidate("elliptic cones with impratio 10", "model", _stiff_friction),
     Candidate("elliptic cones with impratio 10, and noslip", "model", _both, new=has_no_flex),
     *(
-        Candidate(row.summary, "model", partial(_as_row, row), rows=(row.name,))
+        Candidate(
+            row.summary,
+            "model",
+            partial(_as_row, row),
+            rows=(row.name,),
+            physics=row.name.endswith("softness"),
+        )
         for row in ROWS
         if row.kind == "model"
     ),
@@ -162,10 +176,20 @@ def remedies(
         removes = found.word == "sound" or (word == "unresolved" and found.word == "model")
         price = _price(motions[0], changed[0].model, candidate, settings)
         row = verdict.reasons[0].row if word == "model" else "run"
-        tried.append(Remedy(candidate.name, removes, budget, found, price, row))
+        options = _options(motions[0].model, changed[0].model)
+        remedy = Remedy(
+            candidate.name, removes, budget, found, price, candidate.physics, options, row
+        )
+        tried.append(remedy)
     return tuple(
         sorted(tried, key=lambda one: (not one.removes, one.price.ratio if one.price else 0))
     )
+
+
+def _options(model: mujoco.MjModel, changed: mujoco.MjModel) -> dict[str, object]:
+    """Return the options of a changed model that differ from those of another."""
+    values = {name: read_option(changed, name) for name in OPTIONS}
+    return {name: value for name, value in values.items() if value != read_option(model, name)}
 
 
 def _changed(motion: Motion, candidate: Candidate) -> Motion:

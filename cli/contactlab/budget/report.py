@@ -55,6 +55,8 @@ def _reason(reason: Reason) -> BudgetReason:
 def _remedy(remedy: Remedy) -> BudgetRemedy:
     return BudgetRemedy(
         name=remedy.name,
+        physics=remedy.physics,
+        options=dict(remedy.options),
         removes=remedy.removes,
         word=remedy.verdict.word,
         share=_finite(remedy.share),

@@ -21,6 +21,13 @@ def _text(report: "Examination", given: Given) -> None:
     echo("\n".join(examination_lines(report)))
 
 
+def _full(report: "Examination", given: Given) -> None:
+    from contactlab.studies.examine.examination_lines import examination_lines
+
+    del given
+    echo("\n".join(examination_lines(report, full=True)))
+
+
 def _json(report: "Examination", given: Given) -> None:
     del given
     echo(report.model_dump_json(indent=2))
@@ -36,8 +43,8 @@ def _failure(report: "Examination", given: Given) -> ExpectationError | None:
 
 @command(
     "examine",
-    examples=("examine robot.xml", "examine robot.xml --within 30% -o robot.json"),
-    formats={"text": _text, "json": _json},
+    examples=("examine robot.xml", "robot.xml --within 30% --write sound/robot.xml"),
+    formats={"text": _text, "full": _full, "json": _json},
     failure=_failure,
 )
 def examine(
@@ -53,6 +60,10 @@ def examine(
         str | Path | None,
         Option("FILE", "File for the report: .json.", kind=Path, short="-o"),
     ] = None,
+    write: Annotated[
+        str | Path | None,
+        Option("FILE", "File for the model with the first change that helps.", kind=Path),
+    ] = None,
     start: opt.Start = None,
     drive: opt.Drive = None,
     duration: opt.Duration = None,
@@ -64,6 +75,9 @@ def examine(
 ) -> "Examination":
     """Say whether a model can be trusted, and which change mends it.
 
+    `contactlab MODEL` is short for it. A change is judged on the task's seeds and on fresh ones;
+    `write` writes the model with the first that computes the same model otherwise.
+
     The verdict is sound, unresolved (the timestep, solver or integrator is at fault), not resolved
     (nor is the reference known), or model (the result hangs on how soft or regularised it is).
 
@@ -71,7 +85,7 @@ def examine(
         SceneError: there is no such model, keyframe or body, or it does not compile.
         SweepFileError: a setting is wrong, or the tolerance is no share.
         EngineError: nothing moves, or MuJoCo is not what simulates.
-        OutputError: the report cannot be written.
+        OutputError: the report or the model cannot be written.
     """
     from contactlab.store.atomic_files import atomic_write, write_errors
     from contactlab.studies.examine.examination import ExamineRequest, run
@@ -82,7 +96,16 @@ def examine(
         # Before minutes of measuring, a folder that cannot be written to.
         with write_errors(Path(output)), TemporaryFile(dir=Path(output).parent):
             pass
-    report = run(ExamineRequest(str(model), opt.assigned(set), task, workers, allow_code))
+    request = ExamineRequest(
+        model=str(model),
+        assign=opt.assigned(set),
+        task=task,
+        workers=workers,
+        allow_code=allow_code,
+        write=None if write is None else Path(write),
+        told=say,
+    )
+    report = run(request)
     if output is not None:
         with write_errors(Path(output)), atomic_write(Path(output)) as path:
             path.write_text(report.model_dump_json(indent=2) + "\n", encoding="utf-8")

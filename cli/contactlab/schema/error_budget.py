@@ -2,6 +2,7 @@
 
 from typing import Literal
 
+from contactlab.schema.evidence import Setting
 from contactlab.schema.strict_model import Model, about
 
 BUDGET_VERSION = 1
@@ -97,6 +98,8 @@ class BudgetRemedy(Model):
     """A change of settings that was tried against the verdict."""
 
     name: str
+    physics: bool = about("Whether it makes another model, not another computation of this one.")
+    options: dict[str, Setting] = about("The options that it changes.")
     removes: bool
     word: BudgetWord = about("The verdict on the changed model.")
     share: float | None = about("Of the row it was tried against, or the run; null if infinite.")

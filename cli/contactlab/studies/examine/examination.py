@@ -1,6 +1,6 @@
 """Examines a model under its task: motions, budget, verdict, and the changes that mend it."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -25,6 +25,14 @@ from contactlab.run.sweep_request import SceneLoader
 from contactlab.scene.mujoco_versions import VERSION
 from contactlab.schema.examination import Examination
 from contactlab.schema.task import Task
+from contactlab.studies.examine.changes import (
+    MOST_CHANGES,
+    confirmed,
+    fresh,
+    model_change,
+    write_first,
+)
+from contactlab.studies.examine.facts import facts
 from contactlab.studies.examine.task_motions import task_motions
 from contactlab.studies.examine.watched import of_watched
 from contactlab.studies.session import read_settings
@@ -48,6 +56,8 @@ class ExamineRequest:
         task: what replaces parts of the model's own.
         workers: threads; one for each processor by default.
         allow_code: whether policies and environments may run, which are code.
+        write: file for the model with the first change that computes it otherwise.
+        told: called with a line of text as a part of the examination begins.
     """
 
     model: str
@@ -55,6 +65,8 @@ class ExamineRequest:
     task: TaskOptions = AS_INFERRED
     workers: int | None = None
     allow_code: bool = False
+    write: Path | None = None
+    told: Callable[[str], None] = lambda _: None
 
 
 def run(request: ExamineRequest) -> Examination:
@@ -64,6 +76,7 @@ def run(request: ExamineRequest) -> Examination:
         SceneError: there is no such model, keyframe or body, or it does not compile.
         SweepFileError: a setting is wrong, or the tolerance is no share.
         EngineError: nothing moves, or MuJoCo is not what simulates.
+        OutputError: the changed model cannot be written.
     """
     if request.task.limits or (request.task.within or (0, "1"))[1] != "1":
         raise SweepFileError("'--within' is a share of the real forces here; write 10%")
@@ -72,6 +85,7 @@ def run(request: ExamineRequest) -> Examination:
     asked = [*request.assign, *request.task.settings]
     values, given = read_settings(scenes, request.model, asked, ("duration",))
     task = scene.task(values, given.duration, watch=request.task.watch, within=request.task.within)
+    request.told(f"examining {request.model}: {task.line}")
     motions = task_motions(scene, values, task, allow_code=request.allow_code)
     workers = request.workers
     if workers is not None:
@@ -79,14 +93,35 @@ def run(request: ExamineRequest) -> Examination:
     measured = error_budget(motions, settings=SETTINGS, workers=workers)
     budget = of_watched(measured, task.watched)
     verdict = judge(budget, task.within)
+    if verdict.word != "sound":
+        request.told(f"{verdict.reasons[0].sentence}; looking for changes that remove it")
     tried = _tried(motions, verdict, task, workers)
-    return Examination(
+    if tried and tried[0].removes:
+        request.told("judging changes on fresh seeds")
+        again = task_motions(scene, values, fresh(task), allow_code=request.allow_code)
+        tried = tuple(sorted(confirmed(tried, again, verdict, workers), key=_by_use))
+    helping = [remedy for remedy in tried if remedy.removes][:MOST_CHANGES]
+    changes = tuple(model_change(scene, remedy, values) for remedy in helping)
+    begins = {phase.name: phase.begin for phase in task.phases}
+    report = Examination(
         model=request.model,
         mujoco=VERSION,
         task=task,
         sentence=_sentence(verdict, tried, task, budget),
         budget=budget_report(budget, verdict, tried),
+        facts=facts(motions, [begins.get(motion.name, 0.0) for motion in motions]),
+        changes=changes,
     )
+    if request.write is None:
+        return report
+    made = write_first(scene, changes, values, request.write)
+    if made is None:
+        request.told(
+            f"{request.write} is not written: no change of how the model is computed removes what "
+            "the verdict names"
+        )
+        return report
+    return report.model_copy(update={"written": str(made.path)})
 
 
 def _tried(

@@ -3,12 +3,13 @@
 import math
 import textwrap
 from collections.abc import Iterator, Sequence
+from itertools import chain
 
 from contactlab.budget.verdict import percent
 from contactlab.printable import visible
 from contactlab.schema.drive import PolicyDrive
 from contactlab.schema.error_budget import BudgetPhase, BudgetRemedy, BudgetRow
-from contactlab.schema.examination import Examination
+from contactlab.schema.examination import Examination, ModelChange
 from contactlab.schema.task import Task
 
 _WIDTH = 80
@@ -18,6 +19,7 @@ _HEADS = {"numerics": "numerics", "model": "model", "effect": "effects", "unknow
 # Bars are logarithmic: one sign for a third of a decade, from a tenth of a percent on.
 _LEAST, _PER_DECADE = 1e-3, 2
 _NOTHING = 1e-4
+_TOLD = 0.1  # of the tolerance: rows that a short table has
 _REPLAYED = "What the policy did is replayed; whether its loop is stable is not judged."
 _UNIT = (
     "Shares are phantom forces over the real ones, of the worst body; bars are logarithmic, from "
@@ -25,18 +27,91 @@ _UNIT = (
 )
 
 
-def examination_lines(report: Examination) -> list[str]:
-    """Return the verdict, the task, a table of each phase, and the changes that were tried."""
+def examination_lines(report: Examination, *, full: bool = False) -> list[str]:
+    """Return the verdict, the task, the budget, facts, and the changes that help.
+
+    In short, rows are those of the phase in which each is largest, above a tenth of the tolerance;
+    in full, all rows of each phase and all changes that were tried.
+    """
     lines = [*_wrapped(report.sentence, ""), *_wrapped(report.task.line, "")]
     if isinstance(report.task.drive, PolicyDrive):
         lines += _wrapped(_REPLAYED, "")
-    lines += ["", *_wrapped(_UNIT, "")]
-    for phase in report.budget.phases:
-        lines += ["", *_phase(phase, report.task)]
-    if report.budget.remedies:
-        head = f"{'changes tried:':45} {'cost':>6} {'share':>7}"
-        lines += ["", head, *map(_remedy, report.budget.remedies)]
+    lines.append("")
+    if full:
+        lines += _wrapped(_UNIT, "")
+        for phase in report.budget.phases:
+            lines += ["", *_phase(phase, report.task)]
+        lines += _tried(report)
+    else:
+        lines += _short_budget(report)
+    if report.facts:
+        lines += ["", *chain.from_iterable(_wrapped(fact.sentence, "") for fact in report.facts)]
+    for number, change in enumerate(report.changes, 1):
+        lines += ["", *_change(number, change)]
+    lines += ["", *_wrapped(_end(report), "")]
     return [visible(line) for line in lines]
+
+
+def _short_budget(report: Examination) -> Iterator[str]:
+    """Yield the run, and the rows that matter, each from the phase in which it is largest."""
+    begins = _begins(report.task)
+    found: dict[str, tuple[BudgetRow, float]] = {}
+    for phase in report.budget.phases:
+        for row in (phase.run, *phase.rows):
+            kept = found.get(row.name)
+            if row.exercised and (kept is None or _size(row) > _size(kept[0])):
+                found[row.name] = row, begins.get(phase.name, 0.0)
+    run, begin = found.pop(report.budget.phases[0].run.name)
+    shown = [name for name, (row, _) in found.items() if _size(row) >= _TOLD * report.budget.within]
+    names = 2 + max(map(len, (*shown, _RUN)))
+    yield _cells(names, ("", "share", "seeds", "", "cost", "worst body, when"))
+    yield _line(names, _RUN, run, begin)
+    for kind, head in _HEADS.items():
+        rows = [(name, *found[name]) for name in shown if found[name][0].kind == kind]
+        if rows:
+            yield f"{head}:"
+        yield from (_line(names, f"  {name}", row, since) for name, row, since in rows)
+    if less := [name for name in found if name not in shown]:
+        yield from _wrapped(f"below {percent(_TOLD * report.budget.within)}: {', '.join(less)}", "")
+    idle = {row.name: None for phase in report.budget.phases for row in phase.rows}
+    if never := [name for name in idle if name not in found]:
+        yield from _wrapped(f"never exercised: {', '.join(never)}", "")
+
+
+def _size(row: BudgetRow) -> float:
+    return math.inf if row.infinite else row.share or 0.0
+
+
+def _begins(task: Task) -> dict[str, float]:
+    return {phase.name: phase.begin for phase in task.phases}
+
+
+def _change(number: int, change: ModelChange) -> Iterator[str]:
+    kind = "another model" if change.physics else "the same model, computed otherwise"
+    cost = f", at {change.price.ratio:.2f} times the time" if change.price else ""
+    left = f", leaves {_share(change.share)}" if change.share is not None else ""
+    yield from _wrapped(f"{number}. {change.name}: {kind}{left}{cost}", "")
+    yield from (f"   {line}" for line in change.lines)
+    if change.unwritten:
+        yield from _wrapped(f"not written: {change.unwritten}", "   ")
+
+
+def _end(report: Examination) -> str:
+    if report.written:
+        return f"the model with the first change: {report.written}"
+    if any(change.lines for change in report.changes):
+        return "changes were judged on fresh seeds too; --write FILE writes the first"
+    if report.budget.remedies and not report.changes:
+        names = ", ".join(remedy.name for remedy in report.budget.remedies)
+        return f"no change that was tried removes it: {names}"
+    return "--format full prints all rows of each phase"
+
+
+def _tried(report: Examination) -> Iterator[str]:
+    if report.budget.remedies:
+        yield ""
+        yield f"{'changes tried:':45} {'cost':>6} {'share':>7}"
+        yield from map(_remedy, report.budget.remedies)
 
 
 def _phase(phase: BudgetPhase, task: Task) -> Iterator[str]:
