@@ -136,6 +136,7 @@ def test_a_model_that_passes_as_json(contactlab: Run, tmp_path: Path) -> None:
     assert report.overrides == ("duration=0.3", "margin=0", "solref=0.005 1")
     verdicts = {each.name: each.verdict for each in report.checks}
     assert list(verdicts) == [
+        "task",
         "timestep",
         "free_motion",
         "flat_contact",

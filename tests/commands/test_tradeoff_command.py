@@ -68,7 +68,8 @@ def test_a_sweep_is_run_timed_and_weighed(contactlab: Run, swing: Path, tmp_path
     same, _, _ = again.out.replace(str(store), "results/tradeoff/swing").partition(
         "\ninto the model"
     )
-    task, _, rest = out.partition("\n")
+    task, verdict, rest = out.split("\n", 2)
+    assert verdict.startswith("as written: numerics sound within 10 %")
     assert task.startswith("qpos0 without controls, 0.3 s, 1 seed; watched: all bodies")
     assert rest.startswith(same)
 

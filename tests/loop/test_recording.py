@@ -108,7 +108,7 @@ def test_what_is_done_to_state_and_model_is_said(
     assert second
     assert (first.state_set, first.changed, first.changed_under_way) == ((10,), (), ())
     assert (second.changed, second.changed_under_way) == (("geom_friction",), ("opt.gravity",))
-    assert "refined copies" in first.unchecked
+    assert "backward errors" in first.unchecked
     assert _records(tmp_path)[1].pairs["floor-shell"].friction[0] == 1.0
     assert _records(tmp_path)[1].pairs["floor-geom[2]"].friction[0] == 1.0
 

@@ -99,7 +99,7 @@ def test_a_worker_that_is_killed_in_a_long_run_is_replaced(
         os.kill(worker, signal.SIGKILL)
         killed.add(worker)
     out, err = process.communicate(timeout=60)
-    assert (process.returncode, err) == (4, "error: 1 of 1 runs crashed or timed out\n")
+    assert (process.returncode, err) == (4, "error: 1 of 1 run crashed or timed out\n")
     assert "crashed" in out
     assert verify(tmp_path / "store") == []
 

@@ -106,7 +106,7 @@ def test_a_slow_run_times_out(command: Any, stack: str, tmp_path: Path) -> None:
     code, out, err = command.run(
         *("sweep", "slow.yaml", "-o", "store", "--workers", "1", "--format", "json", *only)
     )
-    assert (code, err) == (4, "error: 1 of 1 runs crashed or timed out\n")
+    assert (code, err) == (4, "error: 1 of 1 run crashed or timed out\n")
     summary = json.loads(out)
     assert summary["labels"] == summary["statuses"] == {"timeout": 1}
     (run_id,) = (json.loads(command.run("show", "store", "", "--format", "json")[1])["run_id"],)

@@ -111,6 +111,7 @@ _KINDS: Mapping[str, tuple[str, Callable[[], Listing]]] = {
     "engines": ("what computes, and the version that is installed", _engines),
 }
 _OF_SCENE = "axes"
+_EXTENDED = {"metrics", "labels", "limits", "engines"}  # by plug-ins
 
 
 @command("extend", examples=("list", "list labels", "list axes grasp_mug"), formats=LISTED)
@@ -132,7 +133,8 @@ def list(
         SweepFileError: there is nothing of that name to list.
         SceneError: there is no such scene.
     """
-    opt.load_plugins(plugin)
+    if plugin or what in _EXTENDED:
+        opt.load_plugins(plugin)
     if what == _OF_SCENE:
         if scene is None:
             raise SweepFileError("list axes: name a scene too; write `contactlab list axes SCENE`")
