@@ -21,6 +21,7 @@ from contactlab.schema.error_budget import BudgetRow
 from contactlab.schema.examination import Examination
 from contactlab.schema.json_schemas import json_schemas
 from contactlab.studies.examine.examination_lines import examination_lines
+from contactlab.studies.examine.facts import facts
 from contactlab.studies.examine.task_motions import task_motions
 
 Run = Callable[..., Any]
@@ -140,7 +141,8 @@ def test_a_report_fits_its_schema(arm: str, contactlab: Run, tmp_path: Path) -> 
     assert json.loads((tmp_path / "arm.json").read_text()) == data
     report = Examination.model_validate_json(printed.out)
     assert printed.code == (0 if report.sound else 1)
-    lines = examination_lines(report)
+    assert max(map(len, examination_lines(report))) <= 80
+    lines = examination_lines(report, full=True)
     assert max(map(len, lines)) <= 80
     words = " ".join(" ".join(lines).split())
     for phase in report.budget.phases:
@@ -170,9 +172,61 @@ def test_an_unstable_servo_is_named_with_what_mends_it(tmp_path: Path, contactla
     assert "left_knee" in report.sentence
     mends = [remedy.name for remedy in report.budget.remedies if remedy.removes]
     assert "implicitfast" in mends
+    assert 1 <= len(report.changes) <= 3
+    assert [change.name for change in report.changes] == mends[: len(report.changes)]
+    assert not any(change.physics or change.unwritten for change in report.changes)
+    (line,) = report.changes[0].lines
+    assert line.startswith("servo.xml:1: <option ")
     for settings in ({"integrator": "implicitfast"}, {"timestep": 0.005 / 16}):
         mended = package.examine(path, duration=0.3, set=settings)
         assert mended.budget.verdict != "unresolved", settings
+
+
+@pytest.mark.long
+def test_the_written_model_is_sound(tmp_path: Path, contactlab: Run) -> None:
+    """It is the author's model but for the options of the first change, and judged by others."""
+    (tmp_path / "servo.xml").write_text(SERVO)
+    printed = contactlab("servo.xml", "--duration", "0.3", "--write", "new/sound.xml")
+    assert printed.code == 1
+    assert "the model with the first change: new/sound.xml" in printed.out
+    assert (tmp_path / "new/sound.patch").is_file()
+    assert package.examine(tmp_path / "new/sound.xml", duration=0.3).sound
+    before, after = (
+        mujoco.MjModel.from_xml_path(str(tmp_path / name))
+        for name in ("servo.xml", "new/sound.xml")
+    )
+    for model in (before, after):
+        model.opt.timestep, model.opt.integrator = 1.0, 0
+    sizes = mujoco.mj_sizeModel(before)
+    texts = [np.empty(sizes, np.uint8) for _ in range(2)]
+    for model, text in zip((before, after), texts, strict=True):
+        mujoco.mj_saveModel(model, None, text)
+    # The files' own names are in what is saved of a model.
+    assert mujoco.mj_sizeModel(after) == sizes
+    assert (texts[0] != texts[1]).sum() < len("servo.xml") + len("sound.xml")
+
+
+def test_facts_are_those_of_the_model(tmp_path: Path) -> None:
+    """A box of 2 kg in 8 l, 20 mm in the floor: a fifth of its half; a ball of air beside it."""
+    path = tmp_path / "sunk.xml"
+    path.write_text(
+        """<mujoco><worldbody><geom name="floor" type="plane" size="1 1 .1"/>
+        <body name="box" pos="0 0 .08"><freejoint/>
+          <geom type="box" size=".1 .1 .1" mass="2"/></body>
+        <body name="air" pos=".5 0 .1"><freejoint/><geom size=".1" mass=".005"/></body>
+        </worldbody></mujoco>"""
+    )
+    scene = SceneLoader(Path()).open(str(path)).with_effects("all")
+    motions = task_motions(scene, {}, scene.task({}, 0.02))
+    found = {fact.kind: fact for fact in facts(motions, [0.0] * len(motions))}
+    assert found["overlap"].place == "contact world - box"
+    # The start of a seed differs from the author's by less than a millimetre.
+    assert found["overlap"].value == pytest.approx(0.02, abs=1e-3)
+    assert "of half the thinner geom" in found["overlap"].sentence
+    assert found["depth"].value >= found["overlap"].value
+    density = 0.005 / (4 / 3 * np.pi * 0.1**3)
+    assert found["inertia"].place == "air"
+    assert found["inertia"].value == pytest.approx(density)
 
 
 @pytest.mark.long

@@ -16,6 +16,7 @@ from contactlab.schema.error_budget import (
     BudgetRow,
     BudgetWarning,
 )
+from contactlab.store.table_layout import as_written
 
 
 def budget_report(
@@ -56,7 +57,7 @@ def _remedy(remedy: Remedy) -> BudgetRemedy:
     return BudgetRemedy(
         name=remedy.name,
         physics=remedy.physics,
-        options=dict(remedy.options),
+        options={name: as_written(value) for name, value in remedy.options.items()},
         removes=remedy.removes,
         word=remedy.verdict.word,
         share=_finite(remedy.share),

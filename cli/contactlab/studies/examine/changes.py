@@ -19,6 +19,7 @@ from contactlab.scene.scene import Scene
 from contactlab.schema.error_budget import BudgetPrice
 from contactlab.schema.examination import ModelChange
 from contactlab.schema.task import Task
+from contactlab.store.table_layout import as_written
 from contactlab.studies.session import Values
 
 MOST_CHANGES = 3
@@ -65,7 +66,7 @@ def model_change(scene: Scene, remedy: Remedy, values: Values) -> ModelChange:
     return ModelChange(
         name=remedy.name,
         physics=remedy.physics,
-        options=dict(remedy.options),
+        options={name: as_written(value) for name, value in remedy.options.items()},
         share=float(remedy.share) if np.isfinite(remedy.share) else None,
         price=price and BudgetPrice(ratio=price.ratio, low=price.low, high=price.high),
         lines=() if remedy.physics else lines,

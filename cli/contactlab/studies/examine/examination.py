@@ -23,6 +23,7 @@ from contactlab.errors import SweepFileError
 from contactlab.plan.task_options import AS_INFERRED, TaskOptions
 from contactlab.run.sweep_request import SceneLoader
 from contactlab.scene.mujoco_versions import VERSION
+from contactlab.scene.scene import Scene
 from contactlab.schema.examination import Examination
 from contactlab.schema.task import Task
 from contactlab.studies.examine.changes import (
@@ -35,7 +36,7 @@ from contactlab.studies.examine.changes import (
 from contactlab.studies.examine.facts import facts
 from contactlab.studies.examine.task_motions import task_motions
 from contactlab.studies.examine.watched import of_watched
-from contactlab.studies.session import read_settings
+from contactlab.studies.session import Values, read_settings
 
 SETTINGS = Settings(priced=True)
 _OPENINGS: Mapping[Word, str] = {
@@ -93,7 +94,7 @@ def run(request: ExamineRequest) -> Examination:
     measured = error_budget(motions, settings=SETTINGS, workers=workers)
     budget = of_watched(measured, task.watched)
     verdict = judge(budget, task.within)
-    if verdict.word != "sound":
+    if verdict.reasons:
         request.told(f"{verdict.reasons[0].sentence}; looking for changes that remove it")
     tried = _tried(motions, verdict, task, workers)
     if tried and tried[0].removes:
@@ -112,16 +113,22 @@ def run(request: ExamineRequest) -> Examination:
         facts=facts(motions, [begins.get(motion.name, 0.0) for motion in motions]),
         changes=changes,
     )
-    if request.write is None:
-        return report
-    made = write_first(scene, changes, values, request.write)
+    return report if request.write is None else _written(request, scene, values, report)
+
+
+def _written(
+    request: ExamineRequest, scene: Scene, values: Values, report: Examination
+) -> Examination:
+    """Write the model with the first change that computes it otherwise; say so if there is none."""
+    assert request.write is not None
+    made = write_first(scene, report.changes, values, request.write)
     if made is None:
         request.told(
             f"{request.write} is not written: no change of how the model is computed removes what "
             "the verdict names"
         )
         return report
-    return report.model_copy(update={"written": str(made.path)})
+    return report.model_copy(update={"written": str(request.write)})
 
 
 def _tried(

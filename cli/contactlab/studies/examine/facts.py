@@ -79,20 +79,35 @@ def _half_extent(model: mujoco.MjModel, geom: int) -> float:
 
 
 def _of_depth(deepest: Sequence[_Contact], overlap: Sequence[_Contact]) -> Iterator[Fact]:
-    for kind, contacts, verb in (("depth", deepest, "deepest"), ("overlap", overlap, "at start")):
-        worst = max(contacts, key=lambda contact: contact.share, default=None)
-        if worst is None or worst.share <= 0 or (kind == "overlap" and worst.share < _DEEP):
-            continue
-        where = f"{worst.pair}, {1e3 * worst.amount:.2g} mm"
-        part = f"{percent(worst.share)} of half the thinner geom"
-        when = f", at {worst.time:.2f} s" if kind == "depth" else ""
-        sentence = f"{verb} {where} ({part}){when}"
-        yield Fact(kind=kind, place=worst.pair, value=worst.amount, unit="m", sentence=sentence)
+    if (worst := _worst(overlap)) and worst.share > _DEEP:
+        yield Fact(
+            kind="overlap",
+            place=worst.pair,
+            value=worst.amount,
+            unit="m",
+            sentence=f"at the start {_in_words(worst)}",
+        )
+    if (worst := _worst(deepest)) and worst.share > 0:
+        yield Fact(
+            kind="depth",
+            place=worst.pair,
+            value=worst.amount,
+            unit="m",
+            sentence=f"deepest {_in_words(worst)}, at {worst.time:.2f} s",
+        )
+
+
+def _worst(contacts: Sequence[_Contact]) -> _Contact | None:
+    return max(contacts, key=lambda contact: contact.share, default=None)
+
+
+def _in_words(contact: _Contact) -> str:
+    share = percent(contact.share)
+    return f"{contact.pair}, {1e3 * contact.amount:.2g} mm ({share} of half the thinner geom)"
 
 
 def _of_force(hardest: Sequence[_Contact]) -> Iterator[Fact]:
-    worst = max(hardest, key=lambda contact: contact.share, default=None)
-    if worst is not None and worst.share > _HEAVY:
+    if (worst := _worst(hardest)) and worst.share > _HEAVY:
         sentence = (
             f"absurd: {worst.pair} bears {worst.amount:.2g} N, {worst.share:.2g} times the "
             f"model's weight, at {worst.time:.2f} s"
