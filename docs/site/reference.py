@@ -6,9 +6,11 @@ import subprocess
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import contactlab
+from contactlab.command_line.declaration import is_declared
 
 ROOT = Path(__file__).parents[2]
 _TOOL = Path(sys.executable).with_name("contactlab")
@@ -136,7 +138,10 @@ def _container(key: Mapping[str, Any]) -> str:
 def _functions() -> Iterator[str]:
     yield "# Functions\n\n```{eval-rst}"
     for name in contactlab.__all__:
-        if not name.startswith("_"):
+        if isinstance(found := getattr(contactlab, name), ModuleType):
+            commands = [command for command in vars(found).values() if is_declared(command)]
+            yield from (f".. autofunction:: {found.__name__}.{one.__name__}" for one in commands)
+        elif not name.startswith("_"):
             yield f".. autofunction:: contactlab.{name}"
     for name in _CLASSES:
         yield f".. autoclass:: {name}\n   :members:"

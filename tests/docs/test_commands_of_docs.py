@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 import typer.main
 
+from contactlab.command_line.front_door import completed
 from contactlab.command_line.main import command_line
 from contactlab.plan.sweep_file import read_sweep
 from contactlab.resources import scene_names
@@ -36,7 +37,7 @@ SHOWN = [pytest.param(line, id=f"{page.stem}: {line}") for page in PAGES for lin
 
 def parse(line: str) -> None:
     """Parse a command line as the command does that it names; what is not known raises."""
-    words = shlex.split(line, comments=True)[1:]
+    words = completed(shlex.split(line, comments=True)[1:])
     # What a pipe or a redirection follows is the shell's.
     words = words[: next((at for at, each in enumerate(words) if each in SHELL), len(words))]
     command: Any = typer.main.get_command(command_line())
@@ -57,7 +58,7 @@ def test_a_command_has_the_options_that_are_shown(line: str) -> None:
 
 @pytest.mark.parametrize("line", ["contactlab sweep grasp --nonsense", "contactlab swep grasp"])
 def test_what_does_not_exist_is_found(line: str) -> None:
-    with pytest.raises(Exception, match=r"(?i)no such"):
+    with pytest.raises(Exception, match=r"(?i)no (such|command)"):
         parse(line)
 
 

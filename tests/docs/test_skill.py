@@ -37,6 +37,7 @@ ROBOT = """
 GRID = """
 version: 1
 scene: robot.xml
+drive: none
 duration: 0.2
 axes: {timestep: [2.0e-3, 4.0e-3]}
 tolerances: {error_final: 1.0}
