@@ -93,7 +93,6 @@ BAD: list[dict[str, Any]] = [
     {"expect": [{"label": []}]},
     {"pairs": []},
     {"expect": [{"label": "stable", "mode": "stick"}]},
-    {"expect": [{"must": []}]},
     {"must": "stil(ball)"},
     {"must": ["still(ball)", "upright torso"]},
     {"trace": "sample:0"},
