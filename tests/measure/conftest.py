@@ -77,8 +77,10 @@ def make_setup(trace: Trace, **changes: Any) -> Setup:
     """
     runs = trace.runs
     window, pairs = np.tile([0.0, np.inf], (runs, 1)), tuple(range(len(trace.pairs)))
-    ends: tuple[End, End] = ("first", "last")
-    said = [(end, word) for end in ends if (word := changes.pop(f"{end}_mode", None))]
+    words: dict[End, Any] = {
+        "first": changes.pop("first_mode", None),
+        "last": changes.pop("last_mode", None),
+    }
     plain = Setup(
         settings={},
         elliptic=np.ones(runs, dtype=np.bool_),
@@ -98,7 +100,9 @@ def make_setup(trace: Trace, **changes: Any) -> Setup:
         slots=np.array([pair.slots.shape[2] for pair in trace.pairs], dtype=np.int32),
         duration=trace.timestep * trace.steps_asked,
         expected=tuple(
-            ExpectedContact("every pair", pairs, window, word, end) for end, word in said
+            ExpectedContact("every pair", pairs, window, word, end)
+            for end, word in words.items()
+            if word
         ),
     )
     return replace(plain, **changes)

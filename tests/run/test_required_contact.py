@@ -207,8 +207,8 @@ FORMERLY: list[tuple[dict[str, Any], str, str]] = [
     ({"force": {"min": 1, "max": 5}}, "force", "presses(X, 1..5 N)"),
     ({"force": {"min": 1}}, "force", "presses(X, 1 N..)"),
     ({"depth": {"max": 0.001}}, "depth", "shallow(X, 0.001 m)"),
-    ({"pair": "floor-*"}, "pair", "sticks(floor-*)"),
-    ({"to": 0.5}, "to", "sticks(X, until: 0.5)"),
+    ({"pair": "floor-*"}, "pair", "WORD(floor-*)"),
+    ({"to": 0.5}, "to", "WORD(X, until: 0.5)"),
 ]
 
 

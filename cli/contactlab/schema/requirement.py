@@ -204,9 +204,9 @@ def said_now(path: Sequence[str | int], value: object) -> str | None:
     elif key == "depth":
         words = [f"shallow(X, {fields.get('max', '')} m)"]
     elif key in {"pair", "body"}:
-        words = [f"sticks({value})"]
+        words = [f"WORD({value})"]
     elif key in {"from", "to"}:
-        words = [f"sticks(X, {'from' if key == 'from' else 'until'}: {value})"]
+        words = [f"WORD(X, {'from' if key == 'from' else 'until'}: {value})"]
     else:
         return None
     written = ", ".join(f'"{word}"' for word in words)
