@@ -17,7 +17,7 @@ from contactlab.contact.trace_arrays import (
     PairTrace,
     Trace,
 )
-from contactlab.contact.trace_setup import ExpectedContact, FreeBody, Setup
+from contactlab.contact.trace_setup import End, ExpectedContact, FreeBody, Setup
 
 GRAVITY = 9.81
 
@@ -73,11 +73,14 @@ def make_trace(runs: int = 1, steps: int = 100, timestep: float = 2e-3, **change
 def make_setup(trace: Trace, **changes: Any) -> Setup:
     """Return the setup of a trace of one free body of 1 kg, and the changes.
 
-    `first_mode` and `last_mode` are what is expected of every pair.
+    `first_mode` and `last_mode` are what every pair must do.
     """
     runs = trace.runs
-    ends = {end: changes.pop(f"{end}_mode", None) for end in ("first", "last")}
     window, pairs = np.tile([0.0, np.inf], (runs, 1)), tuple(range(len(trace.pairs)))
+    words: dict[End, Any] = {
+        "first": changes.pop("first_mode", None),
+        "last": changes.pop("last_mode", None),
+    }
     plain = Setup(
         settings={},
         elliptic=np.ones(runs, dtype=np.bool_),
@@ -96,7 +99,11 @@ def make_setup(trace: Trace, **changes: Any) -> Setup:
         weights=np.full(len(trace.pairs), np.inf),
         slots=np.array([pair.slots.shape[2] for pair in trace.pairs], dtype=np.int32),
         duration=trace.timestep * trace.steps_asked,
-        expected=(ExpectedContact("every pair", pairs, window, **ends),),
+        expected=tuple(
+            ExpectedContact("every pair", pairs, window, word, end)
+            for end, word in words.items()
+            if word
+        ),
     )
     return replace(plain, **changes)
 

@@ -123,8 +123,8 @@ def test_a_sliding_box_stops_once(trace_of: Any, setup_of: Any, timestep: float)
     setup = floor_under(
         trace,
         setup_of,
-        first_mode="slide",
-        last_mode="stick",
+        first_mode="slides",
+        last_mode="sticks",
         oracle="sliding_distance",
         oracle_tolerance=0.01,
         settings=settings,
@@ -161,7 +161,7 @@ def test_a_stack_sags_as_its_impedance_says(trace_of: Any, setup_of: Any) -> Non
         free_bodies=boxes,
         oracle="stack_sag",
         oracle_tolerance=1e-3,
-        last_mode="stick",
+        last_mode="sticks",
         settings=settings,
     )
     found = assess(trace, setup)

@@ -305,7 +305,7 @@ class TestFriction:
         for first in ("stick", "slide"):
             trace = self.pad(pair_of, trace_of, early if first == "slide" else ~early)
             shown = first if when == "first" else {"stick": "slide", "slide": "stick"}[first]
-            found = only(trace, setup_of(trace, **{f"{when}_mode": wanted}))
+            found = only(trace, setup_of(trace, **{f"{when}_mode": f"{wanted}s"}))
             expected = "stable" if shown == wanted else f"unexpected_{shown}"
             assert found.label == expected
             assert found.step == (250 if expected != "stable" and when == "last" else 0)
@@ -315,4 +315,4 @@ class TestFriction:
         steps = np.arange(500)
         for samples, label in ((9, "stable"), (10, "unexpected_stick")):
             trace = self.pad(pair_of, trace_of, steps >= samples)
-            assert only(trace, setup_of(trace, first_mode="slide")).label == label
+            assert only(trace, setup_of(trace, first_mode="slides")).label == label

@@ -200,7 +200,7 @@ def test_every_metric_survives_short_and_broken_runs(
         array[:, -1:] += poison
     for pair in pairs:
         pair.slots[1, :, :, 1:] += poison
-    setup = setup_of(trace, last_mode="slide")
+    setup = setup_of(trace, last_mode="slides")
     found = assess(trace, setup)
     assert set(found.metrics) == set(METRICS)
     assert all(values.shape == (2,) for values in found.metrics.values())

@@ -75,7 +75,7 @@ MANIFESTS: dict[str, tuple[str, list[str]]] = {
     "broken path": (structure(".//geom["), ["structure 'x'", ".//geom["]),
     "attribute": (structure(".//geom", "sise"), ["sise"]),
     "unknown key": ("frictoin: 1", ["frictoin"]),
-    "unknown key within": ("modes: {frist: slide}", ["modes.frist"]),
+    "unknown key within": ("oracle: {nmae: stack_sag}", ["oracle.nmae"]),
     "wrong type": ("duration: long", ["duration"]),
     "infinite duration": ("duration: .inf", ["duration"]),
     "version": ("version: 2", ["version"]),

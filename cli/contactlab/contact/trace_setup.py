@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from contactlab.contact.expected_motion import ExpectedMotion
 from contactlab.contact.trace_arrays import Floats
 
-SlipMode = Literal["stick", "slide"]
-PairMode = Literal["stick", "slide", "apart", "rolls"]
+ContactWord = Literal["sticks", "slides", "rolls", "apart", "presses", "shallow"]
+CONTACT_WORDS: tuple[ContactWord, ...] = get_args(ContactWord)
+End = Literal["first", "last"]
 QUARTER_TURN = np.pi / 2  # what angles are large or small against [rad]
 PartKind = Literal["free", "ball", "slide", "hinge", "tendon", "actuator"]
 _LIMITS = ("iterations", "limits_act", "speculative")
@@ -61,10 +62,9 @@ class ExpectedContact:
     name: str
     pairs: tuple[int, ...]  # their indices in the trace; the name is what it is said of
     window: Floats  # (n, 2) from when to when [s]; NaN in runs that it is not said of
+    word: ContactWord  # what they should do whenever they touch
+    end: End | None = None  # the contact that it is said of: each one's first or last
     timed: bool = False  # whether times are given, between which they should touch all the time
-    mode: PairMode | None = None  # `apart`, or what they should do whenever they touch
-    first: SlipMode | None = None  # what each should do when first in contact
-    last: SlipMode | None = None  # likewise
     force: tuple[float, float] = (-np.inf, np.inf)
     """Least and greatest sum of their normal forces [N]."""
     depth: float = np.inf  # greatest penetration [m]

@@ -33,6 +33,7 @@ from contactlab.scene.model_names import matching, name_of
 from contactlab.scene.scene import Scene
 from contactlab.scene.scene_source import BINARY, MANIFEST, stored_scene
 from contactlab.schema.evidence import SweepIdentity
+from contactlab.schema.requirement import explained
 from contactlab.schema.scene_manifest import SceneManifest
 from contactlab.schema.sweep_schema import Sweep
 from contactlab.store import store_files
@@ -230,7 +231,7 @@ def _declared(
         sweep = Sweep(version=1, scene=name, effects={"base": "all"}, trace=trace)
     except ValidationError as error:
         first = error.errors()[0]
-        raise SceneError(f"{'.'.join(map(str, first['loc']))}: {first['msg']}") from error
+        raise SceneError(f"{'.'.join(map(str, first['loc']))}: {explained(first)}") from error
     touch = may_touch(model)
     for pair in declared_pairs(model, manifest.pairs):
         if not colliding(touch, pair):

@@ -36,7 +36,7 @@ SEVERITIES: Mapping[Severity, str] = {
     "good": "no other label applies",
 }
 """The bands of labels with their meanings, worst first."""
-Trait = Literal["grip", "no impact", "numerical", "pair"]
+Trait = Literal["grip", "no impact", "numerical", "required"]
 _COLOUR = re.compile("#[0-9a-f]{6}")
 _TOLERANCES = {"m": 1e-4, "m/s": 1e-3, "rad": 0.01, "1": 0.01, "any": 0.01, "s": 0.02, "J": 1e-3}
 """By unit: 0.1 mm is the penetration that the guideline accepts; 1 mm/s is a fifth of what tells

@@ -10,7 +10,7 @@ from contactlab.contact.rotations import rotate
 from contactlab.contact.trace_arrays import NO_CONTACT, Floats
 from contactlab.measure.context import Context, first_step
 from contactlab.measure.entries import Found, MeasuredRuns, Onset, label
-from contactlab.measure.pair_expectations import MODE_HOLD, lasting
+from contactlab.measure.required_contact import MODE_HOLD, lasting
 
 _ROUNDING = 1e-6  # share of a step by which a time may miss that of a state
 _DOES = {
@@ -30,6 +30,7 @@ Fault = tuple[str, int]
     letter="7",
     colour="#8c4a6b",
     advice="`must` says what has to hold: mend the model, or what is required of it",
+    traits=("required",),
 )
 def broken_requirement(runs: MeasuredRuns) -> Found:
     """A body is not held, still, upright, passing or staying although it must."""

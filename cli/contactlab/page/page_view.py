@@ -28,8 +28,7 @@ from contactlab.reporting.finding import finding
 from contactlab.reporting.report import PageRequest, ReportData, read_report_data
 from contactlab.reporting.report_columns import summary_metrics
 from contactlab.schema.evidence import StoreManifest
-from contactlab.schema.pair_expectation import Bounds, PairExpectation
-from contactlab.schema.sweep_schema import Sweep
+from contactlab.schema.sweep_schema import Bounds, Sweep
 from contactlab.schema.tradeoff_report import Configuration, TradeoffReport
 from contactlab.store.finished_store import Store
 from contactlab.store.verify_store import trace_warning
@@ -373,8 +372,7 @@ def _expectations(manifest: StoreManifest) -> Iterator[tuple[str, str, str]]:
         expected = [" or ".join(expectation.label)] if expectation.label else []
         expected += [_bounds(name, bounds) for name, bounds in expectation.metrics.items()]
         expected += [_bounds(f"mean {name}", bounds) for name, bounds in expectation.mean.items()]
-        pairs = expectation.model_dump(include=set(PairExpectation.model_fields), exclude_none=True)
-        expected += [f"{name} {value}".replace("'", "") for name, value in pairs.items()]
+        expected += expectation.must
         yield ", ".join(conditions) or "all runs", "; ".join(expected), expectation.reason or ""
 
 

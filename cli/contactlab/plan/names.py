@@ -1,7 +1,7 @@
 """Names, values and conditions of a sweep file, checked against what its scene offers."""
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
 from itertools import combinations
 
 from contactlab.errors import suggestion
@@ -11,7 +11,6 @@ from contactlab.plan.grid import Match
 from contactlab.plan.rows import SweepContext
 from contactlab.plan.yaml_document import Document, KeyPath
 from contactlab.schema.evidence import ERRORS
-from contactlab.schema.pair_expectation import PairExpectation
 from contactlab.schema.sweep_schema import Condition, Sweep
 
 
@@ -29,9 +28,10 @@ def check_names(context: SweepContext) -> None:
             if label not in vocabulary.labels:
                 place = document.value((*path, "label", position))
                 _add_unknown(document, "label", label, place, vocabulary.labels)
-    _check_pairs(context, "pairs", context.sweep.pairs)
-    _check_pairs(context, "expect", context.sweep.expect)
-    _check_requirements(context)
+        for position, text in enumerate(expectation.must):
+            _check_requirement(context, text, (*path, "must", position))
+    for index, text in enumerate(context.sweep.must):
+        _check_requirement(context, text, context.path("must", index))
 
 
 def check_axis(context: SweepContext, name: str, place: Place, kind: str = "axis") -> None:
@@ -86,21 +86,12 @@ def _duration(context: SweepContext) -> float | None:
     return context.sweep.duration or (math.inf if context.sweep.drive else None)
 
 
-def _check_pairs(context: SweepContext, key: str, entries: Sequence[PairExpectation]) -> None:
-    duration, check = _duration(context), context.vocabulary.mistake_in
-    for index, entry in enumerate(entries):
-        if mistake := entry.expects and check and check(entry, duration):
-            place = context.document.value(context.path(key, index, mistake[0]))
-            context.document.add("bad-pair", place, mistake[1])
-
-
-def _check_requirements(context: SweepContext) -> None:
-    check = context.vocabulary.mistake_in_requirement
-    alone = isinstance(context.document.at(("must",)), str)
-    for index, text in enumerate(context.sweep.must):
-        if mistake := check and check(text, _duration(context)):
-            path = ("must",) if alone else context.path("must", index)
-            context.document.add("bad-requirement", context.document.value(path), mistake)
+def _check_requirement(context: SweepContext, text: str, path: KeyPath) -> None:
+    document, check = context.document, context.vocabulary.mistake_in_requirement
+    if mistake := check and check(text, _duration(context)):
+        # One alone needs no list.
+        place = path[:-1] if isinstance(document.at(path[:-1]), str) else path
+        document.add("bad-requirement", document.value(place), mistake)
 
 
 def _check_tolerances(context: SweepContext) -> None:

@@ -14,6 +14,7 @@ from pydantic_core import ErrorDetails
 from contactlab.errors import suggestion
 from contactlab.plan.yaml_document import Document, KeyPath
 from contactlab.schema.drive import DRIVE_FORMS
+from contactlab.schema.requirement import said_now
 from contactlab.schema.setting_values import without_unit
 from contactlab.schema.sweep_schema import Sweep
 from contactlab.schema.vocabulary import FORMS
@@ -84,6 +85,7 @@ def _add_unknown_key(document: Document, path: KeyPath, model: type[BaseModel]) 
     known = [field.alias or key for key, field in model.model_fields.items()]
     hint = suggestion(name, known) or f"known here: {', '.join(known)}"
     hint = "an axis takes one form" if name in FORMS else hint
+    hint = said_now(path, document.at(path)) or hint
     document.add("unknown-key", document.key(path), f"unknown key '{name}'", hint)
 
 

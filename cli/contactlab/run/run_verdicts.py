@@ -18,8 +18,7 @@ from contactlab.contact.trace_arrays import (
 from contactlab.measure.entries import labels_with
 from contactlab.plan.grid import Plan
 from contactlab.scene.model_names import name_of
-from contactlab.schema.pair_expectation import Bounds
-from contactlab.schema.sweep_schema import Expectation
+from contactlab.schema.sweep_schema import Bounds, Expectation
 
 if TYPE_CHECKING:
     from contactlab.store.run_columns import RunColumns  # loads Arrow, which workers do without
@@ -62,9 +61,9 @@ def _unmet(
     allowed = expectation.label
     if allowed is not None and not set(allowed) & set(labels or ["stable"]):
         yield f"expected {' or '.join(allowed)}, found {', '.join(labels) or 'stable'}"
-    of_pairs = labels_with("pair").intersection(labels) if expectation.expects else ()
-    if of_pairs and not of_pairs & set(allowed or ()):
-        yield f"expected contact as stated, found {', '.join(sorted(of_pairs))}"
+    broken = labels_with("required").intersection(labels) if expectation.must else ()
+    if broken and not broken & set(allowed or ()):
+        yield f"expected {', '.join(expectation.must)}, found {', '.join(sorted(broken))}"
     for name, bounds in expectation.metrics.items():
         yield from _outside(name, metrics[name], bounds)
 

@@ -14,12 +14,10 @@ from contactlab.plan.overrides import Overrides
 from contactlab.plan.starter import starter
 from contactlab.plan.sweep_file import SweepFile, read_sweep
 from contactlab.run.tasks import Executor
-from contactlab.scene.expected_contacts import mistake_in
 from contactlab.scene.mujoco_versions import incomplete_axes, why_unsupported
 from contactlab.scene.requirements import mistake_in_requirement
 from contactlab.scene.scene import Scene
 from contactlab.schema.drive import Drive, drive_text
-from contactlab.schema.pair_expectation import PairExpectation
 from contactlab.schema.sweep_schema import effects_base
 from contactlab.schema.vocabulary import Vocabulary
 from contactlab.store.control_tables import read_control_table
@@ -156,14 +154,11 @@ class SceneLoader:
         scene = self._undriven(reference)
         axes, find = scene.catalogue.names, partial(scene.catalogue.find, lenient=lenient)
 
-        def wrong(entry: PairExpectation, duration: float | None) -> tuple[str, str] | None:
-            return mistake_in(entry, scene.base({}), {}, duration or self.open(reference).duration)
-
         def broken(text: str, duration: float | None) -> str | None:
             most = duration or self.open(reference).duration
-            return mistake_in_requirement(text, scene.base({}), most)
+            return mistake_in_requirement(text, scene.base({}), scene.source.manifest, most)
 
-        return Vocabulary(axes, find, [*METRICS], [*LABELS], [*THRESHOLDS], wrong, broken)
+        return Vocabulary(axes, find, [*METRICS], [*LABELS], [*THRESHOLDS], broken)
 
 
 def _check_names(scene: Scene) -> None:

@@ -46,9 +46,9 @@ from contactlab.run.evidence_record import (
 )
 from contactlab.run.planned_runs import Preparer, reference_models
 from contactlab.run.tasks import Finished, Job, Task, note
-from contactlab.scene.expected_contacts import Asked
 from contactlab.scene.initial_states import InitialStates
 from contactlab.scene.model_names import input_names
+from contactlab.scene.requirements import Asked
 from contactlab.scene.run_setup import kind_of, make_setup
 from contactlab.scene.run_spec import RunSpec
 from contactlab.scene.scene_source import BINARY
@@ -197,12 +197,10 @@ class Worker:
         done = len(rollout.steps)
         resolved, models = runs.resolved[:done], runs.models[:done]
         manifest, sweep = self.scene.source.manifest, self._task.sweep
-        asked: list[Asked] = [
-            (expectation, [True] * done) for expectation in (*sweep.pairs, *sweep.must)
-        ]
+        asked: list[Asked] = [(text, [True] * done) for text in sweep.must]
         for match, expectation in self._task.expected:
-            if expectation.expects:
-                asked.append((expectation, [match.holds(run.axes) for run in resolved]))
+            where = [match.holds(run.axes) for run in resolved] if expectation.must else []
+            asked += [(text, where) for text in expectation.must]
         setup = make_setup(runs.base, manifest, resolved, models, sweep.thresholds, asked)
         setup = replace(setup, recorded=self.scene.motion(resolved))
         return _without_momentum(make_trace(runs.base, runs.prepared[:done], rollout), setup), setup

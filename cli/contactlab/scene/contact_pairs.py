@@ -75,10 +75,7 @@ def detected_pairs(model: mujoco.MjModel, keyframe: str = QPOS0) -> tuple[Monito
 
 def entry_pairs(model: mujoco.MjModel, entry: PairEntry) -> list[MonitoredPair]:
     """Return the pairs that one entry of a manifest lists, see `declared_pairs`."""
-    if not entry.monitors and entry.expects:
-        return []
-    said = [entry.bodies, entry.chain, entry.geoms, entry.body or entry.pair]
-    if said.count(None) != 3:
+    if [entry.bodies, entry.chain, entry.geoms].count(None) != 2:
         raise SceneError("an entry of pairs takes exactly one of geoms, bodies and chain")
     if entry.bodies is not None:
         return [_body_pair(model, *entry.bodies, entry.slots)]

@@ -33,11 +33,10 @@ from contactlab.scene.contact_pairs import (
     may_touch,
     reaches,
 )
-from contactlab.scene.expected_contacts import Asked, expected_contacts
 from contactlab.scene.initial_states import quaternions
 from contactlab.scene.model_edits import read_flag
 from contactlab.scene.model_names import is_address, name_of
-from contactlab.scene.requirements import required_of
+from contactlab.scene.requirements import Asked, required_of
 from contactlab.scene.run_spec import RunSpec, settings_table
 from contactlab.schema.drive import Drive, FileDrive, drive_word
 from contactlab.schema.scene_manifest import SceneManifest
@@ -99,8 +98,7 @@ def make_setup(
         duration=np.array([run.duration for run in runs]),
         limits_act=np.array([read_flag(model, "limit") for model in models]),
         speculative=np.array([run.flags.get("speculative", False) for run in runs]),
-        expected=expected_contacts(base, manifest, runs, asked)
-        + required_of(base, manifest, models, asked),
+        expected=required_of(base, manifest, runs, models, asked),
         oracle=oracle.name if oracle else None,
         oracle_tolerance=oracle.tolerance if oracle else np.inf,
         thresholds={**(manifest.thresholds if manifest else {}), **thresholds},

@@ -34,7 +34,6 @@ from contactlab.scene.drive.located_drive import (
 from contactlab.scene.drive.recorded import RecordedTable, TableReader
 from contactlab.scene.effects.effect import EffectRequest
 from contactlab.scene.effects.effect_table import left_uncompiled, remove
-from contactlab.scene.expected_contacts import check_expectations
 from contactlab.scene.initial_states import (
     InitialStateRule,
     InitialStates,
@@ -97,7 +96,6 @@ class Scene:
             runs = self.recorded.numbers if self.recorded else ()
             self.catalogue = SceneCatalogue(base, manifest, engines, runs)
             if manifest:
-                check_expectations(base, manifest)
                 check_requirements(base, manifest)
             self.switched = self.catalogue.switched(manifest)
             written = locate(manifest.drive if manifest else "none", source.path.parent)

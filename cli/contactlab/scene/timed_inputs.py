@@ -12,8 +12,8 @@ from contactlab.contact.trace_arrays import Floats
 from contactlab.errors import SceneError
 from contactlab.expression import Expression, ExpressionError
 from contactlab.scene.model_names import match_coordinates, name_of, part_starts
-from contactlab.schema.pair_expectation import Term
 from contactlab.schema.scene_manifest import SceneManifest
+from contactlab.schema.strict_model import Term
 
 
 def read_formula(term: Term, where: str, initial: Collection[str]) -> Expression:

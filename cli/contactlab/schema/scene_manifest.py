@@ -6,9 +6,8 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from contactlab.schema.drive import Drive
-from contactlab.schema.pair_expectation import ExpectedModes, PairExpectation, Term
 from contactlab.schema.requirement import Requirements
-from contactlab.schema.strict_model import Model, Number, Whole, Word, about
+from contactlab.schema.strict_model import Model, Number, Term, Whole, Word, about
 from contactlab.schema.sweep_schema import Effects
 
 
@@ -75,11 +74,8 @@ class HoldEntry(Model):
     relative_to: str | None = about("The body that holds it; the world if not given.", default=None)
 
 
-class PairEntry(PairExpectation):
-    """Contact pairs to monitor (two geoms, two bodies, or neighbours in a chain of geoms).
-
-    What it expects holds for them; without them, for pairs that other entries monitor.
-    """
+class PairEntry(Model):
+    """Contact pairs to monitor (two geoms, two bodies, or neighbours in a chain of geoms)."""
 
     geoms: tuple[str, str] | None = None
     bodies: tuple[str, str] | None = None
@@ -92,11 +88,6 @@ class PairEntry(PairExpectation):
         ge=1,
         le=64,
     )
-
-    @property
-    def monitors(self) -> bool:
-        """True if it names pairs to monitor."""
-        return not (self.geoms is None and self.bodies is None and self.chain is None)
 
 
 class Perturbation(Model):
@@ -195,12 +186,11 @@ class SceneManifest(Model):
     )
     hold: HoldEntry | None = None
     perturb: Perturbation | None = None
-    modes: ExpectedModes = about(
-        "`mode: {first, last}` of all monitored pairs.", default=ExpectedModes()
-    )
     must: Requirements = about(
         "What has to hold in every run, in words: `held(mug, by: hand)`, `still(box, 1 mm)`, "
-        "`upright(torso)`, `passes(peg, hole)`, `slides(box)`, `stays(box, 10 mm)`.",
+        "`upright(torso)`, `passes(peg, hole)`, `stays(box, 10 mm)`; of contact, `sticks(box)`, "
+        "`slides(floor-box, first)`, `rolls(ball)`, `apart(finger-palm)`, "
+        "`presses(pad-box, 1..5 N)`, `shallow(floor-*, 1 mm)`.",
         default=(),
         exclude_if=lambda must: not must,
     )

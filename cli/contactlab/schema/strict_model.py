@@ -14,6 +14,8 @@ Positive = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0)]
 Whole = Annotated[int, Field(strict=True)]
 Flag = Annotated[bool, Field(strict=True)]
 Word = Annotated[str, Field(strict=True, min_length=1)]
+Term = Number | Word
+"""A number, or an expression over the scene's initial values."""
 Hash = Annotated[str, Field(pattern=r"^[0-9a-f]{1,64}$")]
 Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
 

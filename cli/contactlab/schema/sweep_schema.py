@@ -16,7 +16,6 @@ from pydantic import (
 from pydantic_core import PydanticCustomError
 
 from contactlab.schema.drive import Drive
-from contactlab.schema.pair_expectation import Bounds, PairExpectation
 from contactlab.schema.requirement import Requirements
 from contactlab.schema.strict_model import (
     Flag,
@@ -106,7 +105,22 @@ class Condition(Model):
         return self.__pydantic_extra__
 
 
-class Expectation(PairExpectation):
+class Bounds(Model):
+    """The range that a metric must lie in, ends included."""
+
+    min: Number | None = about("smallest accepted value", default=None)
+    max: Number | None = about("largest accepted value", default=None)
+
+    @model_validator(mode="after")
+    def _says_something(self) -> Self:
+        if self.min is None and self.max is None:
+            raise PydanticCustomError("bounds_empty", "needs min, max or both")
+        if self.min is not None and self.max is not None and self.min > self.max:
+            raise PydanticCustomError("bounds_order", "has a min above its max")
+        return self
+
+
+class Expectation(Model):
     """The expected outcome of the runs that a condition selects; makes a sweep a test."""
 
     where: Condition = about(
@@ -123,14 +137,17 @@ class Expectation(PairExpectation):
         default={},
         exclude_if=lambda mean: not mean,
     )
+    must: Requirements = about(
+        "what has to hold in each of these runs, in words",
+        default=(),
+        exclude_if=lambda must: not must,
+    )
     reason: Word | None = about("why it is expected, for the report", default=None)
 
     @model_validator(mode="after")
     def _says_something(self) -> Self:
-        if self.label is None and not (self.metrics or self.mean or self.expects):
-            raise PydanticCustomError(
-                "expect_empty", "needs label, metrics, mean, mode, force or depth"
-            )
+        if self.label is None and not (self.metrics or self.mean or self.must):
+            raise PydanticCustomError("expect_empty", "needs label, metrics, mean or must")
         return self
 
 
@@ -261,12 +278,11 @@ class Sweep(Model):
         "effect name to true or false, with `base: auto` or `base: all` for the others",
         default={},
     )
-    pairs: tuple[PairExpectation, ...] = about(
-        "what monitored pairs should do in every run", default=()
-    )
     must: Requirements = about(
         "what has to hold in every run, in words: held(mug, by: hand), still(box, 1 mm), "
-        "upright(torso), passes(peg, hole), slides(box), stays(box, 10 mm)",
+        "upright(torso), passes(peg, hole), stays(box, 10 mm); of contact, sticks(box), "
+        "slides(floor-box, first), rolls(ball), apart(finger-palm), presses(pad-box, 1..5 N), "
+        "shallow(floor-*, 1 mm)",
         default=(),
         exclude_if=lambda must: not must,
     )

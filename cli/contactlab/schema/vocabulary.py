@@ -7,7 +7,6 @@ from typing import Annotated, Literal, cast
 from pydantic import AfterValidator, Discriminator, Field, Tag, WithJsonSchema
 from pydantic_core import PydanticCustomError
 
-from contactlab.schema.pair_expectation import PairExpectation
 from contactlab.schema.strict_model import Model, Number, Positive, Value, Whole, about
 
 Role = Literal["knob", "scenario"]
@@ -60,8 +59,6 @@ class Vocabulary:
     metrics: Sequence[str]
     labels: Sequence[str]
     thresholds: Sequence[str] = ()
-    mistake_in: Callable[[PairExpectation, float | None], tuple[str, str] | None] | None = None
-    """The key that is wrong in what is expected of pairs in runs of that duration, and why."""
     mistake_in_requirement: Callable[[str, float | None], str | None] | None = None
     """Fault of a requirement in runs of that duration; None if there is none."""
 

@@ -260,7 +260,7 @@ def check_must(checked: CheckedModel) -> Measured:
     required = checked.options.must or (manifest.must if manifest else ())
     if not required:
         return Measured([], ["nothing is required"])
-    labels = {"broken_requirement", *labels_with("pair")}
+    labels = labels_with("required")
     measures: list[Measure] = []
     notes: list[str] = []
     for run in checked.nominals:

@@ -1,4 +1,4 @@
-"""Labels of pairs that do not do what their scene or sweep expects of them."""
+"""The labels of pairs that do not touch as their scene or sweep says that they must."""
 
 from collections.abc import Iterator
 
@@ -12,7 +12,7 @@ from contactlab.measure.coverage import TURNING
 from contactlab.measure.entries import Found, MeasuredRuns, Onset, Threshold, label
 from contactlab.measure.stick_slip import spans
 
-_VERBS = {"stick": "stick", "slide": "slide", "apart": "be apart", "rolls": "roll"}
+_VERBS = {"sticks": "stick", "slides": "slide", "rolls": "roll"}
 MODE_HOLD = Threshold(
     "mode_hold", 0.02, "s", "Shortest that counts; sliding is told from sticking in 4 to 24 ms."
 )
@@ -20,7 +20,7 @@ _ROUNDING = 1e-6  # Share of a step by which a time may miss the start of a step
 
 Mask = NDArray[np.bool_]
 Faults = Iterator[tuple[str, str, Mask]]
-"""Expected behaviour, the one met instead, and the steps (N,) in which it is met."""
+"""What is required, what is met instead, and the steps (N,) in which it is met."""
 
 
 @label(
@@ -30,10 +30,10 @@ Faults = Iterator[tuple[str, str, Mask]]
     letter="Z",
     colour="#707051",
     advice="more friction; or priority, if the other geom's should count",
-    traits=("pair",),
+    traits=("required",),
 )
 def unexpected_slide(runs: MeasuredRuns) -> Found:
-    """A pair slides that is expected to stick or to roll."""
+    """A pair slides that must stick or roll."""
     return _found(runs, SLIDE)
 
 
@@ -44,10 +44,10 @@ def unexpected_slide(runs: MeasuredRuns) -> Found:
     letter="Y",
     colour="#e2e2d2",
     advice="less friction on both geoms, since the larger counts; or priority",
-    traits=("pair",),
+    traits=("required",),
 )
 def unexpected_stick(runs: MeasuredRuns) -> Found:
-    """A pair sticks that is expected to slide."""
+    """A pair sticks that must slide."""
     return _found(runs, STICK)
 
 
@@ -57,11 +57,11 @@ def unexpected_stick(runs: MeasuredRuns) -> Found:
     thresholds=(MODE_HOLD,),
     letter="5",
     colour="#c7b2ea",
-    advice="the scene's `pairs` say what is expected: mend the scene, or the model",
-    traits=("pair",),
+    advice="`must` says what has to hold: mend the model, or what is required of it",
+    traits=("required",),
 )
 def pair_expectation(runs: MeasuredRuns) -> Found:
-    """A pair does not press, touch, part or roll as expected, or is deeper."""
+    """A pair does not press, touch, part or roll as it must, or is deeper."""
     return _found(runs, NO_CONTACT)
 
 
@@ -88,65 +88,55 @@ def _found(runs: MeasuredRuns, mode: int) -> Found:
 
 
 def _may_fail(context: Context, expectation: ExpectedContact, mode: int) -> Mask | bool:
-    """Return (n,) which runs meet a mode that is not wanted, or whether more than modes is said."""
+    """Return (n,) which runs meet a mode that must not be, or whether more than a mode is said."""
     if mode == NO_CONTACT:
-        said = expectation.mode, expectation.force, expectation.depth
-        return said != (None, (-np.inf, np.inf), np.inf)
+        return expectation.end is None
     modes = context.net.series.mode[context.pairs.rows[[*expectation.pairs]]]
-    return bool(_wanted(expectation, mode)) & np.logical_or.reduce((modes == mode).any(axis=2))
-
-
-def _wanted(expectation: ExpectedContact, met: int) -> list[tuple[str, str]]:
-    """Return when pairs should be in which mode that is not the one met."""
-    modes = {"slide"} if met == STICK else {"stick", "rolls"}
-    ends = (("first", expectation.first), ("last", expectation.last), ("", expectation.mode))
-    return [(when, mode) for when, mode in ends if mode in modes]
+    forbidden = expectation.word in ({"slides"} if mode == STICK else {"sticks", "rolls"})
+    return forbidden & np.logical_or.reduce((modes == mode).any(axis=2))
 
 
 def _wrong_modes(
     context: Context, expectation: ExpectedContact, run: int, inside: Mask, width: int, met: int
 ) -> Faults:
-    series = context.net.series
-    for pair, row in zip(
-        expectation.pairs, context.pairs.rows[[*expectation.pairs]].tolist(), strict=True
-    ):
+    series, when = context.net.series, expectation.end or ""
+    rows = context.pairs.rows[[*expectation.pairs]].tolist()
+    for pair, row in zip(expectation.pairs, rows, strict=True):
         mode = series.mode[row, run]
         bad = lasting(inside & (mode == met), width)
         good = np.flatnonzero(lasting(inside & (mode == STICK + SLIDE - met), width)).tolist()
         first, last = (good[0], good[-1]) if good else (None, None)
         parts = {"first": slice(first), "last": slice(last, None), "": slice(None)}
-        for when, what in _wanted(expectation, met):
-            where = np.zeros_like(bad)
-            where[parts[when]] = bad[parts[when]]
-            if where.any():
-                slides = f"slides, at up to {series.slip[row, run, where].max():.3g} m/s"
-                does = slides if met == SLIDE else "sticks"
-                named = f"{context.pairs.names[pair]} should {_VERBS[what]} {when}".rstrip()
-                yield named, does, where
+        where = np.zeros_like(bad)
+        where[parts[when]] = bad[parts[when]]
+        if where.any():
+            slides = f"slides, at up to {series.slip[row, run, where].max():.3g} m/s"
+            does = slides if met == SLIDE else "sticks"
+            verb = _VERBS[expectation.word]
+            yield f"{context.pairs.names[pair]} should {verb} {when}".rstrip(), does, where
 
 
 def _misfits(
     context: Context, expectation: ExpectedContact, run: int, inside: Mask, width: int
 ) -> Faults:
     timestep, (least, most) = float(context.trace.timestep[run]), expectation.force
+    word = expectation.word
     rows = context.pairs.rows[[*expectation.pairs]]
     series, depths = context.net.series, contact_depths(context)[1]
     touching = inside & (series.mode[rows, run] != NO_CONTACT).any(axis=0)
     apart = lasting(inside & ~touching, width) & (expectation.timed or not touching.any())
-    if (expectation.mode in {"stick", "slide", "rolls"} or least > 0) and apart.any():
-        wanted = (
-            _VERBS[expectation.mode] if expectation.mode else f"press with {least:.3g} N or more"
-        )
+    if (word in _VERBS or least > 0) and apart.any():
+        wanted = _VERBS.get(word, f"press with {least:.3g} N or more")
         met = f"touches nothing for {np.count_nonzero(apart) * timestep:.3g} s"
         yield f"{expectation.name} should {wanted}", met, apart
     for pair, row in zip(expectation.pairs, rows.tolist(), strict=True):
         name, force, depth = context.pairs.names[pair], series.normal[row, run], depths[row, run]
-        if expectation.mode == "apart" and (pressed := inside & (force > 0)).any():
+        if word == "apart" and (pressed := inside & (force > 0)).any():
             met = f"presses with up to {force[pressed].max():.3g} N"
             yield f"{name} should be apart", met, pressed
         still = inside & (force > 0) & (context.net.rolling[row, run] <= TURNING)
         still = lasting(still & (series.mode[row, run] == STICK), width)
-        if expectation.mode == "rolls" and still.any():
+        if word == "rolls" and still.any():
             met = f"does not turn for {np.count_nonzero(still) * timestep:.3g} s"
             yield f"{name} should roll", met, still
         if (deep := inside & (depth > expectation.depth)).any():
