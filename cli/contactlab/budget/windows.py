@@ -27,7 +27,7 @@ _SLEEP = int(getattr(mujoco.mjtEnableBit, "mjENBL_SLEEP", 0))
 _UNUSED = sum(int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{n}")) for n in ("SENSOR", "AUTORESET"))
 _OBSERVED = ("cvel", "xipos", "subtree_com", "energy")
 # States that are looked at together, and numbers that a block of windows may record.
-_CHUNK = 2048
+_CHUNK = 512
 _NUMBERS = 1 << 23
 _PERSISTENT_WINDOWS = 64
 
