@@ -13,6 +13,7 @@ from contactlab.budget.motion import Motion
 from contactlab.budget.prices import Price, prices
 from contactlab.budget.readings import ErrorBudget
 from contactlab.budget.rows import ROWS, Row, go_on, has_no_flex
+from contactlab.budget.showing import shown_rows
 from contactlab.budget.verdict import Reason, Verdict, Word, judge
 from contactlab.budget.windows import replay
 
@@ -33,6 +34,7 @@ class Candidate:
         rate: how many of its steps make one of the run's.
         rows: of the model, which it is worth trying against; any if empty.
         new: whether it changes a model at all.
+        exercised: a row that the task must exercise; any or none if empty.
     """
 
     name: str
@@ -41,6 +43,7 @@ class Candidate:
     rate: int = 1
     rows: Sequence[str] = ()
     new: Callable[[mujoco.MjModel], bool] = lambda _model: True
+    exercised: str = ""
 
 
 @dataclass(frozen=True)
@@ -105,7 +108,7 @@ def _both(model: mujoco.MjModel) -> None:
 
 
 CANDIDATES: tuple[Candidate, ...] = (
-    Candidate("Newton with 100 iterations", "unresolved", go_on),
+    Candidate("Newton with 100 iterations", "unresolved", go_on, exercised="solver"),
     Candidate("implicitfast", "unresolved", _integrator(_IMPLICITFAST), new=_is_not(_IMPLICITFAST)),
     Candidate("Euler", "unresolved", _integrator(_EULER), new=_is_not(_EULER)),
     Candidate("half the step", "unresolved", _nothing, 2),
@@ -154,6 +157,8 @@ def remedies(
             continue
         if not all(candidate.new(motion.model) for motion in motions):
             continue
+        if candidate.exercised and not _exercised(candidate.exercised, motions):
+            continue
         changed = [_changed(motion, candidate) for motion in motions]
         budget = error_budget(
             changed, rows=rows if word == "model" else (), settings=plain, workers=workers
@@ -166,6 +171,11 @@ def remedies(
     return tuple(
         sorted(tried, key=lambda one: (not one.removes, one.price.ratio if one.price else 0))
     )
+
+
+def _exercised(name: str, motions: Sequence[Motion]) -> bool:
+    (row,) = (row for row in ROWS if row.name == name)
+    return any(row.uses(motion.model) and shown_rows(motion, [row]) for motion in motions)
 
 
 def _changed(motion: Motion, candidate: Candidate) -> Motion:
