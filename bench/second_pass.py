@@ -53,6 +53,7 @@ def second_passes(tree: Path, scene: str) -> list[float]:
 def bare_steps(scene: str) -> float:
     """Return the CPU time of the same runs' steps alone, with no sensor [s]."""
     loaded = Scene.open(scene)
+    assert loaded.source.manifest is not None
     duration = loaded.source.manifest.duration
     runs = PreparedRuns.of(loaded, *(loaded.resolve({}, seed, duration) for seed in range(SEEDS)))
     spent = 0.0

@@ -1,6 +1,7 @@
 """MuJoCo's second, untimed pass over runs, for what the recorded arrays cannot show."""
 
 import copy
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -84,7 +85,7 @@ def _spread(steps: int, most: int) -> NDArray[np.intp]:
 
 def _repeat(
     model: mujoco.MjModel, start: InitialStates, steps: int
-) -> tuple[Floats, dict[int | str, Floats]]:
+) -> tuple[Floats, dict[Any, Floats]]:
     """Roll a run out a second time.
 
     Returns:
@@ -93,11 +94,16 @@ def _repeat(
     """
     checked = _without_sensors(model)
     checked.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_FWDINV)
-    fields = [_WHOLE, "solver_fwdinv", "qfrc_constraint"]
     batch = start_batch([checked], start)
-    first = batch.state.copy()
-    out = batch.rollout(steps, record=fields, **driven(checked, start, 0, steps))
-    return np.concatenate([first, out[_WHOLE][0]]), {field: out[field][0] for field in fields}
+    states = np.empty((steps + 1, batch.state.shape[1]))
+    states[0] = batch.state[0]
+    found: dict[Any, Floats] = {
+        _WHOLE: states[None, 1:],
+        "solver_fwdinv": np.empty((1, steps, 2)),
+        "qfrc_constraint": np.empty((1, steps, model.nv)),
+    }
+    batch.rollout(steps, record=list(found), out=found, **driven(checked, start, 0, steps))
+    return states, {field: array[0] for field, array in found.items()}
 
 
 def _without_sensors(model: mujoco.MjModel) -> mujoco.MjModel:
@@ -107,7 +113,7 @@ def _without_sensors(model: mujoco.MjModel) -> mujoco.MjModel:
     return alone
 
 
-def _residual(model: mujoco.MjModel, again: dict[int | str, Floats]) -> Floats:
+def _residual(model: mujoco.MjModel, again: dict[Any, Floats]) -> Floats:
     """Return (N,) how far forward and inverse dynamics disagree, as a share of the forces.
 
     NaN with noslip, which changes forces after the solver on purpose.
