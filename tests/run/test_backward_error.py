@@ -4,6 +4,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import mujoco
+import numpy as np
 import pytest
 
 import contactlab
@@ -24,6 +26,20 @@ CHAOS = """<mujoco><option timestep=".0005" integrator="RK4"/><worldbody><body>
 <body pos=".5 0 0"><joint axis="0 1 0"/>
 <geom type="capsule" size=".02" fromto="0 0 0 .5 0 0" mass="1"/></body></body></worldbody>
 <keyframe><key qpos="-2 .5"/></keyframe></mujoco>"""
+
+# A box that a motor shoves to and fro: it sticks and slides as often as the control turns.
+SHOVED = """
+<mujoco>
+  <option timestep="0.002" cone="elliptic"/>
+  <worldbody>
+    <geom name="floor" type="plane" size="2 2 .1"/>
+    <body name="box" pos="0 0 .05"><joint name="x" type="slide" axis="1 0 0"/>
+      <joint name="z" type="slide" axis="0 0 1"/>
+      <geom name="box" type="box" size=".1 .1 .05" mass="1" friction=".2" priority="1"/></body>
+  </worldbody>
+  <actuator><motor joint="x" ctrlrange="-8 8"/></actuator>
+</mujoco>
+"""
 
 Checked = Callable[..., EvidenceRecord]
 
@@ -111,6 +127,25 @@ def test_it_is_the_number_of_the_runs_own_budget(tmp_path: Path) -> None:
     assert found == (phase.run.share, "body[1]", phase.run.time, phase.energy_share)
 
 
+@pytest.mark.parametrize("text", [SERVO.format(gain=10_000), SHOVED])
+def test_states_of_a_plain_loop_are_those_of_a_repeat(text: str, tmp_path: Path) -> None:
+    """Bit for bit, also where the last of 22 windows overlaps the one before it."""
+    runs = runs_of(text, 0.43, tmp_path)
+    model, motion = runs.models[0], motion_of_run(runs.models[0], runs.starts, 0, runs.steps)
+    data, whole = mujoco.MjData(model), mujoco.mjtState.mjSTATE_INTEGRATION
+    mujoco.mj_setState(model, data, motion.starts[0], whole)
+    states = np.empty((runs.steps + 1, motion.starts.shape[1]))
+    inputs = motion.rows(0, np.arange(runs.steps + 1))
+    for step, row in enumerate(states):
+        mujoco.mj_getState(model, data, row, whole)
+        if inputs is not None:
+            mujoco.mj_setState(model, data, inputs[step], motion.spec)
+        mujoco.mj_step(model, data)
+    found = backward_error(runs, 0, states)
+    assert found == backward_error(runs, 0)
+    assert found.share > 0
+
+
 def test_what_has_no_mass_that_moves_has_none(checked: Checked) -> None:
     record = checked("<mujoco><worldbody><geom size='1'/></worldbody></mujoco>", 0.1, "all")
     assert record.metrics["backward_error"] is None
@@ -136,25 +171,10 @@ def test_workers_change_no_bit(tmp_path: Path) -> None:
 def test_a_second_pass_is_made_where_it_is_asked_for(
     checked: Checked, steps_made: list[int], checks: str, passes: int
 ) -> None:
-    """Windows of 20 steps: the run is repeated twice, and once at a quarter of its step."""
+    """The run is repeated once, whole, and gone through in windows at a quarter of its step."""
     checked(SERVO.format(gain=10_000), 1.0, checks)
     rollouts = [made for made in steps_made if made == 500]
     assert len(rollouts) == passes
-
-
-# A box that a motor shoves to and fro: it sticks and slides as often as the control turns.
-SHOVED = """
-<mujoco>
-  <option timestep="0.002" cone="elliptic"/>
-  <worldbody>
-    <geom name="floor" type="plane" size="2 2 .1"/>
-    <body name="box" pos="0 0 .05"><joint name="x" type="slide" axis="1 0 0"/>
-      <joint name="z" type="slide" axis="0 0 1"/>
-      <geom name="box" type="box" size=".1 .1 .05" mass="1" friction=".2" priority="1"/></body>
-  </worldbody>
-  <actuator><motor joint="x" ctrlrange="-8 8"/></actuator>
-</mujoco>
-"""
 
 
 @pytest.mark.long

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import NamedTuple
 
 import mujoco
@@ -50,6 +51,7 @@ class Settings:
             nothing tells whether the reference is resolved, and shares are those at h/4.
         energy: whether a second reference, with RK4, tells what energy both lose.
         places: whether it is looked for where forces differ most.
+        excess: whether the run's own path is measured; if not, its excess and its peak are NaN.
         priced: whether changes are timed.
         workers: threads.
     """
@@ -59,6 +61,7 @@ class Settings:
     check: bool = True
     energy: bool = True
     places: bool = True
+    excess: bool = True
     priced: bool = False
     workers: int = 1
 
@@ -99,20 +102,16 @@ def run_at_once(model: mujoco.MjModel) -> mujoco.MjModel:
 class PhaseMeasure:
     """Measures one phase."""
 
-    def __init__(self, motion: Motion, settings: Settings) -> None:
-        """Repeat the run, and make the models that it is compared with."""
+    def __init__(self, motion: Motion, settings: Settings, known: Floats | None = None) -> None:
+        """Repeat the run where its states are not `known`, as `replay` has it."""
         self._motion, self._settings, self._model = motion, settings, motion.model
         self._undelayed = without_delays(motion)
         self._bodies = judged_bodies(motion.model)
         if not self._bodies.size:
             raise EngineError("nothing of the model moves that has mass, so there is no motion")
-        self._run: Run = replay(motion, settings.window, settings.workers)
+        self._run: Run = replay(motion, settings.window, settings.workers, known)
         self._observer = Observer(motion.model, motion.starts[0], self._bodies, settings.workers)
-        self._bases = {
-            "run": run_at_once(motion.model),
-            "step": reference_of(motion.model, 1),
-            "reference": reference_of(motion.model, settings.finer),
-        }
+        self._base = cache(self._made_base)
 
     def budget(self, wanted: Sequence[Row]) -> PhaseBudget:
         """Return the budget with those of the wanted rows that the model has."""
@@ -144,7 +143,7 @@ class PhaseMeasure:
             rows=tuple(rows),
             energy=self._trend(found, found.energy),
             energy_rk4=self._trend(found, found.energy_rk4),
-            excess=np.maximum(0, (found.excess.sum(axis=1) / real).mean(axis=0)),
+            excess=self._excess(found, real),
             peak=self._peak(found),
             check=check,
             limit=float(limits[whole.body]),
@@ -152,8 +151,13 @@ class PhaseMeasure:
             warnings=warnings,
         )
 
+    def _made_base(self, name: str) -> mujoco.MjModel:
+        if name == "run":
+            return run_at_once(self._model)
+        return reference_of(self._model, 1 if name == "step" else self._settings.finer)
+
     def _variation(self, row: Row) -> Variation:
-        base, other = self._bases[row.base], None
+        base, other = self._base(row.base), None
         if row.both is not None:
             base = other = self._changed(base, row.both)
         models = [self._changed(base, change) for change in row.changes]
@@ -184,7 +188,7 @@ class PhaseMeasure:
             if self._settings.check:
                 self._measure_check(windows, block, around, found)
             if any(variation.against == "step" for variation in variations.values()):
-                around["step"] = self._around(windows, self._bases["step"], 1)
+                around["step"] = self._around(windows, self._base("step"), 1)
             for name, variation in variations.items():
                 if name == RUN.name:
                     continue
@@ -211,21 +215,23 @@ class PhaseMeasure:
             (M) whether the reference gave up.
         """
         finer, steps, place = self._settings.finer, windows.steps, tuple(block.T)
-        own, energies = self._observer(windows.own)
-        fine, lost = windows.roll(self._bases["reference"], finer, whole=True)
+        whole = self._settings.excess
+        own, energies = self._observer(windows.own if whole else windows.own[:, [0, -3, -2, -1]])
+        fine, lost = windows.roll(self._base("reference"), finer, whole=True)
         path, powers = self._observer(fine[:, : steps * finer + 1 : finer])
         end, end_energies = self._observer(fine[:, (steps - 1) * finer :])
         last = own[:, -3:]
         found.lost[place] = lost
         found.apart[RUN.name][place] = np.where(lost[:, None], 0, defects(last, end))
         found.path[place] = np.where(lost[:, None], 0, paths(path))
-        found.excess[place] = np.where(lost[:, None], 0, paths(own[:, :-1]) - paths(path))
+        if whole:
+            found.excess[place] = np.where(lost[:, None], 0, paths(own[:, :-1]) - paths(path))
+            found.speed[place] = np.linalg.norm(own[:, :-1], axis=-1).max(axis=1)
         total = energies.sum(axis=-1)[:, -2]
         found.energy[place] = energy_defects(total, end_energies.sum(axis=-1))
         found.kinetic[place] = powers[..., 1].max(axis=1)
         found.potential[place] = np.stack((powers[..., 0].min(1), powers[..., 0].max(1)), axis=-1)
         found.through[place] = np.abs(np.diff(powers.sum(axis=-1), axis=1)).sum(axis=1)
-        found.speed[place] = np.linalg.norm(own[:, :-1], axis=-1).max(axis=1)
         found.begin[place] = np.linalg.norm(own[:, 0], axis=-1)
         if self._settings.energy and self._model.opt.integrator != _RK4:
             found.energy_rk4[place] = self._energy_by_rk4(windows, total)
@@ -291,7 +297,7 @@ class PhaseMeasure:
         )
         if not self._settings.places or not apart[seed, window, body]:
             return reading
-        other = variation.other or self._bases[variation.against]
+        other = variation.other or self._base(variation.against)
         models = variation.models[0], other
         return replace(reading, place=self._place(seed, window, models, body))
 
@@ -337,7 +343,7 @@ class PhaseMeasure:
         """Return a warning of the run with where its forces had parted from the reference's."""
         if not self._settings.places:
             return warning
-        models = self._bases["run"], self._bases["reference"]
+        models = self._base("run"), self._base("reference")
         body = self._fastest(warning)
         cause = self._place(warning.seed, warning.window, models, body)
         if not cause and warning.window:
@@ -368,7 +374,14 @@ class PhaseMeasure:
                 drift[seed] = trends(own[None], scale[seed][valid][None])[0]
         return drift
 
+    def _excess(self, found: "_Found", real: Floats) -> Floats:
+        if not self._settings.excess:
+            return np.full(len(self._bodies), np.nan)
+        return np.maximum(0, (found.excess.sum(axis=1) / real).mean(axis=0))
+
     def _peak(self, found: "_Found") -> float:
+        if not self._settings.excess:
+            return float("nan")
         speed = found.speed.max(axis=1, keepdims=True)
         with np.errstate(invalid="ignore", divide="ignore"):
             return float(np.nanmax(np.where(speed > 0, found.apart["run"] / speed, 0), initial=0))

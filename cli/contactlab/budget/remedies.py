@@ -13,6 +13,7 @@ from contactlab.budget.motion import Motion
 from contactlab.budget.prices import Price, prices
 from contactlab.budget.readings import ErrorBudget
 from contactlab.budget.rows import ROWS, Row, go_on, has_no_flex
+from contactlab.budget.showing import shown_rows
 from contactlab.budget.verdict import Reason, Verdict, Word, judge
 from contactlab.budget.windows import replay
 from contactlab.mjcf import OPTIONS
@@ -36,6 +37,7 @@ class Candidate:
         rows: of the model, which it is worth trying against; any if empty.
         new: whether it changes a model at all.
         physics: whether it makes another model, not another computation of the same one.
+        exercised: a row that the task must exercise; any or none if empty.
     """
 
     name: str
@@ -45,6 +47,7 @@ class Candidate:
     rows: Sequence[str] = ()
     new: Callable[[mujoco.MjModel], bool] = lambda _model: True
     physics: bool = False
+    exercised: str = ""
 
 
 @dataclass(frozen=True)
@@ -113,7 +116,7 @@ def _both(model: mujoco.MjModel) -> None:
 
 
 CANDIDATES: tuple[Candidate, ...] = (
-    Candidate("Newton with 100 iterations", "unresolved", go_on),
+    Candidate("Newton with 100 iterations", "unresolved", go_on, exercised="solver"),
     Candidate("implicitfast", "unresolved", _integrator(_IMPLICITFAST), new=_is_not(_IMPLICITFAST)),
     Candidate("Euler", "unresolved", _integrator(_EULER), new=_is_not(_EULER)),
     Candidate("half the step", "unresolved", _nothing, 2),
@@ -168,6 +171,8 @@ def remedies(
             continue
         if not all(candidate.new(motion.model) for motion in motions):
             continue
+        if candidate.exercised and not _exercised(candidate.exercised, motions):
+            continue
         changed = [_changed(motion, candidate) for motion in motions]
         budget = error_budget(
             changed, rows=rows if word == "model" else (), settings=plain, workers=workers
@@ -190,6 +195,11 @@ def _options(model: mujoco.MjModel, changed: mujoco.MjModel) -> dict[str, object
     """Return the options of a changed model that differ from those of another."""
     values = {name: read_option(changed, name) for name in OPTIONS}
     return {name: value for name, value in values.items() if value != read_option(model, name)}
+
+
+def _exercised(name: str, motions: Sequence[Motion]) -> bool:
+    (row,) = (row for row in ROWS if row.name == name)
+    return any(row.uses(motion.model) and shown_rows(motion, [row]) for motion in motions)
 
 
 def _changed(motion: Motion, candidate: Candidate) -> Motion:

@@ -16,9 +16,11 @@ def shown_rows(motion: Motion, rows: Sequence[Row]) -> set[str]:
     Every step of every seed is looked at until each row is seen once, so what was never exercised
     was looked for in all of them.
     """
+    pending, shown = list(rows), set[str]()
+    if not pending:
+        return shown
     model = without_sensors(motion.model)
     data = mujoco.MjData(model)
-    pending, shown = list(rows), set[str]()
     for seed in range(motion.seeds):
         mujoco.mj_setState(model, data, motion.starts[seed], INTEGRATION)
         inputs = motion.rows(seed, np.arange(motion.steps))

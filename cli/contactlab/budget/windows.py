@@ -27,7 +27,7 @@ _SLEEP = int(getattr(mujoco.mjtEnableBit, "mjENBL_SLEEP", 0))
 _UNUSED = sum(int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{n}")) for n in ("SENSOR", "AUTORESET"))
 _OBSERVED = ("cvel", "xipos", "subtree_com", "energy")
 # States that are looked at together, and numbers that a block of windows may record.
-_CHUNK = 2048
+_CHUNK = 512
 _NUMBERS = 1 << 23
 _PERSISTENT_WINDOWS = 64
 
@@ -107,25 +107,36 @@ class Run:
     warnings: tuple[EngineWarning, ...]
 
 
-def replay(motion: Motion, window: float, workers: int) -> Run:
-    """Repeat a motion, bit for bit, and cut it into windows of about that length [s]."""
+def replay(motion: Motion, window: float, workers: int, known: Floats | None = None) -> Run:
+    """Repeat a motion, bit for bit, and cut it into windows of about that length [s].
+
+    `known` (S, K + 1, nstate) are states of the first K steps, which are not made again: those of
+    mjSTATE_INTEGRATION before each of them, and after the last.
+    """
     model, steps = without_sensors(motion.model), motion.steps
     length = min(steps, max(1, round(window / model.opt.timestep)))
     count = -(-steps // length)
     begins = np.minimum(np.arange(count) * length, steps - length)
-    batch = start_rows(model, motion.starts, workers)
+    known = motion.starts[:, None] if known is None else known
+    done = known.shape[1] - 1
+    batch = start_rows(model, known[:, -1], workers)
     size = mujoco.mj_stateSize(model, _KEPT)
     kept = np.full((motion.seeds, steps + 2, size), np.nan)
+    kept[:, : done + 1] = parts(model, known)
     starts = np.full((motion.seeds, count, motion.starts.shape[1]), np.nan)
-    kept[:, 0] = parts(model, motion.starts)
+    starts[:, begins <= done] = known[:, begins[begins <= done]]
     valid, failed = np.ones((motion.seeds, count), bool), np.zeros(motion.seeds, bool)
     warnings = list[EngineWarning]()
     for place, (begin, end) in enumerate(zip(begins, [*begins[1:], steps + 1], strict=True)):
-        starts[:, place] = batch.state
-        span = np.arange(begin, end)
+        if end <= done:
+            continue
+        if begin > done:
+            starts[:, place] = batch.state
+        first = max(begin, done)
+        span = np.arange(first, end)
         held = [motion.rows(seed, span) for seed in range(motion.seeds)]
         inputs = None if held[0] is None else np.stack([row for row in held if row is not None])
-        kept[:, begin + 1 : end + 1], fails = _roll(batch, size, end - begin, inputs, motion.spec)
+        kept[:, first + 1 : end + 1], fails = _roll(batch, size, end - first, inputs, motion.spec)
         for seed in np.flatnonzero(fails & ~failed):
             warnings += _warned(model, batch, int(seed), (place, float(begin * model.opt.timestep)))
         failed |= fails
@@ -135,8 +146,8 @@ def replay(motion: Motion, window: float, workers: int) -> Run:
 
 
 def parts(model: mujoco.MjModel, rows: Floats) -> Floats:
-    """Return (n, kept) the parts of (n, nstate) states that velocities and energies depend on."""
-    return np.concatenate([rows[:, place] for place in _places(model)], axis=1)
+    """Return (..., kept) the parts of (..., nstate) states that velocities depend on."""
+    return np.concatenate([rows[..., place] for place in _places(model)], axis=-1)
 
 
 def _places(model: mujoco.MjModel) -> list[slice]:

@@ -8,7 +8,7 @@ from contactlab.command_line import options as opt
 from contactlab.command_line.declaration import Argument, Given, Option, command
 from contactlab.command_line.surroundings import say
 from contactlab.command_line.terminal import echo
-from contactlab.errors import ExpectationError
+from contactlab.errors import ExpectationError, OutputError
 
 if TYPE_CHECKING:
     from contactlab.schema.examination import Examination
@@ -95,7 +95,8 @@ def examine(
     if output is not None:
         # Before minutes of measuring, a folder that cannot be written to.
         with write_errors(Path(output)), TemporaryFile(dir=Path(output).parent):
-            pass
+            if Path(output).is_dir():
+                raise OutputError(f"{output} is a folder; write the name of a file, as in a.json")
     request = ExamineRequest(
         model=str(model),
         assign=opt.assigned(set),

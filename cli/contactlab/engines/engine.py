@@ -20,7 +20,14 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from contactlab.contact.trace_arrays import Floats, RecordedControls, SelfChecks, Told, Trace
+from contactlab.contact.trace_arrays import (
+    BackwardError,
+    Floats,
+    RecordedControls,
+    SelfChecks,
+    Told,
+    Trace,
+)
 from contactlab.registry import Registry
 from contactlab.scene.compiled_scene import CompiledScene, PreparedModel
 from contactlab.scene.initial_states import InitialStates
@@ -256,14 +263,26 @@ class SimulationEngine(ABC):
         return (time.thread_time() - begin) / (runs.steps * len(runs.prepared))
 
 
+# Returns the backward error of one of the runs, given its (N + 1, nstate) states, before each step
+# and after the last, with all that decides what follows.
+Judge = Callable[[PreparedRuns, int, Floats], BackwardError]
+
+
 @runtime_checkable
 class ChecksRuns(Protocol):
     """An engine that can go over its runs a second time, for what the arrays cannot show."""
 
     def check_runs(
-        self, runs: PreparedRuns, trace: Trace, proceed: Proceed = proceed_always
+        self,
+        runs: PreparedRuns,
+        trace: Trace,
+        proceed: Proceed = proceed_always,
+        judge: Judge | None = None,
     ) -> SelfChecks:
-        """Return the self-checks of runs that completed; of the first ones if told to stop."""
+        """Return the self-checks of runs that completed; of the first ones if told to stop.
+
+        With the backward error of each, if somebody judges that.
+        """
         ...
 
 

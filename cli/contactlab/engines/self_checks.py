@@ -1,6 +1,7 @@
 """MuJoCo's second, untimed pass over runs, for what the recorded arrays cannot show."""
 
 import copy
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -10,16 +11,18 @@ from contactlab.contact.trace_arrays import (
     BY_RUN,
     FORCE,
     SLOT_WIDTH,
+    BackwardError,
     Floats,
     SelfChecks,
     Trace,
 )
 from contactlab.engines.engine import (
+    Judge,
     PreparedRuns,
     Proceed,
     proceed_always,
 )
-from contactlab.engines.mujoco_batch import STATE, driven, start_batch
+from contactlab.engines.mujoco_batch import driven, start_batch
 from contactlab.scene.compiled_scene import CompiledScene
 from contactlab.scene.contact_pairs import colliding, may_touch
 from contactlab.scene.initial_states import InitialStates, apply_inputs
@@ -33,6 +36,7 @@ _LEAST_SHARE_OF_LARGEST = 1e-3
 _NO_ACCELERATION = 1e-2  # m/s^2 or rad/s^2: a thousandth of gravity.
 _TIGHT = 1e-12
 _MOST_SOLVER_ITERATIONS = 1000
+_WHOLE = int(mujoco.mjtState.mjSTATE_INTEGRATION)
 _DENSE = int(mujoco.mjtJacobian.mjJAC_DENSE)
 _SPARSE = int(mujoco.mjtJacobian.mjJAC_SPARSE)
 _BUT_CONTACTS = sum(
@@ -45,22 +49,30 @@ _NATIVE_CCD = int(getattr(mujoco.mjtDisableBit, "mjDSBL_NATIVECCD", 0))
 _FIELDS = (int(mujoco.mjtGeom.mjGEOM_HFIELD), int(mujoco.mjtGeom.mjGEOM_SDF))
 
 
-def run_checks(runs: PreparedRuns, trace: Trace, proceed: Proceed = proceed_always) -> SelfChecks:
+def run_checks(
+    runs: PreparedRuns,
+    trace: Trace,
+    proceed: Proceed = proceed_always,
+    judge: Judge | None = None,
+) -> SelfChecks:
     """Return the self-checks of runs that completed, as `ChecksRuns.check_runs` says."""
     jacobian_steps = _spread(trace.steps, _JACOBIAN_SAMPLES)
     geometry_steps = _spread(trace.steps, _GEOMETRY_SAMPLES)
-    found = list[tuple[Floats | float, ...]]()
+    found, backward = list[tuple[Floats | float, ...]](), list[BackwardError]()
     # All of a run before the next one, so that its time limit covers nothing else.
     for run, model in enumerate(runs.models):
         if run and not proceed():
             break
-        again = _repeat(model, runs.starts.pick(run), trace.steps)
+        states, again = _repeat(model, runs.starts.pick(run), trace.steps)
         jacobian = _jacobian(model, trace, runs.starts, run, jacobian_steps)
         geometry = _geometry(runs.base, model, trace, run, geometry_steps)
         squeeze = _squeeze(runs.base, model, trace.qpos[run, -1])
-        repeats = _repeats(trace, run, again)
+        repeats = _repeats(trace, run, states)
         found.append((_residual(model, again), jacobian, *geometry, squeeze, repeats))
+        if judge is not None:
+            backward.append(judge(runs, run, states))
     return SelfChecks(
+        backward=tuple(backward),
         jacobian_steps=jacobian_steps,
         geometry_steps=geometry_steps,
         **dict(zip(BY_RUN, map(np.array, zip(*found, strict=True)), strict=True)),
@@ -71,15 +83,27 @@ def _spread(steps: int, most: int) -> NDArray[np.intp]:
     return np.linspace(0, steps - 1, min(steps, most)).astype(np.intp)
 
 
-def _repeat(model: mujoco.MjModel, start: InitialStates, steps: int) -> dict[int | str, Floats]:
-    """Return states after each step, fwdinv residuals and constraint forces of a second rollout."""
+def _repeat(
+    model: mujoco.MjModel, start: InitialStates, steps: int
+) -> tuple[Floats, dict[Any, Floats]]:
+    """Roll a run out a second time.
+
+    Returns:
+        (N + 1, nstate) states of mjSTATE_INTEGRATION, before each step and after the last.
+        fwdinv residuals and constraint forces of each step, by field.
+    """
     checked = _without_sensors(model)
     checked.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_FWDINV)
-    fields = [int(STATE), "solver_fwdinv", "qfrc_constraint"]
-    out = start_batch([checked], start).rollout(
-        steps, record=fields, **driven(checked, start, 0, steps)
-    )
-    return {field: out[field][0] for field in fields}
+    batch = start_batch([checked], start)
+    states = np.empty((steps + 1, batch.state.shape[1]))
+    states[0] = batch.state[0]
+    found: dict[Any, Floats] = {
+        _WHOLE: states[None, 1:],
+        "solver_fwdinv": np.empty((1, steps, 2)),
+        "qfrc_constraint": np.empty((1, steps, model.nv)),
+    }
+    batch.rollout(steps, record=list(found), out=found, **driven(checked, start, 0, steps))
+    return states, {field: array[0] for field, array in found.items()}
 
 
 def _without_sensors(model: mujoco.MjModel) -> mujoco.MjModel:
@@ -89,7 +113,7 @@ def _without_sensors(model: mujoco.MjModel) -> mujoco.MjModel:
     return alone
 
 
-def _residual(model: mujoco.MjModel, again: dict[int | str, Floats]) -> Floats:
+def _residual(model: mujoco.MjModel, again: dict[Any, Floats]) -> Floats:
     """Return (N,) how far forward and inverse dynamics disagree, as a share of the forces.
 
     NaN with noslip, which changes forces after the solver on purpose.
@@ -193,7 +217,7 @@ def _squeeze(base: CompiledScene, model: mujoco.MjModel, qpos: Floats) -> Floats
     return borne
 
 
-def _repeats(trace: Trace, run: int, again: dict[int | str, Floats]) -> bool:
+def _repeats(trace: Trace, run: int, states: Floats) -> bool:
     parts = trace.time[run][:, None], trace.qpos[run], trace.qvel[run]
     first = np.concatenate(parts, axis=1)[1:]
-    return bool((first == again[int(STATE)][:, : first.shape[1]]).all())
+    return bool((first == states[1:, : first.shape[1]]).all())

@@ -14,7 +14,7 @@ from contactlab.accuracy.discretization import discretization_errors
 from contactlab.accuracy.reference import PlannedModel
 from contactlab.accuracy.timing import work_of_runs
 from contactlab.budget import backward_error
-from contactlab.contact.trace_arrays import BackwardError, RecordedControls, SelfChecks, Trace
+from contactlab.contact.trace_arrays import RecordedControls, Trace
 from contactlab.contact.trace_setup import Setup
 from contactlab.engines import engine_of
 from contactlab.engines.closed_loop import load_policy
@@ -257,9 +257,7 @@ class Worker:
             with self._preparer.watchdog(_SECOND_PASS) as start_clock:
                 start_clock()
                 proceed = self._grace_period(start_clock)
-                checks = _with_backward_errors(
-                    engine.check_runs(again, picked, proceed), again, proceed
-                )
+                checks = engine.check_runs(again, picked, proceed, backward_error)
             done = range(checks.runs)
             checked, known = picked.select(done), setup.select([suspects[row] for row in done])
             second = assess(checked, known, checks)
@@ -345,13 +343,3 @@ class Worker:
             "contactlab": self._task.provenance.contactlab,
             ACTIVATIONS: str(plan.prepared.model.na),
         }
-
-
-def _with_backward_errors(checks: SelfChecks, runs: PreparedRuns, proceed: Proceed) -> SelfChecks:
-    """Return checks with the backward error of each run; of the first ones if told to stop."""
-    found = list[BackwardError]()
-    for run in range(checks.runs):
-        if run and not proceed():
-            break
-        found.append(backward_error(runs, run))
-    return replace(checks.first(len(found)), backward=tuple(found))
