@@ -8,9 +8,9 @@ import warnings
 from collections.abc import Sequence
 from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 import typer
-from click import HelpFormatter
 from typer.core import TyperGroup
 
 from contactlab.command_line.declaration import TITLES, Command, Group, declared
@@ -52,7 +52,7 @@ def command_line(first: str | None = None) -> typer.Typer:
 class _Grouped(TyperGroup):
     """All commands, whose help lists them by groups."""
 
-    def format_commands(self, ctx: typer.Context, formatter: HelpFormatter) -> None:  # pyright: ignore[reportIncompatibleMethodOverride]
+    def format_commands(self, ctx: Any, formatter: Any) -> None:  # noqa: ANN401 - of Click's
         """Write a section for each group, and one for what other packages add."""
         del ctx
         listed: dict[str, list[tuple[str, str]]] = {title: [] for title in TITLES.values()}
