@@ -1,5 +1,6 @@
 """Examines a model under its task: motions, budget, verdict, and the changes that mend it."""
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -39,6 +40,8 @@ from contactlab.studies.examine.watched import of_watched
 from contactlab.studies.session import Values, read_settings
 
 SETTINGS = Settings(priced=True)
+_ALIKE = 1.1  # ratio of costs that are equal
+_PLACES = {candidate.name: place for place, candidate in enumerate(CANDIDATES)}
 _OPENINGS: Mapping[Word, str] = {
     "unresolved": "unresolved",
     "not resolved": "not resolved",
@@ -149,8 +152,13 @@ def _tried(
     return tuple(sorted(tried, key=_by_use))
 
 
-def _by_use(remedy: Remedy) -> tuple[bool, float]:
-    return not remedy.removes, remedy.price.ratio if remedy.price else np.inf
+def _by_use(remedy: Remedy) -> tuple[bool, float, int]:
+    """Return the place of a remedy: what removes, then what is cheap, then what is simple.
+
+    Costs within a tenth are equal: the clock tells no more.
+    """
+    cost = round(math.log(remedy.price.ratio, _ALIKE)) if remedy.price else math.inf
+    return not remedy.removes, cost, _PLACES[remedy.name]
 
 
 def _judged_again(remedy: Remedy, verdict: Verdict, task: Task) -> Remedy:
