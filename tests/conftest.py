@@ -69,9 +69,12 @@ _cpu_at_start = pytest.StashKey[float]()
 def pytest_runtest_setup(item: pytest.Item) -> Iterator[None]:
     """Note the CPU time before a test's fixtures are made; the first test pays no imports."""
     import scipy.stats  # noqa: F401, PLC0415 # pyright: ignore[reportUnusedImport]
+    from hypothesis import strategies as st  # noqa: PLC0415 - as above
 
     import contactlab.run.sweep_runner  # noqa: F401, PLC0415 # pyright: ignore[reportUnusedImport]
 
+    # In a fresh clone, Hypothesis makes its table of characters when it first needs one.
+    st.text().validate()
     item.stash[_cpu_at_start] = _cpu_seconds()
     return (yield)
 
