@@ -2,11 +2,10 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Literal
 
+from contactlab.contact.required_words import MotionWord
 from contactlab.contact.trace_arrays import Floats
 
-MotionWord = Literal["held", "still", "upright", "passes", "stays"]
 Placing = Callable[[Floats], tuple[Floats, Floats]]
 """Takes configurations (M, nq); returns positions (M, 3) [m] and rotations (M, 4), unit quaternions
 w x y z, of a body in the frame of another."""

@@ -2,17 +2,15 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal, get_args
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from contactlab.contact.expected_motion import ExpectedMotion
+from contactlab.contact.required_words import ContactWord, End
 from contactlab.contact.trace_arrays import Floats
 
-ContactWord = Literal["sticks", "slides", "rolls", "apart", "presses", "shallow"]
-CONTACT_WORDS: tuple[ContactWord, ...] = get_args(ContactWord)
-End = Literal["first", "last"]
 QUARTER_TURN = np.pi / 2  # what angles are large or small against [rad]
 PartKind = Literal["free", "ball", "slide", "hinge", "tendon", "actuator"]
 _LIMITS = ("iterations", "limits_act", "speculative")

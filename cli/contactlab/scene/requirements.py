@@ -7,10 +7,11 @@ from typing import cast
 import mujoco
 import numpy as np
 
-from contactlab.contact.expected_motion import ExpectedMotion, MotionWord
+from contactlab.contact.expected_motion import ExpectedMotion
+from contactlab.contact.required_words import CONTACT_WORDS, ContactWord, MotionWord
 from contactlab.contact.rotations import multiply, rotate_back
 from contactlab.contact.trace_arrays import Floats
-from contactlab.contact.trace_setup import CONTACT_WORDS, ContactWord, ExpectedContact
+from contactlab.contact.trace_setup import ExpectedContact
 from contactlab.errors import SceneError, did_you_mean
 from contactlab.scene.compiled_scene import CompiledScene
 from contactlab.scene.contact_pairs import reaches

@@ -14,8 +14,7 @@ from typing import Annotated, cast
 from pydantic import AfterValidator, BeforeValidator, Field
 from pydantic_core import ErrorDetails, PydanticCustomError
 
-from contactlab.contact.expected_motion import MotionWord
-from contactlab.contact.trace_setup import ContactWord, End
+from contactlab.contact.required_words import ContactWord, End, MotionWord
 from contactlab.errors import did_you_mean
 from contactlab.expression import Expression, ExpressionError
 from contactlab.schema.setting_values import read_quantity

@@ -89,8 +89,8 @@ def run(request: ExamineRequest) -> Examination:
     asked = [*request.assign, *request.task.settings]
     values, given = read_settings(scenes, request.model, asked, ("duration",))
     task = scene.task(values, given.duration, watch=request.task.watch, within=request.task.within)
-    request.told(f"examining {request.model}: {task.line}")
     motions = task_motions(scene, values, task, allow_code=request.allow_code)
+    request.told(f"examining {request.model}: {task.line}")
     workers = request.workers
     if workers is not None:
         workers = max(1, workers)
