@@ -27,7 +27,7 @@ def budget_report(
         within=verdict.within,
         verdict=verdict.word,
         reasons=tuple(map(_reason, verdict.reasons)),
-        remedies=tuple(map(_remedy, tried)),
+        remedies=tuple(map(remedy_report, tried)),
         phases=tuple(map(_phase, budget.phases)),
     )
 
@@ -53,7 +53,8 @@ def _reason(reason: Reason) -> BudgetReason:
     )
 
 
-def _remedy(remedy: Remedy) -> BudgetRemedy:
+def remedy_report(remedy: Remedy) -> BudgetRemedy:
+    """Return what is stored of a change that was tried."""
     return BudgetRemedy(
         name=remedy.name,
         physics=remedy.physics,

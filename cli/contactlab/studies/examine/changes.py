@@ -12,14 +12,13 @@ import numpy as np
 
 from contactlab.budget import Motion, Remedy, Settings, Verdict, remedies
 from contactlab.budget.remedies import CANDIDATES
+from contactlab.budget.report import remedy_report
 from contactlab.errors import SceneError
 from contactlab.scene.model_draft import ModelEdits
 from contactlab.scene.model_writer import WrittenModel, write_model
 from contactlab.scene.scene import Scene
-from contactlab.schema.error_budget import BudgetPrice
 from contactlab.schema.examination import ModelChange
 from contactlab.schema.task import Task
-from contactlab.store.table_layout import as_written
 from contactlab.studies.session import Values
 
 MOST_CHANGES = 3
@@ -57,20 +56,23 @@ def confirmed(
 def model_change(scene: Scene, remedy: Remedy, values: Values) -> ModelChange:
     """Return a change as the lines that make it; why not, where it cannot be written."""
     lines, unwritten = tuple[str, ...](), ""
-    with TemporaryDirectory(prefix="contactlab-") as folder:
-        try:
-            lines = written(scene, remedy.options, values, Path(folder) / "changed").lines
-        except SceneError as error:
-            unwritten = str(error).splitlines()[0]
-    price = remedy.price
+    if remedy.physics:
+        unwritten = _BY_HAND
+    else:
+        with TemporaryDirectory(prefix="contactlab-") as folder:
+            try:
+                lines = written(scene, remedy.options, values, Path(folder) / "changed").lines
+            except SceneError as error:
+                unwritten = str(error).splitlines()[0]
+    tried = remedy_report(remedy)
     return ModelChange(
-        name=remedy.name,
-        physics=remedy.physics,
-        options={name: as_written(value) for name, value in remedy.options.items()},
-        share=float(remedy.share) if np.isfinite(remedy.share) else None,
-        price=price and BudgetPrice(ratio=price.ratio, low=price.low, high=price.high),
-        lines=() if remedy.physics else lines,
-        unwritten=_BY_HAND if remedy.physics else unwritten,
+        name=tried.name,
+        physics=tried.physics,
+        options=tried.options,
+        share=tried.share,
+        price=tried.price,
+        lines=lines,
+        unwritten=unwritten,
     )
 
 

@@ -115,7 +115,7 @@ def _tried(report: Examination) -> Iterator[str]:
 
 
 def _phase(phase: BudgetPhase, task: Task) -> Iterator[str]:
-    begin = next((part.begin for part in task.phases if part.name == phase.name), 0.0)
+    begin = _begins(task).get(phase.name, 0.0)
     span = f"{begin:.3g} to {begin + phase.steps * phase.timestep:.3g} s"
     yield (
         f"{phase.name}, {span}: {phase.windows} windows of {1e3 * phase.window:.3g} ms, steps of "
