@@ -1,9 +1,13 @@
 """One colour has one meaning, in every picture."""
 
 import re
+from itertools import combinations
 
+import numpy as np
 import pytest
 
+from contactlab.contact.trace_arrays import Floats
+from contactlab.measure import LABELS
 from contactlab.palette import COLOURS, LETTERS, MODE_COLOURS, SHAPES, mode_colour
 
 
@@ -20,3 +24,78 @@ def test_whatever_is_told_apart_by_colour_is_by_shape_and_letter_too() -> None:
     assert len({*COLOURS}) == len(COLOURS) == len(SHAPES) == len({*LETTERS})
     assert all(re.fullmatch("#[0-9a-f]{6}", colour) for colour in COLOURS)
     assert len({mode_colour(mode) for mode in MODE_COLOURS}) == len(MODE_COLOURS)
+
+
+# Linear RGB as people see it who lack one kind of cone: Machado, Oliveira and Fernandes, "A
+# physiologically-based model for simulation of color vision deficiency", 2009, severity 1.
+SEEN_BY = {
+    "all cones": np.eye(3),
+    "protanopes": np.array(
+        [
+            [0.152286, 1.052583, -0.204868],
+            [0.114503, 0.786281, 0.099216],
+            [-0.003882, -0.048116, 1.051998],
+        ]
+    ),
+    "deuteranopes": np.array(
+        [
+            [0.367322, 0.860646, -0.227968],
+            [0.280085, 0.672501, 0.047413],
+            [-0.011820, 0.042940, 0.968881],
+        ]
+    ),
+    "tritanopes": np.array(
+        [
+            [1.255528, -0.076749, -0.178779],
+            [-0.078411, 0.930809, 0.147602],
+            [0.004733, 0.691367, 0.303900],
+        ]
+    ),
+}
+# Oklab, of B. Ottosson: cone responses of linear RGB, and lightness with two opponents of these.
+CONES = np.array(
+    [
+        [0.4122214708, 0.5363325363, 0.0514459929],
+        [0.2119034982, 0.6806995451, 0.1073969566],
+        [0.0883024619, 0.2817188376, 0.6299787005],
+    ]
+)
+OPPONENTS = np.array(
+    [
+        [0.2104542553, 0.7936177850, -0.0040720468],
+        [1.9779984951, -2.4285922050, 0.4505937099],
+        [0.0259040371, 0.7827717662, -0.8086757660],
+    ]
+)
+# A just noticeable difference in Oklab is 0.02.
+LEAST_APART = 3 * 0.02
+
+
+def oklab(colour: str, seen: Floats = SEEN_BY["all cones"]) -> Floats:
+    """Return lightness, green to red, and blue to yellow of `#rrggbb`."""
+    levels = np.array([int(colour[at : at + 2], 16) / 255 for at in (1, 3, 5)])
+    linear = np.where(levels <= 0.04045, levels / 12.92, ((levels + 0.055) / 1.055) ** 2.4)
+    return OPPONENTS @ np.cbrt(CONES @ np.clip(seen @ linear, 0, 1))
+
+
+@pytest.mark.parametrize("eyes", SEEN_BY)
+def test_no_two_labels_look_alike_to_anyone(eyes: str) -> None:
+    seen = {name: oklab(label.colour, SEEN_BY[eyes]) for name, label in LABELS.items()}
+    near = [
+        (one, other)
+        for one, other in combinations(seen, 2)
+        if np.linalg.norm(seen[one] - seen[other]) < LEAST_APART
+    ]
+    assert near == []
+
+
+def test_stable_is_calm_and_failure_is_loud_and_never_green() -> None:
+    """Chroma is the distance from grey; of sRGB's green the hue is 142 degrees."""
+    for label in LABELS.values():
+        _, red, yellow = oklab(label.colour)
+        chroma, hue = np.hypot(red, yellow), np.degrees(np.arctan2(yellow, red)) % 360
+        if label.is_good:
+            assert chroma < 0.02
+        if label.severity in ("bad", "poor"):
+            assert chroma > 0.079
+            assert not 112 < hue < 220

@@ -7,7 +7,7 @@ Python, where the answers are data:
 
     store = contactlab.sweep("bounce")
     store.runs.to_pandas()
-    contactlab.check("path/to/robot.xml").passed
+    contactlab.examine("path/to/robot.xml").sound
 
 Importing this loads neither the physics engine nor Arrow; the first call does, if it needs them.
 """
@@ -24,11 +24,14 @@ if TYPE_CHECKING:
     from contactlab.commands.bisect import bisect
     from contactlab.commands.check import check
     from contactlab.commands.compare import compare
+    from contactlab.commands.diff import diff
     from contactlab.commands.effects import effects
     from contactlab.commands.examine import examine
     from contactlab.commands.explain import explain
     from contactlab.commands.fit import fit
+    from contactlab.commands.grip import grip
     from contactlab.commands.init import init
+    from contactlab.commands.lint import lint
     from contactlab.commands.list import list
     from contactlab.commands.lock import lock
     from contactlab.commands.parity import parity
@@ -53,11 +56,14 @@ __all__ = [
     "bisect",
     "check",
     "compare",
+    "diff",
     "effects",
     "examine",
     "explain",
     "fit",
+    "grip",
     "init",
+    "lint",
     "list",
     "lock",
     "open",

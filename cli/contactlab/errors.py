@@ -27,6 +27,10 @@ class ContactlabError(Exception):
             raise cls(f"{message}{did_you_mean(name, known) or otherwise}{rest}")
 
 
+class CommandLineError(ContactlabError):
+    """The words of a command line are none that it takes."""
+
+
 class SweepFileError(ContactlabError):
     """A sweep file or a sweep option has mistakes; the message lists all of them."""
 
@@ -100,6 +104,22 @@ def suggestion(name: str, known: Iterable[str]) -> str:
 def did_you_mean(name: str, known: Iterable[str]) -> str:
     """Return a suggestion to append to a message, behind a semicolon; or an empty string."""
     return f"; {hint}" if (hint := suggestion(name, known)) else ""
+
+
+_MOST_NEARBY = 3
+
+
+def no_file(path: Path, kind: str, suffixes: Collection[str] = ()) -> str:
+    """Return that there is no file of a kind, and what its folder has instead."""
+    if path.is_dir():
+        return f"{path} is a folder, no {kind}; name a file in it"
+    if not path.parent.is_dir():
+        return f"no {kind} {path}; there is no folder {path.parent}"
+    found = sorted(file.name for file in path.parent.iterdir() if file.is_file())
+    names = [name for name in found if not suffixes or Path(name).suffix in suffixes]
+    listed = ", ".join(names[:_MOST_NEARBY]) or f"no {kind}"
+    near = did_you_mean(path.name, names)
+    return f"no {kind} {path}{near or f'; the folder {path.parent.resolve().name} has {listed}'}"
 
 
 def in_one_line(error: BaseException, caller: str) -> str:

@@ -108,7 +108,9 @@ def _parse(text: str) -> ast.expr:
     except (SyntaxError, ValueError) as error:
         offset = error.offset if isinstance(error, SyntaxError) else None
         start = _indent(text) + offset - 1 if offset else len(text)
-        raise ExpressionError("not an expression", min(start, len(text))) from error
+        raise ExpressionError(
+            "not an expression; write one such as timestep > 1e-3", min(start, len(text))
+        ) from error
 
 
 def _indent(text: str) -> int:

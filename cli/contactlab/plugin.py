@@ -38,7 +38,7 @@ if TYPE_CHECKING:
         runs_where,
         worst_pair,
     )
-    from contactlab.studies.check.check_entries import Measured, check, remedy
+    from contactlab.studies.check.check_entries import Measured, check
     from contactlab.studies.check.checked_model import CheckedModel
 
 __all__ = [
@@ -73,7 +73,6 @@ __all__ = [
     "no_limit",
     "oracle",
     "proceed_always",
-    "remedy",
     "runs_where",
     "worst_pair",
 ]

@@ -18,7 +18,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from types import ModuleType
 
-from contactlab.errors import PluginError, in_one_line
+from contactlab.errors import PluginError, in_one_line, no_file
 from contactlab.registry import PARTS, REGISTRIES, Named, Part, transaction
 
 GROUPS = {f"contactlab.{kind}s": kind for kind in ("metric", "label", "oracle", "check", "engine")}
@@ -156,7 +156,7 @@ def _load_file(file: Path) -> Plugin:
     try:
         source = path.read_bytes()
     except OSError as error:
-        raise PluginError(f"cannot read plug-in {file}: {error.strerror}") from error
+        raise PluginError(no_file(file, "plug-in", {".py"})) from error
     sha256 = hashlib.sha256(source).hexdigest()
     if path.stem in _loaded:
         return _unchanged(Plugin(path.stem, _loaded[path.stem].version, sha256, path))

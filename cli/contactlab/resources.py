@@ -9,8 +9,10 @@ import os
 from collections.abc import Sequence
 from pathlib import Path
 
-from contactlab.errors import SceneError, SweepFileError
+from contactlab.errors import SceneError, SweepFileError, no_file
 
+_OF_SWEEPS = {".yaml", ".yml"}
+_OF_MODELS = {".xml", ".urdf", ".mjcf", ".xacro", ".usd", ".usda"}
 RESULTS = Path("results")  # where results go unless a place is named
 
 _INSTALLED = Path(__file__).parent / "_data"
@@ -67,8 +69,10 @@ def sweep_file(name: str) -> Path:
 def find_sweep(name: str) -> Path:
     """Return a sweep file, named by its path or as shipped; raise SweepFileError without one."""
     path = Path(name)
-    if path.suffix not in {".yaml", ".yml"} and "/" not in name:
+    if path.suffix in _OF_MODELS:
+        raise SweepFileError(f"{name} is a model; write a sweep of it: `contactlab init {name}`")
+    if path.suffix not in _OF_SWEEPS and "/" not in name:
         return sweep_file(name)
     if not path.is_file():
-        raise SweepFileError(f"no sweep file {path}")
+        raise SweepFileError(no_file(path, "sweep file", _OF_SWEEPS))
     return path

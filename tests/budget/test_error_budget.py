@@ -11,6 +11,7 @@ import pytest
 from tests.budget_motions import WALKER, motion_of, walker
 
 from contactlab.budget import Motion, PhaseBudget, Settings, error_budget, judge
+from contactlab.budget.defects import to_the_limit
 from contactlab.budget.motion import INTEGRATION
 from contactlab.errors import EngineError
 
@@ -91,6 +92,13 @@ def test_a_check_reaches_the_limit_of_fine_references() -> None:
         assert measured(motion).run.share < 0.75 * exact
 
 
+def test_the_limit_of_fine_steps_is_that_of_first_order() -> None:
+    """Of an error c h, a reference at h/4 shows 3/4 and one at h/8 7/8; infinite ones stay so."""
+    quarter = np.array([0.75, 0.0, np.inf, 0.75, 1.0])
+    eighth = np.array([0.875, 0.0, np.inf, np.inf, 0.1])
+    np.testing.assert_allclose(to_the_limit(quarter, eighth), [4 / 3, 1, 1, 1, 0.5])
+
+
 def test_euler_is_of_first_order() -> None:
     """Slack forgives a shift of one step, itself of first order."""
     shares = [
@@ -152,8 +160,44 @@ def test_millimetres_and_grams_give_the_same_numbers() -> None:
         np.testing.assert_allclose(row.shares, same.shares, rtol=1e-5, atol=1e-9)
 
 
+SLOPE = """<mujoco><option timestep=".002" gravity="{}"/><worldbody>
+    <geom name="floor" type="plane" size="0 0 1"/><body pos="0 0 .05"><freejoint/>
+    <geom type="box" size=".1 .1 .05" mass="2"/></body></worldbody></mujoco>"""
+PULL = np.array([2.0, 0.0, -9.6])  # m/s^2, of a slope of 12 degrees
+
+
+def on_a_slope(where: str) -> Motion:
+    """Rest a box on a slope, whose weight is gravity or a force that is applied."""
+    gravity = PULL if where == "gravity" else 0 * PULL
+    motion = motion_of(SLOPE.format(" ".join(map(str, gravity))), 0.6)
+    bits = {"start": "XFRC_APPLIED", "steps": "XFRC_APPLIED", "joint": "QFRC_APPLIED"}
+    if where == "gravity":
+        return motion
+    bit = int(getattr(mujoco.mjtState, f"mjSTATE_{bits[where]}"))
+    forces = np.zeros(mujoco.mj_stateSize(motion.model, bit))
+    forces[-6:-3] = 2 * PULL
+    if where == "steps":
+        inputs = np.tile(forces, (1, motion.steps, 1))
+        return replace(motion, inputs=inputs, spec=bit)
+    begin = mujoco.mj_stateSize(motion.model, (bit - 1) & INTEGRATION)
+    starts = motion.starts.copy()
+    starts[:, begin : begin + len(forces)] = forces
+    return replace(motion, starts=starts)
+
+
+@pytest.mark.parametrize("where", ["start", "steps", "joint"])
+def test_a_weight_that_is_applied_is_as_real_as_gravity(where: str) -> None:
+    """The same acceleration in each step but for rounding, so that shares are the same too.
+
+    The box lands softly in the first window and then rests: nothing but weight is real any more.
+    """
+    there, here = measured(on_a_slope("gravity")).run, measured(on_a_slope(where)).run
+    assert 1e-5 < there.share < 0.01
+    assert here.share == pytest.approx(there.share, rel=1e-6)
+
+
 def slow_shares(motion: Motion) -> np.ndarray:
-    """Return (S, B) the run's shares by loops over `mj_step` that say the definition."""
+    """Return (S, W, B) the run's shares by loops over `mj_step` that say the definition."""
     span = motion.steps * motion.model.opt.timestep
     pairs = zip(motion.starts, motion.inputs, strict=True)
     found = [slow_sums(motion.model, start, inputs) for start, inputs in pairs]
@@ -163,11 +207,11 @@ def slow_shares(motion: Motion) -> np.ndarray:
 def slow_sums(
     model: mujoco.MjModel, start: np.ndarray, inputs: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return (B,) sums of defects, and (B,) the first speed and the path of velocity."""
+    """Return (W, B) defects, and (B,) the first speed and the path of velocity."""
     length, finer, steps = round(0.04 / model.opt.timestep), 4, len(inputs)
     states, velocities = stepped(model, start, [*inputs, inputs[-1]])
     fine = mujoco.MjModel.from_xml_string(mjcf(model))
-    defects, real = np.zeros(model.nbody - 1), np.linalg.norm(velocities[0], axis=1)
+    defects, real = list[np.ndarray](), np.linalg.norm(velocities[0], axis=1)
     for begin in range(0, steps, length):
         held = [
             inputs[min(begin + step // finer, steps - 1)] for step in range((length + 1) * finer)
@@ -176,12 +220,12 @@ def slow_sums(
         own = velocities[begin + length - 1 : begin + length + 2]
         there = nearest_by_trying(own[1], found[(length - 1) * finer :])
         back = nearest_by_trying(found[length * finer], own)
-        defects += np.maximum(there, back)
+        defects.append(np.maximum(there, back))
         real += sum(
             np.linalg.norm(later - earlier, axis=1)
             for earlier, later in pairwise(found[: length * finer + 1 : finer])
         )
-    return defects, real
+    return np.array(defects), real
 
 
 def nearest_by_trying(point: np.ndarray, others: Sequence[np.ndarray]) -> np.ndarray:
@@ -241,9 +285,58 @@ def test_batches_equal_an_obvious_loop() -> None:
     """
     motion = walker()
     phase = measured(motion)
-    shares = slow_shares(motion)
-    assert shares.mean(axis=0).max() > 1e-3
-    np.testing.assert_allclose(phase.run.shares, shares.mean(axis=0), rtol=1e-4)
+    slow = slow_shares(motion)
+    shares = slow.sum(axis=1).mean(axis=0)
+    assert shares.max() > 1e-3
+    np.testing.assert_allclose(phase.run.shares, shares, rtol=1e-4)
+    for body, name in enumerate(phase.bodies):
+        run = measured(replace(motion, watched=(name,))).run
+        seed, window = np.unravel_index(slow[..., body].argmax(), slow.shape[:2])
+        assert run.share == pytest.approx(shares[body], rel=1e-4)
+        np.testing.assert_allclose(run.seeds, slow[..., body].sum(axis=1), rtol=1e-4)
+        assert (run.seed, run.time) == (seed, pytest.approx(0.04 * window))
+
+
+WATCHED = """<mujoco><option timestep=".005"/><worldbody>
+    <geom name="floor" type="plane" size="0 0 1"/>
+    <body name="ball" pos="0 0 .4"><freejoint/><geom name="ball" size=".1"/></body>
+    <body name="box" pos="3 0 .0499"><freejoint/>
+      <geom name="box" type="box" size=".1 .1 .05"/></body>
+    <body name="sign" pos="6 0 1"><geom size=".1"/></body></worldbody></mujoco>"""
+
+
+def test_watched_bodies_are_the_columns_of_all() -> None:
+    """Bit for bit; the ball drops on the floor at .25 s, and the box slides on it from the start.
+
+    What is shown of a body beside its shares is of its own worst window: of the box, of its pair.
+    """
+    motion = motion_of(WATCHED, 0.6, qvel=[0.0] * 6 + [1.0] + [0.0] * 5)
+    settings = Settings(energy=True)
+    whole = measured(motion, settings)
+    assert whole.bodies == ("ball", "box")
+    times = dict[str, float]()
+    for body, name in enumerate(whole.bodies):
+        watched = measured(replace(motion, watched=(name, "sign")), settings)
+        assert watched.bodies == (name,)
+        np.testing.assert_array_equal(watched.energy, whole.energy)
+        assert watched.run.place == f"contact world - {name}"
+        times[name] = watched.run.time
+        for row, column in zip((watched.run, *watched.rows), (whole.run, *whole.rows), strict=True):
+            np.testing.assert_array_equal(row.shares, column.shares[body : body + len(row.shares)])
+            np.testing.assert_array_equal(row.seeds.mean(axis=0), row.share)
+            if column.exercised and column.body == body:
+                assert (row.time, row.place) == (column.time, column.place)
+    assert times["ball"] >= 0.2
+    assert times["box"] < 0.2
+    both = measured(replace(motion, watched=("box", "ball")), settings)
+    assert (both.run.body, both.run.time) == (whole.run.body, whole.run.time)
+
+
+def test_none_of_the_watched_bodies_moves() -> None:
+    with pytest.raises(
+        EngineError, match=r"none of the watched bodies moves .*those that do: ball"
+    ):
+        measured(replace(motion_of(WATCHED, 0.1), watched=("sign",)))
 
 
 @pytest.mark.parametrize("workers", [2, 3])

@@ -22,4 +22,4 @@ def test_the_example_runs(
     exec(example[0], {})  # noqa: S102 - it is ours
     printed = capsys.readouterr().out
     assert printed.splitlines()[0].endswith("within 10 %")
-    assert "3 seeds of 2 s at 10 ms" in printed
+    assert "0 to 2 s: 3 seeds, 50 windows of 40 ms, steps of 10 ms" in printed

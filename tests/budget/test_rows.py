@@ -208,6 +208,22 @@ def test_energy_that_grows_is_told_where_no_window_shows_it() -> None:
     assert judge(keeps).word == "sound"
 
 
+def test_an_energy_is_told_of_the_body_that_gains_it() -> None:
+    """A ball whose bounces gain, beside a heavier one that swings on a spring."""
+    xml = """<mujoco><option timestep=".01"/><worldbody><geom type="plane" size="0 0 1"/>
+        <body name="ball" pos="0 0 .6"><joint name="drop" type="slide" axis="0 0 1"/>
+        <geom size=".1" mass="1" solref="-30000 0" solimp=".99 .99 .001" priority="1"/></body>
+        <body name="weight" pos="1 0 1"><joint type="slide" axis="1 0 0" stiffness="8"/>
+        <geom size=".1" mass="4"/></body></worldbody></mujoco>"""
+    budget = error_budget([motion_of(xml, 2.0, qpos=[0, 0.3])], rows=[])
+    (reason,) = (reason for reason in judge(budget).reasons if reason.row == "energy")
+    assert reason.body == "ball"
+    assert "ball" in reason.place
+    # It falls by .5 m first: nothing can be gained before it bounces.
+    assert reason.time > np.sqrt(2 * 0.5 / 9.81) - budget.phases[0].window
+    assert reason.sentence.endswith("that the model does not, most in ball")
+
+
 def test_a_reference_that_is_not_resolved_is_never_sound() -> None:
     """A contact so stiff and elastic that even an eighth of the step differs from a quarter."""
     xml = """<mujoco><option timestep=".004" integrator="implicitfast"/><worldbody>

@@ -287,7 +287,7 @@ def test_accepting_what_changed(contactlab: Run, slides: dict[str, Path], tmp_pa
     ("options", "message"),
     [
         (["--accept", "x"], "name it with --policy FILE"),
-        (["--policy", "none.yaml"], "cannot read none.yaml"),
+        (["--policy", "none.yaml"], "no file none.yaml"),
         (["--policy", "p.yaml", "--accept", "x", "--reason", "y"], "there is no check 'x'"),
     ],
 )

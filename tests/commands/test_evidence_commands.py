@@ -59,8 +59,9 @@ def test_an_id_that_fits_no_run_or_many(contactlab: Run, store: Path, command: s
 @pytest.mark.parametrize("arguments", [["show"], ["verify"], ["replay", "x"]])
 def test_no_store(contactlab: Run, tmp_path: Path, arguments: list[str]) -> None:
     command, *rest = arguments
-    assert contactlab(command, "nowhere", *rest) == (3, "", "error: no store at nowhere\n")
-    assert contactlab(command, ".", *rest) == (3, "", "error: no store at .\n")
+    for place in ("nowhere", "."):
+        missing = f"error: no store at {place}; `contactlab sweep` writes one\n"
+        assert contactlab(command, place, *rest) == (3, "", missing)
     assert list(tmp_path.iterdir()) == []
 
 

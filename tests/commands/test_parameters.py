@@ -164,7 +164,6 @@ def test_words_become_values() -> None:
     assert found["source"] == "case"
     assert (found["set"], found["limit"]) == (["a=1", "b=2"], 3)
     assert (found["fresh"], found["repair"], found["output"]) == (True, False, "here")
-    assert read(COMMANDS["check"], "robot", "--no-remedies")["remedies"] is False
     bundled = read(COMMANDS["parity"], "--from", "there", "--with", "a=1")
     assert (bundled["from_"], bundled["with_"]) == (Path("there"), ["a=1"])
 

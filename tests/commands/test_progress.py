@@ -178,7 +178,7 @@ def on_terminal(*command: str) -> tuple[bytes, bytes]:
 def test_a_terminal_says_at_once_that_a_command_works_and_keeps_nothing_of_it() -> None:
     """A slow command may print nothing for long."""
     shown, wiped = b"working\r", b"\x1b[K"
-    missing = b"error: no store at nowhere\r\n"
+    missing = b"error: no store at nowhere; `contactlab sweep` writes one\r\n"
     assert on_terminal("verify", "nowhere") == (b"", shown + wiped + missing)
     assert on_terminal("show", "nowhere") == (b"", shown + wiped + missing)
 
@@ -187,4 +187,4 @@ def test_a_terminal_says_at_once_that_a_command_works_and_keeps_nothing_of_it() 
 def test_a_pipe_is_not_told_that_a_command_works() -> None:
     command = [sys.executable, "-m", "contactlab", "verify", "nowhere"]
     done = subprocess.run(command, capture_output=True, check=False)
-    assert done.stderr == b"error: no store at nowhere\n"
+    assert done.stderr == b"error: no store at nowhere; `contactlab sweep` writes one\n"

@@ -73,7 +73,7 @@ def words(command: str, data: Any) -> str:
             failed = [each["name"] for each in data["checks"] if each["verdict"] == "fail"]
             return f"{len(data['checks'])} checks; fails {', '.join(failed) or 'none'}"
         case "stability":
-            return ", ".join(f"{count} {label}" for label, count in data[0]["labels"].items())
+            return data["sentence"]
         case "effects":
             return f"{len(data['smallest_set']['off'])} of {len(data['effects'])} can be left out"
         case _:

@@ -60,7 +60,7 @@ def use(contactlab: Run, folder: Path, monkeypatch: pytest.MonkeyPatch) -> list[
     assert "home, qpos0" in out
     code, out, _ = contactlab("stability", ROBOT, "--workers", "0")
     assert code == 0, out
-    assert (folder / "results/stability/franka_emika_panda-panda/manifest.json").is_file()
+    assert (folder / "results/examine/panda/run/manifest.json").is_file()
     (folder / "robot.yaml").write_text(SWEEP)
     code, _, err = contactlab("sweep", "robot.yaml", "-o", "store", "--workers", "1")
     assert code == 0, err

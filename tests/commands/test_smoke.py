@@ -26,9 +26,9 @@ SMOKES: dict[str, tuple[str, int, str]] = {
     ),
     "effects": ("{folder}/none.xml", 2, "none.xml"),
     "check": (
-        "{folder}/ball.xml --only timestep --workers 0 -o {folder}/check.json",
+        "{folder}/ball.xml --only task --duration 0.2 --workers 0 -o {folder}/check.json",
         0,
-        "timestep",
+        "phantom forces",
     ),
     "examine": (
         "{folder}/ball.xml --drive none --duration 0.1 --workers 0",
@@ -76,6 +76,7 @@ def _undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
     """Draw no films and charts: their libraries take seconds to start, in tests of their own."""
     page_view: Any = importlib.import_module("contactlab.page.page_view")
     monkeypatch.setattr(page_view, "header_films", lambda *_: [])
+    monkeypatch.setattr(page_view, "focal_picture", lambda *_: None)
     monkeypatch.setattr(page_view, "vega_bundle", lambda *_: "")
     monkeypatch.setattr(page_view, "static_svg", lambda *_: "<svg/>")
 

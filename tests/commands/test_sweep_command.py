@@ -122,13 +122,6 @@ def test_broken_sweep_files(contactlab: Run, tmp_path: Path, text: str, message:
     assert [path.name for path in tmp_path.iterdir()] == ["broken.yaml"]
 
 
-@pytest.mark.parametrize("option", [["--limit", "0"], ["--workers", "-1"], ["--bogus"]])
-def test_wrong_options(contactlab: Run, small: Path, option: list[str]) -> None:
-    code, out, err = contactlab("sweep", small.name, *option)
-    assert (code, out) == (2, "")
-    assert err.startswith("Usage: contactlab sweep")
-
-
 def test_expectations_that_are_not_met_are_for_jobs(
     contactlab: Run, small: Path, tmp_path: Path
 ) -> None:

@@ -76,8 +76,8 @@ def test_a_model_becomes_one_that_moves_the_same_in_fewer_steps(
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (("--error", "0"), "--error 0: write a number above 0"),
-        (("--error", "near"), "--error near: write a number above 0"),
+        (("--error", "0"), "--error 0: write a length, such as 1e-3 or 1mm"),
+        (("--error", "near"), "--error near: write a length, such as 1e-3"),
         (("--budget", "soon"), "--budget soon: write a time, such as 90s, 5min or 1h"),
         (("--budget", "1e-3s"), "--budget 0.001s is too short: 3 runs of the model"),
         (("--within", "penetration_mx=1"), "did you mean 'penetration_max'?"),
@@ -98,7 +98,7 @@ def test_a_wrong_option_is_one_line(
     ("text", "code", "words"),
     [
         ("no model", 2, "not XML"),
-        ("<mujoco/>", 2, "nothing moves"),
+        ("<mujoco/>", 2, "nothing in it moves"),
         # h w is 43, where any integrator of MuJoCo is unstable.
         (PENDULUM.replace('damping="0.05"', 'stiffness="1e9"'), 1, "as written ends as"),
     ],

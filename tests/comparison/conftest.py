@@ -230,6 +230,14 @@ def runs() -> Callable[[], Given]:
 
 
 @pytest.fixture
+def many() -> Callable[[int], Given]:
+    """Return so many stable runs, to be changed."""
+    return lambda count: Given(
+        [record(index, "elliptic", 1e-3 * (index + 1)) for index in range(count)]
+    )
+
+
+@pytest.fixture
 def stored(tmp_path: Path) -> Callable[[str, Given], Path]:
     """Write a store of this name."""
     return lambda name, given: write(tmp_path / name, given)

@@ -54,7 +54,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_every_row_is_run() -> None:
-    assert len(ROWS) == 15
+    assert len(ROWS) == 16
 
 
 def printed(folder: Path, *arguments: str) -> str:

@@ -12,7 +12,8 @@ from contactlab.commands.explain import explain
 from contactlab.contact.contact_laws import damping_ratio, restitution_of
 from contactlab.errors import ContactlabError, ExpectationError, SceneError, SweepFileError
 from contactlab.scene.contact_at_rest import ContactAtRest
-from contactlab.studies.explain.contact_words import RestingPair, explain_contacts, read_words
+from contactlab.studies.examine.resting_contacts import RestingPair
+from contactlab.studies.explain.contact_words import explain_contacts, read_words
 from contactlab.studies.session import Session
 
 BALL = """<mujoco><option cone="{cone}" impratio="{impratio}"/><worldbody>

@@ -327,3 +327,15 @@ def test_damping_may_begin_after_the_recording_does(
     (record,) = _records(tmp_path)
     assert record.loop is not None
     assert record.loop.changed == ("dof_damping",)
+
+
+def test_its_end_says_what_was_recorded_and_what_reads_it(
+    start: Start, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with start() as recording:
+        recording.step(20)
+        recording.reset()
+        assert repr(recording) == f"<recording, 1 episode in {tmp_path / 'mine'}: 1 stable>"
+    store = tmp_path / "mine"
+    said = f"1 episode in {store}: 1 stable\nnext: contactlab report {store}"
+    assert (repr(recording), capsys.readouterr()) == (said, ("", f"{said}\n"))

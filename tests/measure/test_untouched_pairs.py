@@ -41,7 +41,7 @@ def one_by_one(trace: Trace) -> tuple[list[int], np.ndarray]:
     return [*every], np.array(every)
 
 
-@pytest.mark.parametrize("thresholds", [{}, {"pierced": 1e-5, "contact_losses": 0.0}], ids=str)
+@pytest.mark.parametrize("thresholds", [{}, {"pierced": 1e-5, "mode_switches": 0.0}], ids=str)
 def test_one_stands_for_all(
     thresholds: dict[str, float], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

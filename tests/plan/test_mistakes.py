@@ -105,7 +105,7 @@ def test_a_rendered_mistake_of_the_command_line(read: Any) -> None:
         " --> command line, column 30\n"
         " |\n"
         " | --set timestep=logspace(1e-3,-1,8)\n"
-        " |                              ^^"
+        " |                              ^^ write a number above 0"
     )
 
 
@@ -226,7 +226,7 @@ def test_another_version_is_refused(vocabulary: Any) -> None:
 
 
 def test_a_missing_file_is_named(vocabulary: Any, tmp_path: Path) -> None:
-    with pytest.raises(SweepFileError, match=r"cannot read .*none\.yaml: No such file"):
+    with pytest.raises(SweepFileError, match=r"no file .*none\.yaml; the folder .* has no file"):
         read_sweep(tmp_path / "none.yaml", vocabulary)
     (tmp_path / "latin.yaml").write_bytes(b"scene: \xe9")
     with pytest.raises(SweepFileError, match="not UTF-8"):

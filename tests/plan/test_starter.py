@@ -32,7 +32,7 @@ def test_the_starter_reads(vocabulary: Any) -> None:
     text = text_of(vocabulary("ball"))
     file = read_sweep(text, vocabulary)
     assert text.splitlines()[0] == f"# yaml-language-server: $schema=./{SCHEMA_NAME}"
-    assert (file.sweep.duration, file.sweep.drive, file.sweep.trace) == (1.5, "hold", "flagged")
+    assert (file.sweep.duration, file.sweep.drive, file.sweep.trace) == (1.5, "hold", "all")
     assert len(file.sweep.seed_values) == 3
     assert file.plan.warnings == ()
 
@@ -66,7 +66,7 @@ def test_what_geoms_do_not_share_is_left_out(vocabulary: Any) -> None:
 
 def test_its_commented_lines_read_too(vocabulary: Any) -> None:
     text = text_of(vocabulary("ball"))
-    for key in ("# exclude", "# include", "# tolerances", "# expect", "#   - {w"):
+    for key in ("# exclude", "# include", "# expect", "#   - {w"):
         assert key in text
     body = text.replace("# exclude", "exclude").replace('#   - {where: "', '  - {where: "')
     assert read_sweep(body, vocabulary).plan.count < read_sweep(text, vocabulary).plan.count

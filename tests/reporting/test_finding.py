@@ -67,7 +67,7 @@ def check(sentence: str, rows: list[Run]) -> str:
         assert not {each[0] for each in parts} & set(re.findall(r"\b[abc]\b", found[3] or ""))
         return "exact"
     if found := re.fullmatch(
-        r"Every (stable run|failure) has (.*) \((\d+) of these (\d+) runs (?:are stable|fail)\)\.",
+        r"Every (stable run|failure) has (.*) \((\d+) of (\d+) such runs\)\.",
         sentence,
     ):
         own = stable if found[1] == "stable run" else failed
@@ -146,3 +146,20 @@ def test_every_label_has_a_letter_and_a_colour_of_its_own() -> None:
     assert all(label.letter and label.colour for label in marked)
     assert len({label.letter for label in marked}) == len(marked)
     assert len({label.colour for label in LABELS.values()}) == len(LABELS)
+
+
+@pytest.mark.parametrize(
+    ("failing", "said"),
+    [
+        ({"2", "5"}, "a time step of 2 ms or more"),
+        ({"0.5", "1"}, "a time step of 1 ms or less"),
+        ({"0.5"}, "a time step of 0.5 ms"),
+        ({"1", "5"}, "a time step of 1 ms or 5 ms"),
+    ],
+)
+def test_an_amount_has_its_unit(failing: set[str], said: str) -> None:
+    ticks = ("0.5", "1", "2", "5")
+    made = axis("time_step", [0, 1, 2, 3], 4)
+    steps = GridAxis("time_step", "ms", "knob", ticks, made.codes, None)
+    labels = run_labels([0 if tick in failing else STABLE for tick in ticks])
+    assert said in finding((steps,), labels)

@@ -156,7 +156,7 @@ def assert_goes_on(sweeper: Any, stored: int) -> None:
         (("stability", "free_fall"), "repeat the finished cases and resume this one"),
         (("tradeoff", "small.yaml"), "resume"),
         (("effects", "ball_drop"), "resume"),
-        (("check", "ball_drop"), "start over"),
+        (("check", "ball_drop"), "examine it anew"),
     ],
     ids=["stability", "tradeoff", "effects", "check"],
 )

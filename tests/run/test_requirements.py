@@ -11,6 +11,7 @@ import pytest
 import contactlab
 from contactlab.errors import SweepFileError
 from contactlab.plan.task_options import TaskOptions
+from contactlab.schema.examination import Examination
 from contactlab.schema.requirement import read_requirement
 from contactlab.studies.configuration_runs import sweep_of
 from contactlab.studies.effects.effects_request import EffectsRequest
@@ -239,15 +240,18 @@ def test_check_and_stability_fail_what_must_hold_and_say_why(tmp_path: Path) -> 
     model, folder = tmp_path / "model.xml", tmp_path / "check"
     report = contactlab.check(model, only=["must"], must=must, output=folder, **keys)
     (result,) = report.checks
-    assert (report.passed, result.verdict) == (False, "fail")
+    assert (report.sound, result.verdict) == (False, "fail")
     assert [note.split(" by ")[0] for note in result.notes] == [
         f"seed {seed}: still(box, 1 mm): moves" for seed in range(3)
     ]
     met = contactlab.check(model, only=["must"], must=must[1], output=folder, **keys)
-    assert met.passed
-    (case,) = contactlab.stability([model], must=must, output=tmp_path / "st", **keys).cases
-    assert (case.met, case.labels) == (0, {"broken_requirement": 3})
-    assert all("still(box, 1 mm): moves by up to" in miss for miss in case.misses)
+    assert met.sound
+    held = contactlab.stability([model], must=must, output=folder, **keys)
+    assert isinstance(held, Examination)
+    assert not held.sound
+    (label,) = held.labels
+    assert (label.label, label.runs) == ("broken_requirement", 3)
+    assert label.reason.startswith("still(box, 1 mm): moves by up to")
 
 
 def test_what_would_be_ignored_is_refused_with_what_to_write(tmp_path: Path) -> None:
@@ -261,7 +265,7 @@ def test_what_would_be_ignored_is_refused_with_what_to_write(tmp_path: Path) -> 
         assert "\n" not in str(said.value)
     with pytest.raises(SweepFileError, match=r"--within would be .* write --within METRIC=VALUE"):
         contactlab.report(store, within="10%")
-    with pytest.raises(SweepFileError, match="--watch: 'pile' is a case"):
+    with pytest.raises(SweepFileError, match="'pile' is a case"):
         contactlab.stability(["pile"], watch="box")
 
 

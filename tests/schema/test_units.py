@@ -7,7 +7,16 @@ import pytest
 from contactlab.schema.setting_values import SI_UNITS, read_quantity, split_unit, without_unit
 
 PREFIXES = {"": 1.0, "u": 1e-6, "µ": 1e-6, "m": 1e-3, "c": 1e-2, "k": 1e3}
-BASES = {"s": 1.0, "m": 1.0, "g": 1e-3, "N": 1.0, "rad": 1.0, "deg": math.pi / 180}
+BASES = {
+    "s": 1.0,
+    "m": 1.0,
+    "g": 1e-3,
+    "N": 1.0,
+    "rad": 1.0,
+    "deg": math.pi / 180,
+    "min": 60,
+    "h": 3600,
+}
 
 
 def size_of(unit: str) -> float:
@@ -15,6 +24,8 @@ def size_of(unit: str) -> float:
     first, _, second = unit.partition("/")
     if second:
         return size_of(first) / size_of(second)
+    if first in BASES:
+        return BASES[first]
     (size,) = (
         factor * BASES[first.removeprefix(prefix)]
         for prefix, factor in PREFIXES.items()

@@ -72,6 +72,7 @@ def _page(folder: Path) -> str:
         patch.object(page_view, "static_svg", lambda *_: "<svg></svg>"),
         patch.object(page_view, "vega_bundle", lambda: ""),
         patch.object(page_view, "header_films", lambda *_: []),
+        patch.object(page_view, "focal_picture", lambda *_: None),
     ):
         write_page(store, folder / "page.html", PageRequest())
     return (folder / "page.html").read_text(encoding="utf-8")

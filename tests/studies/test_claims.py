@@ -5,9 +5,7 @@ from pathlib import Path
 import pytest
 
 from contactlab.errors import OutputError
-from contactlab.studies.session import Session
-from contactlab.studies.stability_cases import StabilityRequest
-from contactlab.studies.stability_cases import run as run_stability
+from contactlab.studies.session import Session, free_folder
 
 
 def models(folder: Path) -> list[str]:
@@ -47,11 +45,18 @@ def test_shipped_scenes_and_robots_are_themselves_anywhere(
     session.claim("effects", "ball_drop")
 
 
-def test_two_models_of_one_name_are_refused_before_any_is_run(tmp_path: Path) -> None:
-    session = Session(tmp_path / "results")
-    with pytest.raises(OutputError, match="has the results of"):
-        run_stability(StabilityRequest(models(tmp_path)), session)
-    assert [path.name for path in session.folder.iterdir()] == ["sources.json"]
+def test_each_of_two_models_of_one_name_has_a_folder(tmp_path: Path) -> None:
+    """What is no model's results is passed over, and one that has a folder keeps it."""
+    one, other = models(tmp_path)
+    results = tmp_path / "results"
+    for model, name in ((one, "robot"), (other, "robot-2"), (one, "robot"), (other, "robot-2")):
+        folder = free_folder(results, "examine", model)
+        assert folder == results / name
+        Session(folder).claim("examine", model)
+    (results / "robot-3").write_text("mine")
+    (tmp_path / "c").mkdir()
+    (tmp_path / "c/robot.xml").write_text("<mujoco/>")
+    assert free_folder(results, "examine", str(tmp_path / "c/robot.xml")) == results / "robot-4"
 
 
 @pytest.mark.parametrize("text", ["[]", "{", '{"check": 1}', "[" * 100_000])

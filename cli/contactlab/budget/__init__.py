@@ -5,7 +5,7 @@ from contactlab.budget.error_budget import error_budget
 from contactlab.budget.measuring import Settings
 from contactlab.budget.motion import Motion, motion_of_run
 from contactlab.budget.readings import ErrorBudget, PhaseBudget, Reading
-from contactlab.budget.remedies import Remedy, remedies
+from contactlab.budget.remedies import Remedy, Trial, remedies
 from contactlab.budget.report import budget_report
 from contactlab.budget.rows import ROWS, Row
 from contactlab.budget.text import budget_lines
@@ -21,6 +21,7 @@ __all__ = [
     "Remedy",
     "Row",
     "Settings",
+    "Trial",
     "Verdict",
     "backward_error",
     "budget_lines",

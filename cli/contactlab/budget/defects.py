@@ -30,6 +30,17 @@ def defects(one: Floats, other: Floats) -> Floats:
     return np.where(np.isnan(apart), np.inf, apart)
 
 
+def to_the_limit(quarter: Floats, eighth: Floats) -> Floats:
+    """Return (B,) factors from defects against h/4 (B,) to those against the limit of fine steps.
+
+    Extrapolated as Richardson does from those against h/8 (B,): in first order, what h/8 adds to
+    h/4 is half of what is left to add. At least a half, and 1 for what gave up or has no defect.
+    """
+    known = (quarter > 0) & np.isfinite(quarter) & np.isfinite(eighth)
+    factors = 2 * np.where(known, eighth, 1) / np.where(known, quarter, 1) - 1
+    return np.where(known, np.maximum(factors, 0.5), 1.0)
+
+
 def paths(velocities: Floats) -> Floats:
     """Return (M, B) lengths of paths of velocity, from (M, K, B, 6)."""
     with np.errstate(invalid="ignore", over="ignore"):

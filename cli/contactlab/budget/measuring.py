@@ -8,12 +8,12 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
-from contactlab.budget.defects import defects, energy_defects, paths, trends
-from contactlab.budget.motion import Motion, forget_delays, without_delays
+from contactlab.budget.defects import defects, energy_defects, paths, to_the_limit, trends
+from contactlab.budget.motion import Motion, forget_delays, pulls, without_delays
 from contactlab.budget.places import Stretch, place_of
 from contactlab.budget.prices import Price, prices
-from contactlab.budget.readings import PhaseBudget, Reading
-from contactlab.budget.rows import RUN, Change, Row, disabled, go_on
+from contactlab.budget.readings import Origin, PhaseBudget, Reading
+from contactlab.budget.rows import GRAVITY_AS_REAL, RUN, Change, Row, disabled, go_on
 from contactlab.budget.showing import shown_rows
 from contactlab.budget.windows import (
     EngineWarning,
@@ -37,7 +37,6 @@ _RK4_RATE = 2
 _RK4 = int(mujoco.mjtIntegrator.mjINT_RK4)
 # Impulses of a body below this share of the largest body's are no scale.
 _STANDING = 1e-6
-_GRAVITY = 0.1  # of what falls freely counts as real in what stands
 
 
 @dataclass(frozen=True)
@@ -107,14 +106,32 @@ class PhaseMeasure:
         self._motion, self._settings, self._model = motion, settings, motion.model
         self._undelayed = without_delays(motion)
         self._bodies = judged_bodies(motion.model)
-        if not self._bodies.size:
-            raise EngineError("nothing of the model moves that has mass, so there is no motion")
+        self._names = tuple(body_name(motion.model, int(body)) for body in self._bodies)
+        self._watched = self._places_of(motion.watched)
         self._run: Run = replay(motion, settings.window, settings.workers, known)
         self._observer = Observer(motion.model, motion.starts[0], self._bodies, settings.workers)
         self._base = cache(self._made_base)
+        gravity = 0.0 if disabled(motion.model, "gravity") else 1.0
+        self._pulls = pulls(motion, gravity * motion.model.opt.gravity)[..., self._bodies]
+
+    def _places_of(self, watched: Sequence[str]) -> np.ndarray:
+        """Return (C,) numbers of the watched ones among the bodies that move and have mass."""
+        if not self._bodies.size:
+            raise EngineError("nothing of the model moves that has mass, so there is no motion")
+        found = np.flatnonzero([not watched or name in watched for name in self._names])
+        if not found.size:
+            raise EngineError(
+                f"none of the watched bodies moves and has mass ({', '.join(watched)}); those that "
+                f"do: {', '.join(self._names)}"
+            )
+        return found
 
     def budget(self, wanted: Sequence[Row]) -> PhaseBudget:
-        """Return the budget with those of the wanted rows that the model has."""
+        """Return the budget with those of the wanted rows that the model has.
+
+        Shares and windows are of the watched bodies, scales and energies of all: no body's scale
+        hangs on which others are watched.
+        """
         model, run = self._model, self._run
         used = [row for row in wanted if row.uses(model)]
         shown = shown_rows(self._motion, used)
@@ -137,19 +154,24 @@ class PhaseMeasure:
             steps=self._motion.steps,
             window=run.steps * float(model.opt.timestep),
             windows=len(run.begins),
-            bodies=tuple(body_name(model, int(body)) for body in self._bodies),
-            masses=model.body_mass[self._bodies].copy(),
+            bodies=tuple(self._names[body] for body in self._watched),
+            masses=model.body_mass[self._bodies[self._watched]],
             run=self._failing(warnings, whole),
             rows=tuple(rows),
             energy=self._trend(found, found.energy),
             energy_rk4=self._trend(found, found.energy_rk4),
+            energy_from=self._energy_from(found),
             excess=self._excess(found, real),
             peak=self._peak(found),
             check=check,
-            limit=float(limits[whole.body]),
+            limit=float(limits[self._watched[whole.body]]),
             lost=float(found.lost[run.valid].mean()) if run.valid.any() else 0.0,
             warnings=warnings,
         )
+
+    def _worst(self, values: Floats) -> int:
+        """Return which of all bodies has the largest of (B,) values among the watched ones."""
+        return int(self._watched[np.argmax(values[self._watched])])
 
     def _made_base(self, name: str) -> mujoco.MjModel:
         if name == "run":
@@ -227,6 +249,7 @@ class PhaseMeasure:
         if whole:
             found.excess[place] = np.where(lost[:, None], 0, paths(own[:, :-1]) - paths(path))
             found.speed[place] = np.linalg.norm(own[:, :-1], axis=-1).max(axis=1)
+        found.gained[place] = np.where(lost[:, None], 0, self._gained(last[:, 1], end[:, finer]))
         total = energies.sum(axis=-1)[:, -2]
         found.energy[place] = energy_defects(total, end_energies.sum(axis=-1))
         found.kinetic[place] = powers[..., 1].max(axis=1)
@@ -236,6 +259,30 @@ class PhaseMeasure:
         if self._settings.energy and self._model.opt.integrator != _RK4:
             found.energy_rk4[place] = self._energy_by_rk4(windows, total)
         return {RUN.name: last, "reference": end}, lost
+
+    def _gained(self, own: Floats, reference: Floats) -> Floats:
+        """Return (M, B) kinetic energies beyond the reference's [J], from (M, B, 6) velocities."""
+        with np.errstate(invalid="ignore", over="ignore"):
+            square = (own**2).sum(axis=-1) - (reference**2).sum(axis=-1)
+        return np.nan_to_num(self._model.body_mass[self._bodies] * square / 2)
+
+    def _energy_from(self, found: "_Found") -> Origin:
+        """Return whose kinetic energy the run changes most, in one direction, and in which window.
+
+        What goes from the reference in one window and comes back in another is no gain of a body.
+        """
+        gained = np.where(self._run.valid[..., None], found.gained, 0)
+        total = gained.sum(axis=(0, 1))
+        body = int(np.argmax(np.abs(total)))
+        along = gained[..., body] * np.sign(total[body])
+        seed, window = map(int, np.unravel_index(np.argmax(along), along.shape))
+        models = self._base("run"), self._base("reference")
+        known = self._settings.places and along[seed, window] > 0
+        return Origin(
+            body_name(self._model, int(self._bodies[body])),
+            self._place(seed, window, models, body) if known else "",
+            float(self._run.begins[window] * self._model.opt.timestep),
+        )
 
     def _energy_by_rk4(self, windows: Windows, total: Floats) -> Floats:
         """Return (M,) energy defects against RK4 [J]; NaN where it gave up."""
@@ -263,10 +310,11 @@ class PhaseMeasure:
 
     def _real(self, found: "_Found") -> Floats:
         """Return (S, B) the real impulses that phantom ones are a share of, over mass [m/s]."""
-        option = self._model.opt
-        gravity = self._gravity()
-        span = self._run.steps * option.timestep * self._run.valid.sum(axis=1)
-        real = found.begin[:, 0] + found.path.sum(axis=1) + _GRAVITY * gravity * span[:, None]
+        run, sums = self._run, np.cumsum(self._pulls, axis=1)
+        sums = np.concatenate([0 * sums[:, :1], sums], axis=1)
+        fallen = (sums[:, run.begins + run.steps] - sums[:, run.begins]) * run.valid[..., None]
+        weight = GRAVITY_AS_REAL * self._model.opt.timestep * fallen.sum(axis=1)
+        real = found.begin[:, 0] + found.path.sum(axis=1) + weight
         return np.maximum(real, _STANDING * real.max(axis=1, keepdims=True)) + 1e-300
 
     def _reading(
@@ -277,20 +325,20 @@ class PhaseMeasure:
             none = np.empty(0)
             return Reading(*about, exercised=False, shares=none, seeds=none)
         if not self._run.valid.any():
-            none = np.full(len(self._bodies), np.nan)
+            none = np.full(len(self._watched), np.nan)
             return Reading(*about, exercised=True, shares=none, seeds=none[:0])
         apart = found.apart[row.name]
         shares = apart.sum(axis=1) / real
         mean = shares.mean(axis=0)
-        body = int(np.argmax(mean))
+        body = self._worst(mean)
         seed, window = map(int, np.unravel_index(np.argmax(apart[..., body]), apart.shape[:2]))
         time = float(self._run.begins[window] * self._model.opt.timestep)
         reading = Reading(
             *about,
             exercised=True,
-            shares=mean,
+            shares=mean[self._watched],
             seeds=shares[:, body],
-            body=body,
+            body=int(np.searchsorted(self._watched, body)),
             speed=float(apart[..., body][self._run.valid & ~found.lost].mean()),
             seed=seed,
             time=time,
@@ -323,50 +371,45 @@ class PhaseMeasure:
             reading,
             shares=np.full_like(reading.shares, np.inf),
             seeds=np.full(self._motion.seeds, np.inf),
-            body=self._fastest(first),
+            body=int(np.searchsorted(self._watched, self._worst(self._speeds(first)))),
             seed=first.seed,
             time=first.time,
             place=first.cause,
         )
 
-    def _fastest(self, warning: EngineWarning) -> int:
-        """Return the judged body that was fastest in the last state before a warning."""
+    def _speeds(self, warning: EngineWarning) -> Floats:
+        """Return (B,) speeds in the last state before a warning; 0 where one is not finite."""
         run, begin = self._run, int(self._run.begins[warning.window])
         kept = run.kept[warning.seed, begin : begin + run.steps]
         with np.errstate(invalid="ignore", over="ignore"):
             speeds = np.linalg.norm(self._observer(kept)[0], axis=-1)
         whole = np.isfinite(speeds).all(axis=1)
         last = len(whole) if whole.all() else max(1, int(whole.argmin()))
-        return int(np.argmax(np.nan_to_num(speeds[last - 1])))
+        return np.nan_to_num(speeds[last - 1])
 
     def _with_cause(self, warning: EngineWarning) -> EngineWarning:
         """Return a warning of the run with where its forces had parted from the reference's."""
         if not self._settings.places:
             return warning
         models = self._base("run"), self._base("reference")
-        body = self._fastest(warning)
+        body = int(np.argmax(self._speeds(warning)))
         cause = self._place(warning.seed, warning.window, models, body)
         if not cause and warning.window:
             cause = self._place(warning.seed, warning.window - 1, models, body)
         return replace(warning, cause=cause)
 
-    def _gravity(self) -> float:
-        off = disabled(self._model, "gravity")
-        return 0.0 if off else float(np.linalg.norm(self._model.opt.gravity))
-
     def _trend(self, found: "_Found", parts: Floats) -> Floats:
         """Return (S,) drifts of energy over a scale that knows only what came before."""
         model = self._model
-        moving = model.body_mass[self._bodies].sum()
         size = max(
             model.geom_rbound[model.geom_bodyid > 0].max(initial=0),
             gyration(model)[self._bodies].max(),
         )
-        weight = moving * self._gravity() * size
+        weight = self._pulls.mean(axis=1) @ model.body_mass[self._bodies] * size
         low = np.minimum.accumulate(found.potential[..., 0], axis=1)
         high = np.maximum.accumulate(found.potential[..., 1], axis=1)
         kinetic = np.maximum.accumulate(found.kinetic, axis=1)
-        scale = kinetic + np.cumsum(found.through, axis=1) + (high - low) + weight
+        scale = kinetic + np.cumsum(found.through, axis=1) + (high - low) + weight[:, None]
         drift = np.full(len(parts), np.nan)
         for seed, valid in enumerate(self._run.valid & ~found.lost):
             own = parts[seed][valid]
@@ -376,22 +419,21 @@ class PhaseMeasure:
 
     def _excess(self, found: "_Found", real: Floats) -> Floats:
         if not self._settings.excess:
-            return np.full(len(self._bodies), np.nan)
-        return np.maximum(0, (found.excess.sum(axis=1) / real).mean(axis=0))
+            return np.full(len(self._watched), np.nan)
+        return np.maximum(0, (found.excess.sum(axis=1) / real).mean(axis=0))[self._watched]
 
     def _peak(self, found: "_Found") -> float:
         if not self._settings.excess:
             return float("nan")
         speed = found.speed.max(axis=1, keepdims=True)
         with np.errstate(invalid="ignore", divide="ignore"):
-            return float(np.nanmax(np.where(speed > 0, found.apart["run"] / speed, 0), initial=0))
+            parts = np.where(speed > 0, found.apart[RUN.name] / speed, 0)[..., self._watched]
+        return float(np.nanmax(parts, initial=0))
 
     def _check(self, found: "_Found") -> tuple[float, Floats]:
-        """Return how far references differ over how far the run does, and what finer ones add.
+        """Return how far references differ over how far the run does, and (B,) what finer ones add.
 
-        The second is (B,) factors from the run's defects at h/4 to those at the limit of fine
-        steps, extrapolated as Richardson does: in first order, what h/8 adds to h/4 is half of what
-        is left to add. They are at least a half; of what does not converge, the first number tells.
+        Of what does not converge, the first number tells.
         """
         checked = ~np.isnan(found.checked[..., 0]) & ~found.lost
         run, apart, finer = (
@@ -399,11 +441,9 @@ class PhaseMeasure:
         )
         if not checked.any():
             return float("nan"), np.ones(len(run))
-        known = run > 0
-        factors = 2 * finer / np.where(known, run, 1) - 1
-        body = int(np.argmax(run))
-        share = float(apart[body] / run[body]) if known[body] else 0.0
-        return share, np.where(known, np.maximum(factors, 0.5), 1.0)
+        body = self._worst(run)
+        share = float(apart[body] / run[body]) if 0 < run[body] < np.inf else 0.0
+        return share, to_the_limit(run, finer)
 
 
 class _Found(NamedTuple):
@@ -416,6 +456,7 @@ class _Found(NamedTuple):
     begin: Floats  # (S, W, B) speed at the start [m/s]
     checked: Floats  # (S, W, B) defects of the reference; NaN where it was not checked
     finer: Floats  # (S, W, B) defects of the run against the finer reference there
+    gained: Floats  # (S, W, B) kinetic, beyond the reference's at the end [J]
     energy: Floats  # (S, W) defects [J]
     energy_rk4: Floats  # (S, W)
     kinetic: Floats  # (S, W) largest [J]
@@ -438,6 +479,7 @@ class _Found(NamedTuple):
             begin=bodies_of(),
             checked=np.full((*shape, bodies), np.nan),
             finer=np.full((*shape, bodies), np.nan),
+            gained=bodies_of(),
             energy=np.zeros(shape),
             energy_rk4=np.full(shape, np.nan),
             kinetic=np.zeros(shape),

@@ -13,6 +13,8 @@ from contactlab.scene.initial_states import InitialStates
 
 INTEGRATION = int(mujoco.mjtState.mjSTATE_INTEGRATION)
 _CONTROL = int(mujoco.mjtState.mjSTATE_CTRL)
+_BODY_FORCES = int(mujoco.mjtState.mjSTATE_XFRC_APPLIED)
+_JOINT_FORCES = int(mujoco.mjtState.mjSTATE_QFRC_APPLIED)
 
 
 @dataclass(frozen=True)
@@ -29,6 +31,7 @@ class Motion:
         inputs: (S, N, width) set before each of N steps; a width of 0 leaves the starts' own.
         spec: the bits of mjtState that a row of inputs holds, in `mj_setState`'s order.
         name: of the phase.
+        watched: bodies whose shares count; all if empty.
     """
 
     model: mujoco.MjModel
@@ -36,6 +39,7 @@ class Motion:
     inputs: Floats
     spec: int = _CONTROL
     name: str = ""
+    watched: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         state, width = mujoco.mj_stateSize(self.model, INTEGRATION), self.inputs.shape[-1]
@@ -71,6 +75,37 @@ class Motion:
         if not self.inputs.shape[2]:
             return None
         return self.inputs[seed, np.minimum(steps, self.steps - 1)]
+
+    def given(self, bit: int) -> Floats:
+        """Return (S, N, width) what each step is given of one part of the state, such as forces."""
+        width = mujoco.mj_stateSize(self.model, bit)
+        rows, spec = self.inputs, self.spec
+        if not (self.inputs.shape[2] and spec & bit):
+            rows, spec = self.starts[:, None], INTEGRATION
+        begin = mujoco.mj_stateSize(self.model, (bit - 1) & spec)
+        part = rows[..., begin : begin + width]
+        return np.broadcast_to(part, (self.seeds, self.steps, width))
+
+
+def pulls(motion: Motion, gravity: Floats) -> Floats:
+    """Return (S, N, nbody) how fast gravity and applied forces would make each tree fall [m/s^2].
+
+    A weight may be written as gravity (3,) [m/s^2], or as forces on bodies or free joints.
+    """
+    model, shape = motion.model, (motion.seeds, motion.steps)
+    forces = motion.given(_BODY_FORCES).reshape(*shape, model.nbody, 6)[..., :3].copy()
+    of_joints = motion.given(_JOINT_FORCES)
+    for joint in np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE):
+        dof = model.jnt_dofadr[joint]
+        forces[..., model.jnt_bodyid[joint], :] += of_joints[..., dof : dof + 3]
+    roots, places = np.unique(model.body_rootid, return_inverse=True)
+    moving = model.body_mass * (model.body_weldid > 0)
+    whole = np.zeros((*shape, len(roots), 3))
+    for body in np.flatnonzero(moving):
+        whole[..., places[body], :] += forces[..., body, :]
+    masses = np.bincount(places, moving)
+    fall = gravity + whole / np.where(masses > 0, masses, np.inf)[:, None]
+    return np.linalg.norm(fall, axis=-1)[..., places]
 
 
 def without_delays(motion: Motion) -> Motion:

@@ -1,6 +1,7 @@
 """What a budget is made of: readings of rows, phases, and what both say together."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -52,6 +53,14 @@ class Reading:
         return float(np.median(self.shares)) if self.shares.size else float("nan")
 
 
+class Origin(NamedTuple):
+    """Where something comes from: a body, a place that acts on it otherwise ("" if none), when."""
+
+    body: str
+    place: str
+    time: float  # of the beginning of the window [s]
+
+
 @dataclass(frozen=True)
 class PhaseBudget:
     """A budget of one phase.
@@ -62,12 +71,14 @@ class PhaseBudget:
         steps: of each seed.
         window: length of windows [s].
         windows: how many each seed has.
-        bodies: names of the B bodies that are judged: those that move and have mass.
+        bodies: names of the B bodies that are judged: those that move and have mass, and are
+            watched.
         masses: (B,) theirs [kg].
         run: the run itself against the reference: what its numerics cost.
         rows: those that the model has.
         energy: (S,) what energy drifts in the run and not in the reference, as a share.
         energy_rk4: (S,) the same against RK4; NaN where that gave up, or is the run's own.
+        energy_from: whose kinetic energy the run changes most beyond the reference.
         excess: (B,) path of the run's velocity beyond the reference's, a share; judges nothing.
         peak: worst window over the body's own peak speed; judges nothing.
         check: how much references at h/4 and h/8 differ, over how much the run does, worst body;
@@ -89,6 +100,7 @@ class PhaseBudget:
     rows: tuple[Reading, ...]
     energy: Floats
     energy_rk4: Floats
+    energy_from: Origin
     excess: Floats
     peak: float
     check: float

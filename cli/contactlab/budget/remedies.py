@@ -1,33 +1,43 @@
 """What removes what a budget finds: changes of settings, each tried by a budget of its own."""
 
 import copy
-from collections.abc import Callable, Mapping, Sequence
+import math
+import os
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import NamedTuple
 
 import mujoco
+import numpy as np
 
 from contactlab.budget.error_budget import SETTINGS, error_budget
 from contactlab.budget.measuring import Settings
 from contactlab.budget.motion import Motion
+from contactlab.budget.nearness import Rival, nearness
+from contactlab.budget.physical import field_changes
 from contactlab.budget.prices import Price, prices
 from contactlab.budget.readings import ErrorBudget
-from contactlab.budget.rows import ROWS, Row, go_on, has_no_flex
+from contactlab.budget.rows import ROWS, go_on, has_no_flex
 from contactlab.budget.showing import shown_rows
 from contactlab.budget.verdict import Reason, Verdict, Word, judge
 from contactlab.budget.windows import replay
 from contactlab.mjcf import OPTIONS
+from contactlab.scene.model_draft import ModelEdits
 from contactlab.scene.model_edits import read_option
 
 _EULER = int(mujoco.mjtIntegrator.mjINT_EULER)
 _RK4 = int(mujoco.mjtIntegrator.mjINT_RK4)
 _IMPLICITFAST = int(mujoco.mjtIntegrator.mjINT_IMPLICITFAST)
 _ELLIPTIC = int(mujoco.mjtCone.mjCONE_ELLIPTIC)
+_COARSE = 2  # steps in one of the run's that are tried whatever else helps
+_ALIKE = 1.1  # ratio of costs that are equal
+NO_EDITS = ModelEdits()
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """A change of settings.
+    """A change of a model.
 
     Attributes:
         name: as a sentence has it: "half the step removes it".
@@ -36,8 +46,12 @@ class Candidate:
         rate: how many of its steps make one of the run's.
         rows: of the model, which it is worth trying against; any if empty.
         new: whether it changes a model at all.
-        physics: whether it makes another model, not another computation of the same one.
         exercised: a row that the task must exercise; any or none if empty.
+        accept: of what makes another model, not another computation of the same one, the word that
+            accepts it.
+        edits: of what makes another model, how it is written.
+        compiled: of what no copy of a model can have: the changed model.
+        nearer: whether it has to come nearer to the motion as it is at its finest step.
     """
 
     name: str
@@ -46,39 +60,50 @@ class Candidate:
     rate: int = 1
     rows: Sequence[str] = ()
     new: Callable[[mujoco.MjModel], bool] = lambda _model: True
-    physics: bool = False
     exercised: str = ""
+    accept: str = ""
+    edits: ModelEdits = NO_EDITS
+    compiled: mujoco.MjModel | None = None
+    nearer: bool = True
+
+    @property
+    def physics(self) -> bool:
+        """Whether it makes another model."""
+        return bool(self.accept)
 
 
 @dataclass(frozen=True)
 class Remedy:
-    """A change of settings that was tried.
+    """A change that was tried.
 
     Attributes:
         name: of the change.
         removes: whether nothing is left of the kind of verdict that it was tried against.
-        budget: of the changed model, under the same inputs.
-        verdict: on that.
-        physics: whether it makes another model, not another computation of the same one.
-        options: the options that it changes, by name; all that it changes, unless it is of physics.
-        row: the row of the model that it was tried against, or "run".
-        price: its time over that of the model as it is.
+        word: the verdict on the changed model; that on the model as it is, where the change comes
+            no nearer to what is meant and was tried no further.
+        share: of the row that it was tried against, in the worst phase; NaN if it is not exercised.
+        price: its time over that of the model as it is; None where it removes nothing.
+        edits: all that it changes.
+        accept: as the candidate's.
+        apart: share by which it is apart from the finest motion of the model, or, against a row of
+            the model, of the model with that row's change.
+        before: the same of the model as it is.
     """
 
     name: str
     removes: bool
-    budget: ErrorBudget
-    verdict: Verdict
+    word: Word
+    share: float
     price: Price | None
-    physics: bool
-    options: Mapping[str, object]
-    row: str = "run"
+    edits: ModelEdits
+    accept: str
+    apart: float
+    before: float
 
     @property
-    def share(self) -> float:
-        """Of that row, in the worst phase; NaN where it is not exercised."""
-        found = self.budget.worst(self.row)
-        return found[1].share if found else float("nan")
+    def physics(self) -> bool:
+        """Whether it makes another model."""
+        return bool(self.accept)
 
 
 def _nothing(_model: mujoco.MjModel) -> None:
@@ -106,10 +131,6 @@ def _stiff_friction(model: mujoco.MjModel) -> None:
     model.opt.impratio = 10
 
 
-def _as_row(row: Row, model: mujoco.MjModel) -> None:
-    row.changes[0](model, model)
-
-
 def _both(model: mujoco.MjModel) -> None:
     _stiff_friction(model)
     _noslip(model)
@@ -132,66 +153,221 @@ CANDIDATES: tuple[Candidate, ...] = (
     Candidate("an eighth of the step", "unresolved", _nothing, 8),
     Candidate("elliptic cones with impratio 10", "model", _stiff_friction),
     Candidate("elliptic cones with impratio 10, and noslip", "model", _both, new=has_no_flex),
-    *(
-        Candidate(
-            row.summary,
-            "model",
-            partial(_as_row, row),
-            rows=(row.name,),
-            physics=row.name.endswith("softness"),
-        )
-        for row in ROWS
-        if row.kind == "model"
-    ),
+    Candidate("noslip with 10 iterations", "model", _noslip, rows=("noslip",), new=has_no_flex),
 )
+
+
+def candidates_against(motions: Sequence[Motion], verdict: Verdict) -> tuple[Candidate, ...]:
+    """Return changes that may help: of computation first, then of the fields of named parts."""
+    word: Word = "model" if verdict.word == "model" else "unresolved"
+    physical = [
+        Candidate(
+            change.phrase,
+            word,
+            change.make,
+            accept=change.word,
+            edits=ModelEdits({value.axis: value.value for value in change.values}),
+            nearer=word == "unresolved",  # softness of several rows is nearer to none of them
+        )
+        for change in field_changes(motions, verdict)
+    ]
+    return (*CANDIDATES, *physical)
+
+
+def joined(candidates: Sequence[Candidate]) -> Candidate:
+    """Return the change that makes several, one after the other."""
+
+    def change(model: mujoco.MjModel) -> None:
+        for candidate in candidates:
+            candidate.change(model)
+
+    return Candidate(
+        " and ".join(candidate.name for candidate in candidates),
+        candidates[0].word,
+        change,
+        rate=max(candidate.rate for candidate in candidates),
+        accept=" ".join(candidate.accept for candidate in candidates if candidate.accept),
+        edits=ModelEdits(
+            {name: own for one in candidates for name, own in one.edits.settings.items()},
+            excluded=tuple(pair for one in candidates for pair in one.edits.excluded),
+        ),
+        compiled=next((one.compiled for one in candidates if one.compiled), None),
+        nearer=all(candidate.nearer for candidate in candidates),
+    )
+
+
+@dataclass(frozen=True)
+class Trial:
+    """How changes are tried.
+
+    Attributes:
+        settings: how budgets are measured.
+        moved: motions of the changed model, in groups that are judged by themselves, such as those
+            of other seeds; the worst counts. By default the same starts and inputs.
+        most: so many changes that remove a verdict are enough; all are tried if None.
+        wanted: words of changes that are tried even then.
+        workers: threads; one for each processor if None.
+    """
+
+    settings: Settings = SETTINGS
+    moved: Callable[[Candidate], Iterable[Sequence[Motion]]] | None = None
+    most: int | None = None
+    wanted: Sequence[str] = ()
+    workers: int | None = None
+
+
+TRIAL = Trial()
 
 
 def remedies(
     motions: Sequence[Motion],
     verdict: Verdict,
     *,
-    settings: Settings = SETTINGS,
-    candidates: Sequence[Candidate] = CANDIDATES,
-    workers: int | None = None,
+    candidates: Sequence[Candidate] | None = None,
+    trial: Trial = TRIAL,
 ) -> tuple[Remedy, ...]:
     """Try changes against a verdict; those that remove it come first, the cheapest leading.
 
     A change removes a verdict if a budget of the changed model, over the same inputs and phases,
-    gives neither the same word nor a worse one. Give motions with other seeds than those that were
-    judged to have a remedy proved on what it was not chosen for.
+    gives neither the same word nor a worse one, and if from the same states it comes nearer to the
+    model's motion at its finest step than the model as it is, to within the tolerance if it is to
+    compute the same model; against a row of the model, to the finest motion with that row's change.
+    What does not come nearer is judged no further. A finer step is tried where no coarser one
+    removes the verdict.
     """
     if verdict.word == "sound":
         return ()
     word: Word = "model" if verdict.word == "model" else "unresolved"
     rows = sorted({reason.row for reason in verdict.reasons if reason.word == "model"})
-    plain = replace(settings, places=False, priced=False)
-    tried = list[Remedy]()
-    for candidate in candidates:
-        if candidate.word != word or (candidate.rows and not {*candidate.rows} & {*rows}):
-            continue
-        if not all(candidate.new(motion.model) for motion in motions):
-            continue
-        if candidate.exercised and not _exercised(candidate.exercised, motions):
-            continue
-        changed = [_changed(motion, candidate) for motion in motions]
-        budget = error_budget(
-            changed, rows=rows if word == "model" else (), settings=plain, workers=workers
-        )
-        found = judge(budget, verdict.within)
-        removes = found.word == "sound" or (word == "unresolved" and found.word == "model")
-        price = _price(motions[0], changed[0].model, candidate, settings)
-        row = verdict.reasons[0].row if word == "model" else "run"
-        options = _options(motions[0].model, changed[0].model)
-        remedy = Remedy(
-            candidate.name, removes, budget, found, price, candidate.physics, options, row
-        )
-        tried.append(remedy)
-    return tuple(
-        sorted(tried, key=lambda one: (not one.removes, one.price.ratio if one.price else 0))
+    if candidates is None:
+        candidates = candidates_against(motions, verdict)
+    possible = sorted(
+        (one for one in candidates if _is_possible(one, word, rows, motions)),
+        key=lambda one: (one.physics, one.rate),
     )
+    judged = _Judged(motions, verdict, word, rows if word == "model" else (), trial)
+    before, *apart = judged.nearness(possible)
+    tried = list[Remedy]()
+    for candidate, own in zip(possible, apart, strict=True):
+        removing = [remedy for remedy in tried if remedy.removes]
+        enough = trial.most is not None and len(removing) >= trial.most
+        if enough and candidate.accept not in trial.wanted:
+            continue
+        if candidate.rate > _COARSE and any(not remedy.physics for remedy in removing):
+            continue
+        tried.append(judged.remedy(candidate, before, own))
+    return tuple(sorted(tried, key=by_use))
 
 
-def _options(model: mujoco.MjModel, changed: mujoco.MjModel) -> dict[str, object]:
+def by_use(remedy: Remedy) -> tuple[bool, bool, float]:
+    """Return the place of a remedy: what removes, computes the same model, and is cheap, is first.
+
+    Costs within a tenth are equal: the clock tells no more. What was tried first is simpler.
+    """
+    cost = round(math.log(remedy.price.ratio, _ALIKE)) if remedy.price else math.inf
+    return not remedy.removes, remedy.physics, cost
+
+
+def _is_possible(
+    candidate: Candidate, word: Word, rows: Sequence[str], motions: Sequence[Motion]
+) -> bool:
+    if candidate.word != word or (candidate.rows and not {*candidate.rows} & {*rows}):
+        return False
+    if not all(candidate.new(motion.model) for motion in motions):
+        return False
+    return not candidate.exercised or _exercised(candidate.exercised, motions)
+
+
+class _Judged(NamedTuple):
+    """What changes are judged by."""
+
+    motions: Sequence[Motion]
+    verdict: Verdict
+    word: Word
+    rows: Sequence[str]
+    trial: Trial
+
+    @property
+    def _settings(self) -> Settings:
+        workers = self.trial.workers or os.cpu_count() or 1
+        return replace(self.trial.settings, places=False, priced=False, workers=workers)
+
+    @property
+    def _phases(self) -> set[str]:
+        """Those in which something is wrong."""
+        return {reason.phase for reason in self.verdict.reasons}
+
+    def nearness(self, candidates: Sequence[Candidate]) -> list[float]:
+        """Return how far the model is from what is meant, then each changed one, at worst."""
+        found = np.zeros(1 + len(candidates))
+        for motion in (motion for motion in self.motions if motion.name in self._phases):
+            rivals = [Rival(motion.model)]
+            rivals += [Rival(changed_model(motion.model, one), one.rate) for one in candidates]
+            target = partial(self._meant, own=motion.model)
+            apart = nearness(
+                motion,
+                rivals,
+                settings=self._settings,
+                target=target,
+            )
+            found = np.maximum(found, apart)
+        return found.tolist()
+
+    def _meant(self, model: mujoco.MjModel, own: mujoco.MjModel) -> None:
+        """Change the finest motion's model into what it is meant to be, in place."""
+        if self.word != "model":
+            return
+        (row,) = (row for row in ROWS if row.name == self.verdict.reasons[0].row)
+        for change in (row.both, row.changes[0]):
+            if change is not None:
+                change(model, own)
+
+    def remedy(self, candidate: Candidate, before: float, apart: float) -> Remedy:
+        """Judge a change: by the phases in which something is wrong, by all, and by fresh seeds."""
+        row = self.verdict.reasons[0].row if self.word == "model" else "run"
+        enough = before if candidate.physics else min(before, self.verdict.within)
+        word, shares, removes = self.verdict.word, list[float](), False
+        if not candidate.nearer or math.isinf(before) or apart < enough:
+            for motions in self._parts(candidate):
+                budget, found = self._budget(motions)
+                worst = budget.worst(row)
+                shares += [worst[1].share] if worst and worst[1].exercised else []
+                word = found.word
+                removes = word == "sound" or (self.word == "unresolved" and word == "model")
+                if not removes:
+                    break
+        # A row that the changed model no longer has leaves what it is apart from it.
+        share = max(shares, default=apart if candidate.nearer else math.nan)
+        first = self.motions[0]
+        options = options_changed(first.model, changed_model(first.model, candidate))
+        edits = replace(candidate.edits, settings={**options, **candidate.edits.settings})
+        price = _price(first, candidate, self._settings) if removes else None
+        return Remedy(
+            candidate.name, removes, word, share, price, edits, candidate.accept, apart, before
+        )
+
+    def _parts(self, candidate: Candidate) -> Iterator[Sequence[Motion]]:
+        """Yield motions of a changed model, those first in whose phases something is wrong."""
+        moved = self.trial.moved or self._same
+        for place, group in enumerate(moved(candidate)):
+            if place:
+                yield group
+                continue
+            named = [motion for motion in group if motion.name in self._phases]
+            others = [motion for motion in group if motion.name not in self._phases]
+            yield from filter(None, (named, others))
+
+    def _same(self, candidate: Candidate) -> Iterator[Sequence[Motion]]:
+        yield [changed(motion, candidate) for motion in self.motions]
+
+    def _budget(self, motions: Sequence[Motion]) -> tuple[ErrorBudget, Verdict]:
+        budget = error_budget(
+            motions, rows=self.rows, settings=self._settings, workers=self.trial.workers
+        )
+        return budget, judge(budget, self.verdict.within)
+
+
+def options_changed(model: mujoco.MjModel, changed: mujoco.MjModel) -> dict[str, object]:
     """Return the options of a changed model that differ from those of another."""
     values = {name: read_option(changed, name) for name in OPTIONS}
     return {name: value for name, value in values.items() if value != read_option(model, name)}
@@ -202,17 +378,22 @@ def _exercised(name: str, motions: Sequence[Motion]) -> bool:
     return any(row.uses(motion.model) and shown_rows(motion, [row]) for motion in motions)
 
 
-def _changed(motion: Motion, candidate: Candidate) -> Motion:
-    model = copy.copy(motion.model)
-    candidate.change(model)
-    model.opt.timestep = motion.model.opt.timestep / candidate.rate
+def changed_model(model: mujoco.MjModel, candidate: Candidate) -> mujoco.MjModel:
+    """Return a changed copy of a model."""
+    made = copy.copy(candidate.compiled or model)
+    candidate.change(made)
+    made.opt.timestep = model.opt.timestep / candidate.rate
+    return made
+
+
+def changed(motion: Motion, candidate: Candidate) -> Motion:
+    """Return a motion of the changed model, its inputs held at the run's rate."""
+    model = changed_model(motion.model, candidate)
     return replace(motion, model=model, inputs=motion.inputs.repeat(candidate.rate, axis=1))
 
 
-def _price(
-    motion: Motion, model: mujoco.MjModel, candidate: Candidate, settings: Settings
-) -> Price | None:
-    run = replay(motion, settings.window, 1)
+def _price(motion: Motion, candidate: Candidate, settings: Settings) -> Price | None:
+    run, model = replay(motion, settings.window, 1), changed_model(motion.model, candidate)
     return prices(motion, run, {candidate.name: (model, candidate.rate)}).get(candidate.name)
 
 

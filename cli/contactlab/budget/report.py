@@ -58,10 +58,12 @@ def remedy_report(remedy: Remedy) -> BudgetRemedy:
     return BudgetRemedy(
         name=remedy.name,
         physics=remedy.physics,
-        options={name: as_written(value) for name, value in remedy.options.items()},
+        settings={name: as_written(value) for name, value in remedy.edits.settings.items()},
         removes=remedy.removes,
-        word=remedy.verdict.word,
+        word=remedy.word,
         share=_finite(remedy.share),
+        apart=_finite(remedy.apart),
+        before=_finite(remedy.before),
         price=_price(remedy.price),
     )
 

@@ -26,6 +26,8 @@ _SLEEP = int(getattr(mujoco.mjtEnableBit, "mjENBL_SLEEP", 0))
 _ITERATIONS, _LINE_SEARCHES, _SMALL, _DENSE_UP_TO = 100, 50, 1e-12, 400
 _PYRAMIDAL, _ELLIPTIC = int(mujoco.mjtCone.mjCONE_PYRAMIDAL), int(mujoco.mjtCone.mjCONE_ELLIPTIC)
 _NO_FRICTION, _SLIDING = 1, 3  # of condim
+GRAVITY_AS_REAL = 0.1
+"""The part of what falls freely that counts as a real impulse of what stands."""
 
 
 @dataclass(frozen=True)
@@ -85,6 +87,11 @@ def _any(*fields: str) -> Uses:
 def disabled(model: mujoco.MjModel, name: str) -> bool:
     """Return whether an effect is switched off in a model's options."""
     return bool(model.opt.disableflags & _flag(name))
+
+
+def gravity_of(model: mujoco.MjModel) -> float:
+    """Return the magnitude of a model's gravity, 0 where it is switched off [m/s^2]."""
+    return 0.0 if disabled(model, "gravity") else float(np.linalg.norm(model.opt.gravity))
 
 
 def _flag(name: str) -> int:

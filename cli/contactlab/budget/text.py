@@ -1,118 +1,155 @@
 """A budget as lines of text for 80 columns."""
 
+import math
 import textwrap
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
 
-import numpy as np
-
-from contactlab.budget.readings import ErrorBudget, PhaseBudget, Reading
-from contactlab.budget.verdict import Reason, Verdict, percent
+from contactlab.budget.readings import ErrorBudget
+from contactlab.budget.report import budget_report
+from contactlab.budget.verdict import Verdict, percent
 from contactlab.printable import visible
+from contactlab.schema.error_budget import BudgetPhase, BudgetReason, BudgetRow
 
 _WIDTH = 80
-_NAME, _SHARE, _BAR = 24, 6, 8
-# Bars are logarithmic, from a tenth of a percent to ten times the real forces.
-_LEAST, _DECADES = 1e-3, 4
+_RUN = "the run"
+_SHARE, _SPREAD, _BAR, _COST = 7, 11, 8, 5
+_HEADS = {"numerics": "numerics", "model": "model", "effect": "effects", "unknown": "unknowns"}
+# Bars are logarithmic: one sign for half a decade, from a tenth of a percent on.
+_LEAST, _PER_DECADE = 1e-3, 2
 _NOTHING = 1e-4
-_HEADS = {
-    "numerics": "what the numbers cost",
-    "model": "how soft and regularised the model is",
-    "effect": "what effects are worth",
-    "unknown": "what nobody knows exactly",
-}
+UNIT = (
+    "Shares are phantom forces over the real ones, of the worst body; bars are logarithmic, from "
+    "0.1 to 1000 %; cost is the time of a run with the change over one without."
+)
+
+
+class Placed(NamedTuple):
+    """A row of a table, and when its phase begins [s]: times count from the run's beginning."""
+
+    row: BudgetRow
+    begin: float = 0.0
 
 
 def budget_lines(budget: ErrorBudget, verdict: Verdict) -> list[str]:
     """Return a verdict with its reasons, and a table of each phase."""
-    lines = [f"{verdict.word} within {percent(verdict.within)}"]
-    for reason in verdict.reasons:
-        lines += _wrapped(f"{reason.sentence}{_where(reason)}")
-    for phase in budget.phases:
-        lines += ["", *_phase_lines(phase)]
+    report = budget_report(budget, verdict)
+    lines = [f"{report.verdict} within {percent(report.within)}"]
+    for reason in report.reasons:
+        lines += wrapped(f"{reason.sentence}{_where(reason)}", "  ")
+    for phase in report.phases:
+        lines += ["", *phase_lines(phase)]
     return [visible(line) for line in lines]
 
 
-def _where(reason: Reason) -> str:
+def _where(reason: BudgetReason) -> str:
     place = "" if reason.place in reason.sentence else reason.place
-    time = f"at {reason.time:.3g} s" if np.isfinite(reason.time) else ""
+    time = "" if reason.time is None else f"at {reason.time:.3g} s"
     return "".join(f", {part}" for part in (place, time) if part)
 
 
-def _phase_lines(phase: PhaseBudget) -> Iterator[str]:
-    seeds, span = len(phase.energy), phase.steps * phase.timestep
-    cost = "cost" if any(row.price for row in phase.rows) else ""
-    title = f"{phase.name}: " if phase.name else ""
-    yield _cut(
-        f"{title}{_count(seeds, 'seed')} of {span:.3g} s at {1e3 * phase.timestep:.3g} ms, "
-        f"{_count(phase.windows, 'window')} of {1e3 * phase.window:.3g} ms, "
-        f"{_count(len(phase.bodies), 'body', 'bodies')}"
+def phase_lines(phase: BudgetPhase, begin: float = 0.0) -> Iterator[str]:
+    """Yield the budget of a phase that begins at a time [s]: its rows, and what judges nothing."""
+    span = f"{begin:.3g} to {begin + phase.steps * phase.timestep:.3g} s"
+    title = f"{phase.name}, {span}" if phase.name else span
+    seeds = f"{phase.seeds} seed{'s' if phase.seeds > 1 else ''}"
+    yield from wrapped(
+        f"{title}: {seeds}, {phase.windows} windows of {1e3 * phase.window:.3g} ms, steps of "
+        f"{1e3 * phase.timestep:.3g} ms",
+        "",
     )
-    yield _row("", "worst", "by seed", "", cost, "body, time")
-    yield _reading_line(phase, phase.run)
+    rows = [Placed(row, begin) for row in phase.rows if row.exercised]
+    yield from table_lines(Placed(phase.run, begin), rows)
+    yield from never_lines([row.name for row in phase.rows if not row.exercised])
+    yield from wrapped(", ".join(_beside(phase)), "")
+
+
+def table_lines(run: Placed, rows: Sequence[Placed]) -> Iterator[str]:
+    """Yield the table of the run and of exercised rows, by their kind."""
+    names = 2 + max(map(len, (_RUN, *(row.name for row, _ in rows))))
+    yield _cells(names, ("", "share", "seeds", "", "cost", "worst body, when"))
+    yield _line(names, _RUN, run)
     for kind, head in _HEADS.items():
-        rows = [row for row in phase.rows if row.kind == kind]
-        if rows:
+        own = [placed for placed in rows if placed.row.kind == kind]
+        if own:
             yield f"{head}:"
-        yield from (_reading_line(phase, row) for row in rows)
-    yield from _wrapped(_also(phase))
+        yield from (_line(names, f"  {placed.row.name}", placed) for placed in own)
 
 
-def _also(phase: PhaseBudget) -> str:
-    check = (
-        f", reference {percent(phase.check * phase.run.share)}" if np.isfinite(phase.check) else ""
-    )
-    excess = percent(float(phase.excess.max(initial=0)))
-    return (
-        f"energy {100 * phase.energy_share:+.2g} %; not judged: path excess {excess}, worst window "
-        f"{percent(phase.peak)}{check}"
-    )
+def never_lines(names: Sequence[str]) -> list[str]:
+    """Return which rows a task never exercises."""
+    return wrapped(f"never exercised: {', '.join(names)}", "") if names else []
 
 
-def _reading_line(phase: PhaseBudget, reading: Reading) -> str:
-    if not reading.exercised:
-        return _row(f"  {reading.name}", "-", "", "", "", "not exercised")
-    if np.isnan(reading.share):
-        return _row(f"  {reading.name}", "-", "", "", "", "not measured")
-    low, high = (_short(float(share)) for share in (reading.seeds.min(), reading.seeds.max()))
-    spread = "" if low == high else f"{low.removesuffix(' %')} - {high.removesuffix(' %')}"
-    time = f" {reading.time:.2f} s" if np.isfinite(reading.time) and reading.share > 0 else ""
-    return _row(
-        f"  {reading.name}",
-        _short(reading.share),
-        spread,
-        _bar(reading.share),
-        f"{reading.price.ratio:.2f}" if reading.price else "",
-        f"{phase.bodies[reading.body]}{time}",
-    )
+def _beside(phase: BudgetPhase) -> Iterator[str]:
+    yield f"energy drift {_signed(phase.energy)}"
+    if phase.check is not None and phase.run.share is not None:
+        yield f"reference known to {share_text(phase.check * phase.run.share)}"
+    yield f"not judged: path excess {share_text(phase.excess)}"
+    yield f"worst window {share_text(phase.peak)} of the body's peak speed"
 
 
-def _short(share: float) -> str:
-    """Return a share in at most two digits, which tables can hold."""
-    if not _NOTHING <= share < np.inf:
-        return "0 %" if share < _NOTHING else percent(share)
-    return percent(share)
+def _line(names: int, name: str, placed: Placed) -> str:
+    row = placed.row
+    share = math.inf if row.infinite else row.share
+    spread = ""
+    if row.seeds and row.share is not None:
+        low, high = (_short(value).removesuffix(" %") for value in row.seeds)
+        spread = "" if low == high else f"{low}-{high}"
+    when = "" if row.time is None else f", {placed.begin + row.time:.2f} s"
+    where = f"{row.body}{when}" if share is not None and share >= _NOTHING else ""
+    cost = f"x{row.price.ratio:.2f}" if row.price else ""
+    return _cells(names, (name, _short(share), spread, _bar(share), cost, where))
 
 
-def _bar(share: float) -> str:
-    if not np.isfinite(share):
-        return "#" * _BAR
-    if share <= _LEAST:
+def _cells(names: int, cells: tuple[str, str, str, str, str, str]) -> str:
+    """Return a line of a table whose names take so many places."""
+    name, share, spread, bar, cost, where = cells
+    left = f"{name:{names}} {share:>{_SHARE}} {spread:>{_SPREAD}}  {bar:<{_BAR}} {cost:>{_COST}}  "
+    return f"{left}{_within(where, _WIDTH - len(left))}".rstrip()
+
+
+def _within(where: str, width: int) -> str:
+    """Shorten a name in its middle, so that the time after it stays."""
+    if len(where) <= width:
+        return where
+    name, comma, when = where.rpartition(", ")
+    return f"{name[: width - len(comma + when) - 1]}…{comma}{when}" if comma else where[:width]
+
+
+def _short(share: float | None) -> str:
+    """Return a share in at most two digits; what is below a hundredth of a percent is nothing."""
+    if share is None:
+        return "-"
+    return "0 %" if share < _NOTHING else percent(share)
+
+
+def share_text(share: float | None) -> str:
+    """Return a share of a report, in which infinite ones are null."""
+    return "∞" if share is None else percent(share)
+
+
+def _signed(share: float | None) -> str:
+    if share is None:
+        return "∞"
+    return "0 %" if abs(share) < _NOTHING else f"{'+' if share > 0 else '-'}{percent(abs(share))}"
+
+
+def _bar(share: float | None) -> str:
+    if share is None or share <= _LEAST:
         return ""
-    return "#" * min(_BAR, max(1, round(_BAR * np.log10(share / _LEAST) / _DECADES)))
+    if math.isinf(share):
+        return "#" * _BAR
+    return "#" * min(_BAR, max(1, round(_PER_DECADE * math.log10(share / _LEAST))))
 
 
-def _row(name: str, share: str, spread: str, bar: str, cost: str, where: str) -> str:
-    cells = f"{name:{_NAME}} {share:>{_SHARE}}  {spread:<11} {bar:<{_BAR}} {cost:>4}  {where}"
-    return _cut(cells).rstrip()
-
-
-def _wrapped(text: str) -> list[str]:
-    return textwrap.wrap(text, _WIDTH, initial_indent="  ", subsequent_indent="    ")
-
-
-def _cut(line: str) -> str:
-    return line if len(line) <= _WIDTH else f"{line[: _WIDTH - 2].rstrip()} …"
-
-
-def _count(number: int, one: str, many: str = "") -> str:
-    return f"{number} {one if number == 1 else many or one + 's'}"
+def wrapped(text: str, indent: str) -> list[str]:
+    """Return a text in lines, of which all but the first are indented by two more."""
+    return textwrap.wrap(
+        text,
+        _WIDTH,
+        initial_indent=indent,
+        subsequent_indent=f"{indent}  ",
+        break_long_words=False,
+        break_on_hyphens=False,
+    )

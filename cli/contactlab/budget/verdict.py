@@ -7,6 +7,7 @@ from typing import Literal, get_args
 import numpy as np
 
 from contactlab.budget.readings import ErrorBudget, PhaseBudget
+from contactlab.printable import percent, plain
 
 TOLERANCE = 0.1
 # Above this share of what it shows, a reference's own error makes a verdict uncertain.
@@ -98,26 +99,15 @@ def _numerical(phase: PhaseBudget, within: float) -> Iterator[Reason]:
     energy = phase.energy_share
     if abs(energy) > within:
         verb = "gains" if energy > 0 else "loses"
-        sentence = f"energy: the run {verb} {percent(abs(energy))} that the model does not"
-        yield Reason("unresolved", name, "energy", energy, "", "", np.nan, sentence)
+        origin = phase.energy_from
+        sentence = (
+            f"energy: the run {verb} {percent(abs(energy))} that the model does not, most in "
+            f"{origin.body}"
+        )
+        yield Reason("unresolved", name, "energy", energy, *origin, sentence)
     doubt = phase.check * run.share if phase.check > _UNSURE else 0.0
     if phase.lost or run.share <= within < run.share + 2 * doubt:
         sentence = "references at a quarter and an eighth of the step differ as much as the run"
         if phase.lost:
             sentence = f"the reference itself gives up in {percent(phase.lost)} of the windows"
         yield Reason("not resolved", name, "reference", doubt, *where, sentence)
-
-
-def percent(share: float) -> str:
-    """Return a share as people write it: two digits, or all before the point."""
-    if not np.isfinite(share):
-        return "∞" if share > 0 else "-"
-    return f"{plain(100 * share, 2)} %"
-
-
-def plain(number: float, digits: int = 3) -> str:
-    """Return a number in so many digits, without an exponent from 1e-3 to 1e5."""
-    short = f"{number:.{digits}g}"
-    if "e" not in short or not 1e-3 <= abs(number) < 1e5:
-        return short
-    return f"{float(short):.0f}" if abs(number) < 10**digits else f"{number:.0f}"

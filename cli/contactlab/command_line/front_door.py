@@ -18,7 +18,8 @@ FORMER: Mapping[str, tuple[str, ...]] = {
     "engines": ("list", "engines"),
 }
 """Names of commands up to 0.3, and the words of today."""
-_MODELS = {".xml", ".urdf", ".mjcf", ".mjb", ".xacro", ".usd", ".usda"}
+_OF_STORE = "manifest.json"
+_SWEEPS = {".yaml", ".yml"}
 
 
 def completed(words: Sequence[str]) -> list[str]:
@@ -37,6 +38,10 @@ def completed(words: Sequence[str]) -> list[str]:
         return now
     if not first or first.startswith("-") or first in command_modules():
         return list(words)
+    if Path(first).suffix in _SWEEPS:
+        raise SweepFileError(f"{first}: a sweep runs by `contactlab sweep {first}`")
+    if (Path(first) / _OF_STORE).is_file():
+        raise SweepFileError(f"{first}: a store; read it by `contactlab report {first}`")
     if _is_model(first):
         return [_EXAMINE, *words]
     from contactlab.plugins import extensions
@@ -57,11 +62,6 @@ def _as_named_now(words: Sequence[str]) -> list[str]:
 
 
 def _is_model(word: str) -> bool:
-    """Return whether a word names a model file, a folder, a shipped scene or a robot."""
-    return (
-        Path(word).suffix.lower() in _MODELS
-        or "/" in word
-        or ":" in word
-        or Path(word).is_dir()
-        or word in scene_names()
-    )
+    """Return whether a word names a file, a folder, a shipped scene or a robot."""
+    path = Path(word)
+    return bool(path.suffix) or "/" in word or ":" in word or path.exists() or word in scene_names()

@@ -14,12 +14,13 @@ if TYPE_CHECKING:
     from contactlab.schema.comparison import ComparePolicy, ComparisonReport
     from contactlab.writers import Report
 
-ReportFormat = Literal["text", "json", "markdown", "junit", "github"]
+ReportFormat = Literal["text", "json", "markdown", "junit", "sarif", "github"]
 _FORMATS: Mapping[str, ReportFormat] = {
     ".txt": "text",
     ".json": "json",
     ".md": "markdown",
     ".xml": "junit",
+    ".sarif": "sarif",
 }
 ReportOf = Callable[[Any, Given], "Report"]
 """Returns what is written of a command's result, and of its parameters."""

@@ -16,9 +16,9 @@ from typer.core import TyperGroup
 from contactlab.command_line.declaration import TITLES, Command, Group, declared
 from contactlab.command_line.front_door import completed
 from contactlab.command_line.modules import command_modules, commands_of
-from contactlab.command_line.parser import typed
+from contactlab.command_line.parser import misunderstood, typed
 from contactlab.command_line.terminal import echo, notice, say
-from contactlab.errors import ContactlabError, OutputError, in_one_line
+from contactlab.errors import CommandLineError, ContactlabError, OutputError, in_one_line
 from contactlab.printable import printable
 
 _HELP = ("-h", "--help")
@@ -135,7 +135,15 @@ def main() -> None:
     warnings.formatwarning = lambda message, *_: f"warning: {printable(str(message))}\n"
     try:
         words = completed(sys.argv[1:])
-        command_line(words[0] if words else _HELP[0])(words, prog_name="contactlab")
+        app = command_line(words[0] if words else _HELP[0])
+        try:
+            code = app(words, prog_name="contactlab", standalone_mode=False)
+        except typer.TyperException as error:
+            if (said := error.format_message()).startswith("Usage:"):  # no words: all its help
+                say(said)
+                raise SystemExit(CommandLineError.exit_code) from error
+            raise misunderstood(error, words) from error
+        raise SystemExit(code if isinstance(code, int) else 0)
     except ContactlabError as error:
         say(f"error: {error}" if not str(error).startswith("error") else str(error))
         raise SystemExit(error.exit_code) from error

@@ -49,6 +49,22 @@ StudyFolder = Annotated[
         short="-o",
     ),
 ]
+ExaminationOutput = Annotated[
+    str | Path | None,
+    Option(
+        "FOLDER|FILE",
+        "Folder for page, report and evidence, by default under results/examine; or one file: "
+        ".html, .json.",
+        kind=str,
+        short="-o",
+    ),
+]
+Model = Annotated[
+    str | Path,
+    Argument(
+        "MODEL|SCENE", "Scene, scene folder, .xml or .urdf file, or menagerie:ROBOT.", kind=str
+    ),
+]
 Set = Annotated[
     Settings,
     Option(
@@ -128,7 +144,7 @@ ReportFiles = Annotated[
     Sequence[str | Path],
     Option(
         "FILE",
-        "Report to write: .md, .json, .xml (JUnit) or .txt; may be repeated.",
+        "Report to write: .md, .json, .xml (JUnit), .sarif or .txt; may be repeated.",
         kind=list[Path],
         short="-o",
     ),
@@ -225,7 +241,7 @@ def task_of(
 
     if isinstance(within, Mapping):
         within = [f"{name}={value}" for name, value in within.items()]
-    return read_task_options(
+    task = read_task_options(
         start,
         drive,
         None if duration is None else str(duration),
@@ -233,3 +249,17 @@ def task_of(
         [within] if isinstance(within, str) else within,
         [must] if isinstance(must, str) else must,
     )
+    if any(task.units.values()):
+        _check_units(task)
+    return task
+
+
+def _check_units(task: "TaskOptions") -> None:
+    """Check that limits of metrics are in units of these."""
+    from contactlab.measure import METRICS
+
+    for name, unit in task.units.items():
+        own = METRICS[name].unit if name in METRICS else "any"
+        if unit and own not in (unit, "any"):
+            like = "a plain number" if own == "1" else f"a number in {own}"
+            raise SweepFileError(f"--within {name}: write {like}, not in {unit}")

@@ -1,7 +1,11 @@
 """The words of the command line: parsed into a command's parameters, and its result printed."""
 
 import inspect
-from collections.abc import Callable, Iterator
+import math
+import re
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
+from datetime import date, datetime
 from typing import Annotated, Any, Literal, get_args, get_origin
 
 import typer
@@ -9,8 +13,14 @@ import typer
 from contactlab.command_line.declaration import Argument, Command, Given, Option, Parameter
 from contactlab.command_line.surroundings import within
 from contactlab.command_line.terminal import Terminal, notice
+from contactlab.errors import CommandLineError, suggestion
 
 _FORMAT, _CONTEXT = "format", "context"
+_SOME_DAY = date(2030, 12, 31)
+# The parser's words for mistakes that have no class of their own.
+_EXTRA = re.compile(r"unexpected extra argument[s()]* \((.*)\)")
+_WITHOUT_VALUE = re.compile(r"Option '(.*)' requires an argument")
+_NO_COMMAND = re.compile(r"No such command '(.*?)'")
 
 
 def typed(
@@ -68,10 +78,7 @@ def _typed(own: inspect.Parameter) -> inspect.Parameter:
     kind, described = described_type(own)
     default = ... if own.default is own.empty else own.default or None
     rules: dict[str, Any] = {"help": described.help, "metavar": described.metavar}
-    if described.least is not None:
-        rules["min"] = described.least
-    if described.formats:
-        rules["formats"] = list(described.formats)
+    rules |= _reading(kind, own.name, described)
     if isinstance(described, Option):
         if isinstance(own.default, bool | int | float):
             default = own.default
@@ -91,8 +98,96 @@ def described_type(own: inspect.Parameter) -> tuple[Any, Parameter]:
     return kind if own.default is not None or described.kind is None else kind | None, described
 
 
+def _reading(kind: Any, name: str, described: Parameter) -> dict[str, Any]:  # noqa: ANN401 - a type
+    """Return how a number, or one of few words, is read; nothing of what typer reads itself."""
+    if described.formats:
+        return {"parser": _day_of(_spelled(name), described.formats), "metavar": "DAY"}
+    kinds = [part for part in get_args(kind) if part is not type(None)] or [kind]
+    words = get_args(kinds[0]) if get_origin(kinds[0]) is Literal else ()
+    words = tuple(kinds) if get_origin(kind) is Literal else words
+    if words:
+        metavar = described.metavar or "|".join(words)
+        return {"parser": _word_of(_spelled(name), words), "metavar": metavar}
+    if kinds in ([int], [float]):
+        read = _number_of(_spelled(name), described.least, whole=kinds == [int])
+        return {"parser": read, "metavar": described.metavar or ("N" if kinds == [int] else "X")}
+    return {}
+
+
+def _word_of(name: str, words: Sequence[str]) -> Callable[[str], str]:
+    def read(text: str) -> str:
+        CommandLineError.unless_known(
+            text, words, f"{name} {text}: write one of {', '.join(words)}"
+        )
+        return text
+
+    return read
+
+
+def _number_of(name: str, least: float | None, *, whole: bool) -> Callable[[Any], float]:
+    wanted = "a whole number" if whole else "a number"
+    wanted += "" if least is None else f" of at least {least:g}"
+
+    def read(text: Any) -> float:  # noqa: ANN401 - a default is a number already
+        try:
+            value = int(text) if whole else float(text)
+        except ValueError:
+            value = math.nan
+        if not math.isfinite(value) or value < (-math.inf if least is None else least):
+            raise CommandLineError(f"{name} {text}: write {wanted}")
+        return value
+
+    return read
+
+
+def _day_of(name: str, formats: Sequence[str]) -> Callable[[Any], datetime]:
+    def read(text: Any) -> datetime:  # noqa: ANN401 - a default is a day already
+        for form in formats:
+            with suppress(ValueError):
+                return datetime.strptime(text, form)  # noqa: DTZ007 - a day has no time
+        raise CommandLineError(f"{name} {text}: write a day, such as {_SOME_DAY:{formats[0]}}")
+
+    return read
+
+
+def misunderstood(error: typer.TyperException, words: Sequence[str]) -> CommandLineError:
+    """Return why a command line was not understood: which word, and what to write instead."""
+    said = error.format_message()
+    command, shown = _named(error, words)
+    if known := getattr(error, "option_name", None):
+        near = [*(getattr(error, "possibilities", None) or ())]
+        if valued := _WITHOUT_VALUE.search(said):
+            return CommandLineError(f"{valued[1]} needs a value; {shown}")
+        hint = f"did you mean '{near[0]}'?" if near else shown
+        return CommandLineError(f"{command} has no option '{known}'; {hint}")
+    parameter = getattr(error, "param", None)
+    if parameter and said.startswith("Missing"):
+        name = (parameter.metavar or parameter.name).upper().replace("_", "-")
+        wanted = name if parameter.param_type_name == "argument" else parameter.opts[-1]
+        about = f": {parameter.help.rstrip('.')}" if parameter.help else ""
+        return CommandLineError(f"{command} needs {wanted}{about}; {shown}")
+    if extra := _EXTRA.search(said):
+        return CommandLineError(f"{command} takes no further '{extra[1]}'; {shown}")
+    if unknown := _NO_COMMAND.search(said):
+        inner = sorted(getattr(getattr(error, "cmd", None), "commands", ()))
+        hint = suggestion(unknown[1], inner) or f"write one of {', '.join(inner)}"
+        return CommandLineError(f"{command} has no command '{unknown[1]}'; {hint}")
+    return CommandLineError(f"{said[:1].lower()}{said[1:].rstrip('.')}; {shown}")
+
+
+def _named(error: typer.TyperException, words: Sequence[str]) -> tuple[str, str]:
+    """Return the command that an error is about, and where its parameters are listed."""
+    path = getattr(getattr(error, "ctx", None), "command_path", None)
+    path = path or " ".join(["contactlab", *words[:1]])
+    return f"`{path}`", f"see `{path} --help`"
+
+
+def _spelled(name: str) -> str:
+    return f"--{name.rstrip('_').replace('_', '-')}"
+
+
 def _flags(own: inspect.Parameter, option: Option) -> list[str]:
-    name = f"--{own.name.rstrip('_').replace('_', '-')}"
+    name = _spelled(own.name)
     if own.default is True:
         name += f"/--no-{name[2:]}"
     return [*filter(None, (option.short,)), name]
@@ -102,9 +197,12 @@ def _format_options(command: Command) -> Iterator[inspect.Parameter]:
     """Yield the option that chooses among formats, if there are several."""
     if len(command.formats) > 1:
         names = tuple(command.formats)
-        read = typer.Option(names[0], "--format", help="How results are printed.")
-        # Typer shows the choices of a literal, which is made of the names as it runs.
-        kind: Any = Literal
-        yield inspect.Parameter(
-            _FORMAT, inspect.Parameter.KEYWORD_ONLY, default=read, annotation=kind[names]
+        read = typer.Option(
+            names[0],
+            "--format",
+            help="How results are printed.",
+            parser=_word_of("--format", names),
+            metavar="|".join(names),
         )
+        kind = inspect.Parameter.KEYWORD_ONLY
+        yield inspect.Parameter(_FORMAT, kind, default=read, annotation=str)

@@ -53,13 +53,33 @@ def summary_text(store: "Store", given: Given) -> None:
     for line in _as_expected(store):
         tell(line)
     _print_missing_effects(columns)
-    if manifest.runs <= _MOST_ROWS_SHOWN:
+    if chosen := [*_of_chosen_runs(store)]:
+        for told in chosen:
+            tell(told)
+    elif manifest.runs <= _MOST_ROWS_SHOWN:
         _print_runs(columns.axis_names, store.table.to_pylist())
     elif axes:
         _print_values(by_importance(axes, labels), labels)
     echo(f"{manifest.runs:,} runs, {manifest.traces:,} traces in {path}")
     look = str(columns.run_ids[int(labels.codes.argmin())])[:_ID_DIGITS]
     echo(f"look closer: contactlab show {path} {look}")
+
+
+def _of_chosen_runs(store: "Store") -> "Iterator[str]":
+    """Yield what a sweep found that chose its runs by what came of others."""
+    from contactlab.reporting.boundaries import boundaries, boundary_lines, coverage
+    from contactlab.reporting.found_worst import worst_lines
+    from contactlab.reporting.known_shares import known_shares, share_lines
+    from contactlab.reporting.sensitivity import sensitivities, sensitivity_lines
+
+    if known := known_shares(store):
+        yield from share_lines(*known)
+    yield from worst_lines(store)
+    for sensitivity in sensitivities(store):
+        yield from sensitivity_lines(sensitivity)
+    if found := boundaries(store):
+        yield coverage(found)
+        yield from boundary_lines(found)
 
 
 def _print_missing_effects(columns: "RunColumns") -> None:

@@ -21,6 +21,10 @@ Progress = Callable[[int, int], None]
 """Called with the runs done and the runs in all, as they finish."""
 
 
+Begin = Callable[[str], None]
+"""Called with words for a part of some work as it begins."""
+
+
 @dataclass(frozen=True)
 class Watch:
     """Watcher of runs: it is told of them, and may ask them to stop."""
@@ -70,6 +74,19 @@ class Surroundings:
                 self._progress(done, total)
 
         return nullcontext(Watch(begin, advance))
+
+    def in_parts(self, most: int) -> "AbstractContextManager[Begin]":
+        """Follow work of at most so many parts; the function that is returned begins the next."""
+        begun = 0
+
+        def begin(part: str) -> None:
+            nonlocal begun
+            del part
+            if self._progress is not None:
+                self._progress(min(begun, most), most)
+            begun += 1
+
+        return nullcontext(begin)
 
 
 _PYTHON = Surroundings()

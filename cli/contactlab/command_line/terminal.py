@@ -26,7 +26,7 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
-from contactlab.command_line.surroundings import Surroundings, Watch
+from contactlab.command_line.surroundings import Begin, Surroundings, Watch
 from contactlab.errors import StoppedError
 from contactlab.printable import first_names, in_one_line, printable
 
@@ -204,9 +204,8 @@ def label_style(name: str) -> str:
 
 
 def stdout() -> Console:
-    """Return the console for results; lines are not wrapped unless it is a terminal."""
-    console = Console()
-    return console if console.is_terminal else Console(width=10_000)
+    """Return the console for results: as wide as the terminal, or 80 columns where none is."""
+    return Console()
 
 
 def say(message: str) -> None:
@@ -302,6 +301,24 @@ class ProgressDisplay:
         )
 
 
+class PartsBar:
+    """Bar of some work in parts, with words for the one that is under way."""
+
+    def __init__(self, most: int) -> None:
+        self._most, self._begun, self._part = most, 0, "reading the model"
+
+    def begin(self, part: str) -> None:
+        """Begin the next part."""
+        self._part, self._begun = part, min(self._begun + 1, self._most)
+
+    def line(self) -> Text:
+        """Return the current state as one line."""
+        filled = _BAR * max(0, self._begun - 1) // self._most
+        line = Text(no_wrap=True, overflow="ellipsis")
+        line.append("█" * filled, "green").append("░" * (_BAR - filled), "dim")
+        return line.append(f" {in_one_line(self._part)}")
+
+
 @contextmanager
 def progress_display() -> Generator[ProgressDisplay]:
     """Yield a display on stderr: live on a terminal, else a plain line every ten seconds."""
@@ -372,6 +389,19 @@ class Terminal(Surroundings):
         """Show progress on stderr, and stop on Ctrl-C and SIGTERM."""
         with resumable(then) as stop, progress_display() as display:
             yield Watch(display.begin, display.advance, stop)
+
+    @contextmanager
+    def in_parts(self, most: int) -> "Generator[Begin]":
+        """Show one bar for all parts on a terminal's stderr; elsewhere nothing."""
+        notice.clear()
+        console = Console(stderr=True)
+        bar = PartsBar(most)
+        with resumable("examine it anew"):
+            if not console.is_terminal:
+                yield bar.begin
+                return
+            with Live(console=console, get_renderable=bar.line, transient=True):
+                yield bar.begin
 
     def announce(self, markdown: Callable[[], str], annotations: Callable[[], str]) -> None:
         """Add to the summary of a GitHub job, and annotate it; nothing elsewhere."""

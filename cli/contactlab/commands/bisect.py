@@ -90,9 +90,12 @@ def bisect(
         ExpectationError: both ends give the same.
         EngineError: a release is not to be had.
     """
+    from contactlab.resources import find_sweep
     from contactlab.studies.lock import bisection
     from contactlab.studies.lock.versions import releases, run_sweep, run_test
 
+    if "::" not in source:
+        find_sweep(source)  # before a release is set up
     listed = releases(good, bad, versions.split(",") if isinstance(versions, str) else versions)
     is_test = "::" in source
     name = source.rpartition("::")[2] if is_test else Path(source).stem

@@ -1,17 +1,26 @@
-"""`contactlab examine`: the error budget of a model under its task."""
+"""`contactlab examine`: whether a model can be trusted, and what mends it, on one page."""
 
+from collections.abc import Generator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from tempfile import TemporaryFile
+from tempfile import TemporaryDirectory, TemporaryFile
 from typing import TYPE_CHECKING, Annotated
 
 from contactlab.command_line import options as opt
-from contactlab.command_line.declaration import Argument, Given, Option, command
-from contactlab.command_line.surroundings import say
+from contactlab.command_line.declaration import Given, Option, Show, command
+from contactlab.command_line.judgements import printed
+from contactlab.command_line.surroundings import say, surroundings
 from contactlab.command_line.terminal import echo
 from contactlab.errors import ExpectationError, OutputError
 
 if TYPE_CHECKING:
     from contactlab.schema.examination import Examination
+    from contactlab.studies.examine.examination import ExamineRequest
+    from contactlab.studies.session import Session
+    from contactlab.writers import Report
+
+_FOLDER, _PAGE, _REPORT = "examine", "page.html", "examination.json"
+_FILES = {".html", ".htm", ".json"}
 
 
 def _text(report: "Examination", given: Given) -> None:
@@ -28,47 +37,152 @@ def _full(report: "Examination", given: Given) -> None:
     echo("\n".join(examination_lines(report, full=True)))
 
 
-def _json(report: "Examination", given: Given) -> None:
+def _report_of(report: "Examination", given: Given) -> "Report":
+    from contactlab.studies.examine.examination_report import report_of
+
     del given
-    echo(report.model_dump_json(indent=2))
+    return report_of(report)
 
 
-def _failure(report: "Examination", given: Given) -> ExpectationError | None:
+def failure(report: "Examination", given: Given) -> ExpectationError | None:
+    """Return the error of a model that is not sound."""
     del given
-    if report.sound:
-        return None
-    word, within = report.budget.verdict, report.budget.within
-    return ExpectationError(f"{report.model} is not sound within {within:.0%}: {word}")
+    return None if report.sound else ExpectationError(f"{report.model}: {report.sentence}")
+
+
+_OF_JOBS = printed(_report_of)
+FORMATS: Mapping[str, Show] = {
+    "text": _text,
+    "full": _full,
+    **{form: _OF_JOBS[form] for form in ("json", "markdown", "junit", "github")},
+}
+"""How an examination is printed, whichever of its sections were asked for."""
+
+
+def examined(
+    request: "ExamineRequest",
+    output: str | Path | None,
+    workers: int | None,
+    *,
+    allow_code: bool = False,
+    page: bool = False,
+) -> "Examination":
+    """Examine a model; write its report, its evidence and its page, if wanted.
+
+    Raises an OutputError if they cannot be written, before anything is run.
+    """
+    from dataclasses import replace
+
+    from contactlab.run.worker_pool import worker_count
+    from contactlab.studies.examine.examination import run
+    from contactlab.studies.session import Session
+
+    target = None if output is None else opt.folder_of(output)
+    file = target if target is not None and target.suffix in _FILES else None
+    page = page or (file is not None and file.suffix != ".json")
+    parts = request.parts + page
+    with (
+        _folder(request.model, None if file else target, kept=file is None) as folder,
+        surroundings().in_parts(parts) as begin,
+    ):
+        if file is not None:
+            _check_file(file)
+        session = Session(folder, worker_count(workers), notify=say, allow_code=allow_code)
+        session.claim(_FOLDER, request.model)
+        report = run(replace(request, begins=begin), session)
+        if file is None:
+            report = report.model_copy(update={"evidence": str(folder)})
+        if page:
+            begin("drawing its page")
+            report = _drawn(report, session, file or folder / _PAGE)
+        if file is None:
+            session.write({_REPORT: report.model_dump_json(indent=2) + "\n"})
+        elif file.suffix == ".json":
+            _write(file, report.model_dump_json(indent=2) + "\n")
+    return report
+
+
+@contextmanager
+def _folder(model: str, folder: Path | None, *, kept: bool) -> Generator[Path]:
+    """Yield the folder of an examination; one that goes afterwards, if it is not kept."""
+    from contactlab.resources import RESULTS
+    from contactlab.studies.session import free_folder
+
+    if not kept:
+        with TemporaryDirectory(prefix="contactlab-") as name:
+            yield Path(name)
+    else:
+        yield folder or free_folder(RESULTS / _FOLDER, _FOLDER, model)
+
+
+def _check_file(file: Path) -> None:
+    """Refuse a file that cannot be written, before minutes of measuring."""
+    from contactlab.store.atomic_files import write_errors
+
+    with write_errors(file), TemporaryFile(dir=file.parent):
+        if file.is_dir():
+            raise OutputError(f"{file} is a folder; write the name of a file, as in a.json")
+
+
+def _write(file: Path, text: str) -> None:
+    from contactlab.store.atomic_files import atomic_write, write_errors
+
+    with write_errors(file), atomic_write(file) as path:
+        path.write_text(text, encoding="utf-8")
+    say(f"wrote {file}")
+
+
+def _drawn(report: "Examination", session: "Session", file: Path) -> "Examination":
+    """Draw the page of an examination, from the store of its runs."""
+    from contactlab.page.report_files import write_page
+    from contactlab.reporting.report import PageRequest
+    from contactlab.store.finished_store import Store
+    from contactlab.studies.check.checked_model import TASK_STORE
+
+    report = report.model_copy(update={"page": str(file)})
+    store = Store.open(session.folder / TASK_STORE)
+    write_page(store, file, PageRequest(examination=report))
+    return report
 
 
 @command(
     "examine",
     examples=("examine robot.xml", "robot.xml --within 30% --write sound/robot.xml"),
-    formats={"text": _text, "full": _full, "json": _json},
-    failure=_failure,
+    formats=FORMATS,
+    failure=failure,
 )
 def examine(
-    model: Annotated[
-        str | Path,
-        Argument(
-            "MODEL|SCENE", "Scene, scene folder, .xml or .urdf file, or menagerie:ROBOT.", kind=str
-        ),
-    ],
+    model: opt.Model,
     *,
     set: opt.Set = (),
-    output: Annotated[
-        str | Path | None,
-        Option("FILE", "File for the report: .json.", kind=Path, short="-o"),
-    ] = None,
+    only: Annotated[
+        Sequence[str],
+        Option(
+            "SECTION",
+            "Make only this section: labels, budget, facts, checks, contacts or changes; may be "
+            "repeated.",
+            kind=list[str],
+        ),
+    ] = (),
+    output: opt.ExaminationOutput = None,
     write: Annotated[
         str | Path | None,
         Option("FILE", "File for the model with the first change that helps.", kind=Path),
     ] = None,
+    accept: Annotated[
+        Sequence[str],
+        Option(
+            "NAME",
+            "Write this change of the physics too, by its printed name; may be repeated.",
+            kind=list[str],
+        ),
+    ] = (),
     start: opt.Start = None,
     drive: opt.Drive = None,
     duration: opt.Duration = None,
     watch: opt.Watch = (),
     within: opt.Within = (),
+    must: opt.Must = (),
     workers: opt.Workers = None,
     plugin: opt.Plugins = (),
     allow_code: opt.AllowCode = False,
@@ -76,7 +190,9 @@ def examine(
     """Say whether a model can be trusted, and which change mends it.
 
     `contactlab MODEL` is short for it. A change is judged on the task's seeds and on fresh ones;
-    `write` writes the model with the first that computes the same model otherwise.
+    `write` writes the model with the first that computes the same model otherwise, or with those
+    that make another one and that `accept` names. Page, report and evidence go to
+    `results/examine/NAME` unless `output` names another folder, or a file for one of them.
 
     The verdict is sound, unresolved (the timestep, solver or integrator is at fault), not resolved
     (nor is the reference known), or model (the result hangs on how soft or regularised it is).
@@ -87,28 +203,17 @@ def examine(
         EngineError: nothing moves, or MuJoCo is not what simulates.
         OutputError: the report or the model cannot be written.
     """
-    from contactlab.store.atomic_files import atomic_write, write_errors
-    from contactlab.studies.examine.examination import ExamineRequest, run
+    from contactlab.studies.examine.examination import ExamineRequest, sections_of
 
     opt.load_plugins(plugin)
-    task = opt.task_of(start, drive, duration, watch, within)
-    if output is not None:
-        # Before minutes of measuring, a folder that cannot be written to.
-        with write_errors(Path(output)), TemporaryFile(dir=Path(output).parent):
-            if Path(output).is_dir():
-                raise OutputError(f"{output} is a folder; write the name of a file, as in a.json")
+    if write is not None and Path(write).exists():
+        raise OutputError(f"{write} exists; choose another file with --write")
     request = ExamineRequest(
         model=str(model),
         assign=opt.assigned(set),
-        task=task,
-        workers=workers,
-        allow_code=allow_code,
+        task=opt.task_of(start, drive, duration, watch, within, must),
+        sections=sections_of(only),
         write=None if write is None else Path(write),
-        told=say,
+        accept=tuple(accept),
     )
-    report = run(request)
-    if output is not None:
-        with write_errors(Path(output)), atomic_write(Path(output)) as path:
-            path.write_text(report.model_dump_json(indent=2) + "\n", encoding="utf-8")
-        say(f"wrote {output}")
-    return report
+    return examined(request, output, workers, allow_code=allow_code, page=not only)

@@ -73,7 +73,7 @@ def explain(
     given = [what] if isinstance(what, str) else what
     assign = [word for word in given if "=" in word]
     names = [word for word in given if "=" not in word]
-    models = [x for x in names if x in scene_names() or "menagerie:" in x or Path(x).exists()]
+    models = [name for name in names if name in scene_names() or set(name) & set(":./")]
     if not assign and (len(names) > 1 or is_defined(names[0]) or not models):
         return Explanation("\n\n".join(map(define, names)))
     if len(names) != 1:

@@ -88,6 +88,7 @@ def lock(
         SweepFileError: the sweep or a setting holds mistakes.
         OutputError: a file cannot be written.
     """
+    from contactlab.resources import find_sweep
     from contactlab.store.finished_store import Store
     from contactlab.studies.lock.judgement import judge
     from contactlab.studies.lock.lock_file import gated_metrics, lock_of, read, write
@@ -100,6 +101,7 @@ def lock(
     path = Path(file) if file else store.with_name(f"{store.stem}.lock.yaml")
     known = read(path) if check else None
     if not (store / "manifest.json").is_file():
+        find_sweep(str(source))
         store = Path("results", "lock", store.stem)
         run_sweep(str(source), store, mujoco, [*given, "--fresh"], say)
     elif given or mujoco:

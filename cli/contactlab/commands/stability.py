@@ -1,4 +1,4 @@
-"""`contactlab stability`: hard cases, and generic checks of models."""
+"""`contactlab stability`: the catalogue of hard cases, and the labels of a model's own runs."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -7,33 +7,35 @@ from typing import TYPE_CHECKING, Annotated
 from contactlab.command_line import options as opt
 from contactlab.command_line.declaration import Argument, Given, command
 from contactlab.command_line.surroundings import rerun_with_mujoco, study_session
-from contactlab.command_line.terminal import echo, echo_unexercised, print_json, print_table
-from contactlab.errors import ExpectationError
+from contactlab.command_line.terminal import echo, print_json, print_table
+from contactlab.commands.examine import FORMATS, examined, failure
+from contactlab.errors import ContactlabError, ExpectationError, SweepFileError
 from contactlab.printable import shortened
 
 if TYPE_CHECKING:
     from contactlab.schema.check_report import StabilityReport, StabilityResult
+    from contactlab.schema.examination import Examination
 
 
-def _text(report: "StabilityReport", given: Given) -> None:
-    from contactlab.studies.stability_cases import find_cases
+def _text(report: "StabilityReport | Examination", given: Given) -> None:
+    from contactlab.schema.examination import Examination
 
-    _print_cases(report.cases)
-    named = [str(name) for name in given["names"]]
-    for model in (case.origin for case in find_cases(named) if case.is_generic):
-        echo(
-            "stability looks at whole runs; what the model is made of, and what to change: "
-            f"contactlab check {model}"
-        )
+    if isinstance(report, Examination):
+        FORMATS["text"](report, given)
+    else:
+        _print_cases(report.cases)
 
 
-def _json(report: "StabilityReport", given: Given) -> None:
+def _json(report: "StabilityReport | Examination", given: Given) -> None:
     del given
     print_json(report.model_dump(mode="json"))
 
 
-def _failure(report: "StabilityReport", given: Given) -> ExpectationError | None:
-    del given
+def _failure(report: "StabilityReport | Examination", given: Given) -> ContactlabError | None:
+    from contactlab.schema.examination import Examination
+
+    if isinstance(report, Examination):
+        return failure(report, given)
     failed = [case.name for case in report.cases if not case.passed]
     count = f"{len(failed)} of {len(report.cases)} cases failed"
     return ExpectationError(f"{count}: {', '.join(failed)}") if failed else None
@@ -48,7 +50,7 @@ def _failure(report: "StabilityReport", given: Given) -> ExpectationError | None
 def stability(
     names: Annotated[
         Sequence[str | Path],
-        Argument("NAME", "Cases or model files; all cases by default.", kind=list[str]),
+        Argument("NAME", "Cases, or a model; all cases by default.", kind=list[str]),
     ] = (),
     *,
     output: opt.StudyFolder = None,
@@ -63,46 +65,55 @@ def stability(
     set: opt.Set = (),
     plugin: opt.Plugins = (),
     allow_code: opt.AllowCode = False,
-) -> "StabilityReport":
+) -> "StabilityReport | Examination":
     """Run hard cases, or a model; say which held and which failed.
 
-    Each case has a store in `results/stability`, or in the folder `output`.
+    Each case has a store in `results/stability`, or in the folder `output`. Of a model it is the
+    section `labels` of its examination, with its numbers.
 
     Raises:
         SweepFileError: there is no such case, or a setting is wrong.
     """
     from contactlab.resources import RESULTS
-    from contactlab.studies.stability_cases import StabilityRequest, run
+    from contactlab.studies.examine.examination import ExamineRequest
+    from contactlab.studies.stability_cases import find_cases, is_model, run
 
     folder = RESULTS / "stability" if output is None else opt.folder_of(output)
     rerun_with_mujoco(mujoco, None if output else folder)
     opt.load_plugins(plugin)
     task = opt.task_of(start, drive, duration, watch, within, must)
+    named = [str(name) for name in ([names] if isinstance(names, str | Path) else names)]
+    if any(map(is_model, named)):
+        if len(named) > 1:
+            raise SweepFileError(f"{' '.join(named)}: name one model, or cases")
+        request = ExamineRequest(
+            model=named[0], assign=opt.assigned(set), task=task, sections=("labels",)
+        )
+        return examined(request, output, workers, allow_code=allow_code)
+    cases = find_cases(named)
+    given = [*opt.assigned(set), *task.settings, *task.watch, *task.limits]
+    if given or task.drive or task.within:
+        raise SweepFileError(
+            f"'{cases[0].name}' is a case with settings and a drive of its own; give these to a "
+            "model, or to the case's sweep"
+        )
     then = "repeat the finished cases and resume this one"
-    request = StabilityRequest([str(name) for name in names], task, opt.assigned(set))
     with study_session(folder, workers, then, allow_code=allow_code) as session:
-        return run(request, session)
+        return run(cases, session)
 
 
 def _print_cases(done: "Sequence[StabilityResult]") -> None:
-    for line in dict.fromkeys(each.task.line for each in done if each.task):
-        echo(line)
-    for each in done:
-        if each.verdict:
-            echo(f"{each.name}: {each.verdict.line}")
     rows: list[tuple[object, ...]] = []
-    for each in done:
-        labels = ", ".join(f"{label} {count}" for label, count in each.labels.items())
-        met = f"{each.met}/{each.asked}"
-        end = (each.error, each.step, each.seconds)
-        rows.append((each.name, each.runs, met, each.controls, labels, *end))
+    for case in done:
+        labels = ", ".join(f"{label} {count}" for label, count in case.labels.items())
+        met = f"{case.met}/{case.asked}"
+        end = (case.error, case.step, case.seconds)
+        rows.append((case.name, case.runs, met, case.controls, labels, *end))
     header = ("case", "runs", "as expected", "controls", "labels", "error", "step", "seconds")
     print_table(header, rows)
-    for each in done:
-        for miss in shortened(each.misses, 5, each.store):
-            echo(f"{each.name} {miss}")
-    for each in done:
-        echo_unexercised(each.not_exercised, f"{each.name}: ")
-    seconds = sum(each.seconds for each in done)
-    met = sum(each.passed for each in done)
+    for case in done:
+        for miss in shortened(case.misses, 5, case.store):
+            echo(f"{case.name} {miss}")
+    seconds = sum(case.seconds for case in done)
+    met = sum(case.passed for case in done)
     echo(f"{met} of {len(done)} cases are as expected, in {seconds:.0f} s")

@@ -239,14 +239,20 @@ def _axes(plan: "Plan") -> list[tuple[str, str, int, str]]:
 
 def _print_plan(plan: "Plan", forecast: "Forecast") -> None:
     print_table(("axis", "role", "values", "range"), _axes(plan))
-    echo(f"runs   {forecast.runs:,} (seeds {len(plan.sweep.seed_values)})")
-    echo(f"steps  {forecast.steps:,}")
-    echo(f"time   {_seconds(forecast.seconds[0])} to {_seconds(forecast.seconds[1])}")
+    part, least = 1.0, ""
+    if refine := plan.sweep.refine:
+        from contactlab.plan.refined_axes import least_runs
+
+        runs = least_runs(refine, forecast.runs)
+        part, least = runs / forecast.runs, f"{runs:,} to "
+    echo(f"runs   {least}{forecast.runs:,} (seeds {len(plan.sweep.seed_values)})")
+    echo(f"steps  {f'{part * forecast.steps:,.0f} to ' if least else ''}{forecast.steps:,}")
+    echo(f"time   {_seconds(part * forecast.seconds[0])} to {_seconds(forecast.seconds[1])}")
     passes = {"accuracy": forecast.accuracy_seconds, "timing": forecast.timing_seconds}
     for name, seconds in passes.items():
         if seconds:
             echo(f"       {_seconds(seconds)} of it for {name}")
-    echo(f"disk   {_megabytes(forecast.bytes)} of traces")
+    echo(f"disk   {_megabytes((part * forecast.bytes[0], forecast.bytes[1]))} of traces")
     for form, size in forecast.bytes_by_format.items():
         if form != plan.sweep.trace_format and size[1]:
             echo(f"       {_megabytes(size)} with trace_format: {form}")

@@ -8,7 +8,7 @@ from contactlab.command_line import options as opt
 from contactlab.command_line.declaration import Argument, Given, Option, command
 from contactlab.command_line.surroundings import say, study_session
 from contactlab.command_line.terminal import echo, print_json, print_table
-from contactlab.errors import ExpectationError, OutputError
+from contactlab.errors import ExpectationError, OutputError, SweepFileError
 from contactlab.printable import shortened
 from contactlab.resources import RESULTS
 
@@ -112,6 +112,7 @@ def tradeoff(
         # An engine is needed to run a sweep, and to write a model.
         from contactlab.studies.tradeoff_sweep import TradeoffRequest, run
 
+        _check_metric(error)
         request = TradeoffRequest(name, criteria, target, task, folder)
         with study_session(RESULTS / "tradeoff", workers, allow_code=allow_code) as session:
             report = run(request, session)
@@ -124,6 +125,17 @@ def tradeoff(
     if sweep_file is not None and report.recommendation is not None:
         _write(sweep_file, report)
     return report
+
+
+def _check_metric(error: str | None) -> None:
+    """Refuse a measure of accuracy that there is not, before anything is run."""
+    from contactlab.measure import METRICS
+    from contactlab.schema.evidence import ERRORS
+
+    rest = "; `contactlab list metrics` lists all"
+    if error is not None:
+        known = [*METRICS, *ERRORS]
+        SweepFileError.unless_known(error, known, f"--error {error}: no metric", rest)
 
 
 def _check_heeded(task: "TaskOptions", store: str) -> None:

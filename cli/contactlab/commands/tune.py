@@ -1,7 +1,7 @@
 """`contactlab tune`: from a model to the settings to use, written and proven."""
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -15,10 +15,8 @@ from contactlab.printable import shortened
 if TYPE_CHECKING:
     from contactlab.schema.study_reports import Candidate, TuneReport
 
-_NONE: Mapping[str, float] = {}
-_SECONDS = {"s": 1.0, "min": 60.0, "h": 3600.0}
 _REALITY = "reality"
-_NUMBER, _TIME = "a number above 0, such as 1e-3", "a time, such as 90s, 5min or 1h"
+_LENGTH, _TIME = "a length, such as 1e-3 or 1mm", "a time, such as 90s, 5min or 1h"
 
 
 def _text(report: "TuneReport", given: Given) -> None:
@@ -116,7 +114,7 @@ def tune(
         model=str(model),
         goal=goal,
         error=_distance(error),
-        budget=_read_positive("--budget", str(budget), _TIME, _SECONDS),
+        budget=_read_positive("--budget", str(budget), _TIME, "s"),
         free=free,
         drop_sensors=drop_sensors,
         task=opt.task_of(start, drive, duration, watch, within, must),
@@ -132,7 +130,7 @@ def tune(
 def _distance(error: float | str | None) -> float | Literal["reality"] | None:
     if error is None or error == _REALITY:
         return error and "reality"
-    return _read_positive("--error", str(error), _NUMBER)
+    return _read_positive("--error", str(error), _LENGTH, "m")
 
 
 def _draw(report: "TuneReport", folder: Path, figure: Path) -> None:
@@ -150,14 +148,12 @@ def _draw(report: "TuneReport", folder: Path, figure: Path) -> None:
         say(f"drew {figure}")
 
 
-def _read_positive(option: str, text: str, like: str, units: Mapping[str, float] = _NONE) -> float:
-    """Return a number above 0; with units, one in any of them."""
-    number = text.rstrip("".join(units) + " ")
-    try:
-        value = float(number) * {"": 1.0, **units}[text.removeprefix(number).strip()]
-    except (ValueError, KeyError):
-        value = math.nan
-    if not 0 < value < math.inf:
+def _read_positive(option: str, text: str, like: str, kind: str) -> float:
+    """Return a number above 0, in a unit of a kind or without one."""
+    from contactlab.schema.setting_values import read_quantity
+
+    value, unit = read_quantity(text)
+    if not 0 < value < math.inf or unit not in ("", kind):
         raise SweepFileError(f"{option} {text}: write {like}")
     return value
 

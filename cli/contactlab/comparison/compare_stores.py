@@ -6,6 +6,7 @@ from datetime import date
 from pathlib import Path
 
 from contactlab.comparison.metric_checks import Remeasure, metric_checks, remeasured_check
+from contactlab.comparison.outcome_checks import outcome_checks
 from contactlab.comparison.pairing import (
     PairedStores,
     Pairing,
@@ -151,6 +152,7 @@ def _report(paired: PairedStores, remeasure: Remeasure | None) -> ComparisonRepo
         *unpaired_checks(paired),
         knife_edge_check(paired),
         *label_checks(labels),
+        *outcome_checks(gated),
         *expectation_checks(gated),
         *metric_checks(gated),
         recommendation_check(paired),

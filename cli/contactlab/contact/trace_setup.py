@@ -95,7 +95,6 @@ class Equality:
     scale: float
     """Length or angle that its violation is compared with: the smaller body that it connects, a
     tendon's length, a joint's range or a quarter turn; infinite where none is known."""
-    constant: float = 0.0  # time constant of its spring [s]
     elastic: bool = False  # whether it may stretch by much for a moment, as edges of a flex
 
 

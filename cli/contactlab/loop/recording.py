@@ -6,6 +6,8 @@ be, nor how many there are; so the store's identity is completed when the record
 
 import hashlib
 import math
+import sys
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
@@ -119,7 +121,17 @@ class Recording(Listener):
     ) -> None:
         super().__init__(reader)
         self.store, self.episodes = writer.path, len(writer.done)
+        self._labels: Counter[str] = Counter()  # of the episodes of this process
         self._writer, self._worker, self._opened = writer, worker, opened
+
+    def __repr__(self) -> str:
+        """Say what is recorded, where, and by which command it is read."""
+        count = f"{self.episodes} episode{'s' if self.episodes != 1 else ''}"
+        labels = ", ".join(f"{number} {label}" for label, number in self._labels.most_common())
+        said = f"{count} in {self.store}{f': {labels}' if labels else ''}"
+        if not self.closed:
+            return f"<recording, {said}>"
+        return f"{said}\nnext: contactlab report {self.store}" if self.episodes else f"<{said}>"
 
     def follow(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         """End the episode and record another simulation, as environments make when they are reset.
@@ -173,6 +185,8 @@ class Recording(Listener):
 
     def __exit__(self, _: object, error: BaseException | None, __: TracebackType | None) -> None:
         self.close(error)
+        if error is None:
+            sys.stderr.write(f"{self!r}\n")
 
     def _cut(self, why: str | None) -> None:
         self._end(why)
@@ -209,6 +223,7 @@ class Recording(Listener):
         episode = Episode(plan, rollout, known_of(steps), self._started, said)
         finished = self._worker.finish_loop(*episode)
         self._writer.append([finished.row])
+        self._labels[finished.label] += 1
         self.episodes += 1
         reader.clear()
 

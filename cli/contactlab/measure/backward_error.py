@@ -81,7 +81,7 @@ def phantom_forces(context: Context, run: int) -> str:
     rank=4,
     thresholds=(TOLERANCE,),
     letter="J",
-    colour="#83140e",
+    colour="#a2130b",
     advice="the change that its budget names: contactlab examine MODEL",
 )
 def step_dependent(runs: MeasuredRuns) -> Found:

@@ -7,31 +7,16 @@ import numpy as np
 
 from contactlab.contact.trace_arrays import Floats
 from contactlab.contact.trace_setup import DEGREES, QUARTER_TURN, Mechanism, Part
-from contactlab.measure.backward_error import phantom_forces, unresolved_runs
+from contactlab.measure.backward_error import TOLERANCE, phantom_forces, unresolved_runs
 from contactlab.measure.context import Context, cached, first_step, worst_pair
 from contactlab.measure.entries import Found, MeasuredRuns, Onset, Threshold, label, metric
 
 _PEAK = Threshold(
-    "constraint_violation", 0.4, "1", "Public robots reach 0.2; stops pushed through, 0.9 to 3."
-)
-OVERSHOOT = Threshold(
-    "limit_overshoot", 0.1, "1", "On constraint_violation, where backward_error is too large."
-)
-_AT_REST = Threshold(
-    "constraint_violation_rest",
-    0.3,
+    "constraint_violation",
+    0.5,
     "1",
-    "Heavy loads stretch ropes and loops of default solref by 0.2; what comes apart reaches 0.46.",
+    "Beyond the middle of its range, or of the body that it holds, nothing is held any more.",
 )
-_SOFT = Threshold(
-    "soft_violation_rest", 0.1, "1", "Springs of a mocap body reach 0.07; a torn banner, 0.22."
-)
-_YIELDS = Threshold(
-    "limit_violation_rest", 0.04, "1", "Public robots stay below 0.02; stretched wires reach 0.05."
-)
-# From which time constant [s] of its spring an equality is judged so at rest; as by default, 0.02.
-_CONSTANTS = {_AT_REST: 0.0, _SOFT: 0.1, _YIELDS: 0.2}
-_NEARLY = 1 - 1e-9
 _STILL = 0.1  # Quantile of what bears at rest; what is shaken swings back from its limits
 
 
@@ -45,7 +30,6 @@ class _Violation:
     peak: Floats  # (n,) the largest; of limits, beyond that of the start
     rest: Floats  # (n,) the median of the last quarter, likewise
     course: Floats | None = None  # (n, N) over time; None for what is sampled
-    constant: float = np.inf  # time constant of an equality's spring [s]
 
 
 @cached
@@ -61,9 +45,7 @@ def _violations(context: Context) -> list[_Violation]:
         gaps = np.moveaxis(trace.equality_gaps, 0, 2)
         for one, (peak, rest) in zip(mechanism.equalities, gaps, strict=True):
             most = peak * np.nan if one.elastic else peak
-            found.append(
-                _Violation(one.name, one.unit, one.scale, most, rest, constant=one.constant)
-            )
+            found.append(_Violation(one.name, one.unit, one.scale, most, rest))
     found += _of_brakes(context, mechanism)
     return [
         violation for violation in found if violation is not None and np.isfinite(violation.scale)
@@ -130,36 +112,14 @@ def constraint_violation_rest(context: Context) -> Floats:
 
     Likewise how far friction loss lets creep what it could hold, over reach or a quarter turn.
     """
-    return _at_rest(context, _AT_REST)
-
-
-@metric("1", "lower", 1e-9, kind="detail")
-def soft_violation_rest(context: Context) -> Floats:
-    """Largest part of constraint_violation_rest of all but equalities faster than 0.1 s."""
-    return _at_rest(context, _SOFT)
-
-
-@metric("1", "lower", 1e-9, kind="detail")
-def limit_violation_rest(context: Context) -> Floats:
-    """Largest part of constraint_violation_rest of limits, friction loss or slow equalities."""
-    return _at_rest(context, _YIELDS)
-
-
-def _at_rest(context: Context, judge: Threshold) -> Floats:
     return worst_pair(
-        context, [violation.rest / violation.scale for violation in _judged(context, judge)]
+        context, [violation.rest / violation.scale for violation in _violations(context)]
     )
-
-
-def _judged(context: Context, judge: Threshold) -> list[_Violation]:
-    """Return what a threshold judges: at rest, what is as slow as it says."""
-    least = _NEARLY * _CONSTANTS.get(judge, 0.0)
-    return [violation for violation in _violations(context) if violation.constant >= least]
 
 
 def _overshoots(runs: MeasuredRuns) -> Found:
     """Yield runs in which a limit gives way, and which are not the motion of their model."""
-    context, limit = runs.context, runs.limits[OVERSHOOT.name]
+    context, limit = runs.context, runs.limits[TOLERANCE.name]
     for run in () if context.setup.steered else unresolved_runs(context):
         for violation in _violations(context):
             most = violation.peak[run]
@@ -172,18 +132,18 @@ def _overshoots(runs: MeasuredRuns) -> Found:
 @label(
     "bad",
     rank=5,
-    thresholds=(_PEAK, _AT_REST, _SOFT, _YIELDS, OVERSHOOT),
+    thresholds=(_PEAK, TOLERANCE),
     letter="V",
-    colour="#ffc7a6",
+    colour="#703efa",
     advice="a shorter time constant of limit or equality, or less load",
 )
 def constraint_violated(runs: MeasuredRuns) -> Found:
     """A limit was pushed through, or a loop, weld, gear, rope or brake gives way."""
     quarter = 3 * runs.context.trace.steps // 4
-    at_rest = ((constant, " at rest", quarter) for constant in _CONSTANTS)
-    for judge, when, begin in ((_PEAK, "", 0), *at_rest):
-        for run, _, limit in runs.over(judge.name):
-            found = _judged(runs.context, judge)
+    at_rest = "constraint_violation_rest", TOLERANCE, " at rest", quarter
+    for name, judge, when, begin in ((_PEAK.name, _PEAK, "", 0), at_rest):
+        for run, _, limit in runs.over(name, judge.name):
+            found = _violations(runs.context)
             amounts = [violation.rest[run] if when else violation.peak[run] for violation in found]
             scales = [violation.scale for violation in found]
             worst = int(np.nanargmax(np.divide(amounts, scales)))

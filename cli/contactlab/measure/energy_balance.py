@@ -4,7 +4,7 @@ import numpy as np
 
 from contactlab.contact.trace_arrays import ACTUATORS, CONSTRAINTS, OTHERS, Floats, median
 from contactlab.measure.amounts import part_of
-from contactlab.measure.backward_error import phantom_forces, unresolved_runs
+from contactlab.measure.backward_error import TOLERANCE, phantom_forces, unresolved_runs
 from contactlab.measure.context import (
     Context,
     cached,
@@ -13,17 +13,8 @@ from contactlab.measure.context import (
     peak_kinetic,
     semi_implicit,
 )
-from contactlab.measure.entries import Found, MeasuredRuns, Onset, Threshold, label, metric
+from contactlab.measure.entries import Found, MeasuredRuns, Onset, label, metric
 
-INTEGRATION_GAIN = Threshold(
-    "integration_gain", 0.3, "1", "Public robots stay below 0.26; too long steps reach 0.7."
-)
-LOSS = Threshold(
-    "integration_loss", 0.12, "1", "Public robots stay below 0.05; implicit steps reach 0.17 to 1."
-)
-_CONSTRAINT_GAIN = Threshold(
-    "constraint_gain", 0.3, "1", "Public robots reach 0.25; bounces that gain, 0.5 to 1."
-)
 _LIFT = 0.04  # Share of a body's mean size; a gain that counts lifts all by 1.2 % of it
 
 
@@ -121,7 +112,7 @@ def constraint_loss(context: Context) -> Floats:
 
 def integration_gains(runs: MeasuredRuns) -> Found:
     """Yield the runs whose integrator added energy."""
-    for run, gain, limit in runs.over("integration_gain"):
+    for run, gain, limit in runs.over("integration_gain", TOLERANCE.name):
         reason = (
             f"the integrator added {part_of(gain)} the largest kinetic energy (limit {limit:g})"
         )
@@ -131,19 +122,19 @@ def integration_gains(runs: MeasuredRuns) -> Found:
 @label(
     "poor",
     rank=12,
-    thresholds=(LOSS,),
+    thresholds=(TOLERANCE,),
     letter="L",
-    colour="#a63d01",
+    colour="#dfd816",
     advice="a shorter timestep, or integrator RK4 for free motion",
 )
 def energy_loss(runs: MeasuredRuns) -> Found:
     """The integrator, or constraints of too long a step, took energy that nothing damps."""
-    for run, loss, limit in runs.over("integration_loss"):
+    for run, loss, limit in runs.over("integration_loss", TOLERANCE.name):
         reason = f"the integrator took {part_of(loss)} the largest kinetic energy (limit {limit:g})"
         yield run, Onset(reason, first_step(-_unexplained(runs.context)[run] > limit))
     taken = constraint_loss(runs.context)
     for run in unresolved_runs(runs.context):
-        if taken[run] > runs.limits[LOSS.name]:
+        if taken[run] > runs.limits[TOLERANCE.name]:
             reason = f"constraints took {part_of(taken[run])} the largest kinetic energy"
             yield run, Onset(f"{reason}; {phantom_forces(runs.context, run)}", 0)
 
@@ -152,16 +143,17 @@ def energy_loss(runs: MeasuredRuns) -> Found:
     "poor",
     rank=5,
     name="constraint_gain",
-    thresholds=(_CONSTRAINT_GAIN,),
+    thresholds=(TOLERANCE,),
     letter="K",
-    colour="#ff9e67",
+    colour="#77a2fc",
     advice="timestep at most half the shortest time constant, or a longer constant",
     traits=("numerical",),
 )
 def generous_constraints(runs: MeasuredRuns) -> Found:
-    """Contacts, limits or equalities, too stiff for the step, gave more than they had stored."""
-    given = runs.context.trace.given
-    for run, gain, limit in runs.over("constraint_gain"):
-        reason = f"constraints gave {part_of(gain)} the largest kinetic energy beyond what they had"
-        step = 0 if given is None else int(given[run, 1])
-        yield run, Onset(f"{reason} stored (limit {limit:g})", step)
+    """Contacts, limits or equalities gave more than they had stored, as their model does not."""
+    given, unresolved = runs.context.trace.given, unresolved_runs(runs.context)
+    for run, gain, limit in runs.over("constraint_gain", TOLERANCE.name):
+        if run in unresolved:
+            reason = f"constraints gave {part_of(gain)} the largest kinetic energy beyond what they"
+            step = 0 if given is None else int(given[run, 1])
+            yield run, Onset(f"{reason} had stored (limit {limit:g})", step)

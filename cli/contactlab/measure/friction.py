@@ -20,6 +20,7 @@ from contactlab.contact.trace_arrays import (
     median,
     squared_lengths,
 )
+from contactlab.measure.backward_error import TOLERANCE
 from contactlab.measure.context import (
     Context,
     bearing,
@@ -36,14 +37,12 @@ from contactlab.measure.entries import Found, MeasuredRuns, Onset, Threshold, la
 from contactlab.measure.stick_slip import HELD_USAGE, Spans, changes, spans
 
 _CREEP_SPEED = Threshold("creep_speed", None, "m/s", "Set where what sticks should stay.")
-_CREPT = Threshold(
-    "crept", 0.1, "1", "Public robots reach 0.05; grasps and stacks that give way, 0.13 to 0.2."
+_MODE_SWITCHES = Threshold(
+    "mode_switches",
+    5,
+    "1/s",
+    "Guideline for a pad that does not chatter; also on contact_losses.",
 )
-_MODE_SWITCHES = Threshold("mode_switches", 5, "1/s", "Guideline for a pad that does not chatter.")
-_CONTACT_LOSSES = Threshold(
-    "contact_losses", 5, "1/s", "As for mode_switches; a pad that bounces on what it holds has 70."
-)
-_HUNTS = Threshold("hunts", 2, "1/s", "On constant controls, with which servos should settle.")
 _FEWEST = Threshold("mode_switch_count", 3, "1", "Fewest of chatter: a stop and a start are none.")
 _ENDS = 0.01  # Share of a range of force that is as good as its end
 _OF_SCENES = {"creep_speed", "drift", "rest_speed"}  # Thresholds that say how still is still
@@ -176,9 +175,9 @@ def normal_impulse(context: Context) -> Floats:
 @label(
     "poor",
     rank=1,
-    thresholds=(_CREEP_SPEED, _CREPT),
+    thresholds=(_CREEP_SPEED, TOLERANCE),
     letter="R",
-    colour="#ceceb1",
+    colour="#480f50",
     advice="an elliptic cone with impratio 10, or a shorter time constant of solref",
 )
 def creep(runs: MeasuredRuns) -> Found:
@@ -188,7 +187,7 @@ def creep(runs: MeasuredRuns) -> Found:
         reason = f"{name} sticks, but slips at {speed:.3g} m/s (limit {limit:g} m/s)"
         yield run, Onset(reason, runs.context.last_fifth.start)
     judged = not _OF_SCENES.isdisjoint(runs.context.setup.thresholds)
-    for run, way, limit in () if judged else runs.over(_CREPT.name):
+    for run, way, limit in () if judged else runs.over("crept", TOLERANCE.name):
         crept = _crept(runs.context)
         name = max(crept, key=lambda pair: np.nan_to_num(crept[pair][run]))
         reason = f"{name} sticks, but would creep by {way:.3g} of its size (limit {limit:g})"
@@ -212,9 +211,9 @@ def contact_losses(context: Context) -> Floats:
 @label(
     "poor",
     rank=6,
-    thresholds=(_MODE_SWITCHES, _CONTACT_LOSSES, _FEWEST, _HUNTS),
+    thresholds=(_MODE_SWITCHES, _FEWEST),
     letter="C",
-    colour="#c849a9",
+    colour="#b4531d",
     advice="solimp 0.99 0.999 0.001, or a shorter timestep where solref is underdamped",
     traits=("numerical",),
 )
@@ -235,11 +234,11 @@ def chatter(runs: MeasuredRuns) -> Found:
         run, step = np.nonzero(masks[row] & ~tumbles[:, 1:])
         what = f"{context.pairs.names[place]} switched {{}} times between {between}"
         least = 0.0 if held or np.isinf(extent) else _SLIPS * extent
-        yield from _often(runs, row, (run, step + 1), what, "mode_switches", least)
+        yield from _often(runs, row, (run, step + 1), what, least)
     for row, gaps in () if held else _all_losses(context).items():
         what = f"{context.pairs.names[context.pairs.places[row]]} lost its contact {{}} times"
         what = f"{what} while it stuck"
-        yield from _often(runs, row, (gaps.run, gaps.start), what, "contact_losses")
+        yield from _often(runs, row, (gaps.run, gaps.start), what)
     yield from _hunting(runs)
 
 
@@ -319,7 +318,7 @@ def _peak(forces: Floats, touch: Spans, places: NDArray[np.intp]) -> Floats:
 
 def _hunting(runs: MeasuredRuns) -> Found:
     """Find actuators that go from one end of their force to the other, with constant controls."""
-    context, limit = runs.context, runs.limits[_HUNTS.name]
+    context, limit = runs.context, runs.limits[_FEWEST.name]
     trace, mechanism = context.trace, context.setup.mechanism
     if trace.forces is None or not trace.forces.size or mechanism is None or context.setup.steered:
         return
@@ -330,10 +329,9 @@ def _hunting(runs: MeasuredRuns) -> Found:
     still = True if ranges is None else np.ptp(ranges, axis=2) == 0
     for run, place in np.argwhere(still & (ends != 0).any(axis=1)).tolist():
         turns = np.count_nonzero(np.diff(ends[run, ends[run, :, place] != 0, place]))
-        rate = 2 * turns / context.seconds[run]
-        if rate > limit and turns >= runs.limits[_FEWEST.name]:
+        if turns >= limit:
             reason = f"{mechanism.actuators[place].name} went {turns} times from one end of its"
-            reason = f"{reason} force to the other, {rate:.3g} times a second (limit {limit:g})"
+            reason = f"{reason} force to the other under constant controls (limit {limit:g})"
             yield run, Onset(reason, half.start)
 
 
@@ -342,14 +340,13 @@ def _often(
     row: int,
     events: Events,
     what: str,
-    threshold: str,
     least: float = 0.0,
 ) -> Found:
     """Find runs with too many events a second that do not end as the run settles.
 
     What hops has to slip by as much as `least` [m] from one to the next, in the median.
     """
-    limit, fewest = runs.limits[threshold], runs.limits["mode_switch_count"]
+    limit, fewest = runs.limits[_MODE_SWITCHES.name], runs.limits[_FEWEST.name]
     series, held = runs.context.net.series, runs.context.setup.hold is not None
     seconds = hold_seconds(runs.context) if held else runs.context.seconds
     counts = np.bincount(events[0], minlength=runs.context.trace.runs)

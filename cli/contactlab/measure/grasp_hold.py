@@ -37,11 +37,11 @@ from contactlab.measure.penetration import mean_depths
 _EXPLOITED = Threshold("exploited", 3e-3, "m", "On hold_penetration, by the guideline.")
 _BROKEN = Threshold("broken", 5e-3, "m", "On hold_penetration, by the guideline.")
 _HOLD_SLIP = Threshold(
-    "hold_slip", 2e-3, "m", "Creep in soft contact is 0.01 to 1 mm in 0.5 s; slides, 8 mm and more."
+    "hold_slip", 2e-3, "m", "Less than the depth at which a grip counts as `exploited`, 3 mm."
 )
 _HOLD_OFFSET = Threshold("hold_offset", None, "m", "Set where the subject begins in its grip.")
 _HOLD_CONTACT = Threshold(
-    "hold_contact", 0.5, "1", "At least; sliding bodies hop, and touch in half of the steps."
+    "hold_contact", 0.5, "1", "At least: what is held touches most of the time."
 )
 
 
@@ -123,7 +123,7 @@ def hold_contact(context: Context) -> Floats:
     rank=10,
     thresholds=(_EXPLOITED,),
     letter="X",
-    colour="#d5ecf3",
+    colour="#6fc3fe",
     advice="a shorter time constant of solref, and impratio 10 with an elliptic cone",
     traits=("grip",),
 )
@@ -137,7 +137,7 @@ def exploited(runs: MeasuredRuns) -> Found:
     rank=8,
     thresholds=(_BROKEN,),
     letter="B",
-    colour="#102da3",
+    colour="#ea89ca",
     advice="a shorter time constant of solref, solimp nearer 1, or less grip force",
     traits=(
         "grip",
@@ -154,7 +154,7 @@ def broken(runs: MeasuredRuns) -> Found:
     rank=3,
     thresholds=(_HOLD_SLIP, _HOLD_OFFSET, _HOLD_CONTACT),
     letter="S",
-    colour="#adad7d",
+    colour="#2c077d",
     advice="more friction or grip; if it creeps, an elliptic cone with impratio 10",
     traits=("grip",),
 )

@@ -5,6 +5,7 @@ import numpy as np
 from contactlab.contact.rotations import rotate, rotate_back
 from contactlab.contact.trace_arrays import Floats, squared_lengths
 from contactlab.errors import SceneError
+from contactlab.measure.backward_error import TOLERANCE
 from contactlab.measure.context import (
     Context,
     cached,
@@ -19,7 +20,6 @@ from contactlab.measure.entries import (
     MeasuredRuns,
     Onset,
     OracleResult,
-    Threshold,
     label,
     metric,
     oracle,
@@ -48,17 +48,12 @@ def oracle_error(context: Context) -> Floats:
     return _result(context).error
 
 
-_AT_REST = Threshold(
-    "at_rest_error", 0.1, "1", "A share by which a stiffness or a depth may miss what is asked for."
-)
-
-
 @label(
     "noted",
     rank=2,
-    thresholds=(_AT_REST,),
+    thresholds=(TOLERANCE,),
     letter="O",
-    colour="#a27fdc",
+    colour="#507954",
     advice="a shorter timestep; what then stays is the model's, as of pyramidal cones",
 )
 def oracle_miss(runs: MeasuredRuns) -> Found:
@@ -78,7 +73,7 @@ def oracle_miss(runs: MeasuredRuns) -> Found:
             limit = f"(limit {setup.oracle_tolerance:g})"
             reason += f"measured {measured[run]:.4g}, error {error[run]:.3g} {limit}"
         yield run, Onset(reason, last)
-    for run, error, limit in runs.over("at_rest_error"):
+    for run, error, limit in runs.over("at_rest_error", TOLERANCE.name):
         reason = f"at rest, what is asked for is missed by {error:.3g} of it (limit {limit:g})"
         yield run, Onset(reason, last)
 

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from contactlab.contact.rotations import rotate
 from contactlab.contact.trace_arrays import NORMAL, Floats, median
 from contactlab.contact.trace_setup import Barrier
-from contactlab.measure.backward_error import resolved_runs
+from contactlab.measure.backward_error import TOLERANCE, resolved_runs
 from contactlab.measure.context import (
     Context,
     cached,
@@ -28,9 +28,6 @@ _PIERCED = Threshold(
     "On penetration_max where no fixed surface must not be passed. Unless set, half the smallest "
     "extent of the pair's thinnest geom, and in planes and height fields for more than 0.1 s.",
 )
-_GROWTH = Threshold(
-    "penetration_growth", 1e-4, "m", "Depth gained in a quarter of a run; 0.1 mm on flat ground."
-)
 _STEADY = Threshold(
     "penetration_steady",
     5e-3,
@@ -40,7 +37,10 @@ _STEADY = Threshold(
     "a sixth of it where one bears one to two times `weights_borne`.",
 )
 _STANDOFF = Threshold(
-    "standoff", 0.6, "1", "Public robots reach 0.28; a margin of half a box's width gives 1."
+    "standoff",
+    0.5,
+    "1",
+    "Contacts may bear as far outside of a geom as they may rest inside of it.",
 )
 _RESTING = 0.9  # Share of the last half in which a pair must touch to count as resting
 _LASTING = 0.5  # Share of the last fifth in which a steady pair must touch; sliding ones hop
@@ -157,7 +157,7 @@ def distance_min(context: Context) -> Floats:
     rank=7,
     thresholds=(_PIERCED,),
     letter="T",
-    colour="#1845fb",
+    colour="#e67818",
     advice="a shorter timestep, thicker geoms, a shorter time constant of solref",
     traits=(
         "no impact",
@@ -180,7 +180,7 @@ def tunneling(runs: MeasuredRuns) -> Found:
     rank=2,
     thresholds=(_STANDOFF,),
     letter="F",
-    colour="#0a1c64",
+    colour="#0a79cf",
     advice="margin 0, or gap as large as margin",
 )
 def contact_at_distance(runs: MeasuredRuns) -> Found:
@@ -194,9 +194,9 @@ def contact_at_distance(runs: MeasuredRuns) -> Found:
     "poor",
     rank=11,
     name="penetration_growth",
-    thresholds=(_GROWTH,),
+    thresholds=(TOLERANCE,),
     letter="G",
-    colour="#578290",
+    colour="#681800",
     advice="more load than solref carries: a shorter time constant, or less force",
     traits=("numerical",),
 )
@@ -204,13 +204,16 @@ def sinking(runs: MeasuredRuns) -> Found:
     """A resting pair keeps sinking into each other, under controls that do not change."""
     if runs.context.setup.steered:
         return
-    rate, limit = runs.metrics["penetration_growth"], runs.limits["penetration_growth"]
-    steps = runs.context.trace.steps
-    sunk = rate * runs.context.trace.timestep * (steps // 4)
-    for run in runs_where(sunk > limit):
-        name = name_of_worst(runs.context, _gains(runs.context), run)
-        reason = f"{name} sinks by {rate[run]:.3g} m/s, {sunk[run]:.3g} m in a quarter of the run"
-        yield run, Onset(f"{reason} (limit {limit:g} m)", steps // 2)
+    context, limit = runs.context, runs.limits[TOLERANCE.name]
+    if not context.pairs.places:
+        return
+    # What sinks in a quarter of the run sinks by four times as much in all of it.
+    parts = 4 * _gains(context) / context.setup.thickness[context.pairs.places, None]
+    worst = worst_pair(context, parts)
+    for run in runs_where(worst > limit):
+        name = name_of_worst(context, parts, run)
+        reason = f"{name} would sink by {worst[run]:.3g} of its half extent in the time of the run"
+        yield run, Onset(f"{reason} (limit {limit:g})", context.trace.steps // 2)
 
 
 @label(
@@ -218,7 +221,7 @@ def sinking(runs: MeasuredRuns) -> Found:
     rank=8,
     thresholds=(_STEADY,),
     letter="P",
-    colour="#86c8dd",
+    colour="#f6adc7",
     advice="another solref: contactlab explain depth_at_rest='.1 mm' MODEL",
 )
 def deep_penetration(runs: MeasuredRuns) -> Found:
@@ -322,8 +325,8 @@ PRESSED = Threshold(
     "weights_borne",
     10.0,
     "1",
-    "Of a pair that presses half as hard when nothing but contact has acted for a while. Towers "
-    "and motors reach thousands, and relax; wedges reach ten.",
+    "Weight is a tenth of what presses a pair; and it does so half as hard, at least, when nothing "
+    "but contact has acted for a while.",
 )
 _ALONE = 0.5
 _NO_MASS = 1e9  # Weights that only a contact bears along which no joint moves
@@ -352,7 +355,7 @@ def weights_borne(context: Context) -> Floats:
     rank=9,
     thresholds=(PRESSED,),
     letter="Q",
-    colour="#b6deeb",
+    colour="#c076b1",
     advice="start bodies apart: they overlap in the keyframe, or are closed onto each other",
 )
 def squeezed(runs: MeasuredRuns) -> Found:

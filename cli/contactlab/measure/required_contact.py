@@ -28,7 +28,7 @@ Faults = Iterator[tuple[str, str, Mask]]
     rank=4,
     thresholds=(MODE_HOLD,),
     letter="Z",
-    colour="#707051",
+    colour="#995c94",
     advice="more friction; or priority, if the other geom's should count",
     traits=("required",),
 )
@@ -42,7 +42,7 @@ def unexpected_slide(runs: MeasuredRuns) -> Found:
     rank=3,
     thresholds=(MODE_HOLD,),
     letter="Y",
-    colour="#e2e2d2",
+    colour="#3d5631",
     advice="less friction on both geoms, since the larger counts; or priority",
     traits=("required",),
 )
@@ -56,7 +56,7 @@ def unexpected_stick(runs: MeasuredRuns) -> Found:
     rank=5,
     thresholds=(MODE_HOLD,),
     letter="5",
-    colour="#c7b2ea",
+    colour="#b3d789",
     advice="`must` says what has to hold: mend the model, or what is required of it",
     traits=("required",),
 )

@@ -28,7 +28,7 @@ Fault = tuple[str, int]
     rank=6,
     thresholds=(MODE_HOLD,),
     letter="7",
-    colour="#8c4a6b",
+    colour="#8cbf7a",
     advice="`must` says what has to hold: mend the model, or what is required of it",
     traits=("required",),
 )

@@ -13,7 +13,7 @@ LABELS.add(
         rank=5,
         advice="run it alone: contactlab replay STORE RUN; then a newer MuJoCo, with --mujoco",
         letter="1",
-        colour="#656364",
+        colour="#261f25",
     )
 )
 LABELS.add(
@@ -24,7 +24,7 @@ LABELS.add(
         rank=4,
         advice="a shorter run, or a longer `timeout` in the sweep",
         letter="2",
-        colour="#a3a1a2",
+        colour="#82857e",
     )
 )
 STABLE = LABELS.add(
@@ -47,7 +47,7 @@ _FULL = {"contactfull", "cnstrfull"}  # warnings of memory for contacts and cons
     "void",
     rank=3,
     letter="3",
-    colour="#424041",
+    colour="#363636",
     advice="read the reason: it says what the engine refuses, and what to write instead",
     traits=("no impact",),
 )
@@ -66,7 +66,7 @@ def invalid(runs: MeasuredRuns) -> Found:
     "void",
     rank=2,
     letter="4",
-    colour="#c9c8c9",
+    colour="#a29f95",
     advice="give <size memory> more, or fewer geoms that collide",
 )
 def buffer_overflow(runs: MeasuredRuns) -> Found:
@@ -82,7 +82,7 @@ def buffer_overflow(runs: MeasuredRuns) -> Found:
     rank=1,
     thresholds=(_CLOCK, _QUATERNION),
     letter="D",
-    colour="#c91f16",
+    colour="#f7015c",
     advice="a shorter timestep; then look for light bodies on stiff joints or strong motors",
     traits=("no impact",),
 )

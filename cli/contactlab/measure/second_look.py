@@ -5,17 +5,18 @@ from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import Floats, median, squared_lengths
 from contactlab.measure.backward_error import TOLERANCE
-from contactlab.measure.constraint_violation import OVERSHOOT, constraint_violation
-from contactlab.measure.context import Context, kinetic, peak_kinetic, squared_speeds
-from contactlab.measure.energy_balance import LOSS, constraint_loss
+from contactlab.measure.constraint_violation import constraint_violation
+from contactlab.measure.context import Context, squared_speeds
+from contactlab.measure.energy_balance import constraint_gain, constraint_loss
 from contactlab.measure.entries import limits
 from contactlab.measure.penetration import PRESSED, weights_borne
-from contactlab.measure.solver_work import SATURATED, stuck_share
+from contactlab.measure.solver_work import stuck_share
 
 _TO_AND_FRO = 0.15  # Amplitude of what alternates from step to step over speed
 _FEWEST = 3  # Speeds that can go to and fro
 _GRAVITY = 9.81  # m/s^2
 _MOVING = 0.1  # Least speed of what does not come to rest [rad/s, or mean body sizes a second]
+_MOSTLY = 0.5  # Share of steps
 _RATTLES = 0.1  # Share of the first half's steps in which the number of contacts changes
 # Whether degrees of freedom move along, by kind of joint.
 _ALONG = {"free": [True] * 3 + [False] * 3, "ball": [False] * 3, "slide": [True], "hinge": [False]}
@@ -51,8 +52,8 @@ def suspects(context: Context) -> NDArray[np.bool_]:
     """Return (n,) which runs deserve a second look although no label says so.
 
     It has what shakes in its steps, is pressed hard at rest or against a limit, has a solver that
-    uses all its iterations, does not come to rest under constant controls, loses half of its
-    kinetic energy in a step, or has a body that moved far from where it rested or rattled.
+    uses all its iterations, gains or loses energy in constraints, does not come to rest under
+    constant controls, or has a body that moved far from where it rested or rattled.
     """
     trace, ranges = context.trace, context.trace.control_ranges
     size = context.setup.mechanism.size if context.setup.mechanism else np.inf
@@ -60,13 +61,14 @@ def suspects(context: Context) -> NDArray[np.bool_]:
     late = _late_speeds(context)
     found = _shakes(context, late)
     found |= weights_borne(context) > most[PRESSED.name]
-    found |= stuck_share(context) >= most[SATURATED.name]
-    found |= (constraint_loss(context) > most[LOSS.name]) & (stuck_share(context) == 0)
-    found |= constraint_violation(context) > most[OVERSHOOT.name]
+    found |= stuck_share(context) >= _MOSTLY
+    within = most[TOLERANCE.name]
+    found |= (constraint_loss(context) > within) & (stuck_share(context) == 0)
+    found |= constraint_gain(context) > within
+    found |= constraint_violation(context) > within
     if ranges is not None and ranges.shape[1]:
         constant = (ranges[..., 0] == ranges[..., 1]).all(axis=1)
         found |= constant & (np.sqrt((late**2).mean(axis=(1, 2))) > _MOVING)
-    found |= _abrupt(context)
     changes = (np.diff(trace.contacts[:, : trace.steps // 2]) != 0).sum(axis=1)
     rattles = changes > _RATTLES * trace.steps / 2
     squares = squared_speeds(context)
@@ -77,13 +79,3 @@ def suspects(context: Context) -> NDArray[np.bool_]:
         far = np.sqrt(squared_lengths(context.displacement(body))) > size
         found |= (rested | rattles) & far & (trace.contacts[:, :1] > 0).any(axis=1)
     return found
-
-
-def _abrupt(context: Context) -> NDArray[np.bool_]:
-    """Return (n,) whether a step that begins without contact takes half of the kinetic energy.
-
-    Of at least a quarter of the largest, so that turning points do not count.
-    """
-    moving = kinetic(context)
-    fast = (moving >= peak_kinetic(context)[:, None] / 4) & (context.trace.contacts == 0)
-    return (fast[:, :-1] & (moving[:, 1:] < moving[:, :-1] / 2)).any(axis=1)

@@ -5,25 +5,17 @@ from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import Floats
 from contactlab.measure.amounts import part_of
+from contactlab.measure.backward_error import TOLERANCE
 from contactlab.measure.context import Context, cached, count, first_step, runs_where, share
 from contactlab.measure.entries import Found, MeasuredRuns, Onset, Threshold, label, metric
 from contactlab.schema.comparison import MetricRule
 
-_RESIDUAL = Threshold(
-    "residual", 1e-2, "1", "Measured: Newton up to 2e-5, CG 2e-4, PGS 5e-4; stuck ones 4 and more."
+_DISTANCE = Threshold(
+    "distance_error",
+    1e-4,
+    "m",
+    "On overlap_missed and distance_phantom; MuJoCo's tolerance of collisions is 100 times finer.",
 )
-SATURATED = Threshold(
-    "saturated_share", 0.5, "1", "Measured: Newton takes 0 or 1 iterations a step, stuck PGS all."
-)
-_JACOBIAN = Threshold("jacobian_difference", 1e-4, "1", "The same mathematics agrees to 1e-5.")
-_CONE = Threshold("cone_violation", 1e-3, "1", "Solvers keep 0 to rounding, starved ones too.")
-_MISSED = Threshold(
-    "missed_contact", 1e-4, "m", "On overlap_missed; collision tolerances are 100 times finer."
-)
-_PHANTOM = Threshold(
-    "phantom_contact", 1e-4, "m", "On distance_phantom; collision tolerances are 100 times finer."
-)
-_FEWEST_ITERATIONS = 2
 _SUSTAINED = 0.99  # Quantile of the residual in contact: a single hard step is no failure
 
 
@@ -79,27 +71,21 @@ def ungraded_contacts(context: Context) -> Floats:
 @label(
     "bad",
     rank=9,
-    thresholds=(SATURATED, _RESIDUAL),
+    thresholds=(TOLERANCE,),
     letter="N",
-    colour="#df7973",
+    colour="#2701df",
     advice="solver Newton, more iterations; or softer contacts (solref)",
 )
 def solver_nonconvergence(runs: MeasuredRuns) -> Found:
-    """The solver used all its iterations in most steps it worked in, or left a large residual."""
-    context, limits, allowed = runs.context, runs.limits, runs.context.setup.iterations
+    """The solver used all its iterations, and forces and accelerations still differ."""
+    context, allowed = runs.context, runs.context.setup.iterations
+    # A hit alone is no failure: an easy problem is solved by the one iteration it is given.
     hit = saturated(context)
-    used = "the solver used all its {} iterations in {:.0%} of the steps".format
-    if context.checks is not None:
-        # A hit alone is no failure: an easy problem is solved by the one iteration it is given.
-        residual = sustained_residual(context, hit)
-        for run in runs_where(residual > limits["residual"]):
-            left = f"still differ by {residual[run]:.2g} of the largest force"
-            reason = f"{used(allowed[run], hit[run].mean())}, and forces and accelerations {left}"
-            yield run, Onset(reason, first_step(hit[run]))
-        return
-    share, limit = stuck_share(context), limits["saturated_share"]
-    for run in runs_where((share >= limit) & (allowed >= _FEWEST_ITERATIONS)):
-        reason = f"{used(allowed[run], share[run])} with constraints (limit {limit:.0%})"
+    residual = sustained_residual(context, hit)
+    for run in runs_where(residual > runs.limits[TOLERANCE.name]):
+        used = f"the solver used all its {allowed[run]} iterations in {hit[run].mean():.0%} of the"
+        left = f"still differ by {residual[run]:.2g} of the largest force"
+        reason = f"{used} steps, and forces and accelerations {left}"
         yield run, Onset(reason, first_step(hit[run]))
 
 
@@ -108,7 +94,7 @@ def solver_nonconvergence(runs: MeasuredRuns) -> Found:
     rank=1,
     name="contacts_cut",
     letter="6",
-    colour="#69538f",
+    colour="#622c63",
     advice="more `slots` of the pair in the scene",
 )
 def unrecorded_contacts(runs: MeasuredRuns) -> Found:
@@ -202,25 +188,25 @@ def repeats(context: Context) -> Floats:
 @label(
     "bad",
     rank=10,
-    thresholds=(_RESIDUAL, _JACOBIAN, _CONE),
+    thresholds=(TOLERANCE,),
     letter="I",
-    colour="#ecb1ad",
+    colour="#c3be22",
     advice="jacobian dense, solver Newton, and a smaller tolerance",
 )
 def solver_inconsistent(runs: MeasuredRuns) -> Found:
     """The solver stopped early and wrong or left the cone, or a sparse Jacobian or run differs."""
     context, checks = runs.context, runs.context.checks
-    for run, excess, limit in runs.over("cone_violation"):
+    for run, excess, limit in runs.over("cone_violation", TOLERANCE.name):
         yield run, Onset(f"a force exceeds its cone by {part_of(excess)} it (limit {limit:g})", 0)
     if checks is None:
         return
     early = ~saturated(context)
-    residual, limit = sustained_residual(context, early), runs.limits["residual"]
+    residual, limit = sustained_residual(context, early), runs.limits[TOLERANCE.name]
     for run in runs_where(residual > limit):
         differ = f"forces and accelerations differ by {residual[run]:.2g} of the largest force"
         reason = f"the solver stopped early, but {differ} (limit {limit:g})"
         yield run, Onset(reason, first_step(early[run] & (checks.residual[run] > limit)))
-    for run, difference, limit in runs.over("jacobian_difference"):
+    for run, difference, limit in runs.over("jacobian_difference", TOLERANCE.name):
         differ = f"a dense and a sparse Jacobian give accelerations that differ by {difference:.2g}"
         step = checks.jacobian_steps[first_step(checks.jacobian[run] > limit)]
         yield run, Onset(f"{differ} (limit {limit:g})", int(step))
@@ -231,34 +217,34 @@ def solver_inconsistent(runs: MeasuredRuns) -> Found:
 @label(
     "bad",
     rank=6,
-    thresholds=(_MISSED,),
+    thresholds=(_DISTANCE,),
     letter="M",
-    colour="#748ffd",
+    colour="#4210a9",
     advice="contype, conaffinity and exclude: let the pair collide; multiccd for meshes",
     traits=("no impact",),
 )
 def missed_contact(runs: MeasuredRuns) -> Found:
     """A monitored pair overlaps without a contact."""
     if checks := runs.context.checks:
-        yield from _misjudged(runs, checks.overlap, _MISSED, "a pair overlaps without any contact")
+        yield from _misjudged(runs, checks.overlap, "a pair overlaps without any contact")
 
 
 @label(
     "bad",
     rank=4,
-    thresholds=(_PHANTOM,),
+    thresholds=(_DISTANCE,),
     letter="H",
-    colour="#aebefe",
+    colour="#867efa",
     advice="margin 0, or a convex shape that is nearer to what is seen",
 )
 def phantom_contact(runs: MeasuredRuns) -> Found:
     """A contact is reported between separated bodies."""
     if checks := runs.context.checks:
-        yield from _misjudged(runs, checks.apart, _PHANTOM, "a contact is deeper than its bodies")
+        yield from _misjudged(runs, checks.apart, "a contact is deeper than its bodies")
 
 
-def _misjudged(runs: MeasuredRuns, amounts: Floats, threshold: Threshold, what: str) -> Found:
-    limit, checks = runs.limits[threshold.name], runs.context.checks
+def _misjudged(runs: MeasuredRuns, amounts: Floats, what: str) -> Found:
+    limit, checks = runs.limits[_DISTANCE.name], runs.context.checks
     for run in runs_where(amounts.max(axis=1) > limit):
         first = first_step(amounts[run] > limit)
         reason = f"{what}, by {amounts[run].max():.3g} m (limit {limit:g} m)"

@@ -1,4 +1,4 @@
-"""Small films for the head of a page: of a stable run, and of the run to look at first."""
+"""Pictures of a page: the worst moment beside the best run, and films of both."""
 
 import base64
 import tempfile
@@ -15,10 +15,14 @@ from contactlab.plugins import extensions
 from contactlab.reporting.report import ReportData
 from contactlab.store.finished_store import Store
 
-_SIZE = (208, 156)
+_SIZE = (320, 240)
+_FOCAL_SIZE = (480, 360)  # of each of its halves
 # How long a film lasts, however long its run is [s].
 _SECONDS = 1.2
-_MOST_BYTES_OF_A_FILM = 600_000
+_MOST_BYTES_OF_A_FILM = 1_500_000
+_SIZE_OF_MOMENT = (480, 360)
+# A moment is shown with so much of the run around it, of which a share is before [s], for so long.
+_SHOWN, _BEFORE, _SECONDS_OF_MOMENT = 0.3, 0.6, 1.6
 
 
 class HeaderFilm(NamedTuple):
@@ -27,6 +31,44 @@ class HeaderFilm(NamedTuple):
     run: str
     label: str
     source: str
+
+
+class FocalPicture(NamedTuple):
+    """The worst run at its worst moment, beside the best one then, as the source of an image."""
+
+    run: str
+    label: str
+    beside: str
+    time: float  # [s]
+    source: str
+
+
+def focal_picture(data: ReportData, worst: str | None) -> FocalPicture | None:
+    """Return the picture that says most; None where either run has no trace, or cannot be drawn.
+
+    The worst moment is that at which its label begins.
+    """
+    best = _stable(data)
+    if worst is None or best is None or best == worst or find_spec("mujoco") is None:
+        return None
+    store, viewer = data.store, extensions("viewer").get("png")
+    record, other = store.record(worst), store.record(best)
+    if viewer is None or store.manifest.traces_left_out or not (record.trace and other.trace):
+        return None
+    with suppress(ContactlabError), tempfile.TemporaryDirectory() as folder:
+        times = store.trace(record).time
+        begins = [entry.step for entry in record.labels if entry.step is not None]
+        time = float(times[min(begins[0], len(times) - 1)]) if begins else float(times[-1])
+        path = Path(folder) / "moment.png"
+        viewer.load()(
+            store, worst, path, size=_FOCAL_SIZE, camera=None, speed=None, at=(time,), beside=best
+        )
+        return FocalPicture(worst, record.label, best, time, _encoded(path, "png"))
+    return None
+
+
+def _encoded(path: Path, kind: str) -> str:
+    return f"data:image/{kind};base64,{base64.b64encode(path.read_bytes()).decode()}"
 
 
 def header_films(data: ReportData, worst: str | None) -> list[HeaderFilm]:
@@ -51,6 +93,44 @@ def _stable(data: ReportData) -> str | None:
     return str(data.store.columns.run_ids[int(rows[0])]) if len(rows) else None
 
 
+class Moment(NamedTuple):
+    """A moment of a run: the worst window of a body [s], and what is said of it."""
+
+    run: str
+    body: str
+    begin: float
+    end: float
+    words: str
+
+
+def film_of_moment(store: Store, moment: Moment) -> HeaderFilm | None:
+    """Return a film in slow motion of what leads to a moment and follows it, from near the body.
+
+    None where no film can be drawn.
+    """
+    viewer = extensions("viewer").get("gif")
+    if viewer is None or find_spec("mujoco") is None or store.record(moment.run).trace is None:
+        return None
+    between = moment.begin - _BEFORE * _SHOWN, moment.end + (1 - _BEFORE) * _SHOWN
+    with suppress(ContactlabError), tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "moment.gif"
+        speed = (between[1] - between[0]) / _SECONDS_OF_MOMENT
+        viewer.load()(
+            store,
+            moment.run,
+            path,
+            size=_SIZE_OF_MOMENT,
+            camera=None,
+            speed=speed,
+            at=(),
+            between=between,
+            around=moment.body,
+        )
+        encoded = base64.b64encode(path.read_bytes()).decode()
+        return HeaderFilm(moment.run, moment.words, f"data:image/gif;base64,{encoded}")
+    return None
+
+
 def _film_of(store: Store, run: str) -> Iterator[HeaderFilm]:
     viewer, record = extensions("viewer").get("gif"), store.record(run)
     if viewer is None or record.trace is None or store.manifest.traces_left_out:
@@ -60,7 +140,6 @@ def _film_of(store: Store, run: str) -> Iterator[HeaderFilm]:
         path = Path(folder) / "run.gif"
         speed = min(max(seconds / _SECONDS, 0.001), 1000.0)
         viewer.load()(store, run, path, size=_SIZE, camera=None, speed=speed, at=())
-        content = path.read_bytes()
-    if len(content) <= _MOST_BYTES_OF_A_FILM:
-        encoded = base64.b64encode(content).decode()
-        yield HeaderFilm(run, record.label, f"data:image/gif;base64,{encoded}")
+        size, source = path.stat().st_size, _encoded(path, "gif")
+    if size <= _MOST_BYTES_OF_A_FILM:
+        yield HeaderFilm(run, record.label, source)

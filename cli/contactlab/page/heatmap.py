@@ -21,6 +21,7 @@ from contactlab.charts import (
 from contactlab.comparison.compare_stores import DEFAULT_POLICY, compare, pair_runs
 from contactlab.comparison.pairing import Pairing
 from contactlab.contact.trace_arrays import Floats
+from contactlab.page.inferred_cells import NOT_INFERRED, agreed
 from contactlab.page.map_cells import (
     cell_statistic,
     label_counts,
@@ -30,6 +31,7 @@ from contactlab.palette import COLOURS, INK, UNCHANGED_COLOUR
 from contactlab.reporting.map_axes import MapAxes
 from contactlab.reporting.report import ReportData
 from contactlab.reporting.report_columns import (
+    Codes,
     Quantity,
     RunLabels,
     read_quantities,
@@ -53,6 +55,7 @@ _GAP = 0.03
 _DIVERGING = ["#1845fb", "#f4f4f4", "#ff5e02"]
 _LEAST_RATIO = 1.02
 _EDGE = 0.2
+_PALE = 0.35
 _FENCE = 1.5
 _MOST_TEXTS_OF_A_ROW = 12
 _SPANS_DECADES = 30.0
@@ -70,7 +73,9 @@ def default_map(data: ReportData) -> Spec | None:
     boundary = [
         row for expectation in expected for row in boundary_rows(data.map_axes, expectation)
     ]
-    return themed(label_map(data.map_axes, data.labels, boundary=boundary).to_dict())
+    inferred = agreed(data, data.map_axes)
+    made = label_map(data.map_axes, data.labels, boundary=boundary, inferred=inferred)
+    return themed(made.to_dict())
 
 
 def metric_map(data: ReportData, name: str) -> Spec | None:
@@ -138,18 +143,32 @@ def number_rows(values: Floats) -> tuple[Rows, Rows]:
 
 
 def label_map(
-    axes: MapAxes | None, labels: RunLabels, room: Room = _ROOM, boundary: Rows | None = None
+    axes: MapAxes | None,
+    labels: RunLabels,
+    room: Room = _ROOM,
+    boundary: Rows | None = None,
+    inferred: Codes | None = None,
 ) -> Layered:
     """Return the map of labels, with a closed form's boundary if there is one; empty without axes.
 
-    The room is the width and height that are available [pixels].
+    The room is the width and height that are available [pixels]. Cells without a run have, paler,
+    the labels that are inferred for them (rows, columns), if any are.
     """
     pieces, letters = label_rows(label_counts(axes, labels), labels) if axes else ([], [])
     used = {row["label"] for row in pieces}
     shown = [name for name in labels.legend if name in used]
     colour = word_colours("label", labels.legend, labels.colours)
     colour = colour.legend(title="label", values=shown)
-    return _layered(axes, room, (pieces, letters), colour, 13, boundary)
+    rows = _MapRows(pieces, letters, boundary or [], _inferred_rows(inferred, labels))
+    return _layered(axes, room, rows, colour, 13)
+
+
+def _inferred_rows(inferred: Codes | None, labels: RunLabels) -> Rows:
+    """Return a piece for each cell whose label is inferred."""
+    if inferred is None:
+        return []
+    cells = np.argwhere(inferred != NOT_INFERRED).tolist()
+    return [_piece(x, y, 0, 1) | {"label": labels.legend[inferred[y, x]]} for y, x in cells]
 
 
 def number_map(
@@ -183,7 +202,7 @@ def _number_layers(
     axes: MapAxes | None, room: Room, values: Floats, colour: alt.Color, title: str
 ) -> Layered:
     colour = colour.legend(title=title, format=".3~g", gradientLength=160)
-    return _layered(axes, room, number_rows(values), colour, 10)
+    return _layered(axes, room, _MapRows(*number_rows(values)), colour, 10)
 
 
 def number_scale(values: Sequence[float], resolution: float) -> dict[str, Any]:
@@ -209,16 +228,19 @@ def _within_fences(values: Sequence[float]) -> list[float]:
     return [max(min(values), float(first - reach)), min(max(values), float(third + reach))]
 
 
+class _MapRows(NamedTuple):
+    """The rows of a map's layers: cells, texts, a boundary's ends, and cells without runs."""
+
+    cells: Rows
+    texts: Rows
+    boundary: Sequence[dict[str, Any]] = ()
+    inferred: Sequence[dict[str, Any]] = ()
+
+
 def _layered(
-    axes: MapAxes | None,
-    room: Room,
-    rows: tuple[Rows, Rows],
-    colour: alt.Color,
-    font_size: int,
-    boundary: Rows | None = None,
+    axes: MapAxes | None, room: Room, rows: _MapRows, colour: alt.Color, font_size: int
 ) -> Layered:
     """Return the layers of a map: cells and texts, which are its rows, and what lies over them."""
-    pieces, texts = rows
     columns, lines = (axes.x.ticks, axes.y.ticks if axes.y else ("",)) if axes else ((), ())
     x = alt.X("x:Q").scale(domain=[0, len(columns)], nice=False, zero=False)
     y = alt.Y("y:Q").scale(domain=[0, len(lines)], nice=False, zero=False)
@@ -230,14 +252,16 @@ def _layered(
     x = x.axis(title=axes.x.title if axes else "", **_ticks(columns), labelAngle=angle)
     y_title = "" if axes is None else axes.y.title if axes.y else None
     y = y.axis(title=y_title, titlePadding=12, **_ticks(lines))
-    cells = layer_of("cells", pieces).mark_rect().encode(x, y, colour, x2="x2:Q", y2="y2:Q")
-    bold = haloed(layer_of("texts", texts), fontWeight="bold", fontSize=font_size)
+    cells = layer_of("cells", rows.cells).mark_rect().encode(x, y, colour, x2="x2:Q", y2="y2:Q")
+    bold = haloed(layer_of("texts", rows.texts), fontWeight="bold", fontSize=font_size)
     words = [layer.encode(x, y, text="text:N") for layer in bold]
-    edge = layer_of("boundary", boundary or [])
+    edge = layer_of("boundary", [*rows.boundary])
     edge = edge.mark_line(color=INK, strokeWidth=2.5, strokeDash=[6, 3])
     edge = edge.encode(x, y, order="order:Q", detail="part:N")
     focus = layer_of("ring", []).mark_rect(fill=None, stroke=INK, strokeWidth=3)
-    layers = (cells, *words, edge, focus.encode(x, y, x2="x2:Q", y2="y2:Q"))
+    paler = layer_of("inferred", [*rows.inferred]).mark_rect(opacity=_PALE)
+    paler = paler.encode(x, y, colour.legend(None), x2="x2:Q", y2="y2:Q")
+    layers = (cells, paler, *words, edge, focus.encode(x, y, x2="x2:Q", y2="y2:Q"))
     return alt.layer(*layers).properties(width=width, height=height)
 
 

@@ -4,12 +4,14 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import resources
 from itertools import accumulate, islice
+from pathlib import Path
 
 import numpy as np
 
 from contactlab.charts import Spec, static_svg, vega_bundle
 from contactlab.page.engine_parts import EngineParts, engine_parts, engines_sentence
-from contactlab.page.header_films import HeaderFilm, header_films
+from contactlab.page.examination_view import ExaminationView, examination_view
+from contactlab.page.header_films import FocalPicture, HeaderFilm, focal_picture, header_films
 from contactlab.page.heatmap import (
     BaselineComparison,
     compare_with_baseline,
@@ -24,9 +26,11 @@ from contactlab.page.script_data import ScriptData, listed_metrics, page_colours
 from contactlab.page.sentences import closest_settings, reality_sentence, tradeoff_sentence
 from contactlab.pareto.criteria import RECORDED
 from contactlab.pareto.recommendation import blocker_texts, next_step_text, robust_text
+from contactlab.reporting.boundaries import coverage
 from contactlab.reporting.finding import finding
 from contactlab.reporting.report import PageRequest, ReportData, read_report_data
 from contactlab.reporting.report_columns import summary_metrics
+from contactlab.reporting.sensitivity import sensitivities
 from contactlab.schema.evidence import StoreManifest
 from contactlab.schema.sweep_schema import Bounds, Sweep
 from contactlab.schema.tradeoff_report import Configuration, TradeoffReport
@@ -56,10 +60,11 @@ class Table:
 
 @dataclass(frozen=True)
 class HeadView:
-    """The head: the finding, sentences, films, and the run to look at first by id and label."""
+    """The head: finding, sentences, picture, films, and the run to look at first, id and label."""
 
     finding: str
     reality: str
+    focal: FocalPicture | None
     films: Sequence[HeaderFilm]
     first: tuple[str, str] | None
     notes: tuple[str, ...]
@@ -88,6 +93,7 @@ class MapView:
     ticks: Sequence[str]
     rows: Sequence[tuple[str, Sequence[str]]]
     has_closed_form: bool
+    coverage: str  # how far cells without runs are known; empty where all ran
 
 
 @dataclass(frozen=True)
@@ -151,6 +157,14 @@ class ComparisonView:
 
 
 @dataclass(frozen=True)
+class SensitivityView:
+    """Shares of a metric's variance, an axis a row: its name, shares and intervals."""
+
+    title: str
+    rows: Sequence[tuple[str, float, str, float, str]]
+
+
+@dataclass(frozen=True)
 class ScriptView:
     """The script: its data, its code, and the charting library, packed."""
 
@@ -174,14 +188,18 @@ class PageView:
     runs: Table
     figures: Mapping[str, str]
     effects: EffectsView | None
+    sensitivities: Sequence[SensitivityView]
     expectations: ExpectationsView | None
     engines: EnginesView | None
     comparison: ComparisonView | None
     script: ScriptView
+    examination: ExaminationView | None = None
 
     @property
     def title(self) -> str:
-        """Title: sweep and scene."""
+        """Title: the model of an examination; of a sweep, it and its scene."""
+        if self.examination is not None:
+            return Path(self.examination.report.model).name
         return f"{self.manifest.sweep.name}: {self.manifest.sweep.scene}"
 
     @property
@@ -202,17 +220,20 @@ def page_view(store: Store, request: PageRequest) -> PageView:
         style=_read("style.css"),
         head=head_view(data, request, reality, script.notes),
         outcomes=list(outcome_views(data)),
-        map=map_view(data),
-        tradeoff=tradeoff_view(data, chart),
+        # Seeds of one model make neither a map nor a trade-off.
+        map=None if request.examination else map_view(data),
+        tradeoff=None if request.examination else tradeoff_view(data, chart),
         reality=reality,
         runs=listed_runs(data),
         figures={
             name: static_svg(spec, name) for name, spec in physical_figures(data).items() if spec
         },
         effects=effects_view(data),
+        sensitivities=[*sensitivity_views(data.store)],
         expectations=expectations_view(store),
         engines=engines_view(data, request),
         comparison=comparison_view(data, request),
+        examination=examination_view(store, request.examination),
         script=ScriptView(
             script,
             "\n".join(_read(f"script/{name}.js") for name in _SCRIPTS),
@@ -230,10 +251,15 @@ def head_view(
 ) -> HeadView:
     """Return the head of a page; damaged traces are among its notes."""
     first = first_look(data)
+    pictured = first[0] if first else None
+    drawn = request.traces and request.examination is None
     return HeadView(
-        finding=finding(data.axes, data.labels),
+        finding=request.examination.sentence
+        if request.examination
+        else finding(data.axes, data.labels),
         reality=reality.sentence if reality else "",
-        films=header_films(data, first[0] if first else None) if request.traces else [],
+        films=header_films(data, pictured) if drawn else [],
+        focal=focal_picture(data, pictured) if drawn else None,
         first=first,
         notes=(*notes, *trace_warning(data.store)),
     )
@@ -274,7 +300,25 @@ def map_view(data: ReportData) -> MapView | None:
         ticks=axes.x.ticks,
         rows=_map_rows(data),
         has_closed_form=bool(data.quantities_named("oracle_expected")),
+        coverage=coverage(data.boundaries) if data.boundaries else "",
     )
+
+
+def sensitivity_views(store: Store) -> Iterator[SensitivityView]:
+    """Yield how much of a metric's variance goes with each sampled axis."""
+    for found in sensitivities(store):
+        shared = ", ".join(f"{name} {value}" for name, value in found.shared.items())
+        spans = [
+            [f"{low:.0%} to {high:.0%}" for low, high in interval.tolist()]
+            for interval in (found.first_interval, found.total_interval)
+        ]
+        rows = zip(
+            found.axes, found.first.tolist(), spans[0], found.total.tolist(), spans[1], strict=True
+        )
+        yield SensitivityView(
+            f"{found.metric}{f' of {shared}' if shared else ''}",
+            sorted(rows, key=lambda row: -row[3]),
+        )
 
 
 def _map_rows(data: ReportData) -> list[tuple[str, list[str]]]:

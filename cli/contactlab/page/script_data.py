@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from contactlab.charts import Spec, with_page_colours
 from contactlab.errors import StoreError
 from contactlab.measure import LABELS
+from contactlab.page.inferred_cells import inferred_labels
 from contactlab.page.map_cells import aggregated_axes, aggregated_columns
 from contactlab.page.packing import (
     as_json,
@@ -135,7 +136,7 @@ def _names(data: ReportData, axes: Sequence[GridAxis]) -> dict[str, Any]:
     return {
         "axes": [
             {name: getattr(axis, name) for name in ("name", "title", "ticks", "role")}
-            | {"binned": axis.numbers is not None}
+            | {"binned": axis.numbers is not None, "amount": axis.amount_unit}
             for axis in axes
         ],
         "labels": {
@@ -149,6 +150,10 @@ def _names(data: ReportData, axes: Sequence[GridAxis]) -> dict[str, Any]:
             for quantity in data.quantities
             for column in [quantity.column]
         ],
+        "inferred": [
+            {"shared": part.shared, "codes": part.codes.tolist()} for part in inferred_labels(data)
+        ],
+        "refined": [*data.boundaries.grid.axes] if data.boundaries else [],
         "mapAxes": [*data.map_axes.names, None][:2] if data.map_axes else [None, None],
     }
 
@@ -273,10 +278,12 @@ def _details(record: EvidenceRecord) -> dict[str, Any]:
         "engine": f"{record.engine.name} {record.engine.version}",
         "trace": record.trace.file if record.trace else None,
         "breaching": [
-            threshold.name
-            for label in record.labels
-            if label.label in LABELS
-            for threshold in LABELS[label.label].thresholds
+            *dict.fromkeys(
+                threshold.name
+                for label in record.labels
+                if label.label in LABELS
+                for threshold in LABELS[label.label].thresholds
+            )
         ],
         "friction": {
             name: pair.friction[0] for name, pair in record.pairs.items() if pair.condim > 1

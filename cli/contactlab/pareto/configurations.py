@@ -20,10 +20,9 @@ from contactlab.schema.tradeoff_report import (
     TimeMeasure,
 )
 from contactlab.schema.vocabulary import Role
+from contactlab.shares import wilson
 from contactlab.store.finished_store import Store
 from contactlab.store.run_columns import CodedColumn
-
-_Z = 1.959963984540054  # 97.5 % quantile of the normal distribution
 
 _UNCHANGED = 1.01  # ratio of errors within which a knob counts as idle
 
@@ -128,19 +127,6 @@ def _combinations(columns: Sequence[CodedColumn], count: int) -> Rows:
         keys, size = keys * len(values) + codes, size * len(values)
     _, first, keys = np.unique(keys, return_index=True, return_inverse=True)
     return np.argsort(np.argsort(first))[keys]
-
-
-def wilson(good: int, runs: int) -> tuple[float, float]:
-    """Return the 95 % interval of a rate, between 0 and 1.
-
-    The score interval of E. B. Wilson, "Probable inference, the law of succession, and statistical
-    inference", 1927: the rates p whose distance to the observed share is at most
-    z sqrt(p (1 - p) / n).
-    """
-    share, weight = good / runs, _Z * _Z / runs
-    centre = (share + weight / 2) / (1 + weight)
-    reach = _Z * math.sqrt(share * (1 - share) / runs + weight / (4 * runs)) / (1 + weight)
-    return max(0.0, centre - reach), min(1.0, centre + reach)
 
 
 @dataclass(frozen=True)

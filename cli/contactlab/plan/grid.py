@@ -110,6 +110,13 @@ class Grid:
         rows = (row for row in (self.base, *self.added) if name in row)
         return tuple(values | dict.fromkeys(row[name] for row in rows))
 
+    def product_values(self, name: str) -> tuple[object, ...]:
+        """Return the values that an axis takes in the product, in order; anywhere without one."""
+        for block in self.blocks or ():
+            if name in block.names:
+                return block.column(name)
+        return self.taken(name)
+
     def keeping(self, name: str, values: Collection[object]) -> "Grid":
         """Return the rows in which an axis takes one of some values."""
         added = tuple(row for row in self.added if (self.base | row).get(name) in values)

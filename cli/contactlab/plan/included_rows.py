@@ -53,7 +53,7 @@ def _table(document: Document, folder: Path, name: str) -> SourceText | None:
         try:
             lines = tuple(read_text(path).splitlines())
         except SweepFileError as error:
-            message, hint = str(error), ""
+            message, hint = str(error), "relative names start at the sweep's folder"
     if sum(bool(line.strip()) for line in lines) > 1:
         return SourceText(str(path), lines)
     document.add("bad-table", ("include", "file"), message, hint)

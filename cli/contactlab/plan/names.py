@@ -13,6 +13,15 @@ from contactlab.plan.yaml_document import Document, KeyPath
 from contactlab.schema.evidence import ERRORS
 from contactlab.schema.sweep_schema import Condition, Sweep
 
+_LISTS = {
+    "metric": "list metrics",
+    "label": "list labels",
+    "threshold": "list limits",
+    "axis": "list axes SCENE",
+    "effect": "list axes SCENE",
+}
+_KEYFRAME = "keyframe"
+
 
 def check_names(context: SweepContext) -> None:
     """Find unknown names, axes given twice and axes that set the same thing."""
@@ -39,6 +48,10 @@ def check_axis(context: SweepContext, name: str, place: Place, kind: str = "axis
     if context.find(name) is None:
         keys = () if place.source.numbered else Sweep.model_fields
         known = ["seeds"] if name == "seed" else [*context.vocabulary.axes, *keys]
+        if name == _KEYFRAME:
+            message, hint = "the model has no keyframes", "leave it out: runs start at qpos0"
+            context.document.add(f"unknown-{kind}", place, message, hint)
+            return
         _add_unknown(context.document, kind, name, place, known)
 
 
@@ -98,6 +111,11 @@ def _check_tolerances(context: SweepContext) -> None:
     document = context.document
     _check_known(document, "metric", [*context.vocabulary.metrics, *ERRORS], ("tolerances",))
     for name in document.mapping("tolerances"):
+        if why := context.vocabulary.lacking.get(name):
+            place = document.key(("tolerances", name))
+            document.add(
+                "not-measured", place, f"'{name}' is never measured: {why}", "leave it out"
+            )
         if name in ERRORS and context.sweep.accuracy is None:
             message = f"'{name}' is only measured if the sweep requests accuracy"
             place = document.key(("tolerances", name))
@@ -114,7 +132,7 @@ def _add_unknown(
     document: Document, kind: str, name: str, place: Place, known: Collection[str]
 ) -> None:
     few = f"known: {', '.join(known)}" if 0 < len(known) <= 12 else ""
-    hint = suggestion(name, known) or few
+    hint = suggestion(name, known) or few or f"`contactlab {_LISTS.get(kind, 'list')}` has all"
     document.add(f"unknown-{kind}", place, f"unknown {kind} '{name}'", hint)
 
 

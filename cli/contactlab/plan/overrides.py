@@ -3,24 +3,46 @@
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import cast
+from typing import Self, cast
 
 from pydantic import ValidationError
 
-from contactlab.errors import SweepFileError, suggestion
+from contactlab.errors import SweepFileError, did_you_mean, suggestion
 from contactlab.plan.diagnostics import Place, SourceText
 from contactlab.plan.grid import Grid
 from contactlab.plan.names import add_not_swept
 from contactlab.plan.rows import SweepContext, span, zip_blocks
 from contactlab.plan.yaml_document import Document, KeyPath, read_argument
-from contactlab.schema.drive import Drive, read_drive
+from contactlab.schema.drive import DRIVE_WORDS, Drive, read_drive
 from contactlab.schema.sweep_schema import Sweep
 from contactlab.schema.vocabulary import FORMS
 
-_ENTRIES = ("sample", "effects", "tolerances", "thresholds", "accuracy", "timing")
+_ENTRIES = (
+    "sample",
+    "refine",
+    "until",
+    "search",
+    "effects",
+    "tolerances",
+    "thresholds",
+    "accuracy",
+    "timing",
+)
 # Of what has no name, which YAML would take for a list; not within quotes.
 _ADDRESS = re.compile(r"(?<![\w\"'])[a-z]+\[\d+\]")
 _CALL = re.compile(r"(\w+)\((.*)\)")
+
+
+class FlagSetting(str):
+    """A setting `NAME=VALUE` that a flag of its own makes: `--start home` is `keyframe=home`."""
+
+    __slots__ = ("flag",)
+
+    def __new__(cls, setting: str, flag: str) -> Self:
+        """Return the setting, with the flag."""
+        made = super().__new__(cls, setting)
+        made.flag = flag
+        return made
 
 
 @dataclass(frozen=True)
@@ -60,7 +82,9 @@ def drive_option(text: str | None) -> Drive | None:
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         where = [f"{part}:" for part in first["loc"] if not str(part).startswith("@")]
-        raise SweepFileError(" ".join([f"--drive {text}:", *where, first["msg"]])) from error
+        near = did_you_mean(text or "", DRIVE_WORDS)
+        said = " ".join([f"--drive {text}:", *where, first["msg"]])
+        raise SweepFileError(f"{said}{near}") from error
 
 
 def apply_settings(document: Document, settings: Sequence[str]) -> None:
@@ -152,8 +176,12 @@ def _option(document: Document, flag: str, text: str) -> ParsedOption | None:
         place = Place(source, 1, start, max(len(text), 1))
         document.add("bad-option", place, "an option takes a name and values", "NAME=VALUE,VALUE")
         return None
-    place = Place(source, 1, start + len(name) + 1, len(value))
     quoted = _ADDRESS.sub(r'"\g<0>"', value)
+    if isinstance(text, FlagSetting):
+        source = SourceText("command line", (f"{text.flag} {value}",), numbered=False)
+        place = Place(source, 1, len(text.flag) + 2, len(value))
+        return ParsedOption(name, quoted, place, place)
+    place = Place(source, 1, start + len(name) + 1, len(value))
     return ParsedOption(name, quoted, Place(source, 1, start, len(name)), place)
 
 

@@ -125,18 +125,37 @@ def listed_values(axis: Axis, known: Sequence[object] = ()) -> Sequence[object]:
             raise TypeError(f"{type(axis).__name__} is sampled")
 
 
-def write_out_units(document: Document, unit_of: Callable[[str], str]) -> None:
+def write_out_units(
+    document: Document, unit_of: Callable[[str], str], bound_in: Callable[[str], str]
+) -> None:
     """Write out the values of axes in units: `1..5 N`, and {linspace: [1 N, 5 N, 5]} and its like.
 
-    Bounds of what is sampled are converted to the unit of their axis. What is no such thing stays,
-    for others to say what is wrong with it.
+    Bounds of what is sampled are converted to the unit of their axis; those of metrics and
+    thresholds to theirs. What is no such thing stays, for others to say what is wrong with it.
     """
+    expected = document.at(("expect",))
+    places = [("expect", index) for index in range(len(cast("list[object]", expected or ())))]
+    bounds = [document.mapping(*at, key) for at in places for key in ("metrics", "mean")]
+    for block in (document.mapping("tolerances"), document.mapping("thresholds"), *bounds):
+        for name, data in block.items():
+            inner = cast("dict[str, object]", data) if isinstance(data, dict) else {}
+            for key, bound in inner.items():
+                inner[key] = _plain_bound(bound, bound_in, name)
+            block[name] = _plain_bound(data, bound_in, name)
     blocks = [document.mapping("axes"), *(block for _, block in zip_blocks(document))]
     for block in blocks:
         for name, data in block.items():
             form = span(data) if isinstance(data, str) else data
             if isinstance(form, dict):
                 block[name] = _written_out(cast("dict[str, object]", form), unit_of, name)
+
+
+def _plain_bound(data: object, unit_of: Callable[[str], str], name: str) -> object:
+    """Return a bound of a metric in its unit; itself if it has none, or one of something else."""
+    if not split_unit(data)[1]:
+        return data
+    plain = without_unit(data, unit) if (unit := unit_of(name)) in SI_UNITS else None
+    return data if plain is None else plain
 
 
 def span(text: str) -> dict[str, object] | None:
@@ -175,7 +194,11 @@ def _written_out(
 
 
 def sample_points(sample: Sample, dimensions: int) -> Floats:
-    """Return (n, dimensions) points in the unit cube [0, 1)."""
+    """Return (n, dimensions) points in the unit cube [0, 1).
+
+    Those of saltelli are the rows of A, of B, and for each axis of A with its column of B, where A
+    and B are halves of one Sobol sequence (A. Saltelli et al., 2010).
+    """
     # The import takes half a second, which sweeps without samples need not wait for.
     from scipy.stats import qmc  # noqa: PLC0415
 
@@ -183,6 +206,13 @@ def sample_points(sample: Sample, dimensions: int) -> Floats:
         return np.random.default_rng(sample.seed).random((sample.n, dimensions))
     if sample.method == "lhs":
         return qmc.LatinHypercube(dimensions, rng=sample.seed).random(sample.n)
+    if sample.method == "saltelli":
+        both = qmc.Sobol(2 * dimensions, rng=sample.seed).random(sample.n)
+        first, second = both[:, :dimensions], both[:, dimensions:]
+        mixed = np.repeat(first[None], dimensions, axis=0)
+        for axis in range(dimensions):
+            mixed[axis, :, axis] = second[:, axis]
+        return np.concatenate((first, second, *mixed))
     # The first n points of a Sobol sequence are the same however many are drawn.
     power = math.ceil(math.log2(sample.n)) if sample.n > 1 else 0
     return qmc.Sobol(dimensions, rng=sample.seed).random_base2(power)[: sample.n]
@@ -280,7 +310,7 @@ def _zipped(context: SweepContext, path: KeyPath, axes: Mapping[str, Axis]) -> B
         first = next(iter(counts))
         if counts[name] != counts[first]:
             message = f"'{name}' has {counts[name]} values, but '{first}' has {counts[first]}"
-            document.add("zip-length", (*path, name), message)
+            document.add("zip-length", (*path, name), message, "give each as many values")
     return Block(tuple(columns), tuple(zip(*columns.values(), strict=False)))
 
 
@@ -295,6 +325,11 @@ def _sampled(context: SweepContext, axes: Mapping[str, Sampled]) -> list[Block]:
     if sample and not {"uniform", "loguniform"}.intersection(written):
         hint = "give an axis as {uniform: [low, high]} or {loguniform: [low, high]}"
         document.add("sample-unused", document.key(("sample",)), "no axis is sampled", hint)
+    if sample and sample.method == "saltelli" and sample.n & (sample.n - 1):
+        place, near = document.value(("sample", "n")), 1 << sample.n.bit_length()
+        hint = f"write n: {near // 2}, or {near}"
+        document.add("bad-value", place, "saltelli takes a power of two", hint)
+        return []
     return [_drawn(context, axes, sample)] if axes and sample else []
 
 

@@ -13,6 +13,7 @@ _SEEDS = len(SEEDS)
 _FEW_STEPS_OF_TIMECONST = (
     4  # timesteps of solref's time constant below which no longer ones are proposed
 )
+_ERROR = "backward_error"
 _PLAIN = re.compile(r"[A-Za-z][\w.-]*")
 
 
@@ -34,7 +35,6 @@ def starter(
         for name, own in _own(settings, vocabulary, ("keyframe", "solver", "solimp", "impratio"))
     ]
     expected = "stable" if "stable" in vocabulary.labels else next(iter(vocabulary.labels), "")
-    metric = next(iter(vocabulary.metrics), "")
     driven = f"drive: {drive}" if drive else "# drive: none"
     timestep = _word(settings.get("timestep", 1e-3))
     lines = [
@@ -63,14 +63,27 @@ def starter(
         f'#   - {{where: "timestep > {timestep}"}}',
         "# include:              # further rows, or {file: runs.csv}",
         "#   - {timestep: 1e-4}",
-        *([f"# tolerances: {{{metric}: 1e-3}}   # what is accurate enough"] if metric else []),
+        *_answers(vocabulary),
         *(["# expect:               # makes the sweep a test"] if expected else []),
         *([f"#   - {{where: {{timestep: {timestep}}}, label: {expected}}}"] if expected else []),
-        "trace: flagged        # all, flagged, none or sample:N",
+        "trace: all            # all, flagged, none or sample:N; without one, a run has no film",
+        "trace_format: compact # or messages, which viewers open as they are",
         "",
         *_listing(vocabulary),
     ]
     return "\n".join(lines).rstrip() + "\n"
+
+
+def _answers(vocabulary: Vocabulary) -> list[str]:
+    """Return the lines by which a sweep ends in a recommendation: what is measured, how well."""
+    if _ERROR not in vocabulary.metrics:
+        return []
+    return [
+        "# The cheapest settings within these are recommended. The first is of the model's own",
+        "# motion: phantom forces over real ones, measured of every run.",
+        f"tolerances: {{{_ERROR}: 10%}}",
+        "checks: all           # or flagged: of runs that are not stable alone",
+    ]
 
 
 def _varied(settings: Settings, vocabulary: Vocabulary) -> Iterator[tuple[str, Sequence[object]]]:

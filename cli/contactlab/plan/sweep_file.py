@@ -17,7 +17,10 @@ from contactlab.plan.grid import MOST_RUNS, Grid, Match, Plan, SweptAxis
 from contactlab.plan.included_rows import read_rows
 from contactlab.plan.names import check_names, read_condition
 from contactlab.plan.overrides import Filter, Overrides, apply_settings, check_values, read_filters
+from contactlab.plan.refined_axes import check_refine, write_out_refined
 from contactlab.plan.rows import SweepContext, read_blocks, write_out_units
+from contactlab.plan.sampled_shares import check_until
+from contactlab.plan.search import check_choices, check_search
 from contactlab.plan.validation import Draft, add_validation_errors, read_draft
 from contactlab.plan.yaml_document import Document, open_document, read_document, read_text
 from contactlab.schema.sweep_schema import Sweep, scene_reference, switches
@@ -54,7 +57,9 @@ def read_sweep(
         raise SweepMistakesError(document.mistakes)
     if isinstance(document.data, dict):
         apply_settings(document, overrides.assign)
-        write_out_units(document, partial(_unit_of, document, vocabulary))
+        write_out_refined(document)
+        of_axis = partial(_unit_of, document, vocabulary)
+        write_out_units(document, of_axis, partial(_unit_of_metric, document, vocabulary))
     draft = read_draft(document)
     plan = _checked(draft, vocabulary, overrides, path.parent if path else Path())
     if plan is None or document.has_errors:
@@ -64,11 +69,22 @@ def read_sweep(
 
 def _unit_of(document: Document, vocabulary: Callable[[str], Vocabulary], axis: str) -> str:
     """Return the unit of an axis of the scene; empty where there is none."""
+    names = _names_of(document, vocabulary)
+    spec = names.find(axis) if names else None
+    return spec.unit if spec else ""
+
+
+def _unit_of_metric(document: Document, vocabulary: Callable[[str], Vocabulary], name: str) -> str:
+    """Return the unit of a metric or a threshold; empty where there is none."""
+    names = _names_of(document, vocabulary)
+    return names.units.get(name, "") if names else ""
+
+
+def _names_of(document: Document, vocabulary: Callable[[str], Vocabulary]) -> Vocabulary | None:
     scene = scene_reference(document.at(("scene",)))
     with suppress(SceneError):
-        spec = vocabulary(scene).find(axis) if isinstance(scene, str) else None
-        return spec.unit if spec else ""
-    return ""
+        return vocabulary(scene) if isinstance(scene, str) else None
+    return None
 
 
 def _sorted(document: Document) -> list[Diagnostic]:
@@ -98,6 +114,10 @@ def _checked(
         document.add("unknown-scene", ("scene",), first, rest.replace("\n", "; "))
         return None
     check_names(context)
+    check_refine(context)
+    check_until(context)
+    check_search(context)
+    check_choices(context)
     grid = _read_grid(context, folder)
     carried = tuple(dict.fromkeys([*_product_axes(context), *itertools.chain(*grid.added)]))
     expected = tuple(
@@ -115,6 +135,7 @@ def _checked(
     for match, _ in expected:
         _warn_unmet(document, match, grid)
     check_values(document, filters, grid)
+    _check_whole(context, filters, overrides.limit)
     if document.has_errors:
         return None
     grid = _kept(draft.sweep, grid, filters)
@@ -123,6 +144,22 @@ def _checked(
         return None
     warnings = tuple(mistake for mistake in document.mistakes if mistake.severity == "warning")
     return Plan(draft.sweep, _axes(draft.sweep, grid), count, warnings, grid, expected)
+
+
+def _check_whole(context: SweepContext, filters: Sequence[Filter], limit: int | None) -> None:
+    """Add a mistake for every option that would cut the grid that is refined."""
+    refine = context.sweep.refine
+    if refine is None:
+        return
+    cuts = [condition.place for condition in filters if condition.name in refine.axes]
+    cuts += [] if limit is None else [_of_limit(limit)]
+    for place in cuts:
+        message = "this would cut the grid that is refined"
+        context.document.add("bad-option", place, message, "leave it out, or --set the axis anew")
+
+
+def _of_limit(limit: int) -> Place:
+    return Place(SourceText("command line", (f"--limit {limit}",), numbered=False), 1, 9, 9)
 
 
 def _kept(sweep: Sweep, grid: Grid, filters: Sequence[Filter]) -> Grid:
@@ -163,8 +200,7 @@ def _count(context: SweepContext, grid: Grid, limit: int | None, *, warn: bool) 
     """Return the number of runs, or None if there are none or too many."""
     document, seeds = context.document, len(context.sweep.seed_values)
     if limit is not None and limit < 1:
-        place = Place(SourceText("command line", (f"--limit {limit}",), numbered=False), 1, 9, 9)
-        document.add("bad-option", place, "the limit must be at least 1 run")
+        document.add("bad-option", _of_limit(limit), "the limit must be at least 1 run")
         return None
     most = math.inf if limit is None else limit
     runs, what, unmet = grid.product_size, "rows before `exclude`", ()
@@ -179,7 +215,7 @@ def _count(context: SweepContext, grid: Grid, limit: int | None, *, warn: bool) 
     for match in unmet if warn else ():
         document.add("unmatched-exclude", match.place, "excludes no run", severity="warning")
     if runs == 0:
-        document.add("no-runs", document.key(("exclude",)), "no runs are left")
+        document.add("no-runs", document.key(("exclude",)), "no runs are left", "exclude less")
     return runs or None
 
 

@@ -9,12 +9,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from contactlab.errors import SweepFileError
-from contactlab.plan.overrides import drive_option
+from contactlab.plan.overrides import FlagSetting, drive_option
 from contactlab.schema.drive import Drive
 from contactlab.schema.requirement import read_requirement
 from contactlab.schema.setting_values import read_quantity
 
-_KINDS = {"m": "m", "rad": "rad"}
+_KINDS = ("", "m", "rad")  # of what is watched: a share, a length, an angle
 
 
 @dataclass(frozen=True)
@@ -29,15 +29,18 @@ class TaskOptions:
     # Largest values of metrics and measures by name, in SI units.
     limits: dict[str, float] = field(default_factory=dict[str, float])
     must: tuple[str, ...] = ()  # what has to hold, in words
+    # Units of limits as written, by name; empty where a plain number is.
+    units: dict[str, str] = field(default_factory=dict[str, str], compare=False)
 
     @property
     def settings(self) -> list[str]:
         """Return start, duration and requirements as options `--set` have them."""
-        start = [] if self.start is None else [f"keyframe={self.start}"]
-        duration = [] if self.duration is None else [f"duration={self.duration!r}"]
+        start = [] if self.start is None else [FlagSetting(f"keyframe={self.start}", "--start")]
+        seconds = self.duration
+        duration = [] if seconds is None else [FlagSetting(f"duration={seconds!r}", "--duration")]
         # An address, body[3], would be quoted once more.
         texts = ",".join(json.dumps(text).replace("[", "\\u005b") for text in self.must)
-        return [*start, *duration, *([f"must={texts}"] if texts else [])]
+        return [*start, *duration, *([FlagSetting(f"must={texts}", "--must")] if texts else [])]
 
 
 AS_INFERRED = TaskOptions()
@@ -58,19 +61,22 @@ def read_task_options(
     `slip=1mm`.
     """
     limits: dict[str, float] = {}
+    units: dict[str, str] = {}
     own: tuple[float, str] | None = None
     for text in within or ():
         name, equals, value = text.rpartition("=")
         number, unit = read_quantity(value)
-        if not 0 <= number < math.inf or (equals and not name) or (not equals and not number):
+        is_task_s = not equals and number > 0 and unit in _KINDS
+        if not 0 <= number < math.inf or not (name or is_task_s):
             raise SweepFileError(
                 f"'--within {text}' is no tolerance; write a share or a length, 10% or 1mm, or "
                 "METRIC=VALUE, such as slip=1mm"
             )
         if name:
             limits[name] = number
+            units[name] = unit
         else:
-            own = number, unit if unit in _KINDS else "1"
+            own = number, unit or "1"
     seconds = None
     if duration is not None:
         seconds, unit = read_quantity(duration)
@@ -82,4 +88,4 @@ def read_task_options(
         except ValueError as error:
             raise SweepFileError(f"--must: {error}") from error
     moved = drive_option(drive)
-    return TaskOptions(start, moved, seconds, tuple(watch or ()), own, limits, tuple(must))
+    return TaskOptions(start, moved, seconds, tuple(watch or ()), own, limits, tuple(must), units)

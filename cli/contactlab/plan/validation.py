@@ -3,6 +3,7 @@
 What is valid is kept as a draft for further checks, so that one pass finds all mistakes.
 """
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from types import UnionType
@@ -12,10 +13,11 @@ from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
 from contactlab.errors import suggestion
+from contactlab.plan.mistakes import MISTAKES
 from contactlab.plan.yaml_document import Document, KeyPath
-from contactlab.schema.drive import DRIVE_FORMS
+from contactlab.schema.drive import DRIVE_FORMS, DRIVE_WORDS
 from contactlab.schema.requirement import said_now
-from contactlab.schema.setting_values import without_unit
+from contactlab.schema.setting_values import split_unit, without_unit
 from contactlab.schema.sweep_schema import Sweep
 from contactlab.schema.vocabulary import FORMS
 
@@ -37,6 +39,24 @@ _CODES = {
     **dict.fromkeys(("string_too_short", "literal_error", "string_pattern_mismatch"), "bad-value"),
 }
 _COUNTED = set(FORMS) - {"values"}
+_EXAMPLES = {
+    "a mapping": "write NAME: VALUE",
+    "a list": "write [VALUE, VALUE]",
+    "a number": "write a number, such as 2",
+    "a whole number": "write a whole number, such as 2",
+    "true or false": "write true or false",
+    "a word": "write a word",
+}
+_EXAMPLES_OF: Mapping[str, str] = {
+    "version": "write version: 1",
+    "duration": "write 2 or 2s",
+    "timeout": "write 60 or 1min",
+    "axes": "write axes: {timestep: [1e-3, 2e-3]}",
+    "seeds": "write a count above 0, or a list such as [0, 7]",
+    "range": "write [first, last, step], with a step above 0 for a last above the first",
+    "drive": "",
+}
+_BEGINNING = "begin with `version: 1`, `scene: NAME` and `axes:`; `contactlab init` writes one"
 
 
 def add_validation_errors(
@@ -108,16 +128,19 @@ def _add_length(document: Document, kind: str, path: KeyPath) -> None:
     name = path[-1]
     if _is_form(path):
         description = (FORMS[str(name)].model_fields[str(name)].description or "").split(":")[0]
-        document.add("wrong-length", path, f"'{name}' takes {description}")
+        example = f"write {{{name}: {description}}}"
+        document.add("wrong-length", path, f"'{name}' takes {description}", example)
     elif kind == "missing":
         place = document.key(path[:-1]) if path[:-1] else document.value(())
         example = {"version": "1", "scene": "NAME"}.get(str(name), "...")
         hint = f"add {name}: {example}"
         document.add("missing-key", place.part(0, 1), f"missing key '{name}'", hint)
     elif axis := path[1:2] if path[0] == "axes" else path[2:3] if path[0] == "zip" else ():
-        document.add("empty-axis", path, f"axis '{axis[0]}' has no values")
+        hint = "write some, or leave the axis out"
+        document.add("empty-axis", path, f"axis '{axis[0]}' has no values", hint)
     else:
-        document.add("wrong-length", path, f"'{_name(path)}' has too few entries")
+        many, hint = ("many", "leave some out") if kind == "too_long" else ("few", "add one")
+        document.add("wrong-length", path, f"'{_name(path)}' has too {many} entries", hint)
 
 
 def _name(path: KeyPath) -> str:
@@ -131,7 +154,11 @@ def _add_type(document: Document, wanted: str, path: KeyPath) -> None:
     name = _name(path)
     subject = f"'{name}' takes" if name else "the file is"
     place = document.key(path) if data is None and path else document.value(path)
-    document.add("wrong-type", place, f"{subject} {wanted}, not {given}")
+    hint = _EXAMPLES_OF.get(name, _EXAMPLES.get(wanted, "")) if path else _BEGINNING
+    if path and split_unit(data)[1]:
+        hint = "write a number, or one with the unit of this metric" if name != "duration" else hint
+    said = f"{subject} {wanted}, not {given}" if path or data is not None else "the file is empty"
+    document.add("wrong-type", place, said, hint)
 
 
 def _add_value(document: Document, detail: ErrorDetails, path: KeyPath) -> None:
@@ -142,9 +169,21 @@ def _add_value(document: Document, detail: ErrorDetails, path: KeyPath) -> None:
         wording, hint = f"has no choice {given!r}", "write all, flagged, none or sample:N"
     if kind == "literal_error":
         choices = str(detail.get("ctx", {}).get("expected", "")).replace("'", "")
-        hint = suggestion(given, choices.replace(" or ", ", ").split(", "))
+        hint = suggestion(given, choices.replace(" or ", ", ").split(", ")) or f"write {choices}"
+    if kind == "drive_form":
+        hint = suggestion(given, DRIVE_WORDS) or "write one of these"
     name = f"'{_name(path)}' " if _name(path) else ""
-    document.add(_CODES.get(kind, kind.replace("_", "-")), path, f"{name}{wording}", hint)
+    hint = hint or _EXAMPLES_OF.get(_name(path), "") or _instead(wording)
+    code = _CODES.get(kind, kind.replace("_", "-"))
+    document.add(code if code in MISTAKES else "bad-value", path, f"{name}{wording}", hint)
+
+
+def _instead(wording: str) -> str:
+    """Return an example of a number within bounds that a message states."""
+    if bound := re.search(r"(greater|less) than (or equal to )?([-+.\de]+)$", wording):
+        side = "above" if bound[1] == "greater" else "below"
+        return f"write a number {f'of {bound[3]}, or one ' if bound[2] else ''}{side} {bound[3]}"
+    return ""
 
 
 def _model_at(loc: tuple[str | int, ...], model: type[BaseModel]) -> type[BaseModel]:

@@ -12,8 +12,9 @@ from ruamel.yaml.error import MarkedYAMLError, StreamMark, YAMLError
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 from ruamel.yaml.reader import ReaderError
 
-from contactlab.errors import SweepFileError
+from contactlab.errors import SweepFileError, no_file
 from contactlab.plan.diagnostics import Diagnostic, Place, Severity, SourceText
+from contactlab.plan.mistakes import MISTAKES
 from contactlab.schema.strict_model import check_extent
 
 KeyPath = tuple[str | int, ...]
@@ -60,6 +61,7 @@ class Document:
         severity: Severity = "error",
     ) -> None:
         """Add a mistake at the value of a path, or at a place."""
+        assert code in MISTAKES, code
         place = path if isinstance(path, Place) else self.value(path)
         if place not in self.unreadable:
             self.mistakes.append(Diagnostic(code, message, place, hint, severity))
@@ -112,10 +114,14 @@ def read_text(path: Path) -> str:
     """Return a file's text; raise SweepFileError if it cannot be read, or is not UTF-8."""
     try:
         return path.read_text(encoding="utf-8-sig")
+    except FileNotFoundError as error:
+        raise SweepFileError(no_file(path, "file", {path.suffix})) from error
     except OSError as error:
-        raise SweepFileError(f"cannot read {path}: {error.strerror}") from error
+        raise SweepFileError(f"cannot read {path}: {error.strerror}; name a file") from error
     except UnicodeDecodeError as error:
-        raise SweepFileError(f"cannot read {path}: it is not UTF-8 text") from error
+        raise SweepFileError(
+            f"cannot read {path}: it is not UTF-8 text; write it as YAML"
+        ) from error
 
 
 def open_document(source: Path | str | Mapping[str, object]) -> Document:
@@ -276,7 +282,16 @@ _PLAIN = {
     "mapping values are not allowed here": "a second ': ' in one line; quote the text or indent",
     "found character '\\t' that cannot start any token": "a tab; indent with spaces",
     "but found another document": "a second document; a file holds one",
-    "found undefined alias": "no anchor of this name",
+    "found undefined alias": "no anchor of this name; write &NAME before",
+    "expected ',' or ']'": "a bracket is not closed; write ]",
+    "expected ',' or '}'": "a brace is not closed; write }",
+    "expected <block end>": "an entry out of line with those above; indent it as they are",
+    "could not find expected ':'": "a key without a colon; write NAME: VALUE",
+    "found unexpected end of stream": "a quote is not closed; write it at the end of the text",
+    "expected the node content": "a value is missing before this; write one",
+    "found character": "a character that begins no value; quote the text",
+    "found unknown escape": "an escape that YAML does not have; use single quotes",
+    "did not find expected": "this does not belong here; indent it as what is above",
 }
 
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from contactlab.reporting.report_columns import SEED, STABLE, GridAxis, RunLabels
+from contactlab.reporting.report_columns import SEED, STABLE, GridAxis, RunLabels, number_with_unit
 
 _MOST_VALUES_LISTED = 3
 _LEAST_SHARE_OF_OUTCOME = 0.5
@@ -63,9 +63,9 @@ def finding(axes: Sequence[GridAxis], labels: RunLabels) -> str:
     bound, inside = _conditions(swept, within, rare)
     if not bound or rare[inside].mean() < _LEAST_SHARE_OF_OUTCOME:
         return _sufficient(swept, rare, words) or _most_of(swept, rare, words.runs_do)
-    parts = [f"{axis.name} {_values(axis, axis.codes[rare])}" for axis in bound]
+    parts = [_setting(axis, axis.codes[rare]) for axis in bound]
     if not rare[inside].all():
-        some = f"{rare.sum():,} of these {inside.sum():,} runs {words.runs_do}"
+        some = f"{rare.sum():,} of {inside.sum():,} such runs"
         return f"Every {words.one} has {' and '.join(parts)} ({some})."
     free = [axis.name for axis in swept if within[axis.name].all()]
     rest = f"; {_joined(free)} {'do' if len(free) > 1 else 'does'} not matter" if free else ""
@@ -103,12 +103,24 @@ def _sufficient(axes: Sequence[GridAxis], rare: NDArray[np.bool_], words: _Words
     pure = {axis.name: ~np.isin(axis.codes, axis.codes[~rare]) for axis in axes}
     for axis in sorted(axes, key=lambda axis: -pure[axis.name].sum())[:_FEW_BOUNDS]:
         if (pure[axis.name] & ~told).any():
-            parts.append(f"with {axis.name} {_values(axis, axis.codes[pure[axis.name]])}")
+            parts.append(f"with {_setting(axis, axis.codes[pure[axis.name]])}")
             told |= pure[axis.name]
     if told.sum() < _LEAST_SHARE_OF_OUTCOME * rare.sum():
         return ""
     covered = f"{told.sum():,} of {rare.sum():,} {words.all_of_them}"
     return f"Every run {', or '.join(parts)} {words.run_does}: {covered}."
+
+
+def _setting(axis: GridAxis, codes: NDArray[np.int64]) -> str:
+    """Return an axis with values that have some codes: `a timestep of 2 ms or more`."""
+    values = _values(axis, codes)
+    if not axis.amount_unit or values.startswith("other"):
+        return f"{axis.name} {values}"
+    number, space, rest = values.partition(" or ")
+    amount = f"{number} {axis.unit}{space}{rest}"
+    last = rest.rpartition(" ")[2]
+    amount += f" {axis.unit}" if space and last not in ("less", "more", "others") else ""
+    return f"{'an' if axis.name[0] in 'aeiou' else 'a'} {axis.name.replace('_', ' ')} of {amount}"
 
 
 def _values(axis: GridAxis, codes: NDArray[np.int64]) -> str:
@@ -150,6 +162,6 @@ def _most_of(axes: Sequence[GridAxis], rare: NDArray[np.bool_], verb: str) -> st
     axis, share = axes[int(np.argmax(spreads))], shares[int(np.argmax(spreads))]
     most, least = int(np.nanargmax(share)), int(np.nanargmin(share))
     return (
-        f"{share[most]:.0%} of runs {verb} with {axis.name} {axis.ticks[most]}, "
-        f"{share[least]:.0%} with {axis.ticks[least]}."
+        f"{share[most]:.0%} of runs {verb} with {_setting(axis, np.array([most]))}, "
+        f"{share[least]:.0%} with {number_with_unit(axis.ticks[least], axis.unit)}."
     )

@@ -51,6 +51,16 @@ def most_informative_axes(axes: Sequence[GridAxis], labels: RunLabels) -> MapAxe
     return max(pairs, key=lambda pair: (_separation(pair, labels), pair.size), default=None)
 
 
+def axes_named(axes: Sequence[GridAxis], names: Sequence[str]) -> MapAxes | None:
+    """Return the axes of one or two names as those of a map; None unless all differ in runs."""
+    found = [axis for name in names for axis in axes if axis.name == name]
+    return (
+        MapAxes(found[0], found[1] if len(found) > 1 else None)
+        if len(found) == len(names)
+        else None
+    )
+
+
 def by_importance(axes: Sequence[GridAxis], labels: RunLabels) -> list[GridAxis]:
     """Return axes, those first whose values part stable runs from others, and labels, best."""
     return sorted(axes, key=lambda axis: -_separation(MapAxes(axis, None), labels))

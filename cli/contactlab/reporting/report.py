@@ -6,7 +6,8 @@ from pathlib import Path
 from contactlab.errors import StoreError
 from contactlab.pareto.analysis import ToleranceTable, analyse, tolerance_table
 from contactlab.pareto.criteria import Criteria
-from contactlab.reporting.map_axes import MapAxes, most_informative_axes
+from contactlab.reporting.boundaries import Boundaries, boundaries
+from contactlab.reporting.map_axes import MapAxes, axes_named, most_informative_axes
 from contactlab.reporting.report_columns import (
     GridAxis,
     Quantity,
@@ -15,6 +16,7 @@ from contactlab.reporting.report_columns import (
     read_quantities,
     read_run_labels,
 )
+from contactlab.schema.examination import Examination
 from contactlab.schema.tradeoff_report import TradeoffReport
 from contactlab.store.finished_store import Store
 
@@ -27,7 +29,8 @@ class PageRequest:
 
     The criteria say which error stands for accuracy, and replace tolerances of the sweep. A page
     that would be larger than `most_bytes` has aggregated cells in place of runs. `parity` is a file
-    that `contactlab parity --format json` wrote.
+    that `contactlab parity --format json` wrote. With an `examination`, it is the page of a model,
+    whose runs the store has.
     """
 
     criteria: Criteria = DEFAULT_CRITERIA
@@ -35,6 +38,7 @@ class PageRequest:
     most_bytes: int = 25_000_000
     baseline: Store | None = None
     parity: Path | None = None
+    examination: Examination | None = None
 
 
 @dataclass(frozen=True)
@@ -51,6 +55,7 @@ class ReportData:
     map_axes: MapAxes | None
     tradeoff: TradeoffReport | None
     no_tradeoff: str
+    boundaries: Boundaries | None = None
 
     def quantities_named(self, *names: str) -> list[Quantity]:
         """Return the quantities of these names, as far as the store has them."""
@@ -81,4 +86,7 @@ def read_report_data(store: Store, criteria: Criteria = DEFAULT_CRITERIA) -> Rep
             raise
         reason = str(error)
     map_axes, quantities = most_informative_axes(axes, labels), read_quantities(store)
-    return ReportData(store, axes, labels, quantities, map_axes, report, reason)
+    found = boundaries(store)
+    if found is not None:
+        map_axes = axes_named(axes, tuple(found.grid.axes)[:2]) or map_axes
+    return ReportData(store, axes, labels, quantities, map_axes, report, reason, found)

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +31,7 @@ _UNITLESS = {"", "1", "any"}
 _MOST_VALUES_OF_AN_AXIS = 40  # an axis with more values than this is drawn in bins
 _BINS = 20
 _MORE_LETTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0789"
+_SMALLER, _LEAST_OF_UNIT = {"s": "ms", "m": "mm"}, 0.1
 _LOG_SPAN = 50.0
 """Bins are logarithmic where the largest value is more than so many times the least."""
 
@@ -49,6 +51,11 @@ class GridAxis:
     def title(self) -> str:
         """Its name with its unit."""
         return with_unit(self.name, self.unit)
+
+    @property
+    def amount_unit(self) -> str:
+        """Its unit where its values are amounts of it; empty for ratios, words and pairs."""
+        return self.unit if self.is_ordered and self.unit not in _UNITLESS else ""
 
     @property
     def is_ordered(self) -> bool:
@@ -130,19 +137,25 @@ def read_axes(store: Store) -> tuple[GridAxis, ...]:
     roles: dict[str, Role] = {**sweep.roles, SEED: "scenario"}
     named = dict.fromkeys((*columns.axis_names, SEED))
     names = [name for name in named if name in columns.schema.names and columns.varies(name)]
-    axes = [_axis(columns, name, roles.get(name, "knob")) for name in names]
+    whole = store.manifest.sweep.whole
+    grid = whole.axes if whole else {}
+    axes = [_axis(columns, name, roles.get(name, "knob"), grid.get(name, ())) for name in names]
     return tuple(axis for axis in axes if len(axis.ticks) > 1)
 
 
-def _axis(columns: RunColumns, name: str, kind: Role) -> GridAxis:
+def _axis(columns: RunColumns, name: str, kind: Role, grid: Sequence[Any]) -> GridAxis:
+    """Return an axis; of one that was refined, with all values of its grid."""
     unit = columns.described[name].unit
     if not columns.is_number(name):
         codes, values = columns.coded(name)
         ticks = tuple(SCENES_OWN if value is None else value.strip() for value in values)
         return GridAxis(name, unit, kind, ticks, codes.astype(np.int64), None)
     numbers = columns.numbers(name).values
-    values, codes = np.unique(numbers, return_inverse=True)
-    if len(values) > _MOST_VALUES_OF_AN_AXIS and np.isfinite(values).all():
+    together = np.concatenate([numbers, np.array(grid, dtype=float)])
+    together, unit = _in_small_units(together, unit)
+    values, codes = np.unique(together, return_inverse=True)
+    numbers, codes = together[: len(numbers)], codes[: len(numbers)]
+    if not grid and len(values) > _MOST_VALUES_OF_AN_AXIS and np.isfinite(values).all():
         return GridAxis(name, unit, kind, *_binned(numbers), numbers)
     if str(columns.schema.field(name).type) == "bool":
         ticks = [{0.0: "false", 1.0: "true"}.get(value, SCENES_OWN) for value in values.tolist()]
@@ -151,6 +164,27 @@ def _axis(columns: RunColumns, name: str, kind: Role) -> GridAxis:
     # Where they would be alike they have more digits.
     ticks = ticks if len({*ticks}) == len(ticks) else [f"{value:.10g}" for value in values]
     return GridAxis(name, unit, kind, tuple(ticks), codes, None)
+
+
+def tick_of(axis: GridAxis, value: object) -> int:
+    """Return the place of a value among the ticks of an axis that is not in bins.
+
+    Raises a ValueError if it is none of its values.
+    """
+    if not isinstance(value, float | int) or isinstance(value, bool):
+        return axis.ticks.index(str(value).lower() if isinstance(value, bool) else str(value))
+    value = 1e3 * value if axis.unit in _SMALLER.values() else value
+    short, long = f"{value:.4g}", f"{value:.10g}"
+    return axis.ticks.index(short if short in axis.ticks else long)
+
+
+def _in_small_units(numbers: Floats, unit: str) -> tuple[Floats, str]:
+    """Return times and lengths in ms and mm where all are below a tenth of the unit."""
+    finite = np.abs(numbers[np.isfinite(numbers)])
+    if unit not in _SMALLER or not finite.size or finite.max() >= _LEAST_OF_UNIT:
+        return numbers, unit
+    # A thousand times 1.1e-3 is not quite 1.1.
+    return np.array([float(f"{1e3 * value:.12g}") for value in numbers]), _SMALLER[unit]
 
 
 def _binned(numbers: Floats) -> tuple[tuple[str, ...], Codes]:

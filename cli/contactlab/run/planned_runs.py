@@ -7,10 +7,12 @@ import signal
 from collections import OrderedDict
 from collections.abc import Collection, Generator, Hashable, Iterable, Iterator
 from contextlib import contextmanager
+from copy import copy
 from functools import cached_property, partial
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from contactlab.accuracy.reference import PlannedModel
 from contactlab.engines import ENGINES, engine_of
@@ -96,6 +98,18 @@ class RunIndex:
         """A hash of all ids in order."""
         text = self._ids[self._distinct].astype(">u8").tobytes().hex()
         return hashlib.sha256(text.encode()).hexdigest()[:32]
+
+    @property
+    def ids(self) -> NDArray[np.uint64]:
+        """(runs of the plan) the ids in order, those of equal runs too."""
+        return self._ids
+
+    def only(self, wanted: NDArray[np.bool_]) -> "RunIndex":
+        """Return the index of some (runs of the plan) of them."""
+        part = copy(self)
+        vars(part).pop("hash", None)
+        part._distinct = self._distinct & wanted
+        return part
 
     def count(self, done: Collection[str]) -> int:
         """Return how many of the runs are among those that are done."""

@@ -23,7 +23,7 @@ from contactlab.run.planned_runs import RunIndex, stored_sweep_scene
 from contactlab.run.run_verdicts import judge, unmet_means, within_tolerances
 from contactlab.run.stored_runs import canonical_values, replay, resolve_record
 from contactlab.run.sweep_request import SweepRequest, supported
-from contactlab.run.sweep_runner import identity_of
+from contactlab.run.sweep_runner import chosen_runs, identity_of
 from contactlab.run.tasks import Task
 from contactlab.run.worker import Worker
 from contactlab.scene.scene import Scene
@@ -101,7 +101,13 @@ def _other_plan(store: Store, scene: Scene, plan: Plan) -> Iterator[str]:
     index = RunIndex(plan, scene)
     name, source, options = identity.name, identity.source, identity.overrides
     request = SweepRequest(plan, scene, name, source, options, store.address, workers=0)
-    ours, stored = identity_of(request, index).model_dump(), identity.model_dump()
+    planned = identity_of(request, index)
+    if chosen := chosen_runs(plan, index):
+        chosen.learn(columns.arrow(["run_id", *chosen.read_by]).to_pylist())
+        if chosen.next().any():
+            yield f"{TABLE}: runs are missing that what came of the others asks for"
+        _, planned = chosen.part(index, planned)
+    ours, stored = planned.model_dump(), identity.model_dump()
     for field in (key for key in ours if ours[key] != stored[key]):
         yield f"{IDENTITY}: {field} is not what the sweep's text and options give"
     if columns.shared.get("severity") != list(LABELS):

@@ -17,12 +17,16 @@ from contactlab.run.tasks import Executor
 from contactlab.scene.mujoco_versions import incomplete_axes, why_unsupported
 from contactlab.scene.requirements import mistake_in_requirement
 from contactlab.scene.scene import Scene
+from contactlab.scene.task import check_motion
 from contactlab.schema.drive import Drive, drive_text
 from contactlab.schema.sweep_schema import effects_base
 from contactlab.schema.vocabulary import Vocabulary
 from contactlab.store.control_tables import read_control_table
 from contactlab.store.store_files import Address
 from contactlab.store.table_layout import RESERVED_COLUMNS
+
+_OF_ORACLES = ("oracle_error", "oracle_expected", "oracle_measured")
+_NO_ORACLE = "the scene has no oracle"
 
 
 @dataclass(frozen=True)
@@ -129,6 +133,8 @@ class SceneLoader:
             tables, allowed = read_control_table, self.allow_code
             scene = Scene.open(reference, self.folder, ENGINES, tables, allow_code=allowed)
             _check_names(scene)
+            with scene.source.named_in_errors():
+                check_motion(scene.base({}).model)
             self._opened[reference] = scene
         return self._opened[reference]
 
@@ -158,7 +164,17 @@ class SceneLoader:
             most = duration or self.open(reference).duration
             return mistake_in_requirement(text, scene.base({}), scene.source.manifest, most)
 
-        return Vocabulary(axes, find, [*METRICS], [*LABELS], [*THRESHOLDS], broken)
+        manifest = scene.source.manifest
+        return Vocabulary(
+            axes,
+            find,
+            [*METRICS],
+            [*LABELS],
+            [*THRESHOLDS],
+            units={name: entry.unit for name, entry in (*METRICS.items(), *THRESHOLDS.items())},
+            lacking={} if manifest and manifest.oracle else dict.fromkeys(_OF_ORACLES, _NO_ORACLE),
+            mistake_in_requirement=broken,
+        )
 
 
 def _check_names(scene: Scene) -> None:

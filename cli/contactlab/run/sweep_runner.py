@@ -1,7 +1,8 @@
 """Run a sweep into a store: plan, skip what is done, run the rest, publish."""
 
 import logging
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from functools import partial
 from itertools import chain
 from pathlib import Path
@@ -14,11 +15,16 @@ from contactlab.engines.closed_loop import allowed_policy
 from contactlab.engines.contact_kernel import reason_for_sensors
 from contactlab.errors import SweepFileError
 from contactlab.measure import LABELS, METRICS, added_labels
+from contactlab.plan.grid import Plan
 from contactlab.plugins import loaded_plugins
+from contactlab.run.chosen_runs import ChosenRuns
 from contactlab.run.evidence_record import definitions, engine, provenance
 from contactlab.run.passes import SweepSession, run_passes
 from contactlab.run.planned_runs import RunIndex, pack_jobs
+from contactlab.run.refined_runs import RefinedRuns
 from contactlab.run.run_verdicts import unmet_means
+from contactlab.run.runs_until_known import RunsUntilKnown
+from contactlab.run.searched_runs import SearchedRuns
 from contactlab.run.sweep_request import SweepRequest
 from contactlab.run.tasks import (
     BeginCallback,
@@ -106,11 +112,14 @@ def run_sweep(
         )
         executor, stop = request.cluster or LocalPool(request.workers), stop or Stop()
         session = SweepSession(task, request.scene, store, index, executor, stop, begin, progress)
-        _run_remaining(session)
+        if chosen := chosen_runs(request.plan, index):
+            session, identity = _run_chosen(session, chosen)
+        else:
+            _run_remaining(session)
         values, added = run_passes(session)
         columns += added
         means, shared = partial(unmet_means, request.plan), shared_fields(identity)
-        return store.finish(columns, shared, task.provenance, values, unmet_means=means)
+        return store.finish(columns, shared, task.provenance, values, identity, means)
 
 
 def shared_fields(identity: SweepIdentity) -> dict[str, object]:
@@ -126,10 +135,47 @@ def shared_fields(identity: SweepIdentity) -> dict[str, object]:
     }
 
 
+def chosen_runs(plan: Plan, index: RunIndex) -> ChosenRuns | None:
+    """Return which runs of a plan to make, where that depends on what comes of others."""
+    sweep = plan.sweep
+    if sweep.refine:
+        return RefinedRuns(sweep.refine, plan, index.ids)
+    if sweep.until:
+        return RunsUntilKnown(sweep.until, plan, index.ids)
+    return SearchedRuns(sweep.search, plan, index.ids) if sweep.search else None
+
+
+def _run_chosen(session: SweepSession, chosen: ChosenRuns) -> tuple[SweepSession, SweepIdentity]:
+    """Make the runs that are chosen by what came of others, round by round.
+
+    Return the session of the runs that the store has then, and the identity of those.
+    """
+    whole, store = session.index, session.store
+    chosen.learn(store.rows())
+    stored = whole.count(store.done)
+
+    def learn(finished: Sequence[Finished]) -> None:
+        chosen.learn_finished(finished)
+        session.progress(finished)
+
+    while (wanted := chosen.next()).any():
+        index = whole.only(wanted)
+        session.begin(stored + len(index), stored)
+        _run(replace(session, index=index, progress=learn))
+        stored = 0
+    index, identity = chosen.part(whole, store.identity)
+    return replace(session, index=index), identity
+
+
 def _run_remaining(session: SweepSession) -> None:
+    session.begin(len(session.index), session.index.count(session.store.done))
+    _run(session)
+
+
+def _run(session: SweepSession) -> None:
+    """Make the runs that are not stored yet."""
     index, store, executor = session.index, session.store, session.executor
     done = index.count(store.done)
-    session.begin(len(index), done)
     native = session.task.policy is None and isinstance(executor, LocalPool)
     native &= MODEL_ENGINE in {run.engine for run in index.firsts.values()}
     if native and done < len(index) and (reason := reason_for_sensors()):

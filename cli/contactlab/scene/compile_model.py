@@ -23,6 +23,7 @@ from mujoco._specs import MjsBody, MjsSensor
 from contactlab.contact.trace_arrays import SLOT_WIDTH, Floats
 from contactlab.errors import ModelWarning, SceneError
 from contactlab.expression import Expression, ExpressionError
+from contactlab.scene.compile_messages import in_words
 from contactlab.scene.contact_pairs import MonitoredPair
 from contactlab.scene.model_files import FileSearch, name_in_copy, parse, plain_name
 from contactlab.scene.model_names import name_by_address
@@ -144,6 +145,7 @@ def find_layout(
 
 
 _MOST_FAULTS_LISTED = 3
+_LINE = re.compile(r", line (\d+)")
 _FOLDER_HINT = {
     False: '<compiler meshdir="FOLDER"/>, relative to the model',
     True: '<mujoco><compiler meshdir="FOLDER" strippath="true"/></mujoco> within <robot>',
@@ -248,6 +250,7 @@ def _computed_text(name: str, value: object, braces: re.Match[str]) -> str:
 def compile_error(model: Path, tried: Path, error: Exception) -> SceneError:
     """Return why a model, or the copy of it that was tried, does not compile, and what to write."""
     lines = str(error).strip().replace(str(tried), str(model)).splitlines()
+    place = "".join(f":{found[1]}" for found in [_LINE.search(str(error))] if found)
     hints = list(_missing_file(lines[0], model))
     if "inertia" in lines[0] and "XML Error" not in lines[0]:
         # MuJoCo gives no access to a specification that it failed to compile.
@@ -259,7 +262,9 @@ def compile_error(model: Path, tried: Path, error: Exception) -> SceneError:
         hints.append(
             "MuJoCo reads meshes from .stl, .obj and .msh files; convert it to one of them"
         )
-    return SceneError("\n  ".join([f"{model}: does not compile", *lines, *hints]))
+    return SceneError(
+        "\n  ".join([f"{model}{place}: does not compile", *in_words(lines, model), *hints])
+    )
 
 
 def _missing_file(message: str, model: Path) -> Iterator[str]:

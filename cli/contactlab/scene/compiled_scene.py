@@ -31,6 +31,7 @@ from contactlab.scene.model_edits import (
     LOOP_ENGINE,
     EditTargets,
     base_settings,
+    derive,
     find_targets,
     is_as_written,
     nonuniform_settings,
@@ -105,7 +106,7 @@ class CompiledScene:
         for name in (edit for edit in edits if edit in EFFECTS and edit not in (*FLAGS, *OPTIONS)):
             EFFECTS[name].switch.write(model, bool(edits[name]))
         if derived:
-            mujoco.mj_setConst(model, mujoco.MjData(model))
+            derive(model)
         for name in edits.keys() & AT_REST.keys():
             write_at_rest(model, self.pairs, name, as_number(edits[name]), keyframe)
         effects: dict[str, EffectState] = {}

@@ -146,7 +146,17 @@ _ATTRIBUTES = {
     "jnt_solimp": "solimplimit",
     "dof_solref": "solreffriction",
     "dof_solimp": "solimpfriction",
+    "tendon_solref_lim": "solreflimit",
+    "tendon_solref_fri": "solreffriction",
 }
+# Actuators that are written by gains: the attribute of a parameter, its place there, and its sign.
+_GAINS: Mapping[tuple[str, str], tuple[str, int, int] | None] = {
+    ("position", "gainprm"): ("kp", 0, 1),
+    ("position", "biasprm"): ("kv", 2, -1),
+    ("velocity", "gainprm"): ("kv", 0, 1),
+    ("velocity", "biasprm"): None,  # follows from the gain
+}
+_TAG = re.compile(rb"<([^\s/>]+)")
 
 
 @dataclass(frozen=True)
@@ -191,10 +201,24 @@ class Draft:
         """Set the attributes of elements whose objects have other fields with settings."""
         model, old, new = meant.model, fields_of(meant.plain), fields_of(meant.model)
         for name in filter(is_writable, new):
-            prefix, _, attribute = name.partition("_")
+            prefix, _, own = name.partition("_")
             for row in differing_rows(old[name], new[name]):
-                part, text = object_name(model, name, row), mjcf_text(new[name][row].tolist())
-                self._set(FIELD_KINDS[prefix], part, _ATTRIBUTES.get(name, attribute), text)
+                part, values = object_name(model, name, row), new[name][row].tolist()
+                attribute = _ATTRIBUTES.get(name, own)
+                if own in ("gainprm", "biasprm"):
+                    gain = _GAINS.get((self._tag("actuator", part), own), (own, None, 1))
+                    if gain is None:
+                        continue
+                    attribute, place, sign = gain
+                    values = values if place is None else sign * values[place]
+                self._set(FIELD_KINDS[prefix], part, attribute, mjcf_text(values))
+
+    def _tag(self, kind: str, name: str) -> str:
+        """Return the tag of the element that an object comes from."""
+        path, place = self._origin(kind, name)
+        data = self.before[path]
+        found = _TAG.match(data, elements_of(data)[place].start)
+        return found[1].decode() if found else ""
 
     def _set(self, kind: str, name: str, attribute: str, value: str) -> None:
         self.values[self._origin(kind, name)][attribute] = value

@@ -200,6 +200,22 @@ def write_settings(
     return derived
 
 
+def derive(model: mujoco.MjModel) -> None:
+    """Have MuJoCo derive what follows from a model's fields, and its mean inertia, in place.
+
+    The mean inertia, a scale of the solver's tolerance, is kept where an author gave another.
+    """
+    own = model.stat.meaninertia != _mean_inertia(model)
+    mujoco.mj_setConst(model, mujoco.MjData(model))
+    if not own:
+        model.stat.meaninertia = _mean_inertia(model)
+
+
+def _mean_inertia(model: mujoco.MjModel) -> float:
+    """Return the mean inertia of degrees of freedom, as a model's compiler sums it."""
+    return sum(model.dof_M0.tolist()) / max(1, model.nv)
+
+
 def _write_mass(model: mujoco.MjModel, mass: float, subject: int | None) -> None:
     """Scale the subject's mass and inertia alike, as another density would."""
     if subject is None:

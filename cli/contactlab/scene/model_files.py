@@ -139,17 +139,29 @@ def parse(path: Path) -> ET.Element:
     """Return the root element of an XML file; a SceneError says that it is none, and where."""
     check_regular(path)
     try:
-        return ET.parse(path).getroot()  # noqa: S314 - a local model that the user asked to run
+        root = ET.parse(path).getroot()  # noqa: S314 - a local model that the user asked to run
     except FileNotFoundError as error:
-        raise SceneError(f"{path}: no such file") from error
+        raise SceneError(f"{path}: no such file; put it there, or name another") from error
     except LookupError as error:
         raise SceneError(f"{path}: {error}; write the model in UTF-8") from error
     except ET.ParseError as error:
         line, column = error.position
-        what = str(error).partition(":")[0]
-        raise SceneError(f"{path}:{line}:{column + 1}: not XML: {what}") from error
+        what = "the file is empty" if not path.stat().st_size else str(error).partition(":")[0]
+        what = _NOT_XML.get(what, what)
+        raise SceneError(f"{path}:{line}:{column + 1}: not XML: {what}{_WHOLE}") from error
+    if any(_XACRO in element.tag for element in root.iter()):
+        raise SceneError(f"{path}: has macros; expand it first: `xacro {path.name} > robot.urdf`")
+    return root
 
 
+_XACRO = "xacro}"  # in the namespace of an element
+_WHOLE = "; a model is <mujoco>...</mujoco> or <robot>...</robot>"
+_NOT_XML = {
+    "no element found": "it ends before all of its elements do",
+    "syntax error": "this is no element",
+    "not well-formed (invalid token)": "a character that has no place here",
+    "mismatched tag": "it closes an element that is not the open one",
+}
 _RESOURCE = re.compile(r"(?:package|model):/+([^/]+)/(.+)")
 
 

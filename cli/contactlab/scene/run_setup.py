@@ -8,7 +8,6 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from contactlab.contact.contact_laws import stiffness_damping
 from contactlab.contact.rotations import rotate_back
 from contactlab.contact.trace_arrays import Floats
 from contactlab.contact.trace_setup import (
@@ -349,22 +348,18 @@ def _equality(
 ) -> Equality:
     kind, first = int(model.eq_type[index]), int(model.eq_obj1id[index])
     name = name_of(model, "equality", index)
-    stiffness, _ = stiffness_damping(model.eq_solref[index])
-    constant = float(1 / np.sqrt(stiffness)) if stiffness else np.inf
     if kind == _EQUALITY.mjEQ_TENDON:
-        return Equality(name, "m", _tendon_scale(model, first, reach), constant=constant)
+        return Equality(name, "m", _tendon_scale(model, first, reach))
     if kind == _EQUALITY.mjEQ_FLEX:
         edges = slice(model.flex_edgeadr[first], None)
         lengths = model.flexedge_length0[edges][: model.flex_edgenum[first]]
-        return Equality(name, "m", float(lengths.mean()), constant=constant, elastic=True)
+        return Equality(name, "m", float(lengths.mean()), elastic=True)
     if kind != _EQUALITY.mjEQ_JOINT:
-        return Equality(name, "m", ends, constant=constant)
+        return Equality(name, "m", ends)
     low, high = places[first].tolist()
     if int(model.jnt_type[first]) == _JOINT.mjJNT_HINGE:
-        return Equality(name, "rad", min(high - low, QUARTER_TURN), constant=constant)
-    return Equality(
-        name, "m", min(high - low, float(reach[model.jnt_bodyid[first]])), constant=constant
-    )
+        return Equality(name, "rad", min(high - low, QUARTER_TURN))
+    return Equality(name, "m", min(high - low, float(reach[model.jnt_bodyid[first]])))
 
 
 def _limits(limited: np.ndarray, ranges: np.ndarray) -> Floats:

@@ -5,7 +5,7 @@ A scene is a shipped name, a folder with a manifest, a model file, or a robot of
 """
 
 import importlib
-from collections.abc import Generator
+from collections.abc import Generator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import lru_cache
@@ -18,7 +18,7 @@ from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
 from contactlab import resources
-from contactlab.errors import SceneError
+from contactlab.errors import SceneError, no_file
 from contactlab.plugins import extensions
 from contactlab.scene.model_files import SceneFiles, collect_files, relative_path
 from contactlab.scene.model_guards import check_places
@@ -27,6 +27,7 @@ from contactlab.schema.requirement import explained
 from contactlab.schema.scene_manifest import SceneManifest
 from contactlab.schema.strict_model import check_extent
 
+_MOST_NAMED = 3
 _SCHEME, _ENVIRONMENT = "menagerie:", "environment:"
 
 
@@ -82,6 +83,16 @@ MANIFEST = "scene.yaml"
 MODEL_SUFFIXES = {".xml", ".urdf", ".mjcf"}
 BINARY = ".mjb"
 """A compiled model, as that of a loop or an environment: no sensors can be added to it."""
+_USD = "is USD, which MuJoCo does not read; export it as MJCF or URDF"
+_MESH = "is a mesh, not a model; write an MJCF model that has it as an asset: <mesh file={name!r}/>"
+FOREIGN_SUFFIXES: Mapping[str, str] = {
+    ".xacro": "is a template of a model; expand it first: `xacro {name} > {stem}.urdf`",
+    BINARY: "is compiled; name the MJCF or URDF that it is of",
+    ".sdf": "is SDF, which MuJoCo does not read; export it as MJCF or URDF",
+    **dict.fromkeys((".usd", ".usda", ".usdc", ".usdz"), _USD),
+    **dict.fromkeys((".obj", ".stl", ".dae", ".ply", ".msh", ".glb"), _MESH),
+}
+"""What files that are no models are, by suffix, and what to do with them."""
 
 
 @dataclass(frozen=True)
@@ -127,6 +138,13 @@ def find_scene(
     path = (base or Path()) / Path(reference).expanduser()
     if path.suffix in MODEL_SUFFIXES:
         return _bare_model(path, path.stem)
+    if foreign := FOREIGN_SUFFIXES.get(path.suffix.lower()):
+        plain = path.name.partition(".")[0]
+        raise SceneError(f"{path}: {foreign.format(name=path.name, stem=plain)}")
+    if path.is_file():
+        raise SceneError(f"{path}: no model; name an .xml, .mjcf or .urdf file")
+    if path.is_dir() and not (path / MANIFEST).is_file():
+        raise SceneError(f"{path} has no {MANIFEST}; name {_models_in(path)}")
     if "/" in reference or (path / MANIFEST).is_file():
         return _folder(path, path.resolve().name, allow_code=allow_code)
     return _folder(resources.scene_folder(reference), reference)
@@ -151,9 +169,18 @@ def stored_scene(folder: Path, model: str, name: str) -> SceneSource:
     return _bare_model(folder / model, name, copy=folder)
 
 
+def _models_in(folder: Path) -> str:
+    """Return the models of a folder in words: the first few, or that there is none."""
+    names = sorted(path.name for path in folder.iterdir() if path.suffix in MODEL_SUFFIXES)
+    if not names:
+        return "an .xml, .mjcf or .urdf file; it has none"
+    listed = " or ".join(str(folder / name) for name in names[:_MOST_NAMED])
+    return listed if len(names) <= _MOST_NAMED else f"one of its {len(names)} models, as {listed}"
+
+
 def _bare_model(path: Path, name: str, copy: Path | None = None) -> SceneSource:
     if not path.is_file():
-        raise SceneError(f"no model file {path}")
+        raise SceneError(no_file(path, "model file", MODEL_SUFFIXES))
     return SceneSource(name, path, None, collect_files(path, copy=copy))
 
 

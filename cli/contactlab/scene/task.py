@@ -47,6 +47,15 @@ def rest_time(duration: float) -> float:
     return min(_REST, duration / 3)
 
 
+def check_motion(model: mujoco.MjModel) -> None:
+    """Check that something moves; a SceneError says what to add."""
+    if not model.nv or not np.any(model.body_mass[model.body_weldid > 0] > 0):
+        raise SceneError(
+            "nothing in it moves that has mass, so there is nothing to judge; give a body a "
+            "<joint/> or <freejoint/>, and a geom"
+        )
+
+
 def infer_task(  # noqa: PLR0913 - one argument a part of the task
     model: mujoco.MjModel,
     *,

@@ -1,20 +1,14 @@
-"""The reports of `contactlab check` and `contactlab stability`, and the reference of a run."""
+"""Checks of a model, the catalogue of hard cases, and the reference of a run."""
 
 from typing import Literal
 
 from pydantic import RootModel
 
-from contactlab.schema.drive import Drive
-from contactlab.schema.evidence import Engine, Provenance, Setting
-from contactlab.schema.finding import LEVEL, Finding, Level
+from contactlab.schema.evidence import Engine, Setting
+from contactlab.schema.finding import LEVEL, Level
 from contactlab.schema.strict_model import Model, about
-from contactlab.schema.task import Task
-from contactlab.schema.task_verdict import TaskVerdict
-
-CHECK_VERSION = 3
 
 CheckVerdict = Literal["pass", "warning", "fail", "not applicable"]
-TaskKind = Literal["manipulation", "locomotion"]
 
 
 class Measure(Model):
@@ -32,62 +26,14 @@ class Measure(Model):
 class CheckResult(Model):
     """One check of a model."""
 
-    name: str = about("timestep, free_motion, flat_contact, hold, repeat, shells; or a plug-in's")
+    name: str = about("task, must, inertia, repeat; or a plug-in's")
     asks: str = about("The question that it answers.")
     verdict: CheckVerdict
     reason: str
     measures: tuple[Measure, ...] = ()
     notes: tuple[str, ...] = about("Further remarks.", default=())
     stores: tuple[str, ...] = about(
-        "Its evidence: stores, relative to the folder of the check.", default=()
-    )
-
-
-class Edit(Model):
-    """An element as it is then, and where it stands in the model's files; none if it is removed."""
-
-    where: str
-    lines: tuple[str, ...]
-
-
-class Remedy(Model):
-    """A change that was run on the model together with those before it in the list."""
-
-    settings: dict[str, Setting] = about("The change, as axes of a sweep.")
-    mends: tuple[str, ...] = about("The findings that no longer fail with it.")
-    time: float | None = about(
-        "CPU time of stepping with it and those before it, over that of the model as "
-        "it is; null if that was not measured."
-    )
-    edits: tuple[Edit, ...] = about("The change of the model's file.")
-
-
-class CheckReport(Model):
-    """Every check of one model (`check.json`). Units are SI; each measure names its own."""
-
-    check_version: Literal[3] = CHECK_VERSION
-    model: str = about("The model as given.")
-    scene: str
-    scene_hash: str
-    task: Task = about("What it is judged on.")
-    verdict: TaskVerdict | None = about(
-        "What the runs of the task come to; null if that was not asked.", default=None
-    )
-    overrides: tuple[str, ...] = about("--set, as given.")
-    keyframe: str | None = about("The keyframe that runs start from; null if none.")
-    drive: Drive = about("What drives the runs of the model itself.")
-    kind: TaskKind
-    kind_reason: str
-    settings: dict[str, Setting] = about("Every resolved setting, defaults included.")
-    engine: Engine
-    provenance: Provenance
-    passed: bool = about("Whether no gate fails that is not accepted.")
-    checks: tuple[CheckResult, ...]
-    findings: tuple[Finding, ...] = about("What was judged, failures first.")
-    remedies: tuple[Remedy, ...] = about("Changes that help, each with those above.")
-    notes: tuple[str, ...] = about("Acceptances that are stale, remedies not found.")
-    not_exercised: tuple[str, ...] = about(
-        "What of the model its own runs did not exercise, a line by kind with names.", default=()
+        "Its evidence: stores, relative to the folder of the examination.", default=()
     )
 
 
@@ -128,19 +74,12 @@ class StabilityResult(Model):
     misses: tuple[str, ...] = about("Unmet expectations, by the start of a run's id.")
     seconds: float = about("Wall time [s].")
     store: str = about("The evidence.")
-    task: Task | None = about("What a model is judged on; null for a case.", default=None)
-    verdict: TaskVerdict | None = about(
-        "What the runs of that task come to; null for a case.", default=None
-    )
-    not_exercised: tuple[str, ...] = about(
-        "What of a model no run exercised, a line by kind with names.", default=()
-    )
     left_out: tuple[str, ...] = about("Why runs that need a newer engine were left out.")
 
     @property
     def passed(self) -> bool:
-        """Whether there were expectations, all were met, and the numerics are sound."""
-        return self.met == self.asked > 0 and (self.verdict is None or self.verdict.sound)
+        """Whether there were expectations, and all were met."""
+        return self.met == self.asked > 0
 
 
 class StabilityReport(RootModel[tuple[StabilityResult, ...]]):

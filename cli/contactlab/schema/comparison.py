@@ -100,6 +100,20 @@ class MetricRule(Model):
     )
 
 
+class OutcomeRules(Model):
+    """Comparison of the share of good runs, of pairs of the same case."""
+
+    good: Literal["success", "stable"] = about(
+        "which runs are good: episodes that their loop calls a success, or stable ones",
+        default="success",
+    )
+    tolerance: Tolerance = about(
+        "accepted loss of the share; a check fails if the interval of the loss lies beyond it",
+        default=0.0,
+    )
+    level: Level = about(f"of a smaller share; {LEVEL}", default="gate")
+
+
 class KnifeEdgeRules(Model):
     """Treatment of runs whose label changes from a start 1e-6 away."""
 
@@ -130,6 +144,7 @@ class ComparePolicy(Acceptances):
     metrics: dict[str, MetricRule] = about(
         "metric name, or a pattern such as solver_*, to its rule; the closest one wins", default={}
     )
+    outcomes: OutcomeRules = about("how outcomes are compared", default_factory=OutcomeRules)
     expectations: Level = about(f"of runs that are no longer as expected; {LEVEL}", default="gate")
     missing_runs: Level = about(f"of runs that only the baseline has; {LEVEL}", default="gate")
     new_runs: Level = about(f"of runs that only the candidate has; {LEVEL}", default="note")

@@ -21,7 +21,12 @@ from pydantic_core import PydanticCustomError
 
 from contactlab.schema.strict_model import Model, Number, Positive, Word, about, listed
 
-_WORDS = ("auto", "none", "hold", "exercise")
+DRIVE_WORDS = ("auto", "none", "hold", "exercise")
+"""Drives that a word names."""
+DRIVE_TAKES = (
+    "auto, none, hold, exercise, {noise: SHARE, rate: HZ}, {file: FILE} or {policy: FILE.py:CLASS}"
+)
+"""What a drive is, in words."""
 _CLASS = r"^.+\.py:[A-Za-z_]\w*$"
 Share = Annotated[str, Field(pattern=r"^[0-9]*\.?[0-9]+%$")]
 FileHash = Annotated[
@@ -101,7 +106,7 @@ DRIVE_FORMS: Mapping[str, type[Model]] = {
 
 def _form(data: object) -> str | None:
     if isinstance(data, str):
-        return "@word" if data in _WORDS else None
+        return "@word" if data in DRIVE_WORDS else None
     keys = dict(data) if isinstance(data, Model) else data
     known = cast("Mapping[str, object]", keys) if isinstance(keys, Mapping) else {}
     return next((f"@{name}" for name in DRIVE_FORMS if name in known), None)
@@ -116,8 +121,7 @@ Drive = Annotated[
     Discriminator(
         _form,
         custom_error_type="drive_form",
-        custom_error_message="takes auto, none, hold, exercise, {noise: SHARE, rate: HZ}, "
-        "{file: FILE} or {policy: FILE.py:CLASS}",
+        custom_error_message=f"takes {DRIVE_TAKES}",
     ),
 ]
 _ADAPTER: TypeAdapter[Drive] = TypeAdapter(Drive, config=ConfigDict(defer_build=True))

@@ -95,14 +95,19 @@ class BudgetReason(Model):
 
 
 class BudgetRemedy(Model):
-    """A change of settings that was tried against the verdict."""
+    """A change that was tried against the verdict."""
 
     name: str
     physics: bool = about("Whether it makes another model, not another computation of this one.")
-    options: dict[str, Setting] = about("The options that it changes.")
+    settings: dict[str, Setting] = about("What it sets: options, and fields of named parts.")
     removes: bool
     word: BudgetWord = about("The verdict on the changed model.")
     share: float | None = about("Of the row it was tried against, or the run; null if infinite.")
+    apart: float | None = about(
+        "From the model's motion at its finest step, or, against a row of the model, from that "
+        "with the row's change; what comes no nearer is judged no further. Null if infinite."
+    )
+    before: float | None = about("The same of the model as it is; null if infinite.")
     price: BudgetPrice | None
 
 

@@ -322,6 +322,18 @@ class EvidenceRecord(Model):
 STORE_VERSION = 3
 
 
+class WholeGrid(Model):
+    """The grid of a sweep that ran a part of it, chosen by what came of its runs."""
+
+    runs: int = about("Runs of the full grid.")
+    plan_hash: Hash = about("Hash of every run id of the full grid, in plan order.")
+    axes: dict[str, tuple[Any, ...]] = about(
+        "Values of each refined axis in the full grid.", default={}
+    )
+    inside: int = about("Runs of the full grid that lie within uniform cells.", default=0)
+    probes: int = about("Runs among those that were made, and are as their cells are.", default=0)
+
+
 class SweepIdentity(Model):
     """The definition of a store's runs; a resumed sweep must match it (`sweep.json`)."""
 
@@ -347,6 +359,12 @@ class SweepIdentity(Model):
         "Id of the first run of the scene as written, where the sweep asks for them.", default=None
     )
     plan_hash: Hash = about("Hash of every run id in plan order.")
+    whole: WholeGrid | None = about(
+        "The grid that these runs are a part of, where not all of it ran; the counts above are "
+        "then of the runs that were made.",
+        default=None,
+        exclude_if=lambda grid: grid is None,
+    )
     plugins: PluginInfos = ()
 
 

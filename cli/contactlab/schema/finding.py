@@ -3,6 +3,7 @@
 All judges have these words: check, compare, lock, parity, and sweeps with expectations.
 """
 
+from collections.abc import Mapping
 from datetime import date
 from typing import Annotated, Literal
 
@@ -62,6 +63,24 @@ class Finding(Model):
     def is_open(self) -> bool:
         """Whether it is a gate that could not be judged."""
         return self.outcome == "skipped" and self.level == "gate"
+
+
+SEVERITIES: Mapping[Level, str] = {"gate": "error", "warn": "warning", "note": "note"}
+"""The words of linters and of CI for levels."""
+
+
+class PlacedFinding(Finding):
+    """A finding in a line of a file."""
+
+    file: str = about("The file, relative to the working directory if it lies there.")
+    line: int = about("The line in it, from 1.")
+    remedy: tuple[str, ...] = about("What ends it: FILE:LINE: ELEMENT, as it is then.", default=())
+    docs: str = about("The page of the rule.", default="")
+
+    @property
+    def severity(self) -> str:
+        """Its level in the word of linters."""
+        return SEVERITIES[self.level]
 
 
 class Acceptance(Model):

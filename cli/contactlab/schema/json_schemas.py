@@ -7,11 +7,14 @@ from typing import cast
 from pydantic import BaseModel
 
 from contactlab.plugins import extensions
-from contactlab.schema.check_report import CheckReport, Reference
+from contactlab.schema.check_report import Reference
 from contactlab.schema.comparison import ComparePolicy, ComparisonReport
+from contactlab.schema.diff_report import DiffReport
 from contactlab.schema.error_budget import BudgetReport
 from contactlab.schema.evidence import EvidenceRecord, StoreManifest
 from contactlab.schema.examination import Examination
+from contactlab.schema.grip import GripReport
+from contactlab.schema.lint_report import LintReport
 from contactlab.schema.scene_manifest import SceneManifest
 from contactlab.schema.study_reports import EffectsReport, FitReport, TuneReport
 from contactlab.schema.sweep_schema import Sweep
@@ -29,13 +32,15 @@ EMITTED: Mapping[str, type[BaseModel]] = {
     "manifest.schema.json": StoreManifest,
     "tradeoff.schema.json": TradeoffReport,
     "comparison.schema.json": ComparisonReport,
-    "check.schema.json": CheckReport,
     "budget.schema.json": BudgetReport,
     "examination.schema.json": Examination,
+    "lint.schema.json": LintReport,
+    "diff.schema.json": DiffReport,
     "reference.schema.json": Reference,
     "effects.schema.json": EffectsReport,
     "tune.schema.json": TuneReport,
     "fit.schema.json": FitReport,
+    "grip.schema.json": GripReport,
 }
 
 Node = dict[str, object]

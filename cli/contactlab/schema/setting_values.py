@@ -126,7 +126,7 @@ def _range(least: float, above: float, most: float) -> str:
 
 
 _KINDS = {
-    "s": {"us": 1e-6, "µs": 1e-6, "ms": 1e-3, "s": 1.0},
+    "s": {"us": 1e-6, "µs": 1e-6, "ms": 1e-3, "s": 1.0, "min": 60.0, "h": 3600.0},
     "m": {"um": 1e-6, "µm": 1e-6, "mm": 1e-3, "cm": 1e-2, "m": 1.0},
     "kg": {"g": 1e-3, "kg": 1.0},
     "rad": {"deg": math.pi / 180, "rad": 1.0},

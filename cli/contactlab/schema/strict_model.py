@@ -8,9 +8,23 @@ from typing import Annotated, Any, cast, dataclass_transform
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, WithJsonSchema
 from pydantic_core import PydanticCustomError
 
+from contactlab.schema.setting_values import without_unit
+
 _BRACKET = re.compile(r"[\[\]{}]")
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Positive = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0)]
+MEASURED = {"type": ["number", "string"]}
+"""JSON schema of a number, or of a text with a unit."""
+
+
+def _seconds(value: object) -> object:
+    return value if (number := without_unit(value, "s")) is None else number
+
+
+Seconds = Annotated[
+    Positive, BeforeValidator(_seconds), WithJsonSchema({**MEASURED, "exclusiveMinimum": 0})
+]
+"""A time [s]: a number, or a text such as `2s`, `500ms`."""
 Whole = Annotated[int, Field(strict=True)]
 Flag = Annotated[bool, Field(strict=True)]
 Word = Annotated[str, Field(strict=True, min_length=1)]

@@ -18,10 +18,11 @@ from pydantic_core import PydanticCustomError
 from contactlab.schema.drive import Drive
 from contactlab.schema.requirement import Requirements
 from contactlab.schema.strict_model import (
+    MEASURED,
     Flag,
     Model,
     Number,
-    Positive,
+    Seconds,
     Tolerance,
     Value,
     Whole,
@@ -105,11 +106,15 @@ class Condition(Model):
         return self.__pydantic_extra__
 
 
+_Largest = Annotated[Tolerance, WithJsonSchema({**MEASURED, "minimum": 0})]
+_Amount = Annotated[Number, WithJsonSchema(MEASURED)]
+
+
 class Bounds(Model):
     """The range that a metric must lie in, ends included."""
 
-    min: Number | None = about("smallest accepted value", default=None)
-    max: Number | None = about("largest accepted value", default=None)
+    min: _Amount | None = about("smallest accepted value, or 1mm", default=None)
+    max: _Amount | None = about("largest accepted value, or 1mm", default=None)
 
     @model_validator(mode="after")
     def _says_something(self) -> Self:
@@ -154,10 +159,14 @@ class Expectation(Model):
 class Sample(Model):
     """Draw of the values of `uniform` and `loguniform` axes."""
 
-    method: Literal["sobol", "lhs", "random"] = about(
-        "sobol: low discrepancy; lhs: Latin hypercube; random", default="sobol"
+    method: Literal["sobol", "lhs", "random", "saltelli"] = about(
+        "sobol: low discrepancy; lhs: Latin hypercube; random; saltelli: n (d + 2) points over d "
+        "axes, from which shares of variance are told",
+        default="sobol",
     )
-    n: Annotated[Whole, Field(ge=1, le=1_000_000)] = about("number of points")
+    n: Annotated[Whole, Field(ge=1, le=1_000_000)] = about(
+        "number of points; of saltelli a power of two, which each axis takes twice"
+    )
     seed: Seed = about("the same seed draws the same points", default=0)
 
 
@@ -179,6 +188,70 @@ Seeds = Annotated[
     | Annotated[tuple[Seed, ...], Field(min_length=1), Tag("@list")],
     Discriminator(lambda data: "@list" if isinstance(data, list | tuple) else "@count"),
 ]
+
+
+OUTCOMES = ("label", "outcome", "must")
+"""Boundaries of runs that have a name; others are limits of metrics."""
+COARSE = 5
+"""Values of each axis that refining begins with, where its axes are written out in full."""
+
+
+class Refine(Model):
+    """Search of boundaries: cells of the grid whose corners differ are halved, others inferred."""
+
+    axes: Annotated[tuple[Word, ...], Field(min_length=1, max_length=3)] = about(
+        "one to three axes, each a linspace, a logspace or as many values as `to`"
+    )
+    to: Annotated[Whole, Field(ge=3, le=4097)] = about(
+        "values of each of these axes in the full grid, whose runs they are"
+    )
+    where: Word = about(
+        "what must differ: label, outcome (stable or not), must, or a limit of a metric, such as "
+        '"slip_distance > 1mm"',
+        default="label",
+    )
+    probe: Annotated[Tolerance, Field(le=1)] = about(
+        "runs within uniform cells, as a share of the others: a number, or 5%", default=0.05
+    )
+    start: Annotated[Whole, Field(ge=2)] | None = about(
+        "values of each of these axes to begin with; left out: as many as are written, or 5",
+        default=None,
+    )
+
+
+class Until(Model):
+    """When to stop: once a share of the draws of each configuration is known well enough."""
+
+    share: Word = about(
+        "what is counted: failed, must (of runs that do not do what it says), a label, or a limit "
+        'of a metric, such as "slip_distance > 1mm"'
+    )
+    half_width: Annotated[Tolerance, Field(gt=0, lt=0.5)] = about(
+        "half of the width of the interval in which the share lies: a number, or 2%"
+    )
+    sure: Annotated[Tolerance, Field(ge=0.5, lt=1)] = about(
+        "with which probability it does, however often one looks", default=0.95
+    )
+
+
+class Search(Model):
+    """Search of the run in which a metric is worst, among those of the sweep."""
+
+    maximise: Word | None = about("a metric, whose largest value is sought", default=None)
+    minimise: Word | None = about("a metric, whose least value is sought", default=None)
+    axes: tuple[Word, ...] = about(
+        "axes to search; left out: all that are drawn, or else all linspaces, logspaces and ranges",
+        default=(),
+    )
+    runs: Annotated[Whole, Field(ge=1, le=100_000)] = about(
+        "most trials, of each seed and each value of the other axes", default=100
+    )
+
+    @model_validator(mode="after")
+    def _seeks_one(self) -> Self:
+        if (self.maximise is None) == (self.minimise is None):
+            raise PydanticCustomError("search_one", "needs either maximise or minimise")
+        return self
 
 
 class AccuracyRequest(Model):
@@ -250,8 +323,8 @@ class Sweep(Model):
         "shipped scene, folder, .xml, .urdf, menagerie:ROBOT[/ENTRY], or {environment: ...}"
     )
     description: str | None = about("what the sweep is for", default=None)
-    duration: Positive | None = about(
-        "simulated time of a run [s]; the scene's own if left out", default=None
+    duration: Seconds | None = about(
+        "simulated time of a run [s], or 2s; the scene's own if left out", default=None
     )
     drive: Drive | None = about(
         "none, hold, exercise, {noise: SHARE, rate: HZ}, {file: FILE} or "
@@ -264,6 +337,21 @@ class Sweep(Model):
         "blocks of equally long axes that advance together; each block is one axis", default=()
     )
     sample: Sample | None = about("how `uniform` and `loguniform` axes are drawn", default=None)
+    refine: Refine | None = about(
+        "where to look closer; left out: the whole grid runs",
+        default=None,
+        exclude_if=lambda asked: asked is None,
+    )
+    until: Until | None = about(
+        "which share to know well enough; left out: all draws run",
+        default=None,
+        exclude_if=lambda asked: asked is None,
+    )
+    search: Search | None = about(
+        "which run to find; left out: all run",
+        default=None,
+        exclude_if=lambda asked: asked is None,
+    )
     exclude: tuple[Condition, ...] = about(
         "runs to leave out: partial matches, {where: expression} or both", default=()
     )
@@ -286,10 +374,10 @@ class Sweep(Model):
         default=(),
         exclude_if=lambda must: not must,
     )
-    tolerances: dict[str, Tolerance] = about(
-        "metric name to the largest acceptable value: a number, or 1%", default={}
+    tolerances: dict[str, _Largest] = about(
+        "metric name to the largest acceptable value: a number, 1% or 1mm", default={}
     )
-    thresholds: dict[str, Number] = about(
+    thresholds: dict[str, _Amount] = about(
         "label threshold name to a value other than the scene's", default={}
     )
     expect: tuple[Expectation, ...] = about("expected outcomes; makes the sweep a test", default=())
@@ -315,8 +403,8 @@ class Sweep(Model):
     timing: TimingRequest | None = about(
         "time of each run in isolation; left out: not measured", default=None
     )
-    latency_budget: Positive | None = about("wall time a step may take [s]", default=None)
-    timeout: Positive = about("wall time a run may take [s]", default=60.0)
+    latency_budget: Seconds | None = about("wall time a step may take [s]", default=None)
+    timeout: Seconds = about("wall time a run may take [s]", default=60.0)
 
     @property
     def roles(self) -> dict[str, Role]:

@@ -1,13 +1,13 @@
 """The names that a sweep file may use, and the forms in which it gives the values of an axis."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Annotated, Literal, cast
 
 from pydantic import AfterValidator, Discriminator, Field, Tag, WithJsonSchema
 from pydantic_core import PydanticCustomError
 
-from contactlab.schema.strict_model import Model, Number, Positive, Value, Whole, about
+from contactlab.schema.strict_model import MEASURED, Model, Number, Positive, Value, Whole, about
 
 Role = Literal["knob", "scenario"]
 TraceFormat = Literal["messages", "compact"]
@@ -16,9 +16,8 @@ RECORDED_RUN = "recorded_run"
 MOST_VALUES = 1_000_000
 Count = Annotated[Whole, Field(ge=2, le=MOST_VALUES)]
 # Numbers, or texts with a unit, which are written out before.
-_MEASURED = {"type": ["number", "string"]}
-_Amount = Annotated[Number, WithJsonSchema(_MEASURED)]
-_Above = Annotated[Positive, WithJsonSchema({**_MEASURED, "exclusiveMinimum": 0})]
+_Amount = Annotated[Number, WithJsonSchema(MEASURED)]
+_Above = Annotated[Positive, WithJsonSchema({**MEASURED, "exclusiveMinimum": 0})]
 
 
 @dataclass(frozen=True)
@@ -59,6 +58,10 @@ class Vocabulary:
     metrics: Sequence[str]
     labels: Sequence[str]
     thresholds: Sequence[str] = ()
+    units: Mapping[str, str] = field(default_factory=dict[str, str])
+    """Units of metrics and thresholds, by name."""
+    lacking: Mapping[str, str] = field(default_factory=dict[str, str])
+    """Metrics that no run of the scene has, and why."""
     mistake_in_requirement: Callable[[str, float | None], str | None] | None = None
     """Fault of a requirement in runs of that duration; None if there is none."""
 

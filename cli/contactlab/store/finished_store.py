@@ -305,13 +305,26 @@ def _matches(ids: pa.Array, function: str, part: str) -> pa.BooleanArray:
     return pc.call_function(function, [ids], pc.MatchSubstringOptions(part))
 
 
+_WRITES = "`contactlab sweep` writes one"
+
+
+def _instead(address: Address) -> str:
+    """Return what may have been meant by an address that holds nothing."""
+    if not isinstance(address, Path) or not address.parent.is_dir():
+        return f"; {_WRITES}"
+    if address.is_file():
+        return f", which is a file; a store is a folder: {_WRITES}"
+    stores = [folder.parent.name for folder in address.parent.glob(f"*/{MANIFEST}")]
+    return did_you_mean(address.name, stores) or f"; {_WRITES}"
+
+
 def _no_manifest(backend: Backend) -> StoreError:
     names = backend.top_names()
     if not names:
-        return StoreError(f"no store at {backend.address}")
+        return StoreError(f"no store at {backend.address}{_instead(backend.address)}")
     if IDENTITY in names:
         return StoreError(f"{backend.address} is unfinished; run its sweep again to resume it")
-    return StoreError(f"{backend.address} is not a store: it has no {MANIFEST}")
+    return StoreError(f"{backend.address} is not a store: it has no {MANIFEST}; {_WRITES}")
 
 
 def _table(header: Iterable[object], rows: Iterable[Iterable[object]]) -> str:

@@ -11,7 +11,7 @@ import stat
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
@@ -56,6 +56,8 @@ def parse_address(text: str | Address) -> Address:
     if not isinstance(text, str):
         return text
     url = _URL.fullmatch(text)
+    if url is None and (scheme := text.partition(":")[0]) in extensions("store") and ":" in text:
+        raise OutputError(f"{text}: write {scheme}://BUCKET/PREFIX")
     if url is None:
         return Path(text)
     if _CREDENTIALS.search(url["rest"]):
@@ -184,7 +186,7 @@ def document_json(document: BaseModel) -> str:
 
 def check_same_sweep(store: Address, stored: SweepIdentity, requested: SweepIdentity) -> None:
     """Raise a StoreError unless a store is of the requested sweep, by the same definitions."""
-    ours, theirs = requested.model_dump(), stored.model_dump()
+    ours, theirs = _whole(requested), _whole(stored)
     differing = [name for name in ours if name != "source" and ours[name] != theirs[name]]
     if not differing:
         return
@@ -192,6 +194,29 @@ def check_same_sweep(store: Address, stored: SweepIdentity, requested: SweepIden
     if differing == ["definitions"]:
         held = "runs of another contactlab, which prepares, measures or labels them otherwise"
     raise StoreError(f"{store} holds {held}; write elsewhere with -o, or replace it with --fresh")
+
+
+# Keys of a sweep that say which of its runs to make; whichever they are, the grid is the same.
+_CHOICES = ("refine", "until", "search")
+
+
+def _whole(identity: SweepIdentity) -> dict[str, Any]:
+    """Return the definition of a sweep's whole grid, whichever part of it was chosen to run."""
+    whole = identity.model_dump(exclude={"whole"})
+    whole["resolved"] = {**identity.resolved, **dict.fromkeys(_CHOICES)}
+    if grid := identity.whole:
+        whole |= {"runs_asked": grid.runs, "plan_hash": grid.plan_hash}
+    return whole
+
+
+def is_covered(stored: SweepIdentity, requested: SweepIdentity) -> bool:
+    """Return whether a finished store of the same sweep has all runs that are requested."""
+    return stored.whole is None or chooses_alike(stored, requested)
+
+
+def chooses_alike(stored: SweepIdentity, requested: SweepIdentity) -> bool:
+    """Return whether both choose the same part of a grid."""
+    return all(stored.resolved.get(key) == requested.resolved.get(key) for key in _CHOICES)
 
 
 def _other_plugins(stored: SweepIdentity, requested: SweepIdentity) -> str:

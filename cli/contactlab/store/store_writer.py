@@ -39,6 +39,8 @@ from contactlab.store.store_files import (
     TABLE,
     Address,
     check_same_sweep,
+    chooses_alike,
+    is_covered,
     parse_identity,
     parse_manifest,
     time_now,
@@ -189,6 +191,8 @@ def open_writer(  # noqa: PLR0913 - one argument an option of the command
                 check_same_sweep(address, manifest.sweep, identity)
                 session.remove_journal()
                 kept = _rows_to_keep(rows, session, manifest)
+                if kept is None and not is_covered(manifest.sweep, identity):
+                    kept = iterate_rows(session.table())
                 if kept is None:
                     yield manifest
                     return
@@ -242,7 +246,7 @@ def _prepare(
     is_begun = stored is not None and not rows.repair
     for name, files in folders.items():
         _copy(files, folder / SCENES / name, is_begun=is_begun)
-    if not is_begun:
+    if not is_begun or not _chooses_alike(rows, stored):
         session.begin(rows.identity)
     mend_notes(folder)
     mended = mend_journal(
@@ -267,6 +271,12 @@ def _check_begun(rows: ResumedRows, stored: bytes) -> None:
     if rows.repair:
         begun = rows.identity.model_copy(update={"definitions": begun.definitions})
     check_same_sweep(rows.backend.address, begun, rows.identity)
+
+
+def _chooses_alike(rows: ResumedRows, stored: bytes | None) -> bool:
+    """Return whether a begun store chooses its runs as is requested now."""
+    begun = parse_identity(stored or b"", rows.backend.address)
+    return begun.whole is None and chooses_alike(begun, rows.identity)
 
 
 def _copy(files: CopyableFiles, folder: Path, *, is_begun: bool) -> None:

@@ -3,6 +3,7 @@
 import json
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import count
 from pathlib import Path
 from typing import TypeVar
 
@@ -44,8 +45,7 @@ class Session:
 
     def claim(self, results: str, reference: str) -> None:
         """Take the folder's one place for such results; an OutputError if it has another's."""
-        path = Path(reference).expanduser()
-        source = str(path.resolve()) if path.exists() else reference
+        source = source_of(reference)
         claimed = self.read(CLAIMS, dict[str, str])
         if claimed.setdefault(results, source) != source:
             raise OutputError(
@@ -102,6 +102,30 @@ class Session:
         for name, text in files.items():
             with atomic_write(self.folder / name) as path:
                 path.write_text(text, encoding="utf-8")
+
+
+def source_of(reference: str) -> str:
+    """Return what tells a model from others: its path, or the name of a scene or a robot."""
+    path = Path(reference).expanduser()
+    return str(path.resolve()) if path.exists() else reference
+
+
+def free_folder(parent: Path, results: str, reference: str) -> Path:
+    """Return a folder for a model's results: of its name, numbered if other models have it.
+
+    What else the folder may hold is nobody's results, and left alone: such a name is passed over.
+    """
+    name, source = model_name(reference), source_of(reference)
+    for number in count(1):
+        folder = parent / (name if number == 1 else f"{name}-{number}")
+        if not folder.exists():
+            return folder
+        if not folder.is_dir():
+            continue
+        claimed = Session(folder).read(CLAIMS, dict[str, str])
+        if claimed.get(results) == source:
+            return folder
+    raise AssertionError
 
 
 def model_name(reference: str) -> str:

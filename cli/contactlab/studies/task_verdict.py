@@ -6,31 +6,27 @@ by itself, within the task's share. A label belongs to the phase in which it is 
 
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from typing import NamedTuple
+from dataclasses import replace
 
+import mujoco
 import numpy as np
 
-from contactlab.budget import Motion, PhaseBudget, Settings, error_budget, judge
+from contactlab.budget import ErrorBudget, PhaseBudget, Settings, error_budget, judge
 from contactlab.budget.verdict import percent
 from contactlab.errors import SweepFileError
 from contactlab.mjcf import MODEL_ENGINE
 from contactlab.plan.task_options import TaskOptions
+from contactlab.scene.run_spec import RunSpec
 from contactlab.scene.scene import Scene
 from contactlab.schema.evidence import EvidenceRecord
+from contactlab.schema.examination import RunLabel
 from contactlab.schema.task import Phase, Task
 from contactlab.schema.task_verdict import PhaseVerdict, TaskVerdict
 from contactlab.store.finished_store import Store
 from contactlab.studies.examine.task_motions import task_motions
-from contactlab.studies.examine.watched import of_watched
 from contactlab.studies.session import Session, Values
 
 _STABLE = "stable"
-
-
-class _Numerics(NamedTuple):
-    budgets: dict[str, PhaseBudget]  # by phase
-    word: str
-    sentence: str
 
 
 def refuse_lengths(options: TaskOptions) -> None:
@@ -57,47 +53,51 @@ def task_verdict(
     Raises:
         EngineError: none of the bodies that are watched moves and has mass.
     """
-    found = _numerics(task, scene, values, session)
+    run = scene.resolve(values, task.seeds[0], task.duration)
+    if not moves(run, scene.base(run.structure).model):
+        return verdict_of(task, None, records)
+    whole = scene.with_effects("all")
+    motions = task_motions(whole, values, task, allow_code=session.allow_code)
+    settings, threads = Settings(places=False), max(1, session.workers)
+    measured = error_budget(motions, rows=(), settings=settings, workers=threads)
+    return verdict_of(task, measured, records)
+
+
+def verdict_of(
+    task: Task, budget: ErrorBudget | None, records: Iterable[EvidenceRecord]
+) -> TaskVerdict:
+    """Return the verdict of a task: its numerics, by a budget if there is one, and its labels.
+
+    How soft the model is does not count: its rows are left out.
+    """
     labelled = _labels(task.phases, records)
+    phases = {phase.name: phase for phase in budget.phases} if budget else {}
+    word = sentence = None
+    if budget is not None:
+        numerics = tuple(replace(phase, rows=()) for phase in budget.phases)
+        verdict = judge(ErrorBudget(numerics), task.within)
+        word = verdict.word
+        worst = max(budget.phases, key=lambda phase: phase.run.share)
+        share = f"{percent(worst.run.share)} in {worst.bodies[worst.run.body]}, {worst.name}"
+        sentence = f"{word} within {percent(verdict.within)}: {share}"
+        if verdict.reasons:
+            sentence = f"{word}: {verdict.reasons[0].sentence}, {verdict.reasons[0].phase}"
     return TaskVerdict.model_validate(
         {
-            "word": found.word if found else None,
-            "sentence": found.sentence if found else "not judged: nothing moves in MuJoCo",
+            "word": word,
+            "sentence": sentence or "not judged: nothing moves in MuJoCo",
             "phases": [
-                _phase(phase.name, found and found.budgets.get(phase.name), labelled[phase.name])
+                _phase(phase.name, phases.get(phase.name), labelled[phase.name])
                 for phase in task.phases
             ],
         }
     )
 
 
-def _numerics(task: Task, scene: Scene, values: Values, session: Session) -> _Numerics | None:
-    motions = _motions(task, scene, values, session)
-    if not motions:
-        return None
-    settings = Settings(places=False)
-    measured = error_budget(motions, rows=(), settings=settings, workers=session.workers or 1)
-    budget = of_watched(measured, task.watched)
-    verdict = judge(budget, task.within)
-    worst = max(budget.phases, key=lambda phase: phase.run.share)
-    share = f"{percent(worst.run.share)} in {worst.bodies[worst.run.body]}, {worst.name}"
-    sentence = f"{verdict.word} within {percent(verdict.within)}: {share}"
-    if verdict.reasons:
-        sentence = f"{verdict.word}: {verdict.reasons[0].sentence}, {verdict.reasons[0].phase}"
-    return _Numerics({phase.name: phase for phase in budget.phases}, verdict.word, sentence)
-
-
-def _motions(task: Task, scene: Scene, values: Values, session: Session) -> list[Motion]:
-    """Return the motions of a task's phases; none where MuJoCo has nothing that moves."""
-    run = scene.resolve(values, task.seeds[0], task.duration)
-    model = scene.base(run.structure).model
-    if (
-        run.engine != MODEL_ENGINE
-        or not model.nv
-        or not np.any(model.body_mass[model.body_weldid > 0] > 0)
-    ):
-        return []
-    return task_motions(scene, values, task, allow_code=session.allow_code)
+def moves(run: RunSpec, model: mujoco.MjModel) -> bool:
+    """Return whether MuJoCo simulates a run, and something in its model moves and has mass."""
+    masses = model.body_mass[model.body_weldid > 0]
+    return run.engine == MODEL_ENGINE and bool(model.nv) and bool(np.any(masses > 0))
 
 
 def _phase(name: str, budget: PhaseBudget | None, labels: Counter[str]) -> PhaseVerdict:
@@ -110,15 +110,35 @@ def _phase(name: str, budget: PhaseBudget | None, labels: Counter[str]) -> Phase
     )
 
 
-def _labels(phases: Sequence[Phase], records: Iterable[EvidenceRecord]) -> dict[str, Counter[str]]:
-    """Return how many runs have each label, by the phase in which it is first met."""
-    found = {phase.name: Counter[str]() for phase in phases}
+def run_labels(phases: Sequence[Phase], records: Iterable[EvidenceRecord]) -> tuple[RunLabel, ...]:
+    """Return the labels of runs but `stable`, by label and the phase in which it is first met."""
+    found: dict[tuple[str, str], RunLabel] = {}
     for record in records:
         step = record.duration / max(record.steps_asked, 1)
         for entry in record.labels:
-            if entry.label != _STABLE:
-                found[_phase_at(phases, (entry.step or 0) * step)][entry.label] += 1
-    return found
+            if entry.label == _STABLE:
+                continue
+            time = None if entry.step is None else entry.step * step
+            phase = _phase_at(phases, time or 0.0)
+            first = RunLabel(
+                label=entry.label,
+                phase=phase,
+                runs=0,
+                reason=entry.reason,
+                seed=record.seed,
+                time=time,
+            )
+            kept = found.get((entry.label, phase), first)
+            found[entry.label, phase] = kept.model_copy(update={"runs": kept.runs + 1})
+    return tuple(found.values())
+
+
+def _labels(phases: Sequence[Phase], records: Iterable[EvidenceRecord]) -> dict[str, Counter[str]]:
+    """Return how many runs have each label, by the phase in which it is first met."""
+    counted = {phase.name: Counter[str]() for phase in phases}
+    for label in run_labels(phases, records):
+        counted[label.phase][label.label] = label.runs
+    return counted
 
 
 def _phase_at(phases: Sequence[Phase], time: float) -> str:

@@ -7,7 +7,7 @@ from typing import Any
 import mujoco
 
 from contactlab.commands.compare import compare
-from contactlab.errors import ContactlabError, OutputError
+from contactlab.errors import ContactlabError, OutputError, suggestion
 from contactlab.loop.recording import Recording, record
 from contactlab.measure import labels_with
 from contactlab.page.report_files import write_page
@@ -39,6 +39,7 @@ class ContactEvidence:
 
     def record(self, model: mujoco.MjModel, data: mujoco.MjData, **how: Any) -> Recording:  # noqa: ANN401
         """Record a loop as `contactlab.record` does, in a store of the test's own."""
+        __tracebackhide__ = True
         if self._recording is not None:
             raise OutputError("a test records once; more episodes go into the same recording")
         self._recording = record(model, data, self.folder, fresh=True, **how)
@@ -46,6 +47,7 @@ class ContactEvidence:
 
     def stable(self) -> bool:
         """State that every episode was recorded as a whole, and got no label."""
+        __tracebackhide__ = True
         self._require(
             _said(episode)
             for episode in self._episodes()
@@ -55,11 +57,15 @@ class ContactEvidence:
 
     def held(self, subject: str, by: str) -> bool:
         """State that every episode held a body as its recording says that it should."""
+        __tracebackhide__ = True
         episodes = self._episodes()
         manifest = read_manifest(self._store().scene_folder / MANIFEST)
         hold = manifest.hold
         if hold is None or (manifest.subject, hold.relative_to or "world") != (subject, by):
-            raise AssertionError(f"nobody said when {by} should hold {subject}; {_HOW}")
+            declared = [] if hold is None else [str(manifest.subject), hold.relative_to or "world"]
+            near = [suggestion(name, declared) for name in (subject, by) if name not in declared]
+            hint = next(filter(None, near), _HOW)
+            raise AssertionError(f"nobody said when {by} should hold {subject}; {hint}")
         self._require(_not_held(episode) for episode in episodes)
         return True
 
@@ -68,6 +74,7 @@ class ContactEvidence:
 
         With `--contact-baseline update` what was recorded becomes the baseline instead.
         """
+        __tracebackhide__ = True
         self._episodes()
         place = Path(baseline)
         if self._update:
@@ -97,6 +104,7 @@ class ContactEvidence:
         return Store.open(self.folder)
 
     def _episodes(self) -> list[EvidenceRecord]:
+        __tracebackhide__ = True
         if self._recording is None:
             raise AssertionError(
                 "nothing was recorded; begin with contact_evidence.record(model, data)"
@@ -105,6 +113,7 @@ class ContactEvidence:
         return list(self._store().records())
 
     def _require(self, found: Any) -> None:  # noqa: ANN401 - any strings
+        __tracebackhide__ = True
         wrong = [fault for fault in found if fault]
         if wrong:
             raise AssertionError("\n".join([*wrong, *self._places()]))

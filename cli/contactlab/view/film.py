@@ -2,6 +2,7 @@
 
 import ctypes.util
 import importlib
+import itertools
 import math
 import os
 from collections import Counter
@@ -41,6 +42,7 @@ _SHADOW = 2048
 _BACKGROUND = (0.74, 0.79, 0.86, 1.0)
 # The background's distance as a fraction of the farthest visible one.
 _WALL = 0.5
+_TRAIL, _TRAIL_COLOUR = 60, (0.10, 0.27, 0.98)  # most pieces of a trail; red, green, blue
 _GHOST = (0.95, 0.45, 0.1, 0.35)  # what was recorded
 _ARROW = mujoco.mjtGeom.mjGEOM_ARROW
 _PLACING = (mujoco.mj_kinematics, mujoco.mj_comPos, mujoco.mj_camlight, mujoco.mj_tendon)
@@ -155,10 +157,23 @@ def _set_looks(model: mujoco.MjModel, size: tuple[int, int]) -> None:
 def _decorate(
     scene: mujoco.MjvScene, model: mujoco.MjModel, motion: BodyMotion, frame: int
 ) -> None:
-    """Add the forces of a frame, and a background where the model has no sky."""
+    """Add the forces and the trail of a frame, and a background where the model has no sky."""
     if not (model.tex_type == mujoco.mjtTexture.mjTEXTURE_SKYBOX).any():
         _draw_background(scene)
+    _draw_trail(scene, motion, frame)
     _draw_forces(scene, motion, frame)
+
+
+def _draw_trail(scene: mujoco.MjvScene, motion: BodyMotion, frame: int) -> None:
+    """Add the way that the body which is looked at came, up to a frame; the older, the fainter."""
+    body = int(np.argmax(motion.moving)) if motion.followed is None else motion.followed
+    rows = np.unique(np.linspace(0, frame, min(frame + 1, _TRAIL)).astype(int))
+    way, radius = motion.positions[rows, body], _RADIUS * motion.view(frame).radius
+    for place, (begin, end) in enumerate(itertools.pairwise(way), 1):
+        if scene.ngeom < scene.maxgeom and np.linalg.norm(end - begin) > radius:
+            colour = (*_TRAIL_COLOUR, place / len(way))
+            geom = _new_geom(scene, mujoco.mjtGeom.mjGEOM_CAPSULE, colour)
+            mujoco.mjv_connector(geom, mujoco.mjtGeom.mjGEOM_CAPSULE.value, radius, begin, end)
 
 
 def _with_inset(picture: Picture, inset: Picture | None = None) -> Picture:
@@ -283,7 +298,8 @@ def _new_geom(
 class RunPictures:
     """The pictures of a run, drawn when they are written; qpos is (F, nq), of the frames.
 
-    The camera is one of the model, or the motion's own; `said` are words for frames.
+    The camera is one of the model, or the motion's own; `said` are words for frames. A film
+    shows what is between two times.
     """
 
     replay: PreparedReplay
@@ -293,11 +309,13 @@ class RunPictures:
     camera: str | None
     recorded: Mapping[int, Floats]
     said: Mapping[int, str]
+    between: tuple[float, float] = (-math.inf, math.inf)  # what a film shows [s]
 
     def film(self, rate: float) -> Iterator[Picture]:
         """Yield a film's pictures, `rate` per simulated second."""
         time = self.motion.time
-        shown = Counter(nearest(time, frame_times(time, rate)).tolist())
+        times, (begin, end) = frame_times(time, rate), self.between
+        shown = Counter(nearest(time, times[(times >= begin) & (times <= end)]).tolist())
         for count, picture in zip(shown.values(), self._draw(list(shown)), strict=True):
             yield from repeat(picture, count)
 

@@ -1,5 +1,6 @@
 """A stored run to look at: as a file, whose suffix says which kind, or in MuJoCo's viewer."""
 
+import math
 import time
 import warnings
 from collections.abc import Sequence
@@ -49,7 +50,8 @@ class PictureOptions:
 
     Without a camera, one sees the failing pair, and the whole motion as an inset. A film's speed is
     in simulated seconds per second, a sheet's pictures are `at` times [s] or, without any, where
-    labels begin and forces peak. Another run of the store is drawn `beside`, if one is named.
+    labels begin and forces peak. Another run of the store is drawn `beside`, if one is named. A
+    film shows what is `between` two times [s]; pictures are of what is `around` a body, if given.
     """
 
     size: tuple[int, int] | None = None
@@ -57,6 +59,8 @@ class PictureOptions:
     speed: float | None = None
     at: tuple[float, ...] = ()
     beside: str | None = None
+    between: tuple[float, float] | None = None
+    around: str | None = None
 
 
 _DEFAULT = PictureOptions()
@@ -96,9 +100,12 @@ def write_file(  # noqa: PLR0913 - one argument an option
     speed: float | None,
     at: Sequence[float],
     beside: str | None = None,
+    between: tuple[float, float] | None = None,
+    around: str | None = None,
 ) -> str | None:
     """Write a run as `render` does; return what its arrows mean and what else was written."""
-    motion = render(store, run, target, PictureOptions(size, camera, speed, tuple(at), beside))
+    options = PictureOptions(size, camera, speed, tuple(at), beside, between, around)
+    motion = render(store, run, target, options)
     notes: list[str] = []
     if len(motion.forces.frame):
         notes.append(
@@ -184,12 +191,16 @@ def _run_pictures(
         ghosts = np.stack([recorded[frame] for frame in range(len(qpos))])
         motion = widened(motion, *poses(model, np.where(np.isnan(ghosts), qpos, ghosts)))
     pair = failing_pair(replay.record, trace.pairs)
-    if pair is not None and options.camera is None and not recorded:
-        motion = following(motion, _bodies_of(replay, pair)) or motion
+    bodies = [] if pair is None else _bodies_of(replay, pair)
+    if options.around is not None:
+        bodies = [body for body, name in enumerate(motion.bodies) if name == options.around]
+    if bodies and options.camera is None and not recorded:
+        motion = following(motion, bodies) or motion
     begins = [(label.step, label.label) for label in replay.record.labels if label.step is not None]
     said = {int(np.searchsorted(motion.rows, step)): label for step, label in reversed(begins)}
     size = options.size or _SIZE
-    return RunPictures(replay, motion, qpos, size, options.camera, recorded, said)
+    between = options.between or (-math.inf, math.inf)
+    return RunPictures(replay, motion, qpos, size, options.camera, recorded, said, between)
 
 
 def _bodies_of(replay: PreparedReplay, name: str) -> list[int]:

@@ -1,4 +1,4 @@
-"""What judges found, as text, Markdown, JUnit XML, annotations of GitHub and JSON."""
+"""What judges found, as text, Markdown, JUnit XML, annotations of GitHub, JSON and SARIF."""
 
 from collections.abc import Callable, Mapping
 
@@ -8,6 +8,7 @@ from contactlab.writers.markdown import as_markdown
 from contactlab.writers.record import as_json
 from contactlab.writers.report import Report as Report
 from contactlab.writers.report import Section as Section
+from contactlab.writers.sarif import as_sarif
 from contactlab.writers.text import as_text
 
 WRITERS: Mapping[str, Callable[[Report], str]] = {
@@ -16,5 +17,6 @@ WRITERS: Mapping[str, Callable[[Report], str]] = {
     "markdown": as_markdown,
     "junit": as_junit,
     "github": as_annotations,
+    "sarif": as_sarif,
 }
 """By the name of the format."""

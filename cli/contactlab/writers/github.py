@@ -1,9 +1,11 @@
 """A report as annotations of GitHub."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from typing import NamedTuple
 
 from contactlab.judge.wording import pairs_in_words
 from contactlab.printable import visible
+from contactlab.schema.finding import PlacedFinding
 from contactlab.writers.report import Report
 
 # A step shows ten errors and ten warnings, and silently drops the others.
@@ -12,31 +14,50 @@ _MOST_ANNOTATIONS_OF_A_STEP = 9
 
 def as_annotations(report: Report) -> str:
     """Return the annotations of failures and warnings, each with its worst pairs of runs."""
-    errors: list[str] = []
-    warnings: list[str] = []
+    errors: list[_Message] = []
+    warnings: list[_Message] = []
     for finding in report.findings:
         message = f"{finding.full_name}: {finding.full_message}"
-        text = "\n".join([message, *pairs_in_words(finding)])
+        text = _Message("\n".join([message, *pairs_in_words(finding)]))
+        if isinstance(finding, PlacedFinding):
+            whole = "\n".join([text.text, *finding.remedy])
+            text = _Message(whole, {"file": finding.file, "line": str(finding.line)})
         if finding.outcome == "warned":
             warnings.append(text)
         elif finding.outcome == "failed" or finding.is_open:
             errors.append(text)
-    return annotations(report.title, errors, warnings)
+    return _both(report.title, errors, warnings)
 
 
 def annotations(title: str, errors: Sequence[str], warnings: Sequence[str]) -> str:
     """Return the annotations of errors and warnings: 9 of each, and how many more."""
+    return _both(title, [*map(_Message, errors)], [*map(_Message, warnings)])
+
+
+class _Message(NamedTuple):
+    """The text of an annotation, and its properties, such as where it is."""
+
+    text: str
+    properties: Mapping[str, str] = {}
+
+
+def _both(title: str, errors: Sequence[_Message], warnings: Sequence[_Message]) -> str:
     lines = [*_annotations("error", title, errors), *_annotations("warning", title, warnings)]
     return "".join(f"{line}\n" for line in lines)
 
 
-def _annotations(command: str, title: str, messages: Sequence[str]) -> Iterator[str]:
+def _annotations(command: str, title: str, messages: Sequence[_Message]) -> Iterator[str]:
     shown = list(messages[:_MOST_ANNOTATIONS_OF_A_STEP])
     if len(messages) > len(shown):
-        shown.append(f"and {len(messages) - len(shown):,} more; see the summary")
-    titled = _data(title).replace(":", "%3A").replace(",", "%2C")
+        shown.append(_Message(f"and {len(messages) - len(shown):,} more; see the summary"))
     for message in shown:
-        yield f"::{command} title={titled}::{_data(message)}"
+        properties = {**message.properties, "title": title}
+        listed = ",".join(f"{name}={_property(value)}" for name, value in properties.items())
+        yield f"::{command} {listed}::{_data(message.text)}"
+
+
+def _property(text: str) -> str:
+    return _data(text).replace(":", "%3A").replace(",", "%2C")
 
 
 def _data(text: str) -> str:

@@ -1,7 +1,7 @@
 """A report as its writers take it, and which of its findings they show, the worst first."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 from pydantic import BaseModel
 
@@ -37,6 +37,7 @@ class Report:
         sections: what is behind the findings.
         notes: sentences at the end.
         commands: command lines to go on with, each after what it is for.
+        rules: sentences about the names of findings, by name.
         lists_passed: whether findings that passed are shown one by one, or counted.
     """
 
@@ -50,6 +51,7 @@ class Report:
     sections: tuple[Section, ...] = ()
     notes: tuple[str, ...] = ()
     commands: tuple[tuple[str, str], ...] = ()
+    rules: Mapping[str, str] = field(default_factory=dict[str, str])
     lists_passed: bool = True
 
     @property

@@ -8,11 +8,11 @@ import pytest
 
 from contactlab.engines import Rollout
 from contactlab.engines.mujoco_engine import MujocoEngine
-from contactlab.schema.check_report import CheckReport, CheckResult, Measure, Reference
+from contactlab.schema.check_report import CheckResult, Measure, Reference
+from contactlab.schema.examination import Examination
 from contactlab.store.finished_store import Store
-from contactlab.studies.check import checked_model
 
-Checked = Callable[..., CheckReport]
+Checked = Callable[..., Examination]
 One = Callable[..., CheckResult]
 Missed = Callable[[CheckResult], list[Measure]]
 
@@ -49,18 +49,3 @@ def test_a_run_that_differs_elsewhere_is_found(
     found = one("ball_drop", "repeat", "duration=0.1", "drop_height=0.5")
     assert found.verdict == "fail"
     assert {each.of for each in missed(found)} == {"in another process", "in the same process"}
-
-
-@pytest.mark.long
-def test_a_bare_model_runs_no_longer_than_it_may(
-    checked: Checked, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """100 steps of 0.002 s, of the 3 s that bare models take, unless more are asked for."""
-    monkeypatch.setattr(checked_model, "_MOST_STEPS", 100)
-    model = '<mujoco><worldbody><body><joint/><geom size=".1"/></body></worldbody></mujoco>'
-    for assign, steps in ((), 100), (("duration=0.5",), 250):
-        report = checked(model, "repeat", assign=assign)
-        said = "runs take 0.2 s, not 3: longer ones take more than 100 steps"
-        assert any(note.startswith(said) for note in report.notes) == (steps == 100)
-        records = list(Store.open(tmp_path / "check/run").records())
-        assert [record.steps for record in records] == [steps] * len(report.task.seeds)

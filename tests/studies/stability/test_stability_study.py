@@ -1,22 +1,23 @@
 """The study of hard cases as a function: one report, a line for each case, and names that exist."""
 
-from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from contactlab.commands.stability import stability
 from contactlab.errors import SweepFileError
-from contactlab.plan.task_options import TaskOptions
 from contactlab.schema.check_report import StabilityReport
+from contactlab.schema.examination import Examination
 from contactlab.store.finished_store import Store
 from contactlab.studies.session import Session
-from contactlab.studies.stability_cases import StabilityRequest, find_cases, run
+from contactlab.studies.stability_cases import find_cases, run
 
 
 @pytest.mark.long
 def test_every_case_is_reported_as_data(tmp_path: Path) -> None:
     lines: list[str] = []
-    report = run(StabilityRequest(("free_fall",)), Session(tmp_path, notify=lines.append))
+    report = run(find_cases(["free_fall"]), Session(tmp_path, notify=lines.append))
     assert lines == ["1/1 free_fall: ok"]
     assert report.passed
     (case,) = report.cases
@@ -41,10 +42,17 @@ ARM = """<mujoco>
 
 def test_a_model_starts_where_it_says_and_slightly_off(tmp_path: Path) -> None:
     (tmp_path / "arm.xml").write_text(ARM)
-    settings = ("duration=0.1", "trace=all", "timestep=1e-3", "thresholds.penetration_steady=1e-3")
-    request = StabilityRequest((str(tmp_path / "arm.xml"),), TaskOptions(drive="hold"), settings)
-    (case,) = run(request, Session(tmp_path / "out")).cases
-    store = Store.open(Path(case.store))
+    report = stability(
+        [tmp_path / "arm.xml"],
+        set={"timestep": 1e-3},
+        drive="hold",
+        duration=0.1,
+        within="penetration_steady=1mm",
+        output=tmp_path / "out",
+    )
+    assert isinstance(report, Examination)
+    assert report.sections == ("labels",)
+    store = Store.open(tmp_path / "out/run")
     records = [store.record(run) for run in store.table["run_id"].to_pylist()]
     places = {record.seed: float(store.trace(record).qpos[0, 0]) for record in records}
     assert places.keys() == {0, 1, 2}
@@ -59,8 +67,9 @@ def test_a_model_starts_where_it_says_and_slightly_off(tmp_path: Path) -> None:
 
 
 def test_settings_are_not_for_shipped_cases(tmp_path: Path) -> None:
-    asked = StabilityRequest(("free_fall",))
-    held = TaskOptions(drive="hold")
-    for request in (replace(asked, assign=("duration=1",)), replace(asked, task=held)):
+    options: tuple[dict[str, Any], ...] = ({"duration": 1}, {"drive": "hold"}, {"within": "20%"})
+    for option in options:
         with pytest.raises(SweepFileError, match="'free_fall' is a case with settings and a drive"):
-            run(request, Session(tmp_path))
+            stability(["free_fall"], output=tmp_path, **option)
+    with pytest.raises(SweepFileError, match="name one model, or cases"):
+        stability(["free_fall", "ball_drop"], output=tmp_path)

@@ -35,7 +35,21 @@ function panelOf(columns, state, facet) {
   for (const row of selectedRows(columns, state, facet)) rows[(ys ? ys[row] : 0) * across + xs[row]].push(row);
   const aggregated = metadata.aggregated ? aggregatedCells(columns, x, y) : null;
   const cells = rows.map((own, place) => (aggregated ? aggregated(own, place) : cellOf(columns, own)));
-  return { x, y, across, up, cells, facet };
+  return { x, y, across, up, cells, facet, inferred: inferredLabel(state, facet) };
+}
+
+// As agreed in inferred_cells.py, of what is selected: the label of a cell that no run fills, or -1.
+function inferredLabel(state, facet) {
+  const shown = [state.x, state.y].filter((name) => name !== null && name !== undefined);
+  const { refined, inferred } = metadata;
+  if (shown.length !== refined.length || !shown.every((name) => refined.includes(name))) return () => -1;
+  const chosen = { ...state.only, ...(facet === null ? {} : { [state.facet]: facet }) };
+  const parts = inferred.filter(({ shared }) => Object.entries(shared).every(([name, place]) => !(name in chosen) || chosen[name] === place));
+  const transposed = shown[0] !== refined[0];
+  return (x, y) => {
+    const labels = new Set(parts.map(({ codes }) => (transposed ? codes[x][y] : codes[y][x])));
+    return labels.size === 1 ? [...labels][0] : -1;
+  };
 }
 
 // A cell of runs: how many there are, how many have each label, and one number.
@@ -98,8 +112,11 @@ function mainFailure(counts) {
 function labelLayers(panel) {
   const cells = [];
   const texts = [];
+  const inferred = [];
   panel.cells.forEach(({ counts, size }, place) => {
     const [x, y] = [place % panel.across, Math.floor(place / panel.across)];
+    const label = size ? -1 : panel.inferred(x, y);
+    if (label >= 0) inferred.push({ ...piece(x, y, 0, 1), label: metadata.labels.legend[label] });
     const main = mainFailure(counts);
     let before = 0;
     counts.forEach((count, code) => {
@@ -110,7 +127,7 @@ function labelLayers(panel) {
       before += count;
     });
   });
-  return { cells, texts };
+  return { cells, texts, inferred };
 }
 
 function numberLayers(state, panel) {
@@ -223,7 +240,10 @@ function cellText(state, panel, place) {
   const where = [`${panel.x.title} ${panel.x.ticks[x]}`];
   if (panel.y) where.push(`${panel.y.title} ${panel.y.ticks[y]}`);
   if (panel.facet !== null) where.unshift(`${state.facet} ${axisOf(state.facet).ticks[panel.facet]}`);
-  if (!size) return `${where.join(", ")}: no run`;
+  if (!size) {
+    const label = panel.inferred(x, y);
+    return `${where.join(", ")}: no run${label < 0 ? "" : `; ${metadata.labels.names[label]} is inferred, as at the corners of its cell`}`;
+  }
   const parts = counts.flatMap((count, code) => (count ? [`${count} ${metadata.labels.names[code]}`] : []));
   if (state.what !== "label") {
     const [name, unit] = quantityOf(state.what);

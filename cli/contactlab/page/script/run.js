@@ -31,7 +31,7 @@ function listOf(columns, state, rows, open, most = MOST_LISTED) {
   const items = rows.slice(0, most).map((row) => {
     const run = idOf(columns, row);
     const told = metadata.axes.filter((axis) => axisText(columns, axis, row) !== SCENES_OWN);
-    const settings = told.map((axis) => `${axis.name} ${axisText(columns, axis, row)}`);
+    const settings = told.map((axis) => `${axis.name} ${axisText(columns, axis, row)}${axis.amount ? ` ${axis.amount}` : ""}`);
     const values = extra.map((name) => `${name} ${number(columns[`value:${name}`][row])}`);
     return element("li", {},
       element("button", { class: "plain", "data-run": run, onclick: () => open(row) }, run.slice(0, 8)),

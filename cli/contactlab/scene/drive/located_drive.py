@@ -10,7 +10,7 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
-from contactlab.errors import SceneError
+from contactlab.errors import SceneError, no_file
 from contactlab.schema.drive import Drive, FileDrive, PolicyDrive, drive_files, drive_text
 from contactlab.schema.setting_values import number
 from contactlab.schema.vocabulary import AxisSpec
@@ -77,7 +77,7 @@ def _hash(files: tuple[Path, ...]) -> str:
         try:
             data = file.read_bytes()
         except OSError as error:
-            raise SceneError(f"drive: cannot read {file}: {error.strerror}") from error
+            raise SceneError(f"drive: {no_file(file, 'file', {file.suffix})}") from error
         # That of a file alone is what everybody computes.
         head = f"{file.name}\0{len(data)}\0" if len(files) > 1 else ""
         digest.update(head.encode() + data)

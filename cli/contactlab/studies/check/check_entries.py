@@ -1,6 +1,6 @@
-"""Checks of a model, and the decorators that declare one and the changes against it."""
+"""Checks of a model, and the decorator that declares one."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -9,7 +9,6 @@ from contactlab.registry import Registry
 from contactlab.schema.check_report import CheckResult, Measure
 from contactlab.studies.check.check_results import check_result
 from contactlab.studies.check.checked_model import CheckedModel
-from contactlab.studies.session import Values
 
 
 class Measured(NamedTuple):
@@ -21,7 +20,6 @@ class Measured(NamedTuple):
 
 
 CheckFunction = Callable[[CheckedModel], Measured]
-RemedyFunction = Callable[[CheckedModel, CheckResult], Iterator[Values]]
 
 
 @dataclass(frozen=True)
@@ -49,13 +47,6 @@ class Check:
         return check_result(self.name, self.asks, *self.function(checked))
 
 
-class Remedy(NamedTuple):
-    """Changes to try where a measure misses its limit."""
-
-    name: str  # of the measure
-    propose: RemedyFunction
-
-
 class _Checks(Registry[Check]):
     """Checks in the order of a report."""
 
@@ -71,7 +62,6 @@ class _Checks(Registry[Check]):
 
 
 CHECKS: Registry[Check] = _Checks("check")
-REMEDIES: Registry[Remedy] = Registry("remedy")
 
 
 def check(
@@ -89,21 +79,6 @@ def check(
 
     def declare(function: CheckFunction) -> CheckFunction:
         CHECKS.add(Check(name, asks, function, limits, findings, place))
-        return function
-
-    return declare
-
-
-def remedy(*measures: str) -> Callable[[RemedyFunction], RemedyFunction]:
-    """Declare changes to try where one of these measures misses its limit.
-
-    The function yields settings by axis for a model and the result of the check, the one to try
-    first first. A PluginError if a measure has such a function already.
-    """
-
-    def declare(function: RemedyFunction) -> RemedyFunction:
-        for name in measures:
-            REMEDIES.add(Remedy(name, function))
         return function
 
     return declare

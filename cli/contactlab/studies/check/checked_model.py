@@ -1,111 +1,103 @@
-"""The model under check, with its settings and initial state, and its runs."""
+"""A model under examination: its task, its runs, its motions and their budget, each made once."""
 
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
-import mujoco
-
-from contactlab.engines.engine import bytes_of_run
-from contactlab.errors import SweepFileError
+from contactlab.budget import (
+    ErrorBudget,
+    Motion,
+    Settings,
+    Verdict,
+    error_budget,
+    judge,
+)
+from contactlab.errors import EngineError
 from contactlab.judge.limits import LIMITS
 from contactlab.plan.task_options import AS_INFERRED, TaskOptions
-from contactlab.run.planned_runs import RUN_BYTES
 from contactlab.run.sweep_request import SceneLoader
 from contactlab.scene.compiled_scene import CompiledScene, PreparedModel
-from contactlab.scene.run_setup import make_setup
-from contactlab.scene.run_spec import RunSpec, steps_of
+from contactlab.scene.run_spec import RunSpec
 from contactlab.scene.scene import Scene
-from contactlab.schema.check_report import Measure, TaskKind
-from contactlab.schema.drive import Drive, drive_data
+from contactlab.schema.check_report import Measure
+from contactlab.schema.drive import drive_data
+from contactlab.schema.evidence import EvidenceRecord
 from contactlab.schema.finding import Level
-from contactlab.schema.setting_values import as_number
-from contactlab.schema.task import SEEDS, Task
+from contactlab.schema.task import Task
 from contactlab.schema.task_verdict import TaskVerdict
-from contactlab.studies.check.check_runs import CheckRun, Holding, holding_of
+from contactlab.store.finished_store import Store
+from contactlab.store.mcap.trace_reader import StoredTrace
+from contactlab.studies.examine.task_motions import Change, as_it_is, task_motions
 from contactlab.studies.session import Session, Values
-from contactlab.studies.task_verdict import task_verdict
+from contactlab.studies.task_verdict import moves, verdict_of
 
-NOMINAL_STORE = "run"
-"""Name of the store of the nominal runs, those of the model as it is."""
-
-_MOST_STEPS, _MOST_REMEDY_STEPS = 300_000, 600_000
-"""Steps that a run of a check takes at most, and all remedies together."""
-_SMALL = 10  # degrees of freedom up to which a model may take so many steps; larger ones take fewer
+TASK_STORE = "run"
+"""Name of the store of the task's runs, one for each of its seeds."""
 
 
-def most_steps(model: mujoco.MjModel, of_small: int | None = None) -> int:
-    """Return how many steps a run of a model takes at most, given how many that of a small one."""
-    return (of_small or _MOST_STEPS) * _SMALL // max(_SMALL, model.nv)
+@dataclass(frozen=True)
+class CheckedRun:
+    """A run of the model, and its evidence."""
 
+    scene: Scene
+    resolved: RunSpec
+    store: Store
 
-class TooLongError(SweepFileError):
-    """A run that a check would make takes too long, or too much memory."""
+    @cached_property
+    def record(self) -> EvidenceRecord:
+        """Its record."""
+        return self.store.record(self.scene.run_id(self.resolved))
 
-
-def axis_value(name: str, value: object) -> object:
-    """Return a resolved setting in the form that its axis takes."""
-    if name != "friction":
-        return value
-    assert isinstance(value, tuple)
-    return value[0], value[2], value[3]
+    @cached_property
+    def trace(self) -> StoredTrace:
+        """Its trace."""
+        return self.store.trace(self.record)
 
 
 @dataclass
 class CheckedModel:
-    """A model under check, which runs it, or other scenes with its parameters."""
+    """A model under examination, which runs it.
 
-    reference: str  # the model as requested, and as sweeps name their scene
+    Attributes:
+        reference: the model as requested, and as sweeps name their scene.
+        values: the settings as requested, by axis.
+        duration: simulated time of its runs [s]; that of its scene if None.
+        options: what replaces parts of its task.
+        thresholds: of labels, which replace their own, by name.
+        limits: of checks, which replace their own, by the name of the measure.
+        settings: how its budget is measured.
+        rows: of its budget, by name; all if None.
+        threads: that measure it.
+    """
+
+    reference: str
     scenes: SceneLoader
     session: Session
-    values: Mapping[str, object]  # the settings as requested, by axis
-    duration: float  # simulated time of its nominal run [s]
-    drive: Drive | None  # what drives it; the scene's own if None
-    # Limits that replace those of the checks, by the name of the measure.
-    limits: Mapping[str, float]
-    kind: TaskKind
-    kind_reason: str  # why it is for that kind of task, in words
-    options: TaskOptions = AS_INFERRED  # what replaces parts of its task
-    notes: tuple[str, ...] = ()  # what is to be said of how it is run
-    seeds: tuple[int, ...] = SEEDS  # of its nominal runs
-    brief: bool = False  # whether only the runs are made that measures with limits need
+    values: Values
+    duration: float | None = None
+    options: TaskOptions = AS_INFERRED
+    thresholds: Mapping[str, float] = field(default_factory=dict[str, float])
+    limits: Mapping[str, float] = field(default_factory=dict[str, float])
+    settings: Settings = Settings(places=False)  # noqa: RUF009 - it is frozen
+    rows: Sequence[str] | None = ()
+    threads: int = 1
     _written: set[str] = field(default_factory=set[str])
-    _steps: Counter[str] = field(default_factory=Counter[str])
-
-    def trying(self, settings: Values, folder: str) -> "CheckedModel":
-        """Return the model with more settings, its brief runs in a folder below this one's.
-
-        They have the seed of the nominal run.
-        """
-        session = replace(self.session, folder=self.session.folder / folder)
-        values = {**self.values, **settings}
-        new = replace(self, session=session, values=values, brief=True, _written=set())
-        return replace(new, seeds=(self.nominal.resolved.seed,))
 
     @cached_property
     def scene(self) -> Scene:
-        """The model's scene, driven."""
-        return self.scenes.driven(self.reference, self.drive)
-
-    @cached_property
-    def resolved(self) -> RunSpec:
-        """Everything that determines the nominal run."""
-        return self.scene.resolve(self.values, 0, self.duration)
+        """The model's scene, driven as its task says."""
+        return self.scenes.open(self.reference)
 
     @cached_property
     def task(self) -> Task:
         """Task on which the model is judged."""
         watch, within = self.options.watch, self.options.within
-        return self.scene.task(
-            self.values, self.duration, watch=watch, within=within, seeds=self.seeds
-        )
+        return self.scene.task(self.values, self.duration, watch=watch, within=within)
 
     @cached_property
-    def verdict(self) -> TaskVerdict:
-        """What the runs of its task come to."""
-        records = [run.record for run in self.nominals]
-        return task_verdict(self.task, self.scene, self.values, records, self.session)
+    def resolved(self) -> RunSpec:
+        """Everything that determines the run of the first seed."""
+        return self.scene.resolve(self.values, self.task.seeds[0], self.duration)
 
     @property
     def base(self) -> CompiledScene:
@@ -118,92 +110,96 @@ class CheckedModel:
         return self.base.prepare(self.resolved.edits())
 
     @cached_property
-    def subject_mass(self) -> float:
-        """Mass of the scene's subject [kg], else of its heaviest free body, else 1 kg."""
-        subject, model = self.base.targets.subject, self.prepared.model
-        if subject is not None:
-            return float(model.body_mass[subject])
-        free = make_setup(self.base, None, [self.resolved], [model], {}).free_bodies
-        return max((float(body.mass[0]) for body in free), default=1.0)
+    def moves(self) -> bool:
+        """Whether MuJoCo moves something in it."""
+        return moves(self.resolved, self.base.model)
+
+    def motions_of(
+        self, task: Task, settings: Values | None = None, change: Change = as_it_is
+    ) -> list[Motion]:
+        """Return the motions of a task's phases, with other settings or a changed model.
+
+        Raises:
+            EngineError: another engine than MuJoCo is asked for, or nothing moves.
+        """
+        if not self.moves:
+            engine = self.resolved.engine
+            what = "nothing in it moves and has mass"
+            if engine != "mujoco":
+                what = f"only MuJoCo's own motion is measured, not that of engine {engine}"
+            raise EngineError(f"{self.reference}: {what}")
+        whole = self.scene.with_effects("all")
+        values = self.values if settings is None else settings
+        allowed = self.session.allow_code
+        return task_motions(whole, values, task, allow_code=allowed, change=change)
 
     @cached_property
-    def nominal(self) -> CheckRun:
-        """The run of the model as it is, with every check of its trace.
+    def motions(self) -> list[Motion]:
+        """The motions of its task's phases."""
+        return self.motions_of(self.task)
 
-        Of all seeds of its task, the first one that is not stable, if any is not.
+    @cached_property
+    def budget(self) -> ErrorBudget:
+        """Error budget of its watched bodies.
+
+        Raises:
+            EngineError: as of motions; or none of the bodies that are watched moves.
         """
-        return next(
-            (run for run in self.nominals if run.record.label != "stable"), self.nominals[0]
+        return error_budget(
+            self.motions, rows=self.rows, settings=self.settings, workers=self.threads
         )
 
     @cached_property
-    def nominals(self) -> list[CheckRun]:
-        """The runs of the model as it is, one for each of its seeds."""
-        checks, text = "none" if self.brief else "all", "The model as it is"
-        (first,) = self.run(NOMINAL_STORE, text, [{}], checks=checks, seeds=list(self.seeds))
-        return [replace(first, resolved=replace(first.resolved, seed=seed)) for seed in self.seeds]
+    def judged(self) -> Verdict:
+        """What its budget says, rows of the model included."""
+        return judge(self.budget, self.task.within)
 
     @cached_property
-    def holding(self) -> Holding:
-        """Bodies that the nominal run holds, and those that stand in it."""
-        return holding_of(self.nominal)
+    def verdict(self) -> TaskVerdict:
+        """What the runs of its task come to."""
+        budget = self.budget if self.moves else None
+        return verdict_of(self.task, budget, [run.record for run in self.runs])
 
-    def fits(self, timestep: float, seconds: float, scene: str | None = None) -> bool:
-        """Say whether a run of a duration [s] at a timestep [s] is short enough to be made."""
-        steps = steps_of(seconds, timestep)
-        model = self.scenes.open(scene or self.reference).base({}).model
-        return steps <= most_steps(self.base.model) and bytes_of_run(model, steps) <= RUN_BYTES
+    @cached_property
+    def runs(self) -> list[CheckedRun]:
+        """The runs of its task, one for each seed, with all checks of runs and their traces."""
+        return self.run(TASK_STORE, "The model as it is", seeds=self.task.seeds)
 
     def run(
-        self,
-        name: str,
-        description: str,
-        rows: Sequence[Values],
-        *,
-        scene: str | None = None,
-        duration: float | None = None,
-        drive: Drive | None = None,
-        **keys: object,
-    ) -> list[CheckRun]:
-        """Run the model with more settings, a run each row, or another scene with just these.
+        self, name: str, description: str, settings: Values | None = None, **keys: object
+    ) -> list[CheckedRun]:
+        """Run the model with more settings, once for each of its `seeds`, into a store.
 
-        Duration [s] and drive are the model's unless given; `keys` are more of a sweep file. A
-        TooLongError says that a run takes too many steps, or too much memory.
+        `keys` are more of a sweep file. A StoppedError says that it was interrupted.
         """
-        seconds = self.duration if duration is None else duration
-        drive = drive or (self.drive if scene is None else None)
-        whole = [dict(row) if scene else {**self.values, **row} for row in rows]
-        timesteps = [as_number(row.get("timestep", self.resolved.timestep)) for row in whole]
-        for step in timesteps:
-            bounded = self.brief or name != NOMINAL_STORE
-            if bounded and not self.fits(step, seconds, scene):
-                steps = steps_of(seconds, step)
-                raise TooLongError(f"a run of {seconds:g} s would take {steps:,} steps")
-        if self.brief:
-            total = self._steps["remedies"] + sum(steps_of(seconds, step) for step in timesteps)
-            if total > (most := most_steps(self.base.model, _MOST_REMEDY_STEPS)):
-                raise TooLongError(
-                    f"remedies would take {total:,} steps; {most:,} are made at most"
-                )
-            self._steps["remedies"] = total
-        # What has to hold is said of the model itself, over its own time.
-        must = self.options.must if scene is None and seconds == self.duration else ()
+        values = {**self.values, **(settings or {})}
+        drive, must = self.options.drive, self.options.must
         sweep = {
             "version": 1,
-            "scene": scene or self.reference,
+            "scene": self.reference,
             "description": description,
-            "axes": {axis: [value] for axis, value in whole[0].items()},
-            "include": whole[1:],
+            "axes": {axis: [value] for axis, value in values.items()},
             "trace": "all",
-            "duration": seconds,
+            "duration": self.task.duration,
+            "checks": "all",
             **({} if drive is None else {"drive": drive_data(drive)}),
             **({"must": list(must)} if must else {}),
+            **({"thresholds": dict(self.thresholds)} if self.thresholds else {}),
             **keys,
         }
+        seeds = keys.get("seeds", self.task.seeds[:1])
+        assert isinstance(seeds, Sequence)
+        sweep["seeds"] = list(seeds)
         store = self.session.run_derived(name, sweep, self.scenes)
         self._written.add(name)
-        driven = self.scenes.driven(scene or self.reference, drive)
-        return [CheckRun(driven, driven.resolve(row, 0, seconds), store) for row in whole]
+        return [
+            CheckedRun(self.scene, self.scene.resolve(values, int(seed), self.duration), store)
+            for seed in seeds
+        ]
+
+    def elsewhere(self, workers: int) -> "CheckedModel":
+        """Return the model with runs in so many other processes."""
+        return replace(self, session=replace(self.session, workers=workers))
 
     def measure(
         self,

@@ -1,17 +1,23 @@
-"""Changes that pay: those that remove what a verdict names, as lines of the model's files.
+"""Changes that pay: those that remove what a verdict names, as lines of the model's files."""
 
-Each was chosen by the task's own seeds, so that it is judged again by fresh ones.
-"""
-
-from collections.abc import Sequence
+import copy
+import math
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-import numpy as np
+import mujoco
 
-from contactlab.budget import Motion, Remedy, Settings, Verdict, remedies
-from contactlab.budget.remedies import CANDIDATES
+from contactlab.budget import Motion, Remedy, Trial, Verdict, error_budget, judge, remedies
+from contactlab.budget.remedies import (
+    NO_EDITS,
+    Candidate,
+    candidates_against,
+    changed_model,
+    joined,
+    options_changed,
+)
 from contactlab.budget.report import remedy_report
 from contactlab.errors import SceneError
 from contactlab.scene.model_draft import ModelEdits
@@ -19,10 +25,12 @@ from contactlab.scene.model_writer import WrittenModel, write_model
 from contactlab.scene.scene import Scene
 from contactlab.schema.examination import ModelChange
 from contactlab.schema.task import Task
+from contactlab.studies.examine.facts import facts
+from contactlab.studies.examine.separated import separated
+from contactlab.studies.examine.task_motions import Change
 from contactlab.studies.session import Values
 
 MOST_CHANGES = 3
-_BY_HAND = "no option of the model: its effect is that of stiffer solref in each of its parts"
 
 
 def fresh(task: Task) -> Task:
@@ -31,67 +39,159 @@ def fresh(task: Task) -> Task:
     return task.model_copy(update={"seeds": tuple(seed + count for seed in task.seeds)})
 
 
-def confirmed(
-    tried: Sequence[Remedy], motions: Sequence[Motion], verdict: Verdict, workers: int | None
-) -> list[Remedy]:
-    """Return changes with what they do in motions of fresh seeds too, the worse of both.
+class Changes:
+    """What may mend a model, and what was found to."""
 
-    Three that remove the verdict in both suffice; the others, which come after them, are as they
-    were tried. What a change costs is kept from where it was measured first.
-    """
-    judged = list[Remedy]()
-    settings = Settings(places=False)
-    for remedy in tried:
-        if not remedy.removes or sum(one.removes for one in judged) == MOST_CHANGES:
-            judged.append(remedy)
-            continue
-        again = [candidate for candidate in CANDIDATES if candidate.name == remedy.name]
-        found = remedies(motions, verdict, settings=settings, candidates=again, workers=workers)
-        removes = bool(found) and found[0].removes
-        worst = max(remedy, *found, key=lambda one: np.nan_to_num(one.share))
-        judged.append(replace(worst, removes=removes, price=remedy.price))
-    return judged
+    def __init__(
+        self,
+        scene: Scene,
+        values: Values,
+        motions: Sequence[Motion],
+        verdict: Verdict,
+        trial: Trial,
+        moved: Callable[[Values, Change], Iterable[Sequence[Motion]]],
+    ) -> None:
+        """Try all that a verdict points to, until enough of it removes the verdict."""
+        self._scene, self._values = scene, values
+        self._motions, self._verdict = motions, verdict
+        self._moved, self._trial = moved, replace(trial, moved=self._motions_of)
+        physical = separated(scene, values, motions, verdict)
+        self._candidates = (*candidates_against(motions, verdict), *physical)
+        self.tried = remedies(motions, verdict, candidates=self._candidates, trial=self._trial)
+        self.helping = [remedy for remedy in self.tried if remedy.removes]
+        words = {remedy.accept for remedy in self.helping}
+        self._parting = [
+            candidate
+            for candidate in physical
+            if candidate.accept not in words and self._parts(candidate)
+        ]
 
+    def _motions_of(self, candidate: Candidate) -> Iterable[Sequence[Motion]]:
+        """Return the task's motions of a changed model, which begin as the task does."""
+        model = self._motions[0].model
+        options = options_changed(model, changed_model(model, candidate))
 
-def model_change(scene: Scene, remedy: Remedy, values: Values) -> ModelChange:
-    """Return a change as the lines that make it; why not, where it cannot be written."""
-    lines, unwritten = tuple[str, ...](), ""
-    if remedy.physics:
-        unwritten = _BY_HAND
-    else:
+        def change(own: mujoco.MjModel) -> mujoco.MjModel:
+            made = copy.copy(candidate.compiled or own)
+            candidate.change(made)
+            made.opt.timestep = own.opt.timestep
+            return made
+
+        return self._moved({**self._values, **options}, change)
+
+    def told(self) -> tuple[ModelChange, ...]:
+        """Return those that are told: at most three, all that are wanted, and what parts links."""
+        shown = [
+            remedy
+            for place, remedy in enumerate(self.helping)
+            if place < MOST_CHANGES or remedy.accept in self._trial.wanted
+        ]
+        parting = [
+            Remedy(
+                candidate.name,
+                removes=False,
+                word=self._verdict.word,
+                share=math.nan,
+                price=None,
+                edits=candidate.edits,
+                accept=candidate.accept,
+                apart=math.nan,
+                before=math.nan,
+            )
+            for candidate in self._parting
+        ]
+        return tuple(map(self._change, [*shown, *parting]))
+
+    def _parts(self, candidate: Candidate) -> bool:
+        """Return whether a change leaves no overlap and no absurd force, and no worse verdict."""
+        absurd = _absurd(self._motions)
+        return bool(absurd) and all(
+            not absurd & _absurd(motions) and self._is_no_worse(motions)
+            for motions in self._motions_of(candidate)
+        )
+
+    def _is_no_worse(self, motions: Sequence[Motion]) -> bool:
+        settings = replace(self._trial.settings, places=False, priced=False)
+        budget = error_budget(motions, rows=(), settings=settings, workers=self._trial.workers)
+        word = judge(budget, self._verdict.within).word
+        return word == "sound" or self._verdict.word in ("unresolved", "not resolved")
+
+    def _change(self, remedy: Remedy) -> ModelChange:
+        lines, unwritten = tuple[str, ...](), ""
         with TemporaryDirectory(prefix="contactlab-") as folder:
             try:
-                lines = written(scene, remedy.options, values, Path(folder) / "changed").lines
+                lines = self._written(remedy.edits, Path(folder) / "changed", "").lines
             except SceneError as error:
                 unwritten = str(error).splitlines()[0]
-    tried = remedy_report(remedy)
-    return ModelChange(
-        name=tried.name,
-        physics=tried.physics,
-        options=tried.options,
-        share=tried.share,
-        price=tried.price,
-        lines=lines,
-        unwritten=unwritten,
-    )
+        tried = remedy_report(remedy)
+        return ModelChange(
+            name=tried.name,
+            physics=tried.physics,
+            accept=remedy.accept,
+            removes="verdict" if remedy.removes else "overlap",
+            settings=tried.settings,
+            excluded=remedy.edits.excluded,
+            share=tried.share,
+            apart=tried.apart,
+            before=tried.before,
+            price=tried.price,
+            lines=lines,
+            unwritten=unwritten,
+        )
+
+    def _written(self, edits: ModelEdits, folder: Path, name: str) -> WrittenModel:
+        own = {key: value for key, value in self._values.items() if key not in edits.settings}
+        whole = replace(edits, settings={**own, **edits.settings})
+        return write_model(self._scene, whole, folder, name)
+
+    def write(self, file: Path) -> tuple[Path | None, str]:
+        """Write the model with what is accepted, or else the first change of computation.
+
+        Several are judged together first.
+
+        Returns:
+            where the model is, which may be in a folder beside others that it includes; None if it
+            was not written.
+            why not, or "".
+
+        Raises:
+            OutputError: the file cannot be written.
+        """
+        edits, reason = self._to_write()
+        if reason:
+            return None, reason
+        try:
+            return self._written(edits, file.parent, file.name).path, ""
+        except SceneError as error:
+            return None, str(error).splitlines()[0]
+
+    def _to_write(self) -> tuple[ModelEdits, str]:
+        """Return what is written, or why nothing is."""
+        numerical = [remedy for remedy in self.helping if not remedy.physics]
+        if not self._trial.wanted:
+            none = "no change of how the model is computed removes what the verdict names"
+            more = ", ".join(remedy.accept for remedy in self.helping)
+            hint = f"; accept another model by --accept {more}" if more else ""
+            return (numerical[0].edits, "") if numerical else (NO_EDITS, f"{none}{hint}")
+        by_word = {candidate.accept: candidate for candidate in self._candidates}
+        unknown = [word for word in self._trial.wanted if word not in by_word]
+        if unknown:
+            known = ", ".join(word for word in by_word if word) or "none"
+            return NO_EDITS, f"no change is called {unknown[0]} here; those tried: {known}"
+        accepted = [by_word[word] for word in dict.fromkeys(self._trial.wanted)]
+        others = [one for one in self._candidates if one.name in {two.name for two in numerical}]
+        trial = replace(self._trial, most=None)
+        for candidates in (accepted, *([*accepted, other] for other in others)):
+            whole = joined(candidates)
+            tried = remedies(self._motions, self._verdict, candidates=[whole], trial=trial)
+            if tried and tried[0].removes:
+                return tried[0].edits, ""
+        if self._parts(whole := joined(accepted)):
+            return whole.edits, ""
+        return NO_EDITS, "what is accepted does not remove what the verdict names"
 
 
-def written(
-    scene: Scene, options: Values, values: Values, folder: Path, name: str = ""
-) -> WrittenModel:
-    """Write a scene's model with settings and changed options into a folder."""
-    own = {key: value for key, value in values.items() if key not in options}
-    return write_model(scene, ModelEdits({**own, **options}), folder, name)
-
-
-def write_first(
-    scene: Scene, changes: Sequence[ModelChange], values: Values, file: Path
-) -> WrittenModel | None:
-    """Write the first change that computes the same model otherwise, if there is one.
-
-    Raises an OutputError if the file cannot be written.
-    """
-    for change in changes:
-        if change.lines and not change.physics:
-            return written(scene, change.options, values, file.parent, file.name)
-    return None
+def _absurd(motions: Sequence[Motion]) -> set[str]:
+    """Return the kinds of facts that say that links are in each other, or press absurdly."""
+    found = {fact.kind for fact in facts(motions, [0.0] * len(motions))}
+    return {kind for kind in found if kind in ("overlap", "force")}

@@ -1,9 +1,14 @@
-"""Examines a model under its task: motions, budget, verdict, and the changes that mend it."""
+"""Examines a model under its task: runs and labels, budget and verdict, checks, and changes.
+
+Each part of the report is a section that may be asked for alone, with the same numbers: `check`,
+`stability` and `explain` of a model ask for theirs.
+"""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 
@@ -12,36 +17,42 @@ from contactlab.budget import (
     Motion,
     Remedy,
     Settings,
+    Trial,
     Verdict,
     budget_report,
-    error_budget,
-    judge,
-    remedies,
 )
-from contactlab.budget.remedies import CANDIDATES
 from contactlab.budget.verdict import Word, percent
-from contactlab.errors import SweepFileError
+from contactlab.errors import SceneError, SweepFileError
+from contactlab.judge.acceptances import stale_acceptances
+from contactlab.judge.conclusion import failed_names
+from contactlab.judge.limits import LIMITS
+from contactlab.measure import THRESHOLDS
 from contactlab.plan.task_options import AS_INFERRED, TaskOptions
+from contactlab.printable import first_names
 from contactlab.run.sweep_request import SceneLoader
 from contactlab.scene.mujoco_versions import VERSION
-from contactlab.scene.scene import Scene
-from contactlab.schema.examination import Examination
+from contactlab.schema.coverage import Exercised
+from contactlab.schema.examination import Examination, SectionName
+from contactlab.schema.finding import Acceptance
 from contactlab.schema.task import Task
-from contactlab.studies.examine.changes import (
-    MOST_CHANGES,
-    confirmed,
-    fresh,
-    model_change,
-    write_first,
-)
+from contactlab.store.table_layout import record_to_row
+from contactlab.studies.check.check_entries import CHECKS, Check
+from contactlab.studies.check.checked_model import CheckedModel
+from contactlab.studies.check.chosen_checks import chosen_checks, judged_findings
+from contactlab.studies.check.own_runs import reference_of
+from contactlab.studies.examine.changes import MOST_CHANGES, Changes, fresh
 from contactlab.studies.examine.facts import facts
-from contactlab.studies.examine.task_motions import task_motions
-from contactlab.studies.examine.watched import of_watched
-from contactlab.studies.session import Values, read_settings
+from contactlab.studies.examine.resting_contacts import resting_contacts
+from contactlab.studies.examine.task_motions import Change
+from contactlab.studies.session import Session, Values, read_settings
+from contactlab.studies.task_verdict import refuse_lengths, run_labels
 
+SECTIONS: tuple[SectionName, ...] = get_args(SectionName)
+REFERENCE = "reference.json"
+_OF_MOTIONS = {"budget", "facts", "changes"}
+_OF_RUNS = {"labels", "checks", "contacts"}
 SETTINGS = Settings(priced=True)
-_ALIKE = 1.1  # ratio of costs that are equal
-_PLACES = {candidate.name: place for place, candidate in enumerate(CANDIDATES)}
+_NOT_MOVED = "sound as far as labels tell: MuJoCo moves nothing in it"
 _OPENINGS: Mapping[Word, str] = {
     "unresolved": "unresolved",
     "not resolved": "not resolved",
@@ -57,118 +68,205 @@ class ExamineRequest:
     Attributes:
         model: a scene, its folder, a model file, or a robot.
         assign: settings, `NAME=VALUE` each.
-        task: what replaces parts of the model's own.
-        workers: threads; one for each processor by default.
-        allow_code: whether policies and environments may run, which are code.
+        task: what replaces parts of the model's own; its limits are of checks or labels, by name.
+        sections: parts of the report that are wanted.
+        checks: names of checks; all if empty.
+        accepted: findings of checks that are known and accepted.
         write: file for the model with the first change that computes it otherwise.
-        told: called with a line of text as a part of the examination begins.
+        accept: words of changes that make another model, which are written too.
+        begins: called with words as a part of the examination begins.
     """
 
     model: str
     assign: Sequence[str] = ()
     task: TaskOptions = AS_INFERRED
-    workers: int | None = None
-    allow_code: bool = False
+    sections: tuple[SectionName, ...] = SECTIONS
+    checks: Sequence[str] = ()
+    accepted: Sequence[Acceptance] = ()
     write: Path | None = None
-    told: Callable[[str], None] = lambda _: None
+    accept: Sequence[str] = ()
+    begins: Callable[[str], None] = lambda _: None
+
+    @property
+    def parts(self) -> int:
+        """Number of parts that it has at most."""
+        wanted = {*self.sections}
+        runs, measured = bool(wanted & _OF_RUNS), wanted != {"contacts"}
+        return runs + ("checks" in wanted) + measured + 2 * ("changes" in wanted)
 
 
-def run(request: ExamineRequest) -> Examination:
-    """Examine a model.
+def run(request: ExamineRequest, session: Session) -> Examination:
+    """Examine a model; its runs are stored in the session's folder.
 
     Raises:
         SceneError: there is no such model, keyframe or body, or it does not compile.
-        SweepFileError: a setting is wrong, or the tolerance is no share.
+        SweepFileError: a setting or the name of a check or limit is wrong, or the tolerance is no
+            share.
         EngineError: nothing moves, or MuJoCo is not what simulates.
-        OutputError: the changed model cannot be written.
+        PolicyError: what is accepted is no finding of any check.
+        OutputError: stores or the changed model cannot be written.
+        StoppedError: it was interrupted.
     """
-    if request.task.limits or (request.task.within or (0, "1"))[1] != "1":
-        raise SweepFileError("'--within' is a share of the real forces here; write 10%")
-    scenes = SceneLoader(Path(), request.task.drive, allow_code=request.allow_code)
-    scene = scenes.open(request.model).with_effects("all")
-    asked = [*request.assign, *request.task.settings]
-    values, given = read_settings(scenes, request.model, asked, ("duration",))
-    task = scene.task(values, given.duration, watch=request.task.watch, within=request.task.within)
-    motions = task_motions(scene, values, task, allow_code=request.allow_code)
-    request.told(f"examining {request.model}: {task.line}")
-    workers = request.workers
-    if workers is not None:
-        workers = max(1, workers)
-    measured = error_budget(motions, settings=SETTINGS, workers=workers)
-    budget = of_watched(measured, task.watched)
-    verdict = judge(budget, task.within)
-    if verdict.reasons:
-        request.told(f"{verdict.reasons[0].sentence}; looking for changes that remove it")
-    tried = _tried(motions, verdict, task, workers)
-    if tried and tried[0].removes:
-        request.told("judging changes on fresh seeds")
-        again = task_motions(scene, values, fresh(task), allow_code=request.allow_code)
-        tried = tuple(sorted(confirmed(tried, again, verdict, workers), key=_by_use))
-    helping = [remedy for remedy in tried if remedy.removes][:MOST_CHANGES]
-    changes = tuple(model_change(scene, remedy, values) for remedy in helping)
-    begins = {phase.name: phase.begin for phase in task.phases}
+    wanted = {*request.sections}
+    checks = {name: CHECKS[name] for name in chosen_checks(request.checks)}
+    judged_findings([], request.accepted)
+    examined = open_model(request, session)
+    task = examined.task
+    if wanted & _OF_MOTIONS and not examined.moves:
+        examined.motions_of(task)  # which says why there are none, before anything is run
+    session.notify(f"examining {request.model}: {task.line}")
     report = Examination(
-        model=request.model,
-        mujoco=VERSION,
-        task=task,
-        sentence=_sentence(verdict, tried, task, budget),
-        budget=budget_report(budget, verdict, tried),
-        facts=facts(motions, [begins.get(motion.name, 0.0) for motion in motions]),
-        changes=changes,
+        model=request.model, mujoco=VERSION, task=task, sections=request.sections, sentence=""
     )
-    return report if request.write is None else _written(request, scene, values, report)
+    if wanted & _OF_RUNS:
+        request.begins("running its task")
+        report = _ran(report, examined)
+    if "checks" in wanted:
+        request.begins("checking it")
+        report = _checked(report, checks, examined, request.accepted)
+    return report if wanted == {"contacts"} else _measured(request, report, examined)
+
+
+def _ran(report: Examination, examined: CheckedModel) -> Examination:
+    """Return a report with what the runs of the task show."""
+    if "contacts" in report.sections:
+        contacts = tuple(resting_contacts(examined))
+        report = report.model_copy(update={"contacts": contacts})
+    if report.sections == ("contacts",):
+        return report
+    labels = run_labels(report.task.phases, [run.record for run in examined.runs])
+    return report.model_copy(update={"verdict": examined.verdict, "labels": labels})
+
+
+def _measured(request: ExamineRequest, report: Examination, examined: CheckedModel) -> Examination:
+    """Return a report with its budget, facts and changes, and the verdict in a sentence."""
+    request.begins("measuring its error budget")
+    if not examined.moves:
+        return report.model_copy(update={"sentence": _whole(_NOT_MOVED, report)})
+    task, verdict, changes = report.task, examined.judged, None
+    if "changes" in request.sections:
+        changes = _changes(request, examined, verdict)
+    tried = changes.tried if changes else ()
+    if "facts" in request.sections:
+        begins = {phase.name: phase.begin for phase in task.phases}
+        times = [begins.get(motion.name, 0.0) for motion in examined.motions]
+        report = report.model_copy(update={"facts": facts(examined.motions, times)})
+    sentence = _sentence(verdict, tried, task, examined.budget)
+    report = report.model_copy(
+        update={
+            "sentence": _whole(sentence, report),
+            "budget": budget_report(examined.budget, verdict, tried),
+            "changes": changes.told() if changes else (),
+        }
+    )
+    return _written(request, examined, report, changes)
+
+
+def sections_of(names: Sequence[str]) -> tuple[SectionName, ...]:
+    """Return the sections of these names, in the order of a report; all if none is named.
+
+    Raises:
+        SweepFileError: there is no such section.
+    """
+    for name in names:
+        SweepFileError.unless_known(name, SECTIONS, f"no section '{name}' of an examination")
+    return tuple(section for section in SECTIONS if section in names or not names)
+
+
+def open_model(request: ExamineRequest, session: Session) -> CheckedModel:
+    """Open a model for its examination.
+
+    Raises:
+        SceneError: there is no such model, keyframe or body, or it does not compile.
+        SweepFileError: a setting or the name of a limit is wrong, or the tolerance is no share.
+    """
+    refuse_lengths(request.task)
+    if request.accept and request.write is None:
+        raise SweepFileError("'--accept' says what is written; name the file too: --write FILE")
+    names = {**LIMITS, **THRESHOLDS}
+    for name in request.task.limits:
+        SweepFileError.unless_known(name, names, f"no limit '{name}' of a check or a label")
+    scenes = SceneLoader(Path(), request.task.drive, allow_code=session.allow_code)
+    asked = [*request.assign, *request.task.settings]
+    values, given = read_settings(scenes, request.model, asked, ("duration", "must"))
+    limits = request.task.limits
+    rows = {"budget", "changes"} & {*request.sections}
+    examined = CheckedModel(
+        reference=request.model,
+        scenes=scenes,
+        # A handful of runs, which one process makes at once.
+        session=replace(session, workers=0),
+        threads=max(1, session.workers),
+        values=values,
+        duration=given.duration,
+        options=request.task,
+        thresholds={name: limits[name] for name in limits if name in THRESHOLDS},
+        limits={name: limits[name] for name in limits if name in LIMITS},
+        settings=SETTINGS if rows else Settings(places=False),
+        rows=None if rows else (),
+    )
+    step = examined.resolved.timestep
+    if not 0 < step < math.inf:
+        raise SceneError(
+            f"{examined.scene.source.model}: its timestep is {step:g} s; write one above 0 there, "
+            "or `--set timestep=`"
+        )
+    return examined
+
+
+def _checked(
+    report: Examination,
+    checks: Mapping[str, Check],
+    examined: CheckedModel,
+    accepted: Sequence[Acceptance],
+) -> Examination:
+    """Return a report with its checks and their findings, and the acceptances that are stale."""
+    results = [check(examined) for check in checks.values()]
+    findings = judged_findings(results, accepted)
+    stale = (
+        f"'{entry.check}' is accepted ({entry.reason}), but does not fail: remove it"
+        for entry in stale_acceptances(findings, accepted)
+    )
+    idle = Exercised.of(record_to_row(run.record) for run in examined.runs).idle()
+    if "repeat" in checks and examined.runs[0].record.trajectory_hash is not None:
+        reference = reference_of(examined.runs[0]).model_dump_json(indent=2) + "\n"
+        examined.session.write({REFERENCE: reference})
+    return report.model_copy(
+        update={
+            "checks": tuple(results),
+            "findings": tuple(findings),
+            "notes": (*report.notes, *stale, *map(first_names, idle)),
+        }
+    )
+
+
+def _changes(request: ExamineRequest, examined: CheckedModel, verdict: Verdict) -> Changes:
+    """Return the changes that were tried, and those that help on fresh seeds too."""
+    task, threads = examined.task, examined.threads
+    if verdict.reasons:
+        request.begins(f"{verdict.reasons[0].sentence}; looking for changes that remove it")
+
+    def moved(settings: Values, change: Change) -> Iterator[list[Motion]]:
+        for seeds in (task, fresh(task)):
+            yield examined.motions_of(seeds, settings, change)
+
+    trial = Trial(SETTINGS, None, MOST_CHANGES, request.accept, threads)
+    scene, values = examined.scene.with_effects("all"), examined.values
+    return Changes(scene, values, examined.motions, verdict, trial, moved)
 
 
 def _written(
-    request: ExamineRequest, scene: Scene, values: Values, report: Examination
+    request: ExamineRequest, examined: CheckedModel, report: Examination, changes: Changes | None
 ) -> Examination:
-    """Write the model with the first change that computes it otherwise; say so if there is none."""
-    assert request.write is not None
-    made = write_first(scene, report.changes, values, request.write)
-    if made is None:
-        request.told(
-            f"{request.write} is not written: no change of how the model is computed removes what "
-            "the verdict names"
-        )
+    """Write the model with what is accepted, or the first change of computation; or say why not."""
+    if request.write is None or changes is None:
         return report
-    return report.model_copy(update={"written": str(request.write)})
-
-
-def _tried(
-    motions: Sequence[Motion], verdict: Verdict, task: Task, workers: int | None
-) -> tuple[Remedy, ...]:
-    """Try changes, the finest steps only if no coarser ones remove the verdict.
-
-    A finer step costs about as many times as it is finer, so which are tried hangs on no clock.
-    """
-    tried, coarser = list[Remedy](), 0
-    for finest in sorted({candidate.rate for candidate in CANDIDATES} - {1}):
-        some = [candidate for candidate in CANDIDATES if coarser < candidate.rate <= finest]
-        found = remedies(motions, verdict, settings=SETTINGS, candidates=some, workers=workers)
-        tried += [_judged_again(remedy, verdict, task) for remedy in found]
-        if any(remedy.removes for remedy in tried):
-            break
-        coarser = finest
-    return tuple(sorted(tried, key=_by_use))
-
-
-def _by_use(remedy: Remedy) -> tuple[bool, float, int]:
-    """Return the place of a remedy: what removes, then what is cheap, then what is simple.
-
-    Costs within a tenth are equal: the clock tells no more.
-    """
-    cost = round(math.log(remedy.price.ratio, _ALIKE)) if remedy.price else math.inf
-    return not remedy.removes, cost, _PLACES[remedy.name]
-
-
-def _judged_again(remedy: Remedy, verdict: Verdict, task: Task) -> Remedy:
-    """Return a remedy by what it does for the watched bodies."""
-    if not task.watched:
-        return remedy
-    budget = of_watched(remedy.budget, task.watched)
-    found = judge(budget, verdict.within)
-    removes = found.word == "sound" or (verdict.word != "model" and found.word == "model")
-    return replace(remedy, removes=removes, budget=budget, verdict=found)
+    made, reason = changes.write(request.write)
+    if made is None:
+        examined.session.notify(f"{request.write} is not written: {reason}")
+        return report
+    asked = made.resolve() == request.write.resolve()
+    return report.model_copy(update={"written": str(request.write if asked else made)})
 
 
 def _sentence(verdict: Verdict, tried: Sequence[Remedy], task: Task, budget: ErrorBudget) -> str:
@@ -192,6 +290,19 @@ def _sentence(verdict: Verdict, tried: Sequence[Remedy], task: Task, budget: Err
     return f"{_OPENINGS[verdict.word]}: {', '.join(parts)}{_remedied(tried)}"
 
 
+def _whole(numerics: str, report: Examination) -> str:
+    """Return the sentence of a verdict with what runs and checks show besides the numerics."""
+    failed, own = failed_names(report.findings), {"phantom_forces", "labelled_runs"}
+    judged = not report.findings or "labelled_runs" in failed
+    found = [f"labelled {label.label} in {label.phase}" for label in report.labels if judged]
+    found += [f"fails {name}" for name in failed if name not in own]
+    if not found:
+        return numerics
+    if numerics.startswith((_OPENINGS["sound"], _OPENINGS["model"])):
+        return f"not sound: {', '.join(found)}; numerics {numerics}"
+    return f"{numerics}; {', '.join(found)}"
+
+
 def _remedied(tried: Sequence[Remedy]) -> str:
     if not tried:
         return ""
@@ -199,4 +310,5 @@ def _remedied(tried: Sequence[Remedy]) -> str:
     if not best.removes:
         return "; none of the changes tried removes it"
     cost = f", at {best.price.ratio:.2g} times the time" if best.price else ""
-    return f"; removed by {best.name}{cost}"
+    kind = ", another model" if best.physics else ""
+    return f"; removed by {best.name}{kind}{cost}"

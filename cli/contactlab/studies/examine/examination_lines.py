@@ -1,198 +1,148 @@
 """An examination as lines of text for 80 columns."""
 
-import math
-import textwrap
-from collections.abc import Iterator, Sequence
-from itertools import chain
+from collections.abc import Iterator
 
-from contactlab.budget.verdict import percent
-from contactlab.printable import visible
-from contactlab.schema.drive import PolicyDrive
-from contactlab.schema.error_budget import BudgetPhase, BudgetRemedy, BudgetRow
-from contactlab.schema.examination import Examination, ModelChange
-from contactlab.schema.task import Task
-
-_WIDTH = 80
-_RUN = "the run"
-_SHARE, _SPREAD, _BAR, _COST = 7, 11, 8, 5
-_HEADS = {"numerics": "numerics", "model": "model", "effect": "effects", "unknown": "unknowns"}
-# Bars are logarithmic: one sign for a third of a decade, from a tenth of a percent on.
-_LEAST, _PER_DECADE = 1e-3, 2
-_NOTHING = 1e-4
-_TOLD = 0.1  # of the tolerance: rows that a short table has
-_REPLAYED = "What the policy did is replayed; whether its loop is stable is not judged."
-_UNIT = (
-    "Shares are phantom forces over the real ones, of the worst body; bars are logarithmic, from "
-    "0.1 to 1000 %; cost is the time of a run with the change over one without."
+from contactlab.budget.text import (
+    UNIT,
+    Placed,
+    never_lines,
+    phase_lines,
+    share_text,
+    table_lines,
+    wrapped,
 )
+from contactlab.printable import percent, visible
+from contactlab.reporting.examination import (
+    change_line,
+    contact_lines,
+    largest_rows,
+    phase_begins,
+    row_size,
+)
+from contactlab.schema.drive import PolicyDrive
+from contactlab.schema.error_budget import BudgetRemedy
+from contactlab.schema.examination import Examination, ModelChange
+
+_TOLD = 0.1  # of the tolerance: rows that a short table has
+_MOST_LINES = 6  # of a change
+_REPLAYED = "What the policy did is replayed; whether its loop is stable is not judged."
 
 
 def examination_lines(report: Examination, *, full: bool = False) -> list[str]:
-    """Return the verdict, the task, the budget, facts, and the changes that help.
+    """Return the verdict, the task, and the sections that were asked for.
 
-    In short, rows are those of the phase in which each is largest, above a tenth of the tolerance;
-    in full, all rows of each phase and all changes that were tried.
+    In short, rows of the budget are those of the phase in which each is largest, above a tenth of
+    the tolerance, and checks those that do not pass; in full, all rows of each phase, all changes
+    that were tried, all checks, and the contacts in units of the world.
     """
-    lines = [*_wrapped(report.sentence, ""), *_wrapped(report.task.line, "")]
+    alone = len(report.sections) == 1
+    lines = [*wrapped(report.sentence, ""), *wrapped(report.task.line, "")]
     if isinstance(report.task.drive, PolicyDrive):
-        lines += _wrapped(_REPLAYED, "")
-    lines.append("")
-    if full:
-        lines += _wrapped(_UNIT, "")
-        for phase in report.budget.phases:
-            lines += ["", *_phase(phase, report.task)]
-        lines += _tried(report)
-    else:
-        lines += _short_budget(report)
-    if report.facts:
-        lines += ["", *chain.from_iterable(_wrapped(fact.sentence, "") for fact in report.facts)]
-    for number, change in enumerate(report.changes, 1):
-        lines += ["", *_change(number, change)]
-    lines += ["", *_wrapped(_end(report), "")]
+        lines += wrapped(_REPLAYED, "")
+    if "budget" in report.sections:
+        lines += ["", *(_full_budget(report) if full else budget_table(report))]
+    parts = [
+        [line for fact in report.facts for line in wrapped(fact.sentence, "")],
+        list(_labels(report)),
+        list(_checks(report, every=full or alone)),
+        [line for contact in report.contacts for line in contact_lines(contact)]
+        if full or alone
+        else [],
+        *(list(_change(number, change)) for number, change in enumerate(report.changes, 1)),
+        [line for note in report.notes for line in wrapped(note, "")] if full or alone else [],
+        [line for end in _ends(report) for line in wrapped(end, "")],
+    ]
+    for part in filter(None, parts):
+        lines += ["", *part]
     return [visible(line) for line in lines]
 
 
-def _short_budget(report: Examination) -> Iterator[str]:
+def _full_budget(report: Examination) -> Iterator[str]:
+    yield from wrapped(UNIT, "")
+    begins = phase_begins(report.task)
+    for phase in report.budget.phases if report.budget else ():
+        yield from ("", *phase_lines(phase, begins.get(phase.name, 0.0)))
+    yield from _tried(report)
+
+
+def _labels(report: Examination) -> Iterator[str]:
+    """Yield the labels of the runs; in the section alone, the numerics of each phase too."""
+    if report.verdict is None:
+        return
+    if report.sections == ("labels",):
+        for phase in report.verdict.phases:
+            held = ", ".join(f"{name} {runs}" for name, runs in phase.labels.items()) or "stable"
+            moved = f"{share_text(phase.share)} in {phase.body}" if phase.body else "not measured"
+            yield from wrapped(f"{phase.name}: {held}; phantom forces {moved}", "")
+    for label in report.labels:
+        yield from wrapped(f"{label.label}: {label.reason}, {_runs(label.runs)}", "")
+
+
+def _runs(count: int) -> str:
+    return f"in {count} run{'s' * (count != 1)}"
+
+
+def _checks(report: Examination, *, every: bool) -> Iterator[str]:
+    for finding in report.findings:
+        if every or finding.outcome in {"failed", "warned"}:
+            word = {"failed": "FAIL", "warned": "WARN", "passed": "pass", "skipped": "skip"}
+            yield from wrapped(f"{word.get(finding.outcome, 'note')} {finding.full_message}", "")
+    for check in report.checks:
+        if every or check.verdict == "fail":
+            yield from (
+                line for note in check.notes for line in wrapped(f"{check.name}: {note}", "  ")
+            )
+
+
+def budget_table(report: Examination) -> Iterator[str]:
     """Yield the run, and the rows that matter, each from the phase in which it is largest."""
-    begins = _begins(report.task)
-    found: dict[str, tuple[BudgetRow, float]] = {}
-    for phase in report.budget.phases:
-        for row in (phase.run, *phase.rows):
-            kept = found.get(row.name)
-            if row.exercised and (kept is None or _size(row) > _size(kept[0])):
-                found[row.name] = row, begins.get(phase.name, 0.0)
-    run, begin = found.pop(report.budget.phases[0].run.name)
-    shown = [name for name, (row, _) in found.items() if _size(row) >= _TOLD * report.budget.within]
-    names = 2 + max(map(len, (*shown, _RUN)))
-    yield _cells(names, ("", "share", "seeds", "", "cost", "worst body, when"))
-    yield _line(names, _RUN, run, begin)
-    for kind, head in _HEADS.items():
-        rows = [(name, *found[name]) for name in shown if found[name][0].kind == kind]
-        if rows:
-            yield f"{head}:"
-        yield from (_line(names, f"  {name}", row, since) for name, row, since in rows)
+    if report.budget is None:
+        return
+    found = largest_rows(report.budget, report.task)
+    run = Placed(*found.pop(report.budget.phases[0].run.name))
+    least = _TOLD * report.budget.within
+    shown = {name: Placed(*at) for name, at in found.items() if row_size(at[0]) >= least}
+    yield from table_lines(run, list(shown.values()))
     if less := [name for name in found if name not in shown]:
-        yield from _wrapped(f"below {percent(_TOLD * report.budget.within)}: {', '.join(less)}", "")
+        yield from wrapped(f"below {percent(least)}: {', '.join(less)}", "")
     idle = {row.name: None for phase in report.budget.phases for row in phase.rows}
-    if never := [name for name in idle if name not in found]:
-        yield from _wrapped(f"never exercised: {', '.join(never)}", "")
-
-
-def _size(row: BudgetRow) -> float:
-    return math.inf if row.infinite else row.share or 0.0
-
-
-def _begins(task: Task) -> dict[str, float]:
-    return {phase.name: phase.begin for phase in task.phases}
+    yield from never_lines([name for name in idle if name not in found])
 
 
 def _change(number: int, change: ModelChange) -> Iterator[str]:
-    kind = "another model" if change.physics else "the same model, computed otherwise"
-    cost = f", at {change.price.ratio:.2f} times the time" if change.price else ""
-    left = f", leaves {_share(change.share)}" if change.share is not None else ""
-    yield from _wrapped(f"{number}. {change.name}: {kind}{left}{cost}", "")
-    yield from (f"   {line}" for line in change.lines)
+    yield from wrapped(change_line(number, change), "")
+    yield from (f"   {line}" for line in change.lines[:_MOST_LINES])
+    if len(change.lines) > _MOST_LINES:
+        yield f"   and {len(change.lines) - _MOST_LINES} more lines, which --write writes"
     if change.unwritten:
-        yield from _wrapped(f"not written: {change.unwritten}", "   ")
+        yield from wrapped(f"not written: {change.unwritten}", "   ")
 
 
-def _end(report: Examination) -> str:
+def _ends(report: Examination) -> Iterator[str]:
+    """Yield what comes next: the changed model, the page, and the evidence."""
+    budget = report.budget
     if report.written:
-        return f"the model with the first change: {report.written}"
-    if any(change.lines for change in report.changes):
-        return "changes were judged on fresh seeds too; --write FILE writes the first"
-    if report.budget.remedies and not report.changes:
-        names = ", ".join(remedy.name for remedy in report.budget.remedies)
-        return f"no change that was tried removes it: {names}"
-    return "--format full prints all rows of each phase"
+        yield f"the model with the changes: {report.written}"
+    elif any(change.lines for change in report.changes):
+        physics = all(change.physics for change in report.changes)
+        named = " that --accept names" if physics else ""
+        yield f"changes were judged on fresh seeds too; --write FILE writes the first{named}"
+    elif "changes" in report.sections and budget and budget.remedies and not report.changes:
+        names = ", ".join(remedy.name for remedy in budget.remedies)
+        yield f"no change that was tried removes it: {names}"
+    elif "budget" in report.sections:
+        yield "--format full prints all rows of each phase"
+    if report.page:
+        yield f"page: {report.page}"
+    elif report.evidence:
+        yield f"evidence: {report.evidence}"
 
 
 def _tried(report: Examination) -> Iterator[str]:
-    if report.budget.remedies:
+    if report.budget and report.budget.remedies:
         yield ""
         yield f"{'changes tried:':45} {'cost':>6} {'share':>7}"
         yield from map(_remedy, report.budget.remedies)
-
-
-def _phase(phase: BudgetPhase, task: Task) -> Iterator[str]:
-    begin = _begins(task).get(phase.name, 0.0)
-    span = f"{begin:.3g} to {begin + phase.steps * phase.timestep:.3g} s"
-    yield (
-        f"{phase.name}, {span}: {phase.windows} windows of {1e3 * phase.window:.3g} ms, steps of "
-        f"{1e3 * phase.timestep:.3g} ms"
-    )
-    used = [row for row in phase.rows if row.exercised]
-    names = 2 + max((len(row.name) for row in used), default=len(_RUN))
-    yield _cells(names, ("", "share", "seeds", "", "cost", "worst body, when"))
-    yield _line(names, _RUN, phase.run, begin)
-    for kind, head in _HEADS.items():
-        rows = [row for row in used if row.kind == kind]
-        if rows:
-            yield f"{head}:"
-        yield from (_line(names, f"  {row.name}", row, begin) for row in rows)
-    if idle := [row.name for row in phase.rows if not row.exercised]:
-        yield from _wrapped(f"never exercised: {', '.join(idle)}", "")
-    yield from _wrapped(", ".join(_beside(phase)), "")
-
-
-def _beside(phase: BudgetPhase) -> Iterator[str]:
-    yield f"energy drift {_signed(phase.energy)}"
-    if phase.check is not None and phase.run.share is not None:
-        yield f"reference known to {_share(phase.check * phase.run.share)}"
-    yield f"not judged: path excess {_share(phase.excess)}"
-    yield f"worst window {_share(phase.peak)} of the body's peak speed"
-
-
-def _line(names: int, name: str, row: BudgetRow, begin: float) -> str:
-    share = math.inf if row.infinite else row.share
-    spread = ""
-    if row.seeds and row.share is not None:
-        low, high = (_short(value).removesuffix(" %") for value in row.seeds)
-        spread = "" if low == high else f"{low}-{high}"
-    when = "" if row.time is None else f", {begin + row.time:.2f} s"
-    where = f"{row.body}{when}" if share is not None and share >= _NOTHING else ""
-    cost = f"x{row.price.ratio:.2f}" if row.price else ""
-    return _cells(names, (name, _short(share), spread, _bar(share), cost, where))
-
-
-def _cells(names: int, cells: tuple[str, str, str, str, str, str]) -> str:
-    """Return a line of a table whose names take so many places."""
-    name, share, spread, bar, cost, where = cells
-    left = f"{name:{names}} {share:>{_SHARE}} {spread:>{_SPREAD}}  {bar:<{_BAR}} {cost:>{_COST}}  "
-    return f"{left}{_within(where, _WIDTH - len(left))}".rstrip()
-
-
-def _within(where: str, width: int) -> str:
-    """Shorten a name in its middle, so that the time after it stays."""
-    if len(where) <= width:
-        return where
-    name, comma, when = where.rpartition(", ")
-    return f"{name[: width - len(comma + when) - 1]}…{comma}{when}" if comma else where[:width]
-
-
-def _short(share: float | None) -> str:
-    """Return a share in at most two digits; what is below a hundredth of a percent is nothing."""
-    if share is None:
-        return "-"
-    return "0 %" if share < _NOTHING else percent(share)
-
-
-def _share(share: float | None) -> str:
-    return "∞" if share is None else percent(share)
-
-
-def _signed(share: float | None) -> str:
-    if share is None:
-        return "∞"
-    return "0 %" if abs(share) < _NOTHING else f"{'+' if share > 0 else '-'}{percent(abs(share))}"
-
-
-def _bar(share: float | None) -> str:
-    if share is None or share <= _LEAST:
-        return ""
-    if math.isinf(share):
-        return "#" * _BAR
-    return "#" * min(_BAR, max(1, round(_PER_DECADE * math.log10(share / _LEAST))))
 
 
 def _remedy(remedy: BudgetRemedy) -> str:
@@ -200,14 +150,3 @@ def _remedy(remedy: BudgetRemedy) -> str:
     end = "removes it" if remedy.removes else f"still {remedy.word}"
     share = "∞" if remedy.share is None else percent(remedy.share)
     return f"  {remedy.name:43} {cost:>6} {share:>7}  {end}"
-
-
-def _wrapped(text: str, indent: str = "  ") -> Sequence[str]:
-    return textwrap.wrap(
-        text,
-        _WIDTH,
-        initial_indent=indent,
-        subsequent_indent=f"{indent}  ",
-        break_long_words=False,
-        break_on_hyphens=False,
-    )

@@ -3,6 +3,7 @@
 They judge nothing: what is deep or light may be meant. Numbers are in units that people use.
 """
 
+import math
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
@@ -11,17 +12,17 @@ import numpy as np
 
 from contactlab.budget.motion import INTEGRATION, Motion
 from contactlab.budget.places import contact_name
-from contactlab.budget.verdict import percent
-from contactlab.budget.windows import replay
+from contactlab.budget.verdict import percent, plain
+from contactlab.budget.windows import joint_name, replay
 from contactlab.contact.trace_arrays import Floats
 from contactlab.scene.compile_model import InertiaFault
 from contactlab.schema.examination import Fact
-from contactlab.studies.check.inertia import in_words, inertia_faults
+from contactlab.studies.lint.inertia import in_words, inertia_faults
+from contactlab.studies.lint.overlaps import DEEP
 
 # States are looked at in these windows of a run [s].
 _WINDOW = 0.01
-# Depths below this share of the thinner geom, and forces below so many weights, are ordinary.
-_DEEP, _HEAVY = 0.05, 1e3
+_HEAVY = 1e3  # weights of the model, below which a force is ordinary
 
 
 class _Contact(NamedTuple):
@@ -48,7 +49,13 @@ def facts(motions: Sequence[Motion], begins: Sequence[float]) -> tuple[Fact, ...
                 hardest += [contact for _, contact in found]
                 if not place and not begin:
                     overlap += [contact for contact, _ in found]
-    return (*_of_depth(deepest, overlap), *_of_force(hardest), *_of_mass(model))
+    return (
+        *_of_depth(deepest, overlap),
+        *_of_margin(deepest, hardest),
+        *_of_limits(motions[0]),
+        *_of_force(hardest),
+        *_of_mass(model),
+    )
 
 
 def _contacts(
@@ -65,21 +72,21 @@ def _contacts(
             continue
         mujoco.mj_contactForce(model, data, place, force)
         name, depth = contact_name(model, geoms), -float(data.contact.dist[place])
-        thin = min(_half_extent(model, int(geom)) for geom in geoms)
+        thin = min(half_extent(model, int(geom)) for geom in geoms)
         yield (
             _Contact(name, depth, depth / thin, time),
             _Contact(name, float(force[0]), float(force[0]) / weight, time),
         )
 
 
-def _half_extent(model: mujoco.MjModel, geom: int) -> float:
+def half_extent(model: mujoco.MjModel, geom: int) -> float:
     """Return half of a geom's smallest extent [m]; infinite for a plane or height field."""
     half = model.geom_aabb[geom, 3:]
     return float(half.min()) if half.min() > 0 else np.inf
 
 
 def _of_depth(deepest: Sequence[_Contact], overlap: Sequence[_Contact]) -> Iterator[Fact]:
-    if (worst := _worst(overlap)) and worst.share > _DEEP:
+    if (worst := _worst(overlap)) and worst.share > DEEP:
         yield Fact(
             kind="overlap",
             place=worst.pair,
@@ -97,6 +104,21 @@ def _of_depth(deepest: Sequence[_Contact], overlap: Sequence[_Contact]) -> Itera
         )
 
 
+def _of_margin(depths: Sequence[_Contact], forces: Sequence[_Contact]) -> Iterator[Fact]:
+    """Yield from how far a contact pushes before touch, within its margin."""
+    pushing = zip(depths, forces, strict=True)
+    apart = [depth for depth, force in pushing if depth.amount < 0 < force.amount]
+    farthest = min(apart, key=lambda contact: contact.amount, default=None)
+    if farthest is not None:
+        sentence = (
+            f"contact force starts {-1e3 * farthest.amount:.2g} mm before touch (margin): "
+            f"{farthest.pair}, at {farthest.time:.2f} s"
+        )
+        yield Fact(
+            kind="margin", place=farthest.pair, value=-farthest.amount, unit="m", sentence=sentence
+        )
+
+
 def _worst(contacts: Sequence[_Contact]) -> _Contact | None:
     return max(contacts, key=lambda contact: contact.share, default=None)
 
@@ -106,13 +128,46 @@ def _in_words(contact: _Contact) -> str:
     return f"{contact.pair}, {1e3 * contact.amount:.2g} mm ({share} of half the thinner geom)"
 
 
+def _of_limits(motion: Motion) -> Iterator[Fact]:
+    """Yield the joint that starts farthest beyond its range, as a share of that."""
+    model, data = motion.model, mujoco.MjData(motion.model)
+    mujoco.mj_setState(model, data, motion.starts[0], INTEGRATION)
+    single = model.jnt_type >= int(mujoco.mjtJoint.mjJNT_SLIDE)
+    joints = np.flatnonzero(single & (model.jnt_limited > 0))
+    at, (low, high) = data.qpos[model.jnt_qposadr[joints]], model.jnt_range[joints].T
+    beyond = np.maximum(low - at, at - high)
+    shares = beyond / np.maximum(high - low, np.finfo(float).tiny)
+    if not joints.size or shares.max() <= DEEP:
+        return
+    worst = int(shares.argmax())
+    joint, amount = int(joints[worst]), float(beyond[worst])
+    turns = int(model.jnt_type[joint]) == mujoco.mjtJoint.mjJNT_HINGE
+    said = f"{np.degrees(amount):.2g} deg" if turns else f"{1e3 * amount:.2g} mm"
+    others = int((shares > DEEP).sum()) - 1
+    more = f"; likewise {others} more joints" if others else ""
+    yield Fact(
+        kind="limit",
+        place=(name := joint_name(model, joint)),
+        value=amount,
+        unit="rad" if turns else "m",
+        sentence=f"at the start {name} is {said} beyond its range{more}: begin from a keyframe "
+        "within it",
+    )
+
+
 def _of_force(hardest: Sequence[_Contact]) -> Iterator[Fact]:
     if (worst := _worst(hardest)) and worst.share > _HEAVY:
         sentence = (
-            f"absurd: {worst.pair} bears {worst.amount:.2g} N, {worst.share:.2g} times the "
-            f"model's weight, at {worst.time:.2f} s"
+            f"absurd: {worst.pair} bears {_newtons(worst.amount)}, {plain(worst.share, 2)} times "
+            f"the model's weight, at {worst.time:.2f} s"
         )
         yield Fact(kind="force", place=worst.pair, value=worst.amount, unit="N", sentence=sentence)
+
+
+def _newtons(force: float) -> str:
+    """Return a force in N, kN, MN or GN."""
+    power = min(3, max(0, math.floor(math.log10(force) / 3))) if force > 0 else 0
+    return f"{plain(force / 1e3**power, 2)} {('N', 'kN', 'MN', 'GN')[power]}"
 
 
 def _of_mass(model: mujoco.MjModel) -> Iterator[Fact]:

@@ -1,6 +1,6 @@
 """The motions of a task's phases: what every study's runs do, cut where phases begin."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -31,13 +31,28 @@ class _Piece(NamedTuple):
     spec: int
 
 
+Change = Callable[[mujoco.MjModel], mujoco.MjModel]
+"""Returns the model that moves in place of the scene's."""
+
+
+def as_it_is(model: mujoco.MjModel) -> mujoco.MjModel:
+    """Return a model unchanged."""
+    return model
+
+
 def task_motions(
-    scene: Scene, values: Values, task: Task, *, allow_code: bool = False
+    scene: Scene,
+    values: Values,
+    task: Task,
+    *,
+    allow_code: bool = False,
+    change: Change = as_it_is,
 ) -> list[Motion]:
     """Return one motion for each phase of a task, with a row for each of its seeds.
 
     A seed whose run the engine gave up before a phase has no part in it; a phase that none of them
-    reaches is left out: the one before says why. What a policy did is replayed; it is code, which
+    reaches is left out: the one before says why. `change` returns the model that moves in place of
+    the scene's. What a policy did is replayed; it is code, which
     has to be allowed.
 
     Raises:
@@ -48,9 +63,10 @@ def task_motions(
     if (engine := runs[0].engine) != _ENGINE:
         raise EngineError(f"examine measures MuJoCo's own motion, not that of engine {engine}")
     prepared = PreparedRuns.of(scene, *runs)
+    model = change(prepared.models[0])
+    prepared = replace(prepared, prepared=[replace(run, model=model) for run in prepared.prepared])
     if policy := allowed_policy(scene.drive, allowed=allow_code):
         prepared = _acted(replace(prepared, policy=load_policy(policy)))
-    model = prepared.models[0]
     spans = [span for phase in task.phases if (span := _span(phase, model, prepared.steps))]
     pieces = [list(_pieces(prepared, run, spans)) for run in range(len(runs))]
     motions = list[Motion]()
@@ -59,7 +75,8 @@ def task_motions(
         if reached:
             starts = np.concatenate([piece.start for piece in reached])
             inputs = np.concatenate([piece.inputs for piece in reached])
-            motions.append(Motion(model, starts, inputs, reached[0].spec, phase.name))
+            spec, watched = reached[0].spec, tuple(task.watched)
+            motions.append(Motion(model, starts, inputs, spec, phase.name, watched))
     return motions
 
 

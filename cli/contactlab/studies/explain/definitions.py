@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterator
 from contactlab.errors import SweepFileError
 from contactlab.measure import LABELS, METRICS, THRESHOLDS, Label, Metric, Threshold
 from contactlab.mjcf import CONTACT, OPTIONS
+from contactlab.plan.mistakes import MISTAKES
 from contactlab.scene.effects.effect import Effect
 from contactlab.scene.effects.effect_table import EFFECTS
 from contactlab.scene.parameters import PARAMETERS, Parameter
@@ -22,7 +23,7 @@ def define(name: str) -> str:
         name,
         known,
         f"nothing is called '{name}'",
-        rest="; contactlab list metrics, labels and scenes MODEL list names",
+        "; `contactlab list` says where names are listed",
     )
     return "\n".join(known[name](name))
 
@@ -30,12 +31,18 @@ def define(name: str) -> str:
 def _definitions() -> dict[str, Callable[[str], Iterator[str]]]:
     """Return what says what a name means; a label's name counts more than a threshold's."""
     return {
+        **dict.fromkeys(MISTAKES, _of_mistake),
         **dict.fromkeys(PARAMETERS, _of_axis),
         **dict.fromkeys([effect for effect in EFFECTS if effect not in PARAMETERS], _of_effect),
         **dict.fromkeys(THRESHOLDS, _of_threshold),
         **dict.fromkeys(METRICS, _of_metric),
         **dict.fromkeys(LABELS, _of_label),
     }
+
+
+def _of_mistake(name: str) -> Iterator[str]:
+    yield f"{name}: a mistake in a sweep file or an option"
+    yield MISTAKES[name]
 
 
 def _of_label(name: str) -> Iterator[str]:

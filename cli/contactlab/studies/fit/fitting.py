@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import Floats
-from contactlab.errors import ExpectationError, SceneError, SweepFileError
+from contactlab.errors import ExpectationError, SceneError, SweepFileError, did_you_mean
 from contactlab.plan.rows import sample_points
 from contactlab.reporting.start_noise import PERTURBATION, noise_floor
 from contactlab.run.sweep_request import SceneLoader
@@ -65,8 +65,9 @@ class _Knob:
         name, _, bounds = text.partition("=")
         spec = scene.catalogue.find(name)
         if spec is None:
+            near = did_you_mean(name, scene.catalogue.names)
             raise SweepFileError(
-                f"--free {name}: no such axis; `contactlab list axes SCENE` lists all"
+                f"--free {name}: no such axis{near or '; `contactlab list axes SCENE` lists all'}"
             )
         if spec.choices:
             return cls(spec)
@@ -151,9 +152,9 @@ def run(request: FitRequest, session: Session) -> FitReport:
     numbers = scene.recorded.numbers if scene.recorded else ()
     if len(numbers) < 3:
         raise SceneError(f"{request.scene}: a fit needs a `recording` of three runs or more")
-    session.claim("fit", request.scene)
     fixed, _ = read_settings(scenes, request.scene, request.assign)
     knobs = [_Knob.of(scene, part) for word in request.free for part in _PARTS.get(word, (word,))]
+    session.claim("fit", request.scene)
     order = np.random.default_rng(request.seed).permutation(numbers).tolist()
     count = min(request.fitted, 2 * len(order) // 3)
     trials = _Trials(request, session, scenes, knobs, fixed, order[:count])

@@ -57,8 +57,6 @@ class TuneRequest:
         tolerance is of no metric, or the sweep has mistakes.
         """
         setup = EffectsRequest(self.model, task=replace(self.task, limits={})).setup
-        if not setup.scene.base({}).model.nv:
-            raise SceneError(f"{self.model} has no joints: nothing moves, so nothing can be tuned")
         if self.error == REALITY and len(recorded_runs(setup)) < _LEAST_RECORDED:
             raise SceneError(
                 f"{self.model}: error {REALITY} needs a `recording` of {_LEAST_RECORDED} runs or "

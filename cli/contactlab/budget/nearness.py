@@ -1,0 +1,99 @@
+"""How near changed models come to a motion at its finest step.
+
+All begin where that finest motion is when windows begin. So a run that diverges is compared from
+states that the motion has, and every change from the same ones.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import mujoco
+import numpy as np
+
+from contactlab.budget.defects import defects, paths
+from contactlab.budget.measuring import Settings, reference_of, run_at_once
+from contactlab.budget.motion import Motion, without_delays
+from contactlab.budget.rows import GRAVITY_AS_REAL, gravity_of
+from contactlab.budget.windows import (
+    Observer,
+    Run,
+    Windows,
+    blocks,
+    body_name,
+    judged_bodies,
+    replay,
+)
+from contactlab.contact.trace_arrays import Floats
+
+FINEST = 8  # steps of the finest motion in one of the run's
+
+
+@dataclass(frozen=True)
+class Rival:
+    """A model that is compared with the finest motion; so many of its steps make one of the run."""
+
+    model: mujoco.MjModel
+    rate: int = 1
+
+
+def nearness(
+    motion: Motion,
+    rivals: Sequence[Rival],
+    *,
+    settings: Settings,
+    target: Callable[[mujoco.MjModel], None] = lambda _model: None,
+) -> list[float]:
+    """Return by what share each rival is apart from a motion at its finest step: its worst body's.
+
+    Shares are those of the run's own backward error. `target` changes the finest motion's model
+    first, in place. Bodies that the motion does not watch do not count. A rival that the
+    engine gives up, and any where the finest motion itself is given up, are infinitely far.
+    """
+    undelayed, finest = without_delays(motion), reference_of(motion.model, FINEST)
+    target(finest)
+    run = _finest_run(replace(undelayed, model=finest), settings)
+    bodies = judged_bodies(motion.model)
+    observer = Observer(motion.model, motion.starts[0], bodies, settings.workers)
+    models = [(run_at_once(rival.model), rival.rate) for rival in rivals]
+    apart = np.zeros((len(rivals), motion.seeds, len(bodies)))
+    real = np.zeros((motion.seeds, len(bodies)))
+    most = (run.steps + 1) * max(FINEST, *(rate for _, rate in models), 1)
+    for block in blocks(finest, np.argwhere(run.valid), most):
+        windows = Windows(undelayed, run, settings.workers, block)
+        fine, lost = windows.roll(finest, FINEST, whole=True)
+        seen = observer(fine)[0]
+        path = np.where(lost[:, None], 0, paths(seen[:, : run.steps * FINEST + 1 : FINEST]))
+        speed = np.linalg.norm(seen[:, 0], axis=-1) * (block[:, 1] == 0)[:, None]
+        np.add.at(real, block[:, 0], path + speed)
+        for number, (model, rate) in enumerate(models):
+            kept, failed = windows.roll(model, rate)
+            own = defects(observer(kept)[0], seen[:, (run.steps - 1) * FINEST :])
+            own[failed] = np.inf
+            np.add.at(apart[number], block[:, 0], np.where(lost[:, None], 0, own))
+    if not run.valid.any():
+        return [float("inf")] * len(rivals)
+    span = run.steps * motion.model.opt.timestep * run.valid.sum(axis=1)
+    shares = _shares(apart, real + GRAVITY_AS_REAL * gravity_of(motion.model) * span[:, None])
+    counted = [
+        not motion.watched or body_name(motion.model, int(body)) in motion.watched
+        for body in bodies
+    ]
+    return shares[:, counted].max(axis=1, initial=0).tolist()
+
+
+def _shares(apart: Floats, real: Floats) -> Floats:
+    """Return (R, B) shares, the mean over seeds that have windows at all."""
+    begun = real.any(axis=1)
+    scale = np.maximum(real, 1e-6 * real.max(axis=1, keepdims=True)) + 1e-300
+    return (apart / scale)[:, begun].mean(axis=1)
+
+
+def _finest_run(motion: Motion, settings: Settings) -> Run:
+    """Return the finest motion, cut into windows of the run's whole steps."""
+    step = motion.model.opt.timestep * FINEST
+    steps = min(motion.steps, max(1, round(settings.window / step)))
+    inputs = motion.inputs.repeat(FINEST, axis=1)
+    fine = replay(replace(motion, inputs=inputs), steps * step, settings.workers)
+    kept = fine.kept[:, ::FINEST]
+    kept = np.concatenate([kept, kept[:, -1:]], axis=1)
+    return Run(steps, fine.begins // FINEST, fine.starts, kept, fine.valid, ())

@@ -1,0 +1,126 @@
+"""`contactlab grip`: whether a gripper holds an object."""
+
+from pathlib import Path
+from tempfile import TemporaryFile
+from typing import TYPE_CHECKING, Annotated
+
+from contactlab.command_line.declaration import Argument, Given, Option, command, flag
+from contactlab.command_line.surroundings import say
+from contactlab.command_line.terminal import echo
+from contactlab.errors import ExpectationError, OutputError
+
+if TYPE_CHECKING:
+    from contactlab.schema.grip import GripReport
+
+
+def _text(report: "GripReport", given: Given) -> None:
+    from contactlab.studies.grip.grip_lines import grip_lines
+
+    del given
+    echo("\n".join(grip_lines(report)))
+
+
+def _json(report: "GripReport", given: Given) -> None:
+    del given
+    echo(report.model_dump_json(indent=2))
+
+
+def _failure(report: "GripReport", given: Given) -> ExpectationError | None:
+    del given
+    if report.holds:
+        return None
+    return ExpectationError(f"{report.model} {report.verdict} {report.held}")
+
+
+@command(
+    "examine",
+    examples=(
+        "grip gripper.xml",
+        "grip robot.xml --object cylinder:30x60mm,.2kg --film grip.mp4",
+        "grip scene.xml --keyframe held",
+    ),
+    codes="0 holds, 1 creeps or drops, 2 bad input, 130 interrupted",
+    formats={"text": _text, "json": _json},
+    failure=_failure,
+)
+def grip(
+    model: Annotated[
+        str | Path,
+        Argument("MODEL", "Scene, scene folder, .xml or .urdf file, or menagerie:ROBOT.", kind=str),
+    ],
+    *,
+    object: Annotated[
+        str | None,
+        Option(
+            "OBJECT",
+            "box:30x40x40mm,.1kg, cylinder:30x60mm,.1kg, mesh:FILE,.1kg, or a body of the model.",
+        ),
+    ] = None,
+    keyframe: Annotated[
+        str | None,
+        Option("KEYFRAME", "Judge what this keyframe holds, as it is, in place of a bench."),
+    ] = None,
+    squeeze: Annotated[
+        float | None, Option("N", "Force of a finger; by default what the controls' ends give.")
+    ] = None,
+    base: Annotated[
+        str | None, Option("BODY", "Body that carries the fingers; found by default.")
+    ] = None,
+    within: Annotated[
+        float | str, Option("SPEED", "Speed from which the object creeps: 0.1mm/s.", kind=str)
+    ] = "0.1mm/s",
+    remedies: Annotated[
+        bool, flag("Look for changes that help, by running the grip with them.")
+    ] = True,
+    film: Annotated[
+        str | Path | None, Option("FILE", "Film of the grip: .mp4 or .gif.", kind=Path)
+    ] = None,
+    output: Annotated[
+        str | Path | None,
+        Option("FILE", "File for the report: .json.", kind=Path, short="-o"),
+    ] = None,
+) -> "GripReport":
+    """Say whether a gripper holds, creeps or drops, and why.
+
+    Fingers and closing controls are found by driving each actuator. The hand closes on the object
+    by its own actuators; then its weight pulls in six directions, and it is shaken, turned and
+    pulled. Changes that may help are run the same way, and timed.
+
+    Raises:
+        SceneError: there is no such model, keyframe or body; nothing closes, or nothing is held.
+        SweepFileError: the speed is none, or more squeeze is asked for than the actuators give.
+        OutputError: the report or the film cannot be written.
+    """
+    from contactlab.store.atomic_files import atomic_write, write_errors
+    from contactlab.studies.grip.gripped_object import read_speed
+    from contactlab.studies.grip.gripping import GripRequest, run
+
+    shown = None
+    if film is not None:
+        from contactlab.studies.grip.grip_film import filming
+
+        shown = filming(Path(film))
+    if output is not None:
+        # Before seconds of measuring, a folder that cannot be written to.
+        with write_errors(Path(output)), TemporaryFile(dir=Path(output).parent):
+            if Path(output).is_dir():
+                raise OutputError(f"{output} is a folder; write the name of a file, as in a.json")
+    request = GripRequest(
+        model=str(model),
+        held=object,
+        keyframe=keyframe,
+        squeeze=squeeze,
+        base=base,
+        within=read_speed(within),
+        remedies=remedies,
+        told=say,
+        film=shown,
+    )
+    report = run(request)
+    if film is not None:
+        say(f"wrote {film}")
+    if output is not None:
+        with write_errors(Path(output)), atomic_write(Path(output)) as path:
+            path.write_text(report.model_dump_json(indent=2) + "\n", encoding="utf-8")
+        say(f"wrote {output}")
+    return report

@@ -1,0 +1,71 @@
+"""`contactlab lint`: what is wrong with models before anything runs."""
+
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from contactlab.command_line.declaration import Argument, Given, command
+from contactlab.command_line.judgements import print_report
+from contactlab.command_line.surroundings import say
+from contactlab.command_line.terminal import echo
+from contactlab.errors import ExpectationError
+
+if TYPE_CHECKING:
+    from contactlab.schema.lint_report import LintReport
+    from contactlab.writers import Report
+
+
+def _text(report: "LintReport", given: Given) -> None:
+    from contactlab.printable import printable
+    from contactlab.studies.lint.linting import lint_lines
+
+    del given
+    echo("\n".join(map(printable, lint_lines(report))))
+
+
+def _report_of(report: "LintReport", given: Given) -> "Report":
+    from contactlab.studies.lint.linting import report_of
+
+    del given
+    return report_of(report)
+
+
+def _failure(report: "LintReport", given: Given) -> ExpectationError | None:
+    from contactlab.studies.lint.linting import headline
+
+    del given
+    return None if report.passed else ExpectationError(headline(report))
+
+
+@command(
+    "examine",
+    examples=("lint robot.xml", "lint models/*.xml --format sarif"),
+    formats={
+        "text": _text,
+        "json": partial(print_report, "json", _report_of),
+        "github": partial(print_report, "github", _report_of),
+        "sarif": partial(print_report, "sarif", _report_of),
+    },
+    failure=_failure,
+)
+def lint(
+    models: Annotated[
+        Sequence[str | Path] | str | Path,
+        Argument("MODEL...", "Scenes, .xml or .urdf files, or menagerie:ROBOT.", kind=list[str]),
+    ],
+) -> "LintReport":
+    """Say what is wrong with model files, by line, without running them.
+
+    An error is what no author means; a warning mostly has to be changed; a note is good to know.
+    `<!-- contactlab: ignore RULE -->` beside a line ignores a rule there.
+
+    Raises:
+        SceneError: there is no such model.
+    """
+    from contactlab.studies.lint.linting import lint as lint_models
+
+    report = lint_models([str(models)] if isinstance(models, str | Path) else [*map(str, models)])
+    if report.skipped:
+        say(f"skipped, since they hold no model: {', '.join(report.skipped)}")
+    return report

@@ -1,0 +1,102 @@
+"""`refine` of a sweep file: its axes written out in full, and its mistakes."""
+
+import math
+from typing import cast
+
+from contactlab.plan.names import add_not_swept
+from contactlab.plan.rows import SweepContext, listed_values
+from contactlab.plan.sides import check_limit
+from contactlab.plan.yaml_document import Document
+from contactlab.schema.sweep_schema import COARSE, OUTCOMES, Refine
+from contactlab.schema.vocabulary import Linspace, Logspace, Range, Values
+
+_GROWING = ("linspace", "logspace")
+
+
+def write_out_refined(document: Document) -> None:
+    """Give the refined axes of a file as many values as the full grid has, and say where to start.
+
+    What cannot be read stays, for others to say what is wrong with it.
+    """
+    refine = document.mapping("refine")
+    names, full = refine.get("axes"), refine.get("to")
+    if not isinstance(names, list) or not isinstance(full, int) or isinstance(full, bool):
+        return
+    starts = list[int]()
+    for name in map(str, cast("list[object]", names)):
+        form = document.mapping("axes", name)
+        for key in _GROWING:
+            parts = form.get(key)
+            count = cast("list[object]", parts)[-1] if isinstance(parts, list) and parts else None
+            if isinstance(count, int) and 1 < count < full:
+                starts.append(count)
+                form[key] = [*cast("list[object]", parts)[:-1], full]
+    if starts:
+        refine.setdefault("start", max(starts))
+
+
+def stride_of(refine: Refine) -> int | None:
+    """Return the steps of the cells to begin with, a power of two; None if there are none such."""
+    steps = refine.to - 1
+    if refine.start is None:
+        least = steps
+        while least % 2 == 0 and least // 2 >= COARSE - 1:
+            least //= 2
+        return steps // least
+    stride, rest = divmod(steps, refine.start - 1)
+    return stride if not rest and stride and not stride & (stride - 1) else None
+
+
+def least_runs(refine: Refine, runs: int) -> int:
+    """Return how many runs of a grid are made at least: the corners of its first cells, and probes.
+
+    So many are made if all outcomes are equal.
+    """
+    stride, axes = stride_of(refine) or 1, len(refine.axes)
+    corners = ((refine.to - 1) // stride + 1) ** axes
+    probes = min(math.ceil(refine.probe * corners), refine.to**axes - corners)
+    return runs // refine.to**axes * (corners + probes)
+
+
+def check_refine(context: SweepContext) -> None:
+    """Add the mistakes of what is to be refined."""
+    refine = context.sweep.refine
+    if refine is None:
+        return
+    document = context.document
+    for index, name in enumerate(refine.axes):
+        _check_axis(context, refine, name, index)
+    stride = stride_of(refine)
+    if stride is None and refine.start is not None:
+        place = document.key(("refine", "to"))
+        message = f"halving cells of {refine.start} values leads past {refine.to}"
+        near = refine.start - 1
+        while near + 1 < refine.to:
+            near *= 2
+        hint = f"write to: {near + 1}, or {near // 2 + 1}"
+        document.add("off-grid", place, message, hint)
+    if context.sweep.exclude:
+        place = document.key(("exclude",))
+        message = "`exclude` would leave holes in the grid that is refined"
+        document.add("refine-exclude", place, message, "leave it out, or sweep without `refine`")
+    check_limit(context, refine.where, ("refine", "where"), OUTCOMES)
+
+
+def _check_axis(context: SweepContext, refine: Refine, name: str, index: int) -> None:
+    document, place = context.document, context.document.value(("refine", "axes", index))
+    axes = context.sweep.axes
+    if name in refine.axes[:index]:
+        document.add("axis-twice", place, f"'{name}' is given twice")
+    elif any(name in block for block in context.sweep.zip):
+        message = f"'{name}' advances with other axes, so it cannot be refined"
+        document.add("refine-zip", place, message, "move it to `axes`")
+    elif name not in axes:
+        add_not_swept(context, name, place, tuple(axes))
+    elif not isinstance(axis := axes[name], Linspace | Logspace | Range | Values | tuple):
+        message = f"'{name}' is drawn, so no grid of it can be refined"
+        hint = f"write {name}: {{linspace: [first, last, {COARSE}]}}"
+        document.add("refine-drawn", document.key(("axes", name)), message, hint)
+    elif (count := len(listed_values(axis))) != refine.to:
+        message = f"'{name}' has {count} values, but `to` says {refine.to}"
+        hint = f"write {{linspace: [first, last, {COARSE}]}}, which grows to {refine.to}"
+        document.add("off-grid", document.key(("axes", name)), message, hint)

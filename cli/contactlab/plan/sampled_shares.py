@@ -1,0 +1,42 @@
+"""`until` of a sweep file: which runs are draws of one configuration."""
+
+from collections.abc import Collection, Mapping
+
+from contactlab.plan.rows import SweepContext
+from contactlab.plan.sides import FAILED, check_limit
+from contactlab.schema.sweep_schema import Sweep
+from contactlab.schema.vocabulary import Loguniform, Uniform
+
+
+def drawn_axes(sweep: Sweep) -> frozenset[str]:
+    """Return the axes whose values are drawn at random."""
+    drawn = (name for name, axis in sweep.axes.items() if isinstance(axis, Uniform | Loguniform))
+    return frozenset(drawn)
+
+
+def configuration_of(
+    values: Mapping[str, object], drawn: Collection[str]
+) -> tuple[tuple[str, object], ...]:
+    """Return what the draws of a configuration share: the values of all axes that are not drawn."""
+    return tuple((name, value) for name, value in values.items() if name not in drawn)
+
+
+def check_until(context: SweepContext) -> None:
+    """Add the mistakes of when to stop: draws must be independent of each other."""
+    sweep, document = context.sweep, context.document
+    if sweep.until is None:
+        return
+    place = document.key(("until",))
+    drawn = drawn_axes(sweep)
+    if not drawn and len(sweep.seed_values) == 1:
+        hint = "add seeds: 1000, or an axis as {uniform: [low, high]}"
+        document.add("until-no-draws", place, "the sweep draws nothing at random", hint)
+    if drawn and len(sweep.seed_values) > 1:
+        message = "runs that share a draw of the axes are not independent"
+        document.add("until-seeds", document.key(("seeds",)), message, "write seeds: 1")
+    if sweep.sample and drawn and sweep.sample.method != "random":
+        message = f"points of '{sweep.sample.method}' are not independent, so none may stop early"
+        method = document.key(("sample", "method"))
+        document.add("until-method", method, message, "write method: random")
+    labels = context.vocabulary.labels
+    check_limit(context, sweep.until.share, ("until", "share"), [FAILED, "must", *labels])

@@ -1,0 +1,69 @@
+"""Shares of runs that a sweep drew until they were known, by configuration."""
+
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from contactlab.measure import labels_with
+from contactlab.plan.sampled_shares import configuration_of, drawn_axes
+from contactlab.plan.sides import counted, read_by
+from contactlab.schema.sweep_schema import Sweep, Until
+from contactlab.shares import anytime
+from contactlab.store.finished_store import Store
+
+_MOST_LINES = 12
+
+
+@dataclass(frozen=True)
+class KnownShare:
+    """The share of a configuration's runs that count.
+
+    Attributes:
+        configuration: the values of the axes that are not drawn.
+        good: how many of its runs count.
+        runs: how many there are.
+        low, high: the interval in which the share lies, however often one looked.
+    """
+
+    configuration: tuple[tuple[str, object], ...]
+    good: int
+    runs: int
+    low: float
+    high: float
+
+
+def known_shares(store: Store) -> tuple[Until, list[KnownShare]] | None:
+    """Return what a store's sweep was to find out; None of one that ran all of its draws."""
+    sweep = Sweep.model_validate(store.manifest.sweep.resolved)
+    if sweep.until is None:
+        return None
+    counts = counted(sweep.until.share, labels_with("required"))
+    names, drawn = store.columns.axis_names, drawn_axes(sweep)
+    runs, good = (
+        Counter[tuple[tuple[str, object], ...]](),
+        Counter[tuple[tuple[str, object], ...]](),
+    )
+    columns = [*dict.fromkeys([*names, *read_by(sweep.until.share)])]
+    for row in store.columns.arrow(columns).to_pylist():
+        configuration = configuration_of({name: row[name] for name in names}, drawn)
+        runs[configuration] += 1
+        good[configuration] += counts(row) is True
+    return sweep.until, [
+        KnownShare(key, good[key], count, *anytime(good[key], count, sweep.until.sure))
+        for key, count in runs.items()
+    ]
+
+
+def share_lines(until: Until, shares: list[KnownShare]) -> Iterator[str]:
+    """Yield each share in a line."""
+    for share in shares[:_MOST_LINES]:
+        named = ", ".join(f"{name} {value}" for name, value in share.configuration)
+        wide = (share.high - share.low) / 2 > until.half_width
+        yield (
+            f"{until.share}: {share.good / share.runs:.1%} of {share.runs:,} runs"
+            f"{f' of {named}' if named else ''}, {share.low:.1%} to {share.high:.1%} with "
+            f"{until.sure:.0%}, however often one looked"
+            + (f"; +-{until.half_width:.1%} would take more draws" if wide else "")
+        )
+    if len(shares) > _MOST_LINES:
+        yield f"and {len(shares) - _MOST_LINES:,} more configurations"

@@ -1,0 +1,108 @@
+"""Sensitivity of metrics to sampled axes: shares of their variance."""
+
+import warnings
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from contactlab.contact.trace_arrays import Floats
+from contactlab.plan.sampled_shares import drawn_axes
+from contactlab.reporting.report_columns import summary_metrics
+from contactlab.schema.sweep_schema import Sweep
+from contactlab.store.finished_store import Store
+
+FAILED = "failed"
+_RESAMPLES = 199
+_MOST_GROUPS = 3
+
+
+@dataclass(frozen=True)
+class Sensitivity:
+    """Shares of a metric's variance over d sampled axes, of one seed and one value of the others.
+
+    Attributes:
+        metric: its name, or `failed`, which is 1 of runs that are not stable and else 0.
+        shared: the values of the other axes that vary, and of the seed, by name.
+        axes: names of the sampled axes.
+        first, total: (d) the share that goes with an axis alone, and with all that it is part of.
+        first_interval, total_interval: (d, 2) bootstrapped, with 95 %.
+    """
+
+    metric: str
+    shared: dict[str, object]
+    axes: tuple[str, ...]
+    first: Floats
+    first_interval: Floats
+    total: Floats
+    total_interval: Floats
+
+
+def sensitivities(store: Store, metrics: Sequence[str] = ()) -> Iterator[Sensitivity]:
+    """Yield the sensitivities of a sweep whose `sample` has the method `saltelli`; of others none.
+
+    The shares are those of I. M. Sobol (1993), by the estimators of A. Saltelli et al., "Variance
+    based sensitivity analysis of model output", 2010, as SciPy has them. Metrics are those of the
+    summary unless some are named; one that a run lacks, or that does not vary, is left out.
+    """
+    sweep = Sweep.model_validate(store.manifest.sweep.resolved)
+    if sweep.sample is None or sweep.sample.method != "saltelli":
+        return
+    columns = store.columns
+    drawn, axes = drawn_axes(sweep), tuple(name for name in sweep.axes if name in drawn_axes(sweep))
+    others = [name for name in (*columns.axis_names, "seed") if name not in drawn]
+    names = [name for name in metrics or summary_metrics() if name in columns.measured]
+    groups = defaultdict[tuple[object, ...], list[dict[str, object]]](list)
+    for row in columns.arrow([*dict.fromkeys(["label", *others, *names])]).to_pylist():
+        groups[tuple(row[name] for name in others)].append(row)
+    base = sweep.sample.n
+    for key, rows in [*groups.items()][:_MOST_GROUPS]:
+        shared = {n: v for n, v in zip(others, key, strict=True) if columns.varies(n)}
+        # Equal runs, as of axes of whole numbers, are made once.
+        if len(rows) != base * (len(axes) + 2):
+            continue
+        failed = [float(row["label"] != "stable") for row in rows]
+        values = {FAILED: failed, **{name: [row[name] for row in rows] for name in names}}
+        for name, found in values.items():
+            if None not in found and len({*found}) > 1:
+                yield _of(name, shared, axes, np.array(found, float).reshape(-1, base))
+
+
+def _of(
+    metric: str, shared: dict[str, object], axes: tuple[str, ...], values: Floats
+) -> Sensitivity:
+    """Return the sensitivity of values (2 + d, n) at the points A, B and A with a column of B."""
+    # It takes a while to load.
+    from scipy.stats import sobol_indices  # noqa: PLC0415
+
+    made = {"f_A": values[None, 0], "f_B": values[None, 1], "f_AB": values[2:, None]}
+    with warnings.catch_warnings(), np.errstate(all="ignore"):
+        warnings.simplefilter("ignore", RuntimeWarning)
+        found = sobol_indices(func=made, n=values.shape[1], rng=0)
+        again = found.bootstrap(n_resamples=_RESAMPLES)
+    intervals = [
+        np.stack((one.confidence_interval.low, one.confidence_interval.high), axis=-1)
+        for one in (again.first_order, again.total_order)
+    ]
+    return Sensitivity(
+        metric, shared, axes, found.first_order, intervals[0], found.total_order, intervals[1]
+    )
+
+
+def sensitivity_lines(found: Sensitivity) -> Iterator[str]:
+    """Yield a line for each axis, those that decide most first."""
+    shared = ", ".join(f"{name} {value}" for name, value in found.shared.items())
+    of = f"{found.metric} of {shared}" if shared else found.metric
+    alone, total = (
+        [f"{share:.0%} ({low:.0%} to {high:.0%})" for share, (low, high) in zip(*each, strict=True)]
+        for each in (
+            (found.first.tolist(), found.first_interval.tolist()),
+            (found.total.tolist(), found.total_interval.tolist()),
+        )
+    )
+    for axis in np.argsort(-found.total).tolist():
+        yield (
+            f"{of}: {alone[axis]} of its variance goes with {found.axes[axis]} alone, "
+            f"{total[axis]} with it and others"
+        )

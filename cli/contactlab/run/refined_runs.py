@@ -1,0 +1,76 @@
+"""The runs of a sweep that refines a grid."""
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contactlab.measure import labels_with
+from contactlab.plan.grid import Plan
+from contactlab.plan.refined_axes import stride_of
+from contactlab.plan.refinement import (
+    UNKNOWN,
+    Codes,
+    Lattice,
+    corners_of,
+    halved,
+    lattices,
+    next_points,
+)
+from contactlab.plan.sides import read_by, side_of
+from contactlab.run.chosen_runs import ChosenRuns
+from contactlab.run.planned_runs import RunIndex
+from contactlab.schema.evidence import WholeGrid
+from contactlab.schema.sweep_schema import Refine
+
+
+class RefinedRuns(ChosenRuns):
+    """Those in whose cells outcomes differ, and those that lie on no cell."""
+
+    def __init__(self, refine: Refine, plan: Plan, ids: NDArray[np.uint64]) -> None:
+        """Take the grid of a plan, and (runs) the ids of its runs in order."""
+        side = side_of(refine.where, labels_with("required"))
+        super().__init__(ids, side, read_by(refine.where))
+        self._probe, self._codes = refine.probe, dict[object, int]()
+        self._axes = {name: plan.grid.product_values(name) for name in refine.axes}
+        stride = stride_of(refine)
+        assert stride is not None
+        self._stride = stride
+        runs = ((run.index, run.values, run.seed) for run in plan.runs())
+        self._lattices = lattices(runs, self._axes)
+        apart = np.ones(len(ids), bool)
+        for lattice in self._lattices:
+            apart[lattice.places[lattice.places != UNKNOWN]] = False
+        self._apart: list[int] = np.flatnonzero(apart).tolist()
+
+    def choose(self) -> Iterator[int]:
+        """Yield the places of the runs to make next.
+
+        The first are also those that lie on no cell, as baselines and runs that a file includes.
+        """
+        yield from (place for place in self._apart if not self.is_known(place))
+        for lattice in self._lattices:
+            points = next_points(self._seen(lattice), self._stride, self._probe, lattice.ranks)
+            yield from lattice.places[points].tolist()
+
+    def _seen(self, lattice: Lattice) -> Codes:
+        """Return (n, ...) the sides of a lattice's points; one without a run has its own."""
+        codes = [self._code(place) for place in lattice.places.ravel().tolist()]
+        return np.array(codes, np.int32).reshape(lattice.places.shape)
+
+    def _code(self, place: int) -> int:
+        if place != UNKNOWN and not self.is_known(place):
+            return UNKNOWN
+        side = "no run" if place == UNKNOWN else ("side", self.side_at(place))
+        return self._codes.setdefault(side, len(self._codes))
+
+    def whole(self, index: RunIndex) -> WholeGrid:
+        """Return the grid, with how much of it is inferred."""
+        points = probes = 0
+        for lattice in self._lattices:
+            codes = self._seen(lattice)
+            inside = ~corners_of(halved(codes, self._stride).cells, codes.shape)
+            points += int(inside.sum())
+            probes += int((inside & (codes != UNKNOWN)).sum())
+        known = {"axes": self._axes, "inside": points, "probes": probes}
+        return super().whole(index).model_copy(update=known)

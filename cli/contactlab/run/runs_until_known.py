@@ -1,0 +1,50 @@
+"""The runs of a sweep that stops once a share of them is known well enough."""
+
+from collections import defaultdict
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contactlab.measure import labels_with
+from contactlab.plan.grid import Plan
+from contactlab.plan.sampled_shares import configuration_of, drawn_axes
+from contactlab.plan.sides import counted, read_by
+from contactlab.run.chosen_runs import ChosenRuns
+from contactlab.schema.sweep_schema import Until
+from contactlab.shares import anytime
+
+# Runs of each configuration before the first look, and by which share of them the others grow.
+_FIRST, _GROWTH = 16, 4
+
+
+class RunsUntilKnown(ChosenRuns):
+    """The first runs of each configuration, in the order of the plan, until its share is known."""
+
+    def __init__(self, until: Until, plan: Plan, ids: NDArray[np.uint64]) -> None:
+        """Take the draws of a plan, and (runs) the ids of its runs in order."""
+        side = counted(until.share, labels_with("required"))
+        super().__init__(ids, side, read_by(until.share))
+        self._until = until
+        drawn = drawn_axes(plan.sweep)
+        self._places = defaultdict[object, list[int]](list)
+        for run in plan.runs():
+            self._places[configuration_of(run.values, drawn)].append(run.index)
+
+    def choose(self) -> Iterator[int]:
+        """Yield the places of the runs to make next."""
+        for places in self._places.values():
+            yield from self._missing(places)
+
+    def _missing(self, places: list[int]) -> list[int]:
+        """Return the next runs of a configuration."""
+        count = min(_FIRST, len(places))
+        while True:
+            missing = [place for place in places[:count] if not self.is_known(place)]
+            if missing or count == len(places):
+                return missing
+            good = sum(self.side_at(place) is True for place in places[:count])
+            low, high = anytime(good, count, self._until.sure)
+            if (high - low) / 2 <= self._until.half_width:
+                return []
+            count = min(len(places), count + max(_FIRST, count // _GROWTH))

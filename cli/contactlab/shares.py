@@ -1,0 +1,124 @@
+"""Shares of runs, and the intervals in which they lie."""
+
+import math
+from collections.abc import Callable
+
+SURE = 0.95
+_Z = 1.959963984540054  # of a normal distribution, which lies within it with 95 %
+_Z_POWER = 0.8416212335729143  # of which four fifths of it lie below
+_HALVINGS = 60
+
+
+def wilson(good: int, runs: int) -> tuple[float, float]:
+    """Return the interval in which a share lies with 95 %, whose runs were counted once.
+
+    The score interval of E. B. Wilson, "Probable inference, the law of succession, and statistical
+    inference", 1927: the shares p whose distance to the one observed is at most
+    z sqrt(p (1 - p) / n). Who looks again and again, and stops where it suits, needs `anytime`.
+    """
+    share, weight = good / runs, _Z * _Z / runs
+    centre = (share + weight / 2) / (1 + weight)
+    reach = _Z * math.sqrt(share * (1 - share) / runs + weight / (4 * runs)) / (1 + weight)
+    return max(0.0, centre - reach), min(1.0, centre + reach)
+
+
+def anytime(good: int, runs: int, sure: float = SURE) -> tuple[float, float]:
+    """Return the interval in which a share lies at all numbers of runs at once.
+
+    A share p is left out once 1 / ((n + 1) C(n, k) p^k (1 - p)^(n - k)), the likelihood of k of n
+    averaged over all shares and divided by that of p, has reached 1 / (1 - sure). Under p it is a
+    martingale that starts at 1, so that it ever reaches that with a chance of at most 1 - sure
+    (J. Ville, 1939; H. Robbins, "Statistical methods related to the law of the iterated logarithm",
+    1970). So one may look after each run, and stop at any.
+    """
+    if not runs:
+        return 0.0, 1.0
+    share = good / runs
+    return _edge(good, runs, sure, share, 0.0), _edge(good, runs, sure, share, 1.0)
+
+
+def evidence_against(share: float, good: int, runs: int) -> float:
+    """Return the logarithm of that martingale, of one share."""
+    bad = runs - good
+    ways = math.lgamma(runs + 1) - math.lgamma(good + 1) - math.lgamma(bad + 1)
+    likely = sum(
+        count * math.log(chance) if count and chance > 0 else -math.inf if count else 0.0
+        for count, chance in ((good, share), (bad, 1 - share))
+    )
+    return -math.log(runs + 1) - ways - likely
+
+
+def _edge(good: int, runs: int, sure: float, inner: float, outer: float) -> float:
+    limit = -math.log1p(-sure)
+    return _bisected(lambda share: evidence_against(share, good, runs) < limit, inner, outer)
+
+
+def _bisected(holds: Callable[[float], bool], inner: float, outer: float) -> float:
+    """Return where something ceases to hold, between where it does and an end."""
+    if holds(outer):
+        return outer
+    for _ in range(_HALVINGS):
+        middle = (inner + outer) / 2
+        if holds(middle):
+            inner = middle
+        else:
+            outer = middle
+    return outer
+
+
+def paired_difference(gained: int, lost: int, pairs: int) -> tuple[float, float]:
+    """Return the interval in which the difference of two shares of the same cases lies with 95 %.
+
+    So many cases were gained, and so many lost, of all pairs. The score interval of T. Tango,
+    "Equivalence test and confidence interval for the difference in proportions for the
+    paired-sample design", 1998: the differences within 1.96 deviations of the one observed.
+    """
+    share = (gained - lost) / pairs
+
+    def near(difference: float) -> bool:
+        return abs(paired_score(gained, lost, pairs, difference)) <= _Z
+
+    return _bisected(near, share, -1.0), _bisected(near, share, 1.0)
+
+
+def paired_score(gained: float, lost: float, pairs: int, difference: float) -> float:
+    """Return by how many deviations the cases gained and lost differ from a difference of shares.
+
+    The deviation is that of the likeliest shares that have the difference.
+    """
+    slope = (2 * pairs - gained + lost) * difference - gained - lost
+    constant = -lost * difference * (1 - difference)
+    likely = (math.sqrt(slope * slope - 8 * pairs * constant) - slope) / (4 * pairs)
+    variance = pairs * (2 * likely + difference * (1 - difference))
+    apart = gained - lost - pairs * difference
+    if variance <= 0:
+        return math.copysign(math.inf, apart) if apart else 0.0
+    return apart / math.sqrt(variance)
+
+
+def paired_chance(gained: int, lost: int) -> float:
+    """Return the chance of so unequal numbers of cases gained and lost, were both as likely.
+
+    The exact test of Q. McNemar, 1947: two-sided, binomial.
+    """
+    both = gained + lost
+    tail = sum(math.comb(both, count) for count in range(min(gained, lost) + 1))
+    return min(1.0, 2 * tail / 2**both)
+
+
+def pairs_to_tell(gained: int, lost: int, pairs: int) -> int | None:
+    """Return how many pairs would tell such a difference in four of five times; None of none.
+
+    After R. J. Connor, "Sample size for testing differences in proportions for the paired-sample
+    design", 1987, for a two-sided test of 5 %.
+    """
+    apart, changed = abs(gained - lost) / pairs, (gained + lost) / pairs
+    if not apart:
+        return None
+    root = _Z * math.sqrt(changed) + _Z_POWER * math.sqrt(max(0.0, changed - apart * apart))
+    return math.ceil((root / apart) ** 2)
+
+
+def all_of(times: int, good: int, runs: int) -> float:
+    """Return how likely so many runs, drawn from those that were made, are all good."""
+    return math.comb(good, times) / math.comb(runs, times) if times <= runs else math.nan

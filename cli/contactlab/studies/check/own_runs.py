@@ -1,0 +1,150 @@
+"""Checks of the model's own runs and bodies.
+
+Is it the motion of its model in every phase of its task, free of labels; does it do what it must;
+can its bodies exist; does it repeat bit for bit.
+"""
+
+import math
+
+from contactlab.judge.limits import PERCENT, Limit
+from contactlab.measure import METRICS, labels_with
+from contactlab.schema.check_report import Measure, Reference
+from contactlab.studies.check.check_entries import Measured, check
+from contactlab.studies.check.checked_model import TASK_STORE, CheckedModel, CheckedRun
+from contactlab.studies.lint.inertia import (
+    IMPOSSIBLE,
+    in_words,
+    inertia_faults,
+    scene_inertia_faults,
+)
+
+
+@check(
+    "task",
+    asks="in every phase of its task it moves as its model does, and no label holds",
+    place=1,
+    limits=(
+        Limit("phantom_forces", "1", "gate", shown=PERCENT),
+        Limit("labelled_runs", "1", "gate", 0),
+    ),
+)
+def check_task(checked: CheckedModel) -> Measured:
+    """Judge the phases of the task one by one, and count the runs that have a label."""
+    verdict, task = checked.verdict, checked.task
+    measures = [
+        checked.measure(
+            "phantom_forces",
+            math.nan if phase.share is None else phase.share,
+            f"{phase.body}, {phase.name}",
+            limit=task.within,
+        )
+        for phase in verdict.phases
+        if phase.body is not None
+    ]
+    for phase in verdict.phases:
+        for label, runs in phase.labels.items():
+            measures.append(checked.measure("labelled_runs", runs, f"{label}, {phase.name}"))
+    if not any(phase.labels for phase in verdict.phases):
+        measures.append(checked.measure("labelled_runs", 0))
+    notes = [] if verdict.sound else [verdict.sentence]
+    return Measured(measures, notes, checked.stores(TASK_STORE))
+
+
+@check(
+    "must",
+    asks="what the model must do, it does",
+    place=2,
+    limits=(Limit("requirements_broken", "1", "gate", 0),),
+)
+def check_must(checked: CheckedModel) -> Measured:
+    """Look for what the scene or the request requires that a run of the model does not do."""
+    manifest = checked.scene.source.manifest
+    required = checked.options.must or (manifest.must if manifest else ())
+    if not required:
+        return Measured([], ["nothing is required"])
+    labels = labels_with("required")
+    measures: list[Measure] = []
+    notes: list[str] = []
+    for run in checked.runs:
+        broken = [entry for entry in run.record.labels if entry.label in labels]
+        seed = f"seed {run.record.seed}"
+        measures.append(checked.measure("requirements_broken", float(bool(broken)), seed))
+        notes += [f"{seed}: {entry.reason}" for entry in broken]
+    return Measured(measures, notes, checked.stores(TASK_STORE))
+
+
+@check(
+    "inertia",
+    asks="each body can exist: its inertia is that of some mass, within its shape",
+    place=3,
+    limits=(Limit("impossible_bodies", "1", "gate", 0),),
+    findings=("inertia_not_positive", "inertia_triangle", "inertia_balanced"),
+)
+def check_inertia(checked: CheckedModel) -> Measured:
+    """Judge the mass and inertia of each body that moves, as written and as simulated."""
+    written = scene_inertia_faults(checked.scene.source, checked.resolved.structure)
+    found = (*inertia_faults(checked.prepared.model), *written)
+    faults = {(fault.body, fault.kind): fault for fault in found}.values()
+    impossible = [
+        Measure(
+            name=f"inertia_{fault.kind}",
+            of=fault.body,
+            value=fault.value,
+            unit=fault.unit,
+            limit=float(fault.limit),
+            holds=False,
+            level="gate",
+        )
+        for fault in faults
+        if fault.kind in IMPOSSIBLE
+    ]
+    bodies = {measure.of for measure in impossible}
+    measures = [checked.measure("impossible_bodies", len(bodies)), *impossible]
+    return Measured(measures, list(in_words(faults)))
+
+
+# Largest accepted relative difference between one environment and many in parallel.
+TOLERANCE = 0.05
+
+
+@check(
+    "repeat",
+    asks="the same run in another process is the same bit for bit",
+    place=4,
+    limits=(Limit("trajectories_differ", "1", "gate", 0),),
+)
+def check_repeat(checked: CheckedModel) -> Measured:
+    """Run the model again in another process, and compare the trajectories."""
+    first = checked.runs[0].record
+    if first.trajectory_hash is None:
+        reason = f"the model could not be run: {first.status_reason}"
+        return Measured([], [reason], checked.stores(TASK_STORE))
+    (again,) = checked.elsewhere(1).run("repeat", "The model once more", checks="none")
+    unequal = first.trajectory_hash != again.record.trajectory_hash
+    differing = {"in another process": float(unequal)}
+    if (repeats := first.metrics.get("repeats")) is not None:
+        differing["in the same process"] = 1.0 - repeats
+    measures = [
+        checked.measure("trajectories_differ", value, where) for where, value in differing.items()
+    ]
+    note = f"reference.json has what a parallel engine must reproduce within {TOLERANCE:.0%}"
+    return Measured(measures, [note], checked.stores(TASK_STORE, "repeat"))
+
+
+def reference_of(run: CheckedRun) -> Reference:
+    """Return what another engine must reproduce: a run of the model."""
+    record = run.record
+    metrics = {
+        name: value
+        for name, metric in METRICS.items()
+        if metric.equivalence and (value := record.metrics.get(name)) is not None
+    }
+    return Reference(
+        **record.model_dump(include={*Reference.model_fields} - {"metrics", "units"}),
+        store=TASK_STORE,
+        success=record.label == "stable",
+        metrics=metrics,
+        units={name: record.units[name] for name in metrics},
+        tolerance=TOLERANCE,
+        resolution={name: METRICS[name].resolution for name in metrics},
+    )

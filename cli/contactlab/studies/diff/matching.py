@@ -1,0 +1,136 @@
+"""Parts of two models that are the same: by name, and what is left by structure."""
+
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from contactlab.scene.model_names import is_address, name_of
+
+Matches = Sequence[tuple[int, int]]
+_WORLD = 0
+
+
+@dataclass(frozen=True)
+class Matched:
+    """The ids of parts that two models share, by kind, and of those that one has alone."""
+
+    both: Mapping[str, Matches]
+    gone: Mapping[str, Sequence[int]]
+    new: Mapping[str, Sequence[int]]
+
+
+def matched(one: mujoco.MjModel, other: mujoco.MjModel) -> Matched:
+    """Match the parts of two models, whose unnamed parts have addresses."""
+    bodies = _bodies(one, other)
+    after = dict(bodies)
+    joints = _within(one, other, "joint", "jnt_bodyid", "jnt_type", after)
+    geoms = _within(one, other, "geom", "geom_bodyid", "geom_type", after)
+    both: dict[str, Matches] = {"body": bodies, "joint": joints, "geom": geoms}
+    for kind, field in (
+        ("tendon", "tendon_num"),
+        ("actuator", "actuator_trntype"),
+        ("equality", "eq_type"),
+        ("key", ""),
+    ):
+        types = [_types(model, kind, field) for model in (one, other)]
+        both[kind] = _by_name_then_type(_names(one, kind), _names(other, kind), *types)
+    same = dict(geoms)
+    listed = zip(one.pair_geom1.tolist(), one.pair_geom2.tolist(), strict=True)
+    ours = [frozenset(same.get(geom, -1) for geom in pair) for pair in listed]
+    listed = zip(other.pair_geom1.tolist(), other.pair_geom2.tolist(), strict=True)
+    both["pair"] = _by_name_then_type(
+        _names(one, "pair"), _names(other, "pair"), ours, [*map(frozenset, listed)]
+    )
+    counts = {kind: (len(_names(one, kind)), len(_names(other, kind))) for kind in both}
+    return Matched(
+        both=both,
+        gone={kind: _left(range(counts[kind][0]), (a for a, _ in both[kind])) for kind in both},
+        new={kind: _left(range(counts[kind][1]), (b for _, b in both[kind])) for kind in both},
+    )
+
+
+def _left(every: Iterable[int], some: Iterable[int]) -> list[int]:
+    return sorted(set(every) - set(some))
+
+
+def _types(model: mujoco.MjModel, kind: str, field: str) -> list[Hashable]:
+    count = len(_names(model, kind))
+    return np.asarray(getattr(model, field)).tolist() if field else [0] * count
+
+
+def _names(model: mujoco.MjModel, kind: str) -> list[str]:
+    """Return the names of a kind of part; "" for one that has none of its own."""
+    counts = {"joint": "njnt", "key": "nkey", "equality": "neq", "actuator": "nactuator"}
+    field = counts.get(kind, f"n{kind}")
+    count = int(getattr(model, field, model.nu))
+    names = [name_of(model, kind, index) for index in range(count)]
+    return ["" if is_address(name) else name for name in names]
+
+
+def _by_name_then_type(
+    ones: Sequence[str],
+    others: Sequence[str],
+    types: Sequence[Hashable],
+    other_types: Sequence[Hashable],
+) -> list[tuple[int, int]]:
+    """Match parts of equal names, then those left of equal types, in their order."""
+    known = {name: place for place, name in enumerate(others) if name}
+    found = {place: known[name] for place, name in enumerate(ones) if name in known}
+    left = _left(range(len(ones)), found)
+    free = _left(range(len(others)), found.values())
+    for place in left:
+        same = next((b for b in free if other_types[b] == types[place]), None)
+        if same is not None:
+            found[place] = same
+            free.remove(same)
+    return sorted(found.items())
+
+
+def _bodies(one: mujoco.MjModel, other: mujoco.MjModel) -> list[tuple[int, int]]:
+    """Match bodies by name; those left by parent and joints, in their order."""
+    found = {_WORLD: _WORLD}
+    names, others = _names(one, "body"), _names(other, "body")
+    known = {name: body for body, name in enumerate(others) if name and body}
+    found |= {body: known[name] for body, name in enumerate(names) if body and name in known}
+    free = _left(range(other.nbody), found.values())
+    for body in _left(range(one.nbody), found):
+        parent = found.get(int(one.body_parentid[body]))
+        same = next(
+            (
+                child
+                for child in free
+                if int(other.body_parentid[child]) == parent
+                and _joint_types(other, child) == _joint_types(one, body)
+            ),
+            None,
+        )
+        if same is not None:
+            found[body] = same
+            free.remove(same)
+    return sorted(found.items())
+
+
+def _joint_types(model: mujoco.MjModel, body: int) -> list[int]:
+    first, count = int(model.body_jntadr[body]), int(model.body_jntnum[body])
+    return np.asarray(model.jnt_type[first : first + count]).tolist() if count else []
+
+
+def _within(
+    one: mujoco.MjModel,
+    other: mujoco.MjModel,
+    kind: str,
+    owner: str,
+    type_: str,
+    bodies: Mapping[int, int],
+) -> list[tuple[int, int]]:
+    """Match parts of bodies by name, and those left within the same body by type."""
+
+    def typed(model: mujoco.MjModel, body_of: Callable[[int], Hashable]) -> list[Hashable]:
+        owners, types = getattr(model, owner).tolist(), getattr(model, type_).tolist()
+        return [(body_of(body), kind) for body, kind in zip(owners, types, strict=True)]
+
+    ones = typed(one, lambda body: bodies.get(body, ("gone", body)))
+    others = typed(other, lambda body: body)
+    return _by_name_then_type(_names(one, kind), _names(other, kind), ones, others)

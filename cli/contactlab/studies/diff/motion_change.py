@@ -1,0 +1,203 @@
+"""The change in motion between two models: a backward error, over one second of the same task.
+
+The first model's run is cut into windows. At the start of each, the second model is put into the
+run's state, part by part, and driven as the run is; where their velocities part by the end of the
+window, a phantom force would have to act on the second model to move as the first does. The share
+is the sum of these impulses over the real ones, as in `contactlab.budget`, of the worst body.
+"""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import mujoco
+import numpy as np
+
+from contactlab.budget import Motion
+from contactlab.budget.defects import defects, paths
+from contactlab.budget.motion import INTEGRATION
+from contactlab.budget.windows import gyration, judged_bodies
+from contactlab.contact.trace_arrays import Floats
+from contactlab.errors import EngineError, SceneError
+from contactlab.scene.model_names import name_of
+from contactlab.scene.scene import Scene
+from contactlab.schema.diff_report import MotionChange
+from contactlab.studies.diff.matching import Matched
+from contactlab.studies.examine.task_motions import task_motions
+
+_SECONDS, _WINDOW = 1.0, 0.04
+_GRAVITY = 0.1  # of what falls freely counts as real in what stands
+_BODY = int(mujoco.mjtObj.mjOBJ_BODY)
+
+
+class _Places(NamedTuple):
+    """Where parts that two models share have their numbers in each."""
+
+    qpos: np.ndarray  # (k, 2)
+    qvel: np.ndarray
+    ctrl: np.ndarray
+    act: np.ndarray
+    bodies: np.ndarray
+    mocap: np.ndarray
+
+
+def motion_change(
+    scene: Scene, one: mujoco.MjModel, other: mujoco.MjModel, found: Matched
+) -> tuple[MotionChange | None, str]:
+    """Return how a model changes the motion of a scene's task; why not, where that has none."""
+    places = _places(one, other, found)
+    moving = [body for body in judged_bodies(one).tolist() if body in places.bodies[:, 0]]
+    if not len(places.qvel) or not moving:
+        return None, "nothing that moves is in both models"
+    try:
+        task = scene.task({}, _SECONDS, seeds=(0,))
+        motions = task_motions(scene, {}, task)
+    except (EngineError, SceneError) as error:
+        return None, str(error).splitlines()[0]
+    parts = [_part(motion, other, places, np.array(moving)) for motion in motions]
+    apart, real = (np.sum([part[row] for part in parts], axis=0) for row in (0, 1))
+    shares = apart / np.maximum(real, 1e-6 * real.max() + 1e-300)
+    worst = int(np.argmax(np.nan_to_num(shares, nan=np.inf)))
+    share = float(shares[worst]) if np.isfinite(shares[worst]) else float(np.finfo(float).max)
+    body = name_of(one, "body", moving[worst])
+    return MotionChange(task=task.line, share=share, body=body, window=_WINDOW), ""
+
+
+def _places(one: mujoco.MjModel, other: mujoco.MjModel, found: Matched) -> _Places:
+    qpos, qvel = list[tuple[int, int]](), list[tuple[int, int]]()
+    for joint, same in found.both["joint"]:
+        if one.jnt_type[joint] == other.jnt_type[same]:
+            wide, turns = {0: (7, 6), 1: (4, 3)}.get(int(one.jnt_type[joint]), (1, 1))
+            qpos += _run(one.jnt_qposadr[joint], other.jnt_qposadr[same], wide)
+            qvel += _run(one.jnt_dofadr[joint], other.jnt_dofadr[same], turns)
+    ctrl = [pair for pair in found.both["actuator"] if max(pair) < min(one.nu, other.nu)]
+    act = [
+        (int(one.actuator_actadr[first]), int(other.actuator_actadr[second]))
+        for first, second in ctrl
+        if one.actuator_actadr[first] >= 0 and other.actuator_actadr[second] >= 0
+    ]
+    mocap = [
+        (int(one.body_mocapid[first]), int(other.body_mocapid[second]))
+        for first, second in found.both["body"]
+        if one.body_mocapid[first] >= 0 and other.body_mocapid[second] >= 0
+    ]
+    made = (qpos, qvel, ctrl, act, list(found.both["body"]), mocap)
+    return _Places(*(np.array(pairs, int).reshape(-1, 2) for pairs in made))
+
+
+def _run(first: int, second: int, count: int) -> Iterator[tuple[int, int]]:
+    return ((int(first) + step, int(second) + step) for step in range(count))
+
+
+def _part(
+    motion: Motion, other: mujoco.MjModel, places: _Places, moving: np.ndarray
+) -> tuple[Floats, Floats]:
+    """Return (B,) phantom impulses and real ones of bodies over their masses [m/s], of a phase."""
+    one, step = motion.model, float(motion.model.opt.timestep)
+    length = max(1, min(motion.steps, round(_WINDOW / step)))
+    same = dict(map(tuple, places.bodies.tolist()))
+    theirs = np.array([same[body] for body in moving.tolist()])
+    data, twin = mujoco.MjData(one), mujoco.MjData(other)
+    mujoco.mj_setState(one, data, motion.starts[0], INTEGRATION)
+    apart, real = np.zeros(len(moving)), np.zeros(len(moving))
+    gravity = float(np.linalg.norm(one.opt.gravity))
+    for begin in range(0, motion.steps - length + 1, length):
+        _feed(motion, begin, one, data)
+        _copy(data, twin, places)
+        own = [_velocities(one, data, moving)]
+        before = np.empty(mujoco.mj_stateSize(one, INTEGRATION))
+        for place in range(begin, begin + length + 1):
+            if place == begin + length:
+                mujoco.mj_getState(one, data, before, INTEGRATION)
+            _feed(motion, place, one, data)
+            mujoco.mj_step(one, data)
+            own.append(_velocities(one, data, moving))
+        seen = _followed(motion, begin, length, (other, twin), places, theirs)
+        mujoco.mj_setState(one, data, before, INTEGRATION)
+        path = np.stack(own)[None]
+        apart += defects(path[:, -3:], seen[None])[0]
+        real += paths(path[:, :-1])[0] + _GRAVITY * gravity * length * step
+        if begin == 0:
+            real += np.linalg.norm(own[0], axis=-1)
+    return apart, real
+
+
+def _followed(
+    motion: Motion,
+    begin: int,
+    length: int,
+    twin: tuple[mujoco.MjModel, mujoco.MjData],
+    places: _Places,
+    bodies: np.ndarray,
+) -> Floats:
+    """Return (K, B, 6) velocities of the second model, one step of the run around a window's end.
+
+    It takes its own steps, and is driven at the run's rate.
+    """
+    (model, data), step = twin, float(motion.model.opt.timestep)
+    source = mujoco.MjData(motion.model)
+    # Where nothing is stored of each step, the start's own controls and forces act.
+    mujoco.mj_setState(motion.model, source, motion.starts[0], INTEGRATION)
+    seen = list[Floats]()
+    elapsed, place = 0.0, -1
+    own = float(model.opt.timestep)
+    while elapsed < (length + 1) * step * (1 - 1e-9):
+        now = begin + int(elapsed / step * (1 + 1e-12))
+        if now != place:
+            place = now
+            _feed(motion, place, motion.model, source)
+            _drive(source, data, places)
+        if elapsed >= (length - 1) * step * (1 - 1e-9) and not seen:
+            seen.append(_velocities(model, data, bodies))
+        mujoco.mj_step(model, data)
+        elapsed += own
+        if seen:
+            seen.append(_velocities(model, data, bodies))
+    return _odd(np.stack(seen))
+
+
+def _odd(rows: Floats) -> Floats:
+    """Return rows of which one is in the middle: the one at a window's end, or the nearest."""
+    return rows if len(rows) % 2 else np.concatenate([rows, rows[-1:]])
+
+
+def _feed(motion: Motion, place: int, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+    rows = motion.rows(0, [place])
+    if rows is not None:
+        mujoco.mj_setState(model, data, rows[0], motion.spec)
+
+
+def _copy(data: mujoco.MjData, twin: mujoco.MjData, places: _Places) -> None:
+    """Put the second model into the state of the first."""
+    mujoco.mj_resetData(twin.model, twin)
+    for name in ("qpos", "qvel", "act"):
+        first, second = getattr(places, name).T
+        getattr(twin, name)[second] = getattr(data, name)[first]
+    first, second = places.mocap.T
+    twin.mocap_pos[second], twin.mocap_quat[second] = data.mocap_pos[first], data.mocap_quat[first]
+    first, second = places.qvel.T
+    twin.qacc_warmstart[second] = data.qacc_warmstart[first]
+    _drive(data, twin, places)
+
+
+def _drive(data: mujoco.MjData, twin: mujoco.MjData, places: _Places) -> None:
+    """Give the second model the controls and the forces that act on the first."""
+    for name, pairs in (
+        ("ctrl", places.ctrl),
+        ("qfrc_applied", places.qvel),
+        ("xfrc_applied", places.bodies),
+    ):
+        first, second = pairs.T
+        getattr(twin, name)[second] = getattr(data, name)[first]
+
+
+def _velocities(model: mujoco.MjModel, data: mujoco.MjData, bodies: np.ndarray) -> Floats:
+    """Return (B, 6) velocities of centres of mass, and spins times radii of gyration [m/s]."""
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    mujoco.mj_comVel(model, data)
+    found, twist = np.empty((len(bodies), 6)), np.empty(6)
+    for row, body in zip(found, bodies.tolist(), strict=True):
+        mujoco.mj_objectVelocity(model, data, _BODY, body, twist, 0)
+        row[:3], row[3:] = twist[3:], twist[:3]
+    found[:, 3:] *= gyration(model)[bodies, None]
+    return found

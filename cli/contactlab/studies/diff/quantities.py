@@ -1,0 +1,249 @@
+"""The quantities by which parts of models are compared, and how large their changes are."""
+
+from collections.abc import Callable
+from typing import Any, Literal, NamedTuple
+
+import mujoco
+import numpy as np
+
+from contactlab.contact.rotations import rotation_matrices
+from contactlab.contact.trace_arrays import Floats
+from contactlab.scene.model_draft import mjcf_text
+from contactlab.scene.model_names import name_of
+from contactlab.scene.mujoco_versions import enum_members
+from contactlab.studies.lint.inertia import volume
+
+Measured = Literal["value", "length", "turn", "word"]
+Read = Callable[[mujoco.MjModel, int], object]
+
+
+class Quantity(NamedTuple):
+    """A quantity of a part.
+
+    A value changes by its share, a length by its share of the part's reach, a turn by its angle,
+    and a word altogether.
+    """
+
+    name: str
+    read: Read
+    unit: str = ""
+    measured: Measured = "value"
+
+
+def _field(field: str) -> Read:
+    return lambda model, index: getattr(model, field)[index]
+
+
+def _inertia(model: mujoco.MjModel, body: int) -> Floats:
+    """Return (3, 3) the inertia about the centre of mass, in the frame of the body."""
+    turn = rotation_matrices(np.asarray(model.body_iquat)[[body]])[0]
+    return turn @ np.diag(model.body_inertia[body]) @ turn.T
+
+
+def _limits(field: str, flag: str) -> Read:
+    """Return what reads a range, or that there is none."""
+
+    def read(model: mujoco.MjModel, index: int) -> object:
+        return getattr(model, field)[index] if getattr(model, flag)[index] else "none"
+
+    return read
+
+
+def _named(kind: str, field: str) -> Read:
+    return lambda model, index: name_of(model, kind, int(getattr(model, field)[index]))
+
+
+def _word(field: str, kinds: Any, prefix: str) -> Read:  # noqa: ANN401 - a pybind11 enum
+    words = {value: name for name, value in enum_members(kinds, prefix).items()}
+
+    def read(model: mujoco.MjModel, index: int) -> object:
+        return words.get(int(getattr(model, field)[index]), "").lower()
+
+    return read
+
+
+_TARGETS = {
+    int(mujoco.mjtTrn.mjTRN_JOINT): "joint",
+    int(mujoco.mjtTrn.mjTRN_JOINTINPARENT): "joint",
+    int(mujoco.mjtTrn.mjTRN_TENDON): "tendon",
+    int(mujoco.mjtTrn.mjTRN_SITE): "site",
+    int(mujoco.mjtTrn.mjTRN_BODY): "body",
+}
+
+
+def _target(model: mujoco.MjModel, actuator: int) -> object:
+    kind = _TARGETS.get(int(model.actuator_trntype[actuator]), "")
+    return f"{kind} {name_of(model, kind, int(model.actuator_trnid[actuator, 0]))}" if kind else ""
+
+
+_SIZES = {"SPHERE": 1, "CAPSULE": 2, "CYLINDER": 2, "PLANE": 0}  # numbers that act, of three
+_ACTING = {int(getattr(mujoco.mjtGeom, f"mjGEOM_{name}")): count for name, count in _SIZES.items()}
+
+
+def _solid_size(model: mujoco.MjModel, geom: int) -> object:
+    """Return a primitive's sizes that act; of a mesh its half extents."""
+    kind = int(model.geom_type[geom])
+    if kind in (mujoco.mjtGeom.mjGEOM_MESH, mujoco.mjtGeom.mjGEOM_SDF):
+        return model.geom_aabb[geom, 3:]
+    return model.geom_size[geom, : _ACTING.get(kind, 3)]
+
+
+_FLAT = (int(mujoco.mjtGeom.mjGEOM_PLANE), int(mujoco.mjtGeom.mjGEOM_HFIELD))
+
+
+def _volume(model: mujoco.MjModel, geom: int) -> float:
+    """Return the volume of a geom [m^3], for a mesh that of its hull; 0 of a plane or a field."""
+    return 0.0 if int(model.geom_type[geom]) in _FLAT else volume(model, geom)
+
+
+def _joint_turns(field: str) -> Read:
+    def read(model: mujoco.MjModel, joint: int) -> object:
+        return getattr(model, field)[int(model.jnt_dofadr[joint])]
+
+    return read
+
+
+def _joint_place(field: str) -> Read:
+    """Return what reads a slide's or hinge's place; of others, nothing."""
+
+    def read(model: mujoco.MjModel, joint: int) -> object:
+        scalar = model.jnt_type[joint] in (2, 3)
+        return getattr(model, field)[int(model.jnt_qposadr[joint])] if scalar else 0.0
+
+    return read
+
+
+_JOINT_UNIT = "m or rad"
+QUANTITIES: dict[str, tuple[Quantity, ...]] = {
+    "body": (
+        Quantity("name", lambda model, body: name_of(model, "body", body), "", "word"),
+        Quantity("parent", _named("body", "body_parentid"), "", "word"),
+        Quantity("mass", _field("body_mass"), "kg"),
+        Quantity("com", _field("body_ipos"), "m", "length"),
+        Quantity("inertia", _inertia, "kg m^2"),
+        Quantity("pos", _field("body_pos"), "m", "length"),
+        Quantity("quat", _field("body_quat"), "", "turn"),
+        Quantity("gravcomp", _field("body_gravcomp"), ""),
+        Quantity("mocap", lambda m, body: bool(m.body_mocapid[body] >= 0), "", "word"),
+    ),
+    "joint": (
+        Quantity("name", lambda model, joint: name_of(model, "joint", joint), "", "word"),
+        Quantity("body", _named("body", "jnt_bodyid"), "", "word"),
+        Quantity("type", _word("jnt_type", mujoco.mjtJoint, "mjJNT_"), "", "word"),
+        Quantity("axis", _field("jnt_axis"), ""),
+        Quantity("pos", _field("jnt_pos"), "m", "length"),
+        Quantity("range", _limits("jnt_range", "jnt_limited"), _JOINT_UNIT),
+        Quantity("damping", _joint_turns("dof_damping"), "N s/m or N m s/rad"),
+        Quantity("armature", _joint_turns("dof_armature"), "kg or kg m^2"),
+        Quantity("frictionloss", _joint_turns("dof_frictionloss"), "N or N m"),
+        Quantity("stiffness", _field("jnt_stiffness"), "N/m or N m/rad"),
+        Quantity("springref", _joint_place("qpos_spring"), _JOINT_UNIT),
+        Quantity("ref", _joint_place("qpos0"), _JOINT_UNIT),
+        Quantity("margin", _field("jnt_margin"), _JOINT_UNIT),
+        Quantity("solreflimit", _field("jnt_solref"), ""),
+        Quantity("solimplimit", _field("jnt_solimp"), ""),
+        Quantity("solreffriction", _joint_turns("dof_solref"), ""),
+        Quantity("solimpfriction", _joint_turns("dof_solimp"), ""),
+        Quantity("actuatorfrcrange", _limits("jnt_actfrcrange", "jnt_actfrclimited"), "N or N m"),
+        Quantity("actuatorgravcomp", _field("jnt_actgravcomp"), "", "word"),
+    ),
+    "geom": (
+        Quantity("body", _named("body", "geom_bodyid"), "", "word"),
+        Quantity("type", _word("geom_type", mujoco.mjtGeom, "mjGEOM_"), "", "word"),
+        Quantity("size", _solid_size, "m"),
+        Quantity("volume", _volume, "m^3"),
+        Quantity("pos", _field("geom_pos"), "m", "length"),
+        Quantity("quat", _field("geom_quat"), "", "turn"),
+        Quantity("contype", _field("geom_contype"), "", "word"),
+        Quantity("conaffinity", _field("geom_conaffinity"), "", "word"),
+        Quantity("condim", _field("geom_condim"), "", "word"),
+        Quantity("priority", _field("geom_priority"), "", "word"),
+        Quantity("friction", _field("geom_friction"), ""),
+        Quantity("solref", _field("geom_solref"), ""),
+        Quantity("solimp", _field("geom_solimp"), ""),
+        Quantity("solmix", _field("geom_solmix"), ""),
+        Quantity("margin", _field("geom_margin"), "m"),
+        Quantity("gap", _field("geom_gap"), "m"),
+    ),
+    "tendon": (
+        Quantity("stiffness", _field("tendon_stiffness"), "N/m"),
+        Quantity("damping", _field("tendon_damping"), "N s/m"),
+        Quantity("armature", _field("tendon_armature"), "kg"),
+        Quantity("frictionloss", _field("tendon_frictionloss"), "N"),
+        Quantity("range", _limits("tendon_range", "tendon_limited"), "m"),
+        Quantity("springlength", _field("tendon_lengthspring"), "m"),
+        Quantity("length at qpos0", _field("tendon_length0"), "m"),
+        Quantity("solreflimit", _field("tendon_solref_lim"), ""),
+    ),
+    "actuator": (
+        Quantity("transmission", _target, "", "word"),
+        Quantity("gear", _field("actuator_gear"), ""),
+        Quantity("ctrlrange", _limits("actuator_ctrlrange", "actuator_ctrllimited"), ""),
+        Quantity("forcerange", _limits("actuator_forcerange", "actuator_forcelimited"), "N"),
+        Quantity("actrange", _limits("actuator_actrange", "actuator_actlimited"), ""),
+        Quantity("dyntype", _word("actuator_dyntype", mujoco.mjtDyn, "mjDYN_"), "", "word"),
+        Quantity("dynprm", _field("actuator_dynprm"), ""),
+        Quantity("gaintype", _word("actuator_gaintype", mujoco.mjtGain, "mjGAIN_"), "", "word"),
+        Quantity("gainprm", _field("actuator_gainprm"), ""),
+        Quantity("biastype", _word("actuator_biastype", mujoco.mjtBias, "mjBIAS_"), "", "word"),
+        Quantity("biasprm", _field("actuator_biasprm"), ""),
+    ),
+    "equality": (
+        Quantity("type", _word("eq_type", mujoco.mjtEq, "mjEQ_"), "", "word"),
+        Quantity("active", _field("eq_active0"), "", "word"),
+        Quantity("data", _field("eq_data"), ""),
+        Quantity("solref", _field("eq_solref"), ""),
+        Quantity("solimp", _field("eq_solimp"), ""),
+    ),
+    "pair": (
+        Quantity("geom1", _named("geom", "pair_geom1"), "", "word"),
+        Quantity("geom2", _named("geom", "pair_geom2"), "", "word"),
+        Quantity("condim", _field("pair_dim"), "", "word"),
+        Quantity("friction", _field("pair_friction"), ""),
+        Quantity("solref", _field("pair_solref"), ""),
+        Quantity("solimp", _field("pair_solimp"), ""),
+        Quantity("margin", _field("pair_margin"), "m"),
+        Quantity("gap", _field("pair_gap"), "m"),
+    ),
+    "key": (
+        Quantity("qpos", _field("key_qpos"), _JOINT_UNIT),
+        Quantity("qvel", _field("key_qvel"), "m/s or rad/s"),
+        Quantity("ctrl", _field("key_ctrl"), ""),
+    ),
+}
+"""By kind of part, in the order of reports."""
+
+
+def changed_by(measured: Measured, before: object, after: object, length: float) -> float | None:
+    """Return how large a change is; None where it has no size, 0 where there is none.
+
+    A length [m] is that of the part, of whose places differences are a share.
+    """
+    if measured == "word" or isinstance(before, str) or isinstance(after, str):
+        return 0.0 if np.array_equal(np.asarray(before), np.asarray(after)) else None
+    one, two = (np.asarray(side, np.float64) for side in (before, after))
+    if one.shape != two.shape:
+        return None
+    # What was never set may be NaN in both.
+    apart = np.linalg.norm(np.nan_to_num(one - two))
+    if measured == "turn":
+        # Opposite quaternions are one turn.
+        chord = min(np.linalg.norm(one - two), np.linalg.norm(one + two))
+        return float(4 * np.arcsin(min(1.0, chord / 2)))
+    whole = max(np.linalg.norm(np.nan_to_num(one)), np.linalg.norm(np.nan_to_num(two)))
+    scale = length if measured == "length" else whole
+    if not apart:
+        return 0.0
+    return float(apart / scale) if scale else None
+
+
+def text(value: object) -> str:
+    """Return a value to six digits, as MJCF has it."""
+    if isinstance(value, (str, bool)):
+        return str(value)
+    numbers = np.atleast_1d(np.asarray(value)).ravel()
+    if not numbers.size:
+        return "none"
+    trimmed = np.trim_zeros(numbers, "b") if numbers.size > 6 else numbers
+    shown = trimmed if trimmed.size else numbers[:1]
+    return " ".join(mjcf_text(float(f"{number:.6g}")) for number in shown.tolist())

@@ -1,0 +1,109 @@
+"""Pairs of bodies that a model presses into each other, and the model without them.
+
+Links that a joint holds in each other's geoms push with what the joint bears. MuJoCo leaves out
+contacts of parent and child, but not where the parent is the world: so it is with a robot whose
+base is welded to it, as that of a URDF.
+"""
+
+from collections.abc import Iterator, Sequence
+
+import mujoco
+
+from contactlab.budget import Motion, Verdict
+from contactlab.budget.motion import INTEGRATION
+from contactlab.budget.remedies import Candidate
+from contactlab.budget.verdict import Word
+from contactlab.errors import SceneError
+from contactlab.scene.model_draft import CompiledFiles, ModelEdits, edit_spec
+from contactlab.scene.model_names import name_of
+from contactlab.scene.scene import Scene
+from contactlab.studies.session import Values
+
+_ENDLESS = (int(mujoco.mjtGeom.mjGEOM_PLANE), int(mujoco.mjtGeom.mjGEOM_HFIELD))
+_NEAR = 2  # joints between links of one robot that touch by how it is built
+
+
+def separated(
+    scene: Scene, values: Values, motions: Sequence[Motion], verdict: Verdict
+) -> tuple[Candidate, ...]:
+    """Return the change that excludes pairs of links in each other, if there are any.
+
+    Only links of one robot, few joints apart, that are in each other at the start: that a body no
+    longer touches what it stands on, holds or runs into is not mended by forgetting it. Floors are
+    never excluded.
+    """
+    model = motions[0].model
+    pairs = dict.fromkeys(overlapping(motions[0]))
+    if not pairs:
+        return ()
+    names = tuple((name_of(model, "body", one), name_of(model, "body", two)) for one, two in pairs)
+    edits = ModelEdits(excluded=names)
+    compiled = _compiled(scene, values, edits)
+    size = mujoco.mj_stateSize(model, INTEGRATION)
+    if compiled is None or mujoco.mj_stateSize(compiled, INTEGRATION) != size:
+        return ()
+    first = " - ".join(names[0])
+    more = f" and {len(names) - 1} more pairs" if len(names) > 1 else ""
+    word: Word = "model" if verdict.word == "model" else "unresolved"
+    return (
+        Candidate(
+            f"no contacts of {first}{more}",
+            word,
+            lambda _: None,
+            accept="exclude",
+            edits=edits,
+            compiled=compiled,
+            nearer=False,
+        ),
+    )
+
+
+def overlapping(motion: Motion) -> Iterator[tuple[int, int]]:
+    """Yield pairs of near links that are in each other where a motion starts."""
+    model, data = motion.model, mujoco.MjData(motion.model)
+    mujoco.mj_setState(model, data, motion.starts[0], INTEGRATION)
+    mujoco.mj_forward(model, data)
+    for contact in range(data.ncon):
+        geoms = data.contact.geom[contact]
+        if geoms.min() < 0 or set(_ENDLESS) & set(map(int, model.geom_type[geoms])):
+            continue
+        one, two = sorted(map(int, model.geom_bodyid[geoms]))
+        if data.contact.dist[contact] < 0 and _near(model, one, two):
+            yield one, two
+
+
+def _near(model: mujoco.MjModel, one: int, two: int) -> bool:
+    """Return whether one of two bodies carries the other, few joints on.
+
+    Fingers that close on each other carry neither the other, and may touch.
+    """
+    ways = [_way(model, body) for body in (one, two)]
+    return any(
+        way[0] in other and 0 < other.index(way[0]) <= _NEAR for way, other in (ways, ways[::-1])
+    )
+
+
+def _way(model: mujoco.MjModel, body: int) -> list[int]:
+    """Return the links from a body to the root of its robot, welded bodies as one.
+
+    What a free joint carries is a robot of its own.
+    """
+    link = int(model.body_weldid[body])
+    way = [link]
+    while link and not _floats(model, link):
+        link = int(model.body_weldid[model.body_parentid[link]])
+        way.append(link)
+    return way
+
+
+def _floats(model: mujoco.MjModel, body: int) -> bool:
+    first = int(model.body_jntadr[body])
+    return first >= 0 and int(model.jnt_type[first]) == mujoco.mjtJoint.mjJNT_FREE
+
+
+def _compiled(scene: Scene, values: Values, edits: ModelEdits) -> mujoco.MjModel | None:
+    try:
+        files = CompiledFiles.of(scene, scene.source, values, lambda spec: edit_spec(spec, edits))
+    except SceneError:
+        return None
+    return files.model

@@ -1,0 +1,1 @@
+"""Whether a gripper holds: found, closed on an object, loaded: `contactlab grip MODEL`."""

@@ -1,0 +1,227 @@
+"""The hand of a robot, found by driving each of its actuators; names mean nothing here."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from contactlab.contact.trace_arrays import Floats
+from contactlab.errors import SceneError
+from contactlab.scene.model_names import known_id
+from contactlab.studies.grip.rollouts import constant, roll, start_row
+
+# An actuator is driven for so long to each end of its range [s].
+_PROBE = 0.5
+# A body is moved by an actuator if it goes this share of the farthest one's way.
+_MOVED = 0.1
+_FREE = int(mujoco.mjtJoint.mjJNT_FREE)
+NO_HAND = (
+    "name a keyframe in which something is held (--keyframe), or the body that carries the fingers "
+    "(--base)"
+)
+
+
+@dataclass(frozen=True)
+class Hand:
+    """Fingers that close.
+
+    Attributes:
+        base: the body that carries them.
+        fingers: the bodies of each; one of them alone closes on the base.
+        actuators: those that move bodies of a finger, by number.
+    """
+
+    base: int
+    fingers: tuple[tuple[int, ...], ...]
+    actuators: tuple[int, ...]
+
+
+def control_ends(model: mujoco.MjModel) -> Floats:
+    """Return (nu, 2) the least and largest control of each actuator.
+
+    Without a range of control, that of its joint or of its force; else -1 and 1.
+    """
+    ends = np.tile([-1.0, 1.0], (model.nu, 1))
+    for actuator in range(model.nu):
+        joint = int(model.actuator_trnid[actuator, 0])
+        on_joint = model.actuator_trntype[actuator] == mujoco.mjtTrn.mjTRN_JOINT
+        servo = model.actuator_biasprm[actuator, 1] != 0
+        if model.actuator_ctrllimited[actuator]:
+            ends[actuator] = model.actuator_ctrlrange[actuator]
+        elif servo and on_joint and model.jnt_limited[joint]:
+            ends[actuator] = model.jnt_range[joint]
+        elif model.actuator_forcelimited[actuator] and model.actuator_gainprm[actuator, 0]:
+            gain = model.actuator_gainprm[actuator, 0]
+            ends[actuator] = np.sort(model.actuator_forcerange[actuator] / gain)
+    return ends
+
+
+def loose_bodies(model: mujoco.MjModel) -> set[int]:
+    """Return the roots of free bodies that no actuator moves from within: objects, not robots."""
+    driven = {int(model.body_rootid[body]) for body in _driven_bodies(model)}
+    return {
+        int(model.jnt_bodyid[joint])
+        for joint in np.flatnonzero(model.jnt_type == _FREE)
+        if int(model.jnt_bodyid[joint]) not in driven
+    }
+
+
+def _driven_bodies(model: mujoco.MjModel) -> Iterator[int]:
+    """Yield the bodies of joints that actuators act on, by themselves or by a tendon."""
+    owners = {
+        int(mujoco.mjtTrn.mjTRN_JOINT): model.jnt_bodyid,
+        int(mujoco.mjtTrn.mjTRN_JOINTINPARENT): model.jnt_bodyid,
+        int(mujoco.mjtTrn.mjTRN_SITE): model.site_bodyid,
+        int(mujoco.mjtTrn.mjTRN_BODY): np.arange(model.nbody),
+    }
+    wrapped = {
+        int(mujoco.mjtWrap.mjWRAP_JOINT): model.jnt_bodyid,
+        int(mujoco.mjtWrap.mjWRAP_SITE): model.site_bodyid,
+    }
+    for actuator in range(model.nu):
+        kind, target = int(model.actuator_trntype[actuator]), int(model.actuator_trnid[actuator, 0])
+        if kind in owners:
+            yield int(owners[kind][target])
+        elif kind == mujoco.mjtTrn.mjTRN_TENDON:
+            first, count = int(model.tendon_adr[target]), int(model.tendon_num[target])
+            for wrap in range(first, first + count):
+                if (bodies := wrapped.get(int(model.wrap_type[wrap]))) is not None:
+                    yield int(bodies[model.wrap_objid[wrap]])
+
+
+def subtree(model: mujoco.MjModel, body: int) -> list[int]:
+    """Return a body and all that it carries."""
+    kept = {body}
+    for each in range(body + 1, model.nbody):
+        if int(model.body_parentid[each]) in kept:
+            kept.add(each)
+    return sorted(kept)
+
+
+def find_hand(model: mujoco.MjModel, base: str | None = None) -> Hand:
+    """Return the most distal body with fingers that actuators move against each other.
+
+    Each actuator is driven to both ends of its range, without gravity and contacts; what moves
+    tells which body carries it. Where no body carries two fingers that move, one finger may close
+    on what carries it.
+
+    Raises:
+        SceneError: there is no actuator, no such body, or nothing that closes.
+    """
+    if not model.nu:
+        raise SceneError(f"the model has no actuators, so that nothing closes; {NO_HAND}")
+    carriers = _carriers(model)
+    if base is not None:
+        bodies = [known_id(model, "body", base)]
+    else:
+        above = {body for carrier, _ in carriers.values() for body in _upward(model, carrier)}
+        weight = {body: float(model.body_subtreemass[body]) for body in above}
+        # The more distal of two that weigh the same comes first.
+        bodies = sorted(above, key=lambda body: (weight[body], -body))
+    for least in (2, 1):
+        for body in bodies:
+            found = _hand_at(model, body, carriers)
+            if found is not None and len(found.fingers) >= least:
+                return found
+    raise SceneError(f"no actuator moves two bodies towards each other; {NO_HAND}")
+
+
+_Carriers = Mapping[int, tuple[int, frozenset[int]]]
+
+
+def _carriers(model: mujoco.MjModel) -> _Carriers:
+    """Return, for each actuator that moves bodies, the one that carries them all, and these."""
+    probe = model.__copy__()
+    probe.opt.gravity[:] = 0
+    probe.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+    ends = control_ends(model)
+    neutral = np.clip(np.zeros(model.nu), ends[:, 0], ends[:, 1])
+    controls = np.tile(neutral, (2 * model.nu, 1))
+    for actuator in range(model.nu):
+        controls[2 * actuator : 2 * actuator + 2, actuator] = ends[actuator]
+    steps = max(2, round(_PROBE / model.opt.timestep))
+    rows = constant(start_row(probe), len(controls), 1)[:, 0]
+    rolled = roll(probe, rows, np.repeat(controls[:, None], steps, axis=1))
+    loose = {body for root in loose_bodies(model) for body in subtree(model, root)}
+    carriers = dict[int, tuple[int, frozenset[int]]]()
+    for actuator in range(model.nu):
+        one, other = (_places(model, rolled.qpos[2 * actuator + end, -1]) for end in (0, 1))
+        way = np.linalg.norm(other - one, axis=1).reshape(-1, model.nbody).max(axis=0)
+        way[list(loose)] = 0
+        if not np.isfinite(way).all() or way.max() < 1e-6 * max(model.stat.extent, 1e-9):
+            continue
+        moved = np.flatnonzero(way > _MOVED * way.max())
+        carriers[actuator] = _carrier(model, moved), frozenset(map(int, moved))
+    return carriers
+
+
+def _places(model: mujoco.MjModel, qpos: Floats) -> Floats:
+    """Return where a frame's origin, centre of mass and three axes' ends are, of each body [m]."""
+    data = mujoco.MjData(model)
+    data.qpos[:] = qpos
+    mujoco.mj_kinematics(model, data)
+    size = 0.1 * model.stat.extent
+    turn = data.xmat.reshape(-1, 3, 3)
+    ends = [data.xpos + size * turn[:, :, axis] for axis in range(3)]
+    return np.concatenate([data.xpos, data.xipos, *ends])
+
+
+def _carrier(model: mujoco.MjModel, moved: np.ndarray) -> int:
+    """Return the nearest body above all that moves which does not move itself."""
+    ways = [set(_upward(model, int(body))) for body in moved]
+    shared = set.intersection(*ways) - set(map(int, moved))
+    return max(shared, default=0)
+
+
+def _upward(model: mujoco.MjModel, body: int) -> Iterator[int]:
+    """Yield a body and those that carry it, up to the world."""
+    yield body
+    while body:
+        body = int(model.body_parentid[body])
+        yield body
+
+
+def collides(model: mujoco.MjModel, geom: int) -> bool:
+    """Return whether a geom takes part in collisions."""
+    return bool(model.geom_contype[geom] or model.geom_conaffinity[geom])
+
+
+def geoms_of(model: mujoco.MjModel, bodies: tuple[int, ...] | list[int]) -> list[int]:
+    """Return the geoms of bodies that take part in collisions."""
+    found = np.flatnonzero(np.isin(model.geom_bodyid, bodies))
+    return [int(geom) for geom in found if collides(model, int(geom))]
+
+
+def _hand_at(model: mujoco.MjModel, base: int, carriers: _Carriers) -> Hand | None:
+    """Return the hand that a body carries, of the fingers that actuators move within it."""
+    own = subtree(model, base)
+    actuators = [actuator for actuator, (carrier, _) in carriers.items() if carrier in own]
+    moved = {body for actuator in actuators for body in carriers[actuator][1]}
+    fixed = {body for body in own if _fixed_to(model, body, base)}
+    roots = [
+        body
+        for body in own
+        if body not in fixed and int(model.body_parentid[body]) in fixed and body != base
+    ]
+    fingers = [tuple(subtree(model, root)) for root in roots]
+    fingers = [each for each in fingers if moved & set(each) and geoms_of(model, each)]
+    if not actuators or not fingers:
+        return None
+    if len(fingers) == 1 and not geoms_of(model, sorted(fixed)):
+        return None
+    return Hand(base, tuple(fingers), tuple(actuators))
+
+
+def _fixed_to(model: mujoco.MjModel, body: int, base: int) -> bool:
+    """Return whether no joint lies between a body and a base that carries it."""
+    while body != base:
+        if model.body_jntnum[body]:
+            return False
+        body = int(model.body_parentid[body])
+    return True
+
+
+def fixed_bodies(model: mujoco.MjModel, base: int) -> list[int]:
+    """Return a base and the bodies that are fixed to it."""
+    return [body for body in subtree(model, base) if _fixed_to(model, body, base)]

@@ -1,0 +1,97 @@
+"""The report of a grip as lines of text for 80 columns."""
+
+import textwrap
+from collections.abc import Iterator, Sequence
+
+from contactlab.printable import visible
+from contactlab.schema.grip import GripDrift, GripRemedy, GripReport
+
+_WIDTH = 80
+
+
+def grip_lines(report: GripReport) -> list[str]:
+    """Return the verdict, the squeeze, the drifts, trials, placements, causes and remedies."""
+    lines = [*_wrapped(report.sentence), *_wrapped(_where(report)), ""]
+    lines += _squeeze(report)
+    lines += ["", *_drifts(report.drifts), *_trials(report)]
+    if report.placements:
+        lines += ["", *_placements(report)]
+    if len(report.causes) > 1:
+        lines += ["", *(line for each in report.causes[1:] for line in _wrapped(each.sentence))]
+    if report.remedies:
+        lines += ["", *_remedies(report.remedies)]
+    if report.notes:
+        lines += ["", *(line for note in report.notes for line in _wrapped(note))]
+    return [visible(line) for line in lines]
+
+
+def _where(report: GripReport) -> str:
+    place = f"keyframe {report.keyframe}" if report.keyframe else "on a bench, its base held"
+    return f"{place}; in the frame of {report.base}; creeps from {_speed(report.within)} on"
+
+
+def _squeeze(report: GripReport) -> Iterator[str]:
+    if report.opening is not None:
+        yield f"opening   {1e3 * report.opening:.3g} mm"
+    pressing = [each for each in report.fingers if each.force > 0]
+    forces = ", ".join(f"{each.body} {each.force:.3g} N" for each in pressing) or "none"
+    yield from _wrapped(f"fingers   {forces}")
+    controls = ", ".join(
+        f"{each.name} {abs(each.force):.3g}"
+        + (f" of {each.limit:.3g}" if each.limit is not None else "")
+        for each in report.controls
+    )
+    yield from _wrapped(f"actuators {controls}")
+    yield f"depth     {1e3 * report.depth:.3g} mm, {report.depth_share:.0%} of half of its width"
+
+
+def _drifts(drifts: Sequence[GripDrift]) -> Iterator[str]:
+    width = max(len(each.name) for each in drifts)
+    yield f"{'weight pulls':{width}}  {'mm/s':>9}  {'':8}  lost after"
+    for each in drifts:
+        speed = "-" if each.speed is None else f"{1e3 * each.speed:.3g}"
+        lost = "never" if each.lost is None else f"{each.lost:.3g} s"
+        yield f"{each.name:{width}}  {speed:>9}  {each.trend:8}  {lost}"
+
+
+def _trials(report: GripReport) -> Iterator[str]:
+    for name, trial in (("shaken", report.shake), ("turned", report.turn)):
+        way = "far" if trial.way is None else f"{1e3 * trial.way:.3g} mm"
+        yield f"{name}    {'lost' if trial.lost else f'moves {way}'}"
+    pull = report.pull
+    yield f"pulled    holds {pull.force:.3g} N, {pull.weights:.3g} weights ({pull.direction})"
+
+
+def _placements(report: GripReport) -> Iterator[str]:
+    width = max(len(each.name) for each in report.placements)
+    for each in report.placements:
+        yield (
+            f"{each.name:{width}}  {each.force:7.3g} N  {_speed(each.speed):>11}  {each.verdict}"
+        )
+
+
+def _remedies(remedies: Sequence[GripRemedy]) -> Iterator[str]:
+    width = max(len(each.name) for each in remedies)
+    for each in remedies:
+        cost = f"x{each.price.ratio:.2f}" if each.price else ""
+        worse = ", worse than as written" if each.worse else ""
+        yield f"{each.name:{width}}  {_speed(each.speed):>11}  {cost:5}  {each.verdict}{worse}"
+        for line in each.lines:
+            yield from _wrapped(line, "   ")
+        if each.unwritten:
+            yield from _wrapped(f"no lines: {each.unwritten}", "   ")
+
+
+def _speed(speed: float | None) -> str:
+    return "lost" if speed is None else f"{1e3 * speed:.3g} mm/s"
+
+
+def _wrapped(text: str, indent: str = "") -> list[str]:
+    return textwrap.wrap(
+        text,
+        _WIDTH,
+        initial_indent=indent,
+        subsequent_indent=f"{indent}  ",
+        break_long_words=False,
+        break_on_hyphens=False,
+    )

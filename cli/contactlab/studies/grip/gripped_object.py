@@ -1,0 +1,99 @@
+"""The object that a gripper is given, as an option says it: `box:30x40x40mm,.1kg`."""
+
+import re
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from contactlab.errors import SceneError, SweepFileError
+
+_LENGTHS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
+_MASSES = {"kg": 1.0, "g": 1e-3}
+_NUMBER = r"\d*\.?\d+(?:e-?\d+)?"
+_SHAPE = re.compile(
+    rf"(?P<shape>box|cylinder):(?P<sizes>{_NUMBER}(?:x{_NUMBER})*)(?P<unit>mm|cm|m)"
+    rf"(?:,(?P<mass>{_NUMBER})(?P<weight>kg|g))?"
+)
+_MESH = re.compile(rf"mesh:(?P<file>.+?)(?:,(?P<mass>{_NUMBER})(?P<weight>kg|g))?")
+_COUNTS = {"box": 3, "cylinder": 2}
+_USUAL = 0.1  # kg
+
+
+@dataclass(frozen=True)
+class GrippedObject:
+    """A body that fingers close on.
+
+    Attributes:
+        shape: what it is; a body of the model keeps all that its file gives it.
+        size: (3,) extents [m], from finger to finger first; zeros where its file has them.
+        mass: [kg]; NaN for a body of the model.
+        name: file of the mesh, or the body.
+    """
+
+    shape: Literal["box", "cylinder", "mesh", "body"]
+    size: tuple[float, float, float]
+    mass: float
+    name: str = ""
+
+    @property
+    def words(self) -> str:
+        """The object as a sentence has it."""
+        if self.shape == "body":
+            return f"body {self.name}"
+        weight = f"{self.mass:.3g} kg"
+        if self.shape == "mesh":
+            return f"{Path(self.name).name} of {weight}"
+        shown = self.size if self.shape == "box" else self.size[::2]
+        sizes = "x".join(f"{1e3 * length:.4g}" for length in shown)
+        return f"a {self.shape} of {sizes} mm and {weight}"
+
+    def scaled(self, factor: float) -> "GrippedObject":
+        """Return it with other extents and the same mass; a mesh or a body stays."""
+        across, second, third = (factor * length for length in self.size)
+        return replace(self, size=(across, second, third))
+
+
+USUAL = GrippedObject("box", (0.03, 0.04, 0.04), _USUAL)
+"""What a gripper is given unless an object is named; smaller where it opens less."""
+
+
+def read_object(text: str | None) -> GrippedObject:
+    """Return the object that an option names; a SceneError says how to write one."""
+    if text is None:
+        return USUAL
+    if found := _SHAPE.fullmatch(text):
+        shape = "box" if found["shape"] == "box" else "cylinder"
+        lengths = [float(size) * _LENGTHS[found["unit"]] for size in found["sizes"].split("x")]
+        mass = float(found["mass"]) * _MASSES[found["weight"]] if found["mass"] else _USUAL
+        if len(lengths) == _COUNTS[shape] and min(*lengths, mass) > 0:
+            # Across a cylinder are two diameters; its length is the third extent.
+            first, *rest = lengths if shape == "box" else (lengths[0], *lengths)
+            return GrippedObject(shape, (first, rest[0], rest[1]), mass)
+    elif text.startswith("mesh:") and (found := _MESH.fullmatch(text)):
+        mass = float(found["mass"]) * _MASSES[found["weight"]] if found["mass"] else _USUAL
+        if not Path(found["file"]).is_file():
+            raise SceneError(f"--object {text}: no file {found['file']}")
+        return GrippedObject("mesh", (0.0, 0.0, 0.0), mass, str(Path(found["file"]).resolve()))
+    elif ":" not in text:
+        return GrippedObject("body", (0.0, 0.0, 0.0), np.nan, text)
+    raise SceneError(
+        f"--object {text}: write box:30x40x40mm,.1kg (from finger to finger first), "
+        "cylinder:30x60mm,.1kg (diameter, length), mesh:FILE,.1kg, or a body of the model"
+    )
+
+
+_SPEED = re.compile(rf"(?P<speed>{_NUMBER})(?P<unit>mm|cm|m)/s")
+
+
+def read_speed(value: float | str) -> float:
+    """Return a speed [m/s], as typed or as a number; a SweepFileError says how to write one."""
+    if isinstance(value, str):
+        found = _SPEED.fullmatch(value)
+        if found is None:
+            raise SweepFileError(f"--within {value}: write a speed, as in 0.1mm/s")
+        value = float(found["speed"]) * _LENGTHS[found["unit"]]
+    if not value > 0:
+        raise SweepFileError(f"--within {value}: write a speed above 0, as in 0.1mm/s")
+    return value

@@ -1,0 +1,29 @@
+"""Rule of memory: whether the contacts of a start fit into what the model reserves."""
+
+from collections.abc import Iterator
+
+import mujoco
+
+from contactlab.studies.lint.linted_model import Fault, LintedModel
+from contactlab.studies.lint.rules import rule
+
+_FULL = tuple(
+    int(getattr(mujoco.mjtWarning, f"mjWARN_{name}")) for name in ("CONTACTFULL", "CNSTRFULL")
+)
+_SHARE = 0.5  # of the memory, from which a motion soon needs more
+
+
+@rule("memory", "gate")
+def memory(linted: LintedModel) -> Iterator[Fault]:
+    """The model reserves too little memory for the contacts of its own start."""
+    model = linted.model
+    for start, data in linted.starts.items():
+        lost = any(data.warning[kind].number for kind in _FULL)
+        if lost or (linted.spec.memory > 0 and data.maxuse_arena > _SHARE * model.narena):
+            used = "contacts are dropped" if lost else f"{data.maxuse_arena:,} bytes are used"
+            yield Fault(
+                f"memory is {model.narena:,} bytes, and at {start} {used}: more contacts are lost",
+                linted.place_of("size"),
+                linted.set_in("size", memory="-1"),
+            )
+            return

@@ -1,0 +1,110 @@
+"""Rules of files: what MuJoCo refuses or warns of, and paths that other machines lack."""
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import mujoco
+
+from contactlab.scene.model_files import plain_name, relative_path
+from contactlab.studies.lint.linted_model import Fault, LintedModel, Place
+from contactlab.studies.lint.rules import rule
+
+_FILES = ("file", "filename")
+_RESOURCE = re.compile(r"(package|model):/+")
+_MEMORY = "memory, in bytes, if the default is too small"
+# MuJoCo's XML reference calls these legacy attributes.
+_LEGACY = {
+    "size": dict.fromkeys(("njmax", "nconmax", "nstack"), _MEMORY),
+    "light": {"directional": "type"},
+}
+
+
+@rule("unread", "gate", of_refused=True)
+def unread(linted: LintedModel) -> Iterator[Fault]:
+    """The model cannot be read or compiled, or names a file that it may not."""
+    if linted.refused:
+        _, *lines = (line.strip() for line in linted.refused.splitlines())
+        yield Fault("; ".join(line for line in lines if line), linted.refused_at)
+
+
+@rule("deprecated", "warn", of_refused=True)
+def deprecated(linted: LintedModel) -> Iterator[Fault]:
+    """The installed MuJoCo warns of something as it compiles the model."""
+    for text in linted.warned:
+        yield Fault(text, next(_named_in(linted, text), None))
+
+
+def _named_in(linted: LintedModel, text: str) -> Iterator[Place]:
+    """Yield the elements that a warning names by tag and attribute."""
+    words = set(re.findall(r"\w+", text))
+    for element, origin in linted.tags():
+        if element.tag in words and words & element.attrib.keys():
+            yield linted.place_at(origin)
+
+
+@rule("legacy", "note", of_refused=True)
+def legacy(linted: LintedModel) -> Iterator[Fault]:
+    """An attribute is one that MuJoCo keeps for old files only."""
+    for element, origin in linted.tags():
+        for name, instead in _LEGACY.get(element.tag, {}).items():
+            if name in element.attrib:
+                message = f"{name} of <{element.tag}> is for old files only; write {instead}"
+                yield Fault(message, linted.place_at(origin))
+
+
+@rule("absolute-path", "warn", of_refused=True)
+def absolute_path(linted: LintedModel) -> Iterator[Fault]:
+    """A file or a folder is named by a path that starts at the root of one machine."""
+    for element, origin in linted.tags():
+        for key in (*_FILES, "meshdir", "texturedir", "assetdir"):
+            path = Path(element.get(key, ""))
+            if path.is_absolute():
+                nearer = relative_path(path, linted.main.parent).as_posix()
+                message = f"<{element.tag}> names {path}, which other machines lack"
+                yield Fault(message, linted.place_at(origin), linted.set_at(origin, {key: nearer}))
+
+
+@rule("resource-name", "gate", of_refused=True)
+def resource_name(linted: LintedModel) -> Iterator[Fault]:
+    """A file is named by its ROS package, and MuJoCo by itself does not find it."""
+    named = [
+        (element.get(key, ""), origin)
+        for element, origin in linted.tags()
+        for key in _FILES
+        if _RESOURCE.match(element.get(key, ""))
+    ]
+    if not named or "opening file" not in (refused := _refused_alone(linted.main)):
+        return
+    (name, origin), *others = named
+    more = f", nor {len(others)} more of such names" if others else ""
+    paths = linted.source.content.resources
+    there = paths.get(plain_name(name))
+    hint = "no folder beside the model has it"
+    if there is not None:
+        hint = f"it is {relative_path(there, linted.main.parent).as_posix()}"
+    message = f"MuJoCo does not find {name}{more} ({refused}); {hint}"
+    yield Fault(message, linted.place_at(origin))
+
+
+def _refused_alone(model: Path) -> str:
+    """Return why MuJoCo refuses a file as it is, without its ROS packages; "" if it does not."""
+    try:
+        mujoco.MjSpec.from_file(str(model)).compile()
+    except (ValueError, mujoco.FatalError) as error:
+        return str(error).strip().splitlines()[0]
+    return ""
+
+
+@rule("unused-asset", "note")
+def unused_asset(linted: LintedModel) -> Iterator[Fault]:
+    """A file is read for a mesh or a height field that no geom has."""
+    model, spec = linted.model, linted.spec
+    used = {geom.meshname for geom in spec.geoms} | {geom.hfieldname for geom in spec.geoms}
+    skinned = bool(model.nskin or model.nflex or model.nplugin or model.nsensor)
+    for kind, assets in (("mesh", spec.meshes), ("hfield", spec.hfields)):
+        unused = [asset.name for asset in assets if asset.file and asset.name not in used]
+        if unused and not skinned:
+            more = f", and {len(unused) - 1} more" if len(unused) > 1 else ""
+            message = f"{kind} '{unused[0]}' is read, and no geom has it{more}"
+            yield Fault(message, linted.place(kind, unused[0]))

@@ -1,0 +1,71 @@
+"""Comments that ignore rules: `<!-- contactlab: ignore RULE -->`, or `# ...` in a scene.yaml.
+
+One beside an element, or alone on the line above it, is about that element; one beside or above a
+file's first element, or in the scene's manifest, is about all of the model.
+"""
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from contactlab.scene.model_text import elements_of, line_of
+from contactlab.scene.scene_source import MODEL_SUFFIXES, SceneSource
+from contactlab.studies.lint.linted_model import Place, shown_path
+
+_COMMENT = re.compile(r"(?:<!--|#)\s*contactlab:\s*ignore\s+([\w-]+(?:\s*,\s*[\w-]+)*)([^\n]*)")
+_ALONE = re.compile(r"\s*<!--(?:(?!-->).)*-->\s*")
+
+
+@dataclass(frozen=True)
+class Ignored:
+    """What comments of a model's files ignore.
+
+    Attributes:
+        everywhere: where a rule is ignored in all of the model, by rule.
+        beside: where a rule is ignored in a line, by file, line and rule.
+    """
+
+    everywhere: Mapping[str, str]
+    beside: Mapping[tuple[Path, int, str], str]
+
+    def __call__(self, rule: str, place: Place) -> str | None:
+        """Return which comment ignores a rule at a place; None if none does."""
+        lines = range(place.line, place.last + 1)
+        found = (self.beside.get((place.file, line, rule)) for line in lines)
+        return next(filter(None, found), self.everywhere.get(rule))
+
+    @property
+    def rules(self) -> Mapping[str, str]:
+        """Where each rule is ignored that any comment names."""
+        return {**{rule: at for (_, _, rule), at in self.beside.items()}, **self.everywhere}
+
+
+def ignored(source: SceneSource) -> Ignored:
+    """Return what the comments of a scene's files ignore."""
+    everywhere, beside = dict[str, str](), dict[tuple[Path, int, str], str]()
+    for name in source.content.files:
+        file = source.content.root / name
+        is_model = file.suffix in MODEL_SUFFIXES
+        if not is_model and file != source.path:
+            continue
+        data = file.read_bytes()
+        elements = elements_of(data) if is_model else []
+        first = line_of(data, elements[0].inner - 1) if elements else 0
+        for line, rule in _comments(data.decode(errors="replace")):
+            at = f"ignored in {shown_path(file)}:{line}"
+            if line <= first or not is_model:
+                everywhere[rule] = at
+            else:
+                beside[file, line, rule] = at
+                if _ALONE.fullmatch(data.decode(errors="replace").splitlines()[line - 1]):
+                    beside[file, line + 1, rule] = at
+    return Ignored(everywhere, beside)
+
+
+def _comments(text: str) -> Iterator[tuple[int, str]]:
+    """Yield line and rule of each comment."""
+    for number, line in enumerate(text.splitlines(), 1):
+        for found in _COMMENT.finditer(line):
+            for rule in re.split(r"\s*,\s*", found[1]):
+                yield number, rule

@@ -1,0 +1,228 @@
+"""Rules that the mass and inertia of every physical body obey, and where a model violates them.
+
+For a body of mass m and principal moments A <= B <= C about its centre of mass:
+
+* A > 0 and A + B >= C, since moments are integrals of squared distances;
+* m over the volume of its geoms is the density of some material;
+* (A + B + C) / 2 minus one moment is m times the mean square distance from the plane normal to
+  that moment's axis, which in a shape of length L is at most (L / 2)^2 (Popoviciu's inequality);
+* (A + B + C) / 2 is m times the mean square distance from the centre, smallest for a ball.
+"""
+
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping
+
+import mujoco
+import numpy as np
+from scipy.spatial import ConvexHull, QhullError
+
+from contactlab.contact.rotations import rotation_matrices
+from contactlab.contact.trace_arrays import Floats
+from contactlab.scene.compile_model import (
+    InertiaFault,
+    closes,
+    compile_model,
+    not_positive,
+    open_triangle,
+    written_inertia_faults,
+)
+from contactlab.scene.scene_source import SceneSource
+
+IMPOSSIBLE = ("not_positive", "triangle", "balanced")
+"""Faults of an inertia itself; the others compare it with shapes, which are simplified."""
+
+LIGHTEST, DENSEST = 50.0, 20000.0
+"""Densities [kg/m^3] from foam and hollow shells to osmium, rounded."""
+
+_MOST_BODIES_NAMED = 6
+
+# Shapes are simplified, so both bounds are generous.
+_OUTSIDE = 0.05  # fraction of its length by which a centre of mass may lie outside of a shape
+_SLACK = 2.0  # factor by which rms distances may exceed what fits into a shape
+_LEAST_SPREAD_PER_LENGTH = 1 / 30
+"""Smallest rms distance over length; 0.29 for a uniform rod, and 1/10 for any real body."""
+
+
+def in_words(faults: Iterable[InertiaFault]) -> Iterator[str]:
+    """Yield faults in words; of bodies beyond the same limit, all but the first by name only."""
+    alike: dict[tuple[str, float], list[InertiaFault]] = {}
+    for fault in faults:
+        alike.setdefault((fault.kind, fault.limit), []).append(fault)
+    for first, *others in alike.values():
+        named = [f"'{other.body}'" for other in others]
+        more = (
+            [f"{len(named) - _MOST_BODIES_NAMED} more"] if len(named) > _MOST_BODIES_NAMED else []
+        )
+        likewise = f"; likewise {', '.join([*named[:_MOST_BODIES_NAMED], *more])}" if named else ""
+        yield f"body '{first.body}': {first.reason}{likewise}"
+
+
+def density_faults(model: mujoco.MjModel, body: int) -> Iterator[InertiaFault]:
+    """Yield a fault if no material has the density of a body's geoms."""
+    space, mass = sum(volume(model, geom) for geom in solid_geoms(model, body)), _mass(model, body)
+    density = mass / space if space else LIGHTEST
+    if LIGHTEST <= density <= DENSEST:
+        return
+    light = density < LIGHTEST
+    limit, words = (LIGHTEST, "lighter than foam") if light else (DENSEST, "denser than any metal")
+    reason = (
+        f"its mass of {mass:g} kg in the {space:.3g} m^3 of its geoms makes "
+        f"{density:.3g} kg/m^3, {words} ({limit:g})"
+    )
+    yield InertiaFault(model.body(body).name, "density", density, limit, "kg/m^3", reason)
+
+
+def shape_faults(model: mujoco.MjModel, body: int) -> Iterator[InertiaFault]:
+    """Yield faults if a body's mass would lie outside its shape, or in too small a part of it."""
+    name, moments, mass = model.body(body).name, model.body_inertia[body], _mass(model, body)
+    spreads = np.sqrt(np.maximum(moments.sum() / 2 - moments, 0) / mass)
+    length = 0.0
+    if solid_geoms(model, body):
+        axes = rotation_matrices(model.body_iquat[[body]])[0]
+        spans = _extents(model, body, axes)
+        lengths = np.ptp(spans, axis=1)
+        length = float(lengths.max())
+        yield from _outside(name, spans, axes.T @ model.body_ipos[body])
+        worst = int(np.argmax(spreads / lengths))
+        if spreads[worst] > _SLACK * lengths[worst] / 2:
+            yield _too_large(name, float(spreads[worst]), float(lengths[worst]))
+    yield from _too_small(name, mass, float(np.sqrt((spreads**2).sum())), length)
+
+
+def _mass(model: mujoco.MjModel, body: int) -> float:
+    return float(model.body_mass[body])
+
+
+def _outside(name: str, spans: Floats, places: Floats) -> Iterator[InertiaFault]:
+    """Yield a fault if a centre of mass, at places (3,) along axes, is outside spans (3, 2)."""
+    distances = np.maximum(spans[:, 0] - places, places - spans[:, 1])
+    worst = int(np.argmax(distances))
+    beyond, allowed = float(distances[worst]), float(_OUTSIDE * np.ptp(spans[worst]))
+    if beyond > allowed:
+        reason = f"its centre of mass lies {beyond:.3g} m outside its geoms"
+        yield InertiaFault(name, "outside", beyond, allowed, "m", reason)
+
+
+def _too_large(name: str, spread: float, length: float) -> InertiaFault:
+    reason = (
+        f"its inertia puts its mass {spread:.3g} m (rms) from its centre along an axis on which "
+        f"its geoms are {length:.3g} m long, where at most {length / 2:.3g} m would fit"
+    )
+    return InertiaFault(name, "too_large", spread, _SLACK * length / 2, "m", reason)
+
+
+def _too_small(name: str, mass: float, spread: float, length: float) -> Iterator[InertiaFault]:
+    ball = math.sqrt(3 / 5) * (3 * mass / (4 * math.pi * DENSEST)) ** (1 / 3)
+    # A body without moments is a point mass that is fixed to others.
+    limit = max(ball, _LEAST_SPREAD_PER_LENGTH * length)
+    if 0 < spread < limit:
+        reason = f"its inertia puts its mass within {spread:.3g} m (rms) of its centre; " + (
+            f"a ball of {mass:g} kg of the densest metal has {ball:.3g} m"
+            if limit == ball
+            else f"its geoms are {length:.3g} m long"
+        )
+        yield InertiaFault(name, "too_small", spread, limit, "m", reason)
+
+
+_ROUNDING = 1e-9  # the moments of a thin plate meet the triangle inequality only up to rounding
+
+
+def scene_inertia_faults(
+    source: SceneSource, structure: Mapping[str, object] | None = None
+) -> tuple[InertiaFault, ...]:
+    """Return the faults of a scene's model, as its file has it and as it compiles."""
+    written: list[InertiaFault] = []
+    model = compile_model(
+        source, structure or {}, lambda spec: written.extend(written_inertia_faults(spec))
+    )
+    return (*written, *inertia_faults(model))
+
+
+def inertia_faults(model: mujoco.MjModel) -> tuple[InertiaFault, ...]:
+    """Return the faults of a compiled model's moving bodies, in the order of bodies."""
+    moving = np.flatnonzero(model.body_weldid != 0).tolist()
+    return tuple(fault for body in moving for fault in _body_faults(model, body))
+
+
+def _body_faults(model: mujoco.MjModel, body: int) -> Iterator[InertiaFault]:
+    name, mass, moments = model.body(body).name, _mass(model, body), model.body_inertia[body]
+    if mass < 0 or moments.min() < 0:
+        yield not_positive(name, mass, moments)
+    elif mass > 0:
+        # A model may be edited after it was compiled.
+        if not closes(moments + _ROUNDING * moments.max()):
+            yield open_triangle(name, moments, balanced=False)
+        yield from density_faults(model, body)
+        yield from shape_faults(model, body)
+
+
+_GEOM = mujoco.mjtGeom
+
+
+def solid_geoms(model: mujoco.MjModel, body: int) -> list[int]:
+    """Return the geoms of a body that have a volume: those that collide if any, else all."""
+    geoms: list[int] = np.flatnonzero(model.geom_bodyid == body).tolist()
+    solid = [geom for geom in geoms if int(model.geom_type[geom]) in _SOLIDS]
+    touching = [geom for geom in solid if model.geom_contype[geom] or model.geom_conaffinity[geom]]
+    return touching or solid
+
+
+def volume(model: mujoco.MjModel, geom: int) -> float:
+    """Return the volume of a geom [m^3]; for a mesh, that of its convex hull."""
+    shape = _SHAPES.get(int(model.geom_type[geom]))
+    return shape[0](*model.geom_size[geom]) if shape else hull_volume(_points(model, geom))
+
+
+def _extents(model: mujoco.MjModel, body: int, axes: Floats) -> Floats:
+    """Return (3, 2) the extents of a body's geoms along axes, columns (3, 3) of its frame [m]."""
+    own = np.isin(model.geom_type, list(_SOLIDS)) & (model.geom_bodyid == body)
+    geoms: list[int] = np.flatnonzero(own).tolist()
+    spans = np.array([[_span(model, geom, axis) for axis in axes.T] for geom in geoms])
+    return np.stack([spans[..., 0].min(axis=0), spans[..., 1].max(axis=0)], axis=1)
+
+
+def _span(model: mujoco.MjModel, geom: int, direction: Floats) -> tuple[float, float]:
+    local = rotation_matrices(model.geom_quat[[geom]])[0].T @ direction
+    centre = float(model.geom_pos[geom] @ direction)
+    shape = _SHAPES.get(int(model.geom_type[geom]))
+    if shape is None:
+        along = _points(model, geom) @ local
+        return centre + float(along.min()), centre + float(along.max())
+    reach = float(shape[1](np.array(model.geom_size[geom]), np.abs(local)))
+    return centre - reach, centre + reach
+
+
+def _points(model: mujoco.MjModel, geom: int) -> Floats:
+    mesh = int(model.geom_dataid[geom])
+    first = int(model.mesh_vertadr[mesh])
+    return np.array(model.mesh_vert[first : first + int(model.mesh_vertnum[mesh])], np.float64)
+
+
+def hull_volume(points: Floats) -> float:
+    """Return the volume of the convex hull of points (n, 3) [m^3]; 0 if they are flat."""
+    try:
+        return float(ConvexHull(points).volume)
+    except QhullError:
+        return 0.0
+
+
+_BALL = 4 / 3 * math.pi
+_Shape = tuple[Callable[[float, float, float], float], Callable[[Floats, Floats], float]]
+# The volume from the sizes of a geom, and its reach from these and the magnitudes of a direction.
+_SHAPES: dict[int, _Shape] = {
+    int(_GEOM.mjGEOM_SPHERE): (lambda r, _, __: _BALL * r**3, lambda size, _: float(size[0])),
+    int(_GEOM.mjGEOM_CAPSULE): (
+        lambda r, half, _: _BALL * r**3 + 2 * math.pi * r**2 * half,
+        lambda size, along: size[0] + size[1] * along[2],
+    ),
+    int(_GEOM.mjGEOM_CYLINDER): (
+        lambda r, half, _: 2 * math.pi * r**2 * half,
+        lambda size, along: size[0] * math.hypot(*along[:2]) + size[1] * along[2],
+    ),
+    int(_GEOM.mjGEOM_BOX): (lambda a, b, c: 8 * a * b * c, lambda size, along: float(size @ along)),
+    int(_GEOM.mjGEOM_ELLIPSOID): (
+        lambda a, b, c: _BALL * a * b * c,
+        lambda size, along: math.hypot(*(size * along)),
+    ),
+}
+_SOLIDS = {*_SHAPES, int(_GEOM.mjGEOM_MESH), int(_GEOM.mjGEOM_SDF)}

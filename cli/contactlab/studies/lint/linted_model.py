@@ -1,0 +1,313 @@
+"""A model as its files have it and as it compiles, and the line of each of its parts."""
+
+import re
+import warnings
+import xml.etree.ElementTree as ET
+from collections.abc import Generator, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, NamedTuple
+
+import mujoco
+
+from contactlab.scene.compile_model import InertiaFault, compile_error, written_inertia_faults
+from contactlab.scene.model_files import parse, plain_name
+from contactlab.scene.model_names import KINDS, name_by_address, name_of
+from contactlab.scene.model_text import (
+    ElementText,
+    Origin,
+    Origins,
+    Replacement,
+    at_end,
+    elements_of,
+    line_of,
+    replaced,
+    with_attributes,
+)
+from contactlab.scene.mujoco_versions import silence_mujoco
+from contactlab.scene.scene_source import MODEL_SUFFIXES, SceneSource
+from contactlab.scene.task import keyframe_names
+from contactlab.schema.task import QPOS0
+
+_KINDS = {**KINDS, "mesh": "meshes", "hfield": "hfields", "texture": "textures", "site": "sites"}
+_UNLINED = "key"  # of which MuJoCo keeps no lines
+_LINE = re.compile(r"\bline (\d+)")
+_LINKS = {"body": "link", "joint": "joint"}  # as URDF calls them
+
+
+class Place(NamedTuple):
+    """Where an element's start tag is in a file: its first line and its last."""
+
+    file: Path
+    line: int
+    last: int
+
+
+class Edit(NamedTuple):
+    """A change of a file."""
+
+    place: Place
+    text: str  # the element as it is then
+    replacement: Replacement
+
+    def __str__(self) -> str:
+        return f"{shown_path(self.place.file)}:{self.place.line}: {self.text}"
+
+
+class Fault(NamedTuple):
+    """Where a model breaks a rule; without a place, in the first line of its main file."""
+
+    message: str
+    place: Place | None = None
+    edits: tuple[Edit, ...] = ()
+
+
+def shown_path(path: Path) -> str:
+    """Return a path as reports have it: relative to the working directory if it is below."""
+    here = Path.cwd()
+    return (path.relative_to(here) if path.is_relative_to(here) else path).as_posix()
+
+
+class _Compiled(NamedTuple):
+    spec: mujoco.MjSpec
+    model: mujoco.MjModel | None
+    lines: Mapping[tuple[str, str], int]  # by kind and name, in the files as laid out
+    origins: Origins
+    root: Path
+    inertia: tuple[InertiaFault, ...]  # of what is written
+    warned: tuple[str, ...]
+    refused: str
+
+
+@dataclass(frozen=True)
+class LintedModel:
+    """A scene's model, compiled from its files.
+
+    Attributes:
+        source: the scene.
+        spec: what its files say. A rule must not change it.
+        warned: sentences that MuJoCo warned with.
+        refused: why MuJoCo does not compile it, or "".
+        inertia: faults of the inertias that its files write out.
+    """
+
+    source: SceneSource
+    spec: mujoco.MjSpec
+    compiled: mujoco.MjModel | None
+    warned: tuple[str, ...]
+    refused: str
+    refused_at: Place | None
+    inertia: tuple[InertiaFault, ...]
+    _origins: Mapping[tuple[str, str], Origin]  # of parts, by kind and name; files are the scene's
+    _last: Mapping[str, Origin]  # of the last element of each tag
+
+    @property
+    def model(self) -> mujoco.MjModel:
+        """The compiled model, of one that compiles."""
+        assert self.compiled is not None
+        return self.compiled
+
+    @property
+    def main(self) -> Path:
+        """The main file."""
+        return self.source.model
+
+    @cached_property
+    def is_urdf(self) -> bool:
+        """Whether the main file is a URDF."""
+        return parse(self.main).tag == "robot"
+
+    @cached_property
+    def starts(self) -> Mapping[str, mujoco.MjData]:
+        """State of each start after `mj_forward`, by name: keyframes, or `QPOS0` without any."""
+        silence_mujoco()
+        found = dict[str, mujoco.MjData]()
+        for name in keyframe_names(self.model) or (QPOS0,):
+            data = mujoco.MjData(self.model)
+            if name != QPOS0:
+                mujoco.mj_resetDataKeyframe(self.model, data, self.model.key(name).id)
+            mujoco.mj_forward(self.model, data)
+            found[name] = data
+        return found
+
+    def name(self, kind: str, index: int) -> str:
+        """Return the name or the address of a part of the compiled model."""
+        return name_of(self.model, kind, index)
+
+    def place(self, kind: str, name: str | int) -> Place:
+        """Return the line of a part's element; the first of the main file if it has none."""
+        return self.place_at(self._origin(kind, name))
+
+    def place_of(self, tag: str) -> Place:
+        """Return the line of the last element of a tag; the first of the main file without one."""
+        return self.place_at(self._last.get(tag))
+
+    def set(self, kind: str, name: str | int, /, **values: str) -> tuple[Edit, ...]:
+        """Return the change that sets attributes of a part's element; nothing if it has none."""
+        return self.set_at(self._origin(kind, name), values)
+
+    def set_in(self, tag: str, /, **values: str) -> tuple[Edit, ...]:
+        """Return the change that sets attributes in the last element of a tag, or adds one."""
+        return self.set_at(self._last.get(tag), values) or self.add(ET.Element(tag, values))
+
+    def add(self, element: ET.Element) -> tuple[Edit, ...]:
+        """Return the change that adds an element at the end of MJCF's main file."""
+        if self.is_urdf:
+            return ()
+        data, (root, *_) = self._texts[self.main], self._elements[self.main]
+        line = ET.tostring(element, encoding="unicode").replace(" />", "/>")
+        if b"</" not in data[root.inner : root.end]:
+            return ()
+        replacement = at_end(data, root, [line])
+        number = line_of(data, replacement.start)
+        return (Edit(Place(self.main, number, number), line, replacement),)
+
+    @cached_property
+    def _texts(self) -> Mapping[Path, bytes]:
+        root = self.source.content.root
+        files = [root / file for file in self.source.content.files]
+        return {file: file.read_bytes() for file in files if file.suffix in MODEL_SUFFIXES}
+
+    @cached_property
+    def _elements(self) -> Mapping[Path, list[ElementText]]:
+        return {file: elements_of(text) for file, text in self._texts.items()}
+
+    def _origin(self, kind: str, name: str | int) -> Origin | None:
+        named = self.name(kind, name) if isinstance(name, int) else name
+        return self._origins.get((kind, named))
+
+    def place_at(self, origin: Origin | None) -> Place:
+        """Return the line of an element; the first of the main file without one."""
+        file, number = origin or (self.main, 0)
+        data, element = self._texts[file], self._elements[file][number]
+        return Place(file, line_of(data, element.start), line_of(data, element.inner - 1))
+
+    def set_at(self, origin: Origin | None, values: Mapping[str, str]) -> tuple[Edit, ...]:
+        """Return the change that sets attributes of an element of MJCF; nothing without one."""
+        if origin is None or self.is_urdf:
+            return ()
+        file, element = origin
+        change = with_attributes(self._texts[file], self._elements[file][element], values)
+        text = " ".join(change.text.decode(errors="replace").split())
+        return (Edit(self.place_at(origin), text, change),)
+
+    def tags(self) -> Iterator[tuple[ET.Element, Origin]]:
+        """Yield every element of the scene's files as written, and where it is."""
+        for file in self._texts:
+            for place, element in enumerate(parse(file).iter()):
+                yield element, (file, place)
+
+
+def edited(faults: Iterator[Fault]) -> Mapping[Path, bytes]:
+    """Return the files that the changes of some faults alter, as they are then."""
+    changes: dict[Path, set[Replacement]] = {}
+    for fault in faults:
+        for edit in fault.edits:
+            changes.setdefault(edit.place.file, set()).add(edit.replacement)
+    return {file: replaced(file.read_bytes(), found) for file, found in changes.items()}
+
+
+@contextmanager
+def linted_model(source: SceneSource) -> Generator[LintedModel]:
+    """Yield a scene's model, whose copy of files is there within; a SceneError if none is read."""
+    with _laid_out(source) as (copy, origins):
+        yield _linted(source, _compile(source, copy, origins))
+
+
+def _linted(source: SceneSource, made: _Compiled) -> LintedModel:
+    own, by_line = source.content.root, made.origins.by_line
+
+    def real(origin: Origin) -> Origin:
+        return own / origin[0].relative_to(made.root), origin[1]
+
+    parts = {part: real(by_line[line]) for part, line in made.lines.items() if line in by_line}
+    unlined = (part for part, line in made.lines.items() if part[0] == _UNLINED and not line)
+    parts |= dict(zip(unlined, map(real, _of_tag(_UNLINED, by_line)), strict=False))
+    linted = LintedModel(
+        source=source,
+        spec=made.spec,
+        compiled=made.model,
+        warned=made.warned,
+        refused=made.refused,
+        refused_at=None,
+        inertia=made.inertia,
+        _origins=parts or dict(_links(source.model)),
+        _last={tag: real(origin) for tag, origin in made.origins.last.items()},
+    )
+    line = _LINE.search(made.refused)
+    if line is None or (origin := by_line.get(int(line[1]))) is None:
+        return linted
+    place = linted.place_at(real(origin))
+    told = made.refused.replace(line[0], f"line {place.line}")
+    return replace(linted, refused=told, refused_at=place)
+
+
+@contextmanager
+def _laid_out(source: SceneSource) -> Generator[tuple[SceneSource, Origins]]:
+    """Yield a copy of a scene whose text has a line for each element, and links to all else."""
+    content = source.content
+    with TemporaryDirectory(prefix="contactlab-") as folder:
+        # Below folders of the same names, which paths may go up to.
+        root = Path(folder).resolve() / content.root.relative_to(content.root.anchor)
+        for file in content.files:
+            target = root / file
+            target.parent.mkdir(parents=True, exist_ok=True)
+            if file.suffix in MODEL_SUFFIXES:
+                target.write_bytes((content.root / file).read_bytes())
+            else:
+                target.symlink_to((content.root / file).resolve())
+        copied = replace(
+            content,
+            root=root,
+            resources={
+                name: root / path.relative_to(content.root)
+                for name, path in content.resources.items()
+            },
+        )
+        copy = replace(source, content=copied)
+        yield copy, Origins.lay_out(copy.model, root)
+
+
+def _of_tag(tag: str, by_line: Mapping[int, Origin]) -> Iterator[Origin]:
+    """Yield the elements of a tag in the order in which MuJoCo reads them."""
+    roots = {file: list(parse(file).iter()) for file, _ in by_line.values()}
+    for _, (file, place) in sorted(by_line.items()):
+        if roots[file][place].tag == tag:
+            yield file, place
+
+
+def _links(urdf: Path) -> Iterator[tuple[tuple[str, str], Origin]]:
+    """Yield the links and joints of a URDF, of which MuJoCo keeps no lines."""
+    for place, element in enumerate(parse(urdf).iter()):
+        for kind, tag in _LINKS.items():
+            if element.tag == tag and (name := element.get("name")):
+                yield (kind, name), (urdf, place)
+
+
+def _compile(source: SceneSource, copy: SceneSource, origins: Origins) -> _Compiled:
+    silence_mujoco()
+    lines: dict[tuple[str, str], int] = {}
+    refused, model, faults = "", None, tuple[InertiaFault, ...]()
+    spec = mujoco.MjSpec()
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        try:
+            spec = mujoco.MjSpec.from_file(str(copy.model))
+            for element in (*spec.meshes, *spec.hfields, *spec.skins, *spec.textures):
+                if found := copy.content.resources.get(plain_name(element.file)):
+                    element.file = str(found)
+            name_by_address(spec)
+            for kind, plural in _KINDS.items():
+                parts: list[Any] = list(getattr(spec, plural))
+                for part in parts:
+                    lines[kind, part.name] = int(part.info.rpartition(" ")[2] or 0)
+            faults = tuple(written_inertia_faults(spec))
+            model = spec.compile()
+        except (ValueError, mujoco.FatalError) as error:
+            said = str(compile_error(copy.model, copy.model, error))
+            refused = said.replace(str(copy.content.root), str(source.content.root))
+    warned = tuple(dict.fromkeys(str(warning.message) for warning in caught))
+    return _Compiled(spec, model, lines, origins, copy.content.root, faults, warned, refused)

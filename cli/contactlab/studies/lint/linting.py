@@ -1,0 +1,187 @@
+"""Lints models: the rules, held against each model that files make up."""
+
+import re
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+
+from contactlab.errors import SceneError
+from contactlab.judge.subjects import OUTCOMES
+from contactlab.judge.wording import plural
+from contactlab.scene.model_files import FileSearch, parse
+from contactlab.scene.mujoco_versions import VERSION
+from contactlab.scene.scene_source import MODEL_SUFFIXES, find_scene
+from contactlab.schema.finding import PlacedFinding
+from contactlab.schema.lint_report import LintReport
+from contactlab.studies.lint.ignores import Ignored, ignored
+from contactlab.studies.lint.linted_model import Fault, LintedModel, linted_model, shown_path
+from contactlab.studies.lint.rules import DOCS, RULES, Rule
+from contactlab.writers.report import Report
+
+_ROOTS = ("mujoco", "robot")
+_UNREAD = "unread"
+_IGNORES = Rule("unknown-rule", "warn", lambda _: iter(()))
+_PLACED = re.compile(r"(?P<file>.+?\.\w+):(?P<line>\d+):(\d+: )?")
+_MOST_EDITS = 4
+
+
+def lint(models: Sequence[str]) -> LintReport:
+    """Lint models; files that hold no model are skipped, parts of models are linted in these.
+
+    A SceneError says that there is no such file or scene.
+    """
+    found, skipped = _subjects(models)
+    # Models that share a file share what is wrong there.
+    findings = {
+        (finding.file, finding.line, finding.name, finding.message): finding
+        for model in found
+        for finding in _findings(model)
+    }
+    return LintReport(
+        mujoco=VERSION,
+        models=tuple(found),
+        skipped=tuple(skipped),
+        findings=tuple(findings.values()),
+    )
+
+
+def _subjects(models: Iterable[str]) -> tuple[list[str], list[str]]:
+    """Return what is linted for some references, and those of no model."""
+    found, skipped = dict[str, None](), list[str]()
+    for model in models:
+        path = Path(model).expanduser()
+        if path.suffix not in MODEL_SUFFIXES:
+            found[model] = None
+            continue
+        if not path.is_file():
+            raise SceneError(f"no model file {model}")
+        whole = list(map(str, _including(path)))
+        if whole or _is_model(path):
+            found |= dict.fromkeys(whole or [model])
+        else:
+            skipped.append(model)
+    return list(found), skipped
+
+
+def _is_model(path: Path) -> bool:
+    """Return whether the root of an XML file is a model's; broken XML is taken for one."""
+    try:
+        return parse(path).tag in _ROOTS
+    except SceneError:
+        return True
+
+
+def _including(part: Path) -> Iterator[Path]:
+    """Yield the models beside a file, or in the folder above, that include it."""
+    name = part.name.encode()
+    for folder in (part.parent, part.parent.parent):
+        for path in sorted(folder.glob("*.xml")):
+            data = path.read_bytes() if path.is_file() and path != part else b""
+            if b"<include" not in data or name not in data:
+                continue
+            try:
+                elements = parse(path).iter("include")
+                files = [FileSearch().included(one, path, path.parent).path for one in elements]
+            except SceneError:
+                continue
+            if part.resolve() in (file.resolve() for file in files):
+                yield from list(_including(path)) or [path]
+
+
+def _findings(model: str) -> Iterator[PlacedFinding]:
+    """Yield what the rules find in a model, by line."""
+    try:
+        source = find_scene(model)
+        with linted_model(source) as linted:
+            yield from sorted(_made(linted), key=lambda finding: (finding.file, finding.line))
+    except SceneError as error:
+        yield _unread(model, str(error))
+
+
+def _made(linted: LintedModel) -> Iterator[PlacedFinding]:
+    but = ignored(linted.source)
+    for rule in RULES.values():
+        if linted.compiled is not None or rule.of_refused:
+            for fault in rule.function(linted):
+                yield _finding(rule, fault, linted, but)
+    for fault in _unknown_rules(but):
+        yield _finding(_IGNORES, fault, linted, but)
+
+
+def _finding(rule: Rule, fault: Fault, linted: LintedModel, but: Ignored) -> PlacedFinding:
+    place = fault.place or linted.place_at(None)
+    accepted = but(rule.name, place)
+    remedy = [str(edit) for edit in fault.edits]
+    if len(remedy) > _MOST_EDITS:
+        remedy[_MOST_EDITS:] = [f"and {plural(len(remedy) - _MOST_EDITS, 'such line')} more"]
+    return PlacedFinding(
+        name=rule.name,
+        kind="lint",
+        level=rule.level,
+        outcome="noted" if accepted else OUTCOMES[rule.level],
+        verdict="unmet",
+        judged=1,
+        failing=1,
+        message=fault.message,
+        accepted=accepted,
+        file=shown_path(place.file),
+        line=place.line,
+        remedy=tuple(remedy),
+        docs=rule.docs,
+    )
+
+
+def _unknown_rules(but: Ignored) -> Iterator[Fault]:
+    """Yield comments that ignore what is no rule."""
+    for rule, at in but.rules.items():
+        if rule not in RULES:
+            yield Fault(f"no rule is called '{rule}', which is {at}")
+
+
+def _unread(model: str, error: str) -> PlacedFinding:
+    """Return the finding of files that cannot be read, at the line that the error names."""
+    place = _PLACED.match(error)
+    return PlacedFinding(
+        name=_UNREAD,
+        kind="lint",
+        level="gate",
+        outcome="failed",
+        verdict="unmet",
+        judged=1,
+        failing=1,
+        message="; ".join(line.strip() for line in error.splitlines()),
+        file=shown_path(Path(place["file"]).absolute()) if place else model.rstrip("/"),
+        line=int(place["line"]) if place else 1,
+        docs=f"{DOCS}#{_UNREAD}",
+    )
+
+
+def headline(report: LintReport) -> str:
+    """Return how much was found, in a sentence."""
+    counts = {word: len(report.open(word)) for word in ("error", "warning", "note")}
+    told = [plural(count, word) for word, count in counts.items() if count]
+    accepted = sum(finding.accepted is not None for finding in report.findings)
+    told += [f"{accepted} ignored"] if accepted else []
+    return f"{', '.join(told) or 'nothing found'} in {plural(len(report.models), 'model')}"
+
+
+def report_of(report: LintReport) -> Report:
+    """Return what is written of a report."""
+    return Report(
+        title="contactlab lint",
+        place=("lint",),
+        headline=headline(report),
+        passed=report.passed,
+        record=report,
+        facts=(("engine", f"mujoco {report.mujoco}"),),
+        findings=report.findings,
+        rules={rule.name: rule.about for rule in RULES.values()},
+    )
+
+
+def lint_lines(report: LintReport) -> Iterator[str]:
+    """Yield findings as compilers print them, the errors last, and how many there are."""
+    for word in ("note", "warning", "error"):
+        for finding in report.open(word):
+            yield f"{finding.file}:{finding.line}: {word}: {finding.message} [{finding.name}]"
+            yield from (f"    {line}" for line in finding.remedy)
+    yield headline(report)

@@ -1,0 +1,119 @@
+"""Rules of masses: inertias that no body has, and geoms for the eye that weigh."""
+
+from collections.abc import Iterable, Iterator
+
+import mujoco
+import numpy as np
+from mujoco._specs import MjsGeom
+
+from contactlab.scene.compile_model import InertiaFault
+from contactlab.studies.lint.inertia import IMPOSSIBLE, in_words, inertia_faults
+from contactlab.studies.lint.linted_model import Edit, Fault, LintedModel
+from contactlab.studies.lint.rules import rule
+
+_HEAVIER = 0.02  # share of a body's mass that matters
+_WATER = 1000.0  # density of what has none written [kg/m^3]
+
+
+def _faults(linted: LintedModel) -> list[InertiaFault]:
+    """Return the faults of a model, as written and as compiled, each once."""
+    compiled = () if linted.compiled is None else inertia_faults(linted.compiled)
+    return [*{(fault.body, fault.kind): fault for fault in (*linted.inertia, *compiled)}.values()]
+
+
+def _told(linted: LintedModel, faults: Iterable[InertiaFault]) -> Iterator[Fault]:
+    """Yield faults, those of one kind and limit together, at the first body."""
+    alike: dict[tuple[str, float], list[InertiaFault]] = {}
+    for fault in faults:
+        alike.setdefault((fault.kind, fault.limit), []).append(fault)
+    for same in alike.values():
+        (words,) = in_words(same)
+        yield Fault(words, linted.place("body", same[0].body))
+
+
+@rule("inertia-impossible", "gate", of_refused=True)
+def inertia_impossible(linted: LintedModel) -> Iterator[Fault]:
+    """A body that moves has no mass, or moments of inertia that no body has."""
+    for fault in _faults(linted):
+        if fault.kind in IMPOSSIBLE:
+            (words,) = in_words([fault])
+            yield Fault(words, linted.place("body", fault.body))
+
+
+@rule("density", "note")
+def density(linted: LintedModel) -> Iterator[Fault]:
+    """A body is lighter than foam, or denser than any metal."""
+    yield from _told(linted, (fault for fault in _faults(linted) if fault.kind == "density"))
+
+
+@rule("inertia-shape", "note")
+def inertia_shape(linted: LintedModel) -> Iterator[Fault]:
+    """A body's inertia or centre of mass does not fit the shape of its geoms."""
+    others = (*IMPOSSIBLE, "density")
+    yield from _told(linted, (fault for fault in _faults(linted) if fault.kind not in others))
+
+
+@rule("visual-mass", "warn")
+def visual_mass(linted: LintedModel) -> Iterator[Fault]:
+    """Meshes that nothing can touch add to the mass of a body that has other geoms."""
+    if linted.is_urdf or not (visual := _visual_geoms(linted)):
+        return
+    model, bare = linted.model, _without_mass(linted.spec, visual)
+    if bare is None or bare.nbody != model.nbody:
+        return
+    moving = model.body_dofnum[model.body_weldid] > 0
+    added = np.asarray(model.body_mass) - bare.body_mass
+    heavy = moving & (bare.body_mass > 0) & (added > _HEAVIER * bare.body_mass)
+    if not heavy.any():
+        return
+    geoms = [geom for geom in visual if heavy[int(model.geom(geom).bodyid[0])]]
+    worst = int(np.argmax(np.where(heavy, added, -np.inf)))
+    edits: dict[Edit, None] = {}
+    for geom in geoms:
+        edits |= dict.fromkeys(linted.set("geom", geom, mass="0"))
+    first = next((geom for geom in geoms if model.geom(geom).bodyid[0] == worst), geoms[0])
+    count = "a mesh" if len(geoms) == 1 else f"{len(geoms)} meshes"
+    whole = float(model.body_mass[worst])
+    yield Fault(
+        f"{added[heavy].sum():.3g} of {model.body_mass[moving].sum():.3g} kg that move are {count} "
+        f"that nothing can touch, at the density of water: most in body "
+        f"'{linted.name('body', worst)}', {added[worst]:.3g} of {whole:.3g} kg",
+        linted.place("geom", first),
+        tuple(edits),
+    )
+
+
+def _visual_geoms(linted: LintedModel) -> list[str]:
+    """Return the meshes without collisions whose mass nobody wrote, in inertias nobody wrote."""
+    spec = linted.spec
+    listed = {name for pair in spec.pairs for name in (pair.geomname1, pair.geomname2)}
+    always = spec.compiler.inertiafromgeom == mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE
+
+    def touches(geom: MjsGeom) -> bool:
+        return bool(geom.contype or geom.conaffinity or geom.name in listed)
+
+    def weighs(geom: MjsGeom) -> bool:
+        return geom.density > 0 if np.isnan(geom.mass) else geom.mass > 0
+
+    return [
+        geom.name
+        for body in spec.bodies[1:]
+        if always or not body.explicitinertial
+        if any(touches(geom) and weighs(geom) for geom in body.geoms)
+        for geom in body.geoms
+        if not touches(geom)
+        and geom.type == mujoco.mjtGeom.mjGEOM_MESH
+        and np.isnan(geom.mass)
+        and geom.density == _WATER
+    ]
+
+
+def _without_mass(spec: mujoco.MjSpec, geoms: Iterable[str]) -> mujoco.MjModel | None:
+    """Compile a copy in which some geoms weigh nothing; None if it does not."""
+    bare = spec.copy()
+    for name in geoms:
+        bare.geom(name).mass = 0
+    try:
+        return bare.compile()
+    except (ValueError, mujoco.FatalError):
+        return None

@@ -1,0 +1,178 @@
+"""Rules of shapes: geoms that overlap at a start, and hulls that fill what meshes leave open."""
+
+import xml.etree.ElementTree as ET
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import mujoco
+import numpy as np
+
+from contactlab.contact.trace_arrays import Floats
+from contactlab.scene.contact_pairs import half_extents
+from contactlab.schema.task import QPOS0
+from contactlab.studies.lint.inertia import hull_volume
+from contactlab.studies.lint.linted_model import Edit, Fault, LintedModel, Place
+from contactlab.studies.lint.rules import rule
+
+DEEP = 0.05
+"""Share of half the thinner geom's extent up to which an overlap is ordinary."""
+_MESH = int(mujoco.mjtGeom.mjGEOM_MESH)
+_NEAR = 2  # joints between two links that meet in one place, as in a wrist
+_FILLED = 1.5  # volume of a hull over that of its mesh, from which it is another shape
+
+
+class _Overlap(NamedTuple):
+    """Two bodies whose geoms overlap in a start."""
+
+    start: str
+    geoms: tuple[int, int]
+    depth: float  # [m]
+    share: float  # of half the thinner geom's extent
+
+
+def _overlaps(linted: LintedModel) -> dict[tuple[int, int], _Overlap]:
+    """Return the deepest overlap of each two bodies in any start."""
+    model, found = linted.model, dict[tuple[int, int], _Overlap]()
+    halves = half_extents(model)
+    for start, data in linted.starts.items():
+        for geoms, distance in zip(
+            data.contact.geom.tolist(), data.contact.dist.tolist(), strict=True
+        ):
+            if min(geoms) < 0:
+                continue
+            half = float(halves[geoms].min())
+            overlap = _Overlap(start, (geoms[0], geoms[1]), -distance, -distance / half)
+            low, high = sorted(int(model.geom_bodyid[geom]) for geom in geoms)
+            known = found.get((low, high))
+            if overlap.share > max(DEEP, known.share if known else 0.0):
+                found[low, high] = overlap
+    return found
+
+
+def _joined(linted: LintedModel, low: int, high: int) -> bool:
+    """Return whether two bodies are links of one chain, at most two joints apart.
+
+    The world is a link of a URDF alone, whose base is fixed to it.
+    """
+    model, ends = linted.model, {_link(linted.model, low), _link(linted.model, high)}
+    for start in ends:
+        link, others = start, ends - {start}
+        for _ in range(_NEAR):
+            if not link or _is_free(model, link):
+                break
+            link = _link(model, int(model.body_parentid[link]))
+            if link in others and (link or linted.is_urdf):
+                return True
+    return False
+
+
+def _link(model: mujoco.MjModel, body: int) -> int:
+    """Return the first body of those that are fixed to each other, but not of the world's."""
+    while model.body_parentid[body] and not model.body_jntnum[body]:
+        body = int(model.body_parentid[body])
+    return body
+
+
+def _is_free(model: mujoco.MjModel, body: int) -> bool:
+    joint = int(model.body_jntadr[body])
+    return joint >= 0 and model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_FREE
+
+
+def _words(linted: LintedModel, found: Sequence[_Overlap]) -> str:
+    """Return the deepest overlap in words, and how many more bodies overlap."""
+    worst = max(found, key=lambda overlap: overlap.share)
+    bodies = [linted.name("body", int(linted.model.geom_bodyid[geom])) for geom in worst.geoms]
+    geoms = " - ".join(linted.name("geom", geom) for geom in worst.geoms)
+    more = f"; {len(found) - 1} more pairs of bodies overlap" if len(found) > 1 else ""
+    return (
+        f"at {worst.start}, {bodies[0]} and {bodies[1]} overlap by {1e3 * worst.depth:.3g} mm "
+        f"({geoms}; {worst.share:.0%} of half the thinner){more}"
+    )
+
+
+def _place(linted: LintedModel, found: Sequence[_Overlap]) -> Place:
+    worst = max(found, key=lambda overlap: overlap.share)
+    return linted.place("body", max(int(linted.model.geom_bodyid[geom]) for geom in worst.geoms))
+
+
+@rule("parent-filter", "warn")
+def parent_filter(linted: LintedModel) -> Iterator[Fault]:
+    """Neighbouring links overlap in a start, and MuJoCo's filter of parents is not about them."""
+    model = linted.model
+    near = {pair: one for pair, one in _overlaps(linted).items() if _joined(linted, *pair)}
+    at_base = {pair: one for pair, one in near.items() if not all(model.body_weldid[[*pair]])}
+    others = {pair: one for pair, one in near.items() if pair not in at_base}
+    for found, why in (
+        (at_base, "one is fixed to the world, where that filter does not hold"),
+        (others, "the filter is of a link and its parent alone"),
+    ):
+        if found:
+            edits: list[Edit] = []
+            for pair in found:
+                contact = ET.Element("contact")
+                names = [linted.name("body", body) for body in pair]
+                ET.SubElement(contact, "exclude", body1=names[0], body2=names[1])
+                edits += linted.add(contact)
+            overlaps = list(found.values())
+            message = f"{_words(linted, overlaps)}; {why}"
+            yield Fault(message, _place(linted, overlaps), tuple(edits))
+
+
+def _apart(linted: LintedModel) -> list[_Overlap]:
+    """Return the overlaps of bodies that are not joined."""
+    found = _overlaps(linted).items()
+    return [overlap for pair, overlap in found if not _joined(linted, *pair)]
+
+
+@rule("overlap", "warn")
+def overlap_in_keyframe(linted: LintedModel) -> Iterator[Fault]:
+    """Bodies that are not joined overlap in a keyframe."""
+    if found := [overlap for overlap in _apart(linted) if overlap.start != QPOS0]:
+        message = f"{_words(linted, found)}; the first step throws them apart"
+        yield Fault(message, linted.place("key", found[0].start))
+
+
+@rule("overlap-qpos0", "note")
+def overlap_in_qpos0(linted: LintedModel) -> Iterator[Fault]:
+    """Bodies that are not joined overlap in the reference pose, and no keyframe is another."""
+    if found := [overlap for overlap in _apart(linted) if overlap.start == QPOS0]:
+        message = f"{_words(linted, found)}; start from a keyframe in which they do not"
+        yield Fault(message, _place(linted, found))
+
+
+@rule("hull-fills-mesh", "note")
+def hull_fills_mesh(linted: LintedModel) -> Iterator[Fault]:
+    """A mesh collides as its convex hull, which fills much that the mesh leaves open."""
+    model = linted.model
+    solid = (model.geom_type == _MESH) & ((model.geom_contype != 0) | (model.geom_conaffinity != 0))
+    ratios = dict[int, float]()
+    for mesh in np.unique(model.geom_dataid[solid]).tolist():
+        volume, hull = _closed_volume(model, mesh), hull_volume(_vertices(model, mesh))
+        if volume > 0 and hull > _FILLED * volume:
+            ratios[mesh] = hull / volume
+    if ratios:
+        worst = max(ratios, key=lambda mesh: ratios[mesh])
+        geom = int(np.flatnonzero(solid & (model.geom_dataid == worst))[0])
+        more = f", and {len(ratios) - 1} more" if len(ratios) > 1 else ""
+        yield Fault(
+            f"mesh '{model.mesh(worst).name}' collides as its convex hull, which has "
+            f"{ratios[worst]:.2g} times its volume{more}: cut it into convex parts if that matters",
+            linted.place("geom", geom),
+        )
+
+
+def _vertices(model: mujoco.MjModel, mesh: int) -> Floats:
+    first = int(model.mesh_vertadr[mesh])
+    return np.array(model.mesh_vert[first : first + int(model.mesh_vertnum[mesh])], np.float64)
+
+
+def _closed_volume(model: mujoco.MjModel, mesh: int) -> float:
+    """Return the volume within a mesh [m^3]; 0 if it is not closed."""
+    first = int(model.mesh_faceadr[mesh])
+    faces = np.array(model.mesh_face[first : first + int(model.mesh_facenum[mesh])])
+    edges = np.concatenate([faces[:, pair] for pair in ([0, 1], [1, 2], [2, 0])])
+    codes = edges.min(axis=1) * (int(faces.max()) + 1) + edges.max(axis=1)
+    if np.any(np.unique(codes, return_counts=True)[1] != 2):
+        return 0.0
+    corners = _vertices(model, mesh)[faces]
+    return float(np.einsum("ij,ij->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6)

@@ -1,0 +1,168 @@
+"""Rules of starts: poses and controls outside of ranges, and angles in the wrong unit."""
+
+import math
+import xml.etree.ElementTree as ET
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import mujoco
+import numpy as np
+
+from contactlab.contact.trace_arrays import Floats
+from contactlab.scene.keyframes import start_data
+from contactlab.scene.model_draft import mjcf_text
+from contactlab.scene.task import keyframe_names
+from contactlab.schema.task import QPOS0
+from contactlab.studies.lint.linted_model import Fault, LintedModel
+from contactlab.studies.lint.rules import rule
+
+# Limits are soft: what rests against one lies a little beyond it.
+_SOFT = 0.01  # of the range
+_ROUNDING = 1e-6  # of the range
+_NARROW = math.radians(15)  # ranges that joints of robots rarely have
+_WIDE = 8 * math.pi  # four turns
+_TURN = 2 * math.pi * (1 + 1e-3)  # as people round it
+_FEW = 2  # joints from which most of them mean something
+_JOINT = mujoco.mjtJoint
+
+
+class _Beyond(NamedTuple):
+    """A number outside of its range, and its place among those of its kind."""
+
+    name: str
+    value: float
+    low: float
+    high: float
+    place: int
+
+    @property
+    def nearest(self) -> float:
+        """The end of the range that it passed."""
+        return self.low if self.value < self.low else self.high
+
+    def __str__(self) -> str:
+        return f"{self.name} at {self.value:.4g}, outside of {self.low:.4g} to {self.high:.4g}"
+
+
+def _out_of_joints(model: mujoco.MjModel, qpos: Floats) -> Iterator[_Beyond]:
+    """Yield the slides and hinges that a pose (nq,) puts beyond their ranges."""
+    scalar = np.isin(model.jnt_type, (int(_JOINT.mjJNT_SLIDE), int(_JOINT.mjJNT_HINGE)))
+    for joint in np.flatnonzero(scalar & (model.jnt_limited != 0)).tolist():
+        low, high = model.jnt_range[joint].tolist()
+        place = int(model.jnt_qposadr[joint])
+        value, slack = float(qpos[place]), _SOFT * (high - low)
+        if not low - slack <= value <= high + slack:
+            yield _Beyond(f"joint '{model.joint(joint).name}'", value, low, high, place)
+
+
+def _out_of_controls(model: mujoco.MjModel, controls: Floats) -> Iterator[_Beyond]:
+    if model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL or model.nu != len(
+        model.actuator_ctrllimited
+    ):
+        return
+    for place in np.flatnonzero(model.actuator_ctrllimited).tolist():
+        low, high = model.actuator_ctrlrange[place].tolist()
+        value, slack = float(controls[place]), _ROUNDING * (high - low)
+        if not low - slack <= value <= high + slack:
+            name = f"actuator '{model.actuator(place).name}'"
+            yield _Beyond(name, value, low, high, place)
+
+
+def _listed(found: list[_Beyond]) -> str:
+    more = f"; and {len(found) - 1} more" if len(found) > 1 else ""
+    return f"{found[0]}{more}"
+
+
+def _nearest(values: Floats, found: list[_Beyond]) -> str:
+    """Return values with each of those found at the end of its range, as MJCF has them."""
+    inside = np.array(values)
+    for one in found:
+        inside[one.place] = one.nearest
+    return mjcf_text(inside.tolist())
+
+
+@rule("keyframe-range", "gate")
+def keyframe_range(linted: LintedModel) -> Iterator[Fault]:
+    """A keyframe puts joints outside of their ranges."""
+    model = linted.model
+    for name in keyframe_names(model):
+        qpos = start_data(model, name).qpos
+        if found := list(_out_of_joints(model, qpos)):
+            edits = linted.set("key", name, qpos=_nearest(qpos, found))
+            message = f"keyframe '{name}' has {_listed(found)}; the limits push it back at once"
+            yield Fault(message, linted.place("key", name), edits)
+    reserved = model.nkey - len(keyframe_names(model))
+    if reserved and (found := list(_out_of_joints(model, model.qpos0))):
+        count = f"{reserved} keyframes are" if reserved > 1 else "a keyframe is"
+        message = f"{count} reserved by nkey, at {QPOS0}, which has {_listed(found)}"
+        yield Fault(message, linted.place_of("size"), linted.set_in("size", nkey="0"))
+
+
+@rule("keyframe-control", "warn")
+def keyframe_control(linted: LintedModel) -> Iterator[Fault]:
+    """A keyframe has controls outside of their ranges, which are clamped."""
+    model = linted.model
+    for name in keyframe_names(model):
+        controls = start_data(model, name).ctrl
+        if found := list(_out_of_controls(model, controls)):
+            edits = linted.set("key", name, ctrl=_nearest(controls, found))
+            message = f"keyframe '{name}' has {_listed(found)}; what acts is clamped"
+            yield Fault(message, linted.place("key", name), edits)
+
+
+@rule("qpos0-range", "note")
+def qpos0_range(linted: LintedModel) -> Iterator[Fault]:
+    """The reference pose is outside of joints' ranges, and no keyframe gives another start."""
+    model = linted.model
+    found = [] if keyframe_names(model) else list(_out_of_joints(model, model.qpos0))
+    if found:
+        joint = int(np.searchsorted(model.jnt_qposadr, found[0].place, "right")) - 1
+        frames = ET.Element("keyframe")
+        ET.SubElement(frames, "key", name="start", qpos=_nearest(model.qpos0, found))
+        message = f"{QPOS0} has {_listed(found)}; start from a keyframe, or set `ref`"
+        yield Fault(message, linted.place("joint", joint), linted.add(frames))
+
+
+def _hinges(linted: LintedModel) -> list[int]:
+    """Return the limited hinges."""
+    model = linted.model
+    hinges = (model.jnt_type == int(_JOINT.mjJNT_HINGE)) & (model.jnt_limited != 0)
+    return np.flatnonzero(hinges).tolist()
+
+
+@rule("radians-as-degrees", "warn")
+def radians_as_degrees(linted: LintedModel) -> Iterator[Fault]:
+    """Ranges of joints are in radians, where the compiler reads degrees."""
+    hinges, model = _hinges(linted), linted.model
+    if linted.is_urdf or not linted.spec.compiler.degree or len(hinges) < _FEW:
+        return
+    narrow = [joint for joint in hinges if np.ptp(model.jnt_range[joint]) < _NARROW]
+    written = np.rad2deg(model.jnt_range[narrow])
+    if 2 * len(narrow) > len(hinges) and np.abs(written).max() <= _TURN:
+        first = linted.name("joint", narrow[0])
+        low, high = written[0].tolist()
+        yield Fault(
+            f"{len(narrow)} of {len(hinges)} hinges turn by less than 15 degrees, as joint "
+            f"'{first}' from {low:.4g} to {high:.4g} degrees: these numbers are radians",
+            linted.place("joint", narrow[0]),
+            linted.set_in("compiler", angle="radian"),
+        )
+
+
+@rule("degrees-as-radians", "warn")
+def degrees_as_radians(linted: LintedModel) -> Iterator[Fault]:
+    """Ranges of joints are in degrees, where the compiler reads radians."""
+    hinges, model = _hinges(linted), linted.model
+    if len(hinges) < _FEW or (linted.spec.compiler.degree and not linted.is_urdf):
+        return
+    wide = [joint for joint in hinges if np.ptp(model.jnt_range[joint]) > _WIDE]
+    if 2 * len(wide) > len(hinges) and np.abs(model.jnt_range[wide]).max() <= 360:
+        first = linted.name("joint", wide[0])
+        low, high = model.jnt_range[wide[0]].tolist()
+        unit = "URDF has radians" if linted.is_urdf else "the compiler reads radians"
+        yield Fault(
+            f"{len(wide)} of {len(hinges)} hinges turn by more than four turns, as joint '{first}' "
+            f"from {low:.4g} to {high:.4g} rad: these numbers are degrees, and {unit}",
+            linted.place("joint", wide[0]),
+            linted.set_in("compiler", angle="degree"),
+        )

@@ -1,0 +1,67 @@
+"""A report as SARIF 2.1.0, which code scanning and editors read.
+
+Source: the OASIS standard "Static Analysis Results Interchange Format (SARIF) Version 2.1.0".
+"""
+
+import json
+from collections.abc import Iterator, Mapping
+from importlib.metadata import version
+from pathlib import Path
+from urllib.parse import quote
+
+from contactlab.printable import visible
+from contactlab.schema.finding import SEVERITIES, Finding, PlacedFinding
+from contactlab.writers.report import Report
+
+_SCHEMA = "https://json.schemastore.org/sarif-2.1.0.json"
+_NOT_SHOWN = ("passed", "skipped")
+Node = dict[str, object]
+
+
+def as_sarif(report: Report) -> str:
+    """Return a report as SARIF: a result for each finding, those that are accepted suppressed."""
+    findings = [finding for finding in report.findings if finding.outcome not in _NOT_SHOWN]
+    rules = {finding.name: _rule(finding, report.rules) for finding in findings}
+    places = {name: place for place, name in enumerate(rules)}
+    driver = {"name": "contactlab", "version": version("contactlab"), "rules": [*rules.values()]}
+    results = [_result(finding, places[finding.name]) for finding in findings]
+    run = {"tool": {"driver": driver}, "columnKind": "unicodeCodePoints", "results": results}
+    log = {"$schema": _SCHEMA, "version": "2.1.0", "runs": [run]}
+    return json.dumps(log, indent=2, ensure_ascii=False) + "\n"
+
+
+def _rule(finding: Finding, rules: Mapping[str, str]) -> Node:
+    about = rules.get(finding.name, finding.name)
+    rule: Node = {"id": finding.name, "shortDescription": {"text": visible(about)}}
+    if isinstance(finding, PlacedFinding) and finding.docs:
+        rule["help"] = {"text": finding.docs}
+    return {**rule, "defaultConfiguration": {"level": SEVERITIES[finding.level]}}
+
+
+def _result(finding: Finding, rule: int) -> Node:
+    result: Node = {
+        "ruleId": finding.name,
+        "ruleIndex": rule,
+        "level": SEVERITIES[finding.level],
+        "message": {"text": visible("\n".join(_texts(finding)))},
+    }
+    if isinstance(finding, PlacedFinding):
+        place = {
+            "artifactLocation": {"uri": _address(finding.file)},
+            "region": {"startLine": finding.line},
+        }
+        result["locations"] = [{"physicalLocation": place}]
+    if finding.accepted is not None:
+        told = {"kind": "inSource", "justification": visible(finding.accepted)}
+        result["suppressions"] = [told]
+    return result
+
+
+def _texts(finding: Finding) -> Iterator[str]:
+    yield finding.message
+    if isinstance(finding, PlacedFinding):
+        yield from finding.remedy
+
+
+def _address(file: str) -> str:
+    return Path(file).as_uri() if Path(file).is_absolute() else quote(Path(file).as_posix())

@@ -1,0 +1,99 @@
+"""Draws the pictures of docs/budget.md, and prints its tables.
+
+Run: python -m docs.budget_pictures [FOLDER]
+
+FOLDER has gymnasium's models (gymnasium/envs/mujoco/assets), of which the ant is one; without one,
+what is installed is used. The other two are shipped scenes.
+"""
+
+import sys
+from pathlib import Path
+
+import altair as alt
+import mujoco
+from bench.budget import assets, driven_by_sines
+
+from contactlab.budget import (
+    ErrorBudget,
+    budget_lines,
+    budget_report,
+    error_budget,
+    judge,
+    motion_of_run,
+)
+from contactlab.charts import Rows, haloed, layer_of, save_figure, word_colours
+from contactlab.engines import PreparedRuns
+from contactlab.palette import COLOURS, INK
+from contactlab.run.sweep_request import SceneLoader
+from contactlab.schema.error_budget import BudgetRow
+
+_FOLDER = Path(__file__).parent
+_KINDS = "numerics", "model", "effect", "unknown"
+_LEAST, _MOST = 1e-3, 30.0  # shares that the axis shows
+_WIDTH, _STEP, _NAMES = 380, 18, 110  # pixels
+
+
+def main() -> None:
+    """Draw all three."""
+    ant = mujoco.MjModel.from_xml_path(str(assets() / "ant.xml"))
+    budget = error_budget([driven_by_sines(ant, 2.0, 3)])
+    draw(budget, "budget-ant.svg", "An ant that tumbles (RK4 at 10 ms)")
+    draw(of_scene("gripping_pad", {}), "budget-grip.svg", "A grip that creeps")
+    draw(of_scene("box_stack", {"boxes": 5}), "budget-stack.svg", "A stack of five boxes")
+
+
+def of_scene(name: str, values: dict[str, int]) -> ErrorBudget:
+    """Return the budget of a shipped scene with settings."""
+    scene = SceneLoader(Path()).open(name).with_effects("all")
+    runs = PreparedRuns.of(scene, scene.resolve(values, 0, None))
+    return error_budget([motion_of_run(runs.models[0], runs.starts, 0, runs.steps)])
+
+
+def draw(budget: ErrorBudget, file: str, title: str) -> None:
+    """Write the picture of a budget's first phase."""
+    verdict = judge(budget)
+    phase = budget_report(budget, verdict).phases[0]
+    shown = [phase.run, *(row for row in phase.rows if row.exercised and (row.share or 0) > _LEAST)]
+    rows = [bar_of(row) for row in sorted(shown, key=lambda row: _KINDS.index(row.kind))]
+    subtitle = f"{verdict.word} within 10 % (dashed); phantom forces over real ones, worst body"
+    chart = chart_of(rows).properties(title=alt.Title(title, subtitle=subtitle))
+    save_figure(chart, _FOLDER / file)
+    sys.stdout.write("\n".join([*budget_lines(budget, verdict), "", ""]))
+
+
+def bar_of(row: BudgetRow) -> dict[str, object]:
+    """Return a row as a bar: its share, its least and largest seed, and where it is largest."""
+    share = row.share or 0.0
+    low, high = row.seeds or (share, share)
+    return {
+        "row": "the run" if row.name == "run" else row.name,
+        "kind": row.kind,
+        "from": _LEAST,
+        "share": min(share, _MOST),
+        "low": max(low, _LEAST),
+        "high": min(high, _MOST),
+        "body": row.body,
+    }
+
+
+def chart_of(rows: Rows) -> alt.LayerChart | alt.FacetChart:
+    """Return bars over a logarithmic axis, with seeds as whiskers and the tolerance as a line."""
+    names = [row["row"] for row in rows]
+    across = alt.Y("row:N").sort(names).title(None).axis(minExtent=_NAMES)
+    axis = alt.Axis(format="%", values=[1e-3, 1e-2, 0.1, 1, 10], title="share")
+    along = alt.X("from:Q").scale(type="log", domain=[_LEAST, _MOST]).axis(axis)
+    base = layer_of("rows", rows).encode(y=across)
+    colour = word_colours("kind", _KINDS, COLOURS[: len(_KINDS)])
+    bars = base.mark_bar(height=_STEP - 6).encode(x=along, x2="share:Q", color=colour)
+    seeds = base.mark_rule(color=INK).encode(x=alt.X("low:Q"), x2="high:Q")
+    bodies = base.encode(x="high:Q", text="body:N")
+    texts = haloed(bodies, align="left", dx=5, fontSize=10)
+    line = layer_of("tolerance", [{"share": 0.1}]).mark_rule(color=INK, strokeDash=[4, 3])
+    tolerance = line.encode(x="share:Q")
+    return alt.layer(bars, tolerance, seeds, *texts).properties(
+        width=_WIDTH, height=alt.Step(_STEP)
+    )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,72 @@
+"""Shares of good outcomes: worse only where the interval of the difference says so."""
+
+from collections.abc import Callable
+from itertools import count
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from contactlab.comparison.compare_stores import compare
+from contactlab.schema.comparison import ComparePolicy
+from contactlab.schema.finding import Finding
+from contactlab.shares import paired_difference
+
+Runs = Callable[..., Any]
+Stored = Callable[..., Path]
+CASES = 60
+
+
+@pytest.fixture
+def outcome(many: Runs, stored: Stored) -> Callable[..., Finding | None]:
+    """Return what is found if some of 60 cases fail in one store, and others in the other."""
+    numbers = count()
+
+    def compared(before: range, after: range, **rules: Any) -> Finding | None:
+        def written(failing: range) -> Path:
+            given = many(CASES)
+            for case in failing:
+                given.label(case, "chatter")
+            return stored(f"store {next(numbers)}", given)
+
+        policy = ComparePolicy.model_validate({"version": 1, "outcomes": rules})
+        report = compare(written(before), written(after), policy)
+        return next((each for each in report.findings if each.kind == "outcomes"), None)
+
+    return compared
+
+
+@pytest.mark.parametrize(
+    ("after", "tolerance", "verdict"),
+    [
+        (range(24), 0.0, "worse"),  # 12 more fail, and none less: -.2, -.32 to -.12
+        (range(24), 0.1, "worse"),
+        (range(24), 0.15, "same"),
+        (range(14), 0.0, "same"),  # 2 more: not distinguishable
+        (range(2), 0.0, "better"),
+        (range(10, 24), 0.0, "same"),  # 12 lost, 10 gained
+    ],
+)
+def test_a_gate_fails_only_if_the_interval_excludes_what_is_tolerated(
+    outcome: Callable[..., Finding], after: range, tolerance: float, verdict: str
+) -> None:
+    found = outcome(range(12), after, good="stable", tolerance=tolerance)
+    assert found.verdict == verdict
+    assert (found.outcome == "failed") == (verdict == "worse")
+    gained, lost = len({*range(12)} - {*after}), len({*after} - {*range(12)})
+    low, high = paired_difference(gained, lost, CASES)
+    assert (high < -tolerance, low > 0) == (verdict == "worse", verdict == "better")
+    assert f"{CASES - len(after)} of {CASES}, 48 in the baseline" in found.message
+
+
+def test_how_many_more_would_tell(outcome: Callable[..., Finding]) -> None:
+    found = outcome(range(12), range(10, 24), good="stable")
+    assert "not distinguishable; about " in found.message
+    assert "pairs would tell" in found.message
+    same = outcome(range(12), range(12), good="stable")
+    assert same.message.count("not distinguishable") == 1
+    assert "would tell" not in same.message
+
+
+def test_runs_that_call_nothing_a_success_are_not_counted(outcome: Callable[..., None]) -> None:
+    assert outcome(range(12), range(24)) is None

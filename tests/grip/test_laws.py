@@ -1,0 +1,253 @@
+"""Laws of grips: Coulomb's limit, creep of regularised friction, mirrors, units, limits."""
+
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from tests.grip.grippers import claw, claw_with_bar
+
+import contactlab
+from contactlab.errors import SceneError, SweepFileError
+from contactlab.schema.grip import GripReport
+from contactlab.studies.grip.gripped_object import read_object
+from contactlab.studies.grip.gripping import GripRequest, run
+from contactlab.studies.grip.holding import trend_of
+from contactlab.studies.grip.remedies import Grip
+from contactlab.studies.grip.rollouts import contacts_of, placed
+
+BOX = "box:50x40x40mm,.1kg"
+GRAVITY = 9.81
+
+
+def saved(folder: Path, text: str, name: str = "claw.xml") -> str:
+    path = folder / name
+    path.write_text(text, encoding="utf-8")
+    return str(path)
+
+
+def judged(folder: Path, text: str, **asked: object) -> tuple[GripReport, Grip]:
+    """Return a report, and the grip that it is of."""
+    grips = list[Grip]()
+    asked = {"remedies": False, **asked}
+    request = GripRequest(saved(folder, text), film=grips.append, **asked)  # pyright: ignore[reportArgumentType]
+    return run(request), grips[0]
+
+
+def fast(report: GripReport, name: str) -> float:
+    (found,) = (drift for drift in report.drifts if drift.name == name)
+    assert found.speed is not None
+    return found.speed
+
+
+@pytest.mark.parametrize("friction", ["0.3", "0.7"])
+def test_a_pull_wins_at_coulombs_limit(tmp_path: Path, friction: str) -> None:
+    """Two pads that press with F hold 2 mu F: 20 N of the motors, whose slides have no friction.
+
+    Friction mixes by the maximum, and the object has 1: it is given as a body, with the pads' own.
+    Pulls differ by 5 % of that, and what slides is borne by as much at most: the tolerance.
+    """
+    text = claw_with_bar(20, 0.1, cone="elliptic", impratio="10", friction=friction)
+    report, _ = judged(tmp_path, text, held="bar")
+    assert [each.force for each in report.fingers] == pytest.approx([20, 20], rel=1e-3)
+    assert report.pull.force == pytest.approx(2 * float(friction) * 20, rel=0.05)
+    assert report.pull.weights == pytest.approx(report.pull.force / (0.1 * GRAVITY))
+
+
+@pytest.mark.parametrize(("impratio", "solref"), [("1", ".02 1"), ("5", ".02 1"), ("1", ".01 1")])
+def test_creep_is_that_of_regularised_friction(tmp_path: Path, impratio: str, solref: str) -> None:
+    """An elliptic contact at rest bears f = b v / R, so that it creeps at v = f R / b.
+
+    Its reference acceleration in the plane is -b v, b = 2 / (dmax timeconst); regularisation is
+    R = (1 - d) / d A / impratio, d the impedance at its depth, A the sum of both bodies' inverse
+    weights in translation. N alike contacts share the weight, f = m g / N. What is left out is
+    what depth differs by from contact to contact: 5 %.
+    """
+    text = claw_with_bar(20, 0.1, cone="elliptic", impratio=impratio, solref=solref)
+    report, grip = judged(tmp_path, text, held="bar")
+    model = grip.rig.model
+    found = contacts_of(model, placed(model, grip.held.row), grip.rig.body)
+    depth = float(np.mean([contact.depth for contact in found]))
+    # solimp of MuJoCo: from .9 to .95 within a millimetre, by a quadratic on either side of half.
+    way = min(depth / 1e-3, 1.0)
+    share = 2 * way**2 if way < 0.5 else 1 - 2 * (1 - way) ** 2
+    impedance = 0.9 + share * 0.05
+    weights = model.body_invweight0[:, 0]
+    bodies = model.geom_bodyid[[contact.geom for contact in found]]
+    inverse = float(np.mean(weights[bodies])) + weights[grip.rig.body]
+    damping = 2 / (0.95 * float(solref.split(maxsplit=1)[0]))
+    regular = (1 - impedance) / impedance * inverse / float(impratio)
+    expected = 0.1 * GRAVITY / len(found) * regular / damping
+    assert fast(report, "out of the hand") == pytest.approx(expected, rel=0.05)
+    assert report.drifts[1].trend == "steady"
+
+
+@pytest.mark.long
+def test_no_step_cures_creep_and_impratio_does(tmp_path: Path) -> None:
+    """Regularised friction is the model's: a quarter of the step creeps as fast, within 2 %."""
+    base = claw(cone="elliptic")
+    coarse, _ = judged(tmp_path, base, held=BOX, remedies=True)
+    fine, _ = judged(tmp_path, base.replace('"0.002"', '"0.0005"'), held=BOX)
+    stiff, _ = judged(tmp_path, claw(cone="elliptic", impratio="10"), held=BOX)
+    speed = fast(coarse, "out of the hand")
+    assert fast(fine, "out of the hand") == pytest.approx(speed, rel=0.02)
+    assert fast(stiff, "out of the hand") == pytest.approx(speed / 10, rel=0.05)
+    assert coarse.causes[0].kind == "regularised friction"
+
+
+def test_a_mirrored_gripper_is_the_same(tmp_path: Path) -> None:
+    """Sides, names, the sense of a slide's axis and the base's pose change nothing.
+
+    Contacts are found in another order and frame: numbers agree to 2 %, that of a solver's stop.
+    """
+    one, _ = judged(tmp_path, claw(), held=BOX)
+    other, _ = judged(
+        tmp_path,
+        claw(left="q", right="p", base="z", quat="0 0 0 1", way="1"),
+        held=BOX,
+    )
+    assert other.verdict == one.verdict
+    assert other.opening == pytest.approx(one.opening, rel=1e-3)
+    assert other.fingers[0].force == pytest.approx(one.fingers[0].force, rel=0.02)
+    assert fast(other, "out of the hand") == pytest.approx(fast(one, "out of the hand"), rel=0.02)
+    # The slide that points the other way closes at the other end.
+    signs = {each.name: np.sign(each.closed) for each in other.controls}
+    assert signs["a"] == -signs["b"]
+
+
+@pytest.mark.parametrize(
+    ("one", "other"),
+    [
+        ("box:50x40x40mm,.1kg", "box:5x4x4cm,100g"),
+        ("cylinder:30x60mm,.2kg", "cylinder:.03x.06m,200g"),
+        ("box:30x40x40mm", "box:3x4x4cm,100g"),
+    ],
+)
+def test_units_of_an_object(one: str, other: str) -> None:
+    first, second = read_object(one), read_object(other)
+    assert first.size == pytest.approx(second.size, rel=1e-12)
+    assert first.mass == pytest.approx(second.mass, rel=1e-12)
+    assert first.words == second.words
+
+
+def test_actuators_are_held_against_their_limits(tmp_path: Path) -> None:
+    text = claw().replace('ctrlrange="-20 20"', 'ctrlrange="-20 20" forcerange="-12 12"')
+    report, _ = judged(tmp_path, text, held=BOX)
+    assert {each.limit for each in report.controls} == {12.0}
+    assert [each.force for each in report.fingers] == pytest.approx([12, 12], rel=1e-3)
+
+
+def test_a_squeeze_is_found_or_refused(tmp_path: Path) -> None:
+    report, _ = judged(tmp_path, claw(most="12"), held=BOX, squeeze=5.0)
+    # To within the hundredth that a squeeze is sought to.
+    assert [each.force for each in report.fingers] == pytest.approx([5, 5], rel=0.011)
+    with pytest.raises(SweepFileError, match="the actuators give 12 N"):
+        judged(tmp_path, claw(most="12"), held=BOX, squeeze=13.0)
+
+
+def test_too_weak_a_squeeze_drops(tmp_path: Path) -> None:
+    """2 mu F = 2 N holds no 3 N, but the motors have 20 N."""
+    text = claw_with_bar(1, 0.3, cone="elliptic", impratio="100")
+    report, _ = judged(tmp_path, text, keyframe="held", remedies=True)
+    assert report.verdict == "drops"
+    assert report.causes[0].kind == "weak squeeze"
+    assert report.pull.weights < 1
+
+
+def test_remedies_of_a_keyframe_rank_and_hold_in_plain_mujoco(tmp_path: Path) -> None:
+    """What is said to hold does: from the keyframe, four seconds of mj_step, at the speed told."""
+    report, grip = judged(tmp_path, claw_with_bar(8, 0.1), keyframe="held", remedies=True)
+    names = [each.name for each in report.remedies]
+    first, friction = report.remedies[0], names.index("twice the pads' friction")
+    assert report.verdict == "creeps"
+    assert first.name.startswith(("elliptic", "noslip"))
+    assert all(names.index(name) < friction for name in names if name.startswith("elliptic"))
+    assert report.remedies[friction].worse
+    for each in report.remedies:
+        if each.verdict == "holds":
+            assert each.lines
+            model = grip.rig.model.__copy__()
+            model.opt.cone = int(each.options.get("cone", "pyramidal") == "elliptic")
+            model.opt.impratio = float(str(each.options.get("impratio", 1)))
+            model.opt.noslip_iterations = int(str(each.options.get("noslip_iterations", 0)))
+            assert plain_speed(model) < report.within
+    own = plain_speed(grip.rig.model)
+    assert own == pytest.approx(fast(report, "as it is"), rel=0.1)
+
+
+def plain_speed(model: mujoco.MjModel) -> float:
+    """Return how fast a bar goes in the last two of four seconds from its keyframe [m/s]."""
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, model.key("held").id)
+    steps = round(2 / model.opt.timestep)
+    for _ in range(steps):
+        mujoco.mj_step(model, data)
+    before = data.body("bar").xipos.copy()
+    for _ in range(steps):
+        mujoco.mj_step(model, data)
+    return float(np.linalg.norm(data.body("bar").xipos - before)) / 2
+
+
+def test_the_bench_is_plain_mujoco(tmp_path: Path) -> None:
+    """Loads on every body are gravity: a loop of mj_step under it goes the same way."""
+    report, grip = judged(tmp_path, claw(), held=BOX)
+    model = grip.rig.model.__copy__()
+    name = "out of the hand"
+    model.opt.gravity[:] = GRAVITY * grip.ways()[name]
+    data = mujoco.MjData(model)
+    state = int(mujoco.mjtState.mjSTATE_INTEGRATION)
+    mujoco.mj_setState(model, data, grip.held.row, state)
+    steps = round(1 / model.opt.timestep)
+    places = list[np.ndarray]()
+    for _ in range(2):
+        for _ in range(steps):
+            mujoco.mj_step(model, data)
+        places.append(data.xipos[grip.rig.body].copy())
+    speed = float(np.linalg.norm(places[1] - places[0]))
+    # Of the second second; the report's is that of its last half.
+    assert speed == pytest.approx(fast(report, name), rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("speeds", "trend"),
+    [
+        ([9, 1, 1, 1], "steady"),
+        ([9, 1, 0.8, 0.6], "fading"),
+        ([0, 1, 1.3, 1.7], "growing"),
+        ([9, 1, 3, 0.1], "uneven"),
+        ([9, 1, 1, 0], "still"),
+    ],
+)
+def test_trends(speeds: list[float], trend: str) -> None:
+    assert trend_of(1e-3 * np.array(speeds, float))[0] == trend
+
+
+@pytest.mark.parametrize(
+    ("text", "asked", "said"),
+    [
+        (claw().split("<actuator>", maxsplit=1)[0] + "</mujoco>", {}, "no actuators"),
+        (claw(), {"held": "box:30mm"}, "write box:30x40x40mm"),
+        (claw(), {"held": "box:200x40x40mm"}, "200 mm wide"),
+        (claw(), {"held": "mug"}, "no body 'mug'"),
+        (claw(), {"keyframe": "held"}, "no keyframe 'held'"),
+        (claw(), {"base": "claws"}, "claws"),
+        (claw(), {"base": "left"}, "no actuator moves two bodies"),
+        (claw_with_bar(0, 0.1), {"keyframe": "held"}, "held"),
+    ],
+)
+def test_what_cannot_be_measured_is_refused(
+    tmp_path: Path, text: str, asked: dict[str, object], said: str
+) -> None:
+    with pytest.raises(SceneError, match=said):
+        judged(tmp_path, text, **asked)
+
+
+def test_python_and_words_agree(tmp_path: Path) -> None:
+    path = saved(tmp_path, claw(cone="elliptic", impratio="100"))
+    report = contactlab.grip(path, object=BOX)
+    assert report.holds
+    assert report.sentence.startswith("holds a box of 50x40x40 mm")
+    with pytest.raises(SweepFileError, match="above 0"):
+        contactlab.grip(path, within=0.0)
+    with pytest.raises(SweepFileError, match="write a speed"):
+        contactlab.grip(path, within="1mm")

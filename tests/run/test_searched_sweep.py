@@ -1,0 +1,130 @@
+"""A search finds the worst run of a grid by a part of its runs."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import contactlab
+from contactlab.errors import SweepFileError
+from contactlab.plan.search import coordinates, next_trials
+from contactlab.reporting.found_worst import worst_lines
+from contactlab.run.recomputed_runs import recomputed_problems
+from contactlab.schema.sweep_schema import Sweep
+from contactlab.store.finished_store import Store
+from contactlab.store.verify_store import verify
+
+SIDE = 25
+GRID = np.stack(np.meshgrid(*[np.linspace(0, 1, SIDE)] * 2, indexing="ij"), axis=-1).reshape(-1, 2)
+WHOLE: dict[str, Any] = {
+    "version": 1,
+    "scene": "ball_drop",
+    "duration": 0.3,
+    "axes": {
+        "drop_height": {"linspace": [0.05, 0.3, 9]},
+        "solref.timeconst": {"logspace": [0.005, 0.02, 9]},
+    },
+    "trace": "none",
+    "checks": "none",
+    "effects": "all",
+}
+
+
+def found(values: np.ndarray, most: int, batch: int = 0) -> dict[int, float | None]:
+    """Return what is measured in the end, of trials that finish `batch` at a time."""
+    measured = dict[int, float | None]()
+    while trials := next_trials(GRID, measured, -1.0, most):
+        assert not measured.keys() & set(trials)
+        for trial in trials[: batch or None]:
+            measured[trial] = float(values[trial])
+    return measured
+
+
+@settings(max_examples=15)
+@given(centre=st.tuples(st.floats(0, 1), st.floats(0, 1)), width=st.floats(0.15, 1))
+def test_a_peak_is_found_within_100_trials(centre: tuple[float, float], width: float) -> None:
+    """To 5 % of its height: one point of the plane has that, or its neighbours do.
+
+    A Gaussian falls by 5 % within .23 of its width, .034 at least, and points are 1/24 apart, so
+    that the nearest is at most .030 away.
+    """
+    values = np.exp(-((GRID - np.array(centre)) ** 2).sum(axis=1) / width**2)
+    measured = found(values, 100)
+    assert len(measured) <= 100
+    assert max(value for value in measured.values() if value is not None) >= 0.95 * values.max()
+
+
+def test_neither_interruption_nor_order_changes_the_trials() -> None:
+    values = np.sin(7 * GRID).sum(axis=1)
+    at_once = found(values, 60)
+    assert found(values, 60, batch=1).keys() == at_once.keys()
+    assert len(at_once) == 60
+
+
+def test_what_cannot_be_measured_is_no_worst() -> None:
+    measured = dict[int, float | None]()
+    while trials := next_trials(GRID, measured, 1.0, 40):
+        measured |= {trial: None if GRID[trial, 0] > 0.5 else GRID[trial, 0] for trial in trials}
+    assert len(measured) == 40
+    assert min(value for value in measured.values() if value is not None) < 0.05
+
+
+def test_coordinates_span_an_axis() -> None:
+    sweep = Sweep.model_validate(
+        {
+            "version": 1,
+            "scene": "?",
+            "axes": {
+                "a": {"linspace": [2, 4, 5]},
+                "b": {"uniform": [1, 3]},
+                "c": {"loguniform": [1, 100]},
+                "d": [3, 7, 9],
+            },
+        }
+    )
+    cases = {"a": (2, 3.5, 4), "b": (1, 2.5, 3), "c": (1, 10**1.5, 100)}
+    for name, values in cases.items():
+        place = coordinates(sweep, name)
+        assert [place(value) for value in values] == pytest.approx([0, 0.75, 1])
+    assert coordinates(sweep, "d")(7) == 0.5
+
+
+def worst(store: Store) -> float:
+    return max(store.columns.to_pydict(["penetration_max"])["penetration_max"])
+
+
+def test_the_deepest_impact_is_that_of_the_grid(tmp_path: Path) -> None:
+    """The highest drop onto the softest contact."""
+    whole = contactlab.sweep(WHOLE, output=tmp_path / "whole", workers=0)
+    search = {"maximise": "penetration_max", "runs": 30}
+    part = contactlab.sweep({**WHOLE, "search": search}, output=tmp_path / "part", workers=0)
+    assert part.manifest.runs <= 30
+    assert worst(part) >= 0.95 * worst(whole)
+    (line,) = worst_lines(part)
+    assert line.startswith("largest penetration_max: ")
+    assert "drop_height 0.3, solref.timeconst 0.02" in line
+    ids = [set(store.columns.run_ids.to_pylist()) for store in (part, whole)]
+    assert ids[0] < ids[1]
+    assert not [*verify(part.address)]
+    assert not [*recomputed_problems(part)]
+
+
+@pytest.mark.parametrize(
+    ("search", "code", "remedy"),
+    [
+        ({"maximise": "penetration"}, "unknown-metric", "did you mean"),
+        ({"maximise": "penetration_max", "axes": ["hight"]}, "axis-not-swept", "drop_height"),
+        ({}, "search-one", "either maximise or minimise"),
+        ({"maximise": "slip_distance", "minimise": "drop"}, "search-one", "either"),
+    ],
+)
+def test_mistakes_name_the_remedy(
+    search: dict[str, Any], code: str, remedy: str, tmp_path: Path
+) -> None:
+    with pytest.raises(SweepFileError) as caught:
+        contactlab.sweep({**WHOLE, "search": search}, output=tmp_path / "s", workers=0)
+    assert code in str(caught.value)
+    assert remedy in str(caught.value)

@@ -1,0 +1,240 @@
+"""What is changed is found, one change at a time; what is not changed is not."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from contactlab.scene.model_draft import ModelEdits
+from contactlab.scene.model_names import name_by_address
+from contactlab.scene.model_writer import write_model
+from contactlab.scene.scene import Scene
+from contactlab.studies.diff.comparing import diff, differences, report_of
+from contactlab.studies.diff.matching import matched
+from contactlab.studies.diff.motion_change import motion_change
+from contactlab.writers import WRITERS
+
+ROBOT = """<mujoco model="robot">
+  <option timestep="0.002"/>
+  <asset><mesh name="wedge" vertex="0 0 0 .1 0 0 0 .1 0 0 0 .1"/></asset>
+  <worldbody>
+    <geom name="floor" type="plane" size="1 1 .1"/>
+    <body name="base" pos="0 0 1">
+      <freejoint name="root"/>
+      <inertial pos=".01 .02 .03" mass="2" fullinertia=".02 .03 .04 .001 .002 .003"/>
+      <geom name="hull" type="mesh" mesh="wedge"/>
+      <body name="leg" pos=".3 0 0" euler="10 20 30">
+        <joint name="hip" axis="0 1 0" range="-30 30" damping=".5" armature=".01"/>
+        <geom name="leg" type="capsule" fromto="0 0 0 0 0 -.3" size=".02"/>
+        <geom type="box" size=".03 .02 .01" pos="0 0 -.3"/>
+        <body pos="0 0 -.4">
+          <joint axis="0 1 0" stiffness="3" springref="10"/>
+          <geom name="foot" size=".04" friction=".8"/>
+        </body>
+      </body>
+      <body name="arm" pos="-.3 0 0">
+        <joint name="shoulder" axis="1 0 0" frictionloss=".1"/>
+        <geom name="arm" type="cylinder" size=".02 .1"/>
+      </body>
+    </body>
+  </worldbody>
+  <contact><exclude body1="leg" body2="arm"/><pair geom1="foot" geom2="arm" condim="4"/></contact>
+  <tendon><fixed name="cable" damping="1"><joint joint="hip" coef="1"/></fixed></tendon>
+  <equality><joint name="mimic" joint1="hip" joint2="shoulder"/></equality>
+  <actuator>
+    <position name="hip" joint="hip" kp="20" ctrlrange="-1 1" forcerange="-5 5"/>
+    <motor joint="shoulder" gear="3"/>
+  </actuator>
+  <keyframe><key name="home" qpos="0 0 1 1 0 0 0 .1 0 0" ctrl=".1 0"/></keyframe>
+</mujoco>
+"""
+Change = tuple[str, str]
+# What is replaced by what, and the kinds and quantities of all that differs then.
+CHANGES: Mapping[str, tuple[Change, set[tuple[str, str]]]] = {
+    "mass": (('mass="2"', 'mass="2.01"'), {("body", "mass")}),
+    "centre of mass": (('pos=".01 .02 .03"', 'pos=".01 .02 .031"'), {("body", "com")}),
+    "inertia": (('fullinertia=".02', 'fullinertia=".0202'), {("body", "inertia")}),
+    "turned inertia": ((".001 .002 .003", "-.001 .002 .003"), {("body", "inertia")}),
+    "place of a body": (('pos="-.3 0 0"', 'pos="-.301 0 0"'), {("body", "pos")}),
+    "turn of a body": (('euler="10 20 30"', 'euler="10 20 31"'), {("body", "quat")}),
+    "axis": (('name="hip" axis="0 1 0"', 'name="hip" axis="0 1 .01"'), {("joint", "axis")}),
+    "anchor": (('name="hip" axis', 'name="hip" pos="0 0 .01" axis'), {("joint", "pos")}),
+    "range": (('range="-30 30"', 'range="-30 31"'), {("joint", "range")}),
+    "no range": (('range="-30 30"', ""), {("joint", "range")}),
+    "damping": (('damping=".5"', 'damping=".51"'), {("joint", "damping")}),
+    "armature": (('armature=".01"', 'armature=".02"'), {("joint", "armature")}),
+    "frictionloss": (('frictionloss=".1"', ""), {("joint", "frictionloss")}),
+    "stiffness": (('stiffness="3"', 'stiffness="4"'), {("joint", "stiffness")}),
+    "gain": (('kp="20"', 'kp="21"'), {("actuator", "gainprm"), ("actuator", "biasprm")}),
+    "control range": (('ctrlrange="-1 1"', 'ctrlrange="-1 2"'), {("actuator", "ctrlrange")}),
+    "force range": (('forcerange="-5 5"', 'forcerange="-5 6"'), {("actuator", "forcerange")}),
+    "gear": (('gear="3"', 'gear="-3"'), {("actuator", "gear")}),
+    "friction": (('friction=".8"', 'friction=".9"'), {("geom", "friction")}),
+    "solref": (('size=".02 .1"', 'size=".02 .1" solref=".01 1"'), {("geom", "solref")}),
+    "condim of a pair": (('condim="4"', 'condim="3"'), {("pair", "condim")}),
+    "exclude": (
+        ('<exclude body1="leg" body2="arm"/>', ""),
+        {("exclude", "bodies"), ("filter", "bodies")},
+    ),
+    "timestep": (('timestep="0.002"', 'timestep="0.001"'), {("option", "timestep")}),
+    "cone": (('timestep="0.002"', 'timestep="0.002" cone="elliptic"'), {("option", "cone")}),
+    "flag": (
+        ("<asset>", '<option><flag eulerdamp="disable"/></option><asset>'),
+        {("flag", "eulerdamp")},
+    ),
+    "tendon": (('damping="1"', 'damping="2"'), {("tendon", "damping")}),
+    "equality": (
+        ('name="mimic" joint1', 'name="mimic" polycoef="0 2 0 0 0" joint1'),
+        {("equality", "data")},
+    ),
+    "keyframe": (('.1 0 0" ctrl', '.2 0 0" ctrl'), {("key", "qpos")}),
+    "mesh": (
+        ('0 0 .1"/></asset>', '0 0 .11"/></asset>'),
+        {("geom", "size"), ("geom", "volume"), ("geom", "pos"), ("geom", "quat")},
+    ),
+}
+
+
+def compiled(text: str) -> mujoco.MjModel:
+    spec = mujoco.MjSpec.from_string(text)
+    name_by_address(spec)
+    return spec.compile()
+
+
+def found(one: mujoco.MjModel, other: mujoco.MjModel) -> set[tuple[str, str]]:
+    return {(each.kind, each.quantity) for each in differences(one, other)}
+
+
+@pytest.mark.parametrize("change", CHANGES)
+def test_each_planted_change_is_all_that_is_found(change: str) -> None:
+    (old, new), expected = CHANGES[change]
+    assert old in ROBOT
+    one, other = compiled(ROBOT), compiled(ROBOT.replace(old, new))
+    assert found(one, other) == found(other, one) == expected
+
+
+def test_nothing_differs_between_a_model_and_its_round_trip(tmp_path: Path) -> None:
+    model = mujoco.MjModel.from_xml_string(ROBOT)
+    mujoco.mj_saveLastXML(str(tmp_path / "again.xml"), model)
+    again = compiled((tmp_path / "again.xml").read_text())
+    assert list(differences(compiled(ROBOT), again)) == []
+
+
+def test_a_renamed_body_is_the_same_body() -> None:
+    one, other = (
+        compiled(ROBOT),
+        compiled(
+            ROBOT.replace('body name="arm"', 'body name="limb"').replace(
+                'body2="arm"', 'body2="limb"'
+            )
+        ),
+    )
+    names = {(each.kind, each.quantity, each.after) for each in differences(one, other)}
+    # The exclude is of the names that it lists, and a geom's and a joint's body is named too.
+    assert ("body", "name", "limb") in names
+    assert not {kind for kind, quantity, _ in names if quantity in ("mass", "pos", "inertia")}
+
+
+def test_a_new_part_and_one_that_is_gone_are_told() -> None:
+    one = compiled(ROBOT)
+    other = compiled(
+        ROBOT.replace('<motor joint="shoulder" gear="3"/>', "").replace('ctrl=".1 0"', "")
+    )
+    gone = [each for each in differences(one, other) if each.kind == "actuator"]
+    assert [(each.name, each.after) for each in gone] == [("actuator[1]", "")]
+    new = [each for each in differences(other, one) if each.kind == "actuator"]
+    assert [(each.name, each.before) for each in new] == [("actuator[1]", "")]
+
+
+_LINK = """<robot name="r"><link name="base"/><joint name="j" type="revolute">
+<parent link="base"/><child link="arm"/><axis xyz="0 1 0"/>
+<limit lower="-1" upper="1" effort="9" velocity="9"/></joint><link name="arm"><inertial>
+<origin xyz=".1 0 0" rpy="{}"/><mass value="1"/>
+<inertia ixx=".01" iyy=".02" izz=".025" ixy="0" ixz="0" iyz="0"/></inertial></link></robot>"""
+
+
+def test_a_urdf_inertia_whose_frame_is_not_turned_differs_by_the_law_of_rotation() -> None:
+    # An importer that leaves out the frame's rpy has the diagonal itself; MuJoCo has R I R'.
+    angle = 0.4
+    turned, plain = compiled(_LINK.format(f"0 0 {angle}")), compiled(_LINK.format("0 0 0"))
+    (only,) = differences(turned, plain)
+    assert (only.kind, only.name, only.quantity) == ("body", "arm", "inertia")
+    cosine, sine = np.cos(angle), np.sin(angle)
+    turn = np.array([[cosine, -sine, 0], [sine, cosine, 0], [0, 0, 1]])
+    inertia = np.diag([0.01, 0.02, 0.025])
+    expected = turn @ inertia @ turn.T
+    share = np.linalg.norm(expected - inertia) / np.linalg.norm(inertia)
+    assert only.share == pytest.approx(share, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("edits", "expected"),
+    [
+        (ModelEdits({"timestep": 0.001}), {("option", "timestep")}),
+        (
+            ModelEdits({"cone": "elliptic", "impratio": 10.0}),
+            {("option", "cone"), ("option", "impratio")},
+        ),
+        (ModelEdits({"warmstart": False}), {("flag", "warmstart")}),
+        (ModelEdits(excluded=(("base", "arm"),)), {("exclude", "bodies")}),
+        (
+            ModelEdits(masked=("leg",)),
+            {("geom", "contype"), ("geom", "conaffinity")},
+        ),
+        (ModelEdits({"dof_damping[hip]": 1.0}), {("joint", "damping")}),
+        (ModelEdits({"geom_friction[foot]": (1.0, 0.1, 0.1)}), {("geom", "friction")}),
+    ],
+)
+def test_a_model_that_is_written_differs_in_what_was_asked_for_alone(
+    edits: ModelEdits, expected: set[tuple[str, str]], tmp_path: Path
+) -> None:
+    # All that writes a model, examine, tune and effects, does it by write_model.
+    (tmp_path / "robot.xml").write_text(ROBOT)
+    scene = Scene.open(str(tmp_path / "robot.xml"))
+    written = write_model(scene, edits, tmp_path / "out")
+    again = Scene.open(str(written.path))
+    assert found(scene.base({}).model, again.base({}).model) == expected
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory: pytest.TempPathFactory) -> Scene:
+    path = tmp_path_factory.mktemp("motion") / "robot.xml"
+    path.write_text(ROBOT)
+    return Scene.open(str(path)).with_drive("auto", path.parent).with_effects("all")
+
+
+def test_a_model_moves_as_itself_to_the_last_bit(scene: Scene) -> None:
+    model = scene.base({}).model
+    change, _ = motion_change(scene, model, model, matched(model, model))
+    assert change is not None
+    assert change.share == 0
+
+
+def test_half_the_gravity_is_half_the_force_that_acts_on_what_falls(scene: Scene) -> None:
+    # In free flight, velocities part by (g - g/2) T in windows whose path is g T, to which comes a
+    # tenth of g T that counts as real: 1/2 / 1.1. The wedge falls from rest, without contacts.
+    stone = '<body name="stone"><freejoint/><geom size=".1"/></body>'
+    text = f"<mujoco><worldbody>{stone}</worldbody></mujoco>"
+    light = text.replace("<worldbody>", '<option gravity="0 0 -4.905"/><worldbody>')
+    models = [compiled(each) for each in (text, light)]
+    path = scene.source.path.parent / "stone.xml"
+    path.write_text(text)
+    fall = Scene.open(str(path)).with_drive("none", path.parent).with_effects("all")
+    change, _ = motion_change(fall, models[0], models[1], matched(*models))
+    assert change is not None
+    # The slack of one step of 2 ms both ways forgives 1 / 20 of a window of 40 ms.
+    assert change.share == pytest.approx(0.5 / 1.1, rel=0.06)
+    assert change.body == "stone"
+
+
+def test_the_motion_is_the_last_line_of_words_and_markdown(tmp_path: Path) -> None:
+    (tmp_path / "a.xml").write_text(ROBOT)
+    (tmp_path / "b.xml").write_text(ROBOT.replace('mass="2"', 'mass="4"'))
+    report = diff(str(tmp_path / "a.xml"), str(tmp_path / "b.xml"))
+    for form in ("text", "markdown"):
+        lines = [line for line in WRITERS[form](report_of(report)).splitlines() if line]
+        assert "motion: in windows of 40 ms" in lines[-1]
+    assert report.motion is not None
+    assert report.motion.share > 0

@@ -1,0 +1,282 @@
+"""Each rule finds its planted defect, at its line, and nothing in the clean twin.
+
+What a rule proposes ends its finding: the lines of a remedy are written, and linted again.
+"""
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+import mujoco
+import pytest
+from tests.studies.lint.conftest import Linted, only, rules_of
+
+from contactlab.scene.scene_source import find_scene
+from contactlab.studies.lint.linted_model import edited, linted_model
+from contactlab.studies.lint.linting import lint
+from contactlab.studies.lint.rules import RULES
+
+DOCS = Path(__file__).parents[3] / "docs/lint.md"
+# An arm of two links on a base, which hangs free of the floor.
+ROBOT = """<mujoco model="arm">
+  <compiler angle="radian"/>
+  <option timestep="0.002"/>
+  <size memory="1M"/>
+  <worldbody>
+    <geom name="floor" type="plane" size="1 1 .1"/>
+    <body name="base" pos="0 0 1">
+      <body name="upper" pos="0 0 .1">
+        <joint name="shoulder" axis="0 1 0" range="-1 1" damping="1"/>
+        <geom name="upper" type="capsule" fromto=".1 0 0 .3 0 0" size=".02"/>
+        <body name="lower" pos=".4 0 0">
+          <joint name="elbow" axis="0 1 0" range="-1 1" damping="1"/>
+          <geom name="lower" type="capsule" fromto=".1 0 0 .3 0 0" size=".02"/>
+        </body>
+      </body>
+    </body>
+  </worldbody>
+  <actuator>
+    <position name="lift" joint="shoulder" kp="10" ctrlrange="-1 1"/>
+  </actuator>
+  <keyframe>
+    <key name="home" qpos="0 0" ctrl="0"/>
+  </keyframe>
+</mujoco>
+"""
+_TETRAHEDRON = "0 0 0 .1 0 0 0 .1 0 0 0 .1"
+_MESH = f'<asset><mesh name="part" vertex="{_TETRAHEDRON}"/></asset>\n  <worldbody>'
+_INERTIAL = '<inertial pos=".2 0 0" mass="{}" diaginertia="{}"/>'
+_URDF = """<robot name="arm">
+  <link name="base"/>
+  <link name="upper"><inertial><mass value="1"/>
+    <inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <link name="lower"><inertial><mass value="1"/>
+    <inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <joint name="shoulder" type="revolute"><parent link="base"/><child link="upper"/>
+    <axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint>
+  <joint name="elbow" type="revolute"><parent link="upper"/><child link="lower"/>
+    <axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint>
+</robot>
+"""
+
+
+_CONTACTS = (
+    '<replicate count="99" offset=".1 0 0"><geom pos="0 0 -1.1" size=".01" mass="0"/></replicate>'
+)
+
+
+class Planted(NamedTuple):
+    """Replacements that plant a defect, and a word of the line where it is found."""
+
+    defect: Mapping[str, str]
+    line: str
+    mends: bool = True  # whether the lines that are proposed end it
+    robot: str = ROBOT
+
+
+_UPPER = 'fromto=".1 0 0 .3 0 0" size=".02"/>\n        <body'
+_OTHER = '<body name="other" pos=".2 .01 1.1"><freejoint/><geom name="other" size=".02"/></body>'
+CASES: Mapping[str, Planted] = {
+    "keyframe-range": Planted({'qpos="0 0"': 'qpos="0 1.5"'}, "<key"),
+    "keyframe-control": Planted({'ctrl="0"': 'ctrl="2"'}, "<key"),
+    "qpos0-range": Planted(
+        {'name="elbow" axis="0 1 0" range="-1 1"': 'name="elbow" axis="0 1 0" range=".5 1"'}
+        | {'<key name="home" qpos="0 0" ctrl="0"/>': ""},
+        'name="elbow"',
+    ),
+    "radians-as-degrees": Planted({'<compiler angle="radian"/>': "<compiler/>"}, "shoulder"),
+    "degrees-as-radians": Planted({'range="-1 1" damping': 'range="-90 90" damping'}, "shoulder"),
+    "inertia-impossible": Planted(
+        {'<geom name="lower"': _INERTIAL.format(1, "1 1 3") + '<geom name="lower"'}
+        | {'angle="radian"': 'angle="radian" balanceinertia="true"'},
+        'name="lower"',
+        mends=False,
+    ),
+    "density": Planted(
+        {'size=".02"/>\n        </body>': 'size=".02" density="1"/></body>'}, "lower", False
+    ),
+    "inertia-shape": Planted(
+        {'<geom name="lower"': _INERTIAL.format(0.3, "2 2 2") + '<geom name="lower"'},
+        "lower",
+        False,
+    ),
+    "visual-mass": Planted(
+        {"<worldbody>": _MESH}
+        | {
+            '<geom name="lower"': '<geom name="look" type="mesh" mesh="part" contype="0" '
+            'conaffinity="0"/>\n          <geom name="lower"'
+        },
+        'name="look"',
+    ),
+    "gain-step": Planted({'kp="10"': 'kp="1e7"'}, "shoulder"),
+    "solref-step": Planted(
+        {'<geom name="lower"': '<geom name="lower" solref=".001 1"'}, '<geom name="lower"'
+    ),
+    "long-step": Planted({'timestep="0.002"': 'timestep="0.015"'}, "<option"),
+    "solref-energy": Planted(
+        {'<geom name="lower"': '<geom name="lower" solref=".02 .05"'}, '<geom name="lower"'
+    ),
+    "solref-mixed": Planted(
+        {'<geom name="lower"': '<geom name="lower" solref="-100 1"'}, '<geom name="lower"'
+    ),
+    "frictionless-condim": Planted(
+        {'size=".02"/>\n        </body>': 'size=".02" priority="1" friction="0"/></body>'},
+        '<geom name="lower"',
+    ),
+    "contact-margin": Planted(
+        {'<geom name="lower"': '<geom name="lower" margin=".01"'}, '<geom name="lower"'
+    ),
+    "contact-softness": Planted(
+        {'<geom name="lower"': '<geom name="lower" solref=".05 1"'}, '<geom name="lower"'
+    ),
+    "parent-filter": Planted(
+        {
+            '<body name="base" pos="0 0 1">': '<body name="base" pos="0 0 1">'
+            '<geom name="base" size=".15"/>'
+        },
+        'body name="upper"',
+    ),
+    "overlap": Planted(
+        {'<body name="base"': f'{_OTHER}\n    <body name="base"'}
+        | {'qpos="0 0"': 'qpos=".2 .01 1.1 1 0 0 0 0 0"'},
+        "<key",
+        mends=False,
+    ),
+    "overlap-qpos0": Planted(
+        {'<body name="base"': f'{_OTHER}\n    <body name="base"'}
+        | {'<key name="home" qpos="0 0" ctrl="0"/>': ""},
+        'body name="upper"',
+        mends=False,
+    ),
+    "hull-fills-mesh": Planted({"<worldbody>": "{corner}<worldbody>"}, "corner", False),
+    "memory": Planted(
+        {'memory="1M"': 'memory="50K"'}
+        | {'<geom name="lower"': f'{_CONTACTS}\n          <geom name="lower"'},
+        "<size",
+    ),
+    "unnamed": Planted({'<position name="lift"': "<position"}, "<position"),
+    "unread": Planted(
+        {'mesh="none"': "", '<geom name="lower"': '<geom mesh="none" name="lower"'}, "lower", False
+    ),
+    "deprecated": Planted(
+        {'angle="radian"': 'angle="radian" settotalmass="3"'}, "<compiler", False
+    ),
+    "legacy": Planted({'memory="1M"': 'njmax="100"'}, "<size", False),
+    "absolute-path": Planted(
+        {"<worldbody>": '<asset><mesh name="far" file="{folder}/far.obj"/></asset>\n  <worldbody>'},
+        'name="far"',
+    ),
+    "resource-name": Planted(
+        {
+            '<link name="lower">': '<link name="lower"><collision><geometry>'
+            '<mesh filename="package://arm/far.obj"/></geometry></collision>'
+        },
+        "package://",
+        False,
+        _URDF,
+    ),
+    "unused-asset": Planted(
+        {"<worldbody>": '<asset><mesh name="far" file="far.obj"/></asset>\n  <worldbody>'},
+        'name="far"',
+        False,
+    ),
+}
+# Two bars that meet in a corner, as one mesh of twelve faces: half of its hull is empty.
+_CORNER = """<asset><mesh name="corner"
+    vertex="0 0 0 1 0 0 1 .1 0 .1 .1 0 .1 1 0 0 1 0 0 0 .1 1 0 .1 1 .1 .1 .1 .1 .1 .1 1 .1 0 1 .1"
+    face="0 2 1 0 3 2 0 4 3 0 5 4 6 7 8 6 8 9 6 9 10 6 10 11 0 1 7 0 7 6 1 2 8 1 8 7 2 3 9 2 9 8
+      3 4 10 3 10 9 4 5 11 4 11 10 5 0 6 5 6 11"/></asset>
+  """
+
+
+def planted(case: Planted, folder: Path) -> str:
+    """Return the robot with a defect."""
+    text = case.robot
+    for old, new in case.defect.items():
+        text = text.replace(old, new)
+    if "{corner}" in text:
+        corner = '<geom name="corner" type="mesh" mesh="corner"/>'
+        text = text.replace("{corner}", _CORNER).replace(
+            '<geom name="lower"', f'{corner}\n          <geom name="lower"'
+        )
+    return text.replace("{folder}", str(folder))
+
+
+@pytest.fixture(autouse=True)
+def _file(tmp_path: Path) -> None:
+    points = zip(*[iter(_TETRAHEDRON.split())] * 3, strict=True)
+    lines = [f"v {' '.join(point)}" for point in points]
+    faces = ["f 1 3 2", "f 1 2 4", "f 1 4 3", "f 2 3 4"]
+    (tmp_path / "far.obj").write_text("\n".join([*lines, *faces]), encoding="utf-8")
+
+
+@pytest.mark.parametrize("robot", [ROBOT, _URDF], ids=["mjcf", "urdf"])
+def test_clean_twins_have_nothing(linted: Linted, robot: str) -> None:
+    assert rules_of(linted(robot)) <= {"inertia-shape"}  # a ball of 1 kg and 1 kg m^2, of a URDF
+
+
+@pytest.mark.parametrize("rule", CASES)
+def test_a_rule_finds_its_defect_at_its_line(linted: Linted, rule: str, tmp_path: Path) -> None:
+    case = CASES[rule]
+    text = planted(case, tmp_path)
+    found = only(linted(text), rule)
+    assert case.line in text.splitlines()[found.line - 1]
+    assert found.file in ("robot.xml", "robot.urdf")
+    assert found.level == RULES[rule].level
+
+
+@pytest.mark.parametrize("rule", [rule for rule, case in CASES.items() if case.mends])
+def test_the_lines_of_a_remedy_end_the_finding(linted: Linted, rule: str, tmp_path: Path) -> None:
+    before = linted(planted(CASES[rule], tmp_path))
+    with linted_model(find_scene("robot.xml")) as model:
+        files = edited(RULES[rule].function(model))
+    assert files
+    for file, data in files.items():
+        file.write_bytes(data)
+    after = lint(["robot.xml"])
+    assert rule not in rules_of(after)
+    # Nothing else is wrong then that was not before.
+    assert rules_of(after) <= rules_of(before)
+
+
+def test_each_rule_has_a_case_and_a_section_of_the_docs() -> None:
+    assert set(CASES) == set(RULES)
+    text = DOCS.read_text(encoding="utf-8")
+    headings = re.findall(r"^### (.+)$", text, re.MULTILINE)
+    assert sorted(headings) == sorted(RULES)
+    for rule in RULES.values():
+        section = text.split(f"### {rule.name}\n")[1].split("\n#")[0]
+        level = {"gate": "Error", "warn": "Warning", "note": "Note"}[rule.level]
+        assert section.strip().startswith(f"{level}. ")
+        assert "*Example*:" in section
+        assert "*Remedy*:" in section
+
+
+def grows(xml: str, seconds: float = 0.2) -> bool:
+    """Return whether plain MuJoCo makes a small motion a hundred times as large."""
+    model = mujoco.MjModel.from_xml_string(xml)
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
+    model.opt.gravity[:] = 0
+    data = mujoco.MjData(model)
+    data.qvel[:] = 1e-9
+    most = 0.0
+    for _ in range(round(seconds / model.opt.timestep)):
+        mujoco.mj_step(model, data)
+        most = max(most, float(abs(data.qvel).max()))
+    return most > 1e-7
+
+
+SLIDER = """<mujoco><option timestep="{h}" integrator="{integrator}"/><worldbody><body>
+<joint name="x" type="slide" damping="{d}" stiffness="{k}"/><geom size=".1" mass="1"/></body>
+</worldbody><actuator><velocity joint="x" kv="{c}"/></actuator></mujoco>"""
+
+
+@pytest.mark.parametrize("integrator", ["Euler", "implicitfast", "RK4"])
+@pytest.mark.parametrize(("k", "c", "d"), [(1e5, 0, 0), (0, 1e3, 0), (1e5, 300, 200), (0, 0, 1e4)])
+def test_the_step_that_holds_a_slider_is_where_plain_mujoco_begins_to_grow(
+    linted: Linted, integrator: str, k: float, c: float, d: float
+) -> None:
+    for timestep in (0.5e-3, 1e-3, 2e-3, 4e-3, 5e-3, 7e-3, 10e-3, 20e-3):
+        text = SLIDER.format(h=timestep, integrator=integrator, k=k, c=c, d=d)
+        assert ("gain-step" in rules_of(linted(text))) == grows(text)

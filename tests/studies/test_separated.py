@@ -1,0 +1,106 @@
+"""Pairs that a model presses into each other: which may be excluded, and which never are."""
+
+from pathlib import Path
+
+import pytest
+
+from contactlab.budget import Verdict
+from contactlab.budget.verdict import Reason
+from contactlab.run.sweep_request import SceneLoader
+from contactlab.scene.model_draft import ModelEdits
+from contactlab.scene.model_writer import write_model
+from contactlab.studies.examine.separated import separated
+from contactlab.studies.examine.task_motions import task_motions
+
+# The base's ball of 60 mm is in the upper arm, which a joint holds there, and 50 mm in the floor,
+# which is no link. A box lies 20 mm in the forearm: it is no link either.
+ARM = """<mujoco><worldbody>
+  <geom name="floor" type="plane" size="1 1 .1" pos="0 0 -.05"/>
+  <geom name="base" size=".06" pos="0 0 .05"/>
+  <body name="upper" pos="0 0 .1"><joint name="shoulder" axis="0 1 0" damping="1"/>
+    <geom type="capsule" size=".04" fromto="0 0 0 .3 0 0"/>
+    <body name="fore" pos=".4 0 0"><joint name="elbow" axis="0 1 0" damping="1"/>
+      <geom type="capsule" size=".03" fromto="0 0 0 .2 0 0"/></body></body>
+  <body name="box" pos=".5 0 .05"><freejoint/><geom type="box" size=".04 .04 .04"/></body>
+  </worldbody>
+  <actuator><position name="knee" joint="elbow" kp="10" kv="1"/>
+    <velocity name="brake" joint="shoulder" kv="2"/></actuator></mujoco>
+"""
+
+
+def scene_of(text: str, folder: Path):  # noqa: ANN201 - a scene
+    path = folder / "arm.xml"
+    path.write_text(text)
+    return SceneLoader(Path()).open(str(path)).with_effects("all")
+
+
+def verdict_of(place: str) -> Verdict:
+    return Verdict("unresolved", 0.1, (Reason("unresolved", "", "run", 1, "", place, 0.0, ""),))
+
+
+def excluded(text: str, folder: Path, place: str) -> list[tuple[str, str]]:
+    scene = scene_of(text, folder)
+    motions = task_motions(scene, {}, scene.task({}, 0.01))
+    return [
+        pair
+        for candidate in separated(scene, {}, motions, verdict_of(place))
+        for pair in candidate.edits.excluded
+    ]
+
+
+def test_links_that_a_joint_holds_in_each_other_are_excluded(tmp_path: Path) -> None:
+    assert excluded(ARM, tmp_path, "joint elbow") == [("world", "upper")]
+
+
+@pytest.mark.parametrize("place", ["contact fore - box", "contact world - box"])
+def test_what_holds_or_carries_a_body_is_not(tmp_path: Path, place: str) -> None:
+    """The box is in the floor and in the forearm, which carries it by no joint."""
+    assert excluded(ARM, tmp_path, place) == [("world", "upper")]
+    free = ARM.replace('<geom name="base" size=".06" pos="0 0 .05"/>', "")
+    assert excluded(free, tmp_path, place) == []
+
+
+def test_fingers_that_close_on_each_other_may_touch(tmp_path: Path) -> None:
+    fingers = "".join(
+        f"""<body name="{name}" pos=".3 {y} 0"><joint type="slide" axis="0 1 0"/>
+        <geom type="box" size=".03 .01 .03"/></body>"""
+        for name, y in (("left", 0.009), ("right", -0.009))
+    )
+    gripper = ARM.replace('<body name="fore"', f'{fingers}<body name="fore"')
+    assert excluded(gripper, tmp_path, "contact left - right") == [("world", "upper")]
+
+
+def test_the_changed_model_is_the_one_that_is_written(tmp_path: Path) -> None:
+    scene = scene_of(ARM, tmp_path)
+    motions = task_motions(scene, {}, scene.task({}, 0.01))
+    (candidate,) = separated(scene, {}, motions, verdict_of("joint elbow"))
+    made = write_model(scene, candidate.edits, tmp_path / "new")
+    assert made.lines == ('arm.xml:11: <contact><exclude body1="world" body2="upper"/></contact>',)
+    assert candidate.compiled is not None
+    assert candidate.compiled.nexclude == 1
+    assert candidate.compiled.body_mass.tolist() == motions[0].model.body_mass.tolist()
+
+
+def test_gains_are_written_as_their_actuator_has_them(tmp_path: Path) -> None:
+    """A position servo has kp and kv, a velocity servo kv: gainprm and biasprm follow from them."""
+    settings = {
+        "actuator_gainprm[knee,0]": 5.0,
+        "actuator_biasprm[knee,1]": -5.0,
+        "actuator_biasprm[knee,2]": -0.5,
+        "actuator_gainprm[brake,0]": 1.0,
+        "actuator_biasprm[brake,2]": -1.0,
+    }
+    made = write_model(scene_of(ARM, tmp_path), ModelEdits(settings), tmp_path / "new")
+    assert made.lines == (
+        'arm.xml:10: <position name="knee" joint="elbow" kp="5" kv="0.5"/>',
+        'arm.xml:11: <velocity name="brake" joint="shoulder" kv="1"/>',
+    )
+
+
+def test_armature_is_written_with_what_follows_from_it(tmp_path: Path) -> None:
+    """The mean inertia is that of the written model: no bit differs, or it would be refused."""
+    edits = ModelEdits({"dof_armature[elbow]": 0.25})
+    made = write_model(scene_of(ARM, tmp_path), edits, tmp_path / "new")
+    assert made.lines == (
+        'arm.xml:6: <joint name="elbow" axis="0 1 0" damping="1" armature="0.25"/>',
+    )

@@ -1,0 +1,139 @@
+"""One model has one answer: every view of its examination, and tradeoff, tune and sweep agree.
+
+They are asked about one task, and answer with the same line, the same labels in the same phases,
+and for the same settings the same shares to the bit.
+"""
+
+import importlib.util
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import pytest
+
+import contactlab
+from contactlab.schema.examination import Examination
+from contactlab.schema.task import Task
+from contactlab.schema.task_verdict import TaskVerdict
+from contactlab.studies.task_verdict import run_labels
+
+PUBLIC = (
+    "gymnasium/envs/mujoco/assets/ant.xml",
+    "gymnasium/envs/mujoco/assets/half_cheetah.xml",
+    "gymnasium/envs/mujoco/assets/hopper.xml",
+    "gymnasium/envs/mujoco/assets/walker2d_v5.xml",
+    "gymnasium_robotics/envs/assets/fetch/pick_and_place.xml",
+    "dm_control/suite/cheetah.xml",
+    "dm_control/suite/walker.xml",
+    "dm_control/suite/finger.xml",
+    "robosuite/models/assets/robots/panda/robot.xml",
+    "metaworld/assets/sawyer_xyz/sawyer_button_press.xml",
+)
+
+
+class Answer(NamedTuple):
+    """What a command says of a model's task."""
+
+    line: str
+    labels: Mapping[str, Mapping[str, int]]  # runs by label, by phase
+    shares: Mapping[str, float | None] | None = None  # phantom forces over real ones, by phase
+
+
+def of_verdict(task: Task | None, verdict: TaskVerdict | None) -> Answer:
+    assert task
+    assert verdict
+    return Answer(
+        task.line,
+        {phase.name: phase.labels for phase in verdict.phases},
+        {phase.name: phase.share for phase in verdict.phases},
+    )
+
+
+def of_sweep(model: str, task: Task, folder: Path, **values: Any) -> Answer:
+    """Return what a sweep of the model says: a run for each seed, labelled."""
+    sweep = {"version": 1, "scene": model, "axes": {}, "seeds": list(task.seeds), "checks": "all"}
+    sweep |= {"duration": task.duration, "trace": "none", **values}
+    store = contactlab.sweep(sweep, output=folder / "sweep", workers=0)
+    labels: dict[str, dict[str, int]] = {phase.name: {} for phase in task.phases}
+    for label in run_labels(task.phases, store.records()):
+        labels[label.phase][label.label] = label.runs
+    return Answer(task.line, labels)
+
+
+def views_agree(model: str, folder: Path, **task: Any) -> Examination:
+    """Assert that all views of an examination have one answer, which a sweep has too."""
+    options: dict[str, Any] = {"workers": 0, "output": folder / "examined", **task}
+    whole = contactlab.examine(model, only=["labels", "budget", "facts", "checks"], **options)
+    answer = of_verdict(whole.task, whole.verdict)
+    stable = contactlab.stability([model], **options)
+    checked = contactlab.check(model, **options)
+    assert isinstance(stable, Examination)
+    for view in (stable, checked):
+        assert of_verdict(view.task, view.verdict) == answer
+        assert view.labels == whole.labels
+    # The budget's own run is that share; its other rows are the budget's alone.
+    assert whole.budget
+    assert {phase.name: phase.run.share for phase in whole.budget.phases} == {
+        name: share for name, share in (answer.shares or {}).items() if share is not None
+    }
+    assert checked.findings == whole.findings
+    assert checked.sound == whole.sound
+    assert of_sweep(model, whole.task, folder) == answer._replace(shares=None)
+    contacts = contactlab.examine(model, only=["contacts"], **options)
+    assert contacts.task == whole.task
+    explained = contactlab.explain(model, **task) if contacts.contacts else None
+    if explained is not None:
+        assert explained.text.splitlines()[0] == whole.task.line
+        for contact in contacts.contacts:
+            assert f"{contact.name}:" in explained.text
+    return whole
+
+
+@pytest.mark.long
+def test_a_shipped_scene_has_one_answer(tmp_path: Path) -> None:
+    views_agree("box_slide", tmp_path, duration="0.2s")
+
+
+def test_a_small_model_has_one_answer(tmp_path: Path) -> None:
+    path = tmp_path / "swing.xml"
+    path.write_text(
+        """<mujoco><worldbody><body name="arm" pos="0 0 1"><joint name="shoulder" axis="0 1 0"/>
+        <geom type="capsule" size=".02" fromto="0 0 0 .3 0 0" contype="0" conaffinity="0"/></body>
+        </worldbody></mujoco>"""
+    )
+    options: dict[str, Any] = {"workers": 0, "output": tmp_path / "out", "duration": "0.1s"}
+    stable = contactlab.stability([path], **options)
+    checked = contactlab.check(path, only=["task"], **options)
+    assert isinstance(stable, Examination)
+    answer = of_verdict(stable.task, stable.verdict)
+    assert of_verdict(checked.task, checked.verdict) == answer
+    assert of_sweep(str(path), stable.task, tmp_path) == answer._replace(shares=None)
+
+
+def public(robot: str) -> str:
+    """Return the file of a model of a wheel; skip the test if that is not here."""
+    package, _, rest = robot.partition("/")
+    places = [Path(folder) / package for folder in filter(None, [os.environ.get("ROBOT_WHEELS")])]
+    # robosuite talks as it is imported, so that it is only looked for.
+    spec = importlib.util.find_spec(package)
+    places += map(Path, spec.submodule_search_locations or ()) if spec else ()
+    for place in places:
+        for found in (place / rest, place / package / rest):
+            if found.is_file():
+                return str(found)
+    pytest.skip(f"{package} is not installed, and not in the folder that ROBOT_WHEELS names")
+
+
+@pytest.mark.night
+@pytest.mark.filterwarnings("ignore::contactlab.errors.ModelWarning")
+@pytest.mark.parametrize("robot", PUBLIC)
+def test_a_public_model_has_one_answer(robot: str, tmp_path: Path) -> None:
+    model = public(robot)
+    task: dict[str, Any] = {"duration": "0.6s"}
+    whole = views_agree(model, tmp_path, **task)
+    answer = of_verdict(whole.task, whole.verdict)
+    traded = contactlab.tradeoff(model, workers=0, output=tmp_path / "tradeoff", **task)
+    assert of_verdict(traded.task, traded.verdict) == answer
+    tuned = contactlab.tune(model, workers=0, output=tmp_path / "tune", budget="2min", **task)
+    assert tuned.task.line == answer.line

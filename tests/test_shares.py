@@ -1,0 +1,147 @@
+"""Intervals of shares hold as often as they say."""
+
+import math
+from itertools import combinations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.special import betaln
+from scipy.stats import binom, binomtest
+
+from contactlab.shares import (
+    all_of,
+    anytime,
+    evidence_against,
+    paired_chance,
+    paired_difference,
+    paired_score,
+    pairs_to_tell,
+)
+
+COUNTS = st.integers(1, 400).flatmap(lambda runs: st.tuples(st.integers(0, runs), st.just(runs)))
+
+
+@given(counts=COUNTS, share=st.floats(0.001, 0.999))
+def test_the_evidence_is_the_mean_likelihood_over_that_of_a_share(
+    counts: tuple[int, int], share: float
+) -> None:
+    """The mean of p^k (1 - p)^(n - k) over all p is the beta function of k + 1 and n - k + 1.
+
+    Terms are at most n |log .001|, 2,800, so that rounding leaves 1e-12 of that.
+    """
+    good, runs = counts
+    mean = betaln(good + 1, runs - good + 1)
+    likely = good * math.log(share) + (runs - good) * math.log1p(-share)
+    assert evidence_against(share, good, runs) == pytest.approx(mean - likely, abs=1e-8)
+
+
+@given(counts=COUNTS, sure=st.sampled_from([0.5, 0.9, 0.95, 0.999]))
+def test_the_interval_has_the_shares_without_evidence_against_them(
+    counts: tuple[int, int], sure: float
+) -> None:
+    good, runs = counts
+    low, high = anytime(good, runs, sure)
+    assert 0 <= low <= good / runs <= high <= 1
+    limit = -math.log1p(-sure)
+    for edge, outer in ((low, 0.0), (high, 1.0)):
+        # Of a convex function, an edge is a root unless it is an end.
+        if edge != outer:
+            assert evidence_against(edge, good, runs) == pytest.approx(limit, abs=1e-6)
+
+
+@pytest.mark.parametrize("share", [0.02, 0.3, 0.5])
+def test_it_holds_at_all_looks_at_once(share: float) -> None:
+    """Of 4,000 sequences of 1,000 runs, the share is left out at any time in at most 5 %.
+
+    The bound is what a count with that chance exceeds once in 10^4 such tests.
+    """
+    sequences, length = 4_000, 1_000
+    draws = np.random.default_rng(0).random((sequences, length)) < share
+    good, runs = draws.cumsum(axis=1), np.arange(1, length + 1)
+    mean = betaln(good + 1, runs - good + 1)
+    likely = good * math.log(share) + (runs - good) * math.log1p(-share)
+    left_out = ((mean - likely) >= -math.log(0.05)).any(axis=1).sum()
+    assert left_out <= binom.isf(1e-4, sequences, 0.05)
+
+
+def test_nothing_is_known_without_runs() -> None:
+    assert anytime(0, 0) == (0.0, 1.0)
+
+
+PAIRED = st.tuples(st.integers(0, 40), st.integers(0, 40), st.integers(1, 60)).map(
+    lambda counts: (counts[0], counts[1], sum(counts))
+)
+
+
+@given(counts=PAIRED)
+def test_the_interval_of_a_paired_difference_has_the_one_observed(
+    counts: tuple[int, int, int],
+) -> None:
+    gained, lost, pairs = counts
+    low, high = paired_difference(gained, lost, pairs)
+    assert -1 <= low <= (gained - lost) / pairs <= high <= 1
+    mirrored = paired_difference(lost, gained, pairs)
+    assert mirrored == pytest.approx((-high, -low), abs=1e-9)
+
+
+def test_a_published_interval() -> None:
+    """Table of Tango (1998): 12 gained and 2 lost of 50, .0400 to .3600 or so by Wald; his differs.
+
+    Here the score itself is held to 1.96 at both ends, from its definition by a search on a grid.
+    """
+    low, high = paired_difference(12, 2, 50)
+    for edge in (low, high):
+        assert abs(_slow_score(12, 2, 50, edge)) == pytest.approx(1.959964, abs=1e-3)
+
+
+def _slow_score(gained: int, lost: int, pairs: int, difference: float) -> float:
+    """Return the score, whose shares are the likeliest of a fine grid."""
+    least = max(0.0, -difference)
+    shares = np.linspace(least + 1e-9, (1 - difference) / 2 - 1e-9, 200_001)
+    with np.errstate(all="ignore"):
+        likely = (
+            gained * np.log(shares + difference)
+            + lost * np.log(shares)
+            + (pairs - gained - lost) * np.log(1 - 2 * shares - difference)
+        )
+    share = shares[np.nanargmax(likely)]
+    variance = pairs * (2 * share + difference - difference**2)
+    return float((gained - lost - pairs * difference) / math.sqrt(variance))
+
+
+@pytest.mark.parametrize(("gain", "loss"), [(0.1, 0.1), (0.2, 0.05), (0.3, 0.15)])
+def test_stated_intervals_hold_in_95_percent(gain: float, loss: float) -> None:
+    """Of 10,000 pairs of policies over 200 episodes; counts are whole, so that it is 94 to 96 %."""
+    draws = np.random.default_rng(3).multinomial(200, [gain, loss, 1 - gain - loss], size=10_000)
+    held = [
+        abs(paired_score(gained, lost, 200, gain - loss)) <= 1.959964
+        for gained, lost, _ in draws.tolist()
+    ]
+    assert 0.94 <= np.mean(held) <= 0.96
+
+
+@given(gained=st.integers(0, 60), lost=st.integers(0, 60))
+def test_the_chance_is_that_of_the_exact_test(gained: int, lost: int) -> None:
+    exact = binomtest(gained, gained + lost).pvalue if gained + lost else 1.0
+    assert paired_chance(gained, lost) == pytest.approx(exact, rel=1e-9)
+
+
+def test_so_many_pairs_tell_in_four_of_five_times() -> None:
+    """The exact test has less power than its approximation, by a twentieth at 230 pairs."""
+    gain, loss = 0.2, 0.1
+    pairs = pairs_to_tell(200, 100, 1000)
+    assert pairs is not None
+    draws = np.random.default_rng(5).multinomial(pairs, [gain, loss, 1 - gain - loss], size=2_000)
+    told = np.mean([paired_chance(gained, lost) < 0.05 for gained, lost, _ in draws.tolist()])
+    assert 0.74 <= told <= 0.84
+    assert pairs_to_tell(3, 3, 10) is None
+
+
+def test_all_of_some_runs() -> None:
+    """Against every choice of them."""
+    runs = [True] * 7 + [False] * 3
+    for times in (1, 2, 3, 8):
+        chosen = [all(each) for each in combinations(runs, times)]
+        assert all_of(times, 7, 10) == pytest.approx(np.mean(chosen))
