@@ -31,7 +31,7 @@ SMOKES: dict[str, tuple[str, int, str]] = {
         "phantom forces",
     ),
     "examine": (
-        "{folder}/ball.xml --drive none --duration 0.1 --workers 0",
+        "{folder}/ball.xml --only budget --drive none --duration 0.1 --workers 0",
         0,
         "sound within 10 %",
     ),
@@ -53,6 +53,9 @@ SMOKES: dict[str, tuple[str, int, str]] = {
     "parity": ("{folder}/two.yaml --against nobody", 2, "nobody"),
     "tune": ("{folder}/none.xml", 2, "none.xml"),
     "baseline": ("update {store} {folder}/baseline", 0, "baseline"),
+    "lint": ("{folder}/ball.xml", 0, "nothing found"),
+    "diff": ("{folder}/ball.xml {folder}/ball.xml", 0, "no difference"),
+    "grip": ("{folder}/ball.xml", 2, "no actuator"),
     "engines": ("add nobody", 2, "nobody"),
     "traces": ("expand {store}", 0, ""),
 }

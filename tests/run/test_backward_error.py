@@ -146,12 +146,6 @@ def test_states_of_a_plain_loop_are_those_of_a_repeat(text: str, tmp_path: Path)
     assert found.share > 0
 
 
-def test_what_has_no_mass_that_moves_has_none(checked: Checked) -> None:
-    record = checked("<mujoco><worldbody><geom size='1'/></worldbody></mujoco>", 0.1, "all")
-    assert record.metrics["backward_error"] is None
-    assert record.label == "stable"
-
-
 @pytest.mark.long
 def test_workers_change_no_bit(tmp_path: Path) -> None:
     sweep = {"version": 1, "scene": "gripping_pad", "duration": 0.4, "checks": "all"}

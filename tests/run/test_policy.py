@@ -158,7 +158,7 @@ def test_files_that_it_reads_are_part_of_it(folder: Path) -> None:
     swept(folder, "other", drive={"files": ["gains.txt"]})
     assert rows(folder, "first")[0]["run_id"] != rows(folder, "other")[0]["run_id"]
     assert list((folder / "other" / "scenes").rglob("gains.txt"))
-    with pytest.raises(SceneError, match=r"cannot read .*absent"):
+    with pytest.raises(SceneError, match=r"no file .*absent"):
         swept(folder, drive={"files": ["absent"]})
 
 
@@ -278,7 +278,7 @@ def test_a_policy_that_kills_its_process_or_hangs_costs_its_runs_alone(folder: P
         ("import nothing_of_this_name", "balance.py:Balance", "line 1 .*ModuleNotFoundError"),
         ("class Other: pass", "balance.py:Balance", "no class Balance; write one of Other"),
         ("def broken(:", "balance.py:Balance", "SyntaxError"),
-        ("", "absent.py:Balance", "cannot read .*absent.py"),
+        ("", "absent.py:Balance", "no file .*absent.py"),
     ],
 )
 def test_what_cannot_be_loaded_is_said_at_once(

@@ -117,8 +117,8 @@ def test_the_deepest_impact_is_that_of_the_grid(tmp_path: Path) -> None:
     [
         ({"maximise": "penetration"}, "unknown-metric", "did you mean"),
         ({"maximise": "penetration_max", "axes": ["hight"]}, "axis-not-swept", "drop_height"),
-        ({}, "search-one", "either maximise or minimise"),
-        ({"maximise": "slip_distance", "minimise": "drop"}, "search-one", "either"),
+        ({}, "bad-value", "either maximise or minimise"),
+        ({"maximise": "slip_distance", "minimise": "drop"}, "bad-value", "either"),
     ],
 )
 def test_mistakes_name_the_remedy(

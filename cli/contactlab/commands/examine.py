@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from contactlab.studies.session import Session
     from contactlab.writers import Report
 
-_FOLDER, _PAGE, _REPORT = "examine", "page.html", "examination.json"
+_PAGE, _REPORT = "page.html", "examination.json"
 _FILES = {".html", ".htm", ".json"}
 
 
@@ -88,7 +88,6 @@ def examined(
         if file is not None:
             _check_file(file)
         session = Session(folder, worker_count(workers), notify=say, allow_code=allow_code)
-        session.claim(_FOLDER, request.model)
         report = run(replace(request, begins=begin), session)
         if file is None:
             report = report.model_copy(update={"evidence": str(folder)})
@@ -105,14 +104,15 @@ def examined(
 @contextmanager
 def _folder(model: str, folder: Path | None, *, kept: bool) -> Generator[Path]:
     """Yield the folder of an examination; one that goes afterwards, if it is not kept."""
-    from contactlab.resources import RESULTS
+    from contactlab import resources
+    from contactlab.studies.examine.examination import RESULTS
     from contactlab.studies.session import free_folder
 
     if not kept:
         with TemporaryDirectory(prefix="contactlab-") as name:
             yield Path(name)
     else:
-        yield folder or free_folder(RESULTS / _FOLDER, _FOLDER, model)
+        yield folder or free_folder(resources.RESULTS / RESULTS, RESULTS, model)
 
 
 def _check_file(file: Path) -> None:

@@ -55,7 +55,7 @@ MISTAKES: Mapping[str, str] = {
     "unmatched-exclude": "An entry of `exclude` excludes no run. Change or remove it.",
     "unmatched-expect": "An expectation is of no run. Change or remove it.",
     "until-method": "`until` takes draws that are independent. Write method: random.",
-    "until-no-draws": "`until` asks for a share, but nothing is drawn. Add seeds: 1000, or draw an axis.",
+    "until-no-draws": "`until` asks for a share, but nothing is drawn. Add seeds: 1000.",
     "until-seeds": "`until` decides itself how many seeds are run. Write seeds: 1.",
     "value": "A value is no number, word, true, false or list of numbers. Write one of these.",
     "value-not-swept": "--only names a value that the axis never takes. Name one that it takes.",

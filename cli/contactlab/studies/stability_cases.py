@@ -81,7 +81,6 @@ def _run_case(case: StabilityCase, session: Session) -> StabilityResult:
         workers=session.workers,
         partly=True,
     )
-    session.claim(case.name, case.origin)
     sweep = replace(sweep, fresh=(store / "manifest.json").is_file())
     rows = session.run(sweep).table.to_pylist() if sweep.plan.count else []
     return _result(sweep, rows, time.monotonic() - started)

@@ -9,7 +9,7 @@ from importlib.metadata import version
 from pathlib import Path
 from urllib.parse import quote
 
-from contactlab.printable import visible
+from contactlab.printable import printable, visible
 from contactlab.schema.finding import SEVERITIES, Finding, PlacedFinding
 from contactlab.writers.report import Report
 
@@ -27,7 +27,7 @@ def as_sarif(report: Report) -> str:
     results = [_result(finding, places[finding.name]) for finding in findings]
     run = {"tool": {"driver": driver}, "columnKind": "unicodeCodePoints", "results": results}
     log = {"$schema": _SCHEMA, "version": "2.1.0", "runs": [run]}
-    return json.dumps(log, indent=2, ensure_ascii=False) + "\n"
+    return printable(json.dumps(log, indent=2, ensure_ascii=False)) + "\n"
 
 
 def _rule(finding: Finding, rules: Mapping[str, str]) -> Node:

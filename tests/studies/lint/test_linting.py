@@ -109,7 +109,7 @@ def test_one_broken_file_does_not_hide_the_others(
 def test_a_name_that_is_used_twice_is_told_at_its_line(linted: Linted) -> None:
     text = ROBOT.replace('<geom name="lower"', '<geom name="upper"')
     found = only(linted(text), "unread")
-    assert "repeated name 'upper'" in found.message
+    assert "called 'upper'; give it another name" in found.message
     assert '<geom name="upper"' in text.splitlines()[found.line - 1]
 
 

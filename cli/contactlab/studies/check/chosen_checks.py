@@ -20,7 +20,8 @@ def chosen_checks(only: Sequence[str]) -> list[str]:
         SweepFileError: there is no such check.
     """
     for name in only:
-        SweepFileError.unless_known(name, CHECKS, f"no check '{name}'")
+        others = f"; there are {', '.join(CHECKS)}"
+        SweepFileError.unless_known(name, CHECKS, f"no check '{name}'", others)
     return [name for name in CHECKS if name in only or not only]
 
 

@@ -49,6 +49,8 @@ from contactlab.studies.task_verdict import refuse_lengths, run_labels
 
 SECTIONS: tuple[SectionName, ...] = get_args(SectionName)
 REFERENCE = "reference.json"
+RESULTS = "examine"
+"""Name of its place in a folder of results."""
 _OF_MOTIONS = {"budget", "facts", "changes"}
 _OF_RUNS = {"labels", "checks", "contacts"}
 SETTINGS = Settings(priced=True)
@@ -114,6 +116,7 @@ def run(request: ExamineRequest, session: Session) -> Examination:
     task = examined.task
     if wanted & _OF_MOTIONS and not examined.moves:
         examined.motions_of(task)  # which says why there are none, before anything is run
+    session.claim(RESULTS, request.model)
     session.notify(f"examining {request.model}: {task.line}")
     report = Examination(
         model=request.model, mujoco=VERSION, task=task, sections=request.sections, sentence=""
@@ -169,7 +172,10 @@ def sections_of(names: Sequence[str]) -> tuple[SectionName, ...]:
         SweepFileError: there is no such section.
     """
     for name in names:
-        SweepFileError.unless_known(name, SECTIONS, f"no section '{name}' of an examination")
+        others = f"; there are {', '.join(SECTIONS)}"
+        SweepFileError.unless_known(
+            name, SECTIONS, f"no section '{name}' of an examination", others
+        )
     return tuple(section for section in SECTIONS if section in names or not names)
 
 

@@ -34,7 +34,7 @@ from contactlab.schema.task import QPOS0
 
 _KINDS = {**KINDS, "mesh": "meshes", "hfield": "hfields", "texture": "textures", "site": "sites"}
 _UNLINED = "key"  # of which MuJoCo keeps no lines
-_LINE = re.compile(r"\bline (\d+)")
+_LINE = re.compile(r":(\d+): does not compile")
 _LINKS = {"body": "link", "joint": "joint"}  # as URDF calls them
 
 
@@ -241,7 +241,7 @@ def _linted(source: SceneSource, made: _Compiled) -> LintedModel:
     if line is None or (origin := by_line.get(int(line[1]))) is None:
         return linted
     place = linted.place_at(real(origin))
-    told = made.refused.replace(line[0], f"line {place.line}")
+    told = made.refused.replace(line[0], f":{place.line}: does not compile")
     return replace(linted, refused=told, refused_at=place)
 
 
