@@ -89,7 +89,10 @@ def test_refused_in_one_message(contactlab: Any, small: Path, at: str, connect: 
     for command in ("show", "verify", "report"):
         result = contactlab(command, at)
         assert result.code == 3
-        assert result.err == f"error: {at} is not a store: it has no manifest.json\n"
+        assert (
+            result.err
+            == f"error: {at} is not a store: it has no manifest.json; `contactlab sweep` writes one\n"
+        )
 
 
 @pytest.mark.long

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 _MOST_ROWS_SHOWN = 12
 _ID_DIGITS = 8
+_CHOOSING = ("refine", "until", "search", "sample")
 _OF_LOOPS = {"seed": "episode", "success": "success", "total_reward": "return"}
 
 
@@ -67,6 +68,8 @@ def summary_text(store: "Store", given: Given) -> None:
 
 def _of_chosen_runs(store: "Store") -> "Iterator[str]":
     """Yield what a sweep found that chose its runs by what came of others."""
+    if not any(map(store.manifest.sweep.resolved.get, _CHOOSING)):
+        return
     from contactlab.reporting.boundaries import boundaries, boundary_lines, coverage
     from contactlab.reporting.found_worst import worst_lines
     from contactlab.reporting.known_shares import known_shares, share_lines

@@ -137,7 +137,8 @@ _KINDS = {
 }
 SI_UNITS = {unit: (kind, size) for kind, units in _KINDS.items() for unit, size in units.items()}
 """The SI unit that each unit measures the same as, and its size in it."""
-_WITH_UNIT = re.compile(rf"([-+]?\d*\.?\d+(?:e[-+]?\d+)?)\s*({'|'.join(SI_UNITS)})")
+MEASURED_TEXT = re.compile(rf"([-+]?\d*\.?\d+(?:e[-+]?\d+)?)\s*({'|'.join(SI_UNITS)})")
+"""A number with its unit."""
 
 
 def without_unit(value: object, unit: str = "") -> float | None:
@@ -153,7 +154,7 @@ def without_unit(value: object, unit: str = "") -> float | None:
 
 def split_unit(value: object) -> tuple[float, str]:
     """Return number and unit of a text such as `2ms`; not a number, and no unit, of others."""
-    parts = _WITH_UNIT.fullmatch(value.strip()) if isinstance(value, str) else None
+    parts = MEASURED_TEXT.fullmatch(value.strip()) if isinstance(value, str) else None
     return (float(parts[1]), parts[2]) if parts else (math.nan, "")
 
 

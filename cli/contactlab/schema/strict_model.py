@@ -8,12 +8,13 @@ from typing import Annotated, Any, cast, dataclass_transform
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, WithJsonSchema
 from pydantic_core import PydanticCustomError
 
-from contactlab.schema.setting_values import without_unit
+from contactlab.schema.setting_values import MEASURED_TEXT, without_unit
 
+_PERCENT = r"[0-9]*\.?[0-9]+([eE][-+]?[0-9]+)?%"
 _BRACKET = re.compile(r"[\[\]{}]")
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Positive = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0)]
-MEASURED = {"type": ["number", "string"]}
+MEASURED = {"type": ["number", "string"], "pattern": f"^({MEASURED_TEXT.pattern}|{_PERCENT})$"}
 """JSON schema of a number, or of a text with a unit."""
 
 
@@ -131,7 +132,7 @@ def _fraction(value: object) -> object:
 
 
 # A bound in the metric's own unit; `1%` is another way to write 0.01.
-_Percent = Annotated[str, Field(pattern=r"^[0-9]*\.?[0-9]+([eE][-+]?[0-9]+)?%$")]
+_Percent = Annotated[str, Field(pattern=f"^{_PERCENT}$")]
 Tolerance = Annotated[
     float,
     Field(strict=True, allow_inf_nan=False, ge=0),

@@ -106,6 +106,10 @@ class Condition(Model):
         return self.__pydantic_extra__
 
 
+def _share(**bounds: float) -> WithJsonSchema:
+    return WithJsonSchema({**MEASURED, **bounds})
+
+
 _Largest = Annotated[Tolerance, WithJsonSchema({**MEASURED, "minimum": 0})]
 _Amount = Annotated[Number, WithJsonSchema(MEASURED)]
 
@@ -210,7 +214,7 @@ class Refine(Model):
         '"slip_distance > 1mm"',
         default="label",
     )
-    probe: Annotated[Tolerance, Field(le=1)] = about(
+    probe: Annotated[Tolerance, Field(le=1), _share(minimum=0, maximum=1)] = about(
         "runs within uniform cells, as a share of the others: a number, or 5%", default=0.05
     )
     start: Annotated[Whole, Field(ge=2)] | None = about(
@@ -226,11 +230,11 @@ class Until(Model):
         "what is counted: failed, must (of runs that do not do what it says), a label, or a limit "
         'of a metric, such as "slip_distance > 1mm"'
     )
-    half_width: Annotated[Tolerance, Field(gt=0, lt=0.5)] = about(
-        "half of the width of the interval in which the share lies: a number, or 2%"
-    )
-    sure: Annotated[Tolerance, Field(ge=0.5, lt=1)] = about(
-        "with which probability it does, however often one looks", default=0.95
+    half_width: Annotated[
+        Tolerance, Field(gt=0, lt=0.5), _share(exclusiveMinimum=0, exclusiveMaximum=0.5)
+    ] = about("half of the width of the interval in which the share lies: a number, or 2%")
+    sure: Annotated[Tolerance, Field(ge=0.5, lt=1), _share(minimum=0.5, exclusiveMaximum=1)] = (
+        about("with which probability it does, however often one looks", default=0.95)
     )
 
 

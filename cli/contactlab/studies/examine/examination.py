@@ -22,6 +22,7 @@ from contactlab.budget import (
     budget_report,
 )
 from contactlab.budget.verdict import Word, percent
+from contactlab.engines.closed_loop import allowed_policy
 from contactlab.errors import SceneError, SweepFileError
 from contactlab.judge.acceptances import stale_acceptances
 from contactlab.judge.conclusion import failed_names
@@ -183,7 +184,8 @@ def open_model(request: ExamineRequest, session: Session) -> CheckedModel:
     """Open a model for its examination.
 
     Raises:
-        SceneError: there is no such model, keyframe or body, or it does not compile.
+        SceneError: there is no such model, keyframe or body, it does not compile, or its drive is
+            code that may not run.
         SweepFileError: a setting or the name of a limit is wrong, or the tolerance is no share.
     """
     refuse_lengths(request.task)
@@ -211,6 +213,7 @@ def open_model(request: ExamineRequest, session: Session) -> CheckedModel:
         settings=SETTINGS if rows else Settings(places=False),
         rows=None if rows else (),
     )
+    allowed_policy(examined.scene.drive, allowed=session.allow_code)
     step = examined.resolved.timestep
     if not 0 < step < math.inf:
         raise SceneError(
