@@ -234,7 +234,8 @@ class _MapRows(NamedTuple):
     cells: Rows
     texts: Rows
     boundary: Sequence[dict[str, Any]] = ()
-    inferred: Sequence[dict[str, Any]] = ()
+    # None of numbers, of which nothing is inferred.
+    inferred: Sequence[dict[str, Any]] | None = None
 
 
 def _layered(
@@ -259,9 +260,11 @@ def _layered(
     edge = edge.mark_line(color=INK, strokeWidth=2.5, strokeDash=[6, 3])
     edge = edge.encode(x, y, order="order:Q", detail="part:N")
     focus = layer_of("ring", []).mark_rect(fill=None, stroke=INK, strokeWidth=3)
-    paler = layer_of("inferred", [*rows.inferred]).mark_rect(opacity=_PALE)
-    paler = paler.encode(x, y, colour.legend(None), x2="x2:Q", y2="y2:Q")
-    layers = (cells, paler, *words, edge, focus.encode(x, y, x2="x2:Q", y2="y2:Q"))
+    paler: list[alt.Chart] = []
+    if rows.inferred is not None:
+        layer = layer_of("inferred", [*rows.inferred]).mark_rect(opacity=_PALE)
+        paler = [layer.encode(x, y, colour.legend(None), x2="x2:Q", y2="y2:Q")]
+    layers = (cells, *paler, *words, edge, focus.encode(x, y, x2="x2:Q", y2="y2:Q"))
     return alt.layer(*layers).properties(width=width, height=height)
 
 
