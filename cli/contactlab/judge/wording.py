@@ -32,9 +32,9 @@ def format_percent(value: float, *, signed: bool = False) -> str:
 
 
 def share_with_interval(good: int, runs: int) -> str:
-    """Return `80 % (58 % to 92 %)`: a share of draws, and Wilson's interval of 95 %."""
-    low, high = wilson(good, runs)
-    return f"{good / runs:.0%} ({low:.0%} to {high:.0%})".replace("%", " %")
+    """Return `80 % (58 to 92 %)`: a share of draws, and Wilson's interval of 95 %."""
+    share, low, high = map(format_percent, (good / runs, *wilson(good, runs)))
+    return f"{share} ({low.removesuffix(' %')} to {high})"
 
 
 def out_of(count: int, total: int, noun: str = "run") -> str:
