@@ -18,6 +18,9 @@ from contactlab.shares import (
     paired_difference,
     paired_score,
     pairs_to_tell,
+    runs_to_tell,
+    unpaired_difference,
+    wilson,
 )
 
 COUNTS = st.integers(1, 400).flatmap(lambda runs: st.tuples(st.integers(0, runs), st.just(runs)))
@@ -120,6 +123,43 @@ def test_stated_intervals_hold_in_95_percent(gain: float, loss: float) -> None:
         for gained, lost, _ in draws.tolist()
     ]
     assert 0.94 <= np.mean(held) <= 0.96
+
+
+def test_a_published_unpaired_interval() -> None:
+    """Newcombe (1998), table II, method 10: 56 of 70 against 48 of 80."""
+    assert unpaired_difference(56, 70, 48, 80) == pytest.approx((0.0524, 0.3339), abs=5e-5)
+
+
+@given(counts=COUNTS)
+def test_wilsons_interval(counts: tuple[int, int]) -> None:
+    """Against SciPy's."""
+    good, runs = counts
+    exact = binomtest(good, runs).proportion_ci(method="wilson")
+    assert wilson(good, runs) == pytest.approx((exact.low, exact.high), abs=1e-9)
+
+
+@pytest.mark.parametrize(("share", "before"), [(0.6, 0.5), (0.8, 0.6), (0.3, 0.3)])
+def test_unpaired_intervals_hold_in_95_percent(share: float, before: float) -> None:
+    """Of 10,000 pairs of policies over 200 and 150 episodes."""
+    random = np.random.default_rng(7)
+    counts = zip(
+        random.binomial(200, share, 10_000).tolist(),
+        random.binomial(150, before, 10_000).tolist(),
+        strict=True,
+    )
+    intervals = (unpaired_difference(good, 200, were, 150) for good, were in counts)
+    held = [low <= share - before <= high for low, high in intervals]
+    assert 0.94 <= np.mean(held) <= 0.96
+
+
+def test_so_many_runs_of_each_tell_in_four_of_five_times() -> None:
+    """The interval and the formula differ by little: within a twentieth."""
+    needed = runs_to_tell(0.6, 0.5)
+    assert needed is not None
+    counts = np.random.default_rng(9).binomial(needed, [0.6, 0.5], (2_000, 2)).tolist()
+    told = [unpaired_difference(good, needed, were, needed)[0] > 0 for good, were in counts]
+    assert 0.75 <= np.mean(told) <= 0.85
+    assert runs_to_tell(0.5, 0.5) is None
 
 
 @given(gained=st.integers(0, 60), lost=st.integers(0, 60))

@@ -119,6 +119,33 @@ def pairs_to_tell(gained: int, lost: int, pairs: int) -> int | None:
     return math.ceil((root / apart) ** 2)
 
 
+def unpaired_difference(good: int, runs: int, were: int, of: int) -> tuple[float, float]:
+    """Return the interval in which the difference of two shares of other cases lies with 95 %.
+
+    So many runs are good, and so many were of others. Wilson's intervals of both, combined by
+    squares: R. G. Newcombe, "Interval estimation for the difference between independent
+    proportions", 1998, method 10.
+    """
+    share, before = good / runs, were / of
+    (low, high), (least, most) = wilson(good, runs), wilson(were, of)
+    down, up = math.hypot(share - low, most - before), math.hypot(high - share, before - least)
+    return share - before - down, share - before + up
+
+
+def runs_to_tell(share: float, before: float) -> int | None:
+    """Return how many runs of each would tell two shares in four of five times; None of equal ones.
+
+    The usual formula for two independent shares and a two-sided test of 5 %: J. L. Fleiss,
+    "Statistical Methods for Rates and Proportions", 1981, without its correction for continuity.
+    """
+    if share == before:
+        return None
+    mean = (share + before) / 2
+    root = _Z * math.sqrt(2 * mean * (1 - mean))
+    root += _Z_POWER * math.sqrt(share * (1 - share) + before * (1 - before))
+    return math.ceil((root / (share - before)) ** 2)
+
+
 def all_of(times: int, good: int, runs: int) -> float:
     """Return how likely so many runs, drawn from those that were made, are all good."""
     return math.comb(good, times) / math.comb(runs, times) if times <= runs else math.nan

@@ -8,9 +8,10 @@ from typing import Any
 import pytest
 
 from contactlab.comparison.compare_stores import compare
+from contactlab.errors import StoreError
 from contactlab.schema.comparison import ComparePolicy
 from contactlab.schema.finding import Finding
-from contactlab.shares import paired_difference
+from contactlab.shares import paired_difference, unpaired_difference
 
 Runs = Callable[..., Any]
 Stored = Callable[..., Path]
@@ -22,15 +23,17 @@ def outcome(many: Runs, stored: Stored) -> Callable[..., Finding | None]:
     """Return what is found if some of 60 cases fail in one store, and others in the other."""
     numbers = count()
 
-    def compared(before: range, after: range, **rules: Any) -> Finding | None:
-        def written(failing: range) -> Path:
-            given = many(CASES)
+    def compared(
+        before: range, after: range, match: str = "id", cases: int = CASES, **rules: Any
+    ) -> Finding | None:
+        def written(failing: range, cases: int = CASES) -> Path:
+            given = many(cases)
             for case in failing:
                 given.label(case, "chatter")
             return stored(f"store {next(numbers)}", given)
 
-        policy = ComparePolicy.model_validate({"version": 1, "outcomes": rules})
-        report = compare(written(before), written(after), policy)
+        policy = ComparePolicy.model_validate({"version": 1, "match": match, "outcomes": rules})
+        report = compare(written(before), written(after, cases), policy)
         return next((each for each in report.findings if each.kind == "outcomes"), None)
 
     return compared
@@ -70,3 +73,29 @@ def test_how_many_more_would_tell(outcome: Callable[..., Finding]) -> None:
 
 def test_runs_that_call_nothing_a_success_are_not_counted(outcome: Callable[..., None]) -> None:
     assert outcome(range(12), range(24)) is None
+
+
+@pytest.mark.parametrize(
+    ("after", "cases", "verdict"),
+    [
+        (range(24), 60, "same"),  # 48 of 60, then 36: -.35 to -.03 excludes none but 0
+        (range(30), 60, "worse"),
+        (range(2), 90, "better"),
+        (range(14), 70, "same"),
+    ],
+)
+def test_without_pairs_the_interval_is_that_of_two_shares(
+    outcome: Callable[..., Finding], after: range, cases: int, verdict: str
+) -> None:
+    found = outcome(range(12), after, "none", cases, good="stable", tolerance=0.05)
+    assert found.verdict == verdict
+    good = cases - len(after)
+    low, high = unpaired_difference(good, cases, 48, 60)
+    assert (high < -0.05, low > 0) == (verdict == "worse", verdict == "better")
+    assert f"{good} of {cases}, 48 of 60 in the baseline" in found.message
+    assert ("not distinguishable" in found.message) == (low <= 0 <= high)
+
+
+def test_without_pairs_runs_must_say_how_they_ended(outcome: Callable[..., None]) -> None:
+    with pytest.raises(StoreError, match="good: stable"):
+        outcome(range(12), range(24), "none")

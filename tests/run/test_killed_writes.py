@@ -25,6 +25,15 @@ from contactlab.store.finished_store import Store
 from contactlab.store.verify_store import verify, write_baseline
 
 TINY = "{version: 1, scene: ball_drop, duration: 0.02, axes: {timestep: [1.0e-3, 2.0e-3]}}"
+REFINED = """
+version: 1
+scene: incline
+duration: 0.02
+axes:
+  tilt: {linspace: [5, 45, 3]}
+  friction.slide: {linspace: [0.1, 1.0, 3]}
+refine: {axes: [tilt, friction.slide], to: 9, where: "slip_distance > 0.5 mm"}
+"""
 CHANGES = {"os.rename", "os.remove", "os.mkdir", "os.rmdir", "os.truncate"}
 
 
@@ -169,6 +178,20 @@ def test_a_sweep_killed_early_and_late_is_resumed(sweeper: Any) -> None:
         assert sweeper.outcome() == whole, killed
         assert verify(store) == [], killed
         shutil.rmtree(store)
+
+
+@pytest.mark.long
+def test_a_refined_sweep_killed_again_and_again_is_resumed(
+    sweeper: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each goes on where the last died, within a round or between two."""
+    monkeypatch.setattr("contactlab.run.planned_runs.MAX_RUNS", 4)
+    sweeper.run(REFINED, "whole")
+    store = sweeper.folder / "store"
+    deaths = list(kills(store, lambda: sweeper.run(REFINED), (60, 40, 25, 50, 35, 10**6)))
+    assert deaths == [60, 40, 25, 50, 35]
+    assert sweeper.outcome() == sweeper.outcome("whole")
+    assert verify(store) == []
 
 
 @pytest.mark.night

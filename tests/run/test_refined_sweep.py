@@ -13,9 +13,10 @@ import contactlab
 from contactlab.errors import SweepFileError
 from contactlab.plan.refined_axes import least_runs
 from contactlab.plan.refinement import UNKNOWN
-from contactlab.reporting.boundaries import boundaries, boundary_lines, coverage
+from contactlab.reporting.boundaries import Boundaries, Sides, boundaries, boundary_lines, coverage
 from contactlab.run import planned_runs
 from contactlab.run.recomputed_runs import recomputed_problems
+from contactlab.schema.evidence import WholeGrid
 from contactlab.schema.sweep_schema import Refine
 from contactlab.store.finished_store import Store
 from contactlab.store.verify_store import verify
@@ -109,6 +110,23 @@ def test_show_says_where_outcomes_change(refined: Store) -> None:
     assert f"{refined.manifest.runs} of the grid's {TO**2} runs were made" in coverage(found)
 
 
+def test_three_axes_are_told_by_layers() -> None:
+    """A plane x + z > 6 in a cube: layers of z, whose lines hold for every y."""
+    x, _, z = np.mgrid[:5, :5, :5]
+    codes = (x + z > 6).astype(np.int32)
+    axes = {name: tuple(map(float, range(5))) for name in "xyz"}
+    grid = WholeGrid(runs=125, plan_hash="0", axes=axes)
+    sides = Sides({"seed": 0}, ("holds", "slips"), codes, np.ones_like(codes, bool))
+    assert [*boundary_lines(Boundaries("label", grid, ("m", "1", "kg"), (sides,)))] == [
+        "z 0 to 2 kg:",
+        "  y 0 to 4: holds throughout",
+        "z 3 kg:",
+        "  y 0 to 4: holds up to x 3 to 4 m, then slips",
+        "z 4 kg:",
+        "  y 0 to 4: holds up to x 2 to 3 m, then slips",
+    ]
+
+
 def test_filled_up_it_is_the_grid(refined: Store, whole: Store, tmp_path: Path) -> None:
     """The same sweep without `refine` adds the rest; with it, a whole store lacks nothing."""
     store = tmp_path / "store"
@@ -164,9 +182,12 @@ def test_stopped_anywhere_it_ends_as_if_it_were_not(
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("workers", [1, 2])
-def test_any_number_of_workers(workers: int, refined: Store, tmp_path: Path) -> None:
-    assert rows(contactlab.sweep(part(), output=tmp_path / "s", workers=workers)) == rows(refined)
+@pytest.mark.parametrize(("workers", "executor"), [(1, "local"), (2, "local"), (2, "ray")])
+def test_any_number_of_workers(workers: int, executor: str, refined: Store, tmp_path: Path) -> None:
+    if executor == "ray":
+        pytest.importorskip("ray", reason="contactlab[ray] is not installed")
+    found = contactlab.sweep(part(), output=tmp_path / "s", workers=workers, executor=executor)
+    assert rows(found) == rows(refined)
 
 
 def test_every_seed_and_setting_has_a_grid_of_its_own(tmp_path: Path) -> None:

@@ -112,6 +112,20 @@ def test_the_deepest_impact_is_that_of_the_grid(tmp_path: Path) -> None:
     assert not [*recomputed_problems(part)]
 
 
+def test_a_metric_that_no_run_has_is_told(tmp_path: Path) -> None:
+    """A box that slides from the start never creeps."""
+    sliding = {
+        **WHOLE,
+        "scene": "incline",
+        "duration": 0.1,
+        "axes": {"tilt": {"linspace": [40, 45, 5]}, "friction.slide": [0.1]},
+        "search": {"maximise": "creep_speed", "runs": 4},
+    }
+    store = contactlab.sweep(sliding, output=tmp_path / "store", workers=0)
+    assert store.manifest.runs == 4
+    assert [*worst_lines(store)] == ["creep_speed could not be measured in any of 4 trials"]
+
+
 @pytest.mark.parametrize(
     ("search", "code", "remedy"),
     [

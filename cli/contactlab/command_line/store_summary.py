@@ -2,7 +2,7 @@
 
 import json
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from operator import itemgetter, methodcaller
 from typing import TYPE_CHECKING
 
@@ -42,12 +42,15 @@ def summary_text(store: "Store", given: Given) -> None:
     del given
     path, manifest, columns = store.address, store.manifest, store.columns
     from contactlab.reporting.finding import finding, headline
+    from contactlab.reporting.label_shares import share_words, stable_share
     from contactlab.reporting.map_axes import by_importance
     from contactlab.reporting.report_columns import read_axes, read_run_labels
     from contactlab.reporting.start_noise import distance_to_reality
 
     axes, labels = read_axes(store), read_run_labels(store)
     tell(f"{manifest.sweep.name}: {headline(labels)}")
+    if told := stable_share(labels, share_words(store)):
+        tell(told)
     found = finding(axes, labels) if axes else ""
     for told in filter(None, (found, distance_to_reality(axes, columns))):
         tell(told)
@@ -60,7 +63,7 @@ def summary_text(store: "Store", given: Given) -> None:
     elif manifest.runs <= _MOST_ROWS_SHOWN:
         _print_runs(columns.axis_names, store.table.to_pylist())
     elif axes:
-        _print_values(by_importance(axes, labels), labels)
+        _print_values(by_importance(axes, labels), labels, share_words(store))
     echo(f"{manifest.runs:,} runs, {manifest.traces:,} traces in {path}")
     look = str(columns.run_ids[int(labels.codes.argmin())])[:_ID_DIGITS]
     echo(f"look closer: contactlab show {path} {look}")
@@ -107,7 +110,9 @@ def _print_runs(axes: Sequence[str], rows: Sequence[Mapping[str, object]]) -> No
     print_table(header, cells, droppable=len(headings))
 
 
-def _print_values(axes: "Sequence[GridAxis]", labels: "RunLabels") -> None:
+def _print_values(
+    axes: "Sequence[GridAxis]", labels: "RunLabels", share: "Callable[[int, int], str]"
+) -> None:
     """Print for values of axes, those that decide most first, how many runs have which label."""
     rows: list[tuple[object, ...]] = []
     for axis in axes:
@@ -119,16 +124,18 @@ def _print_values(axes: "Sequence[GridAxis]", labels: "RunLabels") -> None:
                         for n, k in Counter(labels.codes[axis.codes == code].tolist()).items()
                     }
                 )
-                rows.append(_value_row(axis.title, tick, here))
+                rows.append(_value_row(axis.title, tick, here, share))
     print_table(("axis", "value", "runs", "stable", "other labels"), rows)
     if left := [axis.name for axis in axes if not any(row[0] == axis.title for row in rows)]:
         tell(f"also swept: {', '.join(left)}")
 
 
-def _value_row(axis: str, value: str, labels: Counter[str]) -> tuple[object, ...]:
+def _value_row(
+    axis: str, value: str, labels: Counter[str], share: "Callable[[int, int], str]"
+) -> tuple[object, ...]:
     others = Counter({label: count for label, count in labels.items() if label != "stable"})
     most = ", ".join(f"{label} {count}" for label, count in others.most_common(2))
-    return axis, value, labels.total(), f"{labels['stable'] / labels.total():.0%}", most
+    return axis, value, labels.total(), share(labels["stable"], labels.total()), most
 
 
 def format_value(value: object) -> str:

@@ -41,8 +41,8 @@ def compare(
     *,
     policy: opt.Policy = None,
     match: Annotated[
-        Literal["id", "axes"] | None,
-        Option(None, "Pair runs by id, or by axis values and seed."),
+        Literal["id", "axes", "none"] | None,
+        Option(None, "Pair runs by id, by axis values and seed, or not: outcomes alone."),
     ] = None,
     output: opt.ReportFiles = (),
     thorough: Annotated[bool, flag("Verify every record and every trace first.")] = False,

@@ -5,8 +5,10 @@ from collections.abc import Iterator, Sequence
 from datetime import date
 from pathlib import Path
 
+import numpy as np
+
 from contactlab.comparison.metric_checks import Remeasure, metric_checks, remeasured_check
-from contactlab.comparison.outcome_checks import outcome_checks
+from contactlab.comparison.outcome_checks import outcome_checks, unpaired_outcome_check
 from contactlab.comparison.pairing import (
     PairedStores,
     Pairing,
@@ -125,8 +127,12 @@ def unreadable_report(error: ContactlabError, policy: ComparePolicy) -> Comparis
 def pair_runs(baseline: Store, candidate: Store, policy: ComparePolicy) -> Pairing:
     """Return the pairs of runs that `compare` compares; a StoreError if there are none.
 
-    Runs of equal id have the same scene content, settings, seed and duration.
+    Runs of equal id have the same scene content, settings, seed and duration. Where the policy
+    pairs none, there are none, and none is missing.
     """
+    if policy.match == "none":
+        none = np.zeros(0, np.intp)
+        return Pairing(none, none, none, none)
     by_axes = policy.match == "axes"
     ids = (store.columns.byte_strings("run_id") for store in (baseline, candidate))
     pairing = pair_by_axes(baseline, candidate) if by_axes else pair(*ids)
@@ -149,14 +155,17 @@ def _report(paired: PairedStores, remeasure: Remeasure | None) -> ComparisonRepo
         _COMPARABLE.single(SAME, "both are sound"),
         *_store_checks(before, after),
         *(check for check, _ in sameness),
-        *unpaired_checks(paired),
-        knife_edge_check(paired),
-        *label_checks(labels),
-        *outcome_checks(gated),
-        *expectation_checks(gated),
-        *metric_checks(gated),
-        recommendation_check(paired),
     ]
+    if policy.match == "none":
+        checks.append(unpaired_outcome_check(paired))
+    else:
+        checks += unpaired_checks(paired)
+        checks.append(knife_edge_check(paired))
+        checks += label_checks(labels)
+        checks += outcome_checks(gated)
+        checks += expectation_checks(gated)
+        checks += metric_checks(gated)
+        checks.append(recommendation_check(paired))
     if remeasure is not None:
         checks.append(remeasured_check(paired, remeasure))
     checks = apply_acceptances(checks, policy.accept, paired.today)
@@ -196,8 +205,8 @@ def _sameness_checks(
 ) -> Iterator[tuple[Finding, Difference | None]]:
     """Yield one check for each property that the policy names, and in what the stores differ."""
     for what in dict.fromkeys((*policy.require.same, *policy.require.warn_if_different)):
-        # A changed scene is what runs are matched by axes for.
-        changes_scene = what == "scene_hash" and policy.match == "axes"
+        # A changed scene is what runs are matched by axes for, or not at all.
+        changes_scene = what == "scene_hash" and policy.match != "id"
         required = what in policy.require.same and not changes_scene
         is_gate = required and what not in _JUDGED_ONE_BY_ONE
         level = "gate" if is_gate else "warn"

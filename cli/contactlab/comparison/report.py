@@ -41,6 +41,8 @@ def _facts(compared: ComparisonReport) -> Iterator[tuple[str, str]]:
 
 def _run_summary(compared: ComparisonReport) -> str:
     """Return how many runs are paired, equal, missing, new and on a knife edge."""
+    if compared.match == "none":
+        return "not paired"
     pairs = compared.pairs
     parts = [f"{pairs.paired:,} paired by {compared.match}"]
     equal = "all" if pairs.bitwise_equal == pairs.paired else f"{pairs.bitwise_equal:,}"

@@ -4,6 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from contactlab.schema.evidence import Setting
 from contactlab.schema.finding import Finding, RunPair
+from contactlab.shares import wilson
 
 
 def format_number(value: float) -> str:
@@ -28,6 +29,12 @@ def format_percent(value: float, *, signed: bool = False) -> str:
     percent = 100 * value
     digits = f"{percent:{sign}.0f}" if abs(percent) >= 10 else f"{percent:{sign}.2g}"
     return f"{digits} %"
+
+
+def share_with_interval(good: int, runs: int) -> str:
+    """Return `80 % (58 to 92 %)`: a share of draws, and Wilson's interval of 95 %."""
+    share, low, high = map(format_percent, (good / runs, *wilson(good, runs)))
+    return f"{share} ({low.removesuffix(' %')} to {high})"
 
 
 def out_of(count: int, total: int, noun: str = "run") -> str:

@@ -28,6 +28,7 @@ from contactlab.pareto.criteria import RECORDED
 from contactlab.pareto.recommendation import blocker_texts, next_step_text, robust_text
 from contactlab.reporting.boundaries import coverage
 from contactlab.reporting.finding import finding
+from contactlab.reporting.label_shares import share_words
 from contactlab.reporting.report import PageRequest, ReportData, read_report_data
 from contactlab.reporting.report_columns import summary_metrics
 from contactlab.reporting.sensitivity import sensitivities
@@ -78,6 +79,7 @@ class OutcomeView:
     letter: str
     colour: str
     count: int
+    share: str
     start: float
     width: float
     meaning: str
@@ -280,13 +282,15 @@ def first_look(data: ReportData) -> tuple[str, str] | None:
 def outcome_views(data: ReportData) -> Iterator[OutcomeView]:
     """Yield the labels of a store, the worst first."""
     labels, runs = data.labels, max(1, data.store.manifest.runs)
+    share = share_words(data.store)
     starts = accumulate(labels.counts, initial=0)
     columns = (labels.names, labels.letters, page_colours(labels), labels.counts, labels.facts)
     for start, name, letter, colour, count, facts in zip(starts, *columns, strict=False):
         place = 1000 * start / runs, 1000 * count / runs
         # Nothing is to be changed of a stable run.
         advice = "" if name == "stable" else facts.advice
-        yield OutcomeView(name, letter, colour, count, *place, facts.meaning, advice)
+        shown = share(count, runs)
+        yield OutcomeView(name, letter, colour, count, shown, *place, facts.meaning, advice)
 
 
 def map_view(data: ReportData) -> MapView | None:

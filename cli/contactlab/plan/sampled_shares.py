@@ -14,6 +14,11 @@ def drawn_axes(sweep: Sweep) -> frozenset[str]:
     return frozenset(drawn)
 
 
+def is_drawn(sweep: Sweep) -> bool:
+    """Return whether runs are draws, by their axes or seeds; of a grid, shares are exact."""
+    return bool(drawn_axes(sweep)) or len(sweep.seed_values) > 1
+
+
 def configuration_of(
     values: Mapping[str, object], drawn: Collection[str]
 ) -> tuple[tuple[str, object], ...]:

@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +23,8 @@ from contactlab.schema.evidence import WholeGrid
 from contactlab.schema.sweep_schema import Refine
 from contactlab.store.finished_store import Store
 
-_MOST_LINES = 8
+_Told = TypeVar("_Told", str, tuple[str, ...])
+_MOST_LINES, _MOST_LAYERS = 8, 4
 _SIDES = {
     "outcome": {True: "stable", False: "not stable"},
     "must": {True: "as required", False: "not as required"},
@@ -116,33 +118,52 @@ def coverage(found: Boundaries) -> str:
 
 
 def boundary_lines(found: Boundaries) -> Iterator[str]:
-    """Yield where outcomes change along the first refined axis, by the values of the second."""
-    names, values = list(found.grid.axes), list(found.grid.axes.values())
+    """Yield where outcomes change along the first refined axis, by the values of the others."""
+    name, values = next(iter(found.grid.axes.items()))
     for sides in found.sides[:_MOST_LINES]:
         if len(found.sides) > 1:
             yield ", ".join(f"{name} {_shown(value)}" for name, value in sides.shared.items())
         if sides.codes.ndim == 1:
-            yield _sequence(sides, sides.codes, values[0], names[0], found.units[0])
+            yield _sequence(sides, sides.codes, values, name, found.units[0])
         elif sides.codes.ndim == 2:
-            yield from _by_second(found, sides, names, values)
+            yield from _by_second(found, sides, sides.codes)
+        else:
+            yield from _by_third(found, sides)
     if len(found.sides) > _MOST_LINES:
         yield f"and {len(found.sides) - _MOST_LINES:,} more grids, of other seeds or settings"
 
 
-def _by_second(
-    found: Boundaries, sides: Sides, names: Sequence[str], values: Sequence[Sequence[object]]
-) -> Iterator[str]:
-    columns = range(sides.codes.shape[1])
+def _by_second(found: Boundaries, sides: Sides, codes: Codes) -> Iterator[str]:
+    first, second = ((name, values) for name, values in [*found.grid.axes.items()][:2])
     told = [
-        _sequence(sides, sides.codes[:, column], values[0], names[0], found.units[0])
-        for column in columns
+        _sequence(sides, codes[:, column], first[1], first[0], found.units[0])
+        for column in range(codes.shape[1])
     ]
-    groups = [list(group) for _, group in groupby(columns, key=told.__getitem__)]
-    shown = np.unique(np.linspace(0, len(groups) - 1, _MOST_LINES).round().astype(int))
+    for span, line in _alike(told, second[1], _MOST_LINES):
+        yield f"{second[0]} {span}{_unit(found.units[1])}: {line}"
+
+
+def _by_third(found: Boundaries, sides: Sides) -> Iterator[str]:
+    name, values = [*found.grid.axes.items()][2]
+    told = [
+        tuple(_by_second(found, sides, sides.codes[:, :, layer]))
+        for layer in range(sides.codes.shape[2])
+    ]
+    for span, lines in _alike(told, values, _MOST_LAYERS):
+        yield f"{name} {span}{_unit(found.units[2])}:"
+        yield from (f"  {line}" for line in lines)
+
+
+def _alike(
+    told: Sequence[_Told], values: Sequence[object], most: int
+) -> Iterator[tuple[str, _Told]]:
+    """Yield what is told of neighbouring values, once where it is equal, and of so many at most."""
+    groups = [list(group) for _, group in groupby(range(len(told)), key=told.__getitem__)]
+    shown = np.unique(np.linspace(0, len(groups) - 1, most).round().astype(int))
     for place in shown[: len(groups)].tolist():
-        first, last = (values[1][groups[place][end]] for end in (0, -1))
+        first, last = (values[groups[place][end]] for end in (0, -1))
         span = _shown(first) if first == last else f"{_shown(first)} to {_shown(last)}"
-        yield f"{names[1]} {span}{_unit(found.units[1])}: {told[groups[place][0]]}"
+        yield span, told[groups[place][0]]
 
 
 def _sequence(sides: Sides, codes: Codes, values: Sequence[object], name: str, unit: str) -> str:

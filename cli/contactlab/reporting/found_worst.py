@@ -27,6 +27,8 @@ def worst_lines(store: Store) -> Iterator[str]:
             key not in worst or _is_worse(row[metric], worst[key][metric], sweep)
         ):
             worst[key] = row
+    if not worst:
+        yield f"{metric} could not be measured in any of {columns.runs:,} trials"
     unit = columns.described[metric].unit
     for key, row in [*worst.items()][:_MOST_LINES]:
         at = ", ".join(f"{name} {_shown(row[name])}" for name in axes)

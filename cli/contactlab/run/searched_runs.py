@@ -19,7 +19,7 @@ class SearchedRuns(ChosenRuns):
         """Take the points of a plan, and (runs) the ids of its runs in order."""
         metric = search.maximise or search.minimise
         assert metric is not None
-        super().__init__(ids, lambda row: row[metric], (metric,))
+        super().__init__(ids, lambda row: row.get(metric), (metric,))
         self._sign, self._most = -1.0 if search.maximise else 1.0, search.runs
         place_on = {name: coordinates(plan.sweep, name) for name in searched_axes(plan.sweep)}
         places = defaultdict[object, dict[int, tuple[float, ...]]](dict)

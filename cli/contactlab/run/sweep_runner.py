@@ -97,7 +97,8 @@ def run_sweep(
     )
     with writer as store:
         if isinstance(store, StoreManifest):
-            begin(len(index), len(index))
+            stored = min(len(index), store.runs)
+            begin(stored, stored)
             return store
         task = Task(
             sweep=request.plan.sweep,

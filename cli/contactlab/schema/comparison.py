@@ -101,7 +101,7 @@ class MetricRule(Model):
 
 
 class OutcomeRules(Model):
-    """Comparison of the share of good runs, of pairs of the same case."""
+    """Comparison of the share of good runs."""
 
     good: Literal["success", "stable"] = about(
         "which runs are good: episodes that their loop calls a success, or stable ones",
@@ -133,8 +133,10 @@ class RecommendationRules(Model):
 class ComparePolicy(Acceptances):
     """Rules that say which changes are regressions, and which of these fail the job."""
 
-    match: Literal["id", "axes"] = about(
-        "how runs are paired: by run id, or by axis values and seed", default="id"
+    match: Literal["id", "axes", "none"] = about(
+        "how runs are paired: by run id, by axis values and seed, or not at all, so that only "
+        "the shares of good ones are compared",
+        default="id",
     )
     baseline_digest: Sha256 | None = about(
         "digest of the only baseline, as `baseline update` prints it", default=None
@@ -208,7 +210,7 @@ class ComparisonReport(Model):
     headline: str
     baseline: ComparedStore | None = about("Null if it cannot be read.")
     candidate: ComparedStore | None = about("Null if it cannot be read.")
-    match: Literal["id", "axes"]
+    match: Literal["id", "axes", "none"]
     pairs: PairCounts
     differences: tuple[Difference, ...]
     transitions: tuple[Transition, ...]

@@ -169,6 +169,25 @@ def test_a_urdf_inertia_whose_frame_is_not_turned_differs_by_the_law_of_rotation
     assert only.share == pytest.approx(share, rel=1e-6)
 
 
+# _LINK with rpy "0.3 0.4 0.5", as MuJoCo 3.12.0 loads and saves it: the frame's turn is lost.
+_SAVED_BY_3_12 = """<mujoco model="r">
+  <compiler angle="radian"/>
+  <worldbody>
+    <body name="arm">
+      <inertial pos="0.1 0 0" quat="0 0.707107 0 0.707107" mass="1" diaginertia="0.025 0.02 0.01"/>
+      <joint name="j" range="-1 1" actuatorfrcrange="-9 9" axis="0 1 0"/>
+    </body>
+  </worldbody>
+</mujoco>"""
+
+
+def test_an_older_release_that_lost_a_turned_inertia_is_told() -> None:
+    (only,) = differences(compiled(_LINK.format("0.3 0.4 0.5")), compiled(_SAVED_BY_3_12))
+    assert (only.kind, only.name, only.quantity) == ("body", "arm", "inertia")
+    lost = [float(number) for number in only.after.split()]
+    assert lost == pytest.approx(np.diag([0.01, 0.02, 0.025]).ravel(), abs=1e-9)
+
+
 @pytest.mark.parametrize(
     ("edits", "expected"),
     [

@@ -1,0 +1,31 @@
+"""Shares of a store's runs in words, with the interval in which they lie if runs are draws."""
+
+from collections.abc import Callable
+
+from contactlab.judge.wording import format_percent, share_with_interval
+from contactlab.plan.sampled_shares import is_drawn
+from contactlab.reporting.report_columns import STABLE, RunLabels
+from contactlab.schema.sweep_schema import Sweep
+from contactlab.store.finished_store import Store
+
+
+def share_words(store: Store) -> Callable[[int, int], str]:
+    """Return what writes how many of some runs count: `80 %`, or `80 % (58 to 92 %)`.
+
+    The interval is Wilson's, of 95 %, where runs are draws of axes or seeds. Of a grid the share is
+    that of its cells, and exact.
+    """
+    sweep = Sweep.model_validate(store.manifest.sweep.resolved)
+    return share_with_interval if is_drawn(sweep) else _share
+
+
+def _share(good: int, runs: int) -> str:
+    return format_percent(good / runs)
+
+
+def stable_share(labels: RunLabels, share: Callable[[int, int], str]) -> str:
+    """Return the share of stable runs in a sentence; nothing of runs that are no draws."""
+    if share is _share or not len(labels.codes):
+        return ""
+    stable = dict(zip(labels.names, labels.counts, strict=True)).get(STABLE, 0)
+    return f"{share(stable, len(labels.codes))} are stable, with 95 % if runs are independent draws"

@@ -1,0 +1,35 @@
+"""Shares of draws have an interval, and those of a grid none."""
+
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
+
+import pytest
+
+from contactlab.judge.wording import format_percent
+from contactlab.reporting.label_shares import share_words
+from contactlab.shares import wilson
+from contactlab.store.finished_store import Store
+
+
+def store_of(**changes: Any) -> Store:
+    """Return what the words read of a store: its sweep."""
+    resolved = {"version": 1, "scene": "?", "axes": {"tilt": [1, 2]}, **changes}
+    sweep = SimpleNamespace(resolved=resolved)
+    return cast("Store", SimpleNamespace(manifest=SimpleNamespace(sweep=sweep), address=Path()))
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"seeds": 20},
+        {"axes": {"tilt": {"uniform": [1, 2]}}, "sample": {"method": "random", "n": 9}},
+    ],
+)
+def test_draws_have_wilsons_interval(changes: dict[str, Any]) -> None:
+    low, high = map(format_percent, wilson(16, 20))
+    assert share_words(store_of(**changes))(16, 20) == f"80 % ({low[:-2]} to {high})"
+
+
+def test_a_grid_has_none() -> None:
+    assert share_words(store_of())(1, 8) == "12 %"
