@@ -313,8 +313,10 @@ def row_to_record(row: Mapping[str, Any], shared: Mapping[str, Any]) -> Evidence
         found = _restored(row, inner)
         if any(value is not None for value in found.values()):
             data[part] = found
-    labels = zip(*(row[column] for column in _OF_LABELS), strict=True)
-    data["labels"] = [dict(zip(_OF_LABELS.values(), label, strict=True)) for label in labels]
+    # Stores of version 0.2 do not say of which bodies a label is.
+    kept = {column: field for column, field in _OF_LABELS.items() if column in row}
+    labels = zip(*(row[column] for column in kept), strict=True)
+    data["labels"] = [dict(zip(kept.values(), label, strict=True)) for label in labels]
     data["axes"] = {name: row[name] for name in row[_AXES_COLUMN.name]}
     data["metrics"] = {name: row[name] for name in shared["units"]}
     return EvidenceRecord.model_validate(data)
