@@ -41,6 +41,15 @@ def _is_number(value: ast.expr) -> bool:
     return bool(parts) and not free and all(isinstance(part.value, int | float) for part in parts)
 
 
+def constants(root: Path) -> Iterator[tuple[str, str]]:
+    """Yield the file and the name of each constant of the judge of a checkout."""
+    packages = root / "cli" / "contactlab"
+    for file in sorted(file for pattern in _FILES for file in packages.glob(pattern)):
+        for name, value in _named(ast.parse(file.read_text(encoding="utf-8"))):
+            if _is_number(value):
+                yield file.stem, name
+
+
 def count(root: Path) -> dict[str, int]:
     """Return how many labels, thresholds, constants and lines the judge of a checkout has."""
     found: dict[str, int] = dict.fromkeys(("labels", "thresholds", "constants", "lines"), 0)
@@ -50,8 +59,8 @@ def count(root: Path) -> dict[str, int]:
         tree = ast.parse(text)
         found["labels"] += _calls(tree, "label") + _calls(tree, "Label")
         found["thresholds"] += _calls(tree, "Threshold")
-        found["constants"] += sum(_is_number(value) for _, value in _named(tree))
         found["lines"] += len(text.splitlines())
+    found["constants"] = len([*constants(root)])
     return found
 
 

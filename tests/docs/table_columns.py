@@ -21,7 +21,7 @@ def column_list() -> str:
 
 def _type_text(kind: pa.DataType) -> str:
     if pa.types.is_list(kind):
-        return f"list of {kind.value_type}"
+        return f"list of {_type_text(kind.value_type)}"
     return "struct" if pa.types.is_struct(kind) else str(kind)
 
 

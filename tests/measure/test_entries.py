@@ -24,6 +24,7 @@ from contactlab.measure import (
     metric,
     oracle,
 )
+from contactlab.measure.entries import Found
 from contactlab.run.sweep_request import read_request
 from contactlab.run.sweep_runner import run_sweep
 from contactlab.store.finished_store import Store
@@ -53,6 +54,22 @@ def declare_racing(rank: float = 7.5) -> None:
         return {run: Onset(f"at {speed:g} rad/s", 0) for run, speed, _ in runs.over("top_speed")}
 
 
+def test_a_label_is_of_the_bodies_of_all_that_it_finds(trace_of: Any, setup_of: Any) -> None:
+    @label("poor")
+    def touched(_: MeasuredRuns) -> Found:
+        """Something was touched."""
+        yield 0, Onset("the box, first", 3, ("box", "lid"))
+        yield 1, Onset("the box", 4, ("box",))
+        yield 0, Onset("the lid, too", 5, ("lid", "key"))
+        yield 1, Onset("all of it", 6)
+
+    trace = trace_of(2)
+    found = assess(trace, setup_of(trace)).labels
+    assert found[0][0] == ("touched", "the box, first", 3, ("box", "lid", "key"))
+    # What is of the whole run is of no body.
+    assert found[1][0] == ("touched", "the box", 4, ())
+
+
 def test_a_metric_with_its_label_is_measured(trace_of: Any, setup_of: Any) -> None:
     function = declare_top_speed()
     declare_racing()
@@ -60,7 +77,7 @@ def test_a_metric_with_its_label_is_measured(trace_of: Any, setup_of: Any) -> No
     trace.qvel[1, 3, 4] = -20
     found = assess(trace, setup_of(trace))
     assert found.metrics["top_speed"].tolist() == [0, 20]
-    assert found.labels[1][0] == ("racing", "at 20 rad/s", 0)
+    assert found.labels[1][0] == ("racing", "at 20 rad/s", 0, ())
     assert found.labels[0][0].label == "stable"
     lenient = assess(trace, setup_of(trace, thresholds={"top_speed": 30.0}))
     assert [each.label for each in lenient.labels[1]] == ["stable"]

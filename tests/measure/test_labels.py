@@ -72,13 +72,13 @@ class TestDiverged:
         trace = trace_of()
         getattr(trace, name)[0, 40, 1] = poison
         found = outcomes(trace, setup_of(trace))[0]
-        assert found == ("diverged", f"{name} is not finite", 39)
+        assert found == ("diverged", f"{name} is not finite", 39, ())
 
     def test_energy(self, trace_of: Any, setup_of: Any) -> None:
         trace = trace_of()
         trace.kinetic[0, 40] = np.nan
         found = outcomes(trace, setup_of(trace))[0]
-        assert found == ("diverged", "energy is not finite", 40)
+        assert found == ("diverged", "energy is not finite", 40, ())
 
     def test_warnings_by_name(self, trace_of: Any, setup_of: Any) -> None:
         trace = trace_of(warnings=({"BADQACC": 2, "INERTIA": 0},))

@@ -1,13 +1,17 @@
 """Studies of one model judge one task: by phases, by watched bodies, and by its share."""
 
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
 import contactlab
 from contactlab.errors import EngineError, SweepFileError
+from contactlab.schema.evidence import LabelEntry
 from contactlab.schema.examination import Examination
+from contactlab.schema.task import Phase, Task
+from contactlab.studies.task_verdict import run_labels
 
 # A pendulum beside one whose spring swings ten times in a second, both driven by sines.
 MODEL = """<mujoco><option timestep="{timestep}"/><worldbody>
@@ -47,6 +51,36 @@ def test_watched_bodies_and_the_share_decide(tmp_path: Path) -> None:
     assert checked(within=[between], watch=["slow"]).sound
     with pytest.raises(EngineError, match="none of the watched bodies moves"):
         checked(watch=["world"])
+
+
+@pytest.mark.parametrize(
+    ("watched", "kept"),
+    [
+        ((), ["tunneling", "chatter", "diverged"]),
+        (("mug",), ["tunneling", "diverged"]),
+        (("lid", "hand"), ["tunneling", "chatter", "diverged"]),
+        (("foot",), ["diverged"]),
+    ],
+)
+def test_labels_are_of_watched_bodies_or_of_the_whole_run(
+    watched: tuple[str, ...], kept: list[str]
+) -> None:
+    labels = (
+        LabelEntry(label="tunneling", reason="it passed", step=3, bodies=("mug", "hand")),
+        LabelEntry(label="chatter", reason="lid-mug chatters", step=4, bodies=("lid",)),
+        LabelEntry(label="diverged", reason="a warning", step=5),
+    )
+    record: Any = SimpleNamespace(duration=1.0, steps_asked=10, seed=0, labels=labels)
+    phases = (Phase(name="held", begin=0.0, end=1.0),)
+    task = Task(
+        start="home", drive="hold", own_controls=True, duration=1.0, phases=phases, watched=watched
+    )
+    found = run_labels(task, [record])
+    assert [label.label for label in found] == kept
+    # What the reason names is not said again.
+    wheres = {label.label: label.where for label in found}
+    assert wheres.get("tunneling", " of mug, hand") == " of mug, hand"
+    assert wheres.get("chatter", "") == wheres["diverged"] == ""
 
 
 def test_a_length_is_refused(tmp_path: Path) -> None:

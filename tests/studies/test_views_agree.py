@@ -56,7 +56,7 @@ def of_sweep(model: str, task: Task, folder: Path, **values: Any) -> Answer:
     sweep |= {"duration": task.duration, "trace": "none", **values}
     store = contactlab.sweep(sweep, output=folder / "sweep", workers=0)
     labels: dict[str, dict[str, int]] = {phase.name: {} for phase in task.phases}
-    for label in run_labels(task.phases, store.records()):
+    for label in run_labels(task, store.records()):
         labels[label.phase][label.label] = label.runs
     return Answer(task.line, labels)
 

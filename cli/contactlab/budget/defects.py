@@ -59,15 +59,20 @@ def energy_defects(end: Floats, around: Floats) -> Floats:
         return np.where(np.abs(apart) > rounding, apart, 0.0)
 
 
-def trends(parts: Floats, scale: Floats) -> Floats:
+def drifts(parts: Floats, scale: Floats) -> Floats:
     """Return (S,) the drift of sums over windows, from (S, W) defects and causal scales [J].
 
-    The mean of the last third of the sums less that of the first, times 3/2, which is the whole of
-    a steady drift; what goes up and down and comes back leaves little.
+    The larger of two: the mean of the last third of the sums less that of the first, times 3/2,
+    which is the whole of a steady drift; and what no sum of the last third gives back, which is the
+    whole of one that ended early, as of what is damped to rest. What goes up and down and comes
+    back leaves little of either.
     """
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         sums = np.cumsum(np.where(parts == 0, 0.0, parts / scale), axis=1)
         third = max(1, sums.shape[1] // 3)
-        drift = sums[:, -third:].mean(axis=1) - sums[:, :third].mean(axis=1)
-        drift = 1.5 * drift if sums.shape[1] > 2 else sums[:, -1]
+        last = sums[:, -third:]
+        trend = 1.5 * (last.mean(axis=1) - sums[:, :third].mean(axis=1))
+        stays = np.maximum(last.min(axis=1), 0) + np.minimum(last.max(axis=1), 0)
+        drift = np.where(np.abs(trend) > np.abs(stays), trend, stays)
+        drift = drift if sums.shape[1] > 2 else sums[:, -1]
     return np.where(np.isnan(drift), np.inf, drift)

@@ -110,6 +110,7 @@ class Passage(NamedTuple):
     mover: str
     wall: str
     step: int
+    bodies: tuple[str, ...] = ()  # of both, those that can move
 
 
 @dataclass(frozen=True)

@@ -84,6 +84,7 @@ class Part:
     high: float = np.inf  # the greatest; inf without
     margin: float = 0.0  # how far from an end a joint's or a tendon's limit begins to act
     reach: float = 0.0  # how far the body of a joint reaches from its frame [m]
+    bodies: tuple[str, ...] = ()  # that it moves, or acts on
 
 
 @dataclass(frozen=True)
@@ -96,6 +97,7 @@ class Equality:
     """Length or angle that its violation is compared with: the smaller body that it connects, a
     tendon's length, a joint's range or a quarter turn; infinite where none is known."""
     elastic: bool = False  # whether it may stretch by much for a moment, as edges of a flex
+    bodies: tuple[str, ...] = ()  # that it connects
 
 
 @dataclass(frozen=True)
@@ -192,6 +194,7 @@ class Setup:
     mechanism: Mechanism | None = None
     """Parts of the model that can move and hold; None where nobody asks about them."""
     springs: bool = False  # whether joints or tendons have springs
+    sides: tuple[tuple[str, ...], ...] = ()  # (P,) of each pair the bodies that can move
     recorded: RecordedMotion | None = None  # what the runs are compared with, if that was recorded
 
     def select(self, runs: Sequence[int]) -> "Setup":

@@ -19,6 +19,7 @@ from contactlab.scene.contact_pairs import geom_pairs, half_extents, may_touch, 
 from contactlab.scene.initial_states import InitialStates, apply_inputs
 from contactlab.scene.model_edits import read_flag
 from contactlab.scene.model_names import name_of
+from contactlab.scene.part_bodies import moving_bodies
 
 _SLOW = 0.5  # Share of the half thickness of two geoms by which a step must move them to matter
 _MOST_STEPS_OF_A_PASSAGE = 4  # Steps that a fast geom takes to pass through another, at most
@@ -99,8 +100,7 @@ class Passages:
                     turns = own + turned[model.geom_bodyid[wall]] * shape.turns
                     steps += _first_passage(path, least, shape, turns)
                 if steps:
-                    names = name_of(model, "geom", mover), name_of(model, "geom", wall)
-                    yield Passage(*names, min(steps))
+                    yield _passage(model, mover, wall, min(steps))
                     break
 
     def _fast_pairs(self, moved: Floats) -> list[tuple[int, int]]:
@@ -131,8 +131,7 @@ class _Within:
         near = np.linalg.norm(apart, axis=1) < bound + moved
         for step in np.flatnonzero(near & (moved > least))[:_MOST_RAYS].tolist():
             if self._overlaps(pair, step, float(moved[step]), least):
-                mover, wall = (name_of(model, "geom", geom) for geom in pair)
-                return [Passage(mover, wall, step)]
+                return [_passage(model, *pair, step)]
         return []
 
     def _overlaps(self, pair: tuple[int, int], step: int, moved: float, least: float) -> bool:
@@ -157,6 +156,11 @@ class _Within:
     def _distance(self, pair: tuple[int, int]) -> float:
         mujoco.mj_kinematics(self._model, self._data)
         return mujoco.mj_geomDistance(self._model, self._data, *pair, 1e3, None)
+
+
+def _passage(model: mujoco.MjModel, mover: int, wall: int, step: int) -> Passage:
+    bodies = moving_bodies(model, model.geom_bodyid[[mover, wall]])
+    return Passage(name_of(model, "geom", mover), name_of(model, "geom", wall), step, bodies)
 
 
 @lru_cache(maxsize=4)

@@ -24,11 +24,15 @@ _Result = TypeVar("_Result")
 
 
 class AppliedLabel(NamedTuple):
-    """A label that applies to a run, with the reason in words and the first step it is met at."""
+    """A label that applies to a run: why, the first step it is met at, and of which bodies.
+
+    Of no body is what is of the whole run.
+    """
 
     label: str
     reason: str
     step: int
+    bodies: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -95,7 +95,9 @@ def step_dependent(runs: MeasuredRuns) -> Found:
         error = context.checks.backward[run]
         if error.share > within:
             step = round(error.time / context.trace.timestep[run])
-            yield run, Onset(f"{phantom_forces(context, run)}, most at {error.time:.3g} s", step)
+            reason = f"{phantom_forces(context, run)}, most at {error.time:.3g} s"
+            bodies = (error.body,) if np.isfinite(error.share) else ()
+            yield run, Onset(reason, step, bodies)
         else:
             verb = "gains" if error.energy > 0 else "loses"
             reason = f"the run {verb} {part_of(abs(error.energy))} the energy of its motion"

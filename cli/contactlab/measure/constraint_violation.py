@@ -8,7 +8,7 @@ import numpy as np
 from contactlab.contact.trace_arrays import Floats
 from contactlab.contact.trace_setup import DEGREES, QUARTER_TURN, Mechanism, Part
 from contactlab.measure.backward_error import TOLERANCE, phantom_forces, unresolved_runs
-from contactlab.measure.context import Context, cached, first_step, worst_pair
+from contactlab.measure.context import Context, cached, first_step, runs_where, worst_pair
 from contactlab.measure.entries import Found, MeasuredRuns, Onset, Threshold, label, metric
 
 _PEAK = Threshold(
@@ -30,6 +30,7 @@ class _Violation:
     peak: Floats  # (n,) the largest; of limits, beyond that of the start
     rest: Floats  # (n,) the median of the last quarter, likewise
     course: Floats | None = None  # (n, N) over time; None for what is sampled
+    bodies: tuple[str, ...] = ()  # that it holds
 
 
 @cached
@@ -45,7 +46,7 @@ def _violations(context: Context) -> list[_Violation]:
         gaps = np.moveaxis(trace.equality_gaps, 0, 2)
         for one, (peak, rest) in zip(mechanism.equalities, gaps, strict=True):
             most = peak * np.nan if one.elastic else peak
-            found.append(_Violation(one.name, one.unit, one.scale, most, rest))
+            found.append(_Violation(one.name, one.unit, one.scale, most, rest, bodies=one.bodies))
     found += _of_brakes(context, mechanism)
     return [
         violation for violation in found if violation is not None and np.isfinite(violation.scale)
@@ -63,7 +64,8 @@ def _of_brakes(context: Context, mechanism: Mechanism) -> Iterator[_Violation]:
         part, crept = braked[place], moved[:, place]
         turns = part.kind in {"ball", "hinge"}
         scale, unit = (QUARTER_TURN, "rad") if turns else (part.reach or mechanism.size, "m")
-        yield _Violation(f"the friction loss of {part.name}", unit, scale, crept * np.nan, crept)
+        name, peak = f"the friction loss of {part.name}", crept * np.nan
+        yield _Violation(name, unit, scale, peak, crept, bodies=part.bodies)
 
 
 def _places(context: Context, joint: Part) -> Floats:
@@ -90,7 +92,8 @@ def _of_limit(context: Context, part: Part, places: Floats) -> _Violation | None
     scale = np.clip(width, QUARTER_TURN / 2, QUARTER_TURN) if turns else max(width, part.reach)
     rest = np.quantile((beyond + ahead)[:, 3 * beyond.shape[1] // 4 :], _STILL, axis=1)
     unit = "rad" if turns else "m"
-    return _Violation(f"the limit of {part.name}", unit, scale, beyond.max(axis=1), rest, beyond)
+    peak = beyond.max(axis=1)
+    return _Violation(f"the limit of {part.name}", unit, scale, peak, rest, beyond, part.bodies)
 
 
 @metric("1", "lower", 1e-9)
@@ -126,7 +129,8 @@ def _overshoots(runs: MeasuredRuns) -> Found:
             if violation.course is not None and most > limit * violation.scale:
                 off = f"{violation.name} is off by {most:.3g} {violation.unit}"
                 step = first_step(violation.course[run] >= most)
-                yield run, Onset(f"{off}; {phantom_forces(context, run)}", step)
+                reason = f"{off}; {phantom_forces(context, run)}"
+                yield run, Onset(reason, step, violation.bodies)
 
 
 @label(
@@ -146,10 +150,13 @@ def constraint_violated(runs: MeasuredRuns) -> Found:
             found = _violations(runs.context)
             amounts = [violation.rest[run] if when else violation.peak[run] for violation in found]
             scales = [violation.scale for violation in found]
-            worst = int(np.nanargmax(np.divide(amounts, scales)))
+            parts = np.divide(amounts, scales)
+            worst = int(np.nanargmax(parts))
+            far = (found[place] for place in runs_where(parts > limit))
+            bodies = dict.fromkeys(body for violation in far for body in violation.bodies)
             each, most = found[worst], limit * scales[worst]
             reason = f"{each.name} is off by {amounts[worst]:.3g} {each.unit}{when}"
             beyond = None if each.course is None else each.course[run, begin:] > most
             step = begin + (0 if beyond is None else first_step(beyond))
-            yield run, Onset(f"{reason} (limit {most:.3g} {each.unit})", step)
+            yield run, Onset(f"{reason} (limit {most:.3g} {each.unit})", step, tuple(bodies))
     yield from _overshoots(runs)

@@ -251,11 +251,24 @@ def worst_pair(context: Context, values: Sequence[Floats] | Floats) -> Floats:
     return np.fmax.reduce(values) if len(values) else context.undefined()
 
 
+def bodies_of_pair(context: Context, place: int) -> tuple[str, ...]:
+    """Return the bodies of a monitored pair that can move."""
+    sides = context.setup.sides
+    return sides[place] if sides else ()
+
+
 def name_of_worst(context: Context, values: Floats, run: int) -> str:
     """Return the name of the pair of which a quantity (R, n) is largest in a run."""
     if not context.trace.pairs:
         return "the model"
     return context.pairs.names[context.pairs.places[int(np.nanargmax(values[:, run]))]]
+
+
+def bodies_beyond(context: Context, values: Floats, run: int, limit: float) -> tuple[str, ...]:
+    """Return the bodies of all pairs of which a quantity (R, n) exceeds a limit in a run."""
+    rows = runs_where(values[:, run] > limit) if context.trace.pairs else []
+    places = (context.pairs.places[row] for row in rows)
+    return tuple(dict.fromkeys(body for place in places for body in bodies_of_pair(context, place)))
 
 
 def distance_from_rest(context: Context, steps: ArrayLike) -> Floats:

@@ -104,16 +104,20 @@ class MetricOptions(TypedDict, total=False):
 
 
 class Onset(NamedTuple):
-    """Why a label applies to a run, and the first step at which it does."""
+    """Why a label applies to a run, the first step at which it does, and the bodies it is of.
+
+    Without bodies it is of the whole run, and holds whatever is watched.
+    """
 
     reason: str
     step: int
+    bodies: tuple[str, ...] = ()
 
 
 Onsets = dict[int, Onset]  # onsets of one label by run; runs without one are absent
 
 Found = Iterator[tuple[int, Onset]]
-"""The same one by one; of several of one run, the first counts."""
+"""The same one by one; of several of one run, the first counts, and the bodies of all."""
 
 
 @dataclass(frozen=True)
@@ -238,7 +242,10 @@ class Label:
         found = self.rule(runs) if self.rule else ()
         first: Onsets = {}
         for run, onset in found.items() if isinstance(found, dict) else found:
-            first.setdefault(run, onset)
+            known = first.setdefault(run, onset)
+            bodies = dict.fromkeys((*known.bodies, *onset.bodies))
+            whole = not (known.bodies and onset.bodies)
+            first[run] = known._replace(bodies=() if whole else tuple(bodies))
         return [first.get(run) for run in range(runs.context.trace.runs)]
 
 

@@ -24,6 +24,8 @@ from contactlab.measure.backward_error import TOLERANCE
 from contactlab.measure.context import (
     Context,
     bearing,
+    bodies_beyond,
+    bodies_of_pair,
     cached,
     count,
     hold_seconds,
@@ -185,13 +187,22 @@ def creep(runs: MeasuredRuns) -> Found:
     for run, speed, limit in runs.over("creep_speed"):
         name = name_of_worst(runs.context, _creeps(runs.context), run)
         reason = f"{name} sticks, but slips at {speed:.3g} m/s (limit {limit:g} m/s)"
-        yield run, Onset(reason, runs.context.last_fifth.start)
+        bodies = bodies_beyond(runs.context, _creeps(runs.context), run, limit)
+        yield run, Onset(reason, runs.context.last_fifth.start, bodies)
     judged = not _OF_SCENES.isdisjoint(runs.context.setup.thresholds)
     for run, way, limit in () if judged else runs.over("crept", TOLERANCE.name):
         crept = _crept(runs.context)
         name = max(crept, key=lambda pair: np.nan_to_num(crept[pair][run]))
         reason = f"{name} sticks, but would creep by {way:.3g} of its size (limit {limit:g})"
-        yield run, Onset(reason, runs.context.last_fifth.start)
+        far = (part for part, ways in crept.items() if ways[run] > limit)
+        bodies = dict.fromkeys(body for part in far for body in _bodies_of(runs.context, part))
+        yield run, Onset(reason, runs.context.last_fifth.start, tuple(bodies))
+
+
+def _bodies_of(context: Context, part: str) -> tuple[str, ...]:
+    """Return the bodies of what creeps: a free body, or a pair."""
+    names = context.pairs.names
+    return bodies_of_pair(context, names.index(part)) if part in names else (part,)
 
 
 @metric("1/s", "lower", tolerance=5.0)
@@ -332,7 +343,7 @@ def _hunting(runs: MeasuredRuns) -> Found:
         if turns >= limit:
             reason = f"{mechanism.actuators[place].name} went {turns} times from one end of its"
             reason = f"{reason} force to the other under constant controls (limit {limit:g})"
-            yield run, Onset(reason, half.start)
+            yield run, Onset(reason, half.start, mechanism.actuators[place].bodies)
 
 
 def _often(
@@ -365,4 +376,5 @@ def _often(
         if late - early >= _SPREAD * touching.sum() and (held or touching.sum() >= moment):
             rate = counts[run] / seconds[run]
             reason = f"{what.format(counts[run])}, {rate:.3g} times a second (limit {limit:g})"
-            yield run, Onset(reason, int(steps[0]))
+            place = runs.context.pairs.places[row]
+            yield run, Onset(reason, int(steps[0]), bodies_of_pair(runs.context, place))

@@ -19,6 +19,7 @@ from contactlab.contact.trace_arrays import (
 from contactlab.measure.context import (
     Context,
     bearing,
+    bodies_beyond,
     cached,
     contact_depths,
     count,
@@ -173,15 +174,18 @@ def slipping(runs: MeasuredRuns) -> Found:
     for run, slip, limit in runs.over("hold_slip"):
         name = name_of_worst(runs.context, _slips(runs.context), run)
         reason = f"{name} slipped {slip:.3g} m in {seconds[run]:.3g} s (limit {limit:g} m)"
-        yield run, Onset(reason, first_step(window[run]))
+        bodies = bodies_beyond(runs.context, _slips(runs.context), run, limit)
+        yield run, Onset(reason, first_step(window[run]), bodies)
 
 
 def _deep(runs: MeasuredRuns, threshold: str) -> Found:
     inside, (_, depths) = hold_window(runs.context), contact_depths(runs.context)
     for run, depth, limit in runs.over("hold_penetration", threshold):
         step = max(first_step((pair_depth[run] > limit) & inside[run]) for pair_depth in depths)
-        name = name_of_worst(runs.context, mean_depths(runs.context, inside), run)
-        yield run, Onset(f"{name} is {depth:.3g} m deep on average (limit {limit:g} m)", step)
+        deep = mean_depths(runs.context, inside)
+        reason = f"{name_of_worst(runs.context, deep, run)} is {depth:.3g} m deep on average"
+        bodies = bodies_beyond(runs.context, deep, run, limit)
+        yield run, Onset(f"{reason} (limit {limit:g} m)", step, bodies)
 
 
 def _offsets(held: HeldPose) -> Floats:

@@ -1,5 +1,8 @@
 """How bodies move: what must not grow by itself, and what should stay where it was."""
 
+from collections.abc import Sequence
+from operator import itemgetter
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -208,13 +211,14 @@ def energy_injection(runs: MeasuredRuns) -> Found:
     limit = np.sqrt(1 + runs.limits[TOLERANCE.name])  # Energy goes with the square of speed.
     for run in runs_where(runs.metrics["speed_ratio"] > limit):
         ratio = float(runs.metrics["speed_ratio"][run])
-        reason = f"a body moved {part_of(ratio)} as fast as the energy at the start allows"
         bounds = [_speed_bound(context, body) for body in context.setup.free_bodies]
         fast = [
             squares[run] > (limit * most[run]) ** 2
             for squares, most in zip(squared_speeds(context), bounds, strict=True)
         ]
-        yield run, Onset(f"{reason} (limit {limit:.3g})", max(_first_of(fast) - 1, 0))
+        names = _names_where(context, fast)
+        reason = f"{_first(names)} moved {part_of(ratio)} as fast as the energy at the start allows"
+        yield run, Onset(f"{reason} (limit {limit:.3g})", max(_first_of(fast) - 1, 0), names)
     yield from integration_gains(runs)
 
 
@@ -233,10 +237,11 @@ def asleep_unsupported(runs: MeasuredRuns) -> Found:
         return
     limit, pull = runs.limits[TOLERANCE.name], gravity(runs.context)
     for run in runs_where((sleeper[:, 0] > limit * pull) & (pull > 0)):
-        acceleration, joint, step = sleeper[run]
-        what = f"{setup.mechanism.joints[int(joint)].name} sleeps, but would accelerate by"
+        acceleration, place, step = sleeper[run]
+        joint = setup.mechanism.joints[int(place)]
+        what = f"{joint.name} sleeps, but would accelerate by"
         reason = f"{what} {acceleration / pull[run]:.3g} of gravity (limit {limit:g})"
-        yield run, Onset(reason, int(step))
+        yield run, Onset(reason, int(step), joint.bodies)
 
 
 @label(
@@ -252,10 +257,11 @@ def drifting(runs: MeasuredRuns) -> Found:
     """A body that should stay ended farther from its start than the scene accepts."""
     places = [runs.context.position(body) for body in runs.context.setup.free_bodies]
     for run, moved, limit in runs.over("drift"):
-        reason = f"a body ended {moved:.3g} m away from its start (limit {limit:g} m)"
         below, paths = down(runs.context)[run], [place[run] - place[run, 0] for place in places]
         away = [np.sqrt(_across(path, below)) > limit for path in paths]
-        yield run, Onset(reason, _first_of(away) - 1)
+        names = _names_where(runs.context, [path[-1:] for path in away])
+        reason = f"{_first(names)} ended {moved:.3g} m away from its start (limit {limit:g} m)"
+        yield run, Onset(reason, _first_of(away) - 1, names)
 
 
 @label(
@@ -270,9 +276,10 @@ def unsettled(runs: MeasuredRuns) -> Found:
     """A body still moves in the last fifth of the run, where the scene says that all rest."""
     squares, start = squared_speeds(runs.context), runs.context.last_fifth.start
     for run, speed, limit in runs.over("rest_speed"):
-        reason = f"a body moved at {speed:.3g} m/s in the last fifth (limit {limit:g} m/s)"
-        fast = (squares[:, run, start + 1 :] > limit**2).any(axis=0)
-        yield run, Onset(reason, start + first_step(np.asarray(fast)))
+        fast = squares[:, run, start + 1 :] > limit**2
+        names = _names_where(runs.context, [*fast])
+        reason = f"{_first(names)} moved at {speed:.3g} m/s in the last fifth (limit {limit:g} m/s)"
+        yield run, Onset(reason, start + _first_of([*fast]), names)
 
 
 @cached
@@ -312,6 +319,17 @@ def _stored_at_start(context: Context) -> Floats:
         )
         stored += np.fmin(np.maximum(*forces) * depth, most * thickness)
     return stored
+
+
+def _names_where(context: Context, masks: Sequence[NDArray[np.bool_]]) -> tuple[str, ...]:
+    """Return the names of free bodies of which a mask holds anywhere, the first to do so first."""
+    bodies = zip(context.setup.free_bodies, masks, strict=True)
+    held = [(first_step(mask), body.name) for body, mask in bodies if mask.any()]
+    return tuple(name for _, name in sorted(held, key=itemgetter(0)))
+
+
+def _first(names: Sequence[str]) -> str:
+    return names[0] if names else "a body"
 
 
 def _first_of(masks: list[NDArray[np.bool_]]) -> int:

@@ -4,11 +4,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contactlab.contact.rotations import rotate
-from contactlab.contact.trace_arrays import NORMAL, Floats, median
+from contactlab.contact.trace_arrays import NORMAL, Floats, Passage, median
 from contactlab.contact.trace_setup import Barrier
 from contactlab.measure.backward_error import TOLERANCE, resolved_runs
 from contactlab.measure.context import (
     Context,
+    bodies_beyond,
+    bodies_of_pair,
     cached,
     contact_depths,
     count,
@@ -137,11 +139,15 @@ def standoff(context: Context) -> Floats:
     Mean positive distance, weighted by normal force; worst pair. Forces below 1e-5 N for each kg
     that moves do not count. Not defined for speculative contacts.
     """
-    least, speculative = 1e-5 * context.setup.moving_mass, context.setup.speculative
-    force, rows = context.net.series.normal.mean(axis=-1), context.pairs.rows
-    shares = context.net.standoff[rows] / context.setup.thickness[:, None]
-    worst = worst_pair(context, np.where(force[rows] >= least, shares, 0))
+    worst, speculative = worst_pair(context, _standoffs(context)), context.setup.speculative
     return worst if speculative is None else np.where(speculative, np.nan, worst)
+
+
+def _standoffs(context: Context) -> Floats:
+    """Return (R, n) distances at which contacts bear, over half the extent of the thinner geom."""
+    force, places = context.net.series.normal.mean(axis=-1), context.pairs.places
+    shares = context.net.standoff / context.setup.thickness[places, None]
+    return np.where(force >= 1e-5 * context.setup.moving_mass, shares, 0)
 
 
 @metric("m", "higher", 1e-9, requires="depth")
@@ -167,12 +173,16 @@ def distance_min(context: Context) -> Floats:
 def tunneling(runs: MeasuredRuns) -> Found:
     """A body's centre crossed a surface or a geom, or it overlaps beyond the thinner's middle."""
     passed = [
-        (run, Onset(f"{passage.mover} passed through {passage.wall}", passage.step))
+        (run, Onset(_through(passage), passage.step, passage.bodies))
         for run, passages in enumerate(runs.context.trace.passages)
         for passage in passages
     ]
     found = [*_crossed(runs.context), *_pierced(runs), *passed]
     yield from sorted(found, key=lambda placed: placed[1].step)
+
+
+def _through(passage: Passage) -> str:
+    return f"{passage.mover} passed through {passage.wall}"
 
 
 @label(
@@ -187,7 +197,8 @@ def contact_at_distance(runs: MeasuredRuns) -> Found:
     """A body is carried or pushed by contacts whose margin keeps it away."""
     for run, part, limit in runs.over("standoff"):
         reason = f"contacts bear at {part:.3g} of the thinner body's half extent (limit {limit:g})"
-        yield run, Onset(reason, first_step(runs.context.trace.contacts[run] > 0))
+        bodies = bodies_beyond(runs.context, _standoffs(runs.context), run, limit)
+        yield run, Onset(reason, first_step(runs.context.trace.contacts[run] > 0), bodies)
 
 
 @label(
@@ -213,7 +224,8 @@ def sinking(runs: MeasuredRuns) -> Found:
     for run in runs_where(worst > limit):
         name = name_of_worst(context, parts, run)
         reason = f"{name} would sink by {worst[run]:.3g} of its half extent in the time of the run"
-        yield run, Onset(f"{reason} (limit {limit:g})", context.trace.steps // 2)
+        bodies = bodies_beyond(context, parts, run, limit)
+        yield run, Onset(f"{reason} (limit {limit:g})", context.trace.steps // 2, bodies)
 
 
 @label(
@@ -247,7 +259,7 @@ def deep_penetration(runs: MeasuredRuns) -> Found:
             limit = accepted[row, run]
             reason = f"{name} rests {steady[row, run]:.3g} m deep (limit {limit:.3g} m)"
             step = context.last_fifth.start + first_step(depth[run] > limit)
-            yield run, Onset(reason, step)
+            yield run, Onset(reason, step, bodies_of_pair(context, places[row]) if places else ())
 
 
 def _pierced(runs: MeasuredRuns) -> Found:
@@ -263,7 +275,8 @@ def _pierced(runs: MeasuredRuns) -> Found:
         for run, start, stop in np.transpose((deep.run, deep.start, deep.stop)).tolist():
             dips = _idle(context, row)[run] or _dips(context, row, run, slice(start, stop))
             if given or not dips:
-                yield run, Onset(f"{context.pairs.names[place]} is deeper than {where}", start)
+                reason = f"{context.pairs.names[place]} is deeper than {where}"
+                yield run, Onset(reason, start, bodies_of_pair(context, place))
 
 
 def _idle(context: Context, row: int) -> NDArray[np.bool_]:
@@ -308,7 +321,7 @@ def _crossed(context: Context) -> Found:
             steps = np.flatnonzero(changed[run])
             inside = steps[_within_reach(barrier, place[run], steps, height[run])]
             if len(inside):
-                yield run, Onset(reason, int(inside[0]))
+                yield run, Onset(reason, int(inside[0]), (barrier.body.name,))
 
 
 def _within_reach(
@@ -369,4 +382,4 @@ def squeezed(runs: MeasuredRuns) -> Found:
         for pair in runs_where(alone & (borne > limit)):
             amount = f"{borne[pair]:.3g} times the weight of the lighter (limit {limit:g})"
             reason = f"{context.pairs.names[pair]} is squeezed by {amount}"
-            yield run, Onset(reason, context.last_fifth.start)
+            yield run, Onset(reason, context.last_fifth.start, bodies_of_pair(context, pair))

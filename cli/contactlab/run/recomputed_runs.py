@@ -35,7 +35,10 @@ from contactlab.store.finished_store import Store
 from contactlab.store.mcap.trace_reader import StoredTrace, read_trace
 from contactlab.store.store_files import IDENTITY, MANIFEST, SCENES, TABLE
 
-_OUTCOME = ("status", "steps", "trajectory_hash", "label", "labels", "label_steps", "knife_edge")
+_OUTCOME = (
+    *("status", "steps", "trajectory_hash"),
+    *("label", "labels", "label_steps", "label_bodies", "knife_edge"),
+)
 
 
 def unresolved(store: Store) -> str | None:

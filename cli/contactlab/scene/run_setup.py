@@ -35,6 +35,12 @@ from contactlab.scene.contact_pairs import (
 from contactlab.scene.initial_states import quaternions
 from contactlab.scene.model_edits import read_flag
 from contactlab.scene.model_names import is_address, name_of
+from contactlab.scene.part_bodies import (
+    bodies_of_actuator,
+    bodies_of_equality,
+    bodies_of_tendon,
+    moving_bodies,
+)
 from contactlab.scene.requirements import Asked, required_of
 from contactlab.scene.run_spec import RunSpec, settings_table
 from contactlab.schema.drive import Drive, FileDrive, drive_word
@@ -122,6 +128,7 @@ def _of_pairs(base: CompiledScene, model: mujoco.MjModel) -> Mapping[str, Any]:
         "reaches": np.array([_reach(base.model, pair) for pair in base.pairs]),
         "widths": np.array([effective_parameters(model, pair).solimp[2] for pair in base.pairs]),
         "weights": np.array([lighter_weight(base.model, pair) for pair in base.pairs]),
+        "sides": tuple(_sides(base.model, pair) for pair in base.pairs),
     }
 
 
@@ -299,13 +306,24 @@ def find_mechanism(model: mujoco.MjModel) -> Mechanism:
     return Mechanism(
         joints=tuple(_joint(model, index, places[index], reach) for index in range(model.njnt)),
         tendons=tuple(
-            Part(name, "tendon", index, *lengths[index], margin=margins[index])
-            for index, name in enumerate(
-                name_of(model, "tendon", tendon) for tendon in range(model.ntendon)
+            Part(
+                name_of(model, "tendon", index),
+                "tendon",
+                index,
+                *lengths[index],
+                margin=margins[index],
+                bodies=bodies_of_tendon(model, index),
             )
+            for index in range(model.ntendon)
         ),
         actuators=tuple(
-            Part(name_of(model, "actuator", index), "actuator", index, *controls[index])
+            Part(
+                name_of(model, "actuator", index),
+                "actuator",
+                index,
+                *controls[index],
+                bodies=bodies_of_actuator(model, index),
+            )
             for index in range(model.nu)
         ),
         slack=np.where(springs[:, None], np.reshape(model.tendon_lengthspring, (-1, 2)), np.nan),
@@ -347,19 +365,20 @@ def _equality(
     model: mujoco.MjModel, index: int, places: Floats, reach: Floats, ends: float
 ) -> Equality:
     kind, first = int(model.eq_type[index]), int(model.eq_obj1id[index])
-    name = name_of(model, "equality", index)
+    name, bodies = name_of(model, "equality", index), bodies_of_equality(model, index)
     if kind == _EQUALITY.mjEQ_TENDON:
-        return Equality(name, "m", _tendon_scale(model, first, reach))
+        return Equality(name, "m", _tendon_scale(model, first, reach), bodies=bodies)
     if kind == _EQUALITY.mjEQ_FLEX:
         edges = slice(model.flex_edgeadr[first], None)
         lengths = model.flexedge_length0[edges][: model.flex_edgenum[first]]
-        return Equality(name, "m", float(lengths.mean()), elastic=True)
+        return Equality(name, "m", float(lengths.mean()), elastic=True, bodies=bodies)
     if kind != _EQUALITY.mjEQ_JOINT:
-        return Equality(name, "m", ends)
+        return Equality(name, "m", ends, bodies=bodies)
     low, high = places[first].tolist()
     if int(model.jnt_type[first]) == _JOINT.mjJNT_HINGE:
-        return Equality(name, "rad", min(high - low, QUARTER_TURN))
-    return Equality(name, "m", min(high - low, float(reach[model.jnt_bodyid[first]])))
+        return Equality(name, "rad", min(high - low, QUARTER_TURN), bodies=bodies)
+    scale = min(high - low, float(reach[model.jnt_bodyid[first]]))
+    return Equality(name, "m", scale, bodies=bodies)
 
 
 def _limits(limited: np.ndarray, ranges: np.ndarray) -> Floats:
@@ -383,7 +402,13 @@ def _joint(model: mujoco.MjModel, index: int, places: Floats, reach: Floats) -> 
         high=high,
         margin=float(model.jnt_margin[index]),
         reach=float(reach[body]),
+        bodies=(name_of(model, "body", body),),
     )
+
+
+def _sides(model: mujoco.MjModel, pair: MonitoredPair) -> tuple[str, ...]:
+    """Return the bodies of a pair that can move."""
+    return moving_bodies(model, model.geom_bodyid[[*pair.geoms[0], *pair.geoms[1]]])
 
 
 def _force_limits(model: mujoco.MjModel) -> Floats:

@@ -120,6 +120,9 @@ class LabelEntry(Model):
     label: str
     reason: str = about("why it applies")
     step: int | None = about("step at which it was first met", unit="1")
+    bodies: tuple[str, ...] = about(
+        "those that it is of; none if it is of the whole run", default=()
+    )
 
 
 class LabelFacts(Model):

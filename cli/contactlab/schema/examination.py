@@ -60,6 +60,13 @@ class RunLabel(Model):
     reason: str = about("Why it applies to the first of them.")
     seed: int = about("Of that run.")
     time: float | None = about("When it was first met [s]; null if of the whole run.")
+    bodies: tuple[str, ...] = about("Those that it is of; none if it is of the whole run.")
+
+    @property
+    def where(self) -> str:
+        """The bodies that its reason does not name, after " of "; else empty."""
+        named = any(body in self.reason for body in self.bodies)
+        return f" of {', '.join(self.bodies)}" if self.bodies and not named else ""
 
 
 class RestingContact(Model):
@@ -133,7 +140,7 @@ class Examination(Model):
         """Return the verdict, the shares of the worst phase, and what changes, for notebooks."""
         lines = [f"<strong>{escape(self.sentence)}</strong>", escape(self.task.line)]
         lines += [escape(fact.sentence) for fact in self.facts]
-        lines += [escape(f"{label.label}: {label.reason}") for label in self.labels]
+        lines += [escape(f"{label.label}{label.where}: {label.reason}") for label in self.labels]
         for change in self.changes:
             lines.append(f"{escape(change.name)}<pre>{escape(chr(10).join(change.lines))}</pre>")
         lines += [f'<a href="{escape(self.page)}">{escape(self.page)}</a>'] if self.page else []

@@ -123,13 +123,19 @@ _PLAIN = {
     if name not in {*SHARED_FIELDS, *_WITH_OWN_COLUMNS, *_PARTS}
 }
 # The columns of lists with an entry for each label, by the entry's field.
-_OF_LABELS = {"labels": "label", "label_reasons": "reason", "label_steps": "step"}
+_OF_LABELS = {
+    "labels": "label",
+    "label_reasons": "reason",
+    "label_steps": "step",
+    "label_bodies": "bodies",
+}
 _LABEL_COLUMNS = (
     Column("labels", pa.list_(_TEXT), "", _FIELDS["labels"].description or ""),
     Column("label_reason", _TEXT, "", "why the worst label applies"),
     Column("label_step", _WHOLE, "1", "step at which the worst label was first met"),
     Column("label_reasons", pa.list_(_TEXT), "", "why each label applies"),
     Column("label_steps", pa.list_(_WHOLE), "1", "step at which each label was first met"),
+    Column("label_bodies", pa.list_(pa.list_(_TEXT)), "", "the bodies that each label is of"),
 )
 _AXES_COLUMN = Column("axis_names", pa.list_(_TEXT), "", "names of the run's axis columns")
 # The order in which a reader of the table meets the fields; others come last.
@@ -307,8 +313,10 @@ def row_to_record(row: Mapping[str, Any], shared: Mapping[str, Any]) -> Evidence
         found = _restored(row, inner)
         if any(value is not None for value in found.values()):
             data[part] = found
-    labels = zip(*(row[column] for column in _OF_LABELS), strict=True)
-    data["labels"] = [dict(zip(_OF_LABELS.values(), label, strict=True)) for label in labels]
+    # Stores of version 0.2 do not say of which bodies a label is.
+    kept = {column: field for column, field in _OF_LABELS.items() if column in row}
+    labels = zip(*(row[column] for column in kept), strict=True)
+    data["labels"] = [dict(zip(kept.values(), label, strict=True)) for label in labels]
     data["axes"] = {name: row[name] for name in row[_AXES_COLUMN.name]}
     data["metrics"] = {name: row[name] for name in shared["units"]}
     return EvidenceRecord.model_validate(data)

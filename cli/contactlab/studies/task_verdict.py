@@ -18,7 +18,7 @@ from contactlab.mjcf import MODEL_ENGINE
 from contactlab.plan.task_options import TaskOptions
 from contactlab.scene.run_spec import RunSpec
 from contactlab.scene.scene import Scene
-from contactlab.schema.evidence import EvidenceRecord
+from contactlab.schema.evidence import EvidenceRecord, LabelEntry
 from contactlab.schema.examination import RunLabel
 from contactlab.schema.task import Phase, Task
 from contactlab.schema.task_verdict import PhaseVerdict, TaskVerdict
@@ -70,7 +70,7 @@ def verdict_of(
 
     How soft the model is does not count: its rows are left out.
     """
-    labelled = _labels(task.phases, records)
+    labelled = _labels(task, records)
     phases = {phase.name: phase for phase in budget.phases} if budget else {}
     word = sentence = None
     if budget is not None:
@@ -110,16 +110,19 @@ def _phase(name: str, budget: PhaseBudget | None, labels: Counter[str]) -> Phase
     )
 
 
-def run_labels(phases: Sequence[Phase], records: Iterable[EvidenceRecord]) -> tuple[RunLabel, ...]:
-    """Return the labels of runs but `stable`, by label and the phase in which it is first met."""
+def run_labels(task: Task, records: Iterable[EvidenceRecord]) -> tuple[RunLabel, ...]:
+    """Return the labels of runs but `stable`, by label and the phase in which it is first met.
+
+    What is only of bodies that are not watched is left out, as their shares are.
+    """
     found: dict[tuple[str, str], RunLabel] = {}
     for record in records:
         step = record.duration / max(record.steps_asked, 1)
         for entry in record.labels:
-            if entry.label == _STABLE:
+            if entry.label == _STABLE or not _is_watched(task, entry):
                 continue
             time = None if entry.step is None else entry.step * step
-            phase = _phase_at(phases, time or 0.0)
+            phase = _phase_at(task.phases, time or 0.0)
             first = RunLabel(
                 label=entry.label,
                 phase=phase,
@@ -127,16 +130,21 @@ def run_labels(phases: Sequence[Phase], records: Iterable[EvidenceRecord]) -> tu
                 reason=entry.reason,
                 seed=record.seed,
                 time=time,
+                bodies=entry.bodies,
             )
             kept = found.get((entry.label, phase), first)
             found[entry.label, phase] = kept.model_copy(update={"runs": kept.runs + 1})
     return tuple(found.values())
 
 
-def _labels(phases: Sequence[Phase], records: Iterable[EvidenceRecord]) -> dict[str, Counter[str]]:
+def _is_watched(task: Task, entry: LabelEntry) -> bool:
+    return not (task.watched and entry.bodies) or not {*task.watched}.isdisjoint(entry.bodies)
+
+
+def _labels(task: Task, records: Iterable[EvidenceRecord]) -> dict[str, Counter[str]]:
     """Return how many runs have each label, by the phase in which it is first met."""
-    counted = {phase.name: Counter[str]() for phase in phases}
-    for label in run_labels(phases, records):
+    counted = {phase.name: Counter[str]() for phase in task.phases}
+    for label in run_labels(task, records):
         counted[label.phase][label.label] = label.runs
     return counted
 

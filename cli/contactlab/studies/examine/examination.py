@@ -138,7 +138,7 @@ def _ran(report: Examination, examined: CheckedModel) -> Examination:
         report = report.model_copy(update={"contacts": contacts})
     if report.sections == ("contacts",):
         return report
-    labels = run_labels(report.task.phases, [run.record for run in examined.runs])
+    labels = run_labels(report.task, [run.record for run in examined.runs])
     return report.model_copy(update={"verdict": examined.verdict, "labels": labels})
 
 

@@ -75,7 +75,7 @@ def _labels(report: Examination) -> Iterator[str]:
             moved = f"{share_text(phase.share)} in {phase.body}" if phase.body else "not measured"
             yield from wrapped(f"{phase.name}: {held}; phantom forces {moved}", "")
     for label in report.labels:
-        yield from wrapped(f"{label.label}: {label.reason}, {_runs(label.runs)}", "")
+        yield from wrapped(f"{label.label}{label.where}: {label.reason}, {_runs(label.runs)}", "")
 
 
 def _runs(count: int) -> str:

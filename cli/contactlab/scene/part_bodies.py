@@ -1,0 +1,67 @@
+"""Which bodies the parts of a model act on: what is said of a part is said of them."""
+
+from collections.abc import Iterable
+
+import mujoco
+import numpy as np
+
+from contactlab.scene.model_names import name_of
+
+_EQUALITY = mujoco.mjtEq
+_TRN = mujoco.mjtTrn
+_WRAP = mujoco.mjtWrap
+_SITES = (int(_TRN.mjTRN_SITE), int(_TRN.mjTRN_SLIDERCRANK))
+_AT_JOINT = (int(_TRN.mjTRN_JOINT), int(_TRN.mjTRN_JOINTINPARENT))
+
+
+def moving_bodies(model: mujoco.MjModel, bodies: Iterable[int]) -> tuple[str, ...]:
+    """Return the names of those bodies that can move, each once."""
+    kept = dict.fromkeys(int(body) for body in bodies if body >= 0 and model.body_weldid[body])
+    return tuple(name_of(model, "body", body) for body in kept)
+
+
+def bodies_of_tendon(model: mujoco.MjModel, index: int) -> tuple[str, ...]:
+    """Return the bodies that a tendon runs along: of its sites, its joints and what it wraps."""
+    first = int(model.tendon_adr[index])
+    part = slice(first, first + int(model.tendon_num[index]))
+    kinds, objects = model.wrap_type[part], np.asarray(model.wrap_objid[part])
+    owners = {
+        int(_WRAP.mjWRAP_SITE): model.site_bodyid,
+        int(_WRAP.mjWRAP_JOINT): model.jnt_bodyid,
+        int(_WRAP.mjWRAP_SPHERE): model.geom_bodyid,
+        int(_WRAP.mjWRAP_CYLINDER): model.geom_bodyid,
+    }
+    known = [
+        int(np.asarray(owners[kind])[item])
+        for kind, item in zip(kinds.tolist(), objects.tolist(), strict=True)
+        if kind in owners
+    ]
+    return moving_bodies(model, known)
+
+
+def bodies_of_actuator(model: mujoco.MjModel, index: int) -> tuple[str, ...]:
+    """Return the bodies that an actuator moves."""
+    kind, ends = int(model.actuator_trntype[index]), np.asarray(model.actuator_trnid[index])
+    if kind in _AT_JOINT:
+        return moving_bodies(model, np.asarray(model.jnt_bodyid)[ends[:1]])
+    if kind == _TRN.mjTRN_TENDON:
+        return bodies_of_tendon(model, int(ends[0]))
+    if kind in _SITES:
+        return moving_bodies(model, np.asarray(model.site_bodyid)[ends[ends >= 0]])
+    return moving_bodies(model, ends[:1] if kind == _TRN.mjTRN_BODY else [])
+
+
+def bodies_of_equality(model: mujoco.MjModel, index: int) -> tuple[str, ...]:
+    """Return the bodies that an equality constraint connects; of a flex, none."""
+    kind = int(model.eq_type[index])
+    ends = [int(model.eq_obj1id[index]), int(model.eq_obj2id[index])]
+    if kind == _EQUALITY.mjEQ_JOINT:
+        return moving_bodies(model, np.asarray(model.jnt_bodyid)[[end for end in ends if end >= 0]])
+    if kind == _EQUALITY.mjEQ_TENDON:
+        names = [bodies_of_tendon(model, end) for end in ends if end >= 0]
+        return tuple(dict.fromkeys(name for each in names for name in each))
+    if kind not in {_EQUALITY.mjEQ_CONNECT, _EQUALITY.mjEQ_WELD}:
+        return ()
+    if model.eq_objtype[index] == int(mujoco.mjtObj.mjOBJ_SITE):
+        ends = np.asarray(model.site_bodyid)[ends].tolist()
+    return moving_bodies(model, ends)

@@ -1,0 +1,79 @@
+"""What a run gains or loses that its model does not, and what is no such thing."""
+
+import numpy as np
+import pytest
+from tests.budget_motions import motion_of
+
+from contactlab.budget import Settings, error_budget, judge
+from contactlab.budget.defects import drifts
+
+PENDULUM = """<mujoco><option timestep="{h}" integrator="RK4"/><worldbody><body pos="0 0 2">
+<joint axis="0 1 0"/><geom type="capsule" fromto="0 0 0 .5 0 0" size=".02"/></body></worldbody>
+</mujoco>"""
+COMPOUND = """<mujoco><option timestep="{h}" integrator="RK4"/><worldbody><body pos="0 0 20">
+<freejoint/><geom type="box" size=".1 .2 .05"/><geom size=".08" pos=".3 0 0"/>
+<geom type="capsule" size=".02 .3" pos="0 .2 .1"/></body></worldbody></mujoco>"""
+SPRING = """<mujoco><option timestep="{h}" gravity="0 0 0" integrator="RK4"/><worldbody><body>
+<joint type="slide" axis="1 0 0" stiffness="{k}"/><geom size=".1" mass="1"/></body></worldbody>
+</mujoco>"""
+DAMPED = """<mujoco><option timestep=".004"/><worldbody><body>
+<joint type="slide" axis="0 0 1" damping="{damping}"/><geom size=".1" mass="1"/></body></worldbody>
+</mujoco>"""
+PLAIN = Settings(check=False, places=False, excess=False)
+
+
+@pytest.mark.parametrize("h", [0.001, 0.004])
+@pytest.mark.parametrize(
+    ("xml", "qvel"), [(PENDULUM, None), (COMPOUND, [1.0, 0, 5, 3, 8, 2])], ids=["swings", "falls"]
+)
+def test_free_motion_by_rk4_is_its_models(xml: str, qvel: list[float] | None, h: float) -> None:
+    budget = error_budget([motion_of(xml.format(h=h), 1.0, qvel=qvel)], rows=[])
+    # Fourth order: (w h)^4 at a spin of 9 rad/s is 2e-6, of which a share is left in the energy.
+    assert budget.share < 2e-6
+    assert abs(budget.phases[0].energy_share) < 2e-6
+    assert judge(budget).word == "sound"
+
+
+@pytest.mark.parametrize("rate", [0.7, 0.9, 1.5])
+def test_what_rk4_takes_of_a_spring_is_found(rate: float) -> None:
+    """RK4 leaves 1 - x^6 / 72 + x^8 / 576 of an oscillator's energy a step, x being rate times h.
+
+    Its scale is the peak of the kinetic energy and the range of the potential, both all of it.
+    """
+    h, seconds = 0.01, 4.0
+    left = 1 - rate**6 / 72 + rate**8 / 576
+    xml = SPRING.format(h=h, k=(rate / h) ** 2)
+    phase = error_budget([motion_of(xml, seconds, qpos=[0.1])], rows=[], settings=PLAIN).phases[0]
+    kept = left ** (4 * np.arange(1, 101))
+    lost = np.asarray(np.diff(kept, prepend=1.0)[None], np.float64)
+    expected = drifts(lost, np.full((1, 100), 2.0))[0]
+    # A window sees its peaks where a step falls: cos^2 of half a step off, at most.
+    assert phase.energy_share == pytest.approx(expected, rel=np.sin(rate / 2) ** 2)
+    assert phase.energy_share < -0.1
+    assert judge(error_budget([motion_of(xml, seconds, qpos=[0.1])], rows=[])).word == "unresolved"
+
+
+@pytest.mark.parametrize("damping", [2000.0, 3000.0])
+def test_a_damper_that_rk4_cannot_take_is_no_fault_of_the_run(damping: float) -> None:
+    """At half a step of 4 ms the rate times h is 4 and 6; RK4 is stable up to 2.79."""
+    budget = error_budget([motion_of(DAMPED.format(damping=damping), 1.0)], rows=[])
+    assert np.isnan(budget.phases[0].energy_rk4).all()
+    assert judge(budget).word == "sound"
+
+
+@pytest.mark.parametrize(
+    ("parts", "drift"),
+    [
+        (np.full(90, 0.01), 0.9),
+        (np.append(np.full(3, -0.1), np.zeros(87)), -0.3),
+        (np.append(np.zeros(87), np.full(3, 0.1)), 0.03),
+        (np.diff(0.2 * np.sin(np.arange(91))), 0.0),
+        (np.diff(0.2 * np.cos(np.arange(91))), 0.0),
+        (np.full(2, 0.1), 0.2),
+    ],
+    ids=["steady", "early", "late", "swings", "swings from a peak", "of two windows"],
+)
+def test_a_drift_is_what_stays(parts: np.ndarray, drift: float) -> None:
+    found = drifts(parts[None], np.ones((1, parts.size)))
+    # A mean of 30 of what swings by .2, a radian a window, is at most .2 / (30 sin .5).
+    assert found == pytest.approx([drift], abs=1.5 * 2 * 0.2 / (30 * np.sin(0.5)))
