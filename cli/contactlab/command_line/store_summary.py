@@ -48,6 +48,8 @@ def summary_text(store: "Store", given: Given) -> None:
     axes, labels = read_axes(store), read_run_labels(store)
     tell(f"{manifest.sweep.name}: {headline(labels)}")
     found = finding(axes, labels) if axes else ""
+    mixed = bool(labels.failed.any())  # else all values say the same, as the headline does
+    found = finding(axes, labels) if axes and mixed else ""
     for told in filter(None, (found, distance_to_reality(axes, columns))):
         tell(told)
     for line in _as_expected(store):
@@ -58,11 +60,12 @@ def summary_text(store: "Store", given: Given) -> None:
             tell(told)
     elif manifest.runs <= _MOST_ROWS_SHOWN:
         _print_runs(columns.axis_names, store.table.to_pylist())
-    elif axes:
+    elif axes and mixed:
         _print_values(by_importance(axes, labels), labels)
     echo(f"{manifest.runs:,} runs, {manifest.traces:,} traces in {path}")
     look = str(columns.run_ids[int(labels.codes.argmin())])[:_ID_DIGITS]
     echo(f"look closer: contactlab show {path} {look}")
+    echo(f"one page: contactlab report {path}")
 
 
 def _of_chosen_runs(store: "Store") -> "Iterator[str]":

@@ -302,7 +302,7 @@ def _whole(numerics: str, report: Examination) -> str:
     judged = not report.findings or "labelled_runs" in failed
     phases = dict.fromkeys(label.phase for label in report.labels if judged)
     found = [
-        f"labelled {' and '.join(each.label for each in report.labels if each.phase == phase)} in "
+        f"labelled {_listed([each.label for each in report.labels if each.phase == phase])} in "
         f"{phase}"
         for phase in phases
     ]
@@ -313,6 +313,11 @@ def _whole(numerics: str, report: Examination) -> str:
         opening = "" if numerics.startswith(_OPENINGS["model"]) else "numerically "
         return f"not sound: {', '.join(found)}; {opening}{numerics}"
     return f"{numerics}; {', '.join(found)}"
+
+
+def _listed(names: Sequence[str]) -> str:
+    *first, last = names
+    return " and ".join(filter(None, (", ".join(first), last)))
 
 
 def _remedied(tried: Sequence[Remedy]) -> str:
