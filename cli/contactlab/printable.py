@@ -71,6 +71,12 @@ def percent(share: float) -> str:
     return f"{plain(100 * share, 2)} %"
 
 
+def newtons(force: float) -> str:
+    """Return a force in N, kN, MN or GN, in two digits."""
+    power = min(3, max(0, math.floor(math.log10(force) / 3))) if force > 0 else 0
+    return f"{plain(force / 1e3**power, 2)} {('N', 'kN', 'MN', 'GN')[power]}"
+
+
 def plain(number: float, digits: int = 3) -> str:
     """Return a number in so many digits, without an exponent from 1e-3 to 1e5."""
     short = f"{number:.{digits}g}"

@@ -302,3 +302,9 @@ def test_a_group_stands_once(slid: Store, tmp_path: Path) -> None:
     write(tmp_path / "twice.yaml", twice, "slide")
     with pytest.raises(SweepFileError, match="two groups of the same axis values"):
         read(tmp_path / "twice.yaml")
+
+
+def test_a_change_of_the_scene_is_told_before_what_follows_from_it(slid: Store) -> None:
+    headline = judged(frozen(slid).model_copy(update={"scene_hash": "another"}), slid).headline
+    assert headline.startswith("the scene changed since the lock; ")
+    assert judged(frozen(slid), slid).headline.startswith("same: ")

@@ -233,7 +233,7 @@ def remedies(
     model's motion at its finest step than the model as it is, to within the tolerance if it is to
     compute the same model; against a row of the model, to the finest motion with that row's change.
     What does not come nearer is judged no further. A finer step is tried where no coarser one
-    removes the verdict.
+    removes the verdict, nor that links in each other no longer touch.
     """
     if verdict.word == "sound":
         return ()
@@ -243,7 +243,7 @@ def remedies(
         candidates = candidates_against(motions, verdict)
     possible = sorted(
         (one for one in candidates if _is_possible(one, word, rows, motions)),
-        key=lambda one: (one.physics, one.rate),
+        key=lambda one: (one.rate > _COARSE, one.physics, one.rate),
     )
     judged = _Judged(motions, verdict, word, rows if word == "model" else (), trial)
     before, *apart = judged.nearness(possible)
@@ -253,7 +253,9 @@ def remedies(
         enough = trial.most is not None and len(removing) >= trial.most
         if enough and candidate.accept not in trial.wanted:
             continue
-        if candidate.rate > _COARSE and any(not remedy.physics for remedy in removing):
+        if candidate.rate > _COARSE and any(
+            not remedy.physics or remedy.edits.excluded for remedy in removing
+        ):
             continue
         tried.append(judged.remedy(candidate, before, own))
     return tuple(sorted(tried, key=by_use))
@@ -332,8 +334,7 @@ class _Judged(NamedTuple):
                 budget, found = self._budget(motions)
                 worst = budget.worst(row)
                 shares += [worst[1].share] if worst and worst[1].exercised else []
-                word = found.word
-                removes = word == "sound" or (self.word == "unresolved" and word == "model")
+                word, removes = found.word, self._removes(found)
                 if not removes:
                     break
         # A row that the changed model no longer has leaves what it is apart from it.
@@ -360,11 +361,33 @@ class _Judged(NamedTuple):
     def _same(self, candidate: Candidate) -> Iterator[Sequence[Motion]]:
         yield [changed(motion, candidate) for motion in self.motions]
 
+    def _removes(self, found: Verdict) -> bool:
+        return found.word == "sound" or (self.word == "unresolved" and found.word == "model")
+
     def _budget(self, motions: Sequence[Motion]) -> tuple[ErrorBudget, Verdict]:
-        budget = error_budget(
-            motions, rows=self.rows, settings=self._settings, workers=self.trial.workers
-        )
-        return budget, judge(budget, self.verdict.within)
+        """Return the budget of a changed model; of one seed or at h/4 alone where that is clear.
+
+        A share is the mean of its seeds', so that one of S decides where it alone is S times too
+        large. In the limit of fine steps it is at least half of that at h/4.
+        """
+        within, quick = self.verdict.within, replace(self._settings, check=False, energy=False)
+        first = [
+            replace(motion, starts=motion.starts[:1], inputs=motion.inputs[:1])
+            for motion in motions
+        ]
+        seeds = max(motion.seeds for motion in motions)
+        for some, most in ((first, 2 * seeds), (motions, 2)):
+            found = self._measured(some, replace(quick, excess=False), most * within)
+            if not self._removes(found[1]):
+                return found
+        return self._measured(motions, self._settings, within)
+
+    def _measured(
+        self, motions: Sequence[Motion], settings: Settings, within: float
+    ) -> tuple[ErrorBudget, Verdict]:
+        workers = self.trial.workers
+        budget = error_budget(motions, rows=self.rows, settings=settings, workers=workers)
+        return budget, judge(budget, within)
 
 
 def options_changed(model: mujoco.MjModel, changed: mujoco.MjModel) -> dict[str, object]:

@@ -52,6 +52,8 @@ def summary_text(store: "Store", given: Given) -> None:
     if told := stable_share(labels, share_words(store)):
         tell(told)
     found = finding(axes, labels) if axes else ""
+    mixed = bool(labels.failed.any())  # else all values say the same, as the headline does
+    found = finding(axes, labels) if axes and mixed else ""
     for told in filter(None, (found, distance_to_reality(axes, columns))):
         tell(told)
     for line in _as_expected(store):
@@ -62,11 +64,12 @@ def summary_text(store: "Store", given: Given) -> None:
             tell(told)
     elif manifest.runs <= _MOST_ROWS_SHOWN:
         _print_runs(columns.axis_names, store.table.to_pylist())
-    elif axes:
+    elif axes and mixed:
         _print_values(by_importance(axes, labels), labels, share_words(store))
     echo(f"{manifest.runs:,} runs, {manifest.traces:,} traces in {path}")
     look = str(columns.run_ids[int(labels.codes.argmin())])[:_ID_DIGITS]
     echo(f"look closer: contactlab show {path} {look}")
+    echo(f"one page: contactlab report {path}")
 
 
 def _of_chosen_runs(store: "Store") -> "Iterator[str]":

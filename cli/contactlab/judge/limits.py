@@ -13,6 +13,7 @@ from contactlab.registry import Registry
 from contactlab.schema.check_report import Measure
 from contactlab.schema.finding import Finding, Level
 
+_ALL = {2: "both"}
 _SLACK = 1 + 1e-9  # keeps a value that equals its limit within it, whatever its rounding error
 
 
@@ -149,5 +150,5 @@ def _count_in_words(failing: int, all_of_them: int) -> str:
     if not failing or all_of_them == 1:
         return ""
     if failing == all_of_them:
-        return f"; all {failing} exceed the limit"
+        return f"; {_ALL.get(failing, f'all {failing}')} exceed the limit"
     return f"; {failing} of {all_of_them} exceed{'s' if failing == 1 else ''} the limit"

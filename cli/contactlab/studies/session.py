@@ -142,6 +142,9 @@ def read_settings(
     Raises a SweepFileError if an option is wrong, or gives more than one value (all that do are
     named); a SceneError if there is no such scene.
     """
+    scenes.vocabulary(
+        reference
+    )  # which says what is wrong with a model that nobody wrote into a file
     read = read_sweep({"version": 1, "scene": reference}, scenes.vocabulary, Overrides(assign))
     given = read.sweep.model_dump(exclude_defaults=True).keys()
     if foreign := sorted(given - {"version", "scene", "axes", *keys}):

@@ -44,7 +44,7 @@ function listOf(columns, state, rows, open, most = MOST_LISTED) {
 
 function labelsOf(columns, row) {
   const labels = metadata.details[row]?.labels;
-  if (labels) return labels.map(([label, reason, step]) => `${label}: ${reason}${step === null ? "" : ` (step ${step})`}`);
+  if (labels) return labels.map(([label, reason, step]) => label === "stable" ? label : `${label}: ${reason}${step === null ? "" : ` (step ${step})`}`);
   return metadata.labels.every.filter((_, bit) => (bit < 32 ? columns.labels[row] >>> bit : columns["labels:high"][row] >>> (bit - 32)) & 1);
 }
 

@@ -303,13 +303,24 @@ def _whole(numerics: str, report: Examination) -> str:
     """Return the sentence of a verdict with what runs and checks show besides the numerics."""
     failed, own = failed_names(report.findings), {"phantom_forces", "labelled_runs"}
     judged = not report.findings or "labelled_runs" in failed
-    found = [f"labelled {label.label} in {label.phase}" for label in report.labels if judged]
+    phases = dict.fromkeys(label.phase for label in report.labels if judged)
+    found = [
+        f"labelled {_listed([each.label for each in report.labels if each.phase == phase])} in "
+        f"{phase}"
+        for phase in phases
+    ]
     found += [f"fails {name}" for name in failed if name not in own]
     if not found:
         return numerics
     if numerics.startswith((_OPENINGS["sound"], _OPENINGS["model"])):
-        return f"not sound: {', '.join(found)}; numerics {numerics}"
+        opening = "" if numerics.startswith(_OPENINGS["model"]) else "numerically "
+        return f"not sound: {', '.join(found)}; {opening}{numerics}"
     return f"{numerics}; {', '.join(found)}"
+
+
+def _listed(names: Sequence[str]) -> str:
+    *first, last = names
+    return " and ".join(filter(None, (", ".join(first), last)))
 
 
 def _remedied(tried: Sequence[Remedy]) -> str:

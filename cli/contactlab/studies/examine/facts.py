@@ -3,7 +3,6 @@
 They judge nothing: what is deep or light may be meant. Numbers are in units that people use.
 """
 
-import math
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
@@ -15,6 +14,7 @@ from contactlab.budget.places import contact_name
 from contactlab.budget.verdict import percent, plain
 from contactlab.budget.windows import joint_name, replay
 from contactlab.contact.trace_arrays import Floats
+from contactlab.printable import newtons
 from contactlab.scene.compile_model import InertiaFault
 from contactlab.schema.examination import Fact
 from contactlab.studies.lint.inertia import in_words, inertia_faults
@@ -22,6 +22,11 @@ from contactlab.studies.lint.overlaps import DEEP
 
 # States are looked at in these windows of a run [s].
 _WINDOW = 0.01
+_END = 0.2  # of the first phase, in which what rests may creep
+_STILL = 1e-3  # half extents of a geom in a second [1/s], below which it does not creep
+_HOLDS = 0.95  # of a cone of friction: beyond, a contact slides
+_WITH_FRICTION = 3  # dimensions of a contact
+_PYRAMIDAL = int(mujoco.mjtCone.mjCONE_PYRAMIDAL)
 _HEAVY = 1e3  # weights of the model, below which a force is ordinary
 
 
@@ -51,6 +56,7 @@ def facts(motions: Sequence[Motion], begins: Sequence[float]) -> tuple[Fact, ...
                     overlap += [contact for contact, _ in found]
     return (
         *_of_depth(deepest, overlap),
+        *_of_creep(motions[0]),
         *_of_margin(deepest, hardest),
         *_of_limits(motions[0]),
         *_of_force(hardest),
@@ -111,7 +117,7 @@ def _of_margin(depths: Sequence[_Contact], forces: Sequence[_Contact]) -> Iterat
     farthest = min(apart, key=lambda contact: contact.amount, default=None)
     if farthest is not None:
         sentence = (
-            f"contact force starts {-1e3 * farthest.amount:.2g} mm before touch (margin): "
+            f"contact force starts {_mm(-farthest.amount)} mm before touch (margin): "
             f"{farthest.pair}, at {farthest.time:.2f} s"
         )
         yield Fact(
@@ -125,7 +131,64 @@ def _worst(contacts: Sequence[_Contact]) -> _Contact | None:
 
 def _in_words(contact: _Contact) -> str:
     share = percent(contact.share)
-    return f"{contact.pair}, {1e3 * contact.amount:.2g} mm ({share} of half the thinner geom)"
+    return f"{contact.pair}, {_mm(contact.amount)} mm ({share} of half the thinner geom)"
+
+
+def _mm(length: float) -> str:
+    return plain(1e3 * length, 2)
+
+
+def _of_creep(motion: Motion) -> Iterator[Fact]:
+    """Yield the contact that creeps fastest at the end of a phase, within its cone of friction.
+
+    It touches, and does not slide, in all states of the last fifth. Its creep is the mean velocity
+    of one surface along the other: what rolls does not slip, and what comes back cancels.
+    """
+    run, step = replay(motion, _WINDOW, 1), motion.model.opt.timestep
+    late = np.flatnonzero(run.valid[0] & (run.begins >= (1 - _END) * motion.steps))
+    data, states = mujoco.MjData(motion.model), list[dict[tuple[int, int], Floats]]()
+    for place in late:
+        mujoco.mj_setState(motion.model, data, run.starts[0, place], INTEGRATION)
+        mujoco.mj_forward(motion.model, data)
+        states.append(_slips(motion.model, data))
+    kept = set[tuple[int, int]].intersection(*map(set, states)) if states else set()
+    speeds = {
+        pair: float(np.linalg.norm(np.mean([state[pair] for state in states], axis=0)))
+        for pair in kept
+    }
+    if not speeds:
+        return
+    pair = max(speeds, key=lambda pair: speeds[pair])
+    if (speed := speeds[pair]) <= _STILL * min(half_extent(motion.model, geom) for geom in pair):
+        return
+    place = contact_name(motion.model, np.array(pair))
+    sentence = (
+        f"{place} creeps {_mm(speed)} mm/s while friction could hold it, "
+        f"{(1 - _END) * motion.steps * step:.2g} to {motion.steps * step:.2g} s"
+    )
+    yield Fact(kind="creep", place=place, value=speed, unit="m/s", sentence=sentence)
+
+
+def _slips(model: mujoco.MjModel, data: mujoco.MjData) -> dict[tuple[int, int], Floats]:
+    """Return (3,) mean velocities along the contacts of pairs of geoms, where friction can hold."""
+    found, slides = dict[tuple[int, int], list[Floats]](), set[tuple[int, int]]()
+    force, ways = np.empty(6), np.empty((2, 3, model.nv))
+    for place in range(data.ncon):
+        contact = data.contact[place]
+        one, two = pair = min(contact.geom), max(contact.geom)
+        if one < 0 or contact.efc_address < 0:
+            continue
+        mujoco.mj_contactForce(model, data, place, force)
+        shares = np.abs(force[1:3]) / np.maximum(contact.friction[:2], np.finfo(float).tiny)
+        cone = shares.sum() if model.opt.cone == _PYRAMIDAL else np.linalg.norm(shares)
+        if contact.dim < _WITH_FRICTION or cone >= _HOLDS * force[0]:
+            slides.add(pair)
+            continue
+        for way, geom in zip(ways, (one, two), strict=True):
+            mujoco.mj_jac(model, data, way, None, contact.pos, int(model.geom_bodyid[geom]))
+        speed, normal = (ways[1] - ways[0]) @ data.qvel, contact.frame[:3]
+        found.setdefault(pair, []).append(speed - normal * (normal @ speed))
+    return {pair: np.mean(speeds, axis=0) for pair, speeds in found.items() if pair not in slides}
 
 
 def _of_limits(motion: Motion) -> Iterator[Fact]:
@@ -142,9 +205,10 @@ def _of_limits(motion: Motion) -> Iterator[Fact]:
     worst = int(shares.argmax())
     joint, amount = int(joints[worst]), float(beyond[worst])
     turns = int(model.jnt_type[joint]) == mujoco.mjtJoint.mjJNT_HINGE
-    said = f"{np.degrees(amount):.2g} deg" if turns else f"{1e3 * amount:.2g} mm"
+    said = f"{plain(np.degrees(amount), 2)} deg" if turns else f"{_mm(amount)} mm"
     others = int((shares > DEEP).sum()) - 1
-    more = f"; likewise {others} more joints" if others else ""
+    are = "are" if others > 1 else "is"
+    more = f"; so {are} {others} more" if others else ""
     yield Fact(
         kind="limit",
         place=(name := joint_name(model, joint)),
@@ -158,16 +222,10 @@ def _of_limits(motion: Motion) -> Iterator[Fact]:
 def _of_force(hardest: Sequence[_Contact]) -> Iterator[Fact]:
     if (worst := _worst(hardest)) and worst.share > _HEAVY:
         sentence = (
-            f"absurd: {worst.pair} bears {_newtons(worst.amount)}, {plain(worst.share, 2)} times "
+            f"absurd: {worst.pair} bears {newtons(worst.amount)}, {plain(worst.share, 2)} times "
             f"the model's weight, at {worst.time:.2f} s"
         )
         yield Fact(kind="force", place=worst.pair, value=worst.amount, unit="N", sentence=sentence)
-
-
-def _newtons(force: float) -> str:
-    """Return a force in N, kN, MN or GN."""
-    power = min(3, max(0, math.floor(math.log10(force) / 3))) if force > 0 else 0
-    return f"{plain(force / 1e3**power, 2)} {('N', 'kN', 'MN', 'GN')[power]}"
 
 
 def _of_mass(model: mujoco.MjModel) -> Iterator[Fact]:

@@ -29,6 +29,7 @@ from contactlab.studies.lock.lock_file import is_recorded, lock_of, members, met
 from contactlab.studies.lock.lock_model import Group, Lock
 
 _BY_CHANCE = 1e-3
+_CAUSES = {"engine": "the engine", "scene_hash": "the scene"}
 
 
 class _GroupChange(NamedTuple):
@@ -65,8 +66,8 @@ class _Judge:
 
     def checks(self, columns: dict[str, Column]) -> Iterator[Finding]:
         """Yield all checks."""
-        for name in ("engine", "scene_hash"):
-            before, after = getattr(self.lock, name), getattr(self.new, name)
+        for name in _CAUSES:
+            before, after = self._both(name)
             same = Subject(f"same {name}", "evidence", "warn", two_sided=True)
             said = "the same" if before == after else f"{before}, now {after}"
             yield same.single(SAME if before == after else CHANGED, said)
@@ -83,6 +84,15 @@ class _Judge:
         yield self._check(subject, [self._outcomes(*pair) for pair in self.pairs])
         for metric in dict.fromkeys(name for group in self.lock.groups for name in group.metrics):
             yield self._metric(metric, columns.get(metric))
+
+    def _both(self, name: str) -> tuple[object, object]:
+        return getattr(self.lock, name), getattr(self.new, name)
+
+    @property
+    def cause(self) -> str:
+        """What changed that outcomes may change by, as the beginning of a sentence; or ""."""
+        changed = [word for name, word in _CAUSES.items() if len({*self._both(name)}) > 1]
+        return f"{' and '.join(changed)} changed since the lock; " if changed else ""
 
     def _outcomes(self, old: Group, new: Group) -> _GroupChange:
         counts = {
@@ -182,7 +192,7 @@ def judge(lock: Lock, name: str, store: Store, policy: ComparePolicy) -> Compari
     return ComparisonReport(
         verdict=verdict,
         exit_code=exit_code,
-        headline=f"{headline}; judged by {by}",
+        headline=f"{judge.cause}{headline}; judged by {by}",
         baseline=candidate.model_copy(
             update=locked | {"runs": sum(group.runs for group in lock.groups)}
         ),
