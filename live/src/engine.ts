@@ -18,28 +18,58 @@ export function reasonOf(engine: Engine, error: unknown): string {
   return error instanceof Error ? error.message : String(error);
 }
 
-export async function compile(engine: Engine, model: Model): Promise<MjModel> {
-  const files = new engine.MjVFS();
+/** The folder of the files of a model, while it is read. */
+const FOLDER = "/model";
+
+/** The models of a page, each read once, and copied for whoever changes it. */
+export class Models {
+  private readonly read = new Map<number, Promise<MjModel>>();
+
+  constructor(
+    private readonly engine: Engine,
+    private readonly models: readonly Model[],
+  ) {}
+
+  async copy(place: number): Promise<MjModel> {
+    if (!this.read.has(place)) this.read.set(place, compile(this.engine, this.models[place]!));
+    return new this.engine.MjModel(await this.read.get(place)!);
+  }
+}
+
+async function compile(engine: Engine, model: Model): Promise<MjModel> {
+  const files: Record<string, Uint8Array> = {};
+  if (model.bytes !== undefined) files["model.mjb"] = await blob(model.bytes);
+  else {
+    files["model.xml"] = new TextEncoder().encode(model.alone);
+    for (const [name, place] of Object.entries(model.files ?? {})) files[name] = await blob(place);
+  }
+  const numbers = model.numbers && (await unpacked(model.numbers));
+  // MuJoCo's own virtual files are filled byte by byte, which takes a second for each megabyte.
+  const { FS } = engine as unknown as { FS: Disk };
+  const none = new engine.MjVFS();
+  FS.mkdirTree(FOLDER);
+  for (const [name, bytes] of Object.entries(files)) FS.writeFile(`${FOLDER}/${name}`, bytes);
   try {
-    if (model.bytes !== undefined) {
-      files.addBuffer("model.mjb", await blob(model.bytes));
-      return engine.MjModel.from_binary_path("model.mjb", files);
-    }
-    for (const [name, place] of Object.entries(model.files ?? {})) files.addBuffer(name, await blob(place));
-    const made = engine.MjModel.from_xml_string(model.alone ?? "", files);
-    if (model.numbers) {
-      // MJCF has few digits: what was compiled is written over what it gives.
-      for (const [name, column] of Object.entries(await unpacked(model.numbers))) {
-        const [owner, key] = ownerOf(made, name);
-        const field = owner[key];
-        if (typeof field === "number") owner[key] = column[0]!;
-        else if (isArray(field) && field.length === column.length) field.set(column);
-      }
+    if (model.bytes !== undefined) return engine.MjModel.from_binary_path(`${FOLDER}/model.mjb`, none);
+    const made = engine.MjModel.from_xml_path(`${FOLDER}/model.xml`, none);
+    // MJCF has few digits: what was compiled is written over what it gives.
+    for (const [name, column] of Object.entries(numbers ?? {})) {
+      const [owner, key] = ownerOf(made, name);
+      const field = owner[key];
+      if (typeof field === "number") owner[key] = column[0]!;
+      else if (isArray(field) && field.length === column.length) field.set(column);
     }
     return made;
   } finally {
-    files.delete();
+    none.delete();
+    for (const name of Object.keys(files)) FS.unlink(`${FOLDER}/${name}`);
   }
+}
+
+interface Disk {
+  mkdirTree(path: string): void;
+  writeFile(path: string, bytes: Uint8Array): void;
+  unlink(path: string): void;
 }
 
 type NumberArray = Float64Array | Float32Array | Int32Array | Uint8Array;

@@ -1,5 +1,5 @@
 // The page: chooses a run, plays it, changes it, and holds it against the record.
-import { type Engine, loadEngine, reasonOf } from "./engine";
+import { type Engine, Models, loadEngine, reasonOf } from "./engine";
 import { mjcfOf } from "./mjcf";
 import { type PageData, type Run, pageData, unpacked } from "./page_data";
 import { View } from "./scene";
@@ -34,11 +34,15 @@ class Page {
   private frames = 0;
   private making = Promise.resolve();
 
+  private readonly models: Models;
+
   constructor(
     private readonly page: PageData,
     private readonly engine: Engine,
     private readonly view: View | null,
-  ) {}
+  ) {
+    this.models = new Models(engine, page.models);
+  }
 
   async start(): Promise<void> {
     const list = find<HTMLSelectElement>("run");
@@ -111,9 +115,9 @@ class Page {
     this.say(run.why && `This run is not simulated here: ${run.why}.`);
     if (run.film !== undefined) return this.showFilm(run.film);
     try {
-      this.ghost ??= await Ghost.of(engine, page, run);
+      this.ghost ??= await Ghost.of(engine, this.models, run);
       if (run.why) this.showStoredOnly();
-      else this.simulation = await Simulation.of(engine, page, run, this.chosen);
+      else this.simulation = await Simulation.of(engine, this.models, page, run, this.chosen);
     } catch (error) {
       this.say(`MuJoCo ${page.engine} does not read this model: ${reasonOf(engine, error)}`, true);
     }

@@ -71,11 +71,11 @@ export class View {
   show(model: MjModel, data: MjData): void {
     this.bodies = this.replace(this.bodies, model, false);
     this.place(data);
+    // What moves; where nothing does, what has an end.
+    const moving = [...this.bodies].filter(([geom]) => model.body_weldid[model.geom_bodyid[geom]!] !== 0);
+    const ended = [...this.bodies].filter(([geom]) => model.geom_type[geom] !== PLANE && model.geom_type[geom] !== HFIELD);
     const box = new three.Box3();
-    for (const [geom, object] of this.bodies) {
-      if (model.geom_type[geom] === PLANE || model.geom_type[geom] === HFIELD) continue;
-      box.expandByObject(object);
-    }
+    for (const [, object] of moving.length ? moving : ended) box.expandByObject(object);
     if (box.isEmpty()) box.set(new three.Vector3(-1, -1, -1), new three.Vector3(1, 1, 1));
     const sphere = box.getBoundingSphere(new three.Sphere());
     this.extent = Math.max(sphere.radius, 1e-3);
@@ -188,8 +188,10 @@ function drawn(model: MjModel, geom: number, ghost: boolean): three.Object3D | n
     transparent: opacity < 1,
     depthWrite: opacity >= 1,
     side: model.geom_type[geom] === PLANE ? three.DoubleSide : three.FrontSide,
-    polygonOffset: ghost,
+    // Lines on a plane, and what a ghost is over, are seen.
+    polygonOffset: ghost || model.geom_type[geom] === PLANE,
     polygonOffsetFactor: 1,
+    polygonOffsetUnits: 1,
   });
   const mesh = new three.Mesh(geometry, look);
   if (model.geom_type[geom] !== PLANE) return mesh;

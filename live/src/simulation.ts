@@ -1,5 +1,5 @@
 // One motion: its model, start and inputs, stepped, rewound and looked at.
-import { type Engine, type MjData, type MjModel, compile, valueOf, write } from "./engine";
+import { type Engine, type MjData, type MjModel, type Models, valueOf, write } from "./engine";
 import { type Fields, type Inputs, type PageData, type Run, type Stop, type Whole, unpacked } from "./page_data";
 
 const SNAPSHOTS = 128;
@@ -71,10 +71,9 @@ export class Simulation {
     this.stride = Math.max(1, Math.ceil(steps / SNAPSHOTS));
   }
 
-  static async of(engine: Engine, page: PageData, run: Run, chosen: readonly number[]): Promise<Simulation> {
+  static async of(engine: Engine, models: Models, page: PageData, run: Run, chosen: readonly number[]): Promise<Simulation> {
     const { whole, patches, moved } = composed(run, chosen);
-    const entry = page.models[whole.model]!;
-    const model = await compile(engine, entry);
+    const model = await models.copy(whole.model);
     const parts = (await unpacked(whole.parts)) as Parts;
     for (const each of moved) {
       for (const [name, [places, values]] of Object.entries(each)) {
@@ -82,7 +81,7 @@ export class Simulation {
       }
     }
     const course = whole.inputs === null ? null : await courseOf(page.inputs[whole.inputs]!);
-    const made = new Simulation(engine, model, new engine.MjData(model), whole.steps, entry.geoms, course, patches);
+    const made = new Simulation(engine, model, new engine.MjData(model), whole.steps, page.models[whole.model]!.geoms, course, patches);
     made.start(parts);
     return made;
   }
@@ -272,10 +271,11 @@ export class Ghost {
     private readonly poses: Float32Array,
   ) {}
 
-  static async of(engine: Engine, page: PageData, run: Run): Promise<Ghost | null> {
+  static async of(engine: Engine, models: Models, run: Run): Promise<Ghost | null> {
     if (!run.ghost || run.model === undefined) return null;
     const { times, poses } = await unpacked(run.ghost);
-    const model = await compile(engine, page.models[run.model]!);
+    const model = await models.copy(run.model);
+    write(model, run.fields ?? {});
     return new Ghost(engine, model, new engine.MjData(model), times as Float64Array, poses as Float32Array);
   }
 

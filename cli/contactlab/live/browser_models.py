@@ -5,6 +5,7 @@ MJCF, and over it every real number that was compiled, since MJCF is written wit
 """
 
 import copy
+import re
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -53,7 +54,7 @@ class BrowserModel:
         return cls(model, specs[0] if specs else None, fields)
 
     @property
-    def bytes(self) -> bytes:
+    def compiled(self) -> bytes:
         """The compiled model, which MuJoCo of the same version alone reads."""
         model = _without_rays(self.model)
         buffer = np.empty(mujoco.mj_sizeModel(model), np.uint8)
@@ -69,7 +70,7 @@ class BrowserModel:
     def alone(self) -> tuple[str, Mapping[str, bytes]]:
         """The MJCF as versions before MuJoCo 4 read it, and its files, which are named in it.
 
-        A mesh is what was compiled, which compiles to itself.
+        A mesh is what was compiled, in its author's frame, so that it compiles to itself.
         """
         root = ET.fromstring(self.mjcf)  # noqa: S314 - written by MuJoCo
         files: dict[str, bytes] = {}
@@ -94,16 +95,19 @@ class BrowserModel:
 
     @property
     def numbers(self) -> dict[str, Numbers]:
-        """Every real number of the model by field, flat, but for those that only rays look at."""
+        """Every real number of the model by field, flat, but for what follows from meshes.
+
+        Of equal meshes, versions may number faces of hulls in another order.
+        """
         return {
             name: np.ravel(value)
             for name, value in _fields(self.model).items()
-            if value.dtype.kind == "f" and value.size and name not in (*_DRAWN, _BOXES)
+            if value.dtype.kind == "f" and value.size and not _OF_MESHES.match(name)
         }
 
 
 _DRAWN = ("mesh_normal", "mesh_texcoord", "mesh_facenormal", "mesh_facetexcoord")
-_BOXES = "bvh_aabb"
+_OF_MESHES = re.compile("bvh_|mesh_(?!vert$|pos$|quat$)")
 _RAYS = {
     int(kind)
     for name, kind in mujoco.mjtSensor.__members__.items()
@@ -119,7 +123,10 @@ def _without_rays(model: mujoco.MjModel) -> mujoco.MjModel:
     lighter = copy.copy(model)
     for name in _DRAWN:
         getattr(lighter, name)[:] = 0
-    if _RAYS & {*model.sensor_type.tolist()} or (model.geom_type == mujoco.mjtGeom.mjGEOM_SDF).any():
+    if (
+        _RAYS & {*model.sensor_type.tolist()}
+        or (model.geom_type == mujoco.mjtGeom.mjGEOM_SDF).any()
+    ):
         return lighter
     for start, count in zip(model.mesh_bvhadr, model.mesh_bvhnum, strict=True):
         lighter.bvh_aabb[start : start + count] = 0
@@ -127,13 +134,18 @@ def _without_rays(model: mujoco.MjModel) -> mujoco.MjModel:
 
 
 def _mesh_file(model: mujoco.MjModel, mesh: int) -> bytes:
-    """Return a compiled mesh as a file of MuJoCo's own format: points and triangles."""
+    """Return a mesh in its author's frame, in MuJoCo's own format: points and triangles."""
     found = model.mesh(mesh)
     first, count = int(found.vertadr[0]), int(found.vertnum[0])
     face, faces = int(found.faceadr[0]), int(found.facenum[0])
+    turn = np.empty(9)
+    mujoco.mju_quat2Mat(turn, model.mesh_quat[mesh])
+    compiled = model.mesh_vert[first : first + count].astype(np.float64)
+    points = (compiled @ turn.reshape(3, 3).T + model.mesh_pos[mesh]).astype(np.float32)
     header = np.array([count, 0, 0, faces], np.int32)
-    parts = header, model.mesh_vert[first : first + count], model.mesh_face[face : face + faces]
-    return b"".join(part.tobytes() for part in parts)
+    return b"".join(
+        part.tobytes() for part in (header, points, model.mesh_face[face : face + faces])
+    )
 
 
 def _without_pictures(spec: mujoco.MjSpec) -> None:

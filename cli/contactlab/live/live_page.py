@@ -29,6 +29,7 @@ from contactlab.store.atomic_files import atomic_write
 from contactlab.store.finished_store import Store
 
 MOST_BYTES = 16_000_000
+_PACKAGE = __name__.rpartition(".")[0]
 _MOST_RUNS = 8
 _LEVEL = 9
 
@@ -45,7 +46,7 @@ def write_live_page(store: Store, target: Path, run_ids: Sequence[str] = ()) -> 
     chosen = [runs.run(run) for run in run_ids or _telling(store)]
     page = _Document(build, runs).of(store, chosen)
     environment = Environment(
-        loader=PackageLoader(__name__.rpartition(".")[0], ""),
+        loader=PackageLoader(_PACKAGE, ""),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
@@ -100,7 +101,7 @@ class _Document:
             "inputs": self._courses,
             "flags": _flags(),
         }
-        style = files(__package__).joinpath("style.css").read_text(encoding="utf-8")
+        style = files(_PACKAGE).joinpath("style.css").read_text(encoding="utf-8")
         scripts, styles = (
             "sha256-" + base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
             for text in (self.build.script, style)
@@ -129,7 +130,7 @@ class _Document:
             "mjcf": found.mjcf,
         }
         if self._same or not found.mjcf:
-            return entry | {"bytes": self._blob(found.bytes)}
+            return entry | {"bytes": self._blob(found.compiled)}
         text, files = found.alone
         return entry | {
             "alone": text,

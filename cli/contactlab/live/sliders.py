@@ -1,11 +1,12 @@
 """Which values a reader can give the axes of a run: those that were swept, and the usual ones."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import pairwise
 from typing import cast
 
 import numpy as np
 
+from contactlab.mjcf import attribute_of
 from contactlab.scene.parameters import WORDS
 from contactlab.scene.scene import Scene
 from contactlab.schema.evidence import EvidenceRecord
@@ -18,9 +19,23 @@ _MOST = 33
 _DIGITS = 4
 _WIDE = 8.0  # numbers that are so many times each other are halved as ratios are
 _SCALES = (0.25, 0.5, 1.0, 2.0, 4.0)
-_RATIOS = (1.0, 3.0, 10.0, 30.0, 100.0)
-_IMPEDANCES = (0.9, 0.95, 0.99, 0.999)
-_ITERATIONS = (0, 5, 20)
+
+
+def _scaled(own: object) -> Sequence[object]:
+    return [as_number(own) * scale for scale in _SCALES]
+
+
+# Settings that any contact hangs on: which number of a setting each is, and what it can be.
+_USUAL: Mapping[str, tuple[int | None, Callable[[object], Sequence[object]]]] = {
+    "timestep": (None, _scaled),
+    "integrator": (None, lambda _: WORDS["integrator"]),
+    "cone": (None, lambda _: WORDS["cone"]),
+    "impratio": (None, lambda _: (1.0, 3.0, 10.0, 30.0, 100.0)),
+    "friction.slide": (0, _scaled),
+    "solref.timeconst": (0, _scaled),
+    "solimp.dmax": (1, lambda _: (0.9, 0.95, 0.99, 0.999)),
+    "noslip_iterations": (None, lambda _: (0, 5, 20)),
+}
 
 
 def offered_values(
@@ -32,16 +47,20 @@ def offered_values(
     swept there are others, but of the structure, which takes a compiled model for each.
     """
     given = [spec for spec in map(scene.catalogue.find, axes) if spec is not None]
-    structure = scene.base({}).settings and scene.resolve({}, 0, None).structure
+    structure = scene.resolve({}, 0, None).structure
     for spec in given:
         own, stored = axes[spec.name], columns.coded(spec.name).values
         swept = [spec.parse(value) for value in stored if value is not None]
         finer = [] if spec.name in structure else _between(swept)
         yield spec, own, _listed(spec, own, [*swept, *finer])
-    for name, own, values in _usual(record):
-        spec = scene.catalogue.find(name)
-        if spec and not any(_same_thing(spec, other) for other in given):
-            yield spec, own, _listed(spec, own, values)
+    for name, (place, offered) in _USUAL.items():
+        spec, setting = scene.catalogue.find(name), record.settings.get(attribute_of(name))
+        if spec is None or setting is None or any(_same_thing(spec, other) for other in given):
+            continue
+        own = setting if place is None else as_vector(setting)[place]
+        # A solref in direct form has no time constant.
+        if spec.accepts(own):
+            yield spec, spec.parse(own), _listed(spec, spec.parse(own), offered(own))
 
 
 def value_text(value: object) -> str:
@@ -51,32 +70,6 @@ def value_text(value: object) -> str:
     if isinstance(value, bool):
         return "on" if value else "off"
     return f"{value:.{_DIGITS}g}" if isinstance(value, float) else str(value)
-
-
-def _usual(record: EvidenceRecord) -> Iterator[tuple[str, object, Sequence[object]]]:
-    """Yield settings that any contact hangs on, with the run's own and other values."""
-    settings = record.settings
-
-    def scaled(own: float) -> list[object]:
-        return [own * scale for scale in _SCALES]
-
-    if settings.get("timestep"):
-        own = as_number(settings["timestep"])
-        yield "timestep", own, scaled(own)
-    for name in ("integrator", "cone"):
-        if name in settings:
-            yield name, settings[name], WORDS[name]
-    if settings.get("impratio") is not None:
-        yield "impratio", as_number(settings["impratio"]), _RATIOS
-    if settings.get("friction"):
-        own = as_vector(settings["friction"])[0]
-        yield "friction.slide", own, scaled(own)
-    if settings.get("solref") and (own := as_vector(settings["solref"])[0]) > 0:
-        yield "solref.timeconst", own, scaled(own)
-    if settings.get("solimp"):
-        yield "solimp.dmax", as_vector(settings["solimp"])[1], _IMPEDANCES
-    if settings.get("noslip_iterations") is not None:
-        yield "noslip_iterations", settings["noslip_iterations"], _ITERATIONS
 
 
 def _same_thing(one: AxisSpec, other: AxisSpec) -> bool:
