@@ -6,6 +6,7 @@ import { View } from "./scene";
 import { type Contact, Ghost, Simulation } from "./simulation";
 
 const FRAME_BUDGET = 12; // ms of a frame that may be spent stepping
+const TOLD = 100; // ms between two readings of gauges while it plays
 const SLICE = 24; // ms between breaks while a whole run is made
 
 function find<T extends HTMLElement = HTMLElement>(id: string): T {
@@ -32,6 +33,7 @@ class Page {
   private owed = 0;
   private pace: { wall: number; simulated: number } | null = null;
   private frames = 0;
+  private told = 0;
   private making = Promise.resolve();
 
   private readonly models: Models;
@@ -62,7 +64,7 @@ class Page {
     time.addEventListener("input", () => this.seek(Number(time.value)));
     document.addEventListener("keydown", (event) => this.onKey(event));
     addEventListener("hashchange", () => this.fromLink());
-    this.view?.onTurn(() => this.view?.draw());
+    this.view?.onTurn(() => this.view?.draw(true));
     await this.fromLink();
     requestAnimationFrame((now) => this.frame(now));
   }
@@ -94,8 +96,8 @@ class Page {
   private notes(): string[] {
     const { run, page } = this;
     const notes = [...run.notes];
-    if (run.engine !== `mujoco ${page.engine}`) {
-      notes.push(`This page runs mujoco ${page.engine}; the record was made by ${run.engine}: bits may differ, and the ghost shows by how much.`);
+    if (!run.why && this.differs) {
+      notes.push(`This page runs MuJoCo ${page.engine}, the record was made with ${run.version}: bits may differ, and the ghost shows by how much.`);
     }
     return notes;
   }
@@ -113,9 +115,9 @@ class Page {
     this.simulation = null;
     this.verdict("");
     this.say(run.why && `This run is not simulated here: ${run.why}.`);
-    if (run.film !== undefined) return this.showFilm(run.film);
+    this.showFilm(run.film ?? null);
     try {
-      this.ghost ??= await Ghost.of(engine, this.models, run);
+      if (run.film === undefined) this.ghost ??= await Ghost.of(engine, this.models, run);
       if (run.why) this.showStoredOnly();
       else this.simulation = await Simulation.of(engine, this.models, page, run, this.chosen);
     } catch (error) {
@@ -127,6 +129,8 @@ class Page {
       this.view?.showGhost(this.ghost?.model ?? null);
       if (simulation.lacking.length) this.say(`MuJoCo ${page.engine} lacks ${simulation.lacking.join(", ")}`, true);
     }
+    for (const id of ["play", "step", "restart", "speed"]) find<HTMLButtonElement>(id).disabled = this.steps === 0;
+    for (const id of ["record", "mjcf"]) find<HTMLButtonElement>(id).disabled = simulation === null;
     const time = find<HTMLInputElement>("time");
     time.max = String(this.steps);
     time.disabled = this.steps === 0;
@@ -134,8 +138,12 @@ class Page {
     this.draw();
   }
 
+  /** Show the stored film in place of the view, or the view again. */
   private showFilm(film: string | null): void {
-    if (film) find("view").replaceChildren(element("img", { src: film, alt: "Film of the stored run" }));
+    document.getElementById("film")?.remove();
+    const canvas = find("view").querySelector("canvas");
+    if (canvas) canvas.hidden = film !== null;
+    if (film) find("view").append(element("img", { id: "film", src: film, alt: "Film of the stored run" }));
   }
 
   private showStoredOnly(): void {
@@ -161,6 +169,7 @@ class Page {
     this.owed = 0;
     find("play").textContent = this.playing ? "❚❚ pause" : "▶ play";
     document.body.dataset.playing = String(this.playing);
+    if (!on) this.draw();
   }
 
   private get isOver(): boolean {
@@ -189,7 +198,7 @@ class Page {
     const began = performance.now();
     if (this.simulation) {
       const { simulation } = this;
-      this.pace ??= { wall: now, simulated: simulation.time };
+      this.pace ??= { wall: performance.now(), simulated: simulation.time };
       this.owed += passed * speed;
       while (this.owed >= simulation.timestep && !simulation.isOver) {
         if (performance.now() - began > FRAME_BUDGET) {
@@ -199,8 +208,6 @@ class Page {
         simulation.advance();
         this.owed -= simulation.timestep;
       }
-      const wall = (now - this.pace.wall) / 1e3;
-      if (wall > 0.25) find("pace").textContent = `${digits((simulation.time - this.pace.simulated) / wall, 2)} x real time`;
     } else {
       const { times } = this.ghost!;
       this.owed += passed * speed;
@@ -218,29 +225,44 @@ class Page {
   // What is seen.
 
   private draw(): void {
-    const { simulation, view } = this;
-    if (!simulation && !(this.run.why && this.ghost)) return;
-    const step = simulation?.step ?? this.storedStep;
-    const time = simulation?.time ?? this.ghost!.times[step]!;
-    find<HTMLInputElement>("time").value = String(step);
-    find("clock").textContent = `${time.toFixed(3)} s, step ${step}`;
-    document.body.dataset.step = String(step);
+    const { simulation, ghost, view } = this;
+    if (!simulation && !(this.run.why && ghost)) return;
+    const time = simulation?.time ?? ghost!.times[this.storedStep]!;
+    // A reader reads no faster, and each text costs as much as a frame.
+    const now = performance.now();
+    const read = !this.playing || now - this.told > TOLD;
+    if (read) {
+      this.told = now;
+      this.showTime(time);
+    }
     if (simulation) {
       const data = simulation.look();
       const contacts = simulation.contacts();
-      const deepest = contacts.reduce<Contact | undefined>((most, each) => (most && most.depth >= each.depth ? most : each), undefined);
-      this.showGauges(simulation, contacts, deepest);
+      const deepest = most(contacts, (each) => each.depth);
       view?.place(data);
       view?.showContacts(contacts, deepest);
-      const shown = this.ghost && find<HTMLInputElement>("ghost").checked && (this.isChanged || this.differs);
-      view?.showGhost(shown ? this.ghost!.model : null);
+      const shown = find<HTMLInputElement>("ghost").checked && (this.isChanged || this.differs) ? ghost : null;
+      view?.showGhost(shown?.model ?? null);
       if (shown) {
-        this.ghost!.pose(time);
-        view?.placeGhost(this.ghost!.data);
+        shown.pose(time);
+        view?.placeGhost(shown.data);
       }
-      this.drawDepths(simulation);
-    } else if (this.ghost?.pose(time)) view?.place(this.ghost.data);
-    view?.draw();
+      if (read) {
+        this.showGauges(simulation, contacts, deepest);
+        this.drawDepths(simulation);
+      }
+    } else if (ghost?.pose(time)) view?.place(ghost.data);
+    view?.draw(this.playing);
+  }
+
+  private showTime(time: number): void {
+    const step = this.simulation?.step ?? this.storedStep;
+    find<HTMLInputElement>("time").value = String(step);
+    find("clock").textContent = `${time.toFixed(3)} s, step ${step}`;
+    document.body.dataset.step = String(step);
+    const { pace } = this;
+    const wall = pace ? (performance.now() - pace.wall) / 1e3 : 0;
+    if (pace && wall > 0.25) find("pace").textContent = `${digits((time - pace.simulated) / wall, 2)} x real time`;
   }
 
   private get isChanged(): boolean {
@@ -248,12 +270,12 @@ class Page {
   }
 
   private get differs(): boolean {
-    return this.run.engine !== `mujoco ${this.page.engine}`;
+    return this.run.version !== this.page.engine;
   }
 
   private showGauges(simulation: Simulation, contacts: readonly Contact[], deepest: Contact | undefined): void {
     const pair = (contact: Contact): string => contact.geoms.map((geom) => simulation.geoms[geom] || `geom ${geom}`).join(" – ");
-    const strongest = contacts.reduce<Contact | undefined>((most, each) => (most && most.normal >= each.normal ? most : each), undefined);
+    const strongest = most(contacts, (each) => each.normal);
     gauge("depth", deepest ? length(deepest.depth) : "none", deepest && pair(deepest));
     gauge("force", strongest ? `${digits(strongest.normal)} N` : "none", strongest && pair(strongest));
     const [potential, kinetic] = simulation.energy;
@@ -270,25 +292,25 @@ class Page {
     context.clearRect(0, 0, width, height);
     const { depths, steps } = simulation;
     const style = getComputedStyle(document.body);
-    let most = 0;
+    let largest = 0;
     const columns = new Float32Array(Math.ceil(width));
     for (let step = 0; step <= steps; step++) {
       const depth = depths[step]!;
       if (!(depth > 0)) continue;
       const column = Math.min(columns.length - 1, Math.floor((step / steps) * columns.length));
       if (depth > columns[column]!) columns[column] = depth;
-      if (depth > most) most = depth;
+      if (depth > largest) largest = depth;
     }
     context.fillStyle = style.getPropertyValue("--edge");
     columns.forEach((depth, column) => {
-      const tall = most ? (depth / most) * (height - 14 * scale) : 0;
+      const tall = largest ? (depth / largest) * (height - 14 * scale) : 0;
       context.fillRect(column, height - tall, 1, tall);
     });
     context.fillStyle = style.getPropertyValue("--link");
     context.fillRect((simulation.step / steps) * width - scale, 0, 2 * scale, height);
     context.fillStyle = style.getPropertyValue("--faint");
     context.font = `${11 * scale}px system-ui, sans-serif`;
-    context.fillText(most ? `depth, ${length(most)} at most so far` : "depth", 2 * scale, 11 * scale);
+    context.fillText(largest ? `depth, ${length(largest)} at most so far` : "depth", 2 * scale, 11 * scale);
   }
 
   private say(words: string, bad = false): void {
@@ -354,12 +376,12 @@ class Page {
     const gaps = (["qpos", "qvel"] as const).flatMap((name) =>
       Array.from(made[name], (value, place): [number, string] => [gapOf(value, stored[name]![place]!), `${name}[${place}]`]));
     const equal = gaps.every(([gap]) => gap === 0);
-    const [most, where] = gaps.reduce((worst, each) => (each[0] > worst[0] ? each : worst), [0, ""]);
-    find("verdict").dataset.difference = String(most);
+    const [gap, where] = gaps.reduce((worst, each) => (each[0] > worst[0] ? each : worst), [0, ""]);
+    find("verdict").dataset.difference = String(gap);
     this.verdict(
       equal
         ? `As the record: after ${simulation.step} steps all ${gaps.length} numbers of the state are equal, bit for bit.`
-        : `Not as the record: after ${simulation.step} steps ${where} differs the most, by ${digits(most)}.`,
+        : `Not as the record: after ${simulation.step} steps ${where} differs the most, by ${digits(gap)}.`,
       equal,
     );
   }
@@ -422,6 +444,10 @@ function gapOf(one: number, other: number): number {
   if (Object.is(one, other)) return 0;
   const gap = Math.abs(one - other);
   return Number.isNaN(gap) ? Infinity : Math.max(gap, Number.MIN_VALUE);
+}
+
+function most(contacts: readonly Contact[], of: (contact: Contact) => number): Contact | undefined {
+  return contacts.reduce<Contact | undefined>((best, each) => (best && of(best) >= of(each) ? best : each), undefined);
 }
 
 function gauge(id: string, value: string, more?: string): void {

@@ -43,7 +43,8 @@ export interface Run extends Partial<Whole> {
   label: string;
   reasons: string[];
   axes: [string, string][];
-  engine: string;
+  /** Of the engine that made the record. */
+  version: string;
   notes: string[];
   why: string;
   end?: Packed;

@@ -7,6 +7,9 @@ import type { Contact } from "./simulation";
 const [PLANE, HFIELD, SPHERE, CAPSULE, ELLIPSOID, CYLINDER, BOX, MESH] = [0, 1, 2, 3, 4, 5, 6, 7];
 const GROUPS = 3; // those that MuJoCo shows unasked
 const ARROWS = 64;
+const COARSEST = 200; // faces of meshes whose edges are drawn
+const SLOW = 28; // ms of a frame above which it is drawn more coarsely
+const COARSE = 0.5;
 const FORCE = 0xd9480f;
 const DEEPEST = 0xe03131;
 const GHOST = 0x3b5bdb;
@@ -21,12 +24,17 @@ export class View {
   private bodies = new Map<number, three.Object3D>();
   private ghosts = new Map<number, three.Object3D>();
   private ghostModel: MjModel | null = null;
+  private drawn = 0;
+  private late = 0; // ms between frames, of late
   private extent = 1;
   private weight = 1;
 
   /** Draw into an element; throws where there is no WebGL. */
   constructor(private readonly element: HTMLElement) {
-    this.renderer = new three.WebGLRenderer({ antialias: true, powerPreference: "low-power" });
+    // Smooth edges take most of the time where the processor draws.
+    const quick = document.createElement("canvas").getContext("webgl2", { failIfMajorPerformanceCaveat: true });
+    this.renderer = new three.WebGLRenderer({ antialias: quick !== null, powerPreference: "low-power" });
+    quick?.getExtension("WEBGL_lose_context")?.loseContext();
     this.renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
     element.replaceChildren(this.renderer.domElement);
     this.camera.up.set(0, 0, 1);
@@ -146,7 +154,14 @@ export class View {
     this.mark.scale.setScalar(0.025 * this.extent);
   }
 
-  draw(): void {
+  /** Draw; while something moves as finely as keeps up, and else as finely as the screen is. */
+  draw(moving: boolean): void {
+    const now = performance.now();
+    const passed = now - this.drawn;
+    this.drawn = now;
+    if (moving && passed < 500) this.late = 0.9 * this.late + 0.1 * passed;
+    const ratio = moving && this.late > SLOW ? COARSE : Math.min(devicePixelRatio, 2);
+    if (ratio !== this.renderer.getPixelRatio()) this.renderer.setPixelRatio(ratio);
     this.renderer.render(this.scene, this.camera);
   }
 
@@ -240,13 +255,47 @@ function geometryOf(model: MjModel, geom: number): three.BufferGeometry | null {
 function meshGeometry(model: MjModel, mesh: number): three.BufferGeometry {
   const [vertex, count] = [model.mesh_vertadr[mesh]!, model.mesh_vertnum[mesh]!];
   const [face, faces] = [model.mesh_faceadr[mesh]!, model.mesh_facenum[mesh]!];
-  const geometry = new three.BufferGeometry();
   const points = new Float32Array(model.mesh_vert.subarray(3 * vertex, 3 * (vertex + count)));
-  geometry.setAttribute("position", new three.BufferAttribute(points, 3));
-  geometry.setIndex(new three.BufferAttribute(new Uint32Array(model.mesh_face.subarray(3 * face, 3 * (face + faces))), 1));
-  const flat = geometry.toNonIndexed();
-  flat.computeVertexNormals();
-  return flat;
+  const corners = new Uint32Array(model.mesh_face.subarray(3 * face, 3 * (face + faces)));
+  const geometry = new three.BufferGeometry();
+  // Coarse meshes have edges; the points of fine ones, often one for each corner, are few once equal ones are one.
+  const smooth = faces > COARSEST ? welded(points, corners) : { points, corners };
+  geometry.setAttribute("position", new three.BufferAttribute(smooth.points, 3));
+  geometry.setIndex(new three.BufferAttribute(smooth.corners, 1));
+  const made = faces > COARSEST ? geometry : geometry.toNonIndexed();
+  made.computeVertexNormals();
+  return made;
+}
+
+/** Make one of points that are equal bit for bit, by a table with open addresses. */
+function welded(points: Float32Array, corners: Uint32Array): { points: Float32Array; corners: Uint32Array } {
+  const bits = new Int32Array(points.buffer);
+  const count = points.length / 3;
+  let size = 1;
+  while (size < 2 * count) size *= 2;
+  const table = new Int32Array(size).fill(-1);
+  const places = new Uint32Array(count);
+  const kept = new Float32Array(points.length);
+  const keptBits = new Int32Array(kept.buffer);
+  let next = 0;
+  for (let point = 0; point < count; point++) {
+    const [x, y, z] = [bits[3 * point]!, bits[3 * point + 1]!, bits[3 * point + 2]!];
+    let slot = (Math.imul(x, 73856093) ^ Math.imul(y, 19349663) ^ Math.imul(z, 83492791)) & (size - 1);
+    for (; ; slot = (slot + 1) & (size - 1)) {
+      const found = table[slot]!;
+      if (found < 0) {
+        table[slot] = next;
+        keptBits.set([x, y, z], 3 * next);
+        places[point] = next++;
+        break;
+      }
+      if (keptBits[3 * found] === x && keptBits[3 * found + 1] === y && keptBits[3 * found + 2] === z) {
+        places[point] = found;
+        break;
+      }
+    }
+  }
+  return { points: kept.slice(0, 3 * next), corners: corners.map((corner) => places[corner]!) };
 }
 
 function fieldGeometry(model: MjModel, field: number): three.BufferGeometry {

@@ -120,6 +120,9 @@ def report(
         formats = format.split(",") if isinstance(format, str) else format
         return _figures(opened, Path(figures), list(formats), criteria, width)
     if live:
+        others = {"figures": figures, "baseline": baseline, "parity": parity, "error": error}
+        if unread := [name for name, given in {**others, "within": within}.items() if given]:
+            raise OutputError(f"--{unread[0]} is not of a page that simulates; leave it out")
         page = opt.beside(address, ".live.html") if output is None else Path(output)
         return _live(opened, page, run)
     if run:

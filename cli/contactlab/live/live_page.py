@@ -4,6 +4,7 @@ import base64
 import gzip
 import hashlib
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
 from importlib.metadata import version
@@ -15,7 +16,7 @@ import mujoco
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from contactlab.errors import OutputError
+from contactlab.errors import ContactlabError, OutputError
 from contactlab.live.browser_build import BrowserBuild, find_build
 from contactlab.live.browser_models import BrowserModel, changes, difference
 from contactlab.live.live_runs import LiveRun, LiveRuns, Slider, Variant
@@ -44,7 +45,8 @@ def write_live_page(store: Store, target: Path, run_ids: Sequence[str] = ()) -> 
     build = find_build()
     runs = LiveRuns(store)
     chosen = [runs.run(run) for run in run_ids or _telling(store)]
-    page = _Document(build, runs).of(store, chosen)
+    document = _Document(build, runs)
+    page = document.of(store, chosen)
     environment = Environment(
         loader=PackageLoader(_PACKAGE, ""),
         autoescape=True,
@@ -61,7 +63,7 @@ def write_live_page(store: Store, target: Path, run_ids: Sequence[str] = ()) -> 
         )
     with atomic_write(target) as temporary:
         temporary.write_bytes(text.encode())
-    return tuple(f"run {run.record.run_id}: {run.why}" for run in chosen if run.why)
+    return tuple(f"run {entry['id']}: {entry['why']}" for entry in document.entries if entry["why"])
 
 
 def _telling(store: Store) -> list[str]:
@@ -81,6 +83,7 @@ class _Document:
 
     build: BrowserBuild
     runs: LiveRuns
+    entries: list[dict[str, Any]] = field(default_factory=list[dict[str, Any]])  # of the runs
     _blobs: list[str] = field(default_factory=list[str])
     _inputs: dict[bytes, int] = field(default_factory=dict[bytes, int])
     _courses: list[dict[str, Any]] = field(default_factory=list[dict[str, Any]])
@@ -92,11 +95,11 @@ class _Document:
 
     def of(self, store: Store, chosen: Sequence[LiveRun]) -> dict[str, Any]:
         """Return what the template of the page takes."""
-        entries = [self._run(store, run) for run in chosen]
+        self.entries += [self._run(store, run) for run in chosen]
         data = {
             "store": store.manifest.sweep.name,
             "engine": self.build.mujoco,
-            "runs": entries,
+            "runs": self.entries,
             "models": [self._model(place) for place in range(len(self.runs.models))],
             "inputs": self._courses,
             "flags": _flags(),
@@ -129,8 +132,10 @@ class _Document:
             "geoms": [visible(name) for name in self.runs.geom_names(place)],
             "mjcf": found.mjcf,
         }
-        if self._same or not found.mjcf:
+        if self._same:
             return entry | {"bytes": self._blob(found.compiled)}
+        if not found.mjcf:
+            return entry
         text, files = found.alone
         return entry | {
             "alone": text,
@@ -145,7 +150,7 @@ class _Document:
             "label": visible(record.label),
             "reasons": [f"{visible(each.label)}: {visible(each.reason)}" for each in record.labels],
             "axes": [[visible(name), value_text(value)] for name, value in record.axes.items()],
-            "engine": f"{record.engine.name} {record.engine.version}",
+            "version": record.engine.version,
             "notes": [visible(note) for note in run.notes],
             "why": visible(run.why),
         }
@@ -153,14 +158,23 @@ class _Document:
             (qpos, qvel), times = run.motion.end, run.motion.times
             poses = {"times": times, "poses": run.motion.qpos.ravel().astype(np.float32)}
             entry |= {"end": pack({"qpos": qpos, "qvel": qvel}), "ghost": pack(poses)}
-        if run.variant is None or run.variant.model.nplugin:
-            films = [film.source for film in film_of(store, record.run_id)]
-            return entry | {"film": films[0] if films else None}
+        why = run.why or self._unread(run)
+        if run.variant is None or run.variant.model.nplugin or self._unread(run):
+            return entry | {"why": visible(why), "film": _film(store, record.run_id)}
         base = self.runs.models[run.variant.base].model
         return entry | {
             **self._whole(run.variant, base),
             "sliders": [self._slider(slider, run.variant) for slider in run.sliders],
         }
+
+    def _unread(self, run: LiveRun) -> str:
+        """Return why the browser's MuJoCo cannot read the model of a run; nothing if it may."""
+        if run.variant is None or self._same or self.runs.models[run.variant.base].mjcf:
+            return ""
+        return (
+            f"its model is stored as MuJoCo {mujoco.__version__} compiled it, which "
+            f"{self.build.mujoco} does not read"
+        )
 
     def _whole(self, variant: Variant, base: mujoco.MjModel) -> dict[str, Any]:
         return {
@@ -215,6 +229,13 @@ class _Document:
 def signals_of(signals: Signals) -> tuple[np.ndarray, ...]:
     """Return the arrays that decide signals."""
     return signals.places, signals.times, signals.levels
+
+
+def _film(store: Store, run: str) -> str | None:
+    """Return the film of a stored run as the source of an image; None where none can be drawn."""
+    with suppress(ContactlabError):
+        return next((film.source for film in film_of(store, run)), None)
+    return None
 
 
 def _flags() -> dict[str, dict[str, int]]:
