@@ -31,10 +31,7 @@ export class View {
 
   /** Draw into an element; throws where there is no WebGL. */
   constructor(private readonly element: HTMLElement) {
-    // Smooth edges take most of the time where the processor draws.
-    const quick = document.createElement("canvas").getContext("webgl2", { failIfMajorPerformanceCaveat: true });
-    this.renderer = new three.WebGLRenderer({ antialias: quick !== null, powerPreference: "low-power" });
-    quick?.getExtension("WEBGL_lose_context")?.loseContext();
+    this.renderer = new three.WebGLRenderer({ antialias: !drawnByProcessor(), powerPreference: "low-power" });
     this.renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
     element.replaceChildren(this.renderer.domElement);
     this.camera.up.set(0, 0, 1);
@@ -169,6 +166,15 @@ export class View {
   onTurn(redraw: () => void): void {
     this.controls.addEventListener("change", redraw);
   }
+}
+
+/** Whether the processor draws, whose time smooth edges take the most of. */
+function drawnByProcessor(): boolean {
+  const probe = document.createElement("canvas").getContext("webgl2");
+  const facts = probe?.getExtension("WEBGL_debug_renderer_info");
+  const name = facts ? String(probe!.getParameter(facts.UNMASKED_RENDERER_WEBGL)) : "";
+  probe?.getExtension("WEBGL_lose_context")?.loseContext();
+  return /swiftshader|llvmpipe|softpipe|software/i.test(name);
 }
 
 const UP = new three.Vector3(0, 1, 0);
