@@ -2,14 +2,16 @@
 PYTHON ?= python3
 BIN := .venv/bin
 NODE_READER := tests/store/mcap/node
-# The JavaScript reader that a test opens traces with, where npm is.
+LIVE := cli/contactlab/live/built/build.json
+# The JavaScript reader that a test opens traces with, and the script of pages that simulate.
 ifneq ($(shell command -v npm 2>/dev/null),)
 NODE_MODULES := $(NODE_READER)/node_modules
+WHERE_NPM_IS := $(NODE_MODULES) $(LIVE)
 endif
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
 .PHONY: bounce test test-rest test-all test-night test-lowest check lint format stubs schemas snapshots picture constraints wheel
-.PHONY: attack bench kernel site verdicts clean
+.PHONY: attack bench kernel live site verdicts clean
 
 bounce: .venv/run
 	$(BIN)/contactlab sweep bounce
@@ -20,7 +22,7 @@ test: .venv/dev
 	$(BIN)/python -m pytest -n auto --dist loadfile
 
 # What `make test` leaves to CI: browsers, clusters, object storage, processes, whole catalogues.
-test-rest: .venv/dev $(NODE_MODULES)
+test-rest: .venv/dev $(WHERE_NPM_IS)
 	$(BIN)/python -m pytest -n auto --dist loadfile -m "long and not night and not timed"
 
 test-all: test test-rest
@@ -61,8 +63,11 @@ snapshots: .venv/dev
 sweeps/index.json: .venv/dev sweeps/*.yaml
 	$(BIN)/python -m tests.commands.sweep_index
 
-# Builds the wheel and runs it outside the checkout.
-wheel: .venv/dev
+# The script of pages that simulate, with MuJoCo's WebAssembly: takes npm.
+live: $(LIVE)
+
+# Builds the wheel, with that script where npm is, and runs it outside the checkout.
+wheel: .venv/dev $(filter $(LIVE),$(WHERE_NPM_IS))
 	sh .ci/wheel
 
 # The tests with the lowest versions that pyproject.toml allows.
@@ -99,7 +104,7 @@ constraints: pyproject.toml
 	sh .ci/lock
 
 clean:
-	rm -rf .venv .stubs build dist results
+	rm -rf .venv .stubs build dist results live/node_modules cli/contactlab/live/built
 
 # What runs, by hash; --no-deps and no build isolation keep the editable install from adding any.
 .venv/run: constraints/run.txt pyproject.toml
@@ -116,3 +121,8 @@ clean:
 $(NODE_READER)/node_modules: $(NODE_READER)/package.json
 	npm install --prefix $(NODE_READER) --no-audit --no-fund --silent --no-package-lock && touch $@ \
 	  || echo "npm install failed: the test that reads traces in Node.js is skipped" >&2
+
+$(LIVE): live/package.json live/tsconfig.json live/build.mjs $(wildcard live/src/*.ts)
+	npm install --prefix live --no-audit --no-fund --silent --no-package-lock \
+	  && npm run --prefix live --silent check && npm run --prefix live --silent build \
+	  || echo "not built: pages that simulate (report --live) and their tests are left out" >&2

@@ -33,7 +33,7 @@ SECTIONS = {
         "recording",
         "python",
     ),
-    "In a team": ("compare", "ci", "upgrading", "report", "viewing", "stores", "clusters"),
+    "In a team": ("compare", "ci", "upgrading", "report", "live", "viewing", "stores", "clusters"),
     "Beyond": ("engines", "lock", "parity", "plugins"),
     "Concepts": ("evidence", "accuracy", "budget-derivation", "timestep", "speed", "design"),
 }

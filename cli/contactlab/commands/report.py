@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from contactlab.command_line import options as opt
-from contactlab.command_line.declaration import Given, Option, command
+from contactlab.command_line.declaration import Given, Option, command, flag
 from contactlab.command_line.listing import Listing
 from contactlab.command_line.surroundings import say
 from contactlab.command_line.terminal import echo, print_table
@@ -78,6 +78,18 @@ def report(
     width: Annotated[
         str | None, Option("LENGTH", "Width of figures on paper: 85mm, a column.")
     ] = None,
+    live: Annotated[
+        bool,
+        flag("Write a page that simulates runs again, offline; by default STORE.live.html."),
+    ] = False,
+    run: Annotated[
+        Sequence[str],
+        Option(
+            "ID",
+            "Run of the page that simulates; may be repeated; by default one of each label.",
+            kind=list[str],
+        ),
+    ] = (),
     format: Annotated[
         str | Sequence[str],
         Option(None, "File formats of the figures: png, svg, pdf.", kind=str),
@@ -107,18 +119,41 @@ def report(
     if figures is not None:
         formats = format.split(",") if isinstance(format, str) else format
         return _figures(opened, Path(figures), list(formats), criteria, width)
+    if live:
+        others = {"figures": figures, "baseline": baseline, "parity": parity, "error": error}
+        if unread := [name for name, given in {**others, "within": within}.items() if given]:
+            raise OutputError(f"--{unread[0]} is not of a page that simulates; leave it out")
+        page = opt.beside(address, ".live.html") if output is None else Path(output)
+        return _live(opened, page, run)
+    if run:
+        raise OutputError("--run is of the page that simulates; write --live too")
     against = None if baseline is None else Store.open(opt.address_of(baseline))
     shown = None if parity is None else Path(parity)
     request = PageRequest(criteria, _count(str(traces)), int(max_mb * 1e6), against, shown)
     page = opt.beside(address, ".html") if output is None else Path(output)
+    _check_name(page)
+    return _said(page, write_page(opened, page, request))
+
+
+def _check_name(page: Path) -> None:
     if page.is_dir() or page.suffix not in {".html", ".htm"}:
         raise OutputError(f"{page}: write a name that ends in .html")
     if not page.parent.is_dir():
         raise OutputError(f"cannot write {page}: no folder {page.parent}; create it first")
-    for note in write_page(opened, page, request):
+
+
+def _said(page: Path, notes: Sequence[str]) -> Path:
+    for note in notes:
         say(f"note: {note}")
     say(f"{page.stat().st_size / 1e6:.2g} MB")
     return page
+
+
+def _live(store: "Store", page: Path, run: Sequence[str]) -> Path:
+    from contactlab.live.live_page import write_live_page
+
+    _check_name(page)
+    return _said(page, write_live_page(store, page, run))
 
 
 def _figures(

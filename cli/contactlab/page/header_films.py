@@ -82,7 +82,7 @@ def header_films(data: ReportData, worst: str | None) -> list[HeaderFilm]:
         return films
     for run in dict.fromkeys(filter(None, (_stable(data), worst))):
         with suppress(ContactlabError):
-            films += _film_of(data.store, run)
+            films += film_of(data.store, run)
     return films
 
 
@@ -131,7 +131,8 @@ def film_of_moment(store: Store, moment: Moment) -> HeaderFilm | None:
     return None
 
 
-def _film_of(store: Store, run: str) -> Iterator[HeaderFilm]:
+def film_of(store: Store, run: str) -> Iterator[HeaderFilm]:
+    """Yield the film of a run; nothing of one without a trace, or where none can be drawn."""
     viewer, record = extensions("viewer").get("gif"), store.record(run)
     if viewer is None or record.trace is None or store.manifest.traces_left_out:
         return

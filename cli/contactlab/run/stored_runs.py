@@ -69,7 +69,7 @@ def prepare_replay(store: Store, run: str) -> PreparedReplay:
     """
     record, scene, resolved = stored_run(store, run)
     runs = PreparedRuns.of(scene, resolved)
-    starts = _stored_start(record, runs.prepared[0], runs.starts)
+    starts = stored_start(record, runs.prepared[0], runs.starts)
     runs = replace(runs, starts=starts, steps=record.steps_asked)
     return PreparedReplay(record, runs.repeating([store.controls(record)]))
 
@@ -131,7 +131,7 @@ def replay(store: Store, run: str, *, allow_code: bool = False) -> ReplayResult:
     return ReplayResult(record.run_id, new == old, old, new, step, difference, engine)
 
 
-def _stored_start(
+def stored_start(
     record: EvidenceRecord, prepared: PreparedModel, again: InitialStates
 ) -> InitialStates:
     """Return the stored state; controls and holds over time come from scene and settings."""

@@ -1,0 +1,1 @@
+"""Pages that simulate: runs of a store in MuJoCo's WebAssembly build, in one HTML file."""

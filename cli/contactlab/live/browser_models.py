@@ -1,0 +1,183 @@
+"""Models for the browser's MuJoCo: compiled bytes or MJCF, and what a run changes of them.
+
+A browser whose MuJoCo has the version that compiled a model reads its bytes. Another version gets
+MJCF, and over it every real number that was compiled, since MJCF is written with few digits.
+"""
+
+import copy
+import re
+import xml.etree.ElementTree as ET
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from contactlab.scene.compile_model import compile_model
+from contactlab.scene.effects.effect_table import remove
+from contactlab.scene.model_draft import fields_of
+from contactlab.scene.run_spec import RunSpec
+from contactlab.scene.scene import Scene
+
+Numbers = NDArray[np.float64] | NDArray[np.float32]
+Change = tuple[list[int], list[float]]  # flat places in a field, and the numbers there
+
+
+@dataclass(frozen=True, eq=False)
+class BrowserModel:
+    """A structure of a scene, compiled without recording sensors and without pictures."""
+
+    model: mujoco.MjModel
+    spec: mujoco.MjSpec | None  # what it was compiled from; None where it came compiled
+    fields: Mapping[str, bytes]  # the files of its height fields, by the names that its MJCF has
+
+    @classmethod
+    def of(cls, scene: Scene, run: RunSpec) -> "BrowserModel":
+        """Compile the structure of a run; a SceneError says why it cannot."""
+        specs: list[mujoco.MjSpec] = []
+        fields: dict[str, bytes] = {}
+
+        def plain(spec: mujoco.MjSpec) -> None:
+            remove(spec, run.without)
+            _without_pictures(spec)
+            specs.append(spec)
+            # What is written into a model is compiled in a folder that goes again.
+            folder = Path(spec.modelfiledir) / (spec.meshdir or "")
+            for element in spec.hfields:
+                if element.file:
+                    fields[element.file] = (folder / element.file).read_bytes()
+
+        model = compile_model(scene.source, run.structure, plain)
+        return cls(model, specs[0] if specs else None, fields)
+
+    @property
+    def compiled(self) -> bytes:
+        """The compiled model, which MuJoCo of the same version alone reads."""
+        model = _without_rays(self.model)
+        buffer = np.empty(mujoco.mj_sizeModel(model), np.uint8)
+        mujoco.mj_saveModel(model, None, buffer)
+        return buffer.tobytes()
+
+    @cached_property
+    def mjcf(self) -> str:
+        """The model as one MJCF document; nothing if it came compiled."""
+        return self.spec.to_xml() if self.spec else ""
+
+    @cached_property
+    def alone(self) -> tuple[str, Mapping[str, bytes]]:
+        """The MJCF as versions before MuJoCo 4 read it, and its files, which are named in it.
+
+        A mesh is what was compiled, in its author's frame, so that it compiles to itself.
+        """
+        root = ET.fromstring(self.mjcf)  # noqa: S314 - written by MuJoCo
+        files: dict[str, bytes] = {}
+        for place, element in enumerate(root.iterfind("./asset/*[@file]")):
+            file = element.get("file", "")
+            if element.tag == "mesh":
+                found = self.model.mesh(element.get("name", Path(file).stem))
+                name, content = f"{place}.msh", _mesh_file(self.model, found.id)
+                for attribute in ("scale", "refpos", "refquat", "content_type"):
+                    element.attrib.pop(attribute, None)
+            else:
+                name, content = f"{place}{Path(file).suffix}", self.fields[file]
+            files[name] = content
+            element.set("file", name)
+        for compiler in root.iterfind("./compiler"):
+            for folder in ("meshdir", "texturedir", "assetdir", "strippath"):
+                compiler.attrib.pop(folder, None)
+        for actuator in root.iterfind("./actuator/*"):
+            # They know no such attribute, which is written out even where it says the only one.
+            actuator.attrib.pop("input", None)
+        return ET.tostring(root, encoding="unicode"), files
+
+    @property
+    def numbers(self) -> dict[str, Numbers]:
+        """Every real number of the model by field, flat, but for what follows from meshes.
+
+        Of equal meshes, versions may number faces of hulls in another order.
+        """
+        return {
+            name: np.ravel(value)
+            for name, value in _fields(self.model).items()
+            if value.dtype.kind == "f" and value.size and not _OF_MESHES.match(name)
+        }
+
+
+_DRAWN = ("mesh_normal", "mesh_texcoord", "mesh_facenormal", "mesh_facetexcoord")
+_OF_MESHES = re.compile("bvh_|mesh_(?!vert$|pos$|quat$)")
+_RAYS = {
+    int(kind)
+    for name, kind in mujoco.mjtSensor.__members__.items()
+    if any(word in name for word in ("RANGEFINDER", "TACTILE", "USER", "PLUGIN"))
+}
+
+
+def _without_rays(model: mujoco.MjModel) -> mujoco.MjModel:
+    """Return a model without what only drawing and rays look at: half of a mesh's bytes, and more.
+
+    Where something may cast a ray, or has a signed distance, the model stays as it is.
+    """
+    lighter = copy.copy(model)
+    for name in _DRAWN:
+        getattr(lighter, name)[:] = 0
+    if (
+        _RAYS & {*model.sensor_type.tolist()}
+        or (model.geom_type == mujoco.mjtGeom.mjGEOM_SDF).any()
+    ):
+        return lighter
+    for start, count in zip(model.mesh_bvhadr, model.mesh_bvhnum, strict=True):
+        lighter.bvh_aabb[start : start + count] = 0
+    return lighter
+
+
+def _mesh_file(model: mujoco.MjModel, mesh: int) -> bytes:
+    """Return a mesh in its author's frame, in MuJoCo's own format: points and triangles."""
+    found = model.mesh(mesh)
+    first, count = int(found.vertadr[0]), int(found.vertnum[0])
+    face, faces = int(found.faceadr[0]), int(found.facenum[0])
+    turn = np.empty(9)
+    mujoco.mju_quat2Mat(turn, model.mesh_quat[mesh])
+    compiled = model.mesh_vert[first : first + count].astype(np.float64)
+    points = (compiled @ turn.reshape(3, 3).T + model.mesh_pos[mesh]).astype(np.float32)
+    header = np.array([count, 0, 0, faces], np.int32)
+    return b"".join(
+        part.tobytes() for part in (header, points, model.mesh_face[face : face + faces])
+    )
+
+
+def _without_pictures(spec: mujoco.MjSpec) -> None:
+    """Remove textures and skins, which no motion hangs on."""
+    for material in spec.materials:
+        material.textures = [""] * len(material.textures)
+    for element in (*spec.textures, *spec.skins):
+        spec.delete(element)
+
+
+def changes(before: mujoco.MjModel, after: mujoco.MjModel) -> dict[str, Change]:
+    """Return what tells two models of one layout apart, by field."""
+    old, new = _fields(before), _fields(after)
+    return {
+        name: difference(old[name].ravel(), value.ravel())
+        for name, value in new.items()
+        if value.tobytes() != old[name].tobytes()
+    }
+
+
+def difference(before: np.ndarray, after: np.ndarray) -> Change:
+    """Return the places at which two flat arrays differ, and the numbers of the second there."""
+    places = np.flatnonzero(before != after)
+    return places.tolist(), after[places].tolist()
+
+
+def _fields(model: mujoco.MjModel) -> dict[str, np.ndarray]:
+    """Return the numbers of a model by the path that the browser finds them at."""
+    owners = {"": model, "opt.": model.opt, "stat.": model.stat}
+    return {
+        prefix + name: value
+        for prefix, owner in owners.items()
+        for name, value in fields_of(owner).items()
+        if value.dtype.kind in "fiub"
+    }

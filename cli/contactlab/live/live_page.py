@@ -1,0 +1,251 @@
+"""The page that simulates: runs, models and MuJoCo's WebAssembly build in one HTML file."""
+
+import base64
+import gzip
+import hashlib
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
+from functools import cached_property
+from importlib.metadata import version
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from contactlab.errors import ContactlabError, OutputError
+from contactlab.live.browser_build import BrowserBuild, find_build
+from contactlab.live.browser_models import BrowserModel, changes, difference
+from contactlab.live.live_runs import LiveRun, LiveRuns, Slider, Variant
+from contactlab.live.sliders import value_text
+from contactlab.measure import LABELS
+from contactlab.page.header_films import film_of
+from contactlab.page.packing import as_json, pack, packed_text
+from contactlab.printable import visible
+from contactlab.scene.timed_inputs import Signals
+from contactlab.store.atomic_files import atomic_write
+from contactlab.store.finished_store import Store
+
+MOST_BYTES = 16_000_000
+_PACKAGE = __name__.rpartition(".")[0]
+_MOST_RUNS = 8
+_LEVEL = 9
+
+
+def write_live_page(store: Store, target: Path, run_ids: Sequence[str] = ()) -> tuple[str, ...]:
+    """Write runs of a store as a page that simulates them, offline; return what it leaves out.
+
+    Without ids there is a run of each label, the worst first. A StoreError says that there is no
+    such run; an OutputError that the browser's part is not built, that the page is larger than
+    16 MB, or that it cannot be written.
+    """
+    build = find_build()
+    runs = LiveRuns(store)
+    chosen = [runs.run(run) for run in run_ids or _telling(store)]
+    document = _Document(build, runs)
+    page = document.of(store, chosen)
+    environment = Environment(
+        loader=PackageLoader(_PACKAGE, ""),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    text = environment.get_template("page.html").render(page)
+    size = len(text.encode())
+    if size > MOST_BYTES:
+        raise OutputError(
+            f"the page has {size / 1e6:.0f} MB, {MOST_BYTES / 1e6:.0f} at most; "
+            "choose fewer runs with --run, or a model with smaller meshes"
+        )
+    with atomic_write(target) as temporary:
+        temporary.write_bytes(text.encode())
+    return tuple(f"run {entry['id']}: {entry['why']}" for entry in document.entries if entry["why"])
+
+
+def _telling(store: Store) -> list[str]:
+    """Return ids of a run of each label, the worst first, and of more of the worst ones."""
+    labels = store.columns.coded("label")
+    ranks = {name: place for place, name in enumerate(LABELS)}
+    worst = np.array([ranks.get(str(name), len(ranks)) for name in labels.values])[labels.codes]
+    order = np.argsort(worst, kind="stable")
+    leaders = order[np.unique(worst[order], return_index=True)[1]]
+    chosen = list(dict.fromkeys([*leaders.tolist(), *order.tolist()]))[:_MOST_RUNS]
+    return [store.columns.run_id(row) for row in chosen]
+
+
+@dataclass
+class _Document:
+    """What the page holds: JSON, beside compressed models."""
+
+    build: BrowserBuild
+    runs: LiveRuns
+    entries: list[dict[str, Any]] = field(default_factory=list[dict[str, Any]])  # of the runs
+    _blobs: list[str] = field(default_factory=list[str])
+    _inputs: dict[bytes, int] = field(default_factory=dict[bytes, int])
+    _courses: list[dict[str, Any]] = field(default_factory=list[dict[str, Any]])
+
+    @cached_property
+    def _same(self) -> bool:
+        """Whether the browser's MuJoCo has the version that compiles the models here."""
+        return self.build.mujoco == mujoco.__version__
+
+    def of(self, store: Store, chosen: Sequence[LiveRun]) -> dict[str, Any]:
+        """Return what the template of the page takes."""
+        self.entries += [self._run(store, run) for run in chosen]
+        data = {
+            "store": store.manifest.sweep.name,
+            "engine": self.build.mujoco,
+            "runs": self.entries,
+            "models": [self._model(place) for place in range(len(self.runs.models))],
+            "inputs": self._courses,
+            "flags": _flags(),
+        }
+        style = files(_PACKAGE).joinpath("style.css").read_text(encoding="utf-8")
+        scripts, styles = (
+            "sha256-" + base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
+            for text in (self.build.script, style)
+        )
+        return {
+            "title": visible(f"{store.manifest.sweep.name}, simulated"),
+            "hashes": {"script": scripts, "style": styles},
+            "style": style,
+            "script": self.build.script,
+            "data": packed_text(as_json(data)),
+            "engine": base64.b64encode(self.build.engine).decode(),
+            "blobs": self._blobs,
+            "contactlab": version("contactlab"),
+            "mujoco": self.build.mujoco,
+            "licences": self.build.licences,
+        }
+
+    def _blob(self, data: bytes) -> int:
+        self._blobs.append(base64.b64encode(gzip.compress(data, _LEVEL, mtime=0)).decode())
+        return len(self._blobs) - 1
+
+    def _model(self, place: int) -> dict[str, Any]:
+        found: BrowserModel = self.runs.models[place]
+        entry: dict[str, Any] = {
+            "geoms": [visible(name) for name in self.runs.geom_names(place)],
+            "mjcf": found.mjcf,
+        }
+        if self._same:
+            return entry | {"bytes": self._blob(found.compiled)}
+        if not found.mjcf:
+            return entry
+        text, files = found.alone
+        return entry | {
+            "alone": text,
+            "files": {name: self._blob(data) for name, data in files.items()},
+            "numbers": pack(found.numbers),
+        }
+
+    def _run(self, store: Store, run: LiveRun) -> dict[str, Any]:
+        record = run.record
+        entry: dict[str, Any] = {
+            "id": record.run_id,
+            "label": visible(record.label),
+            "reasons": [f"{visible(each.label)}: {visible(each.reason)}" for each in record.labels],
+            "axes": [[visible(name), value_text(value)] for name, value in record.axes.items()],
+            "version": record.engine.version,
+            "notes": [visible(note) for note in run.notes],
+            "why": visible(run.why),
+        }
+        if run.motion:
+            (qpos, qvel), times = run.motion.end, run.motion.times
+            poses = {"times": times, "poses": run.motion.qpos.ravel().astype(np.float32)}
+            entry |= {"end": pack({"qpos": qpos, "qvel": qvel}), "ghost": pack(poses)}
+        why = run.why or self._unread(run)
+        if run.variant is None or run.variant.model.nplugin or self._unread(run):
+            return entry | {"why": visible(why), "film": _film(store, record.run_id)}
+        base = self.runs.models[run.variant.base].model
+        return entry | {
+            **self._whole(run.variant, base),
+            "sliders": [self._slider(slider, run.variant) for slider in run.sliders],
+        }
+
+    def _unread(self, run: LiveRun) -> str:
+        """Return why the browser's MuJoCo cannot read the model of a run; nothing if it may."""
+        if run.variant is None or self._same or self.runs.models[run.variant.base].mjcf:
+            return ""
+        return (
+            f"its model is stored as MuJoCo {mujoco.__version__} compiled it, which "
+            f"{self.build.mujoco} does not read"
+        )
+
+    def _whole(self, variant: Variant, base: mujoco.MjModel) -> dict[str, Any]:
+        return {
+            "model": variant.base,
+            "fields": changes(base, variant.model),
+            "parts": pack(variant.parts),
+            "inputs": self._course(variant),
+            "steps": variant.steps,
+        }
+
+    def _slider(self, slider: Slider, run: Variant) -> dict[str, Any]:
+        return {
+            "name": visible(slider.name),
+            "unit": slider.unit,
+            "own": slider.own,
+            "stops": [
+                {"text": visible(stop.text), **self._stop(stop, run)} for stop in slider.stops
+            ],
+        }
+
+    def _stop(self, stop: Variant, run: Variant) -> dict[str, Any]:
+        """Return what tells a variant from its run; all of it where the structure is another."""
+        if stop.base != run.base:
+            return self._whole(stop, self.runs.models[stop.base].model)
+        parts = {
+            name: difference(run.parts[name], value)
+            for name, value in stop.parts.items()
+            if value.tobytes() != run.parts[name].tobytes()
+        }
+        entry = {"fields": changes(run.model, stop.model), "moved": parts, "steps": stop.steps}
+        inputs = self._course(stop)
+        return entry if inputs == self._course(run) else entry | {"inputs": inputs}
+
+    def _course(self, variant: Variant) -> int | None:
+        """Return the place of the inputs that change over time; None where none do."""
+        signals = variant.start.signals[0]
+        if not signals.places.size:
+            return None
+        key = b"".join(part.tobytes() for part in signals_of(signals))
+        if key not in self._inputs:
+            self._inputs[key] = len(self._courses)
+            self._courses.append(
+                {
+                    "places": signals.places.tolist(),
+                    "knots": signals.levels.shape[1],
+                    **pack({"times": signals.times.ravel(), "levels": signals.levels.ravel()}),
+                }
+            )
+        return self._inputs[key]
+
+
+def signals_of(signals: Signals) -> tuple[np.ndarray, ...]:
+    """Return the arrays that decide signals."""
+    return signals.places, signals.times, signals.levels
+
+
+def _film(store: Store, run: str) -> str | None:
+    """Return the film of a stored run as the source of an image; None where none can be drawn."""
+    with suppress(ContactlabError):
+        return next((film.source for film in film_of(store, run)), None)
+    return None
+
+
+def _flags() -> dict[str, dict[str, int]]:
+    """Return the bits of engine flags by field and name of MJCF."""
+    bits = {"disable": mujoco.mjtDisableBit, "enable": mujoco.mjtEnableBit}
+    return {
+        f"opt.{kind}flags": {
+            name.partition("_")[2].lower(): int(bit)
+            for name, bit in found.__members__.items()
+            if not name.startswith("mjN")
+        }
+        for kind, found in bits.items()
+    }
