@@ -208,9 +208,8 @@ function scaled(spec, layers, state) {
   const decades = sizes.length && Math.min(...values) >= 0 && sizes.at(-1) >= 30 * sizes[0];
   const { color } = spec.layer[0].encoding;
   const domain = decades ? withinFences(sizes.map(Math.log)).map(Math.exp) : values.length ? withinFences(values) : [0, 1];
-  const scale = { scheme: "cividis", type: decades ? "log" : "linear", domain, clamp: true, nice: false, ...(!decades && { zero: false }) };
-  // Layers share one scale, whose domain is the union of theirs.
-  for (const { encoding } of spec.layer) if (encoding.color) encoding.color.scale = scale;
+  color.scale = { scheme: "cividis", type: decades ? "log" : "linear", domain, clamp: true, nice: false };
+  if (!decades) color.scale.zero = false;
   color.legend.title = `${state.stat} ${withUnit(name, unit)}`;
 }
 
