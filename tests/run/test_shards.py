@@ -1,18 +1,32 @@
 """Shards, merged, are the store that one machine writes: the same bytes where clocks agree."""
 
+import json
 import shutil
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 
 import contactlab
-from contactlab.errors import ContactlabError, OutputError, StoreError, SweepFileError
+from contactlab.command_line.store_summary import unexpected
+from contactlab.errors import (
+    ContactlabError,
+    ExpectationError,
+    OutputError,
+    RunFailedError,
+    StoreError,
+    SweepFileError,
+)
 from contactlab.run.recomputed_runs import recomputed_problems
 from contactlab.store import store_writer
+from contactlab.store.atomic_files import sha256_of
 from contactlab.store.finished_store import Store
+from contactlab.store.store_files import TABLE
 from contactlab.store.verify_store import verify
 
 SWEEP: dict[str, Any] = {
@@ -218,3 +232,46 @@ def test_shards_lie_in_buckets(three: list[Path], bucket: str, merged: Store) ->
     names = ["run_id", "index", "label", "trajectory_hash", "penetration_max"]
     assert found.columns.to_pydict(names) == merged.columns.to_pydict(names)
     assert not verify(found.address)
+
+
+def test_honest_repeats_have_the_same_physics(merged: Store, tmp_path: Path) -> None:
+    again = swept(tmp_path / "again")
+    assert again.physics == merged.physics
+    assert again.digest != merged.digest
+    other = contactlab.sweep({**SWEEP, "seeds": 5}, output=tmp_path / "other", workers=0)
+    assert other.physics != merged.physics
+
+
+def test_a_forged_unit_of_a_metric_is_found(merged: Store, tmp_path: Path) -> None:
+    """Units of axes and metrics are those of the scene and of the code, whatever is hashed."""
+    folder = shutil.copytree(merged.path, tmp_path / "forged")
+    table = pq.read_table(folder / TABLE)
+    schema = table.schema
+    for name in ("penetration_max", "drop_height"):
+        place = schema.get_field_index(name)
+        meta = {**schema.field(place).metadata, b"unit": b"mm"}
+        schema = schema.set(place, schema.field(place).with_metadata(meta))
+    pq.write_table(pa.Table.from_arrays(table.columns, schema=schema), folder / TABLE)
+    path = folder / "manifest.json"
+    manifest = json.loads(path.read_text())
+    manifest["files"] |= {TABLE: sha256_of(folder / TABLE)}
+    manifest["files"] |= {f"scenes/{merged.manifest.sweep.scene_hash}/more.xml": "0" * 64}
+    path.write_text(json.dumps(manifest))
+    found = [*recomputed_problems(Store.open(folder))]
+    assert "runs.parquet: column penetration_max is in 'mm', not in 'm'" in found
+    assert "runs.parquet: column drop_height is in 'mm', not in 'm'" in found
+    assert any(problem.endswith("more.xml: is no file of the scene") for problem in found)
+
+
+def test_a_sweep_of_which_no_run_is_valid_fails(
+    merged: Store,
+) -> None:
+    assert isinstance(unexpected(merged), ExpectationError)
+    none = {"expectations": {"none": RUNS}, "unmet_means": ()}
+    counts = {"labels": {"invalid": RUNS}, **none}
+    invalid = replace(merged, manifest=merged.manifest.model_copy(update=counts))
+    failure = unexpected(invalid)
+    assert isinstance(failure, RunFailedError)
+    assert str(failure).startswith("all 16 runs are invalid: ")
+    some = {"labels": {"invalid": RUNS - 1, "stable": 1}, **none}
+    assert unexpected(replace(merged, manifest=merged.manifest.model_copy(update=some))) is None

@@ -78,7 +78,9 @@ def recomputed_problems(store: Store) -> Iterator[str]:
         if scene.hash != identity.scene_hash:
             yield f"{SCENES}/{identity.scene_hash}: its files have the hash {scene.hash}"
             return
+        yield from _foreign_scene_files(store, scene)
         if unplanned(store) is None:
+            yield from _other_units(store, scene)
             plan = plan_again(identity, scene)
             yield from _other_plan(store, scene, plan)
             yield from _other_verdicts(store, scene, plan)
@@ -94,6 +96,31 @@ def recomputed_problems(store: Store) -> Iterator[str]:
         again, stored = _known(values), _known(record.settings)
         for name in sorted(name for name in again | stored if again.get(name) != stored.get(name)):
             yield f"run {record.run_id}: {name} is {stored.get(name)}, not {again.get(name)}"
+
+
+def _foreign_scene_files(store: Store, scene: Scene) -> Iterator[str]:
+    """Yield which files the manifest names that neither the scene has nor its drive."""
+    content, drive = scene.source.content, scene.drive
+    ours = {f"{scene.hash}/{file.as_posix()}" for file in (*content.files, *content.licences)}
+    folders = {scene.hash} if drive.hash is None else {scene.hash, drive.hash}
+    for name in store.manifest.files:
+        top, _, file = name.partition("/")
+        folder = file.partition("/")[0]
+        if top == SCENES and (folder not in folders or (folder == scene.hash and file not in ours)):
+            yield f"{name}: is no file of the scene"
+
+
+def _other_units(store: Store, scene: Scene) -> Iterator[str]:
+    """Yield which columns of axes and metrics have other units than those that are measured in."""
+    described = store.columns.described
+    units = {name: metric.unit for name, metric in METRICS.items()}
+    for name in store.columns.axis_names:
+        if (spec := scene.catalogue.find(name)) is not None:
+            units[name] = spec.unit
+    for name in units.keys() & described.keys():
+        if described[name].unit != units[name]:
+            found = described[name].unit
+            yield f"{TABLE}: column {name} is in '{found}', not in '{units[name]}'"
 
 
 def _other_plan(store: Store, scene: Scene, plan: Plan) -> Iterator[str]:

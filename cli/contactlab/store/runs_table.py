@@ -26,7 +26,13 @@ from contactlab.store.arrow_values import number_array, numpy_array, zero
 from contactlab.store.atomic_files import atomic_write
 from contactlab.store.row_journal import SHARED, row_extent
 from contactlab.store.store_files import TABLE, Address
-from contactlab.store.table_layout import Column, column_of, table_schema, texts_of
+from contactlab.store.table_layout import (
+    COLUMNS_OF_MACHINE,
+    Column,
+    column_of,
+    table_schema,
+    texts_of,
+)
 
 OUTCOME_COLUMNS = ["label", "status", "trace_file", "expectation_met"]
 _COLUMNS = b"contactlab.columns"
@@ -35,6 +41,8 @@ GROUP = 1 << 14
 """Rows of a row group, which are written at once, and read at once where one is needed."""
 _BLOCK = 8 << 20  # bytes of the journal that are parsed at once
 _BATCH = 256
+# Shared fields that depend on the machine, the day, and how the sweep is called.
+_OF_STORE = ("started", "finished", "provenance", "sweep")
 _MOST_TABLE, _MOST_ROW = 1 << 30, 1 << 20
 """Bytes that a table may hold unpacked: so many, and so many for each row."""
 
@@ -327,6 +335,11 @@ def shared_fields(schema: pa.Schema) -> dict[str, Any]:
     return json.loads((schema.metadata or {})[_SHARED])
 
 
+def listed_columns(schema: pa.Schema) -> dict[str, Any]:
+    """Return what the metadata of a table's schema says of columns; nothing of a compact one."""
+    return json.loads((schema.metadata or {}).get(_COLUMNS, b"{}"))
+
+
 def compute(function: str, *arrays: object, options: pc.FunctionOptions | None = None) -> Any:  # noqa: ANN401
     """Return what a function of Arrow gives, called by its name: methods load wrappers of all."""
     return pc.call_function(function, [*arrays], options)
@@ -339,6 +352,22 @@ def rows_digest(path: Path) -> str:
         for batch in file.iter_batches(8 * _BATCH, use_threads=False):
             digest.add(batch)
         return digest.hex(file.schema_arrow)
+
+
+def physics_digest(path: Path) -> str:
+    """Return a digest of what was computed: the same for two honest repeats, wherever they ran.
+
+    It is of the rows without clocks, costs, times, machines and the files of traces.
+    """
+    with table_errors(path), pq.ParquetFile(path) as file:
+        schema = file.schema_arrow
+        names = [name for name in schema.names if name not in COLUMNS_OF_MACHINE]
+        digest = RowsDigest()
+        for batch in file.iter_batches(8 * _BATCH, columns=names, use_threads=False):
+            digest.add(batch)
+        shared = {k: v for k, v in shared_fields(schema).items() if k not in _OF_STORE}
+        kept = pa.schema([schema.field(name) for name in names])
+        return digest.hex(kept.with_metadata({_SHARED: json.dumps(shared).encode()}))
 
 
 class RowsDigest:

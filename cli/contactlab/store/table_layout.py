@@ -12,7 +12,7 @@ import pyarrow as pa
 from pydantic.fields import FieldInfo
 from pydantic_core import from_json, to_json
 
-from contactlab.schema.evidence import EvidenceRecord, InColumns, InTable
+from contactlab.schema.evidence import EvidenceRecord, InColumns, InTable, Timing
 from contactlab.schema.strict_model import Model
 
 _TEXT = pa.string()
@@ -164,6 +164,13 @@ LOOP_COLUMNS = tuple(_PLAIN[name].column for name in ("success", "total_reward",
 RESERVED_COLUMNS = frozenset(
     column.name for column in (*FIXED_COLUMNS, PLUGINS_COLUMN, *LOOP_COLUMNS)
 )
+
+COLUMNS_OF_MACHINE = frozenset(
+    {name for name in RESERVED_COLUMNS if name.startswith(("cost_", "trace_"))}
+    | {name for name in Timing.model_fields if not name.startswith("work_")}
+    | {"started", "finished", "provenance"}
+)
+"""What depends on the machine, the day, and which traces are kept."""
 
 
 def table_schema(own: Sequence[Column]) -> pa.Schema:
