@@ -161,8 +161,9 @@ class ComparedStore(Model):
     """One side of a comparison."""
 
     store: str
-    physics: Sha256 = about(
-        "Digest of what was computed, without clocks and costs: the same for two honest repeats."
+    physics: str = about(
+        "Digest of what was computed, without clocks and costs: the same for two honest repeats.",
+        default="",
     )
     sweep: str
     runs: int

@@ -10,6 +10,7 @@ import re
 from collections import defaultdict
 from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -29,6 +30,7 @@ from contactlab.store.store_files import TABLE, Address
 from contactlab.store.table_layout import (
     COLUMNS_OF_MACHINE,
     Column,
+    as_made,
     column_of,
     table_schema,
     texts_of,
@@ -70,12 +72,17 @@ def merge_tables(sources: Mapping[Address, Path], target: Path, shared: Mapping[
     first = next(iter(sources.values()))
     with table_errors(first):
         stored = pq.read_schema(first)
-    schema = table_schema(list(map(column_of, stored)))
+    schema = _schema_again(stored)
     for place, source in sources.items():
         with table_errors(place / TABLE):
-            if table_schema(list(map(column_of, pq.read_schema(source)))) != schema:
+            if _schema_again(pq.read_schema(source)) != schema:
                 raise StoreError(f"{place}: its table has other columns than {next(iter(sources))}")
     return _written(target, schema, {**shared_fields(stored), **shared}, _merged_groups(sources))
+
+
+def _schema_again(stored: pa.Schema) -> pa.Schema:
+    """Return the schema that a stored table was written by."""
+    return table_schema([replace(column_of(f), type=as_made(f.type)) for f in stored])
 
 
 def _written(

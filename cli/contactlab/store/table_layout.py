@@ -237,16 +237,15 @@ def column_of(field: pa.Field) -> Column:
     meta = texts_of(field.metadata)
     said = (meta.get(key, "") for key in ("unit", "description", "better"))
     resolution, second = float(meta.get("resolution", 0)), "measured_in" in meta
-    kind = _as_made(field.type)
-    return Column(field.name, kind, *said, resolution=resolution, second_pass=second)
+    return Column(field.name, field.type, *said, resolution=resolution, second_pass=second)
 
 
-def _as_made(kind: pa.DataType) -> pa.DataType:
+def as_made(kind: pa.DataType) -> pa.DataType:
     """Return a stored type as it is before it is stored: Parquet names entries of lists anew."""
     if pa.types.is_list(kind):
-        return pa.list_(_as_made(kind.value_type))
+        return pa.list_(as_made(kind.value_type))
     if pa.types.is_struct(kind):
-        return pa.struct([pa.field(inner.name, _as_made(inner.type)) for inner in kind])
+        return pa.struct([pa.field(inner.name, as_made(inner.type)) for inner in kind])
     return kind
 
 

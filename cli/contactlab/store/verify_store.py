@@ -75,6 +75,7 @@ def _problems(store: Store, *, thorough: bool) -> Iterator[str]:
     try:
         yield from _check_columns(store)
         if thorough:
+            yield from _wrong_columns(store.columns)
             yield from _check_sweep(store)
             yield from _check_records(store, model)
             yield from _check_controls(store)
@@ -165,7 +166,6 @@ def _check_identity(store: Store) -> Iterator[str]:
 
 
 def _check_columns(store: Store) -> Iterator[str]:
-    yield from _wrong_columns(store.columns)
     version = store.columns.shared["schema_version"]
     if version != RECORD_VERSION:
         yield (
