@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from contactlab.commands.lint import lint
     from contactlab.commands.list import list
     from contactlab.commands.lock import lock
+    from contactlab.commands.merge import merge
     from contactlab.commands.parity import parity
     from contactlab.commands.render import render
     from contactlab.commands.replay import replay
@@ -66,6 +67,7 @@ __all__ = [
     "lint",
     "list",
     "lock",
+    "merge",
     "open",
     "parity",
     "progress",

@@ -1,14 +1,30 @@
 """The command `contactlab`, also as `python -m contactlab`."""
 
-# Before all that it is about.
-import contactlab.startup  # noqa: F401 # pyright: ignore[reportUnusedImport]
+import os
+import signal
+from types import FrameType
+
+
+def _leave(_number: int, _frame: FrameType | None) -> None:
+    # At once: an exception might be lost in what loads, or be told of as an error.
+    os._exit(130)
+
+
+# Before all that it is about; one who has Ctrl-C ignored, or heard otherwise, keeps that.
+_HEARD = signal.getsignal(signal.SIGINT) is signal.default_int_handler
+if _HEARD:
+    signal.signal(signal.SIGINT, _leave)
+
+import contactlab.startup  # noqa: E402, F401 # pyright: ignore[reportUnusedImport]
 
 
 def main() -> None:
-    """Run the command line; Ctrl-C while it loads is no error to report."""
-    try:
-        from contactlab.command_line.main import main as run  # noqa: PLC0415 - takes a while
+    """Run the command line; Ctrl-C is no error to report."""
+    from contactlab.command_line.main import main as run  # noqa: PLC0415 - takes a while
 
+    if _HEARD:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
         run()
     except KeyboardInterrupt:
         raise SystemExit(130) from None

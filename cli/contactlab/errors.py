@@ -122,6 +122,10 @@ def no_file(path: Path, kind: str, suffixes: Collection[str] = ()) -> str:
     return f"no {kind} {path}{near or f'; the folder {path.parent.resolve().name} has {listed}'}"
 
 
+# Of files whose frames lie between a caller and the code that it runs.
+_BETWEEN = ("importlib", "contextlib", "code_limit.py")
+
+
 def in_one_line(error: BaseException, caller: str) -> str:
     """Return an error of the user's code in one line, after the line of that code that raised it.
 
@@ -130,7 +134,7 @@ def in_one_line(error: BaseException, caller: str) -> str:
     frames = [
         frame
         for frame in traceback.extract_tb(error.__traceback__)
-        if frame.filename != caller and "importlib" not in frame.filename
+        if frame.filename != caller and not any(map(frame.filename.count, _BETWEEN))
     ]
     lines = [frame.lineno for frame in frames if frame.filename == frames[0].filename]
     where = f"line {lines[-1]} of {Path(frames[0].filename).name}: " if lines else ""

@@ -18,6 +18,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from types import ModuleType
 
+from contactlab.code_limit import code_limit
 from contactlab.errors import PluginError, in_one_line, no_file
 from contactlab.registry import PARTS, REGISTRIES, Named, Part, transaction
 
@@ -187,7 +188,7 @@ def _unchanged(plugin: Plugin) -> Plugin:
 def _adding(name: str) -> Generator[None]:
     """Turn what goes wrong into a PluginError, and leave nothing of a plug-in that fails."""
     try:
-        with transaction():
+        with transaction(), code_limit():
             yield
     except PluginError as error:
         raise PluginError(f"plug-in {name}: {error}") from error

@@ -19,6 +19,7 @@ SWEEP = "{version: 1, scene: ball_drop, duration: 0.05, axes: {timestep: [1.0e-3
 # Of each command: what is asked of it, the exit code, and words that it prints.
 SMOKES: dict[str, tuple[str, int, str]] = {
     "sweep": ("{folder}/two.yaml -o {folder}/again --workers 0", 0, "2 runs"),
+    "merge": ("{store} -o {folder}/merged", 0, "4 runs"),
     "stability": (
         "{folder}/ball.xml --duration 0.2 --workers 0 -o {folder}/stability",
         0,

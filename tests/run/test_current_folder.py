@@ -16,15 +16,21 @@ from contactlab.run.tasks import Crashed, Job, Stop
 from contactlab.run.worker_pool import WorkerHandle, WorkerPool, end_halted
 
 JOB: Job = (bare_run(0, "first"),)
-MODULES = ("selectors", "signal", "numpy", "socket", "contactlab", "struct")
+MODULES = ("selectors", "signal", "numpy", "mujoco", "socket", "contactlab", "struct")
 
 
 @pytest.mark.long
-def test_modules_of_the_current_folder_are_not_run(command: Any, tmp_path: Path) -> None:
+@pytest.mark.parametrize("executor", ["local", "ray"])
+def test_modules_of_the_current_folder_are_not_run(
+    command: Any, tmp_path: Path, executor: str
+) -> None:
+    if executor == "ray":
+        pytest.importorskip("ray")
     for name in MODULES:
         (tmp_path / f"{name}.py").write_text(f"open('{tmp_path}/ran-{name}', 'w').close()\n")
     (tmp_path / "one.yaml").write_text("version: 1\nscene: ball_drop\nduration: 0.01\n")
-    process = command.start("sweep", "one.yaml", "-o", "store", "--workers", "1")
+    words = ["sweep", "one.yaml", "-o", "store", "--workers", "1", "--executor", executor]
+    process = command.start(*words)
     _, err = process.communicate()
     assert process.returncode == 0, err
     assert not list(tmp_path.glob("ran-*"))

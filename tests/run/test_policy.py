@@ -272,6 +272,17 @@ def test_a_policy_that_kills_its_process_or_hangs_costs_its_runs_alone(folder: P
     assert "balance.py" in hung["status_reason"]
 
 
+@pytest.mark.long
+def test_a_policy_that_is_never_made_costs_its_runs_alone(folder: Path) -> None:
+    (folder / "slow.py").write_text(
+        "class Slow:\n    def __init__(self, model):\n        while True: pass\n"
+    )
+    swept(folder, policy="slow.py:Slow", workers=1, timeout=0.5)
+    (hung,) = rows(folder)
+    assert hung["status"] == "timeout"
+    assert "slow.py" in hung["status_reason"]
+
+
 @pytest.mark.parametrize(
     ("text", "policy", "message"),
     [

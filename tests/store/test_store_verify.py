@@ -5,6 +5,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 
 from contactlab.errors import StoreError
@@ -12,7 +14,7 @@ from contactlab.schema.evidence import STORE_VERSION, EvidenceRecord, LabelEntry
 from contactlab.store.atomic_files import sha256_of
 from contactlab.store.finished_store import Store
 from contactlab.store.row_journal import write_journal
-from contactlab.store.runs_table import write_table
+from contactlab.store.runs_table import rows_digest, write_table
 from contactlab.store.table_layout import record_to_row
 from contactlab.store.verify_store import verify
 
@@ -88,7 +90,7 @@ def test_runs_that_are_not_all_there(
     """A table of two runs, hashed as it is, in a store that was asked for three."""
     opened = Store.open(store)
     rows = [record_to_row(record) for record in opened.records()][:2]
-    journal = store / "rows"
+    journal = store.with_name("rows")
     write_journal(journal, rows)
     records = [record_of(0), record_of(1)]
     write_table(journal, store / "runs.parquet", columns_of(records), opened.columns.shared)
@@ -172,3 +174,52 @@ def test_a_run_has_the_worst_of_its_labels(
     where = "runs.parquet: run 0000000000000000: its"
     wrong = [] if place == 0 else [f"{where} label is not what the rest of it gives"]
     assert verify(tmp_path / "store") == wrong
+
+
+@pytest.mark.parametrize(
+    "name", ["stray.py", "traces/notes.txt", "scenes/35472800cb1450b5/more.xml", "controls/x.csv"]
+)
+def test_a_file_that_nothing_names(store: Path, name: str) -> None:
+    (store / name).parent.mkdir(exist_ok=True)
+    (store / name).write_text("x")
+    assert verify(store) == [f"{name}: manifest.json does not name it"]
+
+
+def test_an_empty_folder(store: Path) -> None:
+    (store / "more").mkdir()
+    assert verify(store) == ["more/: manifest.json does not name it"]
+
+
+def forge(store: Path, change: Callable[[pa.Schema], pa.Schema]) -> None:
+    """Write a table with another schema, and redo all hashes that the store has of it."""
+    path, table = store / "manifest.json", pq.read_table(store / "runs.parquet")
+    changed = change(table.schema)
+    pq.write_table(pa.Table.from_arrays(table.columns, schema=changed), store / "runs.parquet")
+    manifest = json.loads(path.read_text())
+    manifest["files"]["runs.parquet"] = sha256_of(store / "runs.parquet")
+    manifest["records"] = rows_digest(store / "runs.parquet")
+    path.write_text(json.dumps(manifest))
+
+
+def test_a_forged_unit_of_a_column(store: Path) -> None:
+    def in_hours(schema: pa.Schema) -> pa.Schema:
+        place = schema.get_field_index("cost_cpu_s")
+        field = schema.field(place)
+        return schema.set(place, field.with_metadata({**field.metadata, b"unit": b"h"}))
+
+    forge(store, in_hours)
+    assert "runs.parquet: column cost_cpu_s is in 'h', not in 's'" in verify(store)
+
+
+def test_a_forged_unit_in_the_list_of_columns(store: Path) -> None:
+    """It is what DuckDB is told to read."""
+
+    def listed(schema: pa.Schema) -> pa.Schema:
+        key = b"contactlab.columns"
+        said = json.loads(schema.metadata[key])
+        said["duration"]["unit"] = "h"
+        return schema.with_metadata({**schema.metadata, key: json.dumps(said).encode()})
+
+    forge(store, listed)
+    where = "runs.parquet: column duration"
+    assert verify(store) == [f"{where} is described otherwise in the file's list of columns"]

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from contactlab.command_line.declaration import Given
 from contactlab.command_line.terminal import echo, print_csv, print_json, print_table, tell
+from contactlab.errors import ContactlabError, ExpectationError, RunFailedError
 
 if TYPE_CHECKING:
     from contactlab.reporting.report_columns import GridAxis, RunLabels
@@ -26,6 +27,20 @@ def summary_json(store: "Store", given: Given) -> None:
     del given
     manifest = store.manifest.model_dump(mode="json", exclude={"sweep"})
     print_json({"store": str(store.address), **manifest})
+
+
+def unexpected(store: "Store") -> ContactlabError | None:
+    """Return what runs of a store were lost, or are not as its sweep expects."""
+    from contactlab.judge.expectations import EXPECTED, MEANS, RUNS, expectation_findings
+
+    failed = {finding.name: finding for finding in expectation_findings(store) if finding.failing}
+    if RUNS in failed:
+        return RunFailedError(failed[RUNS].message)
+    if EXPECTED in failed:
+        unmet = failed[EXPECTED].failing
+        runs = store.manifest.runs
+        return ExpectationError(f"{unmet} of {runs} runs are not as the sweep expects")
+    return ExpectationError(failed[MEANS].message) if MEANS in failed else None
 
 
 def summary_csv(store: "Store", given: Given) -> None:

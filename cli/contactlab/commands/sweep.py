@@ -16,10 +16,11 @@ from contactlab.command_line.store_summary import (
     summary_csv,
     summary_json,
     summary_text,
+    unexpected,
 )
 from contactlab.command_line.surroundings import rerun_with_mujoco, say, surroundings
 from contactlab.command_line.terminal import echo, print_json, print_table
-from contactlab.errors import ContactlabError, ExpectationError, RunFailedError, SweepFileError
+from contactlab.errors import ContactlabError, SweepFileError
 
 if TYPE_CHECKING:
     from contactlab.plan.grid import Plan
@@ -70,18 +71,7 @@ def _judged(show: Show, result: "Store | PlannedSweep", given: Given) -> None:
 def _failure(result: "Store | PlannedSweep", given: Given) -> ContactlabError | None:
     """Return what runs were lost, or are not as the sweep expects."""
     del given
-    if isinstance(result, PlannedSweep):
-        return None
-    from contactlab.judge.expectations import EXPECTED, MEANS, RUNS, expectation_findings
-
-    manifest = result.manifest
-    failed = {finding.name: finding for finding in expectation_findings(result) if finding.failing}
-    if RUNS in failed:
-        return RunFailedError(failed[RUNS].message)
-    if EXPECTED in failed:
-        unmet = failed[EXPECTED].failing
-        return ExpectationError(f"{unmet} of {manifest.runs} runs are not as the sweep expects")
-    return ExpectationError(failed[MEANS].message) if MEANS in failed else None
+    return None if isinstance(result, PlannedSweep) else unexpected(result)
 
 
 _OF_JOBS = printed(expectations)
@@ -122,6 +112,9 @@ def sweep(
     mujoco: opt.Mujoco = None,
     plugin: opt.Plugins = (),
     allow_code: opt.AllowCode = False,
+    shard: Annotated[
+        str | None, Option("N/M", "Run the N-th of M slices, as a store that `merge` joins.")
+    ] = None,
     plan: Annotated[bool, flag("Print runs, time and disk space; run nothing.")] = False,
     yes: Annotated[bool, flag("Allow more than 100,000 runs.")] = False,
     fresh: Annotated[bool, flag("Replace an existing store.")] = False,
@@ -144,6 +137,8 @@ def sweep(
     """
     if executor == "local" and address is not None:
         raise SweepFileError("--address is for a cluster; add --executor ray")
+    if shard is not None and plan:
+        raise SweepFileError("--plan is of the whole sweep; leave out --shard")
     if executor != "local" and workers == 0:
         raise SweepFileError("--workers 0 runs all in this process; leave it out for a cluster")
     text, name, folder = _source(source)
@@ -156,6 +151,7 @@ def sweep(
     from contactlab.plan.grid import CONFIRM_ABOVE
     from contactlab.plan.overrides import Overrides
     from contactlab.run.forecast import forecast
+    from contactlab.run.shards import parse_shard
     from contactlab.run.sweep_request import read_request
     from contactlab.run.worker_pool import worker_count
 
@@ -181,7 +177,12 @@ def sweep(
             "--yes"
         )
     request = replace(
-        request, fresh=fresh, retry_failed=retry_failed, repair=repair, allow_code=allow_code
+        request,
+        fresh=fresh,
+        retry_failed=retry_failed,
+        repair=repair,
+        allow_code=allow_code,
+        shard=None if shard is None else parse_shard(shard),
     )
     return _run(
         request, _cluster(executor, address, request.workers if address is None else workers)

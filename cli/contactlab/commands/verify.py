@@ -19,6 +19,7 @@ class Soundness(NamedTuple):
     unverified: list[str]  # what could not be looked at here
     runs: int
     digest: str
+    physics: str  # digest of what was computed, without clocks; empty of a store without a table
 
 
 def _text(result: Soundness, given: Given) -> None:
@@ -34,6 +35,7 @@ def _text(result: Soundness, given: Given) -> None:
     echo(f"{store} is sound: {manifest.runs} runs, {manifest.traces} traces{left_out}")
     for reason in result.unverified:
         echo(f"not verified: {reason}")
+    echo(f"physics {result.physics}")
     echo(f"digest {result.digest}")
 
 
@@ -92,4 +94,5 @@ def verify(
         problems = list(islice(recomputed_problems(opened), MOST_PROBLEMS))
         again = simulated_problems(opened, simulate, allow_code=allow_code)
         problems += again if simulate and not problems else ()
-    return Soundness(not problems, problems, left, opened.manifest.runs, opened.digest)
+    physics = "" if problems else opened.physics
+    return Soundness(not problems, problems, left, opened.manifest.runs, opened.digest, physics)

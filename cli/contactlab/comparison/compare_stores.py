@@ -190,6 +190,7 @@ def described(store: Store) -> ComparedStore:
     manifest, origin = store.manifest, store.manifest.provenance
     return ComparedStore(
         store=str(store.address),
+        physics=store.physics,
         sweep=manifest.sweep.name,
         runs=manifest.runs,
         engine=engine_of(store),

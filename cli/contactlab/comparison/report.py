@@ -28,6 +28,8 @@ def report_of(compared: ComparisonReport) -> Report:
 def _facts(compared: ComparisonReport) -> Iterator[tuple[str, str]]:
     if compared.baseline is None or compared.candidate is None:
         return
+    before, after = compared.baseline.physics[:16], compared.candidate.physics[:16]
+    yield "physics", f"the same, {before}" if before == after else f"{before} -> {after}"
     yield "baseline", _store_summary(compared.baseline)
     yield "candidate", _store_summary(compared.candidate)
     yield "runs", _run_summary(compared)

@@ -19,6 +19,7 @@ from typing import Any, cast
 import mujoco
 import numpy as np
 
+from contactlab.code_limit import code_limit
 from contactlab.contact.trace_arrays import Floats, RecordedControls
 from contactlab.engines.engine import (
     Buffers,
@@ -113,6 +114,7 @@ def _together(
 ) -> list[_Flown]:
     """Simulate runs of one pace together; one by one where the policy fails with all of them."""
     count = len(runs.prepared)
+    watch()  # Making the policy is a part of its run.
     try:
         with redirect_stdout(sys.stderr):
             return _Flight(runs, arrays, fields).fly(watch, proceed)
@@ -391,7 +393,8 @@ def load_code(what: str, file: Path, name: str) -> Callable[..., object]:
     # Classes of the module can be pickled once it is listed.
     sys.modules[module.__name__] = module
     try:
-        exec(compile(file.read_bytes(), file, "exec"), module.__dict__)  # noqa: S102 - allowed
+        with code_limit():
+            exec(compile(file.read_bytes(), file, "exec"), module.__dict__)  # noqa: S102 - allowed
     except (Exception, SystemExit) as error:
         raise SceneError(f"{what} {file}: {in_one_line(error, __file__)}") from error
     found = getattr(module, name, None)

@@ -39,9 +39,11 @@ _MOST_SOLVER_ITERATIONS = 1000
 _WHOLE = int(mujoco.mjtState.mjSTATE_INTEGRATION)
 _DENSE = int(mujoco.mjtJacobian.mjJAC_DENSE)
 _SPARSE = int(mujoco.mjtJacobian.mjJAC_SPARSE)
+# Until 3.3.6 one flag was for springs and dampers.
+_SPRINGS = "SPRING" if hasattr(mujoco.mjtDisableBit, "mjDSBL_SPRING") else "PASSIVE"
 _BUT_CONTACTS = sum(
     int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{flag}"))
-    for flag in ("ACTUATION", "EQUALITY", "FRICTIONLOSS", "GRAVITY", "LIMIT", "SPRING")
+    for flag in ("ACTUATION", "EQUALITY", "FRICTIONLOSS", "GRAVITY", "LIMIT", _SPRINGS)
 )
 _RELAXING = 200  # Steps in which what only loads press together parts
 _MOVES = 0.01  # Least mass of the lighter over that which a contact moves; 3 at the end of a rod

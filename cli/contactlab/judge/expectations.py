@@ -6,6 +6,7 @@ import numpy as np
 
 from contactlab.judge.subjects import MOST_SHOWN
 from contactlab.judge.wording import out_of
+from contactlab.schema.evidence import StoreManifest
 from contactlab.schema.finding import Finding, RunPair
 from contactlab.store.finished_store import Store
 
@@ -17,6 +18,11 @@ def expectation_findings(store: Store) -> Iterator[Finding]:
     manifest = store.manifest
     lost = manifest.statuses.get("crashed", 0) + manifest.statuses.get("timeout", 0)
     said = f"{out_of(lost, manifest.runs)} crashed or timed out" if lost else "all did"
+    if not lost and _none_is_valid(manifest):
+        lost, said = (
+            manifest.runs,
+            f"all {manifest.runs:,} runs are invalid: {_first_reason(store)}",
+        )
     yield _finding(RUNS, "runs", manifest.runs, lost, said)
     met, unmet = (manifest.expectations.get(name, 0) for name in ("met", "unmet"))
     rest = manifest.runs - met - unmet
@@ -26,6 +32,17 @@ def expectation_findings(store: Store) -> Iterator[Finding]:
     yield _finding(EXPECTED, "labels", met + unmet, unmet, said, _unmet_runs(store))
     if means := manifest.unmet_means:
         yield _finding(MEANS, "metrics", len(means), len(means), "; ".join(means))
+
+
+def _none_is_valid(manifest: StoreManifest) -> bool:
+    """Return whether no run says anything of the model, and none was to be so."""
+    met = manifest.expectations.get("met", 0)
+    return manifest.labels.get("invalid", 0) == manifest.runs and not met
+
+
+def _first_reason(store: Store) -> str:
+    reasons = store.columns.arrow(["label_reason"])["label_reason"]
+    return str(next((reason for reason in reasons[:1].to_pylist() if reason), "without a reason"))
 
 
 def _finding(

@@ -20,6 +20,7 @@ from typing import Any
 import mujoco
 
 from contactlab.accuracy.reference import PlannedModel
+from contactlab.code_limit import code_limit
 from contactlab.engines import PreparedRuns, Rollout
 from contactlab.engines.closed_loop import load_code, load_policy
 from contactlab.engines.engine import PolicyClass
@@ -107,7 +108,7 @@ class Environment:
         if folder := os.environ.get(PACKAGES):  # What both have is this Python's, as its MuJoCo.
             site.addsitedir(folder)
         try:
-            with redirect_stdout(sys.stderr):
+            with redirect_stdout(sys.stderr), code_limit():
                 return self._factory()()
         except SceneError:
             raise

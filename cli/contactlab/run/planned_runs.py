@@ -111,6 +111,15 @@ class RunIndex:
         part._distinct = self._distinct & wanted
         return part
 
+    def shard(self, number: int, shards: int) -> "RunIndex":
+        """Return the index of every so many-th of the runs, from the given one on."""
+        part = copy(self)
+        vars(part).pop("hash", None)
+        places = np.flatnonzero(self._distinct)[number - 1 :: shards]
+        part._distinct = np.zeros_like(self._distinct)
+        part._distinct[places] = True
+        return part
+
     def count(self, done: Collection[str]) -> int:
         """Return how many of the runs are among those that are done."""
         ids = self._ids[self._distinct].tolist() if done else []

@@ -21,6 +21,7 @@ from contactlab.plugins import loaded_plugins
 from contactlab.run.evidence_record import definitions, engine, provenance
 from contactlab.run.planned_runs import RunIndex, stored_sweep_scene
 from contactlab.run.run_verdicts import judge, unmet_means, within_tolerances
+from contactlab.run.shards import parse_shard, part_of, shard_of_sweep
 from contactlab.run.stored_runs import canonical_values, replay, resolve_record
 from contactlab.run.sweep_request import SweepRequest, supported
 from contactlab.run.sweep_runner import chosen_runs, identity_of
@@ -33,7 +34,7 @@ from contactlab.schema.sweep_schema import Sweep
 from contactlab.schema.vocabulary import Vocabulary
 from contactlab.store.finished_store import Store
 from contactlab.store.mcap.trace_reader import StoredTrace, read_trace
-from contactlab.store.store_files import IDENTITY, MANIFEST, SCENES, TABLE
+from contactlab.store.store_files import IDENTITY, MANIFEST, SCENES, TABLE, is_slice, shard_of
 
 _OUTCOME = (
     *("status", "steps", "trajectory_hash"),
@@ -80,8 +81,10 @@ def recomputed_problems(store: Store) -> Iterator[str]:
         if scene.hash != identity.scene_hash:
             yield f"{SCENES}/{identity.scene_hash}: its files have the hash {scene.hash}"
             return
+        yield from _foreign_scene_files(store, scene)
         if unplanned(store) is None:
-            plan = _plan(identity, scene)
+            yield from _other_units(store, scene)
+            plan = plan_again(identity, scene)
             yield from _other_plan(store, scene, plan)
             yield from _other_verdicts(store, scene, plan)
     except ContactlabError as error:
@@ -98,6 +101,31 @@ def recomputed_problems(store: Store) -> Iterator[str]:
             yield f"run {record.run_id}: {name} is {stored.get(name)}, not {again.get(name)}"
 
 
+def _foreign_scene_files(store: Store, scene: Scene) -> Iterator[str]:
+    """Yield which files the manifest names that neither the scene has nor its drive."""
+    content, drive = scene.source.content, scene.drive
+    ours = {f"{scene.hash}/{file.as_posix()}" for file in (*content.files, *content.licences)}
+    folders = {scene.hash} if drive.hash is None else {scene.hash, drive.hash}
+    for name in store.manifest.files:
+        top, _, file = name.partition("/")
+        folder = file.partition("/")[0]
+        if top == SCENES and (folder not in folders or (folder == scene.hash and file not in ours)):
+            yield f"{name}: is no file of the scene"
+
+
+def _other_units(store: Store, scene: Scene) -> Iterator[str]:
+    """Yield which columns of axes and metrics have other units than those that are measured in."""
+    described = store.columns.described
+    units = {name: metric.unit for name, metric in METRICS.items()}
+    for name in store.columns.axis_names:
+        if (spec := scene.catalogue.find(name)) is not None:
+            units[name] = spec.unit
+    for name in units.keys() & described.keys():
+        if described[name].unit != units[name]:
+            found = described[name].unit
+            yield f"{TABLE}: column {name} is in '{found}', not in '{units[name]}'"
+
+
 def _other_plan(store: Store, scene: Scene, plan: Plan) -> Iterator[str]:
     """Yield where the sweep's text and options, read again, give another sweep or plan."""
     identity, columns = store.manifest.sweep, store.columns
@@ -105,7 +133,9 @@ def _other_plan(store: Store, scene: Scene, plan: Plan) -> Iterator[str]:
     name, source, options = identity.name, identity.source, identity.overrides
     request = SweepRequest(plan, scene, name, source, options, store.address, workers=0)
     planned = identity_of(request, index)
-    if chosen := chosen_runs(plan, index):
+    if is_slice(identity):
+        index, planned = _slice(store, plan, index, planned)
+    elif chosen := chosen_runs(plan, index):
         chosen.learn(columns.arrow(["run_id", *chosen.read_by]).to_pylist())
         if chosen.next().any():
             yield f"{TABLE}: runs are missing that what came of the others asks for"
@@ -122,9 +152,21 @@ def _other_plan(store: Store, scene: Scene, plan: Plan) -> Iterator[str]:
         yield f"{TABLE}: its runs are not at their places in the plan"
 
 
+def _slice(
+    store: Store, plan: Plan, whole: RunIndex, planned: SweepIdentity
+) -> tuple[RunIndex, SweepIdentity]:
+    """Return the runs of a shard, or of several that were merged, and their identity."""
+    if shard := shard_of(store.manifest.sweep):
+        return shard_of_sweep(parse_shard(shard), plan.sweep, whole, planned)
+    ids = np.fromiter((int(run, 16) for run in store.columns.run_ids.to_pylist()), np.uint64)
+    part = whole.only(np.isin(whole.ids, ids))
+    return part, part_of(whole, part, planned)
+
+
 def _other_verdicts(store: Store, scene: Scene, plan: Plan) -> Iterator[str]:
     """Yield which runs do not meet, or miss, what the sweep expects of them as they say."""
-    if tuple(unmet_means(plan, store.columns)) != store.manifest.unmet_means:
+    of_all = None if is_slice(store.manifest.sweep) else plan
+    if tuple(unmet_means(of_all, store.columns)) != store.manifest.unmet_means:
         yield f"{MANIFEST}: its unmet means are not what the sweep expects"
     for record in store.records():
         values, labels = canonical_values(scene, record), [label.label for label in record.labels]
@@ -137,7 +179,8 @@ def _other_verdicts(store: Store, scene: Scene, plan: Plan) -> Iterator[str]:
             yield f"run {record.run_id}: tolerances_met is not what its metrics give"
 
 
-def _plan(identity: SweepIdentity, scene: Scene) -> Plan:
+def plan_again(identity: SweepIdentity, scene: Scene) -> Plan:
+    """Return the plan that a stored sweep's text and options give."""
     sets, only, limit = (
         [
             override.removeprefix(option)

@@ -46,6 +46,7 @@ class SweepRequest:
     cluster: Executor | None = None  # what runs the jobs, if not worker processes of this machine
     retry_failed: bool = False
     repair: bool = False
+    shard: tuple[int, int] | None = None  # which slice of how many to run; all if None
     allow_code: bool = False  # whether a policy may run, which is code; environments have run
 
 

@@ -25,6 +25,7 @@ from contactlab.run.refined_runs import RefinedRuns
 from contactlab.run.run_verdicts import unmet_means
 from contactlab.run.runs_until_known import RunsUntilKnown
 from contactlab.run.searched_runs import SearchedRuns
+from contactlab.run.shards import shard_of_sweep
 from contactlab.run.sweep_request import SweepRequest
 from contactlab.run.tasks import (
     BeginCallback,
@@ -84,6 +85,10 @@ def run_sweep(
         raise SweepFileError(f"sweep '{request.name}' has no runs; see `--plan`")
     columns = _columns(request, index)
     identity = identity_of(request, index)
+    # What means over all runs are, a shard cannot know.
+    means = partial(unmet_means, None if request.shard else request.plan)
+    if request.shard:
+        index, identity = shard_of_sweep(request.shard, request.plan.sweep, index, identity)
     writer = open_writer(
         request.store,
         identity,
@@ -119,7 +124,7 @@ def run_sweep(
             _run_remaining(session)
         values, added = run_passes(session)
         columns += added
-        means, shared = partial(unmet_means, request.plan), shared_fields(identity)
+        shared = shared_fields(identity)
         return store.finish(columns, shared, task.provenance, values, identity, means)
 
 

@@ -163,6 +163,10 @@ class ComparedStore(Model):
     """One side of a comparison."""
 
     store: str
+    physics: str = about(
+        "Digest of what was computed, without clocks and costs: the same for two honest repeats.",
+        default="",
+    )
     sweep: str
     runs: int
     engine: str

@@ -323,11 +323,17 @@ class EvidenceRecord(Model):
 
 
 STORE_VERSION = 3
+Shard = Annotated[str, Field(pattern="^[1-9][0-9]*/[1-9][0-9]*$")]
 
 
 class WholeGrid(Model):
-    """The grid of a sweep that ran a part of it, chosen by what came of its runs."""
+    """The grid of a sweep that ran a part of it: a shard, or what came of its runs asked for."""
 
+    shard: Shard | None = about(
+        "Which slice of the full grid ran, such as 3/64; null where another part did.",
+        default=None,
+        exclude_if=lambda shard: shard is None,
+    )
     runs: int = about("Runs of the full grid.")
     plan_hash: Hash = about("Hash of every run id of the full grid, in plan order.")
     axes: dict[str, tuple[Any, ...]] = about(

@@ -7,7 +7,7 @@ import os
 import re
 import secrets
 from collections.abc import Generator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from io import FileIO
 from pathlib import Path
 from threading import Timer
@@ -38,7 +38,7 @@ def atomic_write(target: Path, *, durable: bool = False) -> Generator[Path]:
             if durable:
                 sync_path(target.parent)
     except BaseException:
-        temporary.unlink(missing_ok=True)
+        _discard(temporary)
         raise
 
 
@@ -53,8 +53,14 @@ def write_file(target: str, data: bytes) -> None:
                     rest = rest[file.write(rest) :]
             os.replace(temporary, target)  # noqa: PTH105 - a path would take as long as the rest
     except BaseException:
-        Path(temporary).unlink(missing_ok=True)
+        _discard(Path(temporary))
         raise
+
+
+def _discard(temporary: Path) -> None:
+    """Remove a file if that is possible: what failed before says why it may not be."""
+    with suppress(OSError):
+        temporary.unlink()
 
 
 def _temporary_name(target: str) -> str:

@@ -1,6 +1,6 @@
 """Operations that a store needs of the place it lies in."""
 
-from collections.abc import Collection, Generator, Iterable, Sequence
+from collections.abc import Collection, Generator, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Protocol
@@ -103,6 +103,10 @@ class Backend(Protocol):
 
     def local_files(self, names: Iterable[str]) -> Generator[Path | None]:
         """Yield a local file for each trace, valid until the next one; None if it is missing."""
+        ...
+
+    def file_names(self) -> Iterator[str]:
+        """Yield the names of all files, and of empty folders, which end with a slash."""
         ...
 
     def leftovers(self) -> list[str]:

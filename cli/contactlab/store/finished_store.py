@@ -27,6 +27,7 @@ from contactlab.store.runs_table import (
     check_table_size,
     count_outcomes,
     iterate_rows,
+    physics_digest,
 )
 from contactlab.store.store_files import (
     IDENTITY,
@@ -164,6 +165,11 @@ class Store:
     def digest(self) -> str:
         """Digest that pins a store: SHA-256 of its manifest, which binds all the rest."""
         return sha256_of(self.file(MANIFEST))
+
+    @property
+    def physics(self) -> str:
+        """Digest of what was computed, without clocks: two honest repeats have the same one."""
+        return physics_digest(self.file(TABLE))
 
     @property
     def runs(self) -> Runs:

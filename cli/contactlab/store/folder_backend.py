@@ -1,8 +1,9 @@
 """A store in a local folder."""
 
 import fcntl
+import os
 import shutil
-from collections.abc import Collection, Generator, Iterable, Sequence
+from collections.abc import Collection, Generator, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -103,6 +104,16 @@ class FolderBackend:
         """Yield a local file for each trace, valid until the next one; None if it is missing."""
         for name in names:
             yield stored_file(self.address, name, MOST_TRACE)
+
+    def file_names(self) -> Iterator[str]:
+        """Yield the names of all files, and of empty folders, which end with a slash."""
+        for folder, folders, files in os.walk(self.address):
+            folders.sort()
+            inner = Path(folder).relative_to(self.address).as_posix()
+            prefix = "" if inner == "." else f"{inner}/"
+            yield from (prefix + name for name in sorted(files))
+            if prefix and not files and not folders:
+                yield prefix
 
     def leftovers(self) -> list[str]:
         """Return the names of what an interrupted write left, sorted."""

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from contactlab.errors import StoreError
 from contactlab.store.arrow_values import number_array, numpy_array, text_scalar
-from contactlab.store.runs_table import compute, shared_fields, table_errors
+from contactlab.store.runs_table import compute, listed_columns, shared_fields, table_errors
 from contactlab.store.store_files import TABLE, Address, stored_file
 from contactlab.store.table_layout import Column, column_of
 
@@ -67,6 +67,11 @@ class RunColumns:
     def shared(self) -> Mapping[str, Any]:
         """The fields that all runs share."""
         return shared_fields(self.schema)
+
+    @cached_property
+    def listed(self) -> Mapping[str, Any]:
+        """What the file says of its columns for readers of no Arrow; empty if it says nothing."""
+        return listed_columns(self.schema)
 
     @cached_property
     def described(self) -> Mapping[str, Column]:

@@ -8,8 +8,9 @@ import json
 import os
 import re
 from collections import defaultdict
-from collections.abc import Generator, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -25,7 +26,15 @@ from contactlab.errors import StoreError
 from contactlab.store.arrow_values import number_array, numpy_array, zero
 from contactlab.store.atomic_files import atomic_write
 from contactlab.store.row_journal import SHARED, row_extent
-from contactlab.store.table_layout import Column, table_schema, texts_of
+from contactlab.store.store_files import TABLE, Address
+from contactlab.store.table_layout import (
+    COLUMNS_OF_MACHINE,
+    Column,
+    as_made,
+    column_of,
+    table_schema,
+    texts_of,
+)
 
 OUTCOME_COLUMNS = ["label", "status", "trace_file", "expectation_met"]
 _COLUMNS = b"contactlab.columns"
@@ -34,6 +43,8 @@ GROUP = 1 << 14
 """Rows of a row group, which are written at once, and read at once where one is needed."""
 _BLOCK = 8 << 20  # bytes of the journal that are parsed at once
 _BATCH = 256
+# Shared fields that depend on the machine, the day, and how the sweep is called.
+_OF_STORE = ("started", "finished", "provenance", "sweep")
 _MOST_TABLE, _MOST_ROW = 1 << 30, 1 << 20
 """Bytes that a table may hold unpacked: so many, and so many for each row."""
 
@@ -48,6 +59,36 @@ def write_table(
     Raises a StoreError if a row has another column, or a value of another type.
     """
     schema = table_schema(own)
+    with journal.open("rb") as lines:
+        return _written(target, schema, shared, _journal_groups(journal, lines, schema))
+
+
+def merge_tables(sources: Mapping[Address, Path], target: Path, shared: Mapping[str, Any]) -> str:
+    """Join the rows of tables, each in plan order, into one; return the digest of its rows.
+
+    A few rows of each are in memory at a time. What all runs share is as in the first, but for the
+    fields given. Raises a StoreError, which names the store, if a table has other columns.
+    """
+    first = next(iter(sources.values()))
+    with table_errors(first):
+        stored = pq.read_schema(first)
+    schema = _schema_again(stored)
+    for place, source in sources.items():
+        with table_errors(place / TABLE):
+            if _schema_again(pq.read_schema(source)) != schema:
+                raise StoreError(f"{place}: its table has other columns than {next(iter(sources))}")
+    return _written(target, schema, {**shared_fields(stored), **shared}, _merged_groups(sources))
+
+
+def _schema_again(stored: pa.Schema) -> pa.Schema:
+    """Return the schema that a stored table was written by."""
+    return table_schema([replace(column_of(f), type=as_made(f.type)) for f in stored])
+
+
+def _written(
+    target: Path, schema: pa.Schema, shared: Mapping[str, Any], groups: Iterable[pa.Table]
+) -> str:
+    """Write row groups as a table; return the digest of its rows."""
     described = {field.name: texts_of(field.metadata) for field in schema}
     meta = {_COLUMNS: json.dumps(described).encode(), _SHARED: json.dumps(dict(shared)).encode()}
     digest = RowsDigest()
@@ -56,7 +97,6 @@ def write_table(
         for kind in (pa.string(), pa.float64())
     )
     with (
-        journal.open("rb") as lines,
         atomic_write(target) as temporary,
         pq.ParquetWriter(
             temporary,
@@ -67,20 +107,70 @@ def write_table(
             column_encoding=dict.fromkeys(reals, "BYTE_STREAM_SPLIT"),
         ) as writer,
     ):
-        reader = _RowReader(lines, schema)
-        for spans in _row_groups(lines):
-            try:
-                table = reader.table(spans)
-            except pa.ArrowException as error:
-                raise StoreError(
-                    f"{journal} has a row that does not fit the table: {error}; add --repair to "
-                    "run it again"
-                ) from error
+        for group in groups:
+            # In one piece: where pieces end would decide where pages do.
+            table = pa.Table.from_arrays(group.combine_chunks().columns, schema=schema)
             table = table.replace_schema_metadata(meta)
             writer.write_table(table, row_group_size=GROUP)
             for rows in table.to_batches():
                 digest.add(rows)
     return digest.hex(pq.read_schema(target))
+
+
+def _journal_groups(journal: Path, lines: BinaryIO, schema: pa.Schema) -> Iterator[pa.Table]:
+    """Yield the rows of a journal in plan order, a row group at a time."""
+    reader = _RowReader(lines, schema)
+    for spans in _row_groups(lines):
+        try:
+            yield reader.table(spans)
+        except pa.ArrowException as error:
+            raise StoreError(
+                f"{journal} has a row that does not fit the table: {error}; add --repair to "
+                "run it again"
+            ) from error
+
+
+def _merged_groups(sources: Mapping[Address, Path]) -> Iterator[pa.Table]:
+    """Yield the rows of several tables in plan order, a row group at a time."""
+    places = [_indices(path) for path in sources.values()]
+    order = np.argsort(np.concatenate(places), kind="stable")
+    of_source = np.repeat(np.arange(len(places)), [len(part) for part in places])[order]
+    size = max(_BATCH, GROUP // len(places))
+    with ExitStack() as opened:
+        readers = [
+            _Rows(opened.enter_context(pq.ParquetFile(path)), size) for path in sources.values()
+        ]
+        for first in range(0, len(of_source), GROUP):
+            taken = of_source[first : first + GROUP]
+            counts = np.bincount(taken, minlength=len(readers)).tolist()
+            rows = pa.concat_tables(
+                [reader.take(count) for reader, count in zip(readers, counts, strict=True) if count]
+            )
+            # Row j of those, source by source, belongs to place p[j] of the group.
+            back = np.empty(len(taken), np.int64)
+            back[np.argsort(taken, kind="stable")] = np.arange(len(taken))
+            yield compute("take", rows, number_array(back))
+
+
+def _indices(table: Path) -> NDArray[np.int64]:
+    with table_errors(table):
+        return numpy_array(pq.read_table(table, columns=["index"], use_threads=False)["index"])
+
+
+class _Rows:
+    """Hands out the rows of a table one after the other."""
+
+    def __init__(self, file: pq.ParquetFile, size: int) -> None:
+        self._batches = file.iter_batches(size, use_threads=False)
+        self._left = file.schema_arrow.empty_table()
+
+    def take(self, count: int) -> pa.Table:
+        """Return the next rows."""
+        while len(self._left) < count:
+            batch = pa.Table.from_batches([next(self._batches)])
+            self._left = pa.concat_tables([self._left, batch])
+        found, self._left = self._left.slice(0, count), self._left.slice(count)
+        return found
 
 
 class _RowReader:
@@ -252,6 +342,11 @@ def shared_fields(schema: pa.Schema) -> dict[str, Any]:
     return json.loads((schema.metadata or {})[_SHARED])
 
 
+def listed_columns(schema: pa.Schema) -> dict[str, Any]:
+    """Return what the metadata of a table's schema says of columns; nothing of a compact one."""
+    return json.loads((schema.metadata or {}).get(_COLUMNS, b"{}"))
+
+
 def compute(function: str, *arrays: object, options: pc.FunctionOptions | None = None) -> Any:  # noqa: ANN401
     """Return what a function of Arrow gives, called by its name: methods load wrappers of all."""
     return pc.call_function(function, [*arrays], options)
@@ -264,6 +359,22 @@ def rows_digest(path: Path) -> str:
         for batch in file.iter_batches(8 * _BATCH, use_threads=False):
             digest.add(batch)
         return digest.hex(file.schema_arrow)
+
+
+def physics_digest(path: Path) -> str:
+    """Return a digest of what was computed: the same for two honest repeats, wherever they ran.
+
+    It is of the rows without clocks, costs, times, machines and the files of traces.
+    """
+    with table_errors(path), pq.ParquetFile(path) as file:
+        schema = file.schema_arrow
+        names = [name for name in schema.names if name not in COLUMNS_OF_MACHINE]
+        digest = RowsDigest()
+        for batch in file.iter_batches(8 * _BATCH, columns=names, use_threads=False):
+            digest.add(batch)
+        shared = {k: v for k, v in shared_fields(schema).items() if k not in _OF_STORE}
+        kept = pa.schema([schema.field(name) for name in names])
+        return digest.hex(kept.with_metadata({_SHARED: json.dumps(shared).encode()}))
 
 
 class RowsDigest:

@@ -8,12 +8,15 @@ folders and regular files are used, up to a size that no honest store reaches.
 import os
 import re
 import stat
+from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
+from pydantic_core import to_json
 
 from contactlab.errors import OutputError, StoreError
 from contactlab.plugins import extensions
@@ -184,11 +187,27 @@ def document_json(document: BaseModel) -> str:
     return document.model_dump_json(indent=2) + "\n"
 
 
+def other_parts(stored: SweepIdentity, requested: SweepIdentity) -> list[str]:
+    """Return in which parts two sweeps differ, whichever runs of their grids they make."""
+    ours, theirs = _whole(requested), _whole(stored)
+    return [name for name in ours if name != "source" and ours[name] != theirs[name]]
+
+
+def most_common(identities: Sequence[SweepIdentity]) -> int:
+    """Return the place of the first of the sweep that most are of, whichever runs they make."""
+    whole = [to_json({**_whole(each), "source": ""}) for each in identities]
+    return whole.index(Counter(whole).most_common(1)[0][0])
+
+
 def check_same_sweep(store: Address, stored: SweepIdentity, requested: SweepIdentity) -> None:
     """Raise a StoreError unless a store is of the requested sweep, by the same definitions."""
-    ours, theirs = _whole(requested), _whole(stored)
-    differing = [name for name in ours if name != "source" and ours[name] != theirs[name]]
+    differing = other_parts(stored, requested)
     if not differing:
+        if (wanted := shard_of(requested)) not in {None, (held := shard_of(stored))}:
+            part = f"shard {held}" if held else "another part, or all,"
+            raise StoreError(
+                f"{store} holds {part} of this sweep, not shard {wanted}; write elsewhere with -o"
+            )
         return
     held = f"another sweep (other {', '.join(differing)}{_other_plugins(stored, requested)})"
     if differing == ["definitions"]:
@@ -209,14 +228,28 @@ def _whole(identity: SweepIdentity) -> dict[str, Any]:
     return whole
 
 
+def shard_of(identity: SweepIdentity) -> str | None:
+    """Return which slice of its grid a sweep runs, such as 3/64; None if it is no shard."""
+    return identity.whole.shard if identity.whole else None
+
+
+def is_slice(identity: SweepIdentity) -> bool:
+    """Return whether a store has a part of its grid that no result chose: shards, one or some."""
+    return identity.whole is not None and not any(map(identity.resolved.get, _CHOICES))
+
+
 def is_covered(stored: SweepIdentity, requested: SweepIdentity) -> bool:
     """Return whether a finished store of the same sweep has all runs that are requested."""
-    return stored.whole is None or chooses_alike(stored, requested)
+    if stored.whole is None:
+        return True
+    merged = is_slice(stored) and shard_of(stored) is None
+    return not merged and chooses_alike(stored, requested)
 
 
 def chooses_alike(stored: SweepIdentity, requested: SweepIdentity) -> bool:
     """Return whether both choose the same part of a grid."""
-    return all(stored.resolved.get(key) == requested.resolved.get(key) for key in _CHOICES)
+    alike = all(stored.resolved.get(key) == requested.resolved.get(key) for key in _CHOICES)
+    return alike and shard_of(stored) == shard_of(requested)
 
 
 def _other_plugins(stored: SweepIdentity, requested: SweepIdentity) -> str:

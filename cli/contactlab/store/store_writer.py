@@ -29,7 +29,13 @@ from contactlab.store.row_journal import (
     write_journal,
 )
 from contactlab.store.run_columns import RunColumns
-from contactlab.store.runs_table import OUTCOME_COLUMNS, count_outcomes, iterate_rows, write_table
+from contactlab.store.runs_table import (
+    OUTCOME_COLUMNS,
+    count_outcomes,
+    iterate_rows,
+    merge_tables,
+    write_table,
+)
 from contactlab.store.store_files import (
     IDENTITY,
     JOURNAL,
@@ -43,6 +49,7 @@ from contactlab.store.store_files import (
     is_covered,
     parse_identity,
     parse_manifest,
+    shard_of,
     time_now,
 )
 from contactlab.store.table_layout import Column
@@ -124,12 +131,34 @@ class StoreWriter:
         """
         self.close()
         amend_journal(self.path, amendments)
-        started, finished = self.started, time_now()
-        said = {"provenance": provenance.model_dump(), "started": started, "finished": finished}
-        records = write_table(self.path / JOURNAL, self.path / TABLE, own, {**shared, **said})
+        times = self.started, time_now()
+        said = {**shared, **_said(provenance, times)}
+        records = write_table(self.path / JOURNAL, self.path / TABLE, own, said)
         if identity:
             self.identity = identity
             self._session.begin(identity)
+        return self._publish(records, provenance, times, unmet_means)
+
+    def join(
+        self,
+        tables: Mapping[Address, Path],
+        provenance: Provenance,
+        times: tuple[str, str],
+        unmet_means: Callable[[RunColumns], Iterable[str]],
+    ) -> StoreManifest:
+        """Publish a table of all rows of others, then the manifest; see `finish`."""
+        self.close()
+        said = _said(provenance, times)
+        records = merge_tables(tables, self.path / TABLE, said)
+        return self._publish(records, provenance, times, unmet_means)
+
+    def _publish(
+        self,
+        records: str,
+        provenance: Provenance,
+        times: tuple[str, str],
+        unmet_means: Callable[[RunColumns], Iterable[str]],
+    ) -> StoreManifest:
         files = {name: sha256_of(self.path / name) for name in (IDENTITY, TABLE)}
         scenes = hashes_below(self.path / SCENES).items()
         columns = RunColumns(self.path)
@@ -140,8 +169,8 @@ class StoreWriter:
             unmet_means=tuple(unmet_means(columns)),
             files=files | {f"{SCENES}/{name}": sha256 for name, sha256 in scenes},
             records=records,
-            started=started,
-            finished=finished,
+            started=times[0],
+            finished=times[1],
         )
         return self._session.publish(manifest)
 
@@ -158,6 +187,12 @@ class StoreWriter:
                     file.close()
         finally:
             self._session.flush()
+
+
+def _said(provenance: Provenance, times: tuple[str, str]) -> dict[str, Any]:
+    """Return what all records of a store say of its making."""
+    started, finished = times
+    return {"provenance": provenance.model_dump(), "started": started, "finished": finished}
 
 
 @contextmanager
@@ -276,7 +311,8 @@ def _check_begun(rows: ResumedRows, stored: bytes) -> None:
 def _chooses_alike(rows: ResumedRows, stored: bytes | None) -> bool:
     """Return whether a begun store chooses its runs as is requested now."""
     begun = parse_identity(stored or b"", rows.backend.address)
-    return begun.whole is None and chooses_alike(begun, rows.identity)
+    unfinished = begun.whole is None or shard_of(begun) is not None
+    return unfinished and chooses_alike(begun, rows.identity)
 
 
 def _copy(files: CopyableFiles, folder: Path, *, is_begun: bool) -> None:

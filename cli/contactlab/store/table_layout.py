@@ -12,7 +12,7 @@ import pyarrow as pa
 from pydantic.fields import FieldInfo
 from pydantic_core import from_json, to_json
 
-from contactlab.schema.evidence import EvidenceRecord, InColumns, InTable
+from contactlab.schema.evidence import EvidenceRecord, InColumns, InTable, Timing
 from contactlab.schema.strict_model import Model
 
 _TEXT = pa.string()
@@ -171,6 +171,13 @@ RESERVED_COLUMNS = frozenset(
     column.name for column in (*FIXED_COLUMNS, PLUGINS_COLUMN, *LOOP_COLUMNS)
 )
 
+COLUMNS_OF_MACHINE = frozenset(
+    {name for name in RESERVED_COLUMNS if name.startswith(("cost_", "trace_"))}
+    | {name for name in Timing.model_fields if not name.startswith("work_")}
+    | {"started", "finished", "provenance"}
+)
+"""What depends on the machine, the day, and which traces are kept."""
+
 
 def table_schema(own: Sequence[Column]) -> pa.Schema:
     """Return the schema of a table with columns of its own; see `write_table`."""
@@ -237,6 +244,15 @@ def column_of(field: pa.Field) -> Column:
     said = (meta.get(key, "") for key in ("unit", "description", "better"))
     resolution, second = float(meta.get("resolution", 0)), "measured_in" in meta
     return Column(field.name, field.type, *said, resolution=resolution, second_pass=second)
+
+
+def as_made(kind: pa.DataType) -> pa.DataType:
+    """Return a stored type as it is before it is stored: Parquet names entries of lists anew."""
+    if pa.types.is_list(kind):
+        return pa.list_(as_made(kind.value_type))
+    if pa.types.is_struct(kind):
+        return pa.struct([pa.field(inner.name, as_made(inner.type)) for inner in kind])
+    return kind
 
 
 def texts_of(metadata: Mapping[bytes, bytes] | None) -> dict[str, str]:

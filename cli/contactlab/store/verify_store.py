@@ -6,6 +6,7 @@ Its files are checked against their hashes, its content against what is recomput
 import fcntl
 import hashlib
 import os
+import re
 import shutil
 from collections.abc import Generator, Iterator, Mapping
 from contextlib import contextmanager
@@ -20,9 +21,11 @@ from contactlab.schema.evidence import RECORD_VERSION, Cost, EvidenceRecord, Swe
 from contactlab.store.atomic_files import exchange_folders, sha256_of, sync_filesystem, write_error
 from contactlab.store.controls_file import controls_name, read_controls
 from contactlab.store.finished_store import Store
+from contactlab.store.run_columns import RunColumns
 from contactlab.store.runs_table import iterate_rows, rows_digest, write_compact_table
 from contactlab.store.store_files import (
     IDENTITY,
+    LOCK,
     MANIFEST,
     SCENES,
     TABLE,
@@ -33,12 +36,20 @@ from contactlab.store.store_files import (
     parse_identity,
     stored_file,
 )
-from contactlab.store.table_layout import record_to_row, row_to_record
+from contactlab.store.table_layout import (
+    FIXED_COLUMNS,
+    as_ratios,
+    record_to_row,
+    row_to_record,
+    texts_of,
+)
 
 MOST_PROBLEMS = 1000
 _READ_BYTES = 256 << 20
 """Traces up to this size in all are read where only a glance is asked for; of others, the size."""
 _MOST_DAMAGES_NAMED = 3
+# What records name, by hashes of their own; a store without traces has their empty folder.
+_BY_RECORDS = re.compile(r"traces/([0-9a-f]{2}/)?(.*\.mcap)?|controls/[0-9a-f]{64}\.arrow")
 
 
 def verify(address: Address, *, thorough: bool = True) -> list[str]:
@@ -64,6 +75,7 @@ def _problems(store: Store, *, thorough: bool) -> Iterator[str]:
     try:
         yield from _check_columns(store)
         if thorough:
+            yield from _wrong_columns(store.columns)
             yield from _check_sweep(store)
             yield from _check_records(store, model)
             yield from _check_controls(store)
@@ -71,6 +83,7 @@ def _problems(store: Store, *, thorough: bool) -> Iterator[str]:
             yield from damaged_traces(store)
     except (StoreError, LookupError, ValueError, OSError) as error:
         yield f"{TABLE}: {error}"
+    yield from _foreign_files(store)
 
 
 def unverified(store: Store) -> list[str]:
@@ -125,12 +138,21 @@ def _check_files(store: Store) -> Iterator[str]:
             yield f"{name}: missing"
         elif sha256_of(path) != expected:
             yield f"{name}: changed since it was written"
-    scene = (path for path in sorted((store.path / SCENES).rglob("*")) if path.is_file())
-    for name in (IDENTITY, TABLE, *(path.relative_to(store.path).as_posix() for path in scene)):
+    for name in (IDENTITY, TABLE):
         if name not in files:
             yield f"{name}: {MANIFEST} does not name it"
     for name in store.backend.leftovers():
         yield f"{name}: left over from an interrupted write"
+
+
+def _foreign_files(store: Store) -> Iterator[str]:
+    """Yield which files, and empty folders, nothing names."""
+    files = store.manifest.files
+    bound = {*files, *store.backend.leftovers(), IDENTITY, TABLE, MANIFEST, LOCK}
+    for name in store.backend.file_names():
+        was_left = name.endswith("/") and any(file.startswith(name) for file in files)
+        if name not in bound and not was_left and not _BY_RECORDS.fullmatch(name):
+            yield f"{name}: {MANIFEST} does not name it"
 
 
 def _check_identity(store: Store) -> Iterator[str]:
@@ -160,6 +182,21 @@ def _check_columns(store: Store) -> Iterator[str]:
     ids, counts = np.unique(store.columns.byte_strings("run_id"), return_counts=True)
     for run, count in zip(ids[counts > 1].tolist(), counts[counts > 1].tolist(), strict=True):
         yield f"{TABLE}: run {run.decode()} occurs {count} times"
+
+
+def _wrong_columns(columns: RunColumns) -> Iterator[str]:
+    """Yield which columns have other units or descriptions than they are to have."""
+    stated = columns.listed
+    said = {field.name: texts_of(field.metadata) for field in columns.schema}
+    # A baseline has no list: it only explains.
+    for name in said.keys() | stated.keys() if stated else ():
+        if stated.get(name) != said.get(name):
+            yield f"{TABLE}: column {name} is described otherwise in the file's list of columns"
+    ratios = {column.name for column in as_ratios(columns.schema.names)}
+    for fixed in FIXED_COLUMNS:
+        found = columns.described.get(fixed.name)
+        if found and found.unit not in {fixed.unit, "1" if fixed.name in ratios else fixed.unit}:
+            yield f"{TABLE}: column {fixed.name} is in '{found.unit}', not in '{fixed.unit}'"
 
 
 def _check_sweep(store: Store) -> Iterator[str]:

@@ -1,13 +1,16 @@
 """Start Ray on this machine, or connect to a cluster that runs; nothing of it calls home."""
 
+import atexit
 import logging
 import os
+import shutil
 import signal
 import socket
 import subprocess
 import sys
 from collections.abc import Generator
-from contextlib import contextmanager
+from contextlib import chdir, contextmanager
+from tempfile import mkdtemp
 from typing import Any
 
 from contactlab.errors import ClusterError, optional
@@ -61,13 +64,28 @@ def _connect(address: str | None, workers: int | None) -> None:
     quiet: dict[str, Any] = {"log_to_driver": False, "logging_level": logging.ERROR}
     if address is None:
         here = {"num_cpus": workers, "object_store_memory": _RESULT_BYTES}
-        ray.init("local", include_dashboard=False, **here, **quiet)
+        with _nowhere():
+            ray.init("local", include_dashboard=False, **here, **quiet)
         return
     _check_address(address)
     try:
-        ray.init(address, **quiet)
+        with _nowhere():
+            ray.init(address, **quiet)
     except (ConnectionError, RuntimeError, ValueError) as error:
         raise ClusterError(f"no Ray cluster at {address}: {error}") from error
+
+
+@contextmanager
+def _nowhere() -> Generator[None]:
+    """Be in an empty folder for a while: Ray's workers import modules of the one it starts in.
+
+    The current folder may be a stranger's, with a `numpy.py` that is none.
+    """
+    folder = mkdtemp(prefix="contactlab-nowhere-")
+    # As long as a worker may look there, nobody else may make a folder of that name.
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    with chdir(folder):
+        yield
 
 
 def _check_address(address: str) -> None:

@@ -113,6 +113,10 @@ class ObjectBackend(ObjectClient):
             while coming:
                 yield from _take_first(coming)
 
+    def file_names(self) -> Iterator[str]:
+        """Yield the names of all objects."""
+        yield from (name for name, _ in self.sizes())
+
     def leftovers(self) -> list[str]:
         """Return the names of batches that an interrupted sweep left, sorted."""
         return sorted(name for batch in _BATCHES.values() for name, _ in self.sizes(batch))

@@ -1,0 +1,236 @@
+"""Shards of a sweep, joined into the store that one machine would have written."""
+
+import hashlib
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import closing
+from dataclasses import dataclass
+from functools import partial
+from operator import attrgetter
+from pathlib import Path
+from shutil import copytree
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contactlab.errors import OutputError, StoreError
+from contactlab.run.planned_runs import stored_sweep_scene
+from contactlab.run.recomputed_runs import plan_again
+from contactlab.run.run_verdicts import unmet_means
+from contactlab.schema.evidence import Host, Provenance, StoreManifest, SweepIdentity
+from contactlab.store.atomic_files import hashes_below, sha256_of
+from contactlab.store.backend import Backend
+from contactlab.store.controls_file import controls_name
+from contactlab.store.finished_store import Store
+from contactlab.store.folder_backend import backend_at
+from contactlab.store.run_columns import RunColumns
+from contactlab.store.store_files import (
+    MANIFEST,
+    SCENES,
+    TABLE,
+    Address,
+    most_common,
+    other_parts,
+    shard_of,
+)
+from contactlab.store.store_writer import StoreWriter, open_writer
+
+_MOST_NAMED = 8
+
+
+def merge_stores(
+    places: Sequence[Address], target: Address, *, may_lack: bool, fresh: bool = False
+) -> str:
+    """Write the store of all runs of some shards, given in any order; return its gaps, if any.
+
+    Where runs `may_lack`, the store has those that there are, and its sweep can fill it up. Raises
+    a StoreError that names the place which is unfinished, damaged, of another sweep, or has a run
+    that another one has, too; and one that names the gaps. An OutputError says that the target is
+    one of the shards, is not empty, or cannot be written.
+    """
+    if target in places:
+        raise OutputError(f"{target} is one of the shards; name another place with -o")
+    stores, lacking = _opened(places, may_lack=may_lack)
+    _check_same(stores)
+    ids = _ids(stores)
+    identity = _identity(stores, ids)
+    gaps = _gaps(stores, len(ids), lacking) if identity.whole else ""
+    if gaps and not may_lack:
+        raise StoreError(f"{gaps}; run what is missing, or add --partial to merge what there is")
+    _refuse_finished(target, fresh=fresh)
+    first = stores[0]
+    with open_writer(
+        target,
+        identity,
+        _Scene(first.path / SCENES / identity.scene_hash),
+        fresh=fresh,
+        beside={
+            folder.name: _Scene(folder)
+            for folder in sorted((first.path / SCENES).iterdir())
+            if folder.name != identity.scene_hash
+        },
+    ) as store:
+        if isinstance(store, StoreManifest) or store.done:
+            raise OutputError(f"{target} holds runs of a sweep; name another place, or add --fresh")
+        to = backend_at(target, OutputError)
+        for source in stores:
+            _copy_files(source, to)
+        _publish(store, stores, identity)
+    return gaps
+
+
+def _opened(places: Sequence[Address], *, may_lack: bool) -> tuple[list[Store], list[str]]:
+    """Return the stores in the order of their first runs, and why others are left out."""
+    stores, lacking = list[Store](), list[str]()
+    for place in places:
+        try:
+            store = Store.open(place)
+        except StoreError as error:
+            if not may_lack or backend_at(place, StoreError).read(MANIFEST) is not None:
+                raise
+            lacking.append(str(error).partition(";")[0])
+            continue
+        if store.manifest.traces_left_out:
+            raise StoreError(f"{place} is a baseline without traces; merge the store itself")
+        hashes = {
+            f"{SCENES}/{name}": sha for name, sha in hashes_below(store.path / SCENES).items()
+        }
+        if hashes != _scene_files(store.manifest):
+            raise StoreError(f"{place} is damaged: its scene was changed since it was written")
+        stores.append(store)
+    if not stores:
+        raise StoreError(f"no finished store to merge: {'; '.join(lacking)}")
+    return sorted(stores, key=lambda store: store.columns.numbers("index").values[0]), lacking
+
+
+def _check_same(stores: Sequence[Store]) -> None:
+    """Check that all are of one sweep, and of one grid."""
+    first = stores[most_common([store.manifest.sweep for store in stores])]
+    for other in stores:
+        ours, theirs = first.manifest, other.manifest
+        if parts := other_parts(theirs.sweep, ours.sweep):
+            raise StoreError(
+                f"{other.address} is of another sweep than {first.address}: "
+                f"other {', '.join(parts)}"
+            )
+        if _scene_files(ours) != _scene_files(theirs):
+            raise StoreError(f"{other.address} has other files of the scene than {first.address}")
+
+
+def _scene_files(manifest: StoreManifest) -> dict[str, str]:
+    return {name: sha for name, sha in manifest.files.items() if name.startswith(f"{SCENES}/")}
+
+
+@dataclass(frozen=True)
+class _Scene:
+    """See `CopyableFiles`."""
+
+    source: Path
+
+    def copy_to(self, folder: Path) -> None:
+        """Copy every file into the folder."""
+        copytree(self.source, folder, dirs_exist_ok=True)
+
+
+def _ids(stores: Sequence[Store]) -> NDArray[np.bytes_]:
+    """Return (runs,) the ids of all runs in plan order, none of which two stores have."""
+    places = [store.columns.numbers("index").values for store in stores]
+    joined = np.concatenate(places)
+    order = np.argsort(joined, kind="stable")
+    of_store = np.repeat(np.arange(len(stores)), [len(part) for part in places])[order]
+    ids = np.concatenate([store.columns.byte_strings("run_id") for store in stores])[order]
+    twice = np.flatnonzero(np.diff(joined[order]) == 0)
+    if len(twice):
+        two = of_store[twice[0] : twice[0] + 2].tolist()
+        one, other = (stores[store].address for store in two)
+        more = f" and {len(twice) - 1:,} others" if len(twice) > 1 else ""
+        run = ids.tolist()[twice[0]].decode()
+        raise StoreError(f"{one} and {other} both have run {run}{more}; leave one out")
+    return ids
+
+
+def _identity(stores: Sequence[Store], ids: NDArray[np.bytes_]) -> SweepIdentity:
+    """Return the identity of all runs together: of the whole sweep, or of a part of it."""
+    sweep = stores[0].manifest.sweep
+    asked, plan_hash = len(ids), hashlib.sha256(ids.tobytes()).hexdigest()[:32]
+    if (whole := sweep.whole) is None:
+        return sweep
+    grid = None
+    if (whole.runs, whole.plan_hash) != (asked, plan_hash):
+        grid = whole.model_copy(update={"shard": None})
+    own = {"runs_asked": asked, "plan_hash": plan_hash, "whole": grid}
+    return sweep.model_copy(update=own)
+
+
+def _gaps(stores: Sequence[Store], runs: int, lacking: Sequence[str]) -> str:
+    """Return which runs of the grid no store has, by the shards that are missing if they tell."""
+    whole = stores[0].manifest.sweep.whole
+    assert whole is not None
+    said = f"{whole.runs - runs:,} of {whole.runs:,} runs are in none of the stores"
+    held = [(shard_of(store.manifest.sweep) or "").partition("/") for store in stores]
+    counts = {shards for _, _, shards in held}
+    if len(counts) == 1 and (shards := counts.pop()):
+        have = {int(number) for number, _, _ in held}
+        missing = [number for number in range(1, int(shards) + 1) if number not in have]
+        named = ", ".join(f"{number}/{shards}" for number in missing[:_MOST_NAMED])
+        more = f" and {len(missing) - _MOST_NAMED:,} more" if len(missing) > _MOST_NAMED else ""
+        said += f": shards {named}{more}" if missing else ""
+    return "; ".join([said, *lacking[:_MOST_NAMED]])
+
+
+def _refuse_finished(target: Address, *, fresh: bool) -> None:
+    if not fresh and backend_at(target, OutputError).read(MANIFEST) is not None:
+        raise OutputError(f"{target} holds a store already; name another place, or add --fresh")
+
+
+def _copy_files(source: Store, target: Backend) -> None:
+    """Copy the traces and the recorded controls of a store, checked against their hashes."""
+    for sha256 in filter(None, source.columns.arrow(["controls"])["controls"].unique().to_pylist()):
+        name = controls_name(sha256)
+        target.put(name, source.backend.read(name) or b"")
+    traces = source.columns.arrow(["trace_file", "trace_sha256"])
+    wanted = traces.filter(traces["trace_file"].is_valid())
+    names = [name.as_py() for name in wanted["trace_file"]]
+    with closing(source.backend.local_files(names)) as files:
+        for name, sha256, path in zip(names, wanted["trace_sha256"], files, strict=True):
+            if path is None:
+                raise StoreError(f"{source.address / name} is missing")
+            if sha256_of(path) != sha256.as_py():
+                raise StoreError(f"{source.address / name}: changed since it was written")
+            target.put(name, path.read_bytes())
+
+
+def _publish(store: StoreWriter, stores: Sequence[Store], identity: SweepIdentity) -> None:
+    manifests = [store.manifest for store in stores]
+    times = min(each.started for each in manifests), max(each.finished for each in manifests)
+    tables = {store.address: store.path / TABLE for store in stores}
+    written = joined_provenance([each.provenance for each in manifests])
+    store.join(tables, written, times, _means(stores[0], identity))
+
+
+def _means(store: Store, identity: SweepIdentity) -> Callable[[RunColumns], Iterable[str]]:
+    """Return what says which means are not as the sweep expects, once all runs are there."""
+    expected = any(expectation.get("mean") for expectation in identity.resolved["expect"])
+    if not expected or identity.whole:
+        return partial(unmet_means, None)
+    if isinstance(identity.resolved.get("include"), dict):
+        raise StoreError(
+            "the sweep expects means, and a file beside it names runs, which shards do not hold; "
+            "sweep it on one machine"
+        )
+    scene = stored_sweep_scene(identity, store.scene_folder)
+    return partial(unmet_means, plan_again(identity, scene))
+
+
+def joined_provenance(several: Sequence[Provenance]) -> Provenance:
+    """Return the versions and machines of several stores, each of them once."""
+    hosts = [each.host for each in several]
+    named = ("cpu_model", "cpu_flags", "os")
+    host = Host(**_joined(hosts, named), cores=max(each.cores for each in hosts))
+    versions = _joined(several, ("contactlab", "python", "numpy"))
+    revisions = _joined(several, ("git_revision",))["git_revision"]
+    return Provenance(**versions, git_revision=revisions or None, host=host)
+
+
+def _joined(several: Iterable[object], names: Iterable[str]) -> Mapping[str, str]:
+    found = {name: dict.fromkeys(filter(None, map(attrgetter(name), several))) for name in names}
+    return {name: ", ".join(sorted(values)) for name, values in found.items()}
