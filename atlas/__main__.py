@@ -45,16 +45,16 @@ def run(folder: Path, pattern: str, most: int | None, seconds: int, jobs: int) -
 
 
 def _examined(folder: Path, family: Family, seconds: int) -> Entry:
-    name = family[0].name
-    asked = [sys.executable, "-m", "atlas.examining", str(folder), name, str(seconds)]
-    done = subprocess.run(asked, capture_output=True, text=True, check=False)
+    names = [robot.name for robot in family]
+    asked = [sys.executable, "-m", "atlas.examining", str(folder), str(seconds)]
+    done = subprocess.run([*asked, *names], capture_output=True, text=True, check=False)
     if done.returncode:
         last = (done.stderr.strip().splitlines() or [""])[-1]
         reason = (
             f"no answer within {seconds} s of CPU" if done.returncode < 0 else f"crashed: {last}"
         )
         unexamined(family, reason).save()
-    entry = recorded(name)
+    entry = recorded(names[0])
     assert entry is not None
     return _confirmed(folder, entry) if entry.flagged else entry
 

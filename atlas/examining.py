@@ -1,20 +1,20 @@
-"""Examines one family in a process of its own: `python -m atlas.examining FOLDER NAME CPU_SECONDS`.
+"""Examines one family in a process of its own: `python -m atlas.examining FOLDER SECONDS NAME...`.
 
-NAME is that of the family's first file. The record is written once all is known.
+SECONDS are its limit of CPU, the names those of its files. The record is written once all is known.
 """
 
 import re
 import resource
 import sys
 import warnings
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from tempfile import TemporaryDirectory
 
 import mujoco
 
 import contactlab
 from atlas.entry import Changed, Entry, judge_digest
-from atlas.wheels import Robot, families
+from atlas.wheels import Robot, wheels
 from contactlab.errors import ContactlabError
 from contactlab.schema.examination import Examination
 from contactlab.studies.examine.examination import ExamineRequest, open_model
@@ -148,10 +148,12 @@ def _cpu() -> float:
 
 def main() -> None:
     """Examine a family, within its limit of CPU."""
-    place, name, seconds = sys.argv[1:]
+    place, seconds, *names = sys.argv[1:]
     resource.setrlimit(resource.RLIMIT_CPU, (int(seconds), int(seconds) + 5))
     warnings.simplefilter("ignore")
-    family = next(family for family in families(Path(place)) if family[0].name == name)
+    known = {wheel.name: wheel for wheel in wheels(Path(place))}
+    parts = [name.partition("/") for name in names]
+    family = tuple(Robot(known[wheel], PurePosixPath(path)) for wheel, _, path in parts)
     with TemporaryDirectory(prefix="atlas-") as folder:
         examined(family, Path(folder)).save()
 

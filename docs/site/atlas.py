@@ -142,8 +142,6 @@ def _page(entry: Entry) -> Iterator[str]:
     assert report is not None
     name, page = entry.name, slug(entry)
     yield f"# {_short(name)}\n\n![contactlab: {shown_word(entry)}](../{_STATIC}/{page}.svg)\n"
-    yield f"**{_plain(report.sentence)}**\n"
-    yield f"Task: {_plain(report.task.line)}\n"
     yield f"```text\n{chr(10).join(examination_lines(report))}\n```\n"
     yield "## What was tried\n"
     yield from _tried(entry)

@@ -22,6 +22,7 @@ from contactlab.studies.lint.overlaps import DEEP
 
 # States are looked at in these windows of a run [s].
 _WINDOW = 0.01
+_TOUCH = 1e-6  # of half a geom's extent, up to which geoms touch: what is less is rounding
 _HEAVY = 1e3  # weights of the model, below which a force is ordinary
 
 
@@ -94,7 +95,7 @@ def _of_depth(deepest: Sequence[_Contact], overlap: Sequence[_Contact]) -> Itera
             unit="m",
             sentence=f"at the start {_in_words(worst)}",
         )
-    if (worst := _worst(deepest)) and worst.share > 0:
+    if (worst := _worst(deepest)) and worst.share > _TOUCH:
         yield Fact(
             kind="depth",
             place=worst.pair,
