@@ -10,7 +10,7 @@ from pathlib import Path
 import mujoco
 
 from atlas.comparing import differences
-from atlas.confirming import confirmation
+from atlas.confirming import confirmation, write_inputs
 from atlas.entry import ROOT, Entry, entries, judge_digest, recorded
 from atlas.examining import unexamined
 from atlas.wheels import Robot, families
@@ -93,8 +93,13 @@ def main() -> None:
     compares = verbs.add_parser("compare", help="say which verdicts changed, and fail if untold")
     compares.add_argument("before", type=Path, help="folder of the records of another release")
     compares.add_argument("--changelog", type=Path, default=ROOT / "CHANGELOG.md")
+    writes = verbs.add_parser("inputs", help="write the controls of a model's task, for confirm.py")
+    writes.add_argument("model", type=Path)
+    writes.add_argument("file", type=Path, help="FILE.npz")
     asked = parser.parse_args()
-    if asked.verb == "run":
+    if asked.verb == "inputs":
+        write_inputs(asked.model, asked.file)
+    elif asked.verb == "run":
         run(asked.wheels, asked.only, asked.most, asked.seconds, asked.jobs)
     elif not compare(asked.before, asked.changelog):
         sys.exit(1)

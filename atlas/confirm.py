@@ -10,6 +10,11 @@ ROW is `run` (the steps, against a sixteenth of them), `energy` (what the run ga
 fine steps do not), `warning` (what MuJoCo warns of), or what is changed in the model, at a quarter
 of its steps: `cone`, `impratio`, `noslip`, `solver`, `contact softness`, `limit softness`,
 `friction loss softness` or `equality softness`. It ends with 0 if it is 10 % or more, else with 1.
+Beside these, `limit` is the joint or tendon that goes farthest beyond its range, by half of it or
+more, and `depth` the deepest contact, beyond the middle of the thinner geom; they need no body.
+
+Controls are drawn anew from a seed. `--inputs FILE.npz` replays others, from `start`, a state of
+mjSTATE_INTEGRATION: `rows`, one for each step, set what the bits `spec` of mjtState name.
 """
 
 import argparse
@@ -28,6 +33,7 @@ Change = Callable[[mujoco.MjModel], None]
 
 WINDOW, REST, DRIVEN, HELD, PUSH = 0.04, 1.0, 2.0, 0.02, (1.3, 1.35)  # s
 WITHIN = 0.1
+STRAINS = ("limit", "depth")
 _STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 
 
@@ -39,6 +45,7 @@ class Case(NamedTuple):
     start: str
     held: bool
     seed: int
+    inputs: Path | None = None
 
 
 class Found(NamedTuple):
@@ -160,6 +167,26 @@ class Drive:
         data.xfrc_applied[:] = self._push if pushed else 0.0
 
 
+class Replay:
+    """Stored inputs, as a function of time."""
+
+    def __init__(self, model: mujoco.MjModel, file: Path) -> None:
+        """Read them."""
+        with np.load(file) as stored:
+            self.start, self._rows, self._spec = (
+                stored["start"],
+                stored["rows"],
+                int(stored["spec"]),
+            )
+        self._model, self._h = model, model.opt.timestep
+
+    def __call__(self, data: mujoco.MjData, time: float) -> None:
+        """Set what acts from a time of the run on."""
+        step = min(int(time / self._h + 1e-6), len(self._rows) - 1)
+        if self._rows.shape[1]:
+            mujoco.mj_setState(self._model, data, self._rows[step], self._spec)
+
+
 def observed(model: mujoco.MjModel, data: mujoco.MjData, radius: Floats) -> tuple[Floats, float]:
     """Return (nbody, 6) velocities of centres of mass and spins times radius [m/s], energy [J]."""
     mujoco.mj_kinematics(model, data)
@@ -190,7 +217,7 @@ class Side:
         self.whole = slice(0, self.end + 1, self.rate)
         self._model, self._data, self._h = model, mujoco.MjData(model), h
 
-    def run(self, state: Floats, drive: Drive) -> tuple[Floats, Floats]:
+    def run(self, state: Floats, drive: Drive | Replay) -> tuple[Floats, Floats]:
         """Run a window and one step more.
 
         Returns:
@@ -230,7 +257,7 @@ class Sums:
         self._parted, self._real, self._peak, self._through = 0.0, 0.0, 0.0, 0.0
         self._gains = list[float]()
 
-    def add(self, state: Floats, drive: Drive, own: Side, other: Side) -> None:
+    def add(self, state: Floats, drive: Drive | Replay, own: Side, other: Side) -> None:
         """Run a window by both models from a state, and compare them."""
         (mine, energy), (fine, reference) = own.run(state, drive), other.run(state, drive)
         three = mine[[own.end - own.rate, own.end, own.end + own.rate]]
@@ -258,9 +285,13 @@ class Sums:
         )
 
 
-def started(model: mujoco.MjModel, case: Case) -> tuple[mujoco.MjData, Drive]:
+def started(model: mujoco.MjModel, case: Case) -> tuple[mujoco.MjData, Drive | Replay]:
     """Return where a run starts, and what drives it."""
     data = mujoco.MjData(model)
+    if case.inputs is not None:
+        replay = Replay(model, case.inputs)
+        mujoco.mj_setState(model, data, replay.start, _STATE)
+        return data, replay
     if case.start != "qpos0":
         mujoco.mj_resetDataKeyframe(model, data, model.key(case.start).id)
     return data, Drive(model, case, data.ctrl.copy())
@@ -306,8 +337,50 @@ def warned(path: Path, case: Case) -> list[str]:
     return []
 
 
+def strained(path: Path, case: Case) -> tuple[bool, str]:
+    """Return whether a limit gives way, or a contact is deeper than a geom's middle, and which."""
+    model = load(path)
+    data, drive = started(model, case)
+    look = _beyond if case.row == "limit" else _depths
+    mujoco.mj_forward(model, data)
+    before = dict(look(model, data)) if case.row == "limit" else {}
+    worst, text = 0.0, "none"
+    for _ in range(round((REST + DRIVEN) / model.opt.timestep)):
+        drive(data, data.time)
+        mujoco.mj_step(model, data)
+        for name, share in look(model, data):
+            more = share - before.get(name, 0.0)
+            if more > worst:
+                worst, text = more, f"{name}, {100 * more:.3g} %, at {data.time:.2f} s"
+    return worst >= {"limit": 0.5, "depth": 1.0}[case.row], text
+
+
+def _beyond(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[tuple[str, float]]:
+    """Yield how far joints and tendons are beyond their ranges, as shares of these."""
+    single = (model.jnt_type >= int(mujoco.mjtJoint.mjJNT_SLIDE)) & (model.jnt_limited > 0)
+    joints, tendons = np.flatnonzero(single), np.flatnonzero(model.tendon_limited)
+    at = np.concatenate([data.qpos[model.jnt_qposadr[joints]], data.ten_length[tendons]])
+    low, high = np.concatenate([model.jnt_range[joints], model.tendon_range[tendons]]).T
+    shares = np.maximum(np.maximum(low - at, at - high), 0) / np.maximum(high - low, 1e-12)
+    names = [f"joint {model.joint(joint).name or joint}" for joint in joints]
+    names += [f"tendon {model.tendon(tendon).name or tendon}" for tendon in tendons]
+    yield from zip(names, shares.tolist(), strict=True)
+
+
+def _depths(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[tuple[str, float]]:
+    """Yield how deep contacts are, over half of the smallest extent of the thinner geom."""
+    half = model.geom_aabb[:, 3:].min(axis=1)
+    for contact in data.contact:
+        thin = min((half[geom] for geom in contact.geom if half[geom] > 0), default=np.inf)
+        bodies = (model.body(model.geom_bodyid[geom]) for geom in contact.geom)
+        names = (body.name or f"body[{body.id}]" for body in bodies)
+        yield f"contact {' - '.join(names)}", float(max(0.0, -contact.dist) / thin)
+
+
 def shown(path: Path, case: Case) -> tuple[bool, str]:
     """Return whether plain MuJoCo shows what is asked for, and what it shows."""
+    if case.row in STRAINS:
+        return strained(path, case)
     if case.row == "warning":
         said = warned(path, case)
         return bool(said), "; ".join(said) or "no warning"
@@ -327,15 +400,18 @@ def main() -> None:
     )
     parser.add_argument("model", type=Path)
     parser.add_argument(
-        "--of", default="run", choices=["run", "energy", "warning", "solver", *CHANGES]
+        "--of", default="run", choices=["run", "energy", "warning", "solver", *CHANGES, *STRAINS]
     )
-    parser.add_argument("--body", required=True)
+    parser.add_argument("--body", default="", help="which is judged")
     parser.add_argument("--start", default="qpos0", help="a keyframe")
     parser.add_argument("--held", action="store_true", help="keep the keyframe's controls")
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--inputs", type=Path, help="controls to replay")
     asked = parser.parse_args()
+    if not asked.body and asked.of not in {"warning", *STRAINS}:
+        parser.error("name a body: --body NAME, or --body 'body[3]'")
     holds, text = shown(
-        asked.model, Case(asked.of, asked.body, asked.start, asked.held, asked.seed)
+        asked.model, Case(asked.of, asked.body, asked.start, asked.held, asked.seed, asked.inputs)
     )
     print(f"{'shown' if holds else 'not shown'}: {text}")
     sys.exit(not holds)

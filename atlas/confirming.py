@@ -4,38 +4,71 @@ import shlex
 import subprocess
 import sys
 from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
 
 from atlas.entry import ROOT, Confirmation, Entry
+from contactlab.run.sweep_request import SceneLoader
+from contactlab.studies.examine.task_motions import task_motions
 
 _SCRIPT = "atlas/confirm.py"
 _STEPS = {"run", "reference"}  # rows that are of the steps
+_STRAINS = {"constraint_violated": "limit", "tunneling": "depth", "broken": "depth"}  # of labels
 _SEEDS = range(3)
 _SECONDS = 300
 
 
 def confirmation(entry: Entry, folder: Path) -> Confirmation | None:
-    """Return what plain MuJoCo shows of the first cause that an entry names, of three seeds.
+    """Return what plain MuJoCo shows of the first cause that an entry names.
 
-    None if it names none.
+    Three seeds of controls of its own are tried, then those of the task. None if it names none.
     """
-    report = entry.examination
-    if report is None or report.budget is None or not report.budget.reasons:
+    report, asked = entry.examination, _cause(entry)
+    if report is None or not asked:
         return None
-    reason = report.budget.reasons[0]
-    asked = ["--of", "run" if reason.row in _STEPS else reason.row, "--body", reason.body]
     if report.task.start != "qpos0":
         asked += ["--start", report.task.start]
     if report.task.own_controls:
         asked += ["--held"]
-    shown = Confirmation(command="", holds=False, shown="")
+    file, shown = folder / entry.name, Confirmation(command="", holds=False, shown="")
     for seed in _SEEDS:
         options = [*asked, *(["--seed", str(seed)] if seed else [])]
-        code, text = _run(folder / entry.name, options)
+        code, text = _run(file, options)
         command = shlex.join(["python", _SCRIPT, entry.name, *options])
         shown = Confirmation(command=command, holds=code == 0, shown=text)
         if shown.holds:
-            break
-    return shown
+            return shown
+    with TemporaryDirectory(prefix="atlas-") as place:
+        stored = Path(place) / "inputs.npz"
+        write_inputs(file, stored)
+        code, text = _run(file, [*asked, "--inputs", str(stored)])
+    if code:
+        return shown
+    write = shlex.join(["python", "-m", "atlas", "inputs", entry.name, stored.name])
+    command = shlex.join(["python", _SCRIPT, entry.name, *asked, "--inputs", stored.name])
+    return Confirmation(command=f"{write}\n{command}", holds=True, shown=text)
+
+
+def write_inputs(model: Path, file: Path) -> None:
+    """Write the start and the inputs of the first seed of a model's own task."""
+    scene = SceneLoader(Path()).open(str(model)).with_effects("all")
+    motions = task_motions(scene, {}, scene.task({}, None))
+    rows = np.concatenate([motion.inputs[0] for motion in motions])
+    np.savez(file, start=motions[0].starts[0], rows=rows, spec=motions[0].spec)
+
+
+def _cause(entry: Entry) -> list[str]:
+    """Return the options that ask for what makes a model unsound, or what its budget names."""
+    report = entry.examination
+    if report is None:
+        return []
+    labels = [_STRAINS[label.label] for label in report.labels if label.label in _STRAINS]
+    if entry.word == "not sound" and labels:
+        return ["--of", labels[0]]
+    for reason in report.budget.reasons if report.budget else ():
+        return ["--of", "run" if reason.row in _STEPS else reason.row, "--body", reason.body]
+    return []
 
 
 def _run(file: Path, options: list[str]) -> tuple[int, str]:

@@ -66,9 +66,9 @@ class Entry(Model):
 
     @property
     def flagged(self) -> bool:
-        """Whether its budget names a cause."""
+        """Whether its budget or a label names a cause."""
         report = self.examination
-        return bool(report and report.budget and report.budget.reasons)
+        return bool(report and (report.labels or (report.budget and report.budget.reasons)))
 
     @property
     def word(self) -> str:

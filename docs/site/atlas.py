@@ -170,7 +170,8 @@ def _tried(entry: Entry) -> Iterator[str]:
         yield "- Nothing to change."
     if shown is not None:
         word = "shows it" if shown.holds else "does not show it"
-        yield f"- Plain MuJoCo {word}: {_plain(shown.shown)}.\n\n  ```sh\n  {shown.command}\n  ```"
+        command = shown.command.replace("\n", "\n  ")
+        yield f"- Plain MuJoCo {word}: {_plain(shown.shown)}.\n\n  ```sh\n  {command}\n  ```"
 
 
 def _counted(found: dict[str, int]) -> str:
