@@ -96,9 +96,10 @@ def main() -> None:
     writes = verbs.add_parser("inputs", help="write the controls of a model's task, for confirm.py")
     writes.add_argument("model", type=Path)
     writes.add_argument("file", type=Path, help="FILE.npz")
+    writes.add_argument("--seed", type=int, default=0, help="place among those of the task")
     asked = parser.parse_args()
     if asked.verb == "inputs":
-        write_inputs(asked.model, asked.file)
+        write_inputs(asked.model, asked.file, asked.seed)
     elif asked.verb == "run":
         run(asked.wheels, asked.only, asked.most, asked.seconds, asked.jobs)
     elif not compare(asked.before, asked.changelog):

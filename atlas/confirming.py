@@ -41,21 +41,24 @@ def confirmation(entry: Entry, folder: Path) -> Confirmation | None:
             return shown
     with TemporaryDirectory(prefix="atlas-") as place:
         stored = Path(place) / "inputs.npz"
-        write_inputs(file, stored)
-        code, text = _run(file, [*asked, "--inputs", str(stored)])
-    if code:
-        return shown
-    write = shlex.join(["python", "-m", "atlas", "inputs", entry.name, stored.name])
-    command = shlex.join(["python", _SCRIPT, entry.name, *asked, "--inputs", stored.name])
-    return Confirmation(command=f"{write}\n{command}", holds=True, shown=text)
+        for seed in _SEEDS:
+            write_inputs(file, stored, seed)
+            code, text = _run(file, [*asked, "--inputs", str(stored)])
+            if code == 0:
+                write = ["python", "-m", "atlas", "inputs", entry.name, stored.name]
+                write += ["--seed", str(seed)] if seed else []
+                show = ["python", _SCRIPT, entry.name, *asked, "--inputs", stored.name]
+                command = f"{shlex.join(write)}\n{shlex.join(show)}"
+                return Confirmation(command=command, holds=True, shown=text)
+    return shown
 
 
-def write_inputs(model: Path, file: Path) -> None:
-    """Write the start and the inputs of the first seed of a model's own task."""
+def write_inputs(model: Path, file: Path, seed: int = 0) -> None:
+    """Write the start and the inputs of a seed of a model's own task, by its place."""
     scene = SceneLoader(Path()).open(str(model)).with_effects("all")
     motions = task_motions(scene, {}, scene.task({}, None))
-    rows = np.concatenate([motion.inputs[0] for motion in motions])
-    np.savez(file, start=motions[0].starts[0], rows=rows, spec=motions[0].spec)
+    rows = np.concatenate([motion.inputs[seed] for motion in motions])
+    np.savez(file, start=motions[0].starts[seed], rows=rows, spec=motions[0].spec)
 
 
 def _cause(entry: Entry) -> list[str]:
