@@ -33,6 +33,7 @@ Change = Callable[[mujoco.MjModel], None]
 
 WINDOW, REST, DRIVEN, HELD, PUSH = 0.04, 1.0, 2.0, 0.02, (1.3, 1.35)  # s
 WITHIN = 0.1
+_EARTH = 9.81  # m/s^2, of pushes where there is no gravity
 STRAINS = ("limit", "depth")
 _STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 
@@ -76,10 +77,17 @@ def load(path: Path) -> mujoco.MjModel:
     return mujoco.MjModel.from_xml_string(text)
 
 
+def gravity_of(model: mujoco.MjModel) -> float:
+    """Return the magnitude of a model's gravity, 0 where it is switched off [m/s^2]."""
+    off = model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_GRAVITY
+    return 0.0 if off else float(np.linalg.norm(model.opt.gravity))
+
+
 def _done(model: mujoco.MjModel) -> None:
     """Have the solver go on until it is done."""
     model.opt.solver = mujoco.mjtSolver.mjSOL_NEWTON
     model.opt.iterations, model.opt.tolerance = max(100, model.opt.iterations), 1e-12
+    model.opt.ls_iterations = max(50, model.opt.ls_iterations)
 
 
 def _stiffer(*fields: str) -> Change:
@@ -149,7 +157,7 @@ class Drive:
         leaves = np.setdiff1d(np.flatnonzero(model.body_dofnum), model.body_parentid)
         pushed = free if free.size or model.nu else leaves
         angle = random.uniform(0, 2 * np.pi, pushed.size)
-        weight = model.body_subtreemass[pushed] * np.linalg.norm(model.opt.gravity)
+        weight = model.body_subtreemass[pushed] * (gravity_of(model) or _EARTH)
         self._push = np.zeros((model.nbody, 6))
         self._push[pushed, 0], self._push[pushed, 1] = (
             weight * np.cos(angle),
@@ -249,7 +257,7 @@ class Sums:
 
     def __init__(self, model: mujoco.MjModel, body: int, seconds: float, radius: Floats) -> None:
         """Begin a phase, in windows of some length."""
-        gravity = float(np.linalg.norm(model.opt.gravity))
+        gravity = gravity_of(model)
         moving = model.geom_bodyid > 0
         size = max(float(model.geom_rbound.max(initial=0, where=moving)), float(radius.max()))
         self._mass, self._body = model.body_mass, body
