@@ -97,7 +97,9 @@ atlas: .venv/dev
 ATLAS_BEFORE ?= origin/main
 atlas-compare: .venv/dev
 	rm -rf build/atlas-before && mkdir -p build/atlas-before
-	git archive $(ATLAS_BEFORE) atlas/records | tar -x -C build/atlas-before
+	git rev-parse --verify $(ATLAS_BEFORE)
+	if git cat-file -e $(ATLAS_BEFORE):atlas/records 2>/dev/null; \
+	  then git archive $(ATLAS_BEFORE) atlas/records | tar -x -C build/atlas-before; fi
 	$(BIN)/python -m atlas compare build/atlas-before/atlas/records
 
 # The picture and the film of the README, from real runs.
