@@ -11,7 +11,7 @@ endif
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
 .PHONY: bounce test test-rest test-all test-night test-lowest check lint format stubs schemas snapshots picture constraints wheel
-.PHONY: attack bench kernel live site verdicts clean
+.PHONY: atlas atlas-compare attack bench kernel live site verdicts clean
 
 bounce: .venv/run
 	$(BIN)/contactlab sweep bounce
@@ -91,6 +91,21 @@ kernel: .venv/dev
 
 bench: .venv/dev
 	$(BIN)/python -m bench.overhead
+
+# Examines the robots of wheels that are unpacked in the folder ROBOT_WHEELS, each in a folder of its
+# own: minutes to hours for what has no record yet, and none for what has. `make site` shows them.
+atlas: .venv/dev
+	$(BIN)/python -m atlas run "$(ROBOT_WHEELS)"
+
+# Fails if a verdict is another than in the records of the commit ATLAS_BEFORE, and the changelog does
+# not name its model.
+ATLAS_BEFORE ?= origin/main
+atlas-compare: .venv/dev
+	rm -rf build/atlas-before && mkdir -p build/atlas-before
+	git rev-parse --verify $(ATLAS_BEFORE)
+	if git cat-file -e $(ATLAS_BEFORE):atlas/records 2>/dev/null; \
+	  then git archive $(ATLAS_BEFORE) atlas/records | tar -x -C build/atlas-before; fi
+	$(BIN)/python -m atlas compare build/atlas-before/atlas/records
 
 # The picture and the film of the README, from real runs.
 picture: .venv/dev

@@ -1,6 +1,7 @@
 """Build the site: `python -m docs.site.build [--films]`, which `make site` calls.
 
-Pages are the README, those of docs, and what `docs.site.reference` and `docs.site.gallery` write.
+Pages are the README, those of docs, and what `docs.site.reference`, `docs.site.gallery` and
+`docs.site.atlas` write.
 A link to a file of the repository that is no page becomes a download.
 """
 
@@ -10,7 +11,7 @@ import shutil
 import sys
 from pathlib import Path
 
-from docs.site import gallery, reference
+from docs.site import atlas, gallery, reference
 from sphinx.cmd.build import build_main
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -56,7 +57,9 @@ def build(target: Path, *, films: bool) -> None:
         (source / f"{name}.md").write_text(_linked(page, source), encoding="utf-8")
     written = reference.write(source / "reference")
     shown = gallery.write(source, films=films)
-    _write_contents(source / "index.md", {**SECTIONS, "Reference": written, "Gallery": shown})
+    robots = atlas.write(source)
+    sections = {**SECTIONS, "Reference": written, "Gallery": shown, "Atlas": robots}
+    _write_contents(source / "index.md", sections)
     code = build_main(
         ["-q", "-W", "--keep-going", "-b", "dirhtml", str(source), str(target / "html")]
     )

@@ -208,6 +208,17 @@ def test_energy_that_grows_is_told_where_no_window_shows_it() -> None:
     assert judge(keeps).word == "sound"
 
 
+def test_a_reference_that_gains_what_was_never_there_says_nothing_of_energy() -> None:
+    """RK4 at h / 2 multiplies the speed by 1.8 a step where h d / 2 m is 3.2; the run brakes it."""
+    braked = """<mujoco><option timestep=".005" gravity="0 0 0" integrator="implicitfast"/>
+        <worldbody><body><joint name="j" type="slide" damping="1280"/><geom size=".1" mass="1"/>
+        </body></worldbody><actuator><motor joint="j"/></actuator></mujoco>"""
+    pushed = np.where(np.arange(80) < 60, 0.0, 1280.0)[None, :, None]
+    budget = error_budget([motion_of(braked, 0.4, controls=pushed)], rows=[])
+    assert budget.phases[0].energy_share == pytest.approx(0, abs=0.01)
+    assert np.isnan(budget.phases[0].energy_rk4).all()
+
+
 def test_an_energy_is_told_of_the_body_that_gains_it() -> None:
     """A ball whose bounces gain, beside a heavier one that swings on a spring."""
     xml = """<mujoco><option timestep=".01"/><worldbody><geom type="plane" size="0 0 1"/>

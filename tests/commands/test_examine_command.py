@@ -313,6 +313,18 @@ def test_a_force_before_touch_is_told(tmp_path: Path) -> None:
     assert "depth" not in found
 
 
+def test_a_depth_of_rounding_is_a_touch() -> None:
+    """A ball begins 1e-12 of its radius in the floor, and nothing moves it."""
+    model = mujoco.MjModel.from_xml_string(
+        """<mujoco><option gravity="0 0 0"/><worldbody><geom type="plane" size="1 1 .1"/>
+        <body pos="0 0 .0999999999999"><freejoint/><geom size=".1"/></body></worldbody></mujoco>"""
+    )
+    start = np.empty(mujoco.mj_stateSize(model, INTEGRATION))
+    mujoco.mj_getState(model, mujoco.MjData(model), start, INTEGRATION)
+    motion = Motion(model, start[None], np.zeros((1, 5, 0)))
+    assert "depth" not in {fact.kind for fact in facts([motion], [0.0])}
+
+
 @pytest.mark.long
 def test_only_watched_bodies_count(arm: str) -> None:
     report = package.examine(arm, only=["budget"], duration=0.1, watch=["upper"])

@@ -437,9 +437,10 @@ class PhaseMeasure:
         scale = kinetic + np.cumsum(found.through, axis=1) + (high - low) + weight[:, None]
         drift = np.full(len(parts), np.nan)
         for seed, valid in enumerate(self._run.valid & ~found.lost):
-            own = parts[seed][valid]
-            if own.size and not np.isnan(own).any():
-                drift[seed] = drifts(own[None], scale[seed][valid][None])[0]
+            own, whole = parts[seed][valid], scale[seed][valid]
+            # No run loses more than there is: what it lacks then, the reference gained.
+            if own.size and (own >= -whole).all():
+                drift[seed] = drifts(own[None], whole[None])[0]
         return drift
 
     def _excess(self, found: "_Found", real: Floats) -> Floats:

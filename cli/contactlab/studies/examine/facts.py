@@ -27,6 +27,7 @@ _STILL = 1e-3  # half extents of a geom in a second [1/s], below which it does n
 _HOLDS = 0.95  # of a cone of friction: beyond, a contact slides
 _WITH_FRICTION = 3  # dimensions of a contact
 _PYRAMIDAL = int(mujoco.mjtCone.mjCONE_PYRAMIDAL)
+_TOUCH = 1e-6  # of half a geom's extent, up to which geoms touch: what is less is rounding
 _HEAVY = 1e3  # weights of the model, below which a force is ordinary
 
 
@@ -100,7 +101,7 @@ def _of_depth(deepest: Sequence[_Contact], overlap: Sequence[_Contact]) -> Itera
             unit="m",
             sentence=f"at the start {_in_words(worst)}",
         )
-    if (worst := _worst(deepest)) and worst.share > 0:
+    if (worst := _worst(deepest)) and worst.share > _TOUCH:
         yield Fact(
             kind="depth",
             place=worst.pair,

@@ -1,0 +1,84 @@
+"""Asks plain MuJoCo for the cause that a verdict names, by `atlas/confirm.py`."""
+
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+from atlas.entry import ROOT, Confirmation, Entry
+from contactlab.run.sweep_request import SceneLoader
+from contactlab.studies.examine.task_motions import task_motions
+
+_SCRIPT = "atlas/confirm.py"
+_STEPS = {"run", "reference"}  # rows that are of the steps
+_STRAINS = {"constraint_violated": "limit", "tunneling": "depth", "broken": "depth"}  # of labels
+_SEEDS = range(3)
+_SECONDS = 300
+
+
+def confirmation(entry: Entry, folder: Path) -> Confirmation | None:
+    """Return what plain MuJoCo shows of the first cause that an entry names.
+
+    Three seeds of controls of its own are tried, then those of the task. None if it names none.
+    """
+    report, asked = entry.examination, _cause(entry)
+    if report is None or not asked:
+        return None
+    if report.task.start != "qpos0":
+        asked += ["--start", report.task.start]
+    if report.task.own_controls:
+        asked += ["--held"]
+    file, shown = folder / entry.name, Confirmation(command="", holds=False, shown="")
+    for seed in _SEEDS:
+        options = [*asked, *(["--seed", str(seed)] if seed else [])]
+        code, text = _run(file, options)
+        command = shlex.join(["python", _SCRIPT, entry.name, *options])
+        shown = Confirmation(command=command, holds=code == 0, shown=text)
+        if shown.holds:
+            return shown
+    with TemporaryDirectory(prefix="atlas-") as place:
+        stored = Path(place) / "inputs.npz"
+        for seed in _SEEDS:
+            write_inputs(file, stored, seed)
+            code, text = _run(file, [*asked, "--inputs", str(stored)])
+            if code == 0:
+                write = ["python", "-m", "atlas", "inputs", entry.name, stored.name]
+                write += ["--seed", str(seed)] if seed else []
+                show = ["python", _SCRIPT, entry.name, *asked, "--inputs", stored.name]
+                command = f"{shlex.join(write)}\n{shlex.join(show)}"
+                return Confirmation(command=command, holds=True, shown=text)
+    return shown
+
+
+def write_inputs(model: Path, file: Path, seed: int = 0) -> None:
+    """Write the start and the inputs of a seed of a model's own task, by its place."""
+    scene = SceneLoader(Path()).open(str(model)).with_effects("all")
+    motions = task_motions(scene, {}, scene.task({}, None))
+    rows = np.concatenate([motion.inputs[seed] for motion in motions])
+    np.savez(file, start=motions[0].starts[seed], rows=rows, spec=motions[0].spec)
+
+
+def _cause(entry: Entry) -> list[str]:
+    """Return the options that ask for what makes a model unsound, or what its budget names."""
+    report = entry.examination
+    if report is None:
+        return []
+    labels = [_STRAINS[label.label] for label in report.labels if label.label in _STRAINS]
+    if entry.word == "not sound" and labels:
+        return ["--of", labels[0]]
+    for reason in report.budget.reasons if report.budget else ():
+        return ["--of", "run" if reason.row in _STEPS else reason.row, "--body", reason.body]
+    return []
+
+
+def _run(file: Path, options: list[str]) -> tuple[int, str]:
+    asked = [sys.executable, str(ROOT / _SCRIPT), str(file), *options]
+    try:
+        done = subprocess.run(asked, capture_output=True, text=True, timeout=_SECONDS, check=False)
+    except subprocess.TimeoutExpired:
+        return 1, f"no answer within {_SECONDS} s"
+    lines = (done.stdout or done.stderr).strip().splitlines()
+    return done.returncode, lines[-1].partition(": ")[2] if lines else ""
