@@ -137,6 +137,7 @@ OF_OPTIONS = [
     Bad("tradeoff sound.xml --error eror_final", "--error eror_final", "write a share"),
     Bad("check sound.xml --only contat", "'contat'", "there are task,"),
     Bad("check sound.xml --accept nosuch.yaml", "nosuch.yaml", "did you mean"),
+    Bad("effects sound.xml --seeds 3", "--seeds is of scenes", "leave it out for a model"),
     Bad("effects sound.xml --seeds 0", "--seeds 0", "a whole number of at least 1"),
     Bad("fit ball_drop", "ball_drop", "needs a `recording`"),
     Bad("fit cube_toss --free frction", "--free frction", "did you mean 'friction'?"),

@@ -123,12 +123,7 @@ def run(request: TuneRequest, session: Session) -> TuneReport:
 
 def refuse_contradictions(request: TuneRequest) -> None:
     """Refuse options of which one would be ignored."""
-    if request.task.limits:
-        name = next(iter(request.task.limits))
-        raise SweepFileError(
-            f"--within {name}=: settings are judged by the error budget; write a share, "
-            "--within 5%, or weigh metrics with a sweep: contactlab tradeoff SWEEP"
-        )
+    refuse_metrics(request.task)
     if request.real_time is not None and request.error is not None:
         raise SweepFileError("--real-time asks for the least error; leave --error out")
     if request.at is not None and not request.watched:
@@ -139,6 +134,16 @@ def refuse_contradictions(request: TuneRequest) -> None:
         raise SweepFileError(
             f"--error {request.error:g} is no share of the real forces; write 2%, or what is "
             "watched and when: --watch hand --at end --error 1e-5"
+        )
+
+
+def refuse_metrics(task: TaskOptions) -> None:
+    """Refuse tolerances of metrics, which the error budget would not heed."""
+    if task.limits:
+        name = next(iter(task.limits))
+        raise SweepFileError(
+            f"--within {name}=: settings are judged by the error budget; write a share, "
+            "--within 5%, or weigh metrics with a sweep: contactlab tradeoff SWEEP"
         )
 
 

@@ -5,7 +5,7 @@ same states, whatever their steps, and chaos touches none of them.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -77,6 +77,11 @@ class Yardstick:
     def windows(self) -> int:
         """How many windows candidates are held against; 0 if the fine motion is given up."""
         return len(self._which)
+
+    @property
+    def model(self) -> mujoco.MjModel:
+        """As written, as it moves in the phase."""
+        return self._motion.model
 
     @property
     def positions(self) -> Floats:
@@ -262,6 +267,20 @@ class Yardsticks:
         return replace(
             worst, share=worst.share * rest, low=worst.low * rest, high=worst.high * rest
         )
+
+    def around(self, made: Callable[[mujoco.MjModel, int], mujoco.MjModel]) -> list[Floats]:
+        """Return, of each phase, velocities around windows' ends at the run's own step."""
+        return [part.around(made(part.model, 1), self.finer) for part in self.parts]
+
+    def apart_from(
+        self, made: Callable[[mujoco.MjModel], mujoco.MjModel], same: Sequence[Floats]
+    ) -> Apart:
+        """Return how far a changed model is from velocities of the same steps, over phases."""
+        found = [
+            part.apart(made(part.model), self.finer, own)
+            for part, own in zip(self.parts, same, strict=True)
+        ]
+        return max(found, key=lambda apart: apart.share)
 
     def uncertain(self) -> Apart | None:
         """Return the largest of what is unknown, over phases."""
