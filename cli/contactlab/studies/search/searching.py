@@ -125,8 +125,9 @@ class Search:
         if self.dearest is not None:
             cheap = [one for one in known if _ratio(one) <= self.dearest]
             return sorted(cheap, key=_share)
-        good = [one for one in known if _share(one) <= SAFE * self.limit]
-        return sorted(good, key=_ratio)
+        good = [one for one in known if _share(one) <= self.limit]
+        safe = [one for one in good if _share(one) <= SAFE * self.limit]
+        return sorted(safe or good, key=_ratio)
 
     def nearest(self) -> Tried | None:
         """Return what comes nearest to an aim that nothing meets."""
@@ -170,7 +171,7 @@ class Search:
         if not newton:
             return here
         quick = here.with_settings(newton)
-        most = self._error(here) + _LOSSLESS * self.limit
+        most = max(self._error(here) + _LOSSLESS * self.limit, SAFE * self.limit)
         return quick if self._saves(quick, here) and self._error(quick) <= most else here
 
     def _without_waste(self, here: Choice) -> Choice:
