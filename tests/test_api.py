@@ -69,7 +69,7 @@ def test_its_functions_are_named_after_commands() -> None:
 
 
 def test_what_tune_cannot_do_is_said_before_anything_runs(tmp_path: Path) -> None:
-    for asked, words in (({"free": ["friction"]}, "--free"), ({"within": {"slp": 1}}, "slp")):
+    for asked, words in (({"error": 3}, "--error 3"), ({"within": {"slip": 1}}, "slip")):
         with pytest.raises(SweepFileError, match=words):
             contactlab.tune("box_stack", output=tmp_path / "out", **asked)  # pyright: ignore[reportArgumentType]
     assert not list(tmp_path.iterdir())

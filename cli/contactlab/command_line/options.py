@@ -137,6 +137,7 @@ ErrorMetric = Annotated[
     str | None,
     Option("METRIC", "Measure of accuracy: error_final, oracle_error or any metric."),
 ]
+MaxTime = Annotated[float | str, Option("TIME", "How long it may take: 90s, 5min, 1h.", kind=str)]
 Figure = Annotated[
     str | Path | None, Option("FILE", "Draw the result: a .png or .svg file.", kind=Path)
 ]

@@ -1,5 +1,6 @@
 """`contactlab effects`: which effects a scene needs, and what each costs."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -7,24 +8,39 @@ from contactlab.command_line import options as opt
 from contactlab.command_line.declaration import Argument, Given, Option, command
 from contactlab.command_line.surroundings import say, study_session
 from contactlab.command_line.terminal import echo, print_table
-from contactlab.errors import ExpectationError
-from contactlab.printable import shortened
+from contactlab.errors import ExpectationError, SweepFileError
+from contactlab.printable import percent, shortened
 
 if TYPE_CHECKING:
+    from contactlab.plan.task_options import TaskOptions
+    from contactlab.schema.error_budget import BudgetPrice
+    from contactlab.schema.parts_report import PartsReport, PartWorth
     from contactlab.schema.study_reports import EffectFinding, EffectsReport, Ratio
 
-
-def _text(report: "EffectsReport", given: Given) -> None:
-    _print_effects(report, opt.study_folder("effects", given["source"], given["output"]))
+_SEEDS = 6
 
 
-def _json(report: "EffectsReport", given: Given) -> None:
+def _text(report: "EffectsReport | PartsReport", given: Given) -> None:
+    from contactlab.schema.parts_report import PartsReport
+
+    folder = opt.study_folder("effects", given["source"], given["output"])
+    if isinstance(report, PartsReport):
+        _print_parts(report, folder)
+    else:
+        _print_effects(report, folder)
+
+
+def _json(report: "EffectsReport | PartsReport", given: Given) -> None:
     del given
     echo(report.model_dump_json(indent=2))
 
 
-def _failure(report: "EffectsReport", given: Given) -> ExpectationError | None:
+def _failure(report: "EffectsReport | PartsReport", given: Given) -> ExpectationError | None:
+    from contactlab.schema.parts_report import PartsReport
+
     del given
+    if isinstance(report, PartsReport):
+        return None
     verified = report.verification
     if verified.holds:
         return None
@@ -46,8 +62,10 @@ def effects(
     set: opt.Set = (),
     output: opt.StudyFolder = None,
     seeds: Annotated[
-        int, Option(None, "Seeds, and so runs, per scenario and effect.", least=1)
-    ] = 6,
+        int | None,
+        Option(None, "Of a scene or sweep: runs per scenario and effect, 6 by default.", least=1),
+    ] = None,
+    max_time: opt.MaxTime = "2min",
     error: Annotated[
         Literal["reality"] | None,
         Option(None, "Find the effects that recorded runs call for."),
@@ -62,24 +80,33 @@ def effects(
     must: opt.Must = (),
     plugin: opt.Plugins = (),
     allow_code: opt.AllowCode = False,
-) -> "EffectsReport":
-    """Find the smallest set of effects that keeps every result.
+) -> "EffectsReport | PartsReport":
+    """Find what the effects and parts of a model are worth.
 
-    Settings give the base configuration. Evidence goes to `results/effects/NAME` unless `output`
-    names another folder.
+    Of a model file, each feature and part is left out by itself, in its task and with gravity
+    tilted: share in the motion, share of the time, exercised or not. Of a scene or sweep, the
+    smallest set of effects that keeps every result is found. Evidence goes to
+    `results/effects/NAME` unless `output` names another folder.
 
     Raises:
         SceneError: there is no such scene.
         SweepFileError: the sweep or a setting is wrong.
     """
+    from contactlab.scene.scene_source import MODEL_SUFFIXES, is_menagerie
     from contactlab.studies.effects.ablation import run
     from contactlab.studies.effects.effects_request import EffectsRequest
 
     opt.load_plugins(plugin)
     opt.check_figure(figure)
     task = opt.task_of(start, drive, duration, watch, within, must)
-    request = EffectsRequest(str(source), opt.assigned(set), seeds, task=task, error=error)
     folder = opt.study_folder("effects", source, output)
+    if is_menagerie(str(source)) or Path(str(source)).suffix in MODEL_SUFFIXES:
+        for name, value in (("seeds", seeds), ("error", error), ("figure", figure)):
+            if value is not None:
+                raise SweepFileError(f"--{name} is of scenes and sweeps; leave it out for a model")
+        return _of_model(str(source), opt.assigned(set), task, max_time, folder, workers)
+    count = _SEEDS if seeds is None else seeds
+    request = EffectsRequest(str(source), opt.assigned(set), count, task=task, error=error)
     with study_session(folder, workers, allow_code=allow_code) as session:
         report = run(request, session)
     if figure is not None:
@@ -89,6 +116,64 @@ def effects(
         save_figure(specification(report), Path(figure))
         say(f"drew {figure}")
     return report
+
+
+def _of_model(
+    source: str,
+    assign: Sequence[str],
+    task: "TaskOptions",
+    max_time: float | str,
+    folder: Path,
+    workers: int | None,
+) -> "PartsReport":
+    """Leave out one part of a model after the other."""
+    from contactlab.commands.tune import seconds_of
+    from contactlab.run.worker_pool import worker_count
+    from contactlab.studies.search.parts import PartsRequest, run
+    from contactlab.studies.session import Session
+
+    request = PartsRequest(source, assign, task, seconds_of(max_time))
+    return run(request, Session(folder.resolve(), worker_count(workers), notify=say))
+
+
+def _print_parts(report: "PartsReport", target: Path) -> None:
+    echo(report.task.line)
+    echo(
+        f"{report.model}: each feature and part left out by itself, in its task and once more with "
+        f"gravity tilted by {report.tilt:g} degrees"
+    )
+    shown = [part for part in report.parts if part.worth != "provably unused"]
+    twin = report.twin
+    rows = [_part_row(part, report) for part in shown]
+    if twin:
+        rows.append(("", "the model beside itself", "", "", "", _ratio_of(twin)))
+    print_table(("", "left out", "verdict", "share", "in", "time without"), rows)
+    unused = [part for part in report.parts if part.worth == "provably unused"]
+    for reason in dict.fromkeys(part.reason for part in unused):
+        names = ", ".join(part.name for part in unused if part.reason == reason)
+        echo(f"provably unused: {names} ({reason})")
+    if unused:
+        echo(f"next: contactlab tune {report.model}, which leaves out what is provably unused")
+    if report.ended:
+        echo("the time was over before all was measured; give more with --max-time")
+    echo(f"parts.json in {target}")
+
+
+def _part_row(part: "PartWorth", report: "PartsReport") -> tuple[object, ...]:
+    share = "" if part.share is None else percent(part.share)
+    where = f"{part.body}, {part.phase}" if part.body else ""
+    verdict: str = part.worth
+    price, twin = part.price, report.twin
+    saves = bool(price and twin and price.high < min(1.0, twin.low))
+    if part.worth == "below the tolerance" and not part.reason:
+        verdict += f", saves {percent(1 - price.ratio)}" if saves and price else ", saves nothing"
+    elif part.reason:
+        verdict += f" ({part.reason})"
+    return part.kind, part.name, verdict, share, where, "" if price is None else _ratio_of(price)
+
+
+def _ratio_of(price: "BudgetPrice") -> str:
+    return f"x{price.ratio:.2f} ({price.low:.2f} to {price.high:.2f})"
 
 
 def _print_effects(report: "EffectsReport", target: Path) -> None:
@@ -130,6 +215,8 @@ def _print_smallest_set(report: "EffectsReport", target: Path) -> None:
             f"{held} in {verification.runs} fresh runs{how}, {_ratio(verification.cost)}: "
             f"{verification.reason}"
         )
+    if not verification.holds:
+        return
     patch = f"a patch in {target / 'written-model'}"
     mjcf = [smallest.unwritten] if smallest.unwritten else shortened(smallest.mjcf, 12, patch)
     for title, lines in (("in the model", mjcf), ("sweep", smallest.sweep)):

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
         Recommendation,
         TradeoffReport,
     )
+    from contactlab.schema.tune_report import TuneReport
     from contactlab.store.finished_store import Store
     from contactlab.store.store_files import Address
 
@@ -27,18 +28,29 @@ _MOST_METHODS = 12
 _MOST_RATES = 40
 
 
-def _text(report: "TradeoffReport", given: Given) -> None:
-    del given
-    _print(report)
+def _text(report: "TradeoffReport | TuneReport", given: Given) -> None:
+    from contactlab.schema.tune_report import TuneReport
+
+    if isinstance(report, TuneReport):
+        from contactlab.commands.tune import print_search
+
+        print_search(report, opt.study_folder("tune", given["source"], given["output"]))
+    else:
+        _print(report)
 
 
-def _json(report: "TradeoffReport", given: Given) -> None:
+def _json(report: "TradeoffReport | TuneReport", given: Given) -> None:
     del given
     print_json(report.model_dump(mode="json"))
 
 
-def _failure(report: "TradeoffReport", given: Given) -> ExpectationError | None:
-    del given
+def _failure(report: "TradeoffReport | TuneReport", given: Given) -> ExpectationError | None:
+    from contactlab.schema.tune_report import TuneReport
+
+    if isinstance(report, TuneReport):
+        from contactlab.commands.tune import failure
+
+        return failure(report, given)
     if report.recommendation is not None:
         return None
     from contactlab.pareto.recommendation import blocker_texts
@@ -61,6 +73,7 @@ def tradeoff(
     ],
     *,
     error: opt.ErrorMetric = None,
+    max_time: opt.MaxTime = "2min",
     figure: opt.Figure = None,
     write: Annotated[
         str | Path | None,
@@ -80,11 +93,12 @@ def tradeoff(
     must: opt.Must = (),
     plugin: opt.Plugins = (),
     allow_code: opt.AllowCode = False,
-) -> "TradeoffReport":
+) -> "TradeoffReport | TuneReport":
     """Weigh accuracy against time; recommend accurate, fast settings.
 
-    A sweep is run into the store `output`, or `results/tradeoff/NAME`. `within` has the largest
-    acceptable values by metric, over those of the sweep.
+    Of a model it is the search of `tune`, drawn: the same settings. A sweep is run into the store
+    `output`, or `results/tradeoff/NAME`; `within` has the largest acceptable values by metric, over
+    those of the sweep.
 
     Raises:
         SweepFileError: the sweep holds mistakes, or a tolerance names what it does not measure.
@@ -93,10 +107,15 @@ def tradeoff(
     """
     from contactlab.pareto.analysis import analyse
     from contactlab.pareto.criteria import Criteria, find_store
+    from contactlab.scene.scene_source import MODEL_SUFFIXES, is_menagerie
     from contactlab.store.finished_store import Store
 
     opt.load_plugins(plugin)
     task = opt.task_of(start, drive, duration, watch, within, must)
+    if is_menagerie(str(source)) or Path(str(source)).suffix in MODEL_SUFFIXES:
+        return _of_model(
+            str(source), error, max_time, task, figure, write, model, output, workers, allow_code
+        )
     criteria = Criteria(error, task.limits)
     sweep_file, folder = (None if path is None else Path(path) for path in (write, model))
     _check_outputs(figure, sweep_file, folder)
@@ -117,13 +136,49 @@ def tradeoff(
         with study_session(RESULTS / "tradeoff", workers, allow_code=allow_code) as session:
             report = run(request, session)
     if figure is not None:
-        from contactlab.charts import save_figure
-        from contactlab.pareto.tradeoff_chart import specification
-
-        save_figure(specification(report), Path(figure))
-        say(f"drew {figure}")
+        _draw(report, Path(figure))
     if sweep_file is not None and report.recommendation is not None:
         _write(sweep_file, report)
+    return report
+
+
+def _draw(report: "TradeoffReport", figure: Path) -> None:
+    from contactlab.charts import save_figure
+    from contactlab.pareto.tradeoff_chart import specification
+
+    save_figure(specification(report), figure)
+    say(f"drew {figure}")
+
+
+def _of_model(
+    source: str,
+    error: str | None,
+    max_time: float | str,
+    task: "TaskOptions",
+    figure: str | Path | None,
+    write: str | Path | None,
+    model: str | Path | None,
+    output: "Address | str | None",
+    workers: int | None,
+    allow_code: bool,
+) -> "TuneReport":
+    """Search the settings of a model, as `tune` does."""
+    import shutil
+
+    from contactlab.commands.tune import error_of, searched, seconds_of
+    from contactlab.schema.tune_report import FOLDER
+    from contactlab.studies.search.tuning import TuneRequest
+
+    if write is not None:
+        raise SweepFileError("--write is of sweeps; of a model, --model FOLDER writes the settings")
+    copied = None if model is None else Path(model)
+    _check_outputs(figure, None, copied)
+    folder = opt.study_folder("tune", source, None if output is None else str(output))
+    request = TuneRequest(source, task, error_of(error), max_time=seconds_of(max_time))
+    report = searched(request, folder, workers, figure, allow_code=allow_code)
+    if copied is not None and report.recommended is not None:
+        shutil.copytree(folder / FOLDER, copied, dirs_exist_ok=True)
+        say(f"wrote {copied}")
     return report
 
 

@@ -1,38 +1,34 @@
-"""`contactlab tune`: from a model to the settings to use, written and proven."""
+"""`contactlab tune`: from a model to the settings to use, written and verified."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from contactlab.command_line import options as opt
 from contactlab.command_line.declaration import Argument, Given, Option, command, flag
-from contactlab.command_line.surroundings import say, study_session
+from contactlab.command_line.surroundings import say
 from contactlab.command_line.terminal import echo, echo_bytes, print_table
 from contactlab.errors import ExpectationError, SweepFileError
-from contactlab.printable import shortened
+from contactlab.printable import percent, shortened
 
 if TYPE_CHECKING:
-    from contactlab.schema.study_reports import Candidate, TuneReport
+    from contactlab.schema.tune_report import Point, TuneReport
+    from contactlab.studies.search.tuning import TuneRequest
 
-_REALITY = "reality"
-_LENGTH, _TIME = "a length, such as 1e-3 or 1mm", "a time, such as 90s, 5min or 1h"
+_TIME = "a time, such as 90s, 5min or 1h"
+_ERROR = "a share, such as 2%, or with --at a number in the unit of what is watched"
 
 
 def _text(report: "TuneReport", given: Given) -> None:
-    from contactlab.schema.study_reports import PATCH
+    from contactlab.schema.tune_report import PATCH
 
     folder = opt.study_folder("tune", given["model"], given["output"])
     if given["patch"]:
-        if (folder / PATCH).is_file():
+        if report.recommended and (folder / PATCH).is_file():
             echo_bytes((folder / PATCH).read_bytes())
         return
-    echo("\n".join(_head(report)))
-    real = report.candidates[0].reality is not None
-    errors = ("reality",) if real else ("final error", "peak error")
-    header = ("", "settings", *errors, "CPU s per s", "time", "labels")
-    print_table(header, [_row(candidate) for candidate in report.candidates])
-    echo("\n".join(_details(report, folder)))
+    print_search(report, folder)
 
 
 def _json(report: "TuneReport", given: Given) -> None:
@@ -40,19 +36,17 @@ def _json(report: "TuneReport", given: Given) -> None:
     echo(report.model_dump_json(indent=2))
 
 
-def _failure(report: "TuneReport", given: Given) -> ExpectationError | None:
-    if report.proof is not None and report.proof.holds:
-        return None
-    reasons = [f"{kept.name}: {kept.reason}" for kept in report.kept[-1:]]
-    nothing = f"nothing is better than {given['model']} as written"
-    return ExpectationError("; ".join([nothing, *reasons]))
+def failure(report: "TuneReport", given: Given) -> ExpectationError | None:
+    """Return the error of an aim that nothing meets."""
+    del given
+    return None if report.met else ExpectationError(f"{report.model}: {report.sentence}")
 
 
 @command(
     "examine",
     examples=("tune robot.xml",),
     formats={"text": _text, "json": _json},
-    failure=_failure,
+    failure=failure,
 )
 def tune(
     model: Annotated[
@@ -61,26 +55,26 @@ def tune(
     ],
     *,
     output: opt.StudyFolder = None,
-    goal: Annotated[
-        Literal["fastest", "most-accurate"],
-        Option(None, "The fastest, or the most accurate that takes no longer than now."),
-    ] = "fastest",
     error: Annotated[
         float | str | None,
         Option(
-            "METRES",
-            "Largest distance from the model as written, by default its own; or reality.",
+            "ERROR",
+            "Largest error, 2%; by default what the model is uncertain by. With --at in m, 1e-5.",
             kind=str,
         ),
     ] = None,
-    budget: Annotated[
-        float | str, Option("TIME", "How long it may take: 90s, 5min, 1h.", kind=str)
-    ] = "5min",
-    free: Annotated[
-        Sequence[str],
-        Option("NAME", "What may go unexercised, or soften: solref.", kind=list[str]),
-    ] = (),
-    drop_sensors: Annotated[bool, flag("Leave the model's sensors out.")] = False,
+    real_time: Annotated[
+        float | None,
+        Option("N", "The most accurate settings at N times real time, instead of the fastest."),
+    ] = None,
+    at: Annotated[
+        Literal["end", "peak"] | None,
+        Option(None, "Error of what is watched, body, site or sensor: at the end, or at its peak."),
+    ] = None,
+    max_time: opt.MaxTime = "2min",
+    drop_sensors: Annotated[
+        bool, flag("Leave the model's sensors out: nobody reads them.")
+    ] = False,
     patch: Annotated[bool, flag("Print the patch, and no more.")] = False,
     figure: opt.Figure = None,
     workers: opt.Workers = None,
@@ -95,123 +89,165 @@ def tune(
 ) -> "TuneReport":
     """Find the settings to use, and write the model that has them.
 
-    Numbers are in m, and of `budget` in s. Everything goes to `results/tune/NAME` if `output` is
-    left out.
+    The cheapest settings whose numerical error is at most what friction known to 10 % and masses
+    known to 5 % leave open, at least 1 %, and at most the tolerance. Everything goes to
+    `results/tune/NAME` if `output` is left out.
 
     Raises:
-        SceneError: there is no such model, or nothing in it moves.
-        SweepFileError: a tolerance is of no metric, or the budget is too short for a proof.
-        ExpectationError: runs of the model as written fail.
+        SceneError: there is no such model.
+        SweepFileError: options contradict each other, or one is no share, number or time.
+        EngineError: nothing in the model moves.
+        ExpectationError: a forward error is asked for of a chaotic motion.
     """
-    from contactlab.studies.tune.tune_request import TuneRequest
-    from contactlab.studies.tune.tuning import run
+    from contactlab.studies.search.tuning import TuneRequest
 
-    # What the command line prints; the report says the same either way.
     del patch
-    opt.load_plugins(plugin)
-    opt.check_figure(figure)
+    watched = (watch,) if isinstance(watch, str) else tuple(watch)
     request = TuneRequest(
         model=str(model),
-        goal=goal,
-        error=_distance(error),
-        budget=_read_positive("--budget", str(budget), _TIME, "s"),
-        free=free,
+        task=opt.task_of(start, drive, duration, () if at else watched, within, must),
+        error=error_of(error),
+        real_time=_positive_rate(real_time),
+        watched=watched if at else (),
+        at=at,
+        max_time=seconds_of(max_time),
         drop_sensors=drop_sensors,
-        task=opt.task_of(start, drive, duration, watch, within, must),
     )
+    opt.load_plugins(plugin)
     folder = opt.study_folder("tune", model, output)
-    with study_session(folder, workers, allow_code=allow_code) as session:
-        report = run(request, session)
+    return searched(request, folder, workers, figure, allow_code=allow_code)
+
+
+def searched(
+    request: "TuneRequest",
+    folder: Path,
+    workers: int | None,
+    figure: str | Path | None,
+    *,
+    allow_code: bool,
+) -> "TuneReport":
+    """Search, and draw what was found if a figure is asked for."""
+    from contactlab.run.worker_pool import worker_count
+    from contactlab.studies.search.tuning import run
+    from contactlab.studies.session import Session
+
+    opt.check_figure(figure)
+    session = Session(folder, worker_count(workers), notify=say, allow_code=allow_code)
+    report = run(request, session)
     if figure is not None:
-        _draw(report, folder, Path(figure))
+        from contactlab.charts import save_figure
+        from contactlab.studies.search.search_chart import specification
+
+        save_figure(specification(report), Path(figure))
+        say(f"drew {figure}")
     return report
 
 
-def _distance(error: float | str | None) -> float | Literal["reality"] | None:
-    if error is None or error == _REALITY:
-        return error and "reality"
-    return _read_positive("--error", str(error), _LENGTH, "m")
-
-
-def _draw(report: "TuneReport", folder: Path, figure: Path) -> None:
-    from contactlab.charts import save_figure
-    from contactlab.pareto.analysis import analyse
-    from contactlab.pareto.criteria import Criteria
-    from contactlab.pareto.tradeoff_chart import specification
-    from contactlab.store.finished_store import Store
-    from contactlab.studies.tune.study import COMPARED
-
-    if COMPARED in report.stores:
-        store = Store.open(folder / COMPARED)
-        error = _REALITY if _REALITY in report.limits else "error_peak"
-        save_figure(specification(analyse(store, Criteria(error, report.limits))), figure)
-        say(f"drew {figure}")
-
-
-def _read_positive(option: str, text: str, like: str, kind: str) -> float:
-    """Return a number above 0, in a unit of a kind or without one."""
+def error_of(error: float | str | None) -> float | None:
+    """Return the largest error that is asked for, as a number; 2% is 0.02."""
     from contactlab.schema.setting_values import read_quantity
 
-    value, unit = read_quantity(text)
-    if not 0 < value < math.inf or unit not in ("", kind):
-        raise SweepFileError(f"{option} {text}: write {like}")
+    if error is None:
+        return None
+    value, unit = read_quantity(str(error))
+    if not 0 < value < math.inf or unit not in ("", "m", "rad", "1"):
+        raise SweepFileError(f"--error {error}: write {_ERROR}")
     return value
 
 
+def seconds_of(text: float | str) -> float:
+    """Return a time that is allowed [s]."""
+    from contactlab.schema.setting_values import read_quantity
+
+    value, unit = read_quantity(str(text))
+    if not 0 < value < math.inf or unit not in ("", "s"):
+        raise SweepFileError(f"--max-time {text}: write {_TIME}")
+    return value
+
+
+def _positive_rate(rate: float | None) -> float | None:
+    if rate is not None and not 0 < rate < math.inf:
+        raise SweepFileError(f"--real-time {rate:g}: write a number above 0, such as 5")
+    return rate
+
+
+def print_search(report: "TuneReport", folder: Path) -> None:
+    """Print the report of a search."""
+    echo("\n".join(_head(report)))
+    shown = [("now", report.now)]
+    for standing, point in (
+        ("recommended", report.recommended),
+        ("nearest", report.nearest),
+        ("as accurate as now", report.as_accurate),
+    ):
+        if point:
+            shown.append((standing, point))
+    header = ("", "settings", "timestep [s]", "error", "over seeds", "in", "time")
+    print_table(header, [_row(standing, point, report) for standing, point in shown])
+    echo("\n".join(_details(report, folder)))
+
+
 def _head(report: "TuneReport") -> Iterator[str]:
-    proof, name = report.proof, report.model
+    aim = report.aim
     yield report.task.line
-    if proof is None or not proof.holds:
-        yield f"{name}: keep it as it is"
-    else:
-        cost, tuned = proof.tuned.cost, proof.tuned
-        ratio = 1 / cost.ratio if cost else math.nan
-        name_of_error, unit = ("error", " m") if tuned.reality is None else (_REALITY, "")
-        before, after = (_number(_error(each)) + unit for each in (proof.now, tuned))
-        error, runs = f"{name_of_error} {after} (now {before})", sum(tuned.labels.values())
-        yield f"{name}: {ratio:.2f} times as fast, {error}, in {runs} fresh runs"
-    limits = ", ".join(f"{name} <= {limit:.3g}" for name, limit in report.limits.items())
-    source = "as asked" if report.asked else "as good as now"
-    yield f"  limits   {limits} ({source})"
-    ended = f"; the search ended {report.ended}" if report.ended else ""
-    yield f"  search   {report.tried} configurations, {report.runs} runs{ended}"
+    yield f"{report.model}: {report.sentence}"
+    limit = _number(aim.limit, report)
+    match aim.kind:
+        case "uncertainty":
+            source = f"what the model is uncertain by: {aim.uncertain_by}"
+            if aim.uncertain is None or aim.uncertain < aim.limit:
+                source = "the model is uncertain by less"
+            elif aim.uncertain > aim.limit:
+                source = "the tolerance"
+            yield f"  aim      error at most {limit} ({source})"
+        case "real time":
+            yield f"  aim      the least error at {aim.real_time:g} times real time"
+        case _:
+            yield f"  aim      error at most {limit}, as asked"
+    if aim.growth:
+        yield f"  motion   {aim.growth}"
+    ended = "; the time was over before all was tried" if report.ended else ""
+    yield f"  search   {len(report.points)} choices measured in {report.seconds:.0f} s{ended}"
+    yield f"  speed    as written {report.real_time:.3g} times real time on one core"
 
 
-def _row(each: "Candidate") -> tuple[object, ...]:
-    settings = ", ".join(f"{name} {value}" for name, value in each.settings.items())
-    labels = ", ".join(f"{label} {count}" for label, count in each.labels.items())
-    time = "" if each.time is None else f"{each.time:.3g}"
-    ratio = "" if each.cost is None else f"x{each.cost.ratio:.2f}"
-    errors = (_number(each.error_final),) if each.reality is None else ()
-    errors += (_number(_error(each)),)
-    return each.standing, settings or "as written", *errors, time, ratio, labels
+def _row(standing: str, point: "Point", report: "TuneReport") -> tuple[object, ...]:
+    from contactlab.studies.search.choice import described
+
+    price = point.price
+    time = "" if price is None else f"x{price.ratio:.2f} ({price.low:.2f} to {price.high:.2f})"
+    spread = f"{_number(point.low, report)} to {_number(point.high, report)}"
+    settings = described(point.settings) or ("as written" if standing == "now" else "")
+    error = _number(point.error, report)
+    return standing, settings, f"{point.timestep:g}", error, spread, point.body, time
 
 
-def _error(each: "Candidate") -> float | None:
-    return each.error_peak if each.reality is None else each.reality
-
-
-def _number(value: float | None) -> str:
-    return "-" if value is None else f"{value:.2e}"
+def _number(value: float | None, report: "TuneReport") -> str:
+    if value is None:
+        return "gave up"
+    return percent(value) if report.aim.unit == "1" else f"{value:.2e} {report.aim.unit}"
 
 
 def _details(report: "TuneReport", folder: Path) -> Iterator[str]:
-    from contactlab.schema.study_reports import PATCH, PROOF, REPORT
+    from contactlab.schema.tune_report import PATCH, REPORT
 
-    shares = {name: 1 - each.ratio for name, each in report.profile.items() if each.high < 1}
-    yield "time: " + (", ".join(f"{name} {share:.0%}" for name, share in shares.items()) or "-")
     if report.masked or report.excluded:
         yield (
             f"exact: {len(report.masked)} geoms and {len(report.excluded)} pairs of bodies cannot "
-            "touch, by proof: every run is the same without their collisions, bit for bit"
+            "touch, by proof: the motion is the same without their collisions, bit for bit"
         )
+    if report.flags:
+        yield f"exact: no state depends on {' and '.join(report.flags)}; they are off now"
+    if report.verified:
+        seeds = ", ".join(map(str, report.verified.seeds))
+        yield f"verified on seeds {seeds}: {report.verified.sentence}"
     lines = [f"{each.file}:{each.line}: {each.element or 'removed'}" for each in report.lines]
     yield from shortened(lines, 12, PATCH)
     kept = [f"{each.name}: {each.reason}" for each in report.kept]
     yield from (f"kept: {each}" for each in shortened(kept, 6, REPORT))
     if report.file:
         patch = f", {PATCH}" if (folder / PATCH).is_file() else ""
-        yield f"wrote {folder / report.file}{patch}, {PROOF} and {REPORT}"
-        yield f"next: contactlab sweep {folder / PROOF}"
+        yield f"wrote {folder / report.file}{patch} and {REPORT}"
+        yield f"next: contactlab {folder / report.file}"
     else:
-        yield f"evidence and {REPORT} in {folder}"
+        yield f"{REPORT} in {folder}"

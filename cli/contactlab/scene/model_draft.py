@@ -49,6 +49,8 @@ class ModelEdits:
     excluded: tuple[tuple[str, str], ...] = ()
     # Names of sensors that are left out; one without a name is `sensor[3]`.
     sensors: tuple[str, ...] = ()
+    # Flags that are switched off although no compiled scene has them: energy, fwdinv.
+    unflagged: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -230,15 +232,17 @@ class Draft:
         options = {name: mjcf_text(read_option(new, name)) for name in changed}
         switched = [name for name in FLAGS if read_flag(new, name) != read_flag(old, name)]
         flags = {name: "enable" if read_flag(new, name) else "disable" for name in switched}
-        for tag, found, added in (
-            ("option", options, "<option{}/>"),
-            ("flag", flags, "<option><flag{}/></option>"),
-        ):
-            origin = self.origins.last.get(tag)
-            if found and origin and origin[0] == self.main:
-                self.values[origin] |= found
-            elif found:
-                self.added.append(added.format(attributes(found)))
+        self._set_last("option", options)
+        self._set_last("flag", flags)
+
+    def _set_last(self, tag: str, found: Mapping[str, str]) -> None:
+        """Set attributes of the main file's <option> or <flag>, which go over all others."""
+        added = {"option": "<option{}/>", "flag": "<option><flag{}/></option>"}[tag]
+        origin = self.origins.last.get(tag)
+        if found and origin and origin[0] == self.main:
+            self.values[origin] |= found
+        elif found:
+            self.added.append(added.format(attributes(found)))
 
     def set_parts(self, edits: ModelEdits, meant: CompiledFiles) -> None:
         """Make the changes that no field of a compiled model has, and remove what it lacks."""
@@ -247,6 +251,8 @@ class Draft:
         for one, other in edits.excluded:
             pair = attributes({"body1": one, "body2": other})
             self.added.append(f"<contact><exclude{pair}/></contact>")
+        if edits.unflagged:
+            self._set_last("flag", dict.fromkeys(edits.unflagged, "disable"))
         for kind, lines in self.now.lines.items():
             for name in lines.keys() - meant.lines[kind].keys():
                 self.removed.add(self._origin(kind, name))

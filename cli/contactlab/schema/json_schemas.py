@@ -15,10 +15,12 @@ from contactlab.schema.evidence import EvidenceRecord, StoreManifest
 from contactlab.schema.examination import Examination
 from contactlab.schema.grip import GripReport
 from contactlab.schema.lint_report import LintReport
+from contactlab.schema.parts_report import PartsReport
 from contactlab.schema.scene_manifest import SceneManifest
-from contactlab.schema.study_reports import EffectsReport, FitReport, TuneReport
+from contactlab.schema.study_reports import EffectsReport, FitReport
 from contactlab.schema.sweep_schema import Sweep
 from contactlab.schema.tradeoff_report import TradeoffReport
+from contactlab.schema.tune_report import TuneReport
 
 # Files that people write, for editors; a key without a value is left out of these.
 WRITTEN: Mapping[str, type[BaseModel]] = {
@@ -38,6 +40,7 @@ EMITTED: Mapping[str, type[BaseModel]] = {
     "diff.schema.json": DiffReport,
     "reference.schema.json": Reference,
     "effects.schema.json": EffectsReport,
+    "parts.schema.json": PartsReport,
     "tune.schema.json": TuneReport,
     "fit.schema.json": FitReport,
     "grip.schema.json": GripReport,

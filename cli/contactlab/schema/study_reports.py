@@ -1,4 +1,4 @@
-"""The reports of `contactlab effects`, of `contactlab tune` and of `contactlab fit`."""
+"""The reports of `contactlab effects` and of `contactlab fit`."""
 
 from collections.abc import Sequence
 from statistics import median
@@ -122,102 +122,6 @@ class EffectsReport(Model):
     smallest_set: SmallestSet
     saving: Ratio | None = about("CPU time of the smallest set over the base's.")
     verification: Verification
-    stores: tuple[str, ...] = about("The evidence, relative to the report.")
-
-
-TUNE_VERSION = 1
-REPORT, MODEL, PATCH, PROOF = "tune.json", "tuned.xml", "tuned/tuned.patch", "proof.yaml"
-"""Files of the study's folder; the model lies in `tuned`, with what it refers to."""
-
-Goal = Literal["fastest", "most-accurate"]
-Standing = Literal["now", "recommended", "safer", "more accurate"]
-
-
-class Candidate(Model):
-    """One configuration, in all runs of its sweep; errors are the largest over them."""
-
-    standing: Standing
-    settings: dict[str, Setting] = about("What differs from the model as written.")
-    error_final: float | None = about("m")
-    error_mean: float | None = about("m")
-    error_peak: float | None = about("m")
-    error_velocity: float | None = about("m/s, mean over time")
-    error_energy: float | None = about("As a ratio, mean over time.")
-    reality: float | None = about(
-        "Mean distance from what was recorded, in widths or ranges.", default=None
-    )
-    labels: dict[str, int] = about("Runs by worst label.")
-    time: float | None = about("CPU seconds per simulated second.")
-    cost: Ratio | None = about("Time over that of the model as written.")
-    excess: float | None = about(
-        "Largest size of what is limited, over its limit; null if a run fails."
-    )
-
-
-class Changed(Model):
-    """A setting that is recommended, and what it was."""
-
-    name: str
-    before: Setting
-    after: Setting
-
-
-class Kept(Model):
-    """Setting that was not tried, or not changed, and why."""
-
-    name: str
-    reason: str
-
-
-class Line(Model):
-    """A line of a file of the model, as the patch makes it; empty if it goes."""
-
-    file: str
-    line: int
-    element: str
-
-
-class Proof(Model):
-    """The written model and the model as written, from fresh seeds under the same drive."""
-
-    seeds: tuple[int, ...]
-    holds: bool
-    reason: str
-    same_runs: int = about("Runs of the file equal to those of the settings, bit for bit.")
-    now: Candidate
-    tuned: Candidate
-
-
-class TuneReport(Model):
-    """From a model to the settings to use (`tune.json`). Units are SI."""
-
-    tune_version: Literal[1] = TUNE_VERSION
-    model: str = about("As given.")
-    scene_hash: str
-    goal: Goal
-    task: Task = about("What it is judged on.")
-    drive: str
-    duration: float = about("s")
-    limits: dict[str, float] = about("Largest error, and of metrics, by column.")
-    asked: bool = about("Whether the error was asked for; else it is that of now.")
-    divergence: float | None = about("How far a start 1e-8 away parts from the reference [m].")
-    engine: Engine
-    provenance: Provenance
-    candidates: tuple[Candidate, ...] = about("Now first, from the same seeds.")
-    changes: tuple[Changed, ...]
-    masked: tuple[str, ...] = about("Geoms that can touch nothing, by proof.")
-    excluded: tuple[tuple[str, str], ...] = about("Bodies that cannot touch.")
-    sensors: tuple[str, ...] = about("Sensors that were left out.")
-    profile: dict[str, Ratio] = about(
-        "Time of a step of the model as written without a part, over that with it."
-    )
-    kept: tuple[Kept, ...]
-    proof: Proof | None = about("Null if nothing is recommended.")
-    file: str | None = about("The written model, relative to the report.")
-    lines: tuple[Line, ...] = about("What the patch changes.")
-    ended: str = about("When the search ended early; empty if it did not.")
-    tried: int = about("Configurations that were judged.")
-    runs: int = about("Runs in all stores.")
     stores: tuple[str, ...] = about("The evidence, relative to the report.")
 
 

@@ -17,12 +17,11 @@ from contactlab.plan.overrides import Overrides
 from contactlab.plan.task_options import AS_INFERRED, TaskOptions
 from contactlab.run.planned_runs import stored_sweep_scene
 from contactlab.run.stored_runs import canonical_values
-from contactlab.run.sweep_request import SceneLoader, SweepRequest, read_request, starter_sweep
+from contactlab.run.sweep_request import SweepRequest, read_request
 from contactlab.scene.effects.effect_table import EFFECTS
 from contactlab.scene.model_draft import ModelEdits
 from contactlab.scene.model_writer import write_model
 from contactlab.scene.parameters import PARAMETERS
-from contactlab.scene.scene_source import MODEL_SUFFIXES, is_menagerie
 from contactlab.schema.evidence import ERRORS
 from contactlab.schema.sweep_schema import Sweep
 from contactlab.schema.tradeoff_report import Recommendation, TradeoffReport
@@ -36,9 +35,7 @@ from contactlab.studies.task_verdict import records_of, refuse_lengths, task_ver
 class TradeoffRequest:
     """Which configurations to evaluate, and by what."""
 
-    # A store, a sweep file, the name of a shipped sweep; or a model file or menagerie:ROBOT, for
-    # the sweep that `init` writes for it.
-    source: str
+    source: str  # a store, a sweep file, or the name of a shipped sweep
     criteria: Criteria  # which error stands for accuracy, and tolerances over the sweep's
     # Where the store of a sweep goes; if None, under its name in the session's folder.
     store: Address | None = None
@@ -123,11 +120,8 @@ def _sweep(request: TradeoffRequest, session: Session) -> SweepRequest:
     return read(overrides=Overrides(assign=(*added, *request.task.settings)))
 
 
-def _source(reference: str) -> tuple[Path | str, str, Path]:
-    """Return the file or the text of a sweep, its name, and where its relative paths start."""
-    if is_menagerie(reference) or Path(reference).suffix in MODEL_SUFFIXES:
-        loader = SceneLoader(Path())
-        return starter_sweep(reference, loader), loader.open(reference).name, Path()
+def _source(reference: str) -> tuple[Path, str, Path]:
+    """Return the file of a sweep, its name, and where its relative paths start."""
     path = resources.find_sweep(reference)
     return path, path.stem, path.parent
 

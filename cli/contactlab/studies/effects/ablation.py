@@ -106,6 +106,8 @@ def merged(*names: Collection[str]) -> Changed:
 
 REPORT = "effects.json"
 FRESH_SEEDS = 10
+SAFEGUARDS = frozenset({"refsafe", "warmstart", "clampctrl"})
+"""Effects that guard against what a few runs of one drive need not meet: none is left out."""
 _CHEAPER = 0.95  # an effect is added only if the ratio of times is at most this
 
 
@@ -121,7 +123,9 @@ def run(request: EffectsRequest, session: Session) -> EffectsReport:
     session.claim("effects", request.source)
     toggles = {toggle.effect: toggle for toggle in find_toggles(setup)}
     trials = ConfigurationRunner(setup, toggles, session, request.rounds)
-    proven = merged([name for name, toggle in toggles.items() if toggle.proof is not None])
+    proven = merged(
+        [name for name, toggle in toggles.items() if toggle.proof and name not in SAFEGUARDS]
+    )
     singles = [(name,) for name, toggle in toggles.items() if toggle.proof is None]
     configurations = [BASE, *singles, *([proven] if proven else [])]
     outcomes = trials.run("one-by-one", "One effect changed at a time", configurations)
@@ -221,9 +225,14 @@ def _worthwhile(findings: Sequence[EffectFinding], setup: AblationSetup) -> list
     worthwhile = [
         finding
         for finding in findings
-        if finding.need == "saves"
-        or (finding.need == "absent" and {*setup.tolerances} == {REALITY})
-        or (finding.need == "free" and (finding.kind != "numerical" or finding.effect in faster))
+        if finding.effect not in SAFEGUARDS
+        and (
+            finding.need == "saves"
+            or (finding.need == "absent" and {*setup.tolerances} == {REALITY})
+            or (
+                finding.need == "free" and (finding.kind != "numerical" or finding.effect in faster)
+            )
+        )
     ]
     ranked = sorted(
         worthwhile, key=lambda effect: 1.0 if effect.cost is None else effect.cost.ratio

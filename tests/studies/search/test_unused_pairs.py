@@ -13,7 +13,7 @@ from contactlab.engines.engine import Buffers, PreparedRuns
 from contactlab.scene.model_draft import ModelEdits
 from contactlab.scene.scene import Scene
 from contactlab.scene.unreachable import filtered_pairs, unreachable_pairs
-from contactlab.studies.tune.profile import untouched_geoms
+from contactlab.studies.search.unused_pairs import untouched_geoms
 
 # An arm that turns by 1.5 rad either way, a post at 1.4 rad, a wall out of reach, a lamp above all;
 # and a box on the floor, which may be anywhere.

@@ -1,0 +1,225 @@
+"""Forward errors: how far what a user watches ends, or gets, from the model as written.
+
+They are offered where the motion is not chaotic, which copies of the start that are nudged tell.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import mujoco
+import numpy as np
+
+from contactlab.budget import Motion
+from contactlab.budget.measuring import reference_of, run_at_once
+from contactlab.budget.motion import INTEGRATION, without_delays
+from contactlab.budget.windows import replay
+from contactlab.contact.trace_arrays import Floats
+from contactlab.errors import SceneError
+from contactlab.scene.model_names import find_id
+from contactlab.studies.search.yardstick import Apart
+
+When = Literal["end", "peak"]
+_NUDGE = 1e-8  # share of every coordinate's size, in velocity
+_COPIES = 3
+_PARTS = 16  # of a run, in which growth is looked at
+_GROWN = 1e3  # growth over a run, beyond which nothing regular grows
+_OFTEN = 3  # parts in which a chaotic motion grows by a factor of e
+_RK4 = int(mujoco.mjtIntegrator.mjINT_RK4)
+_LOOKED_AT = 200  # times of a run at which a peak is looked for
+
+
+@dataclass(frozen=True)
+class Growth:
+    """What became of nudged copies of a start.
+
+    Attributes:
+        factor: how much the nudge grew over the run.
+        parts: in how many sixteenths of the run it grew by a factor of e.
+        jump: share of the growth, in powers of e, that the sixteenth of most growth has.
+    """
+
+    factor: float
+    parts: int
+    jump: float
+
+    @property
+    def chaotic(self) -> bool:
+        """Whether it grows again and again; a switch that a nudge flips makes it grow once."""
+        return self.factor > _GROWN and self.parts >= _OFTEN
+
+    @property
+    def sentence(self) -> str:
+        """Say it in words."""
+        grown = f"a nudge grows {self.factor:.2g} times"
+        if self.chaotic:
+            return f"chaotic: {grown}, in {self.parts} of {_PARTS} parts of the run"
+        if self.factor > _GROWN:
+            return f"regular but for a switch that a nudge flips: {grown}, {self.jump:.0%} at once"
+        return f"regular: {grown} in the whole run"
+
+
+def growth_of(motion: Motion, workers: int) -> Growth:
+    """Return how nudged copies of a motion part from it, at the worst of its seeds."""
+    model = motion.model
+    generator = np.random.default_rng(0)
+    qvel = mujoco.mj_stateSize(model, int(mujoco.mjtState.mjSTATE_QVEL) - 1 & INTEGRATION)
+    place = slice(qvel, qvel + model.nv)
+    starts = np.repeat(motion.starts, 1 + _COPIES, axis=0)
+    nudges = _NUDGE * generator.normal(size=(len(starts), model.nv))
+    nudges[:: 1 + _COPIES] = 0
+    starts[:, place] += nudges * np.maximum(1.0, np.abs(starts[:, place]))
+    many = replace(motion, starts=starts, inputs=np.repeat(motion.inputs, 1 + _COPIES, axis=0))
+    kept = replay(many, motion.steps * float(model.opt.timestep), workers).kept[:, :-1]
+    nq = model.nq
+    places = np.linspace(0, kept.shape[1] - 1, _PARTS + 1).astype(int)
+    seen = kept[:, places, nq : nq + model.nv].reshape(motion.seeds, 1 + _COPIES, len(places), -1)
+    with np.errstate(invalid="ignore", over="ignore"):
+        apart = np.linalg.norm(seen[:, 1:] - seen[:, :1], axis=-1)
+    apart = np.maximum(np.nan_to_num(apart, nan=np.inf), 1e-300)
+    found = list[Growth]()
+    for copies in apart.reshape(-1, len(places)):
+        whole = float(copies[1:].max() / copies[0])
+        # What had grown before does not count again where it grows back.
+        peaks = np.maximum.accumulate(copies)
+        steps = np.diff(np.log(peaks))
+        total = float(steps.sum())
+        jump = float(steps.max() / total) if total > 0 else 0.0
+        found.append(Growth(whole, int((steps > 1).sum()), jump))
+    return max(found, key=lambda growth: (growth.chaotic, growth.factor))
+
+
+@dataclass(frozen=True)
+class Watched:
+    """What is watched: a body, a site or a sensor, by name."""
+
+    kind: Literal["body", "site", "sensor"]
+    name: str
+    index: int
+
+    @classmethod
+    def of(cls, model: mujoco.MjModel, name: str) -> "Watched":
+        """Find it in a model; a SceneError says that there is none of this name."""
+        if (body := find_id(model, "body", name)) > 0:
+            return cls("body", name, body)
+        for kind, number in (
+            ("site", mujoco.mjtObj.mjOBJ_SITE),
+            ("sensor", mujoco.mjtObj.mjOBJ_SENSOR),
+        ):
+            if (index := mujoco.mj_name2id(model, number, name)) >= 0:
+                return cls("site" if kind == "site" else "sensor", name, index)
+        raise SceneError(f"nothing is called '{name}': --watch takes a body, a site or a sensor")
+
+    @property
+    def unit(self) -> str:
+        """Of its error: m, or that of the sensor."""
+        return "m" if self.kind != "sensor" else "of the sensor"
+
+    def read(self, model: mujoco.MjModel, data: mujoco.MjData) -> Floats:
+        """Return what it is in a state."""
+        match self.kind:
+            case "body":
+                return data.xpos[self.index].copy()
+            case "site":
+                return data.site_xpos[self.index].copy()
+            case "sensor":
+                first = int(model.sensor_adr[self.index])
+                return data.sensordata[first : first + int(model.sensor_dim[self.index])].copy()
+
+
+class ForwardError:
+    """Distances of what is watched from those in the finest motion, of whole runs."""
+
+    def __init__(
+        self,
+        motions: Sequence[Motion],
+        finer: int,
+        watched: Sequence[Watched],
+        at: When,
+        workers: int,
+    ) -> None:
+        """Run the task at fine steps: one motion, from its start to its end."""
+        self._motion = without_delays(joined_phases(motions))
+        self._finer, self._watched, self._at, self._workers = finer, watched, at, workers
+        self.step = float(self._motion.model.opt.timestep) / finer
+        self._fine = self._finest()
+
+    def _finest(self) -> Floats:
+        """Return (S, K + 1, state) states at fine steps, by what converges best.
+
+        The model's own integrator, or RK4: that whose steps, halved, change the end less.
+        """
+        found = list[tuple[float, Floats]]()
+        for kind in dict.fromkeys([int(self._motion.model.opt.integrator), _RK4]):
+            if self._motion.model.nflex and kind == _RK4:
+                continue
+            ends = list[Floats]()
+            for part in (2, 1):
+                model = reference_of(self._motion.model, self._finer * (3 - part))
+                model.opt.integrator = kind
+                kept = self._kept(model, self._finer * (3 - part))
+                ends.append(kept[:, :: 3 - part])
+            length = min(ends[0].shape[1], ends[1].shape[1])
+            apart = float(
+                np.nan_to_num(
+                    np.abs(ends[0][:, length - 1] - ends[1][:, length - 1]).max(), nan=np.inf
+                )
+            )
+            found.append((apart, ends[1]))
+        return min(found, key=lambda pair: pair[0])[1]
+
+    def _kept(self, model: mujoco.MjModel, rate: int) -> Floats:
+        inputs = self._motion.inputs.repeat(rate, axis=1)
+        motion = replace(self._motion, model=model, inputs=inputs)
+        return replay(motion, motion.steps * float(model.opt.timestep), self._workers).kept[:, :-1]
+
+    def apart(self, model: mujoco.MjModel, multiple: int) -> Apart:
+        """Return the largest distance of what is watched, over seeds."""
+        own = run_at_once(model)
+        own.opt.timestep = multiple * self.step
+        steps = self._motion.steps * self._finer // multiple
+        fine = np.arange(steps * multiple)
+        rows = self._motion.inputs[:, fine // self._finer]
+        inputs = rows.reshape(len(rows), steps, multiple, -1).mean(axis=2)
+        motion = replace(self._motion, model=own, inputs=inputs)
+        kept = replay(motion, steps * float(own.opt.timestep), self._workers).kept[:, :-1]
+        places = (
+            [steps]
+            if self._at == "end"
+            else np.unique(np.linspace(0, steps, _LOOKED_AT).astype(int)).tolist()
+        )
+        data = mujoco.MjData(own)
+        worst, seeds = (0.0, "", 0.0), list[float]()
+        for seed in range(motion.seeds):
+            largest = 0.0
+            for watched in self._watched:
+                for place in places:
+                    one = _read(own, data, kept[seed, place], watched)
+                    other = _read(own, data, self._fine[seed, place * multiple], watched)
+                    apart = float(np.linalg.norm(one - other))
+                    apart = apart if math.isfinite(apart) else math.inf
+                    largest = max(largest, apart)
+                    if apart > worst[0]:
+                        worst = apart, watched.name, place * multiple * self.step
+            seeds.append(largest)
+        return Apart(max(seeds), worst[1], self._motion.name, worst[2], min(seeds), max(seeds))
+
+
+def _read(model: mujoco.MjModel, data: mujoco.MjData, state: Floats, watched: Watched) -> Floats:
+    """Return what is watched in a state that begins with positions and velocities."""
+    data.qpos[:], data.qvel[:] = state[: model.nq], state[model.nq : model.nq + model.nv]
+    if watched.kind == "sensor":
+        mujoco.mj_forward(model, data)
+    else:
+        mujoco.mj_kinematics(model, data)
+    return watched.read(model, data)
+
+
+def joined_phases(motions: Sequence[Motion]) -> Motion:
+    """Return the motion of a task's phases, one after the other; they drive the same inputs."""
+    first = motions[0]
+    if any(motion.seeds != first.seeds or motion.spec != first.spec for motion in motions):
+        return first
+    inputs = np.concatenate([motion.inputs for motion in motions], axis=1)
+    return replace(first, inputs=inputs, name="the task")

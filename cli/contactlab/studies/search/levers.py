@@ -1,0 +1,120 @@
+"""Settings that may make a model cheaper. Safeguards, such as refsafe and clamps, are none."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from contactlab.budget import Motion
+from contactlab.budget.rows import ROWS
+from contactlab.budget.showing import shown_rows
+from contactlab.scene.model_edits import FLAGS, read_flag, read_option
+from contactlab.scene.model_names import name_of
+from contactlab.scene.parameters import WORDS
+from contactlab.schema.setting_values import as_number
+from contactlab.studies.search.choice import INTEGRATOR
+
+Settings = Mapping[str, object]
+_FEWER: Mapping[str, tuple[float, ...]] = {
+    "iterations": (50, 20, 10, 5, 3),
+    "ls_iterations": (20, 10, 5),
+    "noslip_iterations": (3, 0),
+    "ccd_iterations": (12,),
+}
+_LOOSER = (1e-8, 1e-6, 1e-4)
+_OFF = ("multiccd", "eulerdamp", "diagexact", "speculative")
+_DIMENSIONS = (3, 4)
+"""Of contacts. Fewer than three have no friction, which no run of this task may tell of."""
+_SHOWN = {
+    "cone": ("cone", "pyramids"),
+    "impratio": ("impratio",),
+    "noslip_iterations": ("noslip",),
+    "condim": ("condim 3",),
+    "multiccd": ("contact softness",),
+}
+"""Rows of a budget that a task has to exercise before a setting may change."""
+
+
+@dataclass(frozen=True)
+class Lever:
+    """A setting, and the values that are tried, the cheapest last.
+
+    Attributes:
+        name: as the report has it.
+        values: settings by axis, each tried by itself.
+    """
+
+    name: str
+    values: Sequence[Settings]
+
+
+@dataclass(frozen=True)
+class Unsearched:
+    """What is not tried, and why."""
+
+    name: str
+    reason: str
+
+
+def levers_of(
+    model: mujoco.MjModel, motions: Sequence[Motion]
+) -> tuple[list[Lever], list[Unsearched]]:
+    """Return the levers of a model, and those that its task does not exercise."""
+    found, kept = list[Lever](), list[Unsearched]()
+    wanted = {name for names in _SHOWN.values() for name in names}
+    rows = [row for row in ROWS if row.name in wanted and row.uses(model)]
+    shown = {name for motion in motions for name in shown_rows(motion, rows)}
+    for lever in _proposed(model):
+        needs = _SHOWN.get(lever.name, ())
+        if needs and not shown & {*needs}:
+            kept.append(Unsearched(lever.name, "nothing in the task exercises it"))
+        elif lever.values:
+            found.append(lever)
+    return found, kept
+
+
+def integrators_of(model: mujoco.MjModel) -> tuple[str, ...]:
+    """Return the integrators to try, that of the model first; flexes allow no other."""
+    own = str(read_option(model, INTEGRATOR))
+    if model.nflex:
+        return (own,)
+    return tuple(dict.fromkeys([own, "Euler", "implicitfast", "implicit", "RK4"]))
+
+
+def _proposed(model: mujoco.MjModel) -> Iterator[Lever]:
+    def option(name: str) -> float:
+        return as_number(read_option(model, name))
+
+    for name in ("solver", "jacobian", "cone"):
+        own = read_option(model, name)
+        others = [word for word in WORDS[name] if word not in (own, "auto")]
+        yield Lever(name, [{name: word} for word in others])
+    for name, values in _FEWER.items():
+        yield Lever(name, [{name: int(value)} for value in values if value < option(name)])
+    looser = [value for value in _LOOSER if value > option("tolerance")]
+    yield Lever("tolerance", [{"tolerance": value} for value in looser])
+    if option("impratio") != 1:
+        yield Lever("impratio", [{"impratio": 1.0}])
+    if "island" in FLAGS:
+        yield Lever("island", [{"island": not read_flag(model, "island")}])
+    for flag in _OFF:
+        if flag in FLAGS and read_flag(model, flag):
+            yield Lever(flag, [{flag: False}])
+    yield Lever("condim", [dims for least in _DIMENSIONS[::-1] if (dims := _condim(model, least))])
+
+
+def _condim(model: mujoco.MjModel, least: int) -> Settings:
+    """Return the geoms whose contacts have more dimensions, with so many."""
+    return {
+        f"geom_condim[{name_of(model, 'geom', int(geom))}]": least
+        for geom in np.flatnonzero(model.geom_condim > least)
+    }
+
+
+def condim_alone(settings: Settings) -> list[Settings]:
+    """Return the settings of each geom by itself, if there are several."""
+    fields: list[Settings] = [
+        {name: value} for name, value in settings.items() if name.startswith("geom_condim[")
+    ]
+    return fields if len(fields) > 1 else []

@@ -1,0 +1,317 @@
+"""The search: which choices are tried, in which order, and which is the best of them.
+
+Integrator and step together go first, then all other settings, each with what was found before;
+for the most accurate at a price, what costs nothing goes first. Every choice that was tried is
+kept, with its error and its time, so that little time gives a small answer.
+"""
+
+import math
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Protocol
+
+import mujoco
+
+from contactlab.budget.prices import Price
+from contactlab.studies.search.choice import INTEGRATOR, Choice, differing
+from contactlab.studies.search.clock import Clock
+from contactlab.studies.search.levers import Lever, condim_alone
+from contactlab.studies.search.yardstick import Apart
+
+SAVES = 0.97
+"""Ratio of times below which a setting saves any."""
+_LOSSLESS = 0.05  # of the limit, that what counts as free may add to the error of the model
+_CLOSE = 1.15  # ratio of steps that are told apart
+_BETTER = 0.99
+SAFE = 0.85
+"""Share of the limit that the search aims at: on other seeds the error is another."""
+_ALONE = 12  # geoms whose contacts are tried one by one
+_TURNS, _COMPARED = 3, 7
+"""Of the clock: to see what may save time, and to see whether it does."""
+
+
+class OutOfTimeError(Exception):
+    """The time that was allowed is over."""
+
+
+class Measure(Protocol):
+    """What tells how far a model of so many fine steps is from the model as written."""
+
+    def apart(self, model: mujoco.MjModel, multiple: int) -> Apart:
+        """Return how far."""
+        raise NotImplementedError
+
+
+@dataclass
+class Tried:
+    """A choice that was tried, its error and its price, as far as they were measured."""
+
+    choice: Choice
+    error: Apart | None = None
+    price: Price | None = None
+
+
+@dataclass(frozen=True)
+class Space:
+    """What is searched.
+
+    Attributes:
+        model: as written.
+        lighter: without what changes no state; None if there is nothing of that kind.
+        finer: fine steps in one of the model as written.
+        longest: steps, in fine ones, that the measure can tell of.
+        levers: settings.
+        integrators: that of the model first.
+    """
+
+    model: mujoco.MjModel
+    lighter: mujoco.MjModel | None
+    finer: int
+    longest: int
+    levers: Sequence[Lever]
+    integrators: Sequence[str]
+
+    def made(self, choice: Choice) -> mujoco.MjModel:
+        """Return the model of a choice, but for its step."""
+        return choice.made(self.lighter if choice.light and self.lighter else self.model)
+
+
+@dataclass
+class Search:
+    """A search for the cheapest choice within a limit, or the most accurate within a price.
+
+    Attributes:
+        limit: of the error.
+        dearest: largest price, if the error is what is to be small.
+        deadline: on the clock of `time.monotonic`.
+        tried: what was tried, by key.
+        ended: whether the time was over before nothing was left to try.
+    """
+
+    space: Space
+    measure: Measure
+    clock: Clock
+    limit: float
+    dearest: float | None
+    deadline: float
+    tried: dict[tuple[object, ...], Tried] = field(
+        default_factory=dict[tuple[object, ...], "Tried"]
+    )
+    ended: bool = False
+
+    @property
+    def now(self) -> Choice:
+        """The model as written."""
+        return Choice({}, self.space.finer)
+
+    def run(self) -> None:
+        """Search until nothing is left to try, or the time is over."""
+        try:
+            self._error(self.now)
+            self._priced([self.now])
+            here = self._quick(replace(self.now, light=self.space.lighter is not None))
+            if self.dearest is None:
+                here = self._with_losses(self._step(here))
+                self._step_again(here)
+            else:
+                self._step(self._without_waste(here))
+        except (OutOfTimeError, KeyboardInterrupt):
+            self.ended = True
+
+    def ranked(self) -> list[Tried]:
+        """Return what meets the aim, the best first; only what was measured and timed."""
+        known = [one for one in self.tried.values() if one.error and one.price]
+        if self.dearest is not None:
+            cheap = [one for one in known if _ratio(one) <= self.dearest]
+            return sorted(cheap, key=_share)
+        good = [one for one in known if _share(one) <= self.limit]
+        safe = [one for one in good if _share(one) <= SAFE * self.limit]
+        return sorted(safe or good, key=_ratio)
+
+    def nearest(self) -> Tried | None:
+        """Return what comes nearest to an aim that nothing meets."""
+        known = [one for one in self.tried.values() if one.error and one.price]
+        return min(known, key=_ratio if self.dearest is not None else _share, default=None)
+
+    def _left(self) -> None:
+        if time.monotonic() > self.deadline:
+            raise OutOfTimeError
+
+    def _entry(self, choice: Choice) -> Tried:
+        return self.tried.setdefault(choice.key, Tried(choice))
+
+    def _error(self, choice: Choice) -> float:
+        """Return the error of a choice."""
+        entry = self._entry(choice)
+        if entry.error is None:
+            self._left()
+            found = self.measure.apart(self.space.made(choice), choice.multiple)
+            entry.error = found
+        return entry.error.share
+
+    def _priced(self, choices: Sequence[Choice], *, again: bool = False) -> list[float]:
+        """Return the prices of choices, from turns that all of them take."""
+        new = [one for one in choices if again or self._entry(one).price is None]
+        if new:
+            self._left()
+            models = [(self.space.made(one), one.multiple) for one in new]
+            turns = _COMPARED if again else _TURNS
+            for choice, price in zip(new, self.clock.prices(models, turns), strict=True):
+                self._entry(choice).price = price
+        return [_ratio(self._entry(one)) for one in choices]
+
+    def _fits(self, choice: Choice) -> bool:
+        return self._error(choice) <= SAFE * self.limit
+
+    def _quick(self, here: Choice) -> Choice:
+        """Return a choice with Newton's solver, if another makes all that follows slow."""
+        self._error(here)
+        newton = differing({"solver": "Newton"}, self.space.made(here))
+        if not newton:
+            return here
+        quick = here.with_settings(newton)
+        most = max(self._error(here) + _LOSSLESS * self.limit, SAFE * self.limit)
+        return quick if self._saves(quick, here) and self._error(quick) <= most else here
+
+    def _without_waste(self, here: Choice) -> Choice:
+        """Return a choice with all that costs time and adds no error."""
+        most = self._error(here) + _LOSSLESS * self.limit
+        return self._added(here, lambda choice: self._error(choice) <= most)
+
+    def _with_losses(self, here: Choice) -> Choice:
+        """Return a choice with what saves time and keeps the limit."""
+        return self._added(here, self._fits) if self._fits(here) else here
+
+    def _added(self, here: Choice, good: Callable[[Choice], bool]) -> Choice:
+        values = [
+            here.with_settings(value)
+            for lever in self.space.levers
+            for value in lever.values
+            if differing(value, self.space.made(here))
+        ]
+        prices = self._priced(values)
+        (own,) = self._priced([here])
+        saving = sorted(
+            (pair for pair in zip(prices, values, strict=True) if pair[0] < SAVES * own),
+            key=lambda pair: pair[0],
+        )
+        for _, value in saving:
+            added = {
+                name: setting
+                for name, setting in value.settings.items()
+                if here.settings.get(name, ...) != setting
+            }
+            if not differing(added, self.space.made(here)):
+                continue
+            both = here.with_settings(added)
+            if any(name in here.settings for name in added) and not self._saves(both, here):
+                continue
+            if good(both) and self._saves(both, here):
+                here = both
+            elif alone := condim_alone(added):
+                for one in alone[:_ALONE]:
+                    less = here.with_settings(one)
+                    if good(less) and self._saves(less, here):
+                        here = less
+        return here
+
+    def _saves(self, choice: Choice, here: Choice) -> bool:
+        self._priced([choice, here], again=True)
+        one, other = self._entry(choice).price, self._entry(here).price
+        assert one
+        assert other
+        return one.ratio < SAVES * other.ratio and one.high < other.ratio
+
+    def _step(self, here: Choice) -> Choice:
+        """Return a choice with the integrator and the step that serve the aim best."""
+        model = self.space.model
+        choices = [
+            here.with_settings({INTEGRATOR: name} if differing({INTEGRATOR: name}, model) else {})
+            for name in self.space.integrators
+        ]
+        prices = self._priced(choices)
+        if self.dearest is not None:
+            return self._most_accurate(choices, prices)
+        best, cost = None, math.inf
+        for price, choice in zip(prices, choices, strict=True):
+            # The shortest step that would win.
+            least = math.floor(price * choice.multiple / cost) + 1 if best else 1
+            if found := self._longest(choice, least):
+                best, cost = found, price * choice.multiple / found.multiple
+        if best is None:
+            self._priced([min(self.tried.values(), key=_share).choice])
+            return here
+        self._priced([best])
+        return best
+
+    def _longest(self, choice: Choice, least: int) -> Choice | None:
+        """Return a choice at its longest step within the limit that is at least so long."""
+        shortest = min(self.space.finer, 2)
+        low = max(least, min(shortest, choice.multiple), 1)
+        if low > self.space.longest:
+            return None
+        start = max(low, choice.multiple)
+        if not self._fits(choice.at(start)):
+            high = start
+            if not self._fits(choice.at(low)):
+                return None
+        else:
+            low, high = start, 2 * start
+            while high <= self.space.longest and self._fits(choice.at(high)):
+                low, high = high, 2 * high
+            high = min(high, self.space.longest + 1)
+        while high - low > 1 and high > _CLOSE * low:
+            middle = (low + high) // 2
+            if self._fits(choice.at(middle)):
+                low = middle
+            else:
+                high = middle
+        return choice.at(low)
+
+    def _step_again(self, here: Choice) -> None:
+        """Try the steps beside that of a choice, to which more was added since."""
+        for part in (1.25, 1.1):
+            longer = here.at(max(here.multiple + 1, round(part * here.multiple)))
+            if longer.multiple <= self.space.longest and self._fits(longer):
+                self._priced([longer])
+                break
+        shorter = here.at(max(1, min(here.multiple - 1, round(0.8 * here.multiple))))
+        self._error(shorter)
+        self._priced([shorter])
+
+    def _most_accurate(self, choices: Sequence[Choice], prices: Sequence[float]) -> Choice:
+        """Return the most accurate of choices at the shortest step that their price allows."""
+        assert self.dearest is not None
+        shortest = min(self.space.finer, 2)
+        steps = [
+            choice.at(max(shortest, math.ceil(choice.multiple * price / self.dearest)))
+            for price, choice in zip(prices, choices, strict=True)
+        ]
+        within = [choice for choice in steps if choice.multiple <= self.space.longest]
+        for choice in within:
+            self._error(choice)
+        self._priced(within)
+        return min(within, key=self._error, default=choices[0])
+
+    def added(self, choice: Choice) -> Tried:
+        """Return a choice that is tried after the search: it has its own time."""
+        self.deadline = math.inf
+        self._error(choice)
+        self._priced([choice])
+        return self._entry(choice)
+
+    def shorter(self, tried: Tried) -> Iterator[Choice]:
+        """Yield a choice at ever shorter steps."""
+        multiple = tried.choice.multiple
+        while multiple > 1:
+            multiple = min(multiple - 1, math.floor(0.8 * multiple)) or 1
+            yield tried.choice.at(multiple)
+
+
+def _ratio(tried: Tried) -> float:
+    return tried.price.ratio if tried.price else math.inf
+
+
+def _share(tried: Tried) -> float:
+    return tried.error.share if tried.error else math.inf

@@ -1,0 +1,78 @@
+"""Parts that a model needs, and does not, where physics says which."""
+
+import math
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from contactlab.budget import Motion
+from contactlab.budget.motion import INTEGRATION
+from contactlab.plan.task_options import read_task_options
+from contactlab.schema.parts_report import PartsReport, PartWorth
+from contactlab.studies.search.parts import TILT, PartsRequest, run, tilted
+from contactlab.studies.session import Session
+
+# A block stands and a door leans on its stop; the lamp hangs where nothing reaches it, and the
+# other arm comes nowhere near its limit.
+SHED = """<mujoco><compiler angle="radian"/><option timestep="0.002"/><worldbody>
+  <geom name="floor" type="plane" size="5 5 .1"/>
+  <body name="block" pos="0 0 .05"><freejoint/><geom name="block" type="box" size=".05 .05 .05"/>
+  </body>
+  <body name="door" pos="3 0 1"><joint name="stop" axis="0 1 0" range="-1 0"/>
+    <geom name="door" type="capsule" size=".02" fromto="0 0 0 .3 0 0"/></body>
+  <body name="arm" pos="0 3 1"><joint name="free" axis="0 1 0" range="-3 3" damping=".01"/>
+    <geom name="arm" type="capsule" size=".02" fromto="0 0 0 0 0 -.3"/></body>
+</worldbody><actuator><motor name="idle" joint="free" ctrlrange="-1 1"/></actuator></mujoco>"""
+
+
+def test_gravity_is_tilted_and_as_strong() -> None:
+    model = mujoco.MjModel.from_xml_string(SHED)
+    start = np.empty((1, mujoco.mj_stateSize(model, INTEGRATION)))
+    mujoco.mj_getState(model, mujoco.MjData(model), start[0], INTEGRATION)
+    gravity = tilted(Motion(model, start, np.empty((1, 5, 0)))).model.opt.gravity
+    assert np.linalg.norm(gravity) == pytest.approx(9.81)
+    assert -gravity[2] / 9.81 == pytest.approx(math.cos(math.radians(TILT)))
+    assert model.opt.gravity[2] == -9.81
+
+
+@pytest.fixture(scope="module")
+def shed(tmp_path_factory: pytest.TempPathFactory) -> PartsReport:
+    folder: Path = tmp_path_factory.mktemp("shed")
+    (folder / "shed.xml").write_text(SHED)
+    task = read_task_options(drive="none", duration="0.2s")
+    return run(PartsRequest(str(folder / "shed.xml"), task=task), Session(folder / "out"))
+
+
+@pytest.mark.long
+def test_what_carries_is_needed_and_friction_by_what_tilts(shed: PartsReport) -> None:
+    """On a slope of 20 degrees the block slides without friction, and stays with it."""
+    friction = part(shed, "contacts without friction")
+    assert (friction.worth, friction.body) == ("needed", "block")
+    assert friction.phase.endswith("tilted")
+    for name in ("floor", "block", "no gravity"):
+        assert part(shed, name).worth == "needed"
+
+
+@pytest.mark.long
+def test_what_cannot_touch_is_unused_by_proof(shed: PartsReport) -> None:
+    for name in ("door", "arm"):
+        geom = next(each for each in shed.parts if (each.kind, each.name) == ("geom", name))
+        # A block may be anywhere, so that no proof covers what it might reach.
+        assert geom.worth in ("provably unused", "unused in this task, kept")
+        assert not geom.exercised
+
+
+@pytest.mark.long
+def test_a_limit_that_holds_is_needed_and_one_out_of_reach_is_kept(shed: PartsReport) -> None:
+    assert part(shed, "stop").worth == "needed"
+    free = part(shed, "free")
+    assert (free.worth, free.exercised) == ("unused in this task, kept", False)
+    assert part(shed, "idle").worth == "unused in this task, kept"
+    assert shed.twin
+
+
+def part(report: PartsReport, name: str) -> PartWorth:
+    """Return the one part of a name."""
+    return next(each for each in report.parts if each.name == name)

@@ -1,0 +1,157 @@
+"""The search finds what its aim means, within the time, of errors and prices in closed form."""
+
+import math
+import time
+from dataclasses import dataclass, field
+
+import mujoco
+import pytest
+
+from contactlab.budget.prices import Price
+from contactlab.studies.search.choice import Choice, described, differing
+from contactlab.studies.search.levers import Lever
+from contactlab.studies.search.searching import SAFE, Search, Space
+from contactlab.studies.search.yardstick import Apart
+
+FINER, LONGEST = 4, 400
+MODEL = mujoco.MjModel.from_xml_string(
+    """<mujoco><option timestep="0.004"/><worldbody>
+    <body><freejoint/><geom name="ball" size=".1" condim="6"/></body></worldbody></mujoco>"""
+)
+RK4 = int(mujoco.mjtIntegrator.mjINT_RK4)
+SPARSE = int(mujoco.mjtJacobian.mjJAC_SPARSE)
+
+
+@dataclass
+class Ideal:
+    """Errors of first order in the step, of fourth for RK4; few iterations add theirs."""
+
+    slope: float
+    few: float = 0.0
+    seconds: float = 0.0
+    asked: int = 0
+
+    def apart(self, model: mujoco.MjModel, multiple: int) -> Apart:
+        self.asked += 1
+        time.sleep(self.seconds)
+        share = self.slope * multiple
+        if model.opt.integrator == RK4:
+            share = self.slope * (multiple / 8) ** 4
+        if model.opt.iterations < 100:
+            share += self.few
+        return Apart(share, "ball", "neutral", 0.0, share, share)
+
+
+@dataclass
+class Costs:
+    """Prices that go with the number of steps: RK4 takes four, a sparse Jacobian half the time."""
+
+    base_seconds: float = 0.01
+    timed: list[int] = field(default_factory=list[int])
+
+    def prices(
+        self,
+        models: list[tuple[mujoco.MjModel, int]],
+        turns: int = 3,
+        until: float = 0.0,
+    ) -> list[Price]:
+        del turns, until
+        return [self._price(*each) for each in models]
+
+    def _price(self, model: mujoco.MjModel, multiple: int) -> Price:
+        self.timed.append(multiple)
+        ratio = FINER / multiple * (4 if model.opt.integrator == RK4 else 1)
+        ratio *= 0.5 if model.opt.jacobian == SPARSE else 1
+        ratio *= 0.8 if model.opt.iterations < 100 else 1
+        return Price(ratio, ratio, ratio)
+
+
+def searched(
+    measure: Ideal,
+    limit: float,
+    *,
+    dearest: float | None = None,
+    integrators: tuple[str, ...] = ("Euler",),
+    seconds: float = 60.0,
+) -> Search:
+    levers = [
+        Lever("jacobian", [{"jacobian": "sparse"}, {"jacobian": "dense"}]),
+        Lever("iterations", [{"iterations": 5}]),
+    ]
+    space = Space(MODEL, None, FINER, LONGEST, levers, integrators)
+    deadline = time.monotonic() + seconds
+    costs: object = Costs()
+    search = Search(space, measure, costs, limit, dearest, deadline)  # pyright: ignore[reportArgumentType]
+    search.run()
+    return search
+
+
+@pytest.mark.parametrize("limit", [0.01, 0.02, 0.05, 0.3])
+def test_the_step_is_the_longest_that_keeps_the_limit(limit: float) -> None:
+    slope = 1e-3
+    best = searched(Ideal(slope), limit).ranked()[0].choice
+    longest = SAFE * limit / slope
+    assert longest / 1.2 <= best.multiple <= longest
+    assert best.settings == {"jacobian": "sparse", "iterations": 5}
+
+
+def test_a_model_that_misses_the_limit_gets_a_finer_step() -> None:
+    search = searched(Ideal(0.01), 0.035)
+    assert search.ranked()[0].choice.multiple == 2
+    assert search.tried[search.now.key].error
+
+
+def test_what_nothing_meets_has_a_nearest() -> None:
+    search = searched(Ideal(1.0), 0.01)
+    assert not search.ranked()
+    nearest = search.nearest()
+    assert nearest
+    assert nearest.choice.multiple == 2
+
+
+def test_an_integrator_of_higher_order_wins_where_its_steps_are_four_times_as_long() -> None:
+    """Errors are 1e-2 at one step, and for RK4 1e-2 (m / 8)^4: 4 m > 4 x the other's step."""
+    limit = 0.05
+    best = searched(Ideal(1e-2), limit, integrators=("Euler", "RK4")).ranked()[0].choice
+    euler, rk4 = SAFE * limit / 1e-2, 8 * (SAFE * limit / 1e-2) ** 0.25
+    assert rk4 < 4 * euler
+    assert "integrator" not in best.settings
+    limit = 0.01
+    best = searched(Ideal(4e-3), limit, integrators=("Euler", "RK4")).ranked()[0].choice
+    euler, rk4 = SAFE * limit / 4e-3, 8 * (SAFE * limit / 4e-3) ** 0.25
+    assert rk4 > 4 * euler
+    assert best.settings["integrator"] == "RK4"
+
+
+def test_what_saves_time_and_misses_the_limit_is_left_out() -> None:
+    best = searched(Ideal(1e-3, few=0.05), 0.02).ranked()[0].choice
+    assert "iterations" not in best.settings
+    assert best.settings["jacobian"] == "sparse"
+
+
+def test_at_a_price_the_most_accurate_is_found() -> None:
+    """Half the time, of which the Jacobian saves half: so the step stays what it is."""
+    search = searched(Ideal(1e-3), 0.02, dearest=0.5)
+    best = search.ranked()[0]
+    assert best.price
+    assert best.price.ratio <= 0.5
+    assert best.choice.multiple in (FINER - 1, FINER)
+
+
+def test_little_time_gives_a_small_answer() -> None:
+    begin = time.monotonic()
+    search = searched(Ideal(1e-3, seconds=0.05), 0.3, seconds=0.2)
+    assert search.ended
+    assert time.monotonic() - begin < 0.4
+    assert search.ranked() or search.nearest()
+
+
+def test_a_choice_says_what_it_changes() -> None:
+    choice = Choice({"geom_condim[ball]": 3, "cone": "elliptic", "island": False}, 2)
+    made = choice.made(MODEL)
+    assert made.geom_condim[0] == 3
+    assert MODEL.geom_condim[0] == 6
+    assert differing(choice.settings, made) == {}
+    assert differing({"cone": "elliptic", "iterations": 100}, MODEL) == {"cone": "elliptic"}
+    assert described(choice.settings) == "cone elliptic, island False, geom_condim 3 of 1"
+    assert math.isclose(choice.at(5).multiple, 5)

@@ -1,0 +1,126 @@
+"""From a model to the settings to use: models with planted waste and planted needs."""
+
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import pytest
+
+from contactlab.errors import ExpectationError, SweepFileError
+from contactlab.plan.task_options import TaskOptions, read_task_options
+from contactlab.schema.tune_report import TuneReport
+from contactlab.studies.search.search_chart import merged, specification
+from contactlab.studies.search.tuning import TuneRequest, run
+from contactlab.studies.session import Session
+
+PLANTED = Path(__file__).parent / "planted"
+PENDULUM = """<mujoco>
+  <!-- a comment stays -->
+  <option timestep="0.001" integrator="RK4"><flag energy="enable"/></option>
+  <worldbody>
+    <body name="arm" pos="0 0 1">
+      <joint name="hinge" axis="0 1 0" damping="0.05"/>
+      <geom type="capsule" fromto="0 0 0 .3 0 0" size=".02" contype="0" conaffinity="0"/>
+    </body>
+  </worldbody>
+</mujoco>
+"""
+DOUBLE = PENDULUM.replace(
+    "</body>\n  </worldbody>",
+    '<body pos=".3 0 0"><joint axis="0 1 0"/><geom type="capsule" fromto="0 0 0 .3 0 0" '
+    'size=".02" contype="0" conaffinity="0"/></body></body>\n  </worldbody>',
+).replace(' damping="0.05"', "")
+SHORT = read_task_options(drive="none", duration="0.4s")
+
+
+def tuned(text: str, folder: Path, **asked: Any) -> TuneReport:
+    path = folder / "robot.xml"
+    path.write_text(text)
+    options: dict[str, Any] = {"task": SHORT, "max_time": 60.0, **asked}
+    return run(TuneRequest(str(path), **options), Session(folder / "out"))
+
+
+def changes_of(report: TuneReport) -> dict[str, Any]:
+    return {each.name: each.after for each in report.changes}
+
+
+@pytest.mark.long
+def test_needless_steps_and_flags_go(tmp_path: Path) -> None:
+    report = tuned(PENDULUM, tmp_path)
+    assert report.met
+    assert report.recommended
+    assert report.recommended.price
+    assert report.recommended.price.high < 0.5
+    assert report.flags == ("energy",)
+    assert report.verified
+    assert report.verified.holds
+    assert report.verified.word == "sound"
+    assert report.file
+    path = tmp_path / "out" / report.file
+    assert "<!-- a comment stays -->" in path.read_text()
+    made = mujoco.MjModel.from_xml_path(str(path))
+    # Text, patch and data say the same settings.
+    assert made.opt.timestep == report.recommended.timestep == changes_of(report)["timestep"]
+    assert not made.opt.enableflags & int(mujoco.mjtEnableBit.mjENBL_ENERGY)
+    rows = merged(report)
+    assert [row["what"] for row in rows[:2]] == ["as written", "recommended"]
+    assert str(made.opt.timestep) in rows[1]["settings"]
+    drawn = str(specification(report).to_dict())
+    assert "tolerance 10 %" in drawn
+
+
+@pytest.mark.long
+def test_a_forward_error_is_kept_where_the_motion_is_regular(tmp_path: Path) -> None:
+    """RK4's error at the end is fourth order: 1e-6 m leaves several times the step."""
+    asked: dict[str, Any] = {"watched": ("arm",), "at": "end", "error": 1e-6}
+    text = PENDULUM.replace('name="arm" ', "").replace(
+        "    </body>", '<site name="arm" pos=".3 0 0"/></body>'
+    )
+    report = tuned(text, tmp_path, **asked)
+    assert report.aim.growth.startswith("regular")
+    assert report.recommended
+    assert report.recommended.error is not None
+    assert report.recommended.error <= 1e-6
+    assert report.recommended.timestep >= 4e-3
+    assert report.verified
+    assert report.verified.error is not None
+    assert report.verified.error <= 1e-6
+
+
+@pytest.mark.long
+def test_of_a_chaotic_motion_no_forward_error_is_promised(tmp_path: Path) -> None:
+    asked: dict[str, Any] = {"watched": ("arm",), "at": "peak", "error": 1e-5}
+    text = DOUBLE.replace('pos="0 0 1"', 'pos="0 0 1" euler="0 170 0"')
+    task = read_task_options(drive="none", duration="12s")
+    with pytest.raises(ExpectationError, match="chaotic: a nudge grows"):
+        tuned(text, tmp_path, task=task, **asked)
+
+
+@pytest.mark.night
+@pytest.mark.parametrize("need", ["slope", "top", "bottle"])
+def test_what_a_model_needs_stays(need: str, tmp_path: Path) -> None:
+    """A slope creeps without noslip; a top spins on torsion; a bottle stands on many contacts."""
+    text = (PLANTED / f"{need}.xml").read_text(encoding="utf-8")
+    report = tuned(text, tmp_path, task=read_task_options(drive="none", duration="0.6s"))
+    after = changes_of(report)
+    assert "noslip_iterations" not in after or after["noslip_iterations"] > 0
+    assert not any(name.startswith("geom_condim") for name in after)
+    assert "multiccd" not in after
+
+
+@pytest.mark.parametrize(
+    ("asked", "words"),
+    [
+        ({"task": TaskOptions(limits={"slip": 1e-3})}, "--within slip=: settings are judged by"),
+        ({"real_time": 5.0, "error": 0.1}, "--real-time asks for the least error"),
+        ({"at": "end"}, "--at needs what is watched"),
+        ({"at": "end", "watched": ("arm",)}, "--at needs the largest forward error"),
+        ({"error": 3.0}, "--error 3 is no share"),
+    ],
+)
+def test_options_that_contradict_each_other_are_refused(
+    asked: dict[str, Any], words: str, tmp_path: Path
+) -> None:
+    with pytest.raises(SweepFileError, match=words):
+        tuned(PENDULUM, tmp_path, **asked)
+    assert not (tmp_path / "out").exists()

@@ -1,0 +1,74 @@
+"""Shares of changed models, against closed forms."""
+
+import mujoco
+import numpy as np
+import pytest
+
+from contactlab.budget import Motion
+from contactlab.budget.motion import INTEGRATION
+from contactlab.budget.rows import GRAVITY_AS_REAL
+from contactlab.studies.search.choice import Choice
+from contactlab.studies.search.yardstick import Yardsticks
+
+FALL = """<mujoco><option timestep="0.002"/><worldbody>
+<body name="ball"><freejoint/><geom size=".1"/></body></worldbody></mujoco>"""
+SWING = """<mujoco><option timestep="0.002"/><worldbody><body name="arm" pos="0 0 2">
+<joint axis="0 1 0"/><geom type="capsule" size=".02" fromto="0 0 0 1 0 0"/></body></worldbody>
+</mujoco>"""
+
+
+def motion(text: str, seconds: float, seeds: int = 1) -> Motion:
+    model = mujoco.MjModel.from_xml_string(text)
+    data = mujoco.MjData(model)
+    start = np.empty(mujoco.mj_stateSize(model, INTEGRATION))
+    mujoco.mj_getState(model, data, start, INTEGRATION)
+    steps = round(seconds / model.opt.timestep)
+    return Motion(model, np.tile(start, (seeds, 1)), np.empty((seeds, steps, 0)), name="whole")
+
+
+def test_without_gravity_what_falls_is_apart_by_all_that_is_real() -> None:
+    """A window's phantom impulse is g T, the real one that and its part that counts as standing."""
+    falling = motion(FALL, 0.4)
+    yards = Yardsticks.of([falling], 2, 1)
+    light = Choice({"gravity": (0.0, 0.0, 0.0)}).made(falling.model)
+    apart = yards.apart(light, 2)
+    # The step of the fine motion is first order of the limit: 2 / (2 - 1) in `apart`.
+    assert apart.share == pytest.approx(2 / (1 + GRAVITY_AS_REAL), rel=0.03)
+    assert (apart.body, apart.phase) == ("ball", "whole")
+
+
+def test_the_model_itself_at_the_fine_step_is_not_apart() -> None:
+    swinging = motion(SWING, 0.4, seeds=2)
+    apart = Yardsticks.of([swinging], 1, 1).apart(swinging.model, 1)
+    assert apart.share < 1e-12
+
+
+def test_errors_grow_with_the_step_as_the_order_of_the_method_says() -> None:
+    swinging = motion(SWING, 0.8)
+    yards = Yardsticks.of([swinging], 4, 1)
+    shares = [yards.apart(swinging.model, multiple).share for multiple in (8, 16)]
+    assert shares[1] / shares[0] == pytest.approx(2, rel=0.35)
+    smooth = Choice({"integrator": "RK4"}).made(swinging.model)
+    fine = Yardsticks.of([motion(SWING.replace("<option", '<option integrator="RK4"'), 0.8)], 4, 1)
+    assert fine.apart(smooth, 8).share < 1e-6
+
+
+def test_what_is_unknown_is_what_masses_and_friction_are_worth() -> None:
+    """A free body falls as fast whatever its mass: nothing is unknown of it."""
+    unknown = Yardsticks.of([motion(FALL, 0.4)], 1, 1).uncertain()
+    assert unknown
+    assert unknown.share < 1e-6
+
+
+def test_inputs_of_a_longer_step_are_the_mean_of_those_that_it_covers() -> None:
+    model = mujoco.MjModel.from_xml_string(
+        SWING.replace(
+            "</worldbody>", "</worldbody><actuator><motor joint='j'/></actuator>"
+        ).replace("<joint ", "<joint name='j' ")
+    )
+    start = np.empty((1, mujoco.mj_stateSize(model, INTEGRATION)))
+    mujoco.mj_getState(model, mujoco.MjData(model), start[0], INTEGRATION)
+    inputs = np.random.default_rng(0).normal(size=(1, 100, 1))
+    (part,) = Yardsticks.of([Motion(model, start, inputs)], 2, 1).parts
+    given = part.inputs(np.array([0]), np.array([40]), 6, 4)
+    assert given[0, :, 0] == pytest.approx(inputs[0, 20:32, 0].reshape(4, 3).mean(axis=1))
