@@ -1,5 +1,7 @@
 """Time over error of all that was tried, with what decides as lines."""
 
+from pathlib import Path
+
 import altair as alt
 
 from contactlab.charts import Rows, layer_of
@@ -9,6 +11,7 @@ from contactlab.schema.tune_report import Point, TuneReport
 from contactlab.studies.search.choice import described
 
 _ALIKE = 1.03  # ratio of times, and of errors, of points that are drawn as one
+_GONE = 1e3  # of the limit: errors beyond it have no place in the picture
 _WIDTH, _HEIGHT = 520, 340
 
 
@@ -36,7 +39,7 @@ def specification(report: TuneReport) -> alt.TopLevelMixin:
             .scale(domain=["as written", "recommended"], range=[COLOURS[0], COLOURS[1]])
             .title(None)
         ),
-    ).properties(width=_WIDTH, height=_HEIGHT, title=f"{report.model}: {report.sentence}")
+    ).properties(width=_WIDTH, height=_HEIGHT, title=Path(report.model).name)
 
 
 def merged(report: TuneReport) -> Rows:
@@ -47,7 +50,7 @@ def merged(report: TuneReport) -> Rows:
     shown += [(point, "") for point in report.points]
     rows: Rows = []
     for point, what in shown:
-        if point.price is None or not point.error:
+        if point.price is None or not point.error or point.error > _GONE * report.aim.limit:
             continue
         if not what and any(_alike(point, row["time"], row["error"]) for row in rows):
             continue
