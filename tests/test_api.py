@@ -13,6 +13,7 @@ import pytest
 import contactlab
 from contactlab.command_line.modules import command_modules
 from contactlab.errors import StoreError, SweepFileError
+from contactlab.schema.tradeoff_report import TradeoffReport
 from contactlab.store.finished_store import Store
 
 SWEEP = {
@@ -169,5 +170,6 @@ def test_a_study_reports_what_its_command_prints(name: str, tmp_path: Path) -> N
 
 def test_a_tradeoff_of_a_store_needs_no_sweep(store: Store) -> None:
     report = contactlab.tradeoff(store, error="oracle_error")
+    assert isinstance(report, TradeoffReport)
     assert report.store == str(store.address)
     assert {each.configuration["timestep"] for each in report.configurations} == {1e-3, 2e-3}

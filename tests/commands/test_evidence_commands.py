@@ -67,10 +67,12 @@ def test_no_store(contactlab: Run, tmp_path: Path, arguments: list[str]) -> None
 
 def test_a_sound_store(contactlab: Run, store: Path) -> None:
     digest = sha256_of(store / "manifest.json")
-    sound = f"store is sound: 4 runs, 4 traces\ndigest {digest}\n"
+    physics = Store.open(store).physics
+    sound = f"store is sound: 4 runs, 4 traces\nphysics {physics}\ndigest {digest}\n"
     assert contactlab("verify", str(store), "--simulate", "2") == (0, sound, "")
     code, out, _ = contactlab("verify", str(store), "--format", "json")
-    told = {"sound": True, "problems": [], "unverified": [], "runs": 4, "digest": digest}
+    told: dict[str, object] = {"sound": True, "problems": [], "unverified": [], "runs": 4}
+    told |= {"digest": digest, "physics": physics}
     assert (code, json.loads(out)) == (0, told)
 
 

@@ -362,14 +362,14 @@ def test_a_stop_leaves_the_first_run(cart: Scene) -> None:
 
 @pytest.mark.parametrize("count", [1, 3, 20])
 def test_each_run_has_its_time_limit(cart: Scene, count: int) -> None:
-    """As many time limits are started as there are runs, the first before anything is asked."""
+    """One is started for making the policy, before anything else, and one for each run."""
     calls: list[str] = []
     policy = bad(lambda wanted, *_: calls.append("act") or wanted)
     runs = prepared(cart, drive(), policy, *[{"tilt": 0.01}] * count)
     flown(runs, watch=lambda: calls.append("watch"))
     limits = [place for place, call in enumerate(calls) if call == "watch"]
     assert limits[0] == 0
-    assert len(limits) == min(count, calls.count("act"))
+    assert len(limits) == 1 + min(count, calls.count("act"))
 
 
 def test_a_policy_gets_copies(cart: Scene) -> None:

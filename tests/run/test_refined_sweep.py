@@ -69,14 +69,17 @@ def refined(tmp_path_factory: pytest.TempPathFactory) -> Store:
     return contactlab.sweep(part(), output=tmp_path_factory.mktemp("part") / "store", workers=0)
 
 
+def test_its_store_is_sound(refined: Store) -> None:
+    assert not [*verify(refined.address)]
+    assert not [*recomputed_problems(refined)]
+
+
 def test_its_runs_are_those_of_the_grid(whole: Store, refined: Store) -> None:
     grid, found = rows(whole), rows(refined)
     assert found.items() <= grid.items()
     assert len(found) < 0.5 * len(grid)
     assert refined.manifest.sweep.whole is not None
     assert refined.manifest.sweep.whole.runs == len(grid) == TO**2
-    assert not [*verify(refined.address)]
-    assert not [*recomputed_problems(refined)]
 
 
 def test_no_cell_is_wrong_and_the_boundary_is_that_of_friction(

@@ -46,7 +46,7 @@ def merge(
     partial: Annotated[bool, flag("Merge what there is, and state what is missing.")] = False,
     fresh: Annotated[bool, flag("Replace an existing store.")] = False,
 ) -> "Store":
-    """Join the shards of a sweep into the store that one machine would have written.
+    """Join shards of a sweep into the store of one machine.
 
     Raises:
         StoreError: a place is unfinished, of another sweep, or has runs that another has; or runs

@@ -60,7 +60,9 @@ class RunLabel(Model):
     reason: str = about("Why it applies to the first of them.")
     seed: int = about("Of that run.")
     time: float | None = about("When it was first met [s]; null if of the whole run.")
-    bodies: tuple[str, ...] = about("Those that it is of; none if it is of the whole run.")
+    bodies: tuple[str, ...] = about(
+        "Those that it is of; none if it is of the whole run.", default=()
+    )
 
     @property
     def where(self) -> str:
