@@ -20,7 +20,7 @@ def swept(contactlab: Any, small: Path, at: str) -> str:
     for target in (at, "local"):
         assert contactlab("sweep", str(small), "--workers", "0", "-o", target).code == 0
     shown = contactlab("show", at)
-    return shown.out.rsplit(maxsplit=1)[-1]
+    return shown.out.partition("look closer: ")[2].split()[3]
 
 
 @pytest.mark.long

@@ -66,7 +66,6 @@ def summary_text(store: "Store", given: Given) -> None:
     tell(f"{manifest.sweep.name}: {headline(labels)}")
     if told := stable_share(labels, share_words(store)):
         tell(told)
-    found = finding(axes, labels) if axes else ""
     mixed = bool(labels.failed.any())  # else all values say the same, as the headline does
     found = finding(axes, labels) if axes and mixed else ""
     for told in filter(None, (found, distance_to_reality(axes, columns))):

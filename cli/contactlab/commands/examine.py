@@ -79,7 +79,7 @@ def examined(
 
     target = None if output is None else opt.folder_of(output)
     file = target if target is not None and target.suffix in _FILES else None
-    page = page or (file is not None and file.suffix != ".json")
+    page = page if file is None else file.suffix != ".json"
     parts = request.parts + page
     with (
         _folder(request.model, None if file else target, kept=file is None) as folder,

@@ -134,7 +134,8 @@ def write_out_units(
     thresholds to theirs. What is no such thing stays, for others to say what is wrong with it.
     """
     expected = document.at(("expect",))
-    places = [("expect", index) for index in range(len(cast("list[object]", expected or ())))]
+    entries = cast("list[object]", expected) if isinstance(expected, list) else []
+    places = [("expect", index) for index in range(len(entries))]
     bounds = [document.mapping(*at, key) for at in places for key in ("metrics", "mean")]
     for block in (document.mapping("tolerances"), document.mapping("thresholds"), *bounds):
         for name, data in block.items():

@@ -4,19 +4,6 @@ from collections.abc import Collection, Mapping
 
 from contactlab.plan.rows import SweepContext
 from contactlab.plan.sides import FAILED, check_limit
-from contactlab.schema.sweep_schema import Sweep
-from contactlab.schema.vocabulary import Loguniform, Uniform
-
-
-def drawn_axes(sweep: Sweep) -> frozenset[str]:
-    """Return the axes whose values are drawn at random."""
-    drawn = (name for name, axis in sweep.axes.items() if isinstance(axis, Uniform | Loguniform))
-    return frozenset(drawn)
-
-
-def is_drawn(sweep: Sweep) -> bool:
-    """Return whether runs are draws, by their axes or seeds; of a grid, shares are exact."""
-    return bool(drawn_axes(sweep)) or len(sweep.seed_values) > 1
 
 
 def configuration_of(
@@ -32,7 +19,7 @@ def check_until(context: SweepContext) -> None:
     if sweep.until is None:
         return
     place = document.key(("until",))
-    drawn = drawn_axes(sweep)
+    drawn = sweep.drawn_axes
     if not drawn and len(sweep.seed_values) == 1:
         hint = "add seeds: 1000, or an axis as {uniform: [low, high]}"
         document.add("until-no-draws", place, "the sweep draws nothing at random", hint)

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from contactlab.measure import labels_with
-from contactlab.plan.sampled_shares import configuration_of, drawn_axes
+from contactlab.plan.sampled_shares import configuration_of
 from contactlab.plan.sides import counted, read_by
 from contactlab.schema.sweep_schema import Sweep, Until
 from contactlab.shares import anytime
@@ -38,7 +38,7 @@ def known_shares(store: Store) -> tuple[Until, list[KnownShare]] | None:
     if sweep.until is None:
         return None
     counts = counted(sweep.until.share, labels_with("required"))
-    names, drawn = store.columns.axis_names, drawn_axes(sweep)
+    names, drawn = store.columns.axis_names, sweep.drawn_axes
     runs, good = (
         Counter[tuple[tuple[str, object], ...]](),
         Counter[tuple[tuple[str, object], ...]](),

@@ -3,7 +3,6 @@
 from collections.abc import Callable
 
 from contactlab.judge.wording import format_percent, share_with_interval
-from contactlab.plan.sampled_shares import is_drawn
 from contactlab.reporting.report_columns import STABLE, RunLabels
 from contactlab.schema.sweep_schema import Sweep
 from contactlab.store.finished_store import Store
@@ -16,7 +15,7 @@ def share_words(store: Store) -> Callable[[int, int], str]:
     that of its cells, and exact.
     """
     sweep = Sweep.model_validate(store.manifest.sweep.resolved)
-    return share_with_interval if is_drawn(sweep) else _share
+    return share_with_interval if sweep.is_drawn else _share
 
 
 def _share(good: int, runs: int) -> str:

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from contactlab.contact.trace_arrays import Floats
-from contactlab.plan.sampled_shares import drawn_axes
 from contactlab.reporting.report_columns import summary_metrics
 from contactlab.schema.sweep_schema import Sweep
 from contactlab.store.finished_store import Store
@@ -50,7 +49,8 @@ def sensitivities(store: Store, metrics: Sequence[str] = ()) -> Iterator[Sensiti
     if sweep.sample is None or sweep.sample.method != "saltelli":
         return
     columns = store.columns
-    drawn, axes = drawn_axes(sweep), tuple(name for name in sweep.axes if name in drawn_axes(sweep))
+    drawn = sweep.drawn_axes
+    axes = tuple(name for name in sweep.axes if name in drawn)
     others = [name for name in (*columns.axis_names, "seed") if name not in drawn]
     names = [name for name in metrics or summary_metrics() if name in columns.measured]
     groups = defaultdict[tuple[object, ...], list[dict[str, object]]](list)

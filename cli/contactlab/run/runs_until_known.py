@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from contactlab.measure import labels_with
 from contactlab.plan.grid import Plan
-from contactlab.plan.sampled_shares import configuration_of, drawn_axes
+from contactlab.plan.sampled_shares import configuration_of
 from contactlab.plan.sides import counted, read_by
 from contactlab.run.chosen_runs import ChosenRuns
 from contactlab.schema.sweep_schema import Until
@@ -26,7 +26,7 @@ class RunsUntilKnown(ChosenRuns):
         side = counted(until.share, labels_with("required"))
         super().__init__(ids, side, read_by(until.share))
         self._until = until
-        drawn = drawn_axes(plan.sweep)
+        drawn = plan.sweep.drawn_axes
         self._places = defaultdict[object, list[int]](list)
         for run in plan.runs():
             self._places[configuration_of(run.values, drawn)].append(run.index)

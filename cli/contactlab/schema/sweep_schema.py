@@ -30,7 +30,15 @@ from contactlab.schema.strict_model import (
     Words,
     about,
 )
-from contactlab.schema.vocabulary import RECORDED_RUN, Axis, Ranged, Role, TraceFormat
+from contactlab.schema.vocabulary import (
+    RECORDED_RUN,
+    Axis,
+    Loguniform,
+    Ranged,
+    Role,
+    TraceFormat,
+    Uniform,
+)
 
 EffectsBase = Literal["auto", "all"]
 _BASE = "base"
@@ -425,6 +433,17 @@ class Sweep(Model):
     def scenario(self) -> list[str]:
         """The axes of role scenario."""
         return [name for name, role in self.roles.items() if role == "scenario"]
+
+    @property
+    def drawn_axes(self) -> frozenset[str]:
+        """The axes whose values are drawn at random."""
+        drawn = (name for name, axis in self.axes.items() if isinstance(axis, Uniform | Loguniform))
+        return frozenset(drawn)
+
+    @property
+    def is_drawn(self) -> bool:
+        """Whether runs are draws, by their axes or seeds; of a grid, shares are exact."""
+        return bool(self.drawn_axes) or len(self.seed_values) > 1
 
     @property
     def seed_values(self) -> tuple[int, ...]:
