@@ -28,9 +28,10 @@ PLAIN = Settings(check=False, places=False, excess=False)
 )
 def test_free_motion_by_rk4_is_its_models(xml: str, qvel: list[float] | None, h: float) -> None:
     budget = error_budget([motion_of(xml.format(h=h), 1.0, qvel=qvel)], rows=[])
-    # Fourth order: (w h)^4 at a spin of 9 rad/s is 2e-6, of which a share is left in the energy.
-    assert budget.share < 2e-6
-    assert abs(budget.phases[0].energy_share) < 2e-6
+    # Fourth order in w h: a body that spins by 9 rad/s tumbles by up to twice that, so that it is
+    # (.072)^4, of which a share is left in the energy.
+    assert budget.share < 3e-5
+    assert abs(budget.phases[0].energy_share) < 3e-5
     assert judge(budget).word == "sound"
 
 

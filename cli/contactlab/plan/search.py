@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
 
 from contactlab.contact.trace_arrays import Floats
 from contactlab.errors import suggestion
@@ -24,10 +23,8 @@ _LEAST_SIDE = 1e-9
 # Points that it may propose for each trial: several may be nearest to one of the plan.
 _PROPOSALS = 100
 _UNMEASURED = 1e12
-
-
-class _EndOfIteration(Exception):  # noqa: N818 - no error, but how the optimiser is left
-    """Leaves the optimiser, whose next points depend on what was not run yet."""
+# Less than anything that is measured: with it the optimiser is done.
+_END = -1e30
 
 
 def searched_axes(sweep: Sweep) -> tuple[str, ...]:
@@ -85,12 +82,15 @@ def next_trials(
     from scipy.spatial import KDTree  # noqa: PLC0415
 
     tree, tried, waiting = KDTree(points), dict[int, float](), list[int]()
+    ended = False
 
     def cost(proposed: Floats) -> float:
-        place = int(tree.query(proposed)[1])
+        nonlocal ended
+        place = int(tree.query(proposed)[1]) if not ended else -1
+        ended = ended or (place not in tried and len(tried) == most)
+        if ended:
+            return _END
         if place not in tried:
-            if len(tried) == most:
-                raise _EndOfIteration
             if place not in measured:
                 waiting.append(place)
             value = measured.get(place)
@@ -98,20 +98,21 @@ def next_trials(
         return tried[place]
 
     def end(_: Floats) -> None:
-        if waiting:
-            raise _EndOfIteration
+        nonlocal ended
+        ended = bool(waiting)
 
-    with suppress(_EndOfIteration):
-        direct(
-            cost,
-            [(0.0, 1.0)] * points.shape[1],
-            locally_biased=True,
-            callback=end,
-            maxfun=_PROPOSALS * most,
-            maxiter=_PROPOSALS * most,
-            vol_tol=0.0,
-            len_tol=_LEAST_SIDE,
-        )
+    direct(
+        cost,
+        [(0.0, 1.0)] * points.shape[1],
+        locally_biased=True,
+        callback=end,
+        # It is the only way to stop that all releases have: not all let an error through.
+        f_min=_END,
+        maxfun=_PROPOSALS * most,
+        maxiter=_PROPOSALS * most,
+        vol_tol=0.0,
+        len_tol=_LEAST_SIDE,
+    )
     return waiting
 
 
