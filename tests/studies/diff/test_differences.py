@@ -50,6 +50,8 @@ ROBOT = """<mujoco model="robot">
   <keyframe><key name="home" qpos="0 0 1 1 0 0 0 .1 0 0" ctrl=".1 0"/></keyframe>
 </mujoco>
 """
+STONE = """<mujoco><worldbody>
+<body name="stone"><freejoint/><geom size=".1"/></body></worldbody></mujoco>"""
 Change = tuple[str, str]
 # What is replaced by what, and the kinds and quantities of all that differs then.
 CHANGES: Mapping[str, tuple[Change, set[tuple[str, str]]]] = {
@@ -231,15 +233,26 @@ def test_a_model_moves_as_itself_to_the_last_bit(scene: Scene) -> None:
     assert change.share == 0
 
 
+@pytest.mark.parametrize("step", [0.015, 0.012, 0.05, 0.0007])
+def test_what_falls_falls_alike_at_any_step(scene: Scene, step: float) -> None:
+    """Its velocity is straight in time, so that a step of any length leaves rounding alone."""
+    path = scene.source.path.parent / "stone.xml"
+    path.write_text(STONE)
+    fall = Scene.open(str(path)).with_drive("none", path.parent).with_effects("all")
+    coarse = STONE.replace("<worldbody>", f'<option timestep="{step}"/><worldbody>')
+    models = [compiled(each) for each in (STONE, coarse)]
+    change, _ = motion_change(fall, models[0], models[1], matched(*models))
+    assert change is not None
+    assert change.share < 1e-8
+
+
 def test_half_the_gravity_is_half_the_force_that_acts_on_what_falls(scene: Scene) -> None:
     # In free flight, velocities part by (g - g/2) T in windows whose path is g T, to which comes a
     # tenth of g T that counts as real: 1/2 / 1.1. The wedge falls from rest, without contacts.
-    stone = '<body name="stone"><freejoint/><geom size=".1"/></body>'
-    text = f"<mujoco><worldbody>{stone}</worldbody></mujoco>"
-    light = text.replace("<worldbody>", '<option gravity="0 0 -4.905"/><worldbody>')
-    models = [compiled(each) for each in (text, light)]
+    light = STONE.replace("<worldbody>", '<option gravity="0 0 -4.905"/><worldbody>')
+    models = [compiled(each) for each in (STONE, light)]
     path = scene.source.path.parent / "stone.xml"
-    path.write_text(text)
+    path.write_text(STONE)
     fall = Scene.open(str(path)).with_drive("none", path.parent).with_effects("all")
     change, _ = motion_change(fall, models[0], models[1], matched(*models))
     assert change is not None

@@ -129,15 +129,15 @@ def _followed(
     places: _Places,
     bodies: np.ndarray,
 ) -> Floats:
-    """Return (K, B, 6) velocities of the second model, one step of the run around a window's end.
+    """Return (2 r + 1, B, 6) velocities of the second model around a window's end.
 
-    It takes its own steps, and is driven at the run's rate.
+    It takes its own steps, of any length, and is driven at the run's rate.
     """
     (model, data), step = twin, float(motion.model.opt.timestep)
     source = mujoco.MjData(motion.model)
     # Where nothing is stored of each step, the start's own controls and forces act.
     mujoco.mj_setState(motion.model, source, motion.starts[0], INTEGRATION)
-    seen = list[Floats]()
+    seen, times = list[Floats](), list[float]()
     elapsed, place = 0.0, -1
     own = float(model.opt.timestep)
     while elapsed < (length + 1) * step * (1 - 1e-9):
@@ -146,18 +146,21 @@ def _followed(
             place = now
             _feed(motion, place, motion.model, source)
             _drive(source, data, places)
-        if elapsed >= (length - 1) * step * (1 - 1e-9) and not seen:
+        # From the last step that is not past a step of the run before the end.
+        if elapsed + own > (length - 1) * step * (1 + 1e-9):
             seen.append(_velocities(model, data, bodies))
+            times.append(elapsed)
         mujoco.mj_step(model, data)
         elapsed += own
-        if seen:
-            seen.append(_velocities(model, data, bodies))
-    return _odd(np.stack(seen))
-
-
-def _odd(rows: Floats) -> Floats:
-    """Return rows of which one is in the middle: the one at a window's end, or the nearest."""
-    return rows if len(rows) % 2 else np.concatenate([rows, rows[-1:]])
+    seen.append(_velocities(model, data, bodies))
+    # Straight in between, with the window's end in the middle, and its own steps where they fit.
+    each_side = max(1, round(step / own))
+    wanted = np.linspace((length - 1) * step, (length + 1) * step, 2 * each_side + 1)
+    own_times, rows = np.array([*times, elapsed]), np.stack(seen)
+    before = np.clip(np.searchsorted(own_times, wanted, "right") - 1, 0, len(rows) - 2)
+    # Rounded, for sums of steps are: at a step of its own it is that step's, to the bit.
+    part = ((wanted - own_times[before]) / own).round(9)[:, None, None]
+    return (1 - part) * rows[before] + part * rows[before + 1]
 
 
 def _feed(motion: Motion, place: int, model: mujoco.MjModel, data: mujoco.MjData) -> None:
