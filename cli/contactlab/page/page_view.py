@@ -349,7 +349,7 @@ def tradeoff_view(data: ReportData, chart: Spec | None) -> TradeoffView | None:
         sentence=tradeoff_sentence(report),
         recommended=[text for text in (robust_text(report), next_step_text(report)) if text],
         blockers=blocker_texts(report),
-        titles={axis.name: axis.title for axis in data.axes},
+        titles={axis.name: axis.stored_title for axis in data.axes},
         worst=next(worst, {}),
         chart=static_svg(chart, "Error against time of each configuration") if chart else "",
         cheapest=sorted(

@@ -135,7 +135,10 @@ def _names(data: ReportData, axes: Sequence[GridAxis]) -> dict[str, Any]:
     """Return axes, labels, modes of contact and quantities, by the names that the script reads."""
     return {
         "axes": [
-            {name: getattr(axis, name) for name in ("name", "title", "ticks", "role")}
+            {
+                name: getattr(axis, name)
+                for name in ("name", "title", "stored_title", "ticks", "role")
+            }
             | {"binned": axis.numbers is not None, "amount": axis.amount_unit}
             for axis in axes
         ],

@@ -32,6 +32,7 @@ _MOST_VALUES_OF_AN_AXIS = 40  # an axis with more values than this is drawn in b
 _BINS = 20
 _MORE_LETTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0789"
 _SMALLER, _LEAST_OF_UNIT = {"s": "ms", "m": "mm"}, 0.1
+_LARGER = {small: unit for unit, small in _SMALLER.items()}
 _LOG_SPAN = 50.0
 """Bins are logarithmic where the largest value is more than so many times the least."""
 
@@ -51,6 +52,11 @@ class GridAxis:
     def title(self) -> str:
         """Its name with its unit."""
         return with_unit(self.name, self.unit)
+
+    @property
+    def stored_title(self) -> str:
+        """Its name with the unit of what is stored: SI, where ticks are in ms or mm."""
+        return with_unit(self.name, _LARGER.get(self.unit, self.unit))
 
     @property
     def amount_unit(self) -> str:
@@ -173,7 +179,7 @@ def tick_of(axis: GridAxis, value: object) -> int:
     """
     if not isinstance(value, float | int) or isinstance(value, bool):
         return axis.ticks.index(str(value).lower() if isinstance(value, bool) else str(value))
-    value = 1e3 * value if axis.unit in _SMALLER.values() else value
+    value = 1e3 * value if axis.unit in _LARGER else value
     short, long = f"{value:.4g}", f"{value:.10g}"
     return axis.ticks.index(short if short in axis.ticks else long)
 

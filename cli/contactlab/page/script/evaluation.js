@@ -137,7 +137,7 @@ function recommendationOf(columns, evaluated, limits) {
   }
   const place = evaluated.recommended;
   const values = configurationOf(place).map(([name, value]) =>
-    element("div", {}, element("dt", {}, axisOf(name)?.title ?? name), element("dd", {}, value)));
+    element("div", {}, element("dt", {}, axisOf(name)?.stored_title ?? name), element("dd", {}, value)));
   const [, unit] = metadata.tradeoff.error;
   const time = columns.time[place];
   const parts = [
