@@ -6,6 +6,7 @@ the direction of reading; commands of a CI job, which are lines of its log; mark
 
 import math
 import re
+import textwrap
 from collections.abc import Sequence
 
 # All control characters but tabs and line ends, marks of direction, other line ends, surrogates.
@@ -14,6 +15,8 @@ _CONTROL = re.compile(
 )
 # GitHub takes commands from lines that start with two colons, older ones from anywhere in a line.
 _COMMAND = re.compile(r"^(?P<start>[^\S\n]*):(?=:)|#(?=#\[)", re.MULTILINE)
+COLUMNS = 80
+"""Width of a report, whatever shows it."""
 _MARKUP = "\\|`*_<>[]~$"
 # GitHub looks for these in the text that is left when the markup is gone.
 _REFERENCE = re.compile(r"[@#]|:(?=//)|\bwww(?=\.)|\bGH(?=-)", re.IGNORECASE)
@@ -83,3 +86,15 @@ def plain(number: float, digits: int = 3) -> str:
     if "e" not in short or not 1e-3 <= abs(number) < 1e5:
         return short
     return f"{float(short):.0f}" if abs(number) < 10**digits else f"{number:.0f}"
+
+
+def wrapped(text: str, indent: str = "") -> list[str]:
+    """Return a text in lines of 80 columns, all but the first indented by two more."""
+    return textwrap.wrap(
+        text,
+        COLUMNS,
+        initial_indent=indent,
+        subsequent_indent=f"{indent}  ",
+        break_long_words=False,
+        break_on_hyphens=False,
+    )

@@ -1,17 +1,15 @@
 """A budget as lines of text for 80 columns."""
 
 import math
-import textwrap
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 from contactlab.budget.readings import ErrorBudget
 from contactlab.budget.report import budget_report
 from contactlab.budget.verdict import Verdict, percent
-from contactlab.printable import visible
+from contactlab.printable import COLUMNS, visible, wrapped
 from contactlab.schema.error_budget import BudgetPhase, BudgetReason, BudgetRow
 
-_WIDTH = 80
 _RUN = "the run"
 _SHARE, _SPREAD, _BAR, _COST = 7, 11, 8, 5
 _HEADS = {"numerics": "numerics", "model": "model", "effect": "effects", "unknown": "unknowns"}
@@ -106,7 +104,7 @@ def _cells(names: int, cells: tuple[str, str, str, str, str, str]) -> str:
     """Return a line of a table whose names take so many places."""
     name, share, spread, bar, cost, where = cells
     left = f"{name:{names}} {share:>{_SHARE}} {spread:>{_SPREAD}}  {bar:<{_BAR}} {cost:>{_COST}}  "
-    return f"{left}{_within(where, _WIDTH - len(left))}".rstrip()
+    return f"{left}{_within(where, COLUMNS - len(left))}".rstrip()
 
 
 def _within(where: str, width: int) -> str:
@@ -141,15 +139,3 @@ def _bar(share: float | None) -> str:
     if math.isinf(share):
         return "#" * _BAR
     return "#" * min(_BAR, max(1, round(_PER_DECADE * math.log10(share / _LEAST))))
-
-
-def wrapped(text: str, indent: str) -> list[str]:
-    """Return a text in lines, of which all but the first are indented by two more."""
-    return textwrap.wrap(
-        text,
-        _WIDTH,
-        initial_indent=indent,
-        subsequent_indent=f"{indent}  ",
-        break_long_words=False,
-        break_on_hyphens=False,
-    )

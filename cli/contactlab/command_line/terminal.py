@@ -28,7 +28,7 @@ from rich.text import Text
 
 from contactlab.command_line.surroundings import Begin, Surroundings, Watch
 from contactlab.errors import StoppedError
-from contactlab.printable import first_names, in_one_line, printable
+from contactlab.printable import in_one_line, printable
 
 if TYPE_CHECKING:
     from contactlab.run.tasks import Finished, Stop
@@ -70,12 +70,6 @@ notice = _Notice()
 def echo(text: object, *, err: bool = False) -> None:
     """Print lines to stdout, or to stderr; what they hold of data is shown, never obeyed."""
     echo_commands(printable(str(text)), err=err)
-
-
-def echo_unexercised(lines: Sequence[str], of: str = "") -> None:
-    """Print what no run exercised, a line by kind with its first names."""
-    for line in lines:
-        echo(of + first_names(line))
 
 
 def tell(sentence: str) -> None:

@@ -434,30 +434,3 @@ def _tendon_scale(model: mujoco.MjModel, tendon: int, reach: Floats) -> float:
     slides = model.jnt_type[joints] == int(_JOINT.mjJNT_SLIDE)
     ways = np.where(slides, reach[model.jnt_bodyid[joints]], QUARTER_TURN)
     return float(np.abs(model.wrap_prm[wraps] * ways).max())
-
-
-def actuated_limbs(model: mujoco.MjModel) -> dict[str, int]:
-    """Return how many limbs with actuated joints each body on a free joint has, if any.
-
-    A limb is a child of the free body with all of its descendants.
-    """
-    limbs: dict[int, set[int]] = {}
-    for body in {int(model.jnt_bodyid[joint]) for joint in _driven_joints(model)}:
-        chain = [body]
-        while model.body_parentid[chain[-1]]:
-            chain.append(int(model.body_parentid[chain[-1]]))
-        joint = int(model.body_jntadr[chain[-1]])
-        if len(chain) > 1 and joint >= 0 and int(model.jnt_type[joint]) == _JOINT.mjJNT_FREE:
-            limbs.setdefault(chain[-1], set()).add(chain[-2])
-    return {model.body(root).name: len(limb) for root, limb in limbs.items()}
-
-
-def _driven_joints(model: mujoco.MjModel) -> Iterator[int]:
-    """Yield the joints that actuators move; a spatial tendon names none."""
-    for kind, item in zip(model.actuator_trntype, model.actuator_trnid[:, 0], strict=True):
-        if kind in AT_JOINT:
-            yield int(item)
-        elif kind == mujoco.mjtTrn.mjTRN_TENDON:
-            wraps = slice(model.tendon_adr[item], model.tendon_adr[item] + model.tendon_num[item])
-            joints = model.wrap_type[wraps] == int(mujoco.mjtWrap.mjWRAP_JOINT)
-            yield from model.wrap_objid[wraps][joints].tolist()

@@ -9,9 +9,8 @@ from contactlab.budget.text import (
     phase_lines,
     share_text,
     table_lines,
-    wrapped,
 )
-from contactlab.printable import percent, visible
+from contactlab.printable import percent, visible, wrapped
 from contactlab.reporting.examination import (
     change_line,
     contact_lines,

@@ -1,27 +1,24 @@
 """The report of a grip as lines of text for 80 columns."""
 
-import textwrap
 from collections.abc import Iterator, Sequence
 
-from contactlab.printable import visible
+from contactlab.printable import visible, wrapped
 from contactlab.schema.grip import GripDrift, GripRemedy, GripReport
-
-_WIDTH = 80
 
 
 def grip_lines(report: GripReport) -> list[str]:
     """Return the verdict, the squeeze, the drifts, trials, placements, causes and remedies."""
-    lines = [*_wrapped(report.sentence), *_wrapped(_where(report)), ""]
+    lines = [*wrapped(report.sentence), *wrapped(_where(report)), ""]
     lines += _squeeze(report)
     lines += ["", *_drifts(report.drifts), *_trials(report)]
     if report.placements:
         lines += ["", *_placements(report)]
     if len(report.causes) > 1:
-        lines += ["", *(line for each in report.causes[1:] for line in _wrapped(each.sentence))]
+        lines += ["", *(line for each in report.causes[1:] for line in wrapped(each.sentence))]
     if report.remedies:
         lines += ["", *_remedies(report.remedies)]
     if report.notes:
-        lines += ["", *(line for note in report.notes for line in _wrapped(note))]
+        lines += ["", *(line for note in report.notes for line in wrapped(note))]
     return [visible(line) for line in lines]
 
 
@@ -35,13 +32,13 @@ def _squeeze(report: GripReport) -> Iterator[str]:
         yield f"opening   {1e3 * report.opening:.3g} mm"
     pressing = [each for each in report.fingers if each.force > 0]
     forces = ", ".join(f"{each.body} {each.force:.3g} N" for each in pressing) or "none"
-    yield from _wrapped(f"fingers   {forces}")
+    yield from wrapped(f"fingers   {forces}")
     controls = ", ".join(
         f"{each.name} {abs(each.force):.3g}"
         + (f" of {each.limit:.3g}" if each.limit is not None else "")
         for each in report.controls
     )
-    yield from _wrapped(f"actuators {controls}")
+    yield from wrapped(f"actuators {controls}")
     yield f"depth     {1e3 * report.depth:.3g} mm, {report.depth_share:.0%} of half of its width"
 
 
@@ -77,21 +74,10 @@ def _remedies(remedies: Sequence[GripRemedy]) -> Iterator[str]:
         worse = ", worse than as written" if each.worse else ""
         yield f"{each.name:{width}}  {_speed(each.speed):>11}  {cost:5}  {each.verdict}{worse}"
         for line in each.lines:
-            yield from _wrapped(line, "   ")
+            yield from wrapped(line, "   ")
         if each.unwritten:
-            yield from _wrapped(f"no lines: {each.unwritten}", "   ")
+            yield from wrapped(f"no lines: {each.unwritten}", "   ")
 
 
 def _speed(speed: float | None) -> str:
     return "lost" if speed is None else f"{1e3 * speed:.3g} mm/s"
-
-
-def _wrapped(text: str, indent: str = "") -> list[str]:
-    return textwrap.wrap(
-        text,
-        _WIDTH,
-        initial_indent=indent,
-        subsequent_indent=f"{indent}  ",
-        break_long_words=False,
-        break_on_hyphens=False,
-    )

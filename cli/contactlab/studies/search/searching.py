@@ -23,7 +23,6 @@ SAVES = 0.97
 """Ratio of times below which a setting saves any."""
 _LOSSLESS = 0.05  # of the limit, that what counts as free may add to the error of the model
 _CLOSE = 1.15  # ratio of steps that are told apart
-_BETTER = 0.99
 SAFE = 0.85
 """Share of the limit that the search aims at: on other seeds the error is another."""
 _ALONE = 12  # geoms whose contacts are tried one by one

@@ -67,7 +67,6 @@ _JUDGED = 22  # times that a verdict simulates it: references, their check and R
 _SPARSEST = 4  # at least one in so many windows is looked at
 _MOST_TRIES, _CLOSELY = 5, 3
 _LESS, _MUCH_LESS = 0.95, 0.6
-_FORWARD = 16
 
 
 @dataclass(frozen=True)
