@@ -2,6 +2,8 @@
 
 from pathlib import Path
 
+import mujoco
+import numpy as np
 import pytest
 
 from contactlab.budget import Verdict
@@ -68,6 +70,58 @@ def test_fingers_that_close_on_each_other_may_touch(tmp_path: Path) -> None:
     )
     gripper = ARM.replace('<body name="fore"', f'{fingers}<body name="fore"')
     assert excluded(gripper, tmp_path, "contact left - right") == [("world", "upper")]
+
+
+LEGGED = """<robot name="legged">
+  <link name="base"><inertial><mass value="2"/>
+    <inertia ixx=".01" iyy=".01" izz=".01" ixy="0" ixz="0" iyz="0"/></inertial>
+    <collision><geometry><box size=".2 .2 .1"/></geometry></collision></link>
+  <link name="plate"><inertial><mass value="0.5"/>
+    <inertia ixx=".001" iyy=".001" izz=".001" ixy="0" ixz="0" iyz="0"/></inertial>
+    <collision><geometry><box size=".02 .02 .02"/></geometry></collision></link>
+  <joint name="glue" type="fixed"><parent link="base"/><child link="plate"/>
+    <origin xyz="0 0 .06"/></joint>
+  <link name="leg"><inertial><origin xyz="0 0 -.1"/><mass value=".5"/>
+    <inertia ixx=".001" iyy=".001" izz=".001" ixy="0" ixz="0" iyz="0"/></inertial>
+    <collision><origin xyz="0 0 -.1"/><geometry><box size=".05 .05 .24"/></geometry></collision>
+  </link>
+  <joint name="hip" type="revolute"><parent link="base"/><child link="leg"/>
+    <origin xyz=".08 0 -.05"/><axis xyz="0 1 0"/>
+    <limit lower="-1" upper="1" effort="10" velocity="5"/></joint>
+</robot>
+"""
+
+
+def test_the_root_of_a_urdf_gets_a_free_joint(tmp_path: Path) -> None:
+    """Its mass moves then, and nothing touches: base and leg are parent and child."""
+    path = tmp_path / "legged.urdf"
+    path.write_text(LEGGED)
+    scene = SceneLoader(Path()).open(str(path)).with_effects("all")
+    motions = task_motions(scene, {}, scene.task({}, 0.01))
+    exclude, free = separated(scene, {}, motions, verdict_of("joint hip"))
+    assert (exclude.accept, free.accept) == ("exclude", "freejoint")
+    assert (exclude.same_states, free.same_states) == (True, False)
+    assert free.edits.freed == ("base",)
+
+    made = write_model(scene, free.edits, tmp_path / "new")
+    model = mujoco.MjModel.from_xml_path(str(made.path))
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    assert (model.nv, data.ncon) == (7, 0)
+    assert model.body_subtreemass[model.body("base").id] == pytest.approx(3, rel=1e-12)
+    # The centre of mass is where the welded model has it: nothing but the joint is new.
+    welded = mujoco.MjModel.from_xml_path(str(path))
+    still = mujoco.MjData(welded)
+    mujoco.mj_forward(welded, still)
+    leg = [each.body("leg").xipos for each in (data, still)]
+    np.testing.assert_allclose(leg[0], leg[1], atol=1e-12)
+
+
+def test_a_base_that_mjcf_welds_is_meant(tmp_path: Path) -> None:
+    scene = scene_of(ARM, tmp_path)
+    motions = task_motions(scene, {}, scene.task({}, 0.01))
+    words = [each.accept for each in separated(scene, {}, motions, verdict_of("joint elbow"))]
+    assert words == ["exclude"]
 
 
 def test_the_changed_model_is_the_one_that_is_written(tmp_path: Path) -> None:

@@ -71,6 +71,11 @@ class Candidate:
         """Whether it makes another model."""
         return bool(self.accept)
 
+    @property
+    def same_states(self) -> bool:
+        """Whether the changed model can begin in the states of the one that it is of."""
+        return not self.edits.freed
+
 
 @dataclass(frozen=True)
 class Remedy:
@@ -82,11 +87,12 @@ class Remedy:
         word: the verdict on the changed model; that on the model as it is, where the change comes
             no nearer to what is meant and was tried no further.
         share: of the row that it was tried against, in the worst phase; NaN if it is not exercised.
-        price: its time over that of the model as it is; None where it removes nothing.
+        price: its time over that of the model as it is; None where it removes nothing, or where no
+            state of the one is one of the other.
         edits: all that it changes.
         accept: as the candidate's.
         apart: share by which it is apart from the finest motion of the model, or, against a row of
-            the model, of the model with that row's change.
+            the model, of the model with that row's change; NaN where it has other states.
         before: the same of the model as it is.
     """
 
@@ -104,6 +110,11 @@ class Remedy:
     def physics(self) -> bool:
         """Whether it makes another model."""
         return bool(self.accept)
+
+    @property
+    def parts(self) -> bool:
+        """Whether links that are in each other no longer touch."""
+        return bool(self.edits.excluded or self.edits.freed)
 
 
 def _nothing(_model: mujoco.MjModel) -> None:
@@ -190,6 +201,7 @@ def joined(candidates: Sequence[Candidate]) -> Candidate:
         edits=ModelEdits(
             {name: own for one in candidates for name, own in one.edits.settings.items()},
             excluded=tuple(pair for one in candidates for pair in one.edits.excluded),
+            freed=tuple(body for one in candidates for body in one.edits.freed),
         ),
         compiled=next((one.compiled for one in candidates if one.compiled), None),
         nearer=all(candidate.nearer for candidate in candidates),
@@ -246,28 +258,33 @@ def remedies(
         key=lambda one: (one.rate > _COARSE, one.physics, one.rate),
     )
     judged = _Judged(motions, verdict, word, rows if word == "model" else (), trial)
-    before, *apart = judged.nearness(possible)
+    comparable = [candidate for candidate in possible if candidate.same_states]
+    before, *apart = judged.nearness(comparable)
+    apart_of = {candidate.name: own for candidate, own in zip(comparable, apart, strict=True)}
     tried = list[Remedy]()
-    for candidate, own in zip(possible, apart, strict=True):
+    for candidate in possible:
+        own = apart_of.get(candidate.name, math.nan)
         removing = [remedy for remedy in tried if remedy.removes]
         enough = trial.most is not None and len(removing) >= trial.most
         if enough and candidate.accept not in trial.wanted:
             continue
         if candidate.rate > _COARSE and any(
-            not remedy.physics or remedy.edits.excluded for remedy in removing
+            not remedy.physics or remedy.parts for remedy in removing
         ):
             continue
         tried.append(judged.remedy(candidate, before, own))
     return tuple(sorted(tried, key=by_use))
 
 
-def by_use(remedy: Remedy) -> tuple[bool, bool, float]:
+def by_use(remedy: Remedy) -> tuple[bool, bool, bool, float]:
     """Return the place of a remedy: what removes, computes the same model, and is cheap, is first.
 
-    Costs within a tenth are equal: the clock tells no more. What was tried first is simpler.
+    Where links that are in each other are the cause, what parts them comes before what computes
+    their jam otherwise. Costs within a tenth are equal: the clock tells no more. What was tried
+    first is simpler.
     """
     cost = round(math.log(remedy.price.ratio, _ALIKE)) if remedy.price else math.inf
-    return not remedy.removes, remedy.physics, cost
+    return not remedy.removes, not remedy.parts, remedy.physics, cost
 
 
 def _is_possible(
@@ -342,7 +359,8 @@ class _Judged(NamedTuple):
         first = self.motions[0]
         options = options_changed(first.model, changed_model(first.model, candidate))
         edits = replace(candidate.edits, settings={**options, **candidate.edits.settings})
-        price = _price(first, candidate, self._settings) if removes else None
+        timed = removes and candidate.same_states
+        price = _price(first, candidate, self._settings) if timed else None
         return Remedy(
             candidate.name, removes, word, share, price, edits, candidate.accept, apart, before
         )

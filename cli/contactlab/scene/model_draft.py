@@ -47,6 +47,8 @@ class ModelEdits:
     masked: tuple[str, ...] = ()  # geoms that take no part in collisions
     # Pairs of bodies that do not collide with each other.
     excluded: tuple[tuple[str, str], ...] = ()
+    # Bodies welded to the world that get a free joint, of a URDF.
+    freed: tuple[str, ...] = ()
     # Names of sensors that are left out; one without a name is `sensor[3]`.
     sensors: tuple[str, ...] = ()
     # Flags that are switched off although no compiled scene has them: energy, fwdinv.
@@ -137,6 +139,9 @@ def edit_spec(spec: mujoco.MjSpec, edits: ModelEdits) -> None:
     for pair in edits.excluded:
         one, other = (_part(spec, "body", name).name for name in pair)
         spec.add_exclude(bodyname1=one, bodyname2=other)
+    for name in edits.freed:
+        spec.compiler.fusestatic = False  # else the world takes in what is welded to it
+        _part(spec, "body", name).add_freejoint()
     for name in edits.sensors:
         spec.delete(_part(spec, "sensor", name))
 
@@ -173,6 +178,8 @@ class Draft:
     values: dict[Origin, dict[str, str]] = field(default_factory=lambda: defaultdict(dict))
     removed: set[Origin] = field(default_factory=set[Origin])  # elements to remove
     added: list[str] = field(default_factory=list[str])  # lines to add at the main file's end
+    # Lines to add at the end of elements.
+    inserted: dict[Origin, str] = field(default_factory=dict[Origin, str])
 
     @classmethod
     def of(cls, scene: Scene, source: SceneSource) -> "Draft":
@@ -251,6 +258,8 @@ class Draft:
         for one, other in edits.excluded:
             pair = attributes({"body1": one, "body2": other})
             self.added.append(f"<contact><exclude{pair}/></contact>")
+        for name in edits.freed:
+            self.inserted[self._origin("body", name)] = "<freejoint/>"
         if edits.unflagged:
             self._set_last("flag", dict.fromkeys(edits.unflagged, "disable"))
         for kind, lines in self.now.lines.items():
@@ -266,6 +275,11 @@ class Draft:
                 if file == path
             ]
             found += [without(data, elements[at]) for file, at in self.removed if file == path]
+            found += [
+                at_end(data, elements[at], [line])
+                for (file, at), line in self.inserted.items()
+                if file == path
+            ]
             if path == self.main and self.added:
                 found.append(at_end(data, elements[0], self.added))
             yield path, sorted(found)

@@ -85,12 +85,12 @@ def without(data: bytes, element: ElementText) -> Replacement:
 
 
 def at_end(data: bytes, root: ElementText, lines: Iterable[str]) -> Replacement:
-    """Return the insertion of lines as the last in a root element."""
+    """Return the insertion of lines as the last in an element that has an end tag."""
     newline = b"\r\n" if b"\r\n" in data else b"\n"
-    text = b"".join(b"  " + line.encode() + newline for line in lines)
     stop = data.rindex(b"</", 0, root.end)
     start = data.rfind(b"\n", 0, stop) + 1
     place = stop if data[start:stop].strip() else start
+    text = b"".join(data[place:stop] + b"  " + line.encode() + newline for line in lines)
     return Replacement(place, place, text if place == start else newline + text)
 
 

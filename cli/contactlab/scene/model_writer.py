@@ -67,7 +67,7 @@ def write_model(scene: Scene, edits: ModelEdits, folder: Path, name: str = "") -
     if folder.resolve() == source.content.root.resolve():
         raise OutputError(f"{folder} has the scene itself; write into another folder")
     with TemporaryDirectory(prefix="contactlab-") as temporary, source.named_in_errors():
-        copied = _copied(source, Path(temporary).resolve(), name)
+        copied = _copied(source, Path(temporary).resolve(), name, fused=not edits.freed)
         meant = CompiledFiles.of(scene, source, edits.settings, lambda spec: edit_spec(spec, edits))
         draft = Draft.of(scene, copied)
         draft.set_fields(meant)
@@ -127,8 +127,11 @@ def _patch(path: Path, before: bytes, after: bytes) -> bytes:
     )
 
 
-def _copied(source: SceneSource, folder: Path, name: str) -> SceneSource:
-    """Copy a scene's files into a folder, a URDF as MJCF, under a name if one is given."""
+def _copied(source: SceneSource, folder: Path, name: str, *, fused: bool) -> SceneSource:
+    """Copy a scene's files into a folder, a URDF as MJCF, under a name if one is given.
+
+    `fused` says whether bodies that are welded to others become parts of them, as an import does.
+    """
     content = source.content
     content.copy_to(folder)
     files, model = content.files, content.model
@@ -137,7 +140,7 @@ def _copied(source: SceneSource, folder: Path, name: str) -> SceneSource:
     }
     if model.suffix == ".urdf":
         model = model.with_name(name or f"{model.stem}.xml")
-        _convert(folder / content.model, folder / model, resources)
+        _convert(folder / content.model, folder / model, resources, fused=fused)
         files = (model, *(file for file in files if file != content.model))
     moved = replace(
         content, root=folder, model=model, files=files, resources=resources, copied=True
@@ -145,9 +148,10 @@ def _copied(source: SceneSource, folder: Path, name: str) -> SceneSource:
     return replace(source, path=folder / relative_path(source.path, content.root), content=moved)
 
 
-def _convert(urdf: Path, mjcf: Path, resources: Mapping[str, Path]) -> None:
+def _convert(urdf: Path, mjcf: Path, resources: Mapping[str, Path], *, fused: bool) -> None:
     """Save a URDF as MJCF in its place, every number exactly."""
     spec = mujoco.MjSpec.from_file(str(urdf))
+    spec.compiler.fusestatic = spec.compiler.fusestatic and fused
     for mesh in spec.meshes:
         if found := resources.get(plain_name(mesh.file)):
             mesh.file = relative_path(found, urdf.parent / spec.meshdir).as_posix()

@@ -40,6 +40,7 @@ class ModelChange(Model):
     excluded: tuple[tuple[str, str], ...] = about(
         "Pairs of bodies whose contacts it excludes.", default=()
     )
+    freed: tuple[str, ...] = about("Bodies that it gives a free joint.", default=())
     share: float | None = about("What is left of the reason's share; null if infinite.")
     apart: float | None = about(
         "Share by which it is apart from the model's motion at its finest step, or, against a row "

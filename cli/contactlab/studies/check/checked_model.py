@@ -115,9 +115,13 @@ class CheckedModel:
         return moves(self.resolved, self.base.model)
 
     def motions_of(
-        self, task: Task, settings: Values | None = None, change: Change = as_it_is
+        self,
+        task: Task,
+        settings: Values | None = None,
+        change: Change = as_it_is,
+        scene: Scene | None = None,
     ) -> list[Motion]:
-        """Return the motions of a task's phases, with other settings or a changed model.
+        """Return the motions of a task's phases, with other settings or a changed model or scene.
 
         Raises:
             EngineError: another engine than MuJoCo is asked for, or nothing moves.
@@ -128,7 +132,7 @@ class CheckedModel:
             if engine != "mujoco":
                 what = f"only MuJoCo's own motion is measured, not that of engine {engine}"
             raise EngineError(f"{self.reference}: {what}")
-        whole = self.scene.with_effects("all")
+        whole = (scene or self.scene).with_effects("all")
         values = self.values if settings is None else settings
         allowed = self.session.allow_code
         return task_motions(whole, values, task, allow_code=allowed, change=change)

@@ -27,7 +27,7 @@ from contactlab.schema.examination import ModelChange
 from contactlab.schema.task import Task
 from contactlab.studies.examine.facts import facts
 from contactlab.studies.examine.separated import separated
-from contactlab.studies.examine.task_motions import Change
+from contactlab.studies.examine.task_motions import Change, as_it_is
 from contactlab.studies.session import Values
 
 MOST_CHANGES = 3
@@ -37,6 +37,10 @@ def fresh(task: Task) -> Task:
     """Return a task whose seeds no change was chosen by."""
     count = max(task.seeds) + 1
     return task.model_copy(update={"seeds": tuple(seed + count for seed in task.seeds)})
+
+
+Moved = Callable[[Values, Change, Path | None], Iterable[Sequence[Motion]]]
+"""Returns motions with settings and a changed model, of the scene or of a file in its place."""
 
 
 class Changes:
@@ -49,13 +53,15 @@ class Changes:
         motions: Sequence[Motion],
         verdict: Verdict,
         trial: Trial,
-        moved: Callable[[Values, Change], Iterable[Sequence[Motion]]],
+        moved: Moved,
     ) -> None:
         """Try all that a verdict points to, until enough of it removes the verdict."""
+        self._folder = TemporaryDirectory(prefix="contactlab-")  # of models with other states
+        self._others = dict[str, Path]()
         self._scene, self._values = scene, values
         self._motions, self._verdict = motions, verdict
         self._moved, self._trial = moved, replace(trial, moved=self._motions_of)
-        physical = separated(scene, values, motions, verdict)
+        physical = [*filter(self._can_begin, separated(scene, values, motions, verdict))]
         self._candidates = (*candidates_against(motions, verdict), *physical)
         self.tried = remedies(motions, verdict, candidates=self._candidates, trial=self._trial)
         self.helping = [remedy for remedy in self.tried if remedy.removes]
@@ -70,6 +76,8 @@ class Changes:
         """Return the task's motions of a changed model, which begin as the task does."""
         model = self._motions[0].model
         options = options_changed(model, changed_model(model, candidate))
+        if not candidate.same_states:
+            return self._moved({**self._values, **options}, as_it_is, self._other(candidate))
 
         def change(own: mujoco.MjModel) -> mujoco.MjModel:
             made = copy.copy(candidate.compiled or own)
@@ -77,7 +85,21 @@ class Changes:
             made.opt.timestep = own.opt.timestep
             return made
 
-        return self._moved({**self._values, **options}, change)
+        return self._moved({**self._values, **options}, change, None)
+
+    def _can_begin(self, candidate: Candidate) -> bool:
+        """Return whether the changed model has states to begin in: its own need its file."""
+        try:
+            return candidate.same_states or self._other(candidate).is_file()
+        except SceneError:
+            return False
+
+    def _other(self, candidate: Candidate) -> Path:
+        """Return the file of a changed model whose states are others; it is written once."""
+        if candidate.name not in self._others:
+            folder = Path(self._folder.name) / str(len(self._others))
+            self._others[candidate.name] = self._written(candidate.edits, folder, "").path
+        return self._others[candidate.name]
 
     def told(self) -> tuple[ModelChange, ...]:
         """Return those that are told: at most three, all that are wanted, and what parts links."""
@@ -131,6 +153,7 @@ class Changes:
             removes="verdict" if remedy.removes else "overlap",
             settings=tried.settings,
             excluded=remedy.edits.excluded,
+            freed=remedy.edits.freed,
             share=tried.share,
             apart=tried.apart,
             before=tried.before,

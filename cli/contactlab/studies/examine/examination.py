@@ -255,9 +255,10 @@ def _changes(request: ExamineRequest, examined: CheckedModel, verdict: Verdict) 
     if verdict.reasons:
         request.begins(f"{verdict.reasons[0].sentence}; looking for changes that remove it")
 
-    def moved(settings: Values, change: Change) -> Iterator[list[Motion]]:
+    def moved(settings: Values, change: Change, file: Path | None) -> Iterator[list[Motion]]:
+        scene = examined.scenes.open(str(file)) if file else None
         for seeds in (task, fresh(task)):
-            yield examined.motions_of(seeds, settings, change)
+            yield examined.motions_of(seeds, settings, change, scene)
 
     trial = Trial(SETTINGS, None, MOST_CHANGES, request.accept, threads)
     scene, values = examined.scene.with_effects("all"), examined.values

@@ -1,11 +1,11 @@
-"""Pairs of bodies that a model presses into each other, and the model without them.
+"""Pairs of bodies that a model presses into each other, and the model in which they do not touch.
 
 Links that a joint holds in each other's geoms push with what the joint bears. MuJoCo leaves out
 contacts of parent and child, but not where the parent is the world: so it is with a robot whose
-base is welded to it, as that of a URDF.
+base is welded to it, as that of a URDF. Its pairs may be excluded, or its base set free.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 import mujoco
 
@@ -26,7 +26,7 @@ _NEAR = 2  # joints between links of one robot that touch by how it is built
 def separated(
     scene: Scene, values: Values, motions: Sequence[Motion], verdict: Verdict
 ) -> tuple[Candidate, ...]:
-    """Return the change that excludes pairs of links in each other, if there are any.
+    """Return changes by which links in each other no longer touch: no contacts, or a free base.
 
     Only links of one robot, few joints apart, that are in each other at the start: that a body no
     longer touches what it stands on, holds or runs into is not mended by forgetting it. Floors are
@@ -36,26 +36,75 @@ def separated(
     pairs = dict.fromkeys(overlapping(motions[0]))
     if not pairs:
         return ()
+    word: Word = "model" if verdict.word == "model" else "unresolved"
     names = tuple((name_of(model, "body", one), name_of(model, "body", two)) for one, two in pairs)
-    edits = ModelEdits(excluded=names)
-    compiled = _compiled(scene, values, edits)
+    return (
+        *_without_contacts(scene, values, model, names, word),
+        *_floating(scene, values, names, word),
+    )
+
+
+def _without_contacts(
+    scene: Scene,
+    values: Values,
+    model: mujoco.MjModel,
+    names: Sequence[tuple[str, str]],
+    word: Word,
+) -> Iterator[Candidate]:
+    edits = ModelEdits(excluded=tuple(names))
+    compiled = _compiled(scene, values, lambda spec: edit_spec(spec, edits))
     size = mujoco.mj_stateSize(model, INTEGRATION)
     if compiled is None or mujoco.mj_stateSize(compiled, INTEGRATION) != size:
-        return ()
+        return
     first = " - ".join(names[0])
     more = f" and {len(names) - 1} more pairs" if len(names) > 1 else ""
-    word: Word = "model" if verdict.word == "model" else "unresolved"
-    return (
-        Candidate(
-            f"no contacts of {first}{more}",
-            word,
-            lambda _: None,
-            accept="exclude",
-            edits=edits,
-            compiled=compiled,
-            nearer=False,
-        ),
+    yield Candidate(
+        f"no contacts of {first}{more}",
+        word,
+        lambda _: None,
+        accept="exclude",
+        edits=edits,
+        compiled=compiled,
+        nearer=False,
     )
+
+
+def _floating(
+    scene: Scene, values: Values, names: Sequence[tuple[str, str]], word: Word
+) -> Iterator[Candidate]:
+    """Yield the change that gives the root links of a URDF a free joint, which no URDF can have.
+
+    They are those that carry a link of a pair by joints, and are welded to the world themselves.
+    """
+    if scene.source.model.suffix != ".urdf":
+        return
+    roots = dict[str, None]()
+
+    def free(spec: mujoco.MjSpec) -> None:
+        roots.update(dict.fromkeys(_welded_roots(spec, names)))
+        edit_spec(spec, ModelEdits(freed=tuple(roots)))
+
+    if _compiled(scene, values, free) is None or not roots:
+        return
+    yield Candidate(
+        f"a free joint for {', '.join(roots)}, which the import welds to the world",
+        word,
+        lambda _: None,
+        accept="freejoint",
+        edits=ModelEdits(freed=tuple(roots)),
+        nearer=False,
+    )
+
+
+def _welded_roots(spec: mujoco.MjSpec, names: Sequence[tuple[str, str]]) -> Iterator[str]:
+    """Yield the roots of links that are in the world, or in what is welded to it."""
+    bodies = {body.name: body for body in spec.bodies if body != spec.worldbody}
+    for link in (bodies[name] for pair in names for name in pair if name in bodies):
+        root = link
+        while root.parent != spec.worldbody:
+            root = root.parent
+        if not root.joints:
+            yield root.name
 
 
 def overlapping(motion: Motion) -> Iterator[tuple[int, int]]:
@@ -101,9 +150,10 @@ def _floats(model: mujoco.MjModel, body: int) -> bool:
     return first >= 0 and int(model.jnt_type[first]) == mujoco.mjtJoint.mjJNT_FREE
 
 
-def _compiled(scene: Scene, values: Values, edits: ModelEdits) -> mujoco.MjModel | None:
+def _compiled(
+    scene: Scene, values: Values, edit: Callable[[mujoco.MjSpec], None]
+) -> mujoco.MjModel | None:
     try:
-        files = CompiledFiles.of(scene, scene.source, values, lambda spec: edit_spec(spec, edits))
+        return CompiledFiles.of(scene, scene.source, values, edit).model
     except SceneError:
         return None
-    return files.model
