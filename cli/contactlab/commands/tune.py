@@ -13,7 +13,7 @@ from contactlab.errors import ExpectationError, SweepFileError
 from contactlab.printable import percent, shortened
 
 if TYPE_CHECKING:
-    from contactlab.schema.tune_report import Point, TuneReport
+    from contactlab.schema.tune_report import Point, StayedApart, TuneReport
     from contactlab.studies.search.tuning import TuneRequest
 
 _TIME = "a time, such as 90s, 5min or 1h"
@@ -39,7 +39,9 @@ def _json(report: "TuneReport", given: Given) -> None:
 def failure(report: "TuneReport", given: Given) -> ExpectationError | None:
     """Return the error of an aim that nothing meets."""
     del given
-    return None if report.met else ExpectationError(f"{report.model}: {report.sentence}")
+    if report.met or report.recommended:
+        return None
+    return ExpectationError(f"{report.model}: {report.sentence}")
 
 
 @command(
@@ -75,6 +77,14 @@ def tune(
     drop_sensors: Annotated[
         bool, flag("Leave the model's sensors out: nobody reads them.")
     ] = False,
+    apart: Annotated[
+        float | str | None,
+        Option(
+            "LENGTH",
+            "Leave out collisions of what stayed so far apart in all that was run, such as 5cm.",
+            kind=str,
+        ),
+    ] = None,
     patch: Annotated[bool, flag("Print the patch, and no more.")] = False,
     figure: opt.Figure = None,
     workers: opt.Workers = None,
@@ -90,8 +100,9 @@ def tune(
     """Find the settings to use, and write the model that has them.
 
     The cheapest settings whose numerical error is at most what friction known to 10 % and masses
-    known to 5 % leave open, at least 1 %, and at most the tolerance. Everything goes to
-    `results/tune/NAME` if `output` is left out.
+    known to 5 % leave open, at least 1 %, and at most the tolerance. Where a sound model misses
+    that as written, the fastest of no larger error is recommended, beside what keeps the aim.
+    Everything goes to `results/tune/NAME` if `output` is left out.
 
     Raises:
         SceneError: there is no such model.
@@ -112,6 +123,7 @@ def tune(
         at=at,
         max_time=seconds_of(max_time),
         drop_sensors=drop_sensors,
+        apart=length_of(apart),
     )
     opt.load_plugins(plugin)
     folder = opt.study_folder("tune", model, output)
@@ -165,6 +177,18 @@ def seconds_of(text: float | str) -> float:
     return value
 
 
+def length_of(text: float | str | None) -> float | None:
+    """Return how far apart collisions are that may go [m]."""
+    from contactlab.schema.setting_values import read_quantity
+
+    if text is None:
+        return None
+    value, unit = read_quantity(str(text))
+    if not 0 < value < math.inf or unit not in ("", "m"):
+        raise SweepFileError(f"--apart {text}: write a length, such as 5cm or 0.05")
+    return value
+
+
 def _positive_rate(rate: float | None) -> float | None:
     if rate is not None and not 0 < rate < math.inf:
         raise SweepFileError(f"--real-time {rate:g}: write a number above 0, such as 5")
@@ -177,6 +201,7 @@ def print_search(report: "TuneReport", folder: Path) -> None:
     shown = [("now", report.now)]
     for standing, point in (
         ("recommended", report.recommended),
+        ("keeps the aim", report.to_aim and report.to_aim.point),
         ("nearest", report.nearest),
         ("as accurate as now", report.as_accurate),
     ):
@@ -238,6 +263,8 @@ def _details(report: "TuneReport", folder: Path) -> Iterator[str]:
         )
     if report.flags:
         yield f"exact: no state depends on {' and '.join(report.flags)}; they are off now"
+    if apart := report.stayed_apart:
+        yield _apart(apart)
     if report.verified:
         seeds = ", ".join(map(str, report.verified.seeds))
         yield f"verified on seeds {seeds}: {report.verified.sentence}"
@@ -245,9 +272,26 @@ def _details(report: "TuneReport", folder: Path) -> Iterator[str]:
     yield from shortened(lines, 12, PATCH)
     kept = [f"{each.name}: {each.reason}" for each in report.kept]
     yield from (f"kept: {each}" for each in shortened(kept, 6, REPORT))
+    if aim := report.to_aim:
+        yield f"wrote {folder / aim.file}, which keeps the aim: {aim.verified.sentence}"
     if report.file:
         patch = f", {PATCH}" if (folder / PATCH).is_file() else ""
         yield f"wrote {folder / report.file}{patch} and {REPORT}"
         yield f"next: contactlab {folder / report.file}"
     else:
         yield f"{REPORT} in {folder}"
+
+
+def _apart(apart: "StayedApart") -> str:
+    what = f"{len(apart.geoms)} geoms and {len(apart.bodies)} pairs of bodies"
+    margin = f"{1e3 * apart.margin:g} mm"
+    run = f"stayed {margin} apart in all that was run (the task, tilted, and twice its inputs)"
+    if apart.left_out:
+        return f"assumed: {what} {run}: what brings them together passes through"
+    price = apart.price
+    saves = (
+        f", at x{price.ratio:.2f} ({price.low:.2f} to {price.high:.2f}) of that time"
+        if price
+        else ""
+    )
+    return f"offered: {what} {run}: --apart {margin.replace(' ', '')} leaves them out{saves}"

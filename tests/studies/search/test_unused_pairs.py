@@ -13,7 +13,7 @@ from contactlab.engines.engine import Buffers, PreparedRuns
 from contactlab.scene.model_draft import ModelEdits
 from contactlab.scene.scene import Scene
 from contactlab.scene.unreachable import filtered_pairs, unreachable_pairs
-from contactlab.studies.search.unused_pairs import untouched_geoms
+from contactlab.studies.search.unused_pairs import left_out, pairs_within, untouched_geoms
 
 # An arm that turns by 1.5 rad either way, a post at 1.4 rad, a wall out of reach, a lamp above all;
 # and a box on the floor, which may be anywhere.
@@ -111,3 +111,51 @@ def test_without_them_states_stay_bit_equal_from_fresh_seeds(
     seeds = range(100, 103)
     for one, other in zip(driven(written, seeds), driven(path, seeds), strict=True):
         np.testing.assert_array_equal(one, other)
+
+
+def test_pairs_come_near_as_the_distance_of_all_geoms_says(workshop: Path) -> None:
+    model = mujoco.MjModel.from_xml_path(str(workshop))
+    data, near = mujoco.MjData(model), set[tuple[int, int]]()
+    distance, runs = 0.3, [run[::40] for run in driven(workshop, range(1))]
+    for qpos in np.concatenate(runs):
+        data.qpos[:] = qpos
+        mujoco.mj_kinematics(model, data)
+        near |= {
+            pair
+            for pair in filtered_pairs(model)
+            if mujoco.mj_geomDistance(model, data, *pair, 10.0, None) <= distance
+        }
+    found = pairs_within(model, runs, distance)
+    assert found is not None
+    # Margins of both geoms count: at most twice the distance, at least that.
+    assert near <= found
+    assert found <= {
+        pair for pair in filtered_pairs(model) if pair in near or is_near(model, runs, pair, 0.6)
+    }
+
+
+def is_near(model: mujoco.MjModel, runs: Runs, pair: tuple[int, int], distance: float) -> bool:
+    data = mujoco.MjData(model)
+    for qpos in np.concatenate(runs):
+        data.qpos[:] = qpos
+        mujoco.mj_kinematics(model, data)
+        if mujoco.mj_geomDistance(model, data, *pair, 10.0, None) <= distance:
+            return True
+    return False
+
+
+def test_what_stays_apart_is_told_by_what_nothing_comes_near(workshop: Path) -> None:
+    model = mujoco.MjModel.from_xml_path(str(workshop))
+    runs, pairs = driven(workshop, range(2)), filtered_pairs(model)
+    near = pairs_within(model, runs, 0.05)
+    assert near is not None
+    edits = left_out(model, pairs, {pair for pair in pairs if pair not in near})
+    # The box lies on the floor, and nothing comes near the wall or the lamp.
+    assert {"wall", "lamp"} <= {*edits.masked}
+    assert not {"box", "floor"} & {*edits.masked}
+
+
+def test_where_contacts_find_no_room_nothing_is_said(workshop: Path) -> None:
+    text = workshop.read_text().replace("<worldbody>", '<size memory="8K"/><worldbody>', 1)
+    model = mujoco.MjModel.from_xml_string(text)
+    assert pairs_within(model, [np.array(model.qpos0)[None]], 3.0) is None

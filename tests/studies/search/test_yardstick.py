@@ -8,7 +8,8 @@ from contactlab.budget import Motion
 from contactlab.budget.motion import INTEGRATION
 from contactlab.budget.rows import GRAVITY_AS_REAL
 from contactlab.studies.search.choice import Choice
-from contactlab.studies.search.yardstick import Yardsticks
+from contactlab.studies.search.clock import whole_run
+from contactlab.studies.search.yardstick import Yardsticks, held
 
 FALL = """<mujoco><option timestep="0.002"/><worldbody>
 <body name="ball"><freejoint/><geom size=".1"/></body></worldbody></mujoco>"""
@@ -69,6 +70,12 @@ def test_inputs_of_a_longer_step_are_the_mean_of_those_that_it_covers() -> None:
     start = np.empty((1, mujoco.mj_stateSize(model, INTEGRATION)))
     mujoco.mj_getState(model, mujoco.MjData(model), start[0], INTEGRATION)
     inputs = np.random.default_rng(0).normal(size=(1, 100, 1))
-    (part,) = Yardsticks.of([Motion(model, start, inputs)], 2, 1).parts
-    given = part.inputs(np.array([0]), np.array([40]), 6, 4)
+    moved = Motion(model, start, inputs)
+    given = held(moved, 2, np.array([0]), np.array([40]), 6, 4)
     assert given[0, :, 0] == pytest.approx(inputs[0, 20:32, 0].reshape(4, 3).mean(axis=1))
+    # A whole run takes every input once: 100 steps are 200 fine ones, or 50 of four.
+    whole = whole_run(moved, 2, 0, 4)
+    assert whole.steps == 50
+    assert whole.motion.inputs[0, :, 0] == pytest.approx(
+        inputs[0, :, 0].reshape(50, 2).mean(axis=1)
+    )

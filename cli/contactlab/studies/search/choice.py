@@ -30,17 +30,19 @@ class Choice:
         settings: values by axis, as a sweep has them; the timestep is not among them.
         multiple: its step, in fine steps of the search.
         light: whether it is without what changes no state, such as collisions that cannot be.
+        apart: whether it is without collisions of what merely stayed apart, too.
     """
 
     settings: Mapping[str, object] = field(default_factory=dict[str, object])
     multiple: int = 1
     light: bool = False
+    apart: bool = False
 
     @property
     def key(self) -> tuple[object, ...]:
         """What tells it from others."""
         own = sorted((name, str(value)) for name, value in self.settings.items())
-        return (self.multiple, self.light, *own)
+        return (self.multiple, self.light, self.apart, *own)
 
     def with_settings(self, settings: Mapping[str, object]) -> "Choice":
         """Return it with more settings, which replace its own."""

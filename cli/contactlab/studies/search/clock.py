@@ -1,4 +1,9 @@
-"""What changed models cost: ratios of times, measured in turns from the same states."""
+"""What changed models cost: ratios of times, measured in turns from the same states.
+
+The search is steered by short stretches. What is claimed is measured on whole runs of the task, of
+the seeds that were searched and of fresh ones: iterations hang on the motion, so that seeds differ
+by more than turns do.
+"""
 
 import copy
 import math
@@ -11,17 +16,21 @@ import mujoco
 import numpy as np
 
 from contactlab.budget import Motion
+from contactlab.budget.motion import without_delays
 from contactlab.budget.prices import Price
 from contactlab.budget.windows import start_rows
-from contactlab.studies.search.yardstick import Yardsticks
+from contactlab.studies.search.yardstick import Yardsticks, held
 
 _MOST_PLACES = 12  # states of each phase that stretches begin in
-_STRETCH, _WHOLE = 0.2, 1.0  # s of simulated time: of the search, and of what is claimed
+_STRETCH = 0.2  # s of simulated time
 _TURN = 0.01  # s that the model as written is timed for in each turn, about
-_WARM, _MOST = 1, 200
+_WARM = 1
+_FEWEST, _MOST = 3, 60
+"""Turns of each seed."""
 NARROW = 0.07
 """Half-width of intervals that are wanted, as a share."""
 _OUTSIDE = 0.05
+_RESAMPLED = 400
 
 
 class _Stretch(NamedTuple):
@@ -56,6 +65,10 @@ class _Timed:
         return spent / (repeats * self._simulated)
 
 
+Stepped = tuple[mujoco.MjModel, int]
+"""A model, and its step in fine ones."""
+
+
 class Clock:
     """Times models through parts of a task that are spread over its phases."""
 
@@ -70,45 +83,111 @@ class Clock:
         self._places = max(1, min(_MOST_PLACES, math.ceil(wanted)))
         self._repeats = max(1, math.ceil(wanted / self._places))
 
-    def prices(
-        self, models: Sequence[tuple[mujoco.MjModel, int]], turns: int = 3, until: float = -math.inf
+    def prices(self, models: Sequence[Stepped], turns: int = 3) -> list[Price]:
+        """Return the time of models over that of the model as written, for the same motion."""
+        timed = [self._timed(*each) for each in models]
+        base = self._timed(self._written, self._yards.finer)
+        turn = _Turn(base, timed, self._repeats)
+        found = [turn.taken() for _ in range(_WARM + turns)][_WARM:]
+        self.base_seconds = median(seconds for seconds, _ in found)
+        return [interval(ratios) for ratios in zip(*(each for _, each in found), strict=True)]
+
+    def whole(
+        self, models: Sequence[Stepped], motions: Sequence[Motion], until: float
     ) -> list[Price]:
-        """Return the time of models over that of the model as written, for the same motion.
+        """Return the time of models over that of the model as written, for whole runs of phases.
 
-        Each has a step of so many fine ones. There are so many turns; if `until` is given, on the
-        clock of `time.monotonic`, stretches are longer, and turns go on until then while an
-        interval is wider than wanted.
+        Turns go on while an interval is wider than wanted, until then on the clock of
+        `time.monotonic`.
         """
-        whole = until > -math.inf
-        timed = [self._timed(model, multiple, whole=whole) for model, multiple in models]
-        base = self._timed(self._written, self._yards.finer, whole=whole)
-        ratios: list[list[float]] = [[] for _ in models]
-        seconds = list[float]()
-        most = _MOST if whole else turns
-        for number in range(_WARM + most):
-            before = base.seconds(self._repeats)
-            for place, one in enumerate(timed):
-                taken = one.seconds(self._repeats)
-                after = base.seconds(self._repeats)
+        turns = [self._seed(models, motions, seed) for seed in range(motions[0].seeds)]
+        bases: list[list[float]] = [[] for _ in turns]
+        ratios: list[list[list[float]]] = [[] for _ in turns]
+        for number in range(_WARM + _MOST):
+            for seed, turn in enumerate(turns):
+                base, found = turn.taken()
                 if number >= _WARM:
-                    ratios[place].append(2 * taken / (before + after))
-                    seconds.append(before)
-                before = after
-            if number >= turns and (time.monotonic() > until or _all_narrow(ratios)):
+                    bases[seed].append(base)
+                    ratios[seed].append(found)
+            if number >= _WARM and time.monotonic() > until:
                 break
-        if seconds:
-            self.base_seconds = median(seconds)
-        return [interval(found) for found in ratios]
+            if number >= _WARM + _FEWEST - 1 and _all_narrow(_told(bases, ratios)):
+                break
+        self.base_seconds = float(np.mean([median(each) for each in bases]))
+        return _told(bases, ratios)
 
-    def _timed(self, model: mujoco.MjModel, multiple: int, *, whole: bool = False) -> _Timed:
+    def _seed(self, models: Sequence[Stepped], motions: Sequence[Motion], seed: int) -> "_Turn":
+        finer, fine = self._yards.finer, self._yards.step
+        base, *timed = (
+            _Timed(
+                model, multiple * fine, [whole_run(each, finer, seed, multiple) for each in motions]
+            )
+            for model, multiple in [(self._written, finer), *models]
+        )
+        simulated = sum(each.steps for each in motions) * finer * fine
+        return _Turn(base, timed, max(1, math.ceil(_TURN / self.base_seconds / simulated)))
+
+    def _timed(self, model: mujoco.MjModel, multiple: int) -> _Timed:
         step = multiple * self._yards.step
-        steps = max(2, round((_WHOLE if whole else _STRETCH) / step))
+        steps = max(2, round(_STRETCH / step))
         stretches = list[_Stretch]()
         for yard in self._yards.parts:
             which = yard.starts
             places = np.linspace(0, len(which) - 1, min(self._places, len(which))).astype(int)
             stretches.append(_Stretch(yard.motion_of(model, multiple, which[places], steps), steps))
         return _Timed(model, step, stretches)
+
+
+class _Turn:
+    """A model as written, and others that take turns with it."""
+
+    def __init__(self, base: _Timed, timed: Sequence[_Timed], repeats: int) -> None:
+        self._base, self._timed, self._repeats = base, timed, repeats
+
+    def taken(self) -> tuple[float, list[float]]:
+        """Return the time of the model as written, before and after others, and theirs over it."""
+        before = self._base.seconds(self._repeats)
+        taken = [one.seconds(self._repeats) for one in self._timed]
+        base = (before + self._base.seconds(self._repeats)) / 2
+        return base, [seconds / base for seconds in taken]
+
+
+def whole_run(motion: Motion, finer: int, seed: int, multiple: int) -> _Stretch:
+    """Return a seed of a motion from its start to its end, by steps of so many fine ones."""
+    own = without_delays(motion)
+    steps = max(1, round(own.steps * finer / multiple))
+    rows = held(own, finer, np.array([seed]), np.array([0]), multiple, steps)
+    return _Stretch(Motion(own.model, own.starts[[seed]], rows, own.spec, own.name), steps)
+
+
+def over_seeds(bases: Sequence[float], ratios: np.ndarray) -> Price:
+    """Return the ratio of times that all seeds take, and an interval by resampling.
+
+    Args:
+        bases: (S,) time that each seed takes as written.
+        ratios: (S, T) of turns; seeds are drawn with replacement, and turns within each.
+    """
+    generator, (seeds, turns) = np.random.default_rng(0), ratios.shape
+    weights = np.asarray(bases)
+    which = generator.integers(seeds, size=(_RESAMPLED, seeds))
+    drawn = generator.integers(turns, size=(_RESAMPLED, seeds, turns))
+    medians = np.median(ratios[which[..., None], drawn], axis=2)
+    found = (medians * weights[which]).sum(axis=1) / weights[which].sum(axis=1)
+    low, high = np.quantile(found, [_OUTSIDE / 2, 1 - _OUTSIDE / 2])
+    ratio = float(np.median(ratios, axis=1) @ weights / weights.sum())
+    return Price(ratio, float(min(low, ratio)), float(max(high, ratio)))
+
+
+def _told(
+    bases: Sequence[Sequence[float]], ratios: Sequence[Sequence[Sequence[float]]]
+) -> list[Price]:
+    """Return the price of each model, of (S, T) times as written and (S, T, M) ratios."""
+    weights, found = [median(each) for each in bases], np.array(ratios)
+    return [over_seeds(weights, found[..., model]) for model in range(found.shape[2])]
+
+
+def _all_narrow(prices: Sequence[Price]) -> bool:
+    return all(half_width(price) <= NARROW for price in prices)
 
 
 def interval(ratios: Sequence[float]) -> Price:
@@ -130,7 +209,3 @@ def _binomial(count: int, successes: int) -> float:
 def half_width(price: Price) -> float:
     """Return half the interval of a price, as a share of it."""
     return (price.high - price.low) / (2 * price.ratio)
-
-
-def _all_narrow(ratios: Sequence[Sequence[float]]) -> bool:
-    return all(half_width(interval(found)) <= NARROW for found in ratios)

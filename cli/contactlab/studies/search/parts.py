@@ -8,7 +8,7 @@ import copy
 import math
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import mujoco
 import numpy as np
@@ -27,12 +27,12 @@ from contactlab.schema.error_budget import BudgetPrice
 from contactlab.schema.parts_report import REPORT, PartKind, PartsReport, PartWorth, Worth
 from contactlab.studies.examine.examination import ExamineRequest, open_model
 from contactlab.studies.search.clock import Clock
+from contactlab.studies.search.exercise import TILT, tilted
 from contactlab.studies.search.tuning import refuse_metrics
 from contactlab.studies.search.unused_pairs import untouched_geoms
 from contactlab.studies.search.yardstick import Apart, Yardsticks
 from contactlab.studies.session import Session
 
-TILT = 20.0  # degrees
 _MEASURING = 0.85  # of the time allowed, after which nothing more is begun
 _SAFEGUARDS = ("clamps", "limits", "margin")
 _TURNS = 5
@@ -150,18 +150,6 @@ def _worth(part: Part, apart: Apart | None, price: Price | None, within: float) 
 
 def _price(price: Price | None) -> BudgetPrice | None:
     return price and BudgetPrice(ratio=price.ratio, low=price.low, high=price.high)
-
-
-def tilted(motion: Motion) -> Motion:
-    """Return a motion whose gravity is tilted, from the same starts, with the same inputs."""
-    model, angle = copy.copy(motion.model), math.radians(TILT)
-    down = np.array(model.opt.gravity)
-    size = float(np.linalg.norm(down))
-    aside = np.cross(down, [0.0, 1.0, 0.0] if abs(down[1]) < 0.9 * size else [1.0, 0.0, 0.0])
-    if size > 0:
-        aside *= size / float(np.linalg.norm(aside))
-        model.opt.gravity[:] = math.cos(angle) * down + math.sin(angle) * aside
-    return replace(motion, model=model, name=f"{motion.name}, tilted")
 
 
 def parts_of(motions: Sequence[Motion], positions: Sequence[np.ndarray]) -> list[Part]:

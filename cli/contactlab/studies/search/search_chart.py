@@ -12,6 +12,7 @@ from contactlab.studies.search.choice import described
 
 _ALIKE = 1.03  # ratio of times, and of errors, of points that are drawn as one
 _GONE = 1e3  # of the limit: errors beyond it have no place in the picture
+_MARKS = ["as written", "recommended", "keeps the aim"]
 _WIDTH, _HEIGHT = 520, 340
 
 
@@ -35,9 +36,7 @@ def specification(report: TuneReport) -> alt.TopLevelMixin:
         spans.encode(x=x, y=alt.Y("low:Q"), y2="high:Q"),
         tried.mark_point(filled=True, size=40, color=OTHERS_COLOUR, opacity=1),
         special.mark_point(filled=True, size=110, opacity=1).encode(
-            color=alt.Color("what:N")
-            .scale(domain=["as written", "recommended"], range=[COLOURS[0], COLOURS[1]])
-            .title(None)
+            color=alt.Color("what:N").scale(domain=_MARKS, range=COLOURS[: len(_MARKS)]).title(None)
         ),
     ).properties(width=_WIDTH, height=_HEIGHT, title=Path(report.model).name)
 
@@ -47,6 +46,8 @@ def merged(report: TuneReport) -> Rows:
     shown: list[tuple[Point, str]] = [(report.now, "as written")]
     if report.recommended:
         shown.append((report.recommended, "recommended"))
+    if report.to_aim:
+        shown.append((report.to_aim.point, "keeps the aim"))
     shown += [(point, "") for point in report.points]
     rows: Rows = []
     for point, what in shown:

@@ -25,8 +25,10 @@ _LOSSLESS = 0.05  # of the limit, that what counts as free may add to the error 
 _CLOSE = 1.15  # ratio of steps that are told apart
 SAFE = 0.85
 """Share of the limit that the search aims at: on other seeds the error is another."""
+SAME = 1.02
+"""Ratio of errors up to which one is no larger: of equal steps both have the same noise."""
 _ALONE = 12  # geoms whose contacts are tried one by one
-_TURNS, _COMPARED = 3, 7
+_TURNS, _COMPARED = 3, 5
 """Of the clock: to see what may save time, and to see whether it does."""
 
 
@@ -40,6 +42,29 @@ class Measure(Protocol):
     def apart(self, model: mujoco.MjModel, multiple: int) -> Apart:
         """Return how far."""
         raise NotImplementedError
+
+
+@dataclass(frozen=True)
+class Bound:
+    """The largest error that is asked for, and that which the search takes for it.
+
+    Attributes:
+        limit: what is to hold on fresh seeds.
+        accepted: largest error in the search.
+    """
+
+    limit: float
+    accepted: float
+
+    @classmethod
+    def of(cls, limit: float) -> "Bound":
+        """Return the bound of a limit that hangs on nothing that the search measures."""
+        return cls(limit, SAFE * limit)
+
+    def or_as_now(self, now: float, within: float) -> "Bound":
+        """Return the bound that the model as written keeps, whose error is now, if it is sound."""
+        limit, accepted = (now, SAME * now) if now <= within else (within, SAFE * within)
+        return Bound(max(self.limit, limit), max(self.accepted, accepted))
 
 
 @dataclass
@@ -58,6 +83,7 @@ class Space:
     Attributes:
         model: as written.
         lighter: without what changes no state; None if there is nothing of that kind.
+        sparser: without collisions of what stayed apart, too; None if that is not asked for.
         finer: fine steps in one of the model as written.
         longest: steps, in fine ones, that the measure can tell of.
         levers: settings.
@@ -66,6 +92,7 @@ class Space:
 
     model: mujoco.MjModel
     lighter: mujoco.MjModel | None
+    sparser: mujoco.MjModel | None
     finer: int
     longest: int
     levers: Sequence[Lever]
@@ -73,7 +100,12 @@ class Space:
 
     def made(self, choice: Choice) -> mujoco.MjModel:
         """Return the model of a choice, but for its step."""
-        return choice.made(self.lighter if choice.light and self.lighter else self.model)
+        return choice.made(self._base(choice))
+
+    def _base(self, choice: Choice) -> mujoco.MjModel:
+        if choice.apart and self.sparser:
+            return self.sparser
+        return self.lighter if choice.light and self.lighter else self.model
 
 
 @dataclass
@@ -81,7 +113,7 @@ class Search:
     """A search for the cheapest choice within a limit, or the most accurate within a price.
 
     Attributes:
-        limit: of the error.
+        bounds: of the error, one search after the other; what is found for the last stands last.
         dearest: largest price, if the error is what is to be small.
         deadline: on the clock of `time.monotonic`.
         tried: what was tried, by key.
@@ -91,13 +123,17 @@ class Search:
     space: Space
     measure: Measure
     clock: Clock
-    limit: float
+    bounds: Sequence[Bound]
     dearest: float | None
     deadline: float
     tried: dict[tuple[object, ...], Tried] = field(
         default_factory=dict[tuple[object, ...], "Tried"]
     )
     ended: bool = False
+
+    def __post_init__(self) -> None:
+        """Begin with the first bound."""
+        self.bound = self.bounds[0]
 
     @property
     def now(self) -> Choice:
@@ -109,23 +145,26 @@ class Search:
         try:
             self._error(self.now)
             self._priced([self.now])
-            here = self._quick(replace(self.now, light=self.space.lighter is not None))
-            if self.dearest is None:
-                here = self._with_losses(self._step(here))
-                self._step_again(here)
-            else:
-                self._step(self._without_waste(here))
+            light, apart = self.space.lighter is not None, self.space.sparser is not None
+            for bound in self.bounds:
+                self.bound = bound
+                here = self._quick(replace(self.now, light=light or apart, apart=apart))
+                if self.dearest is None:
+                    here = self._with_losses(self._step(here))
+                    self._step_again(here)
+                else:
+                    self._step(self._without_waste(here))
         except (OutOfTimeError, KeyboardInterrupt):
             self.ended = True
 
-    def ranked(self) -> list[Tried]:
-        """Return what meets the aim, the best first; only what was measured and timed."""
+    def ranked(self, bound: Bound) -> list[Tried]:
+        """Return what keeps a bound, the best first; only what was measured and timed."""
         known = [one for one in self.tried.values() if one.error and one.price]
         if self.dearest is not None:
             cheap = [one for one in known if _ratio(one) <= self.dearest]
             return sorted(cheap, key=_share)
-        good = [one for one in known if _share(one) <= self.limit]
-        safe = [one for one in good if _share(one) <= SAFE * self.limit]
+        safe = [one for one in known if _share(one) <= bound.accepted]
+        good = [one for one in known if _share(one) <= bound.limit]
         return sorted(safe or good, key=_ratio)
 
     def nearest(self) -> Tried | None:
@@ -161,7 +200,7 @@ class Search:
         return [_ratio(self._entry(one)) for one in choices]
 
     def _fits(self, choice: Choice) -> bool:
-        return self._error(choice) <= SAFE * self.limit
+        return self._error(choice) <= self.bound.accepted
 
     def _quick(self, here: Choice) -> Choice:
         """Return a choice with Newton's solver, if another makes all that follows slow."""
@@ -170,12 +209,12 @@ class Search:
         if not newton:
             return here
         quick = here.with_settings(newton)
-        most = max(self._error(here) + _LOSSLESS * self.limit, SAFE * self.limit)
+        most = max(self._error(here) + _LOSSLESS * self.bound.limit, self.bound.accepted)
         return quick if self._saves(quick, here) and self._error(quick) <= most else here
 
     def _without_waste(self, here: Choice) -> Choice:
         """Return a choice with all that costs time and adds no error."""
-        most = self._error(here) + _LOSSLESS * self.limit
+        most = self._error(here) + _LOSSLESS * self.bound.limit
         return self._added(here, lambda choice: self._error(choice) <= most)
 
     def _with_losses(self, here: Choice) -> Choice:

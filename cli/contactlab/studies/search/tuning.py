@@ -18,13 +18,16 @@ from contactlab.plan.task_options import AS_INFERRED, TaskOptions
 from contactlab.printable import percent
 from contactlab.scene.model_draft import CompiledFiles, ModelEdits, edit_spec
 from contactlab.scene.model_edits import FLAGS, read_flag, read_option
+from contactlab.scene.model_names import name_of
 from contactlab.scene.model_writer import WrittenModel, write_model
 from contactlab.scene.mujoco_versions import VERSION
+from contactlab.scene.unreachable import GeomPair, filtered_pairs
 from contactlab.schema.error_budget import BudgetPrice
 from contactlab.schema.evidence import Setting
 from contactlab.schema.task import Task
 from contactlab.schema.tune_report import (
     FOLDER,
+    FOLDER_OF_AIM,
     MODEL,
     REPORT,
     Aim,
@@ -33,6 +36,8 @@ from contactlab.schema.tune_report import (
     Kept,
     Line,
     Point,
+    StayedApart,
+    ToAim,
     TuneReport,
     Verified,
 )
@@ -42,6 +47,7 @@ from contactlab.studies.examine.changes import fresh
 from contactlab.studies.examine.examination import ExamineRequest, open_model
 from contactlab.studies.search.choice import Choice, described
 from contactlab.studies.search.clock import Clock
+from contactlab.studies.search.exercise import doubled, joined_seeds, positions_of, tilted
 from contactlab.studies.search.forward import (
     ForwardError,
     Growth,
@@ -51,22 +57,31 @@ from contactlab.studies.search.forward import (
     joined_phases,
 )
 from contactlab.studies.search.levers import Unsearched, integrators_of, levers_of
-from contactlab.studies.search.searching import SAVES, Measure, Search, Space, Tried
-from contactlab.studies.search.unused_pairs import sensors_of, untouched_geoms
+from contactlab.studies.search.searching import SAME, SAVES, Bound, Measure, Search, Space, Tried
+from contactlab.studies.search.unused_pairs import (
+    left_out,
+    pairs_within,
+    sensors_of,
+    untouched_geoms,
+)
 from contactlab.studies.search.yardstick import Apart, Yardsticks
 from contactlab.studies.session import Session
 
 LEAST_AIM = 0.01
 """The error that is small enough for any model, as a share."""
 _SEARCHING = 0.6  # of the time allowed; the rest is for files, fresh seeds and the clock
+OFFERED_APART = 0.05
+"""m: a distance of which is told what leaving out collisions would save."""
 _FINER = (2, 4, 8, 16)
 _RESOLVED = 0.2  # share of the limit that the fine motion's own error may have
 _LONGEST = 0.04  # s: steps of a window's length
 _PASSES = 80  # times that a search simulates the task, about
 _JUDGED = 22  # times that a verdict simulates it: references, their check and RK4
 _SPARSEST = 4  # at least one in so many windows is looked at
-_MOST_TRIES, _CLOSELY = 5, 3
+_MOST_TRIES, _CLOSELY = 5, 2
 _LESS, _MUCH_LESS = 0.95, 0.6
+_TIMING = 0.3  # of the time that is left, for the clock
+_TURNS_APART = 5
 
 
 @dataclass(frozen=True)
@@ -83,6 +98,7 @@ class TuneRequest:
         at: when that is looked at; None for the error budget.
         max_time: wall time that it may take [s].
         drop_sensors: whether sensors may go, since nobody reads them.
+        apart: distance [m]: collisions of what stayed so far apart in all that was run may go.
     """
 
     model: str
@@ -93,6 +109,7 @@ class TuneRequest:
     at: When | None = None
     max_time: float = 120.0
     drop_sensors: bool = False
+    apart: float | None = None
 
 
 def run(request: TuneRequest, session: Session) -> TuneReport:
@@ -170,23 +187,34 @@ class Study:
         self._clock = Clock(self._yards, self._model)
         levers, kept = levers_of(self._motions[0].model, self._motions)
         self._kept += kept
-        own = self._motions[0].model
-        self._clock.prices([(self._model, self._yards.finer)])
-        self._search = Search(
-            Space(
-                self._model,
-                lighter,
-                self._yards.finer,
-                max(self._yards.finer, round(_LONGEST / self._yards.step)),
-                levers,
-                integrators_of(own),
-            ),
-            self._measure(),
-            self._clock,
-            self._aim.limit,
-            self._dearest(),
-            begin + _SEARCHING * request.max_time,
+        self._apart = ModelEdits()
+        self._watched_pairs = self._pairs_apart(request.apart or OFFERED_APART)
+        sparser = self._sparser() if request.apart else None
+        space = Space(
+            self._model,
+            lighter,
+            sparser,
+            self._yards.finer,
+            max(self._yards.finer, round(_LONGEST / self._yards.step)),
+            levers,
+            integrators_of(self._motions[0].model),
         )
+        measure, now = self._measure(), Choice({}, self._yards.finer)
+        known = Tried(now, measure.apart(self._model, now.multiple))
+        deadline = begin + _SEARCHING * request.max_time
+        self._bounds = self._bounds_of(known)
+        self._search = Search(
+            space, measure, self._clock, self._bounds, self._dearest(), deadline, {now.key: known}
+        )
+
+    def _bounds_of(self, known: Tried) -> list[Bound]:
+        """Return what the error has to keep; both, where the model as written misses the aim."""
+        assert known.error
+        asked, now = Bound.of(self._aim.limit), known.error.share
+        as_now = asked.or_as_now(now, self._aim.within if self._aim.unit == "1" else now)
+        if now <= asked.limit:
+            return [as_now]
+        return [as_now, asked] if self._aim.kind == "uncertainty" else [asked]
 
     def _affordable(self, motions: Sequence[Motion]) -> list[Motion]:
         """Return motions of as many seeds as the time allows to simulate, all windows or fewer."""
@@ -325,6 +353,73 @@ class Study:
                 return ModelEdits(), None
         return edits, lighter
 
+    def _pairs_apart(self, distance: float) -> frozenset[GeomPair]:
+        """Return pairs of geoms that never came so near [m], and remember what leaves them out."""
+        model = self._motions[0].model
+        moved = [*map(tilted, self._motions), *map(doubled, self._motions)]
+        runs = [part.positions for part in self._yards.parts]
+        near = pairs_within(model, [*runs, *positions_of(moved, self._threads)], distance)
+        if near is None:
+            return frozenset()
+        pairs = filtered_pairs(model)
+        found = frozenset(pair for pair in pairs if pair not in near)
+        edits = left_out(model, pairs, found)
+        # What is proved stands first, and is told apart from this.
+        proved = {*self._edits.masked}, {*self._edits.excluded}
+        self._apart = ModelEdits(
+            masked=tuple(geom for geom in edits.masked if geom not in proved[0]),
+            excluded=tuple(pair for pair in edits.excluded if pair not in proved[1]),
+        )
+        return found
+
+    def _sparser(self) -> mujoco.MjModel | None:
+        """Return the model without collisions of what stayed apart, or None."""
+        if not (self._apart.masked or self._apart.excluded):
+            return None
+        try:
+            return self._compiled(self._edits_of(light=True, apart=True))
+        except SceneError as error:
+            self._kept.append(Unsearched("what stayed apart", str(error).splitlines()[0]))
+            self._apart = ModelEdits()
+            return None
+
+    def _edits_of(self, *, light: bool, apart: bool) -> ModelEdits:
+        edits = self._edits if light else ModelEdits()
+        if apart:
+            edits = replace(
+                edits,
+                masked=(*edits.masked, *self._apart.masked),
+                excluded=(*edits.excluded, *self._apart.excluded),
+            )
+        return edits
+
+    def _stayed_apart(self, made: Sequence[Tried]) -> StayedApart | None:
+        """Return what stayed apart, and what leaving it out saves of the first that was made."""
+        asked, price = self._request.apart is not None, None
+        choice = made[0].choice if made else self._search.now
+        sparser = self._search.space.sparser if asked else self._sparser()
+        if sparser is None or (asked and not any(one.choice.apart for one in made)):
+            return None
+        if not asked:
+            if time.monotonic() > self._deadline:
+                return None
+            before = self._search.space.made(choice)
+            own, without = self._clock.prices(
+                [(each, choice.multiple) for each in (before, choice.made(sparser))], _TURNS_APART
+            )
+            price = BudgetPrice(
+                ratio=without.ratio / own.ratio,
+                low=without.low / own.ratio,
+                high=without.high / own.ratio,
+            )
+        return StayedApart(
+            margin=self._request.apart or OFFERED_APART,
+            geoms=self._apart.masked,
+            bodies=self._apart.excluded,
+            left_out=asked,
+            price=price,
+        )
+
     def report(self) -> TuneReport:
         """Search, write and verify what is found, and tell."""
         search = self._search
@@ -335,22 +430,32 @@ class Study:
                 f"{self._request.model}: {self._request.max_time:g} s are too short to measure the "
                 "model as written; give more with --max-time"
             )
-        chosen, written, verified = self._verified(known)
-        met = chosen is not None or self._is_met(known)
+        self._timed_closely(known)
+        best, *stricter = self._bounds
+        rmtree(self._session.folder / FOLDER_OF_AIM, ignore_errors=True)
+        chosen, written, verified = self._verified(known, best, FOLDER)
+        kept, to_aim = None, None
+        keeps = verified is not None and verified.keeps_aim
+        if stricter and not keeps:
+            kept, to_aim = self._to_aim(known, stricter[0])
+        met = keeps or to_aim is not None or self._is_met(known)
         point = self._point(chosen) if chosen else None
         nearest = None if met else search.nearest()
         binds = self._binds(nearest) if nearest else ""
-        edits = self._edits if chosen and chosen.choice.light else ModelEdits()
+        made = [one for one in (chosen, kept) if one]
+        edits = self._edits if any(one.choice.light for one in made) else ModelEdits()
         return TuneReport(
             model=self._request.model,
             scene_hash=self._examined.scene.hash,
             mujoco=VERSION,
             task=self._examined.task,
             aim=self._aim,
-            sentence=self._sentence(known, chosen, verified, nearest, binds),
+            sentence=self._sentence(known, chosen, verified, nearest, binds, to_aim),
             met=met,
             now=self._point(known),
             recommended=point,
+            to_aim=to_aim,
+            stayed_apart=self._stayed_apart(made),
             nearest=self._point(nearest) if nearest else None,
             binds=binds,
             as_accurate=self._as_accurate(known, chosen),
@@ -375,47 +480,60 @@ class Study:
             return self._search.dearest >= 1
         return known.error.share <= self._aim.limit
 
-    def _verified(self, known: Tried) -> tuple[Tried | None, WrittenModel | None, Verified | None]:
+    def _to_aim(self, known: Tried, bound: Bound) -> tuple[Tried | None, ToAim | None]:
+        """Return the fastest that keeps the aim, which the model as written misses."""
+        tried, written, verified = self._verified(known, bound, FOLDER_OF_AIM)
+        if not (tried and written and verified):
+            return None, None
+        return tried, ToAim(
+            point=self._point(tried),
+            changes=tuple(self._changes(tried)),
+            verified=verified,
+            file=str(written.path.relative_to(self._session.folder)),
+        )
+
+    def _verified(
+        self, known: Tried, bound: Bound, folder: str
+    ) -> tuple[Tried | None, WrittenModel | None, Verified | None]:
         """Write what is best until one holds on fresh seeds; nothing if none is better than now."""
-        self._timed_closely(known)
         done, limit = {known.choice.key}, math.inf
         for _ in range(_MOST_TRIES):
-            tried = self._next(done, limit)
-            if tried is None or not self._is_better(tried, known):
+            tried = self._next(done, limit, bound)
+            if tried is None or not self._is_better(tried, known, bound):
                 break
             done.add(tried.choice.key)
             name = described(self._settings(tried.choice)) or "without what changes no state"
             try:
-                written = self._write(tried)
+                written = self._write(tried, folder)
             except SceneError as error:
                 self._kept.append(Unsearched(name, str(error).splitlines()[0]))
                 continue
-            found = self._judged(tried, written)
+            found = self._judged(tried, written, bound)
             if found.holds:
                 return tried, written, found
             self._kept.append(Unsearched(name, f"on fresh seeds: {found.sentence}"))
             if time.monotonic() > self._deadline:
                 break
-            limit = self._limit_after(tried, found)
-        rmtree(self._session.folder / FOLDER, ignore_errors=True)
+            limit = self._limit_after(tried, found, bound)
+        rmtree(self._session.folder / folder, ignore_errors=True)
         return None, None, None
 
-    def _limit_after(self, tried: Tried, found: Verified) -> float:
+    def _limit_after(self, tried: Tried, found: Verified, bound: Bound) -> float:
         """Return the error in the search of what is to hold, after what does not: in proportion."""
         assert tried.error
         own = tried.error.share
         if found.word == "sound" and found.error:
-            return _LESS * own * min(1.0, self._aim.limit / found.error)
+            return _LESS * own * min(1.0, bound.limit / found.error)
         return _MUCH_LESS * own
 
-    def _next(self, done: set[tuple[object, ...]], limit: float) -> Tried | None:
+    def _next(self, done: set[tuple[object, ...]], limit: float, bound: Bound) -> Tried | None:
         """Return the best that was not verified yet, of such an error; or at a shorter step."""
 
         def fits(one: Tried) -> bool:
             small = one.error is not None and one.error.share <= limit
             return one.choice.key not in done and small
 
-        ranked = self._search.ranked()
+        ranked = self._search.ranked(bound)
         if found := next(filter(fits, ranked), None):
             return found
         if self._search.dearest is not None or not ranked or math.isinf(limit):
@@ -426,23 +544,29 @@ class Study:
         return None
 
     def _timed_closely(self, known: Tried) -> None:
-        """Time the best once more, narrowly, and the model as written beside itself."""
-        timed = [known, *[one for one in self._search.ranked() if one is not known][:_CLOSELY]]
+        """Time the best once more, on whole runs, and the model as written beside itself."""
+        timed = [known]
+        for bound in self._bounds:
+            new = [one for one in self._search.ranked(bound) if one not in timed]
+            timed += new[:_CLOSELY]
         models = [(self._search.space.made(one.choice), one.choice.multiple) for one in timed]
         left = self._deadline - time.monotonic()
-        until = time.monotonic() + 0.25 * max(left, 0)
-        for one, price in zip(timed, self._clock.prices(models, 11, until), strict=True):
+        until = time.monotonic() + _TIMING * max(left, 0)
+        motions = [joined_seeds(*pair) for pair in zip(self._motions, self._fresh, strict=True)]
+        for one, price in zip(timed, self._clock.whole(models, motions, until), strict=True):
             one.price = price
 
-    def _is_better(self, tried: Tried, known: Tried) -> bool:
-        """Return whether something serves the aim better than the model as written."""
+    def _is_better(self, tried: Tried, known: Tried, bound: Bound) -> bool:
+        """Return whether something serves a bound better than the model as written."""
         assert tried.error
         assert tried.price
         assert known.error
-        if not self._is_met(known):
-            return True
         if self._search.dearest is not None:
+            if self._search.dearest < 1:
+                return True
             return tried.error.share < SAVES * known.error.share
+        if known.error.share > bound.limit:
+            return True
         return tried.price.high < 1 and tried.price.ratio < SAVES
 
     def _step(self, choice: Choice) -> float:
@@ -452,59 +576,103 @@ class Study:
         step = {} if choice.multiple == self._yards.finer else {"timestep": self._step(choice)}
         return {**step, **choice.settings}
 
-    def _write(self, tried: Tried) -> WrittenModel:
+    def _write(self, tried: Tried, folder: str) -> WrittenModel:
         edits = replace(
-            self._edits if tried.choice.light else ModelEdits(),
+            self._edits_of(light=tried.choice.light, apart=tried.choice.apart),
             settings=self._settings(tried.choice),
         )
-        return write_model(self._examined.scene, edits, self._session.folder / FOLDER, MODEL)
+        return write_model(self._examined.scene, edits, self._session.folder / folder, MODEL)
 
-    def _judged(self, tried: Tried, written: WrittenModel) -> Verified:
-        """Judge a written model, and measure it, on seeds that no choice was made by."""
-        self._session.notify(f"verifying {described(self._settings(tried.choice)) or 'the model'}")
+    @cached_property
+    def _fresh_task(self) -> Task:
+        """The task of seeds that no choice was made by, as many as the search had."""
         task = fresh(self._examined.task)
         if self._request.at is not None:
             task = task.model_copy(update={"watched": ()})
-        motions = self._examined.motions_of(task)
-        made = self._search.space.made(tried.choice)
-        multiple, finer = tried.choice.multiple, self._yards.finer
-        passes = finer + _JUDGED * max(1.0, finer / multiple)
-        left = max(0.0, 1.1 * (self._deadline - self._begin) - (time.monotonic() - self._begin))
-        seeds = min(len(task.seeds), max(1, int(left / (passes * self._pass))))
-        task = task.model_copy(update={"seeds": task.seeds[:seeds]})
-        motions = [
+        return task.model_copy(update={"seeds": task.seeds[: self._seeds]})
+
+    @cached_property
+    def _fresh(self) -> list[Motion]:
+        return self._examined.motions_of(self._fresh_task)
+
+    @cached_property
+    def _fresh_yards(self) -> Yardsticks:
+        return Yardsticks.of(self._judging, self._yards.finer, self._threads)
+
+    @cached_property
+    def _judging(self) -> list[Motion]:
+        """Fresh motions of as many seeds as the time allows to judge."""
+        passes = self._yards.finer + 1.5 * _JUDGED
+        left = max(0.0, self._deadline - time.monotonic())
+        seeds = min(self._seeds, max(1, int(left / (passes * self._pass))))
+        return [
             replace(motion, starts=motion.starts[:seeds], inputs=motion.inputs[:seeds])
-            for motion in motions
+            for motion in self._fresh
         ]
-        if self._request.at is not None:
-            measure: Measure = ForwardError(
-                motions, finer, self._watched, self._request.at, self._threads
-            )
-        else:
-            measure = Yardsticks.of(motions, finer, self._threads)
-        error, now = measure.apart(made, multiple), measure.apart(self._model, finer)
+
+    @cached_property
+    def _fresh_now(self) -> Apart:
+        """Error of the model as written on fresh seeds."""
+        return self._fresh_measure.apart(self._model, self._yards.finer)
+
+    @cached_property
+    def _fresh_measure(self) -> Measure:
+        if self._request.at is None:
+            return self._fresh_yards
+        return ForwardError(
+            self._judging, self._yards.finer, self._watched, self._request.at, self._threads
+        )
+
+    def _judged(self, tried: Tried, written: WrittenModel, bound: Bound) -> Verified:
+        """Judge a written model, and measure it, on seeds that no choice was made by."""
+        self._session.notify(f"verifying {described(self._settings(tried.choice)) or 'the model'}")
+        made, multiple = self._search.space.made(tried.choice), tried.choice.multiple
+        now, error = self._fresh_now, self._fresh_measure.apart(made, multiple)
+        task = self._fresh_task
+        task = task.model_copy(update={"seeds": task.seeds[: self._judging[0].seeds]})
         request = ExamineRequest(written.reference, task=self._request.task, sections=("budget",))
         word, share, why = self._word(open_model(request, self._session), task)
-        own = self._search.tried[self._search.now.key]
-        # A model that meets the aim in the search is as good as it is on these seeds.
-        limit = max(self._aim.limit, now.share if self._is_met(own) else 0.0)
-        holds = self._search.dearest is not None or error.share <= limit
+        # What keeps a bound in the search as the model as written does is as good on these seeds.
+        own = self._search.tried[self._search.now.key].error
+        as_now = own is not None and own.share <= bound.limit
+        limit = max(self._aim.limit, SAME * now.share) if as_now else bound.limit
+        timely = self._search.dearest is not None
+        holds = timely or error.share <= limit
         if not holds:
             why = f"{self._text(error.share)} in {error.body}, limit {self._text(limit)}"
         elif word != "sound":
-            holds = error.share <= now.share and self._word(self._examined, task)[0] == word
+            holds = error.share <= SAME * now.share and self._word_now(task) == word
             why = f"{word}, as the model as written: {why}" if holds else why
         else:
             why = "sound, and within the limit"
+        if holds and tried.choice.apart and (touched := self._touched()):
+            holds, why = False, f"{touched} touch, which stayed apart before"
         return Verified(
             seeds=task.seeds,
             holds=holds,
+            keeps_aim=holds and (timely or error.share <= max(self._aim.limit, self._aim_now(own))),
             error=_finite(error.share),
             now=_finite(now.share),
             word=word,
             share=_finite(share),
             sentence=why,
         )
+
+    def _aim_now(self, own: Apart | None) -> float:
+        """Return the error on fresh seeds of a model that kept the aim on those of the search."""
+        return SAME * self._fresh_now.share if own and own.share <= self._aim.limit else 0.0
+
+    def _touched(self) -> str:
+        """Return the first pair that touches on fresh seeds and stayed apart before, or ""."""
+        model = self._motions[0].model
+        runs = [part.positions for part in self._fresh_yards.parts]
+        near = pairs_within(model, runs, 0.0)
+        pairs = self._watched_pairs
+        pair = min(pairs if near is None else pairs & near, default=None)
+        return " and ".join(name_of(model, "geom", geom) for geom in pair) if pair else ""
+
+    def _word_now(self, task: Task) -> str:
+        return self._word(self._examined, task)[0]
 
     def _word(self, examined: CheckedModel, task: Task) -> tuple[str, float, str]:
         """Return what the judge says of a model's numerics: its word, share and reason."""
@@ -522,7 +690,7 @@ class Study:
         good = [
             one
             for one in self._search.tried.values()
-            if one.error and one.price and one.error.share <= own and one.price.ratio < SAVES
+            if one.error and one.price and one.error.share <= SAME * own and one.price.ratio < SAVES
         ]
         best = min(good, key=lambda one: one.price.ratio if one.price else math.inf, default=None)
         return self._point(best) if best and best is not chosen else None
@@ -566,6 +734,7 @@ class Study:
             settings=settings,
             timestep=self._step(tried.choice),
             lighter=tried.choice.light,
+            apart=tried.choice.apart,
             error=_finite(error.share),
             low=_finite(error.low),
             high=_finite(error.high),
@@ -587,21 +756,28 @@ class Study:
         verified: Verified | None,
         nearest: Tried | None,
         binds: str,
+        to_aim: ToAim | None,
     ) -> str:
         assert known.error
         now = self._text(known.error.share)
-        if chosen and chosen.error and chosen.price and verified:
-            saved = f"{chosen.price.ratio:.2f} of the time"
-            seen = f"{self._text(verified.error)} on fresh seeds"
-            error = f"error {self._text(chosen.error.share)}, {seen} (now {now})"
-            return f"{saved}, {error}"
-        if nearest and nearest.error and nearest.price:
+        keeps = ""
+        if to_aim and to_aim.point.price:
+            ratio = to_aim.point.price.ratio
+            keeps = f"as written it misses the aim; what keeps it takes {ratio:.2f} of the time"
+        elif nearest and nearest.error and nearest.price:
             near = described(self._settings(nearest.choice)) or "the model as written"
             got = f"{self._text(nearest.error.share)} at {nearest.price.ratio:.2f} of the time"
             limit = self._text(self._aim.limit)
             if self._search.dearest is not None:
                 limit = f"{self._request.real_time:g} times real time"
-            return f"nothing keeps {limit}: nearest is {near}, {got}; it binds {binds}"
+            keeps = f"nothing keeps {limit}: nearest is {near}, {got}; it binds {binds}"
+        if chosen and chosen.error and chosen.price and verified:
+            saved = f"{chosen.price.ratio:.2f} of the time"
+            seen = f"{self._text(verified.error)} on fresh seeds"
+            error = f"error {self._text(chosen.error.share)}, {seen} (now {now})"
+            return "; ".join(filter(None, (f"{saved}, {error}", keeps)))
+        if keeps:
+            return f"nothing is faster at no larger error than now, {now}; {keeps}"
         return f"keep it as it is: error {now}, and nothing within the limit is faster"
 
 

@@ -190,17 +190,8 @@ class Yardstick:
         own.opt.timestep = multiple * self.step
         begins = self._run.begins[which[:, 1]]
         starts = self._run.starts[which[:, 0], which[:, 1]]
-        inputs = self.inputs(which[:, 0], begins, multiple, steps)
+        inputs = held(self._motion, self._finer, which[:, 0], begins, multiple, steps)
         return replace(self._motion, model=own, starts=starts, inputs=inputs)
-
-    def inputs(self, seeds: np.ndarray, begins: np.ndarray, multiple: int, steps: int) -> Floats:
-        """Return (M, steps, width) inputs from fine steps (M) on, a row for each longer step."""
-        motion, rate = self._motion, self._finer
-        if not motion.inputs.shape[2]:
-            return np.empty((len(seeds), steps, 0))
-        fine = begins[:, None] + np.arange(steps * multiple)
-        rows = motion.inputs[seeds[:, None], np.minimum(fine // rate, motion.steps - 1)]
-        return rows.reshape(len(seeds), steps, multiple, -1).mean(axis=2)
 
     @property
     def starts(self) -> np.ndarray:
@@ -226,6 +217,20 @@ class Yardstick:
                 if math.isfinite(apart.share):
                     found.append(replace(apart, phase=f"{apart.phase}: {row.name}"))
         return max(found, key=lambda apart: apart.share, default=None)
+
+
+def held(
+    motion: Motion, finer: int, seeds: np.ndarray, begins: np.ndarray, multiple: int, steps: int
+) -> Floats:
+    """Return (M, steps, width) inputs of seeds from fine steps (M) on, a row for each longer step.
+
+    One that covers several of the motion's steps has the mean of their inputs.
+    """
+    if not motion.inputs.shape[2]:
+        return np.empty((len(seeds), steps, 0))
+    fine = begins[:, None] + np.arange(steps * multiple)
+    rows = motion.inputs[seeds[:, None], np.minimum(fine // finer, motion.steps - 1)]
+    return rows.reshape(len(seeds), steps, multiple, -1).mean(axis=2)
 
 
 @dataclass(frozen=True)
