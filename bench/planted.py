@@ -1,15 +1,24 @@
 """Models that were made slow on purpose, each beside the one that it was made of.
 
-Run: python -m bench.planted FOLDER
+Run: python -m bench.planted FOLDER [MODEL.xml ...]
 
-writes NAME.xml and NAME_slow.xml of each. `contactlab tune NAME_slow.xml` ought to come back to
-what NAME.xml costs, and end where NAME_slow.xml does; `python -m bench.tune_cost` measures both.
+writes NAME.xml and NAME_slow.xml of each; of models that are given, a folder NAME_slow with the
+files of each, in which one of five costs was planted, in turn. `contactlab tune NAME_slow.xml`
+ought to come back to what NAME.xml costs, and end where NAME_slow.xml does; `python -m
+bench.tune_cost` measures both.
 """
 
 import sys
 from pathlib import Path
 
+import mujoco
 import numpy as np
+
+from contactlab.scene.model_draft import ModelEdits
+from contactlab.scene.model_names import name_of
+from contactlab.scene.model_writer import write_model
+from contactlab.studies.examine.examination import ExamineRequest, open_model
+from contactlab.studies.session import Session
 
 EXACT = 'solver="PGS" iterations="500" tolerance="1e-15"'
 
@@ -226,8 +235,37 @@ MODELS = {
     ),
 }
 
+
+def costs_of(model: mujoco.MjModel) -> list[dict[str, object]]:
+    """Return the costs that are planted: settings, none of which makes a motion less accurate."""
+    step = float(model.opt.timestep)
+    contacts = {
+        f"geom_condim[{name_of(model, 'geom', geom)}]": 6
+        for geom in range(model.ngeom)
+        if (model.geom_contype[geom] or model.geom_conaffinity[geom])
+        and model.geom_condim[geom] > 1
+    }
+    return [
+        {"solver": "PGS", "iterations": 500, "tolerance": 1e-15},
+        {"timestep": step / 4},
+        {"integrator": "RK4", "timestep": step / 2},
+        {**contacts, "noslip_iterations": 20},
+        {"solver": "CG", "iterations": 500, "ls_iterations": 200, "tolerance": 1e-15},
+    ]
+
+
+def plant(file: Path, cost: int, folder: Path) -> Path:
+    """Write a model with a cost into a folder."""
+    examined = open_model(ExamineRequest(str(file), sections=("budget",)), Session(folder))
+    settings = costs_of(mujoco.MjModel.from_xml_path(str(file)))[cost]
+    return write_model(examined.scene, ModelEdits(settings=settings), folder, "slow.xml").path
+
+
 if __name__ == "__main__":
     folder = Path(sys.argv[1])
-    for name, (original, slow) in MODELS.items():
+    for number, file in enumerate(map(Path, sys.argv[2:])):
+        name = f"{file.parent.name}_{file.stem}_slow"
+        print(plant(file, number % 5, folder / name), file)
+    for name, (original, slow) in MODELS.items() if not sys.argv[2:] else ():
         (folder / f"{name}.xml").write_text(original)
         (folder / f"{name}_slow.xml").write_text(slow)

@@ -18,6 +18,8 @@ from mujoco.rollout import rollout
 
 from contactlab.budget import Motion
 from contactlab.budget.motion import INTEGRATION
+from contactlab.plan.task_options import TaskOptions
+from contactlab.schema.task import Task
 from contactlab.schema.tune_report import REPORT, TuneReport
 from contactlab.studies.examine.changes import fresh
 from contactlab.studies.examine.examination import ExamineRequest, open_model
@@ -29,10 +31,17 @@ _CONTROL = mujoco.mjtState.mjSTATE_CTRL
 Runs = tuple[mujoco.MjModel, list[Motion]]
 
 
-def runs_of(file: str) -> Runs:
-    """Return a model as MuJoCo reads it, and the motions of its task from fresh seeds."""
-    examined = open_model(ExamineRequest(file, sections=("budget",)), Session(Path()))
-    return mujoco.MjModel.from_xml_path(file), examined.motions_of(fresh(fresh(examined.task)))
+def motions_of(report: TuneReport, task: Task, file: str = "") -> list[Motion]:
+    """Return the motions of a task of a report's model, or of another file in its place."""
+    options = TaskOptions(drive=report.task.drive, duration=report.task.duration)
+    request = ExamineRequest(file or report.model, task=options, sections=("budget",))
+    return open_model(request, Session(Path())).motions_of(task)
+
+
+def runs_of(report: TuneReport, file: str) -> Runs:
+    """Return a model as MuJoCo reads it, and the motions of the task from fresh seeds."""
+    task = fresh(fresh(report.task))
+    return mujoco.MjModel.from_xml_path(file), motions_of(report, task, file)
 
 
 def seconds(runs: Runs) -> float:
@@ -62,14 +71,24 @@ def ratios(every: Sequence[Runs]) -> list[float]:
 def measure(folder: Path, original: str = "") -> str:
     """Return a line about one study."""
     report = TuneReport.model_validate_json((folder / REPORT).read_text())
-    if report.file is None or report.recommended is None or report.recommended.price is None:
-        return f"{folder.name}: {report.sentence}"
-    files = [report.model, str(folder / report.file), *([original] if original else [])]
-    _, measured, *rest = ratios([runs_of(file) for file in files])
-    claimed = report.recommended.price.ratio
-    changed = ", ".join(f"{each.name} {each.after}" for each in report.changes) or "none"
+    point, file, changes = report.recommended, report.file, report.changes
+    if point is None and report.to_aim:
+        point, file, changes = report.to_aim.point, report.to_aim.file, report.to_aim.changes
+    files = [
+        report.model,
+        *([str(folder / file)] if file else []),
+        *([original] if original else []),
+    ]
+    found = ratios([runs_of(report, file) for file in files])
+    if point is None or point.price is None:
+        rest = f"; slow/original {1 / found[1]:.2f}, kept" if original else ""
+        return f"{folder.name}: {report.sentence}{rest}"
+    _, measured, *rest = found
+    claimed = point.price.ratio
+    changed = ", ".join(f"{each.name} {each.after}" for each in changes) or "none"
+    which = "" if report.recommended else "(keeps the aim) "
     line = (
-        f"{folder.name}: claimed x{claimed:.3f}, measured x{measured:.3f} "
+        f"{folder.name}: {which}claimed x{claimed:.3f}, measured x{measured:.3f} "
         f"({measured / claimed - 1:+.1%}); {changed}; "
         f"{len(report.masked)} masks, {len(report.excluded)} excludes"
     )

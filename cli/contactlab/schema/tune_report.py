@@ -138,6 +138,7 @@ class TuneReport(Model):
         "The cheapest that is no less accurate than the model as written; null without."
     )
     real_time: float = about("Simulated over CPU time of the model as written, on this machine.")
+    fine_step: float = about("s: of the motion that errors are distances from.")
     points: tuple[Point, ...] = about("All that was tried.")
     changes: tuple[Changed, ...] = about("What is recommended.")
     masked: tuple[str, ...] = about("Geoms that can touch nothing, by proof.")

@@ -460,6 +460,7 @@ class Study:
             binds=binds,
             as_accurate=self._as_accurate(known, chosen),
             real_time=1 / self._clock.base_seconds,
+            fine_step=self._yards.step,
             points=tuple(self._point(one) for one in search.tried.values() if one.error),
             changes=tuple(self._changes(chosen)) if chosen else (),
             masked=edits.masked,
