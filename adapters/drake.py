@@ -2,8 +2,9 @@
 
 import time
 from collections.abc import Callable
-from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
+from runpy import run_path
+from types import SimpleNamespace
 from typing import Any
 
 import mujoco
@@ -19,18 +20,11 @@ IGNORED = dict.fromkeys(
 )  # fmt: skip
 
 
-def _beside(name: str) -> Any:
-    """Return another file of adapters, which needs no engine to be read."""
-    file = Path(__file__).parent / name
-    spec = spec_from_file_location(f"adapter_{file.stem}", file)
-    assert spec is not None
-    assert spec.loader is not None
-    module = module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-_FREE_MOTION, _CONTACTS = _beside("pinocchio.py"), _beside("beside/drake_contacts.py")
+_BESIDE = Path(__file__).parent
+_FREE_MOTION, _JOINTS, _CONTACTS = (
+    SimpleNamespace(**run_path(str(_BESIDE / name)))
+    for name in ("pinocchio.py", "beside/joints.py", "beside/drake_contacts.py")
+)
 
 
 def refusal(model: mujoco.MjModel) -> str | None:
@@ -143,7 +137,7 @@ class _Twin:
         """Return the coordinates and velocities one step later."""
         self._set(qpos, qvel)
         forces = np.zeros(self._model.nv)
-        forces[self._speeds] = _FREE_MOTION.joint_forces(self._model, qpos, qvel, control)
+        forces[self._speeds] = _JOINTS.joint_forces(self._model, qpos, qvel, control)
         port = self._plant.get_applied_generalized_force_input_port()
         port.FixValue(self._context, forces)
         after = self._plant.EvalUniquePeriodicDiscreteUpdate(self._context).get_vector(0)
@@ -158,7 +152,7 @@ class _Twin:
         bias = (plant.CalcBiasTerm(context) - gravity)[self._speeds]
         off = self._model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_DAMPER
         damping = self._model.dof_damping * (not off)
-        force = _FREE_MOTION.joint_forces(self._model, qpos, qvel, control) - damping * qvel - bias
+        force = _JOINTS.joint_forces(self._model, qpos, qvel, control) - damping * qvel - bias
         inertia = plant.CalcMassMatrix(context)[order]
         return {"qfrc_bias": bias, "qacc_smooth": np.linalg.solve(inertia, force)}
 

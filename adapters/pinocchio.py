@@ -2,6 +2,9 @@
 
 import time
 from collections.abc import Callable
+from pathlib import Path
+from runpy import run_path
+from types import SimpleNamespace
 from typing import Any
 
 import mujoco
@@ -9,10 +12,8 @@ import numpy as np
 
 PACKAGE = "pin"
 REQUIREMENTS = ("pin>=4.1,<5", "mujoco=={mujoco}", "numpy")
-_FREE, _BALL, _SLIDE = (
-    int(getattr(mujoco.mjtJoint, f"mjJNT_{name}")) for name in ("FREE", "BALL", "SLIDE")
-)
-_OFF = mujoco.mjtDisableBit
+_JOINTS = SimpleNamespace(**run_path(str(Path(__file__).parent / "beside" / "joints.py")))
+_FREE, _BALL, _SLIDE, _OFF = _JOINTS.FREE, _JOINTS.BALL, _JOINTS.SLIDE, _JOINTS.OFF
 
 
 def refusal(model: mujoco.MjModel) -> str | None:
@@ -23,12 +24,6 @@ def refusal(model: mujoco.MjModel) -> str | None:
 def _refusals(model: mujoco.MjModel) -> list[tuple[Any, str]]:
     """Return what it cannot do, each with whether a model needs it."""
     disabled, off = model.opt.disableflags, _OFF.mjDSBL_CONSTRAINT
-    simple = (
-        (model.actuator_trntype == int(mujoco.mjtTrn.mjTRN_JOINT))
-        & (model.actuator_dyntype == int(mujoco.mjtDyn.mjDYN_NONE))
-        & (model.actuator_gaintype == int(mujoco.mjtGain.mjGAIN_FIXED))
-        & (model.actuator_biastype <= int(mujoco.mjtBias.mjBIAS_AFFINE))
-    )
     return [
         (
             model.opt.integrator != mujoco.mjtIntegrator.mjINT_EULER,
@@ -39,25 +34,10 @@ def _refusals(model: mujoco.MjModel) -> list[tuple[Any, str]]:
             "it knows no contact here; set contact to false",
         ),
         (
-            not disabled & (_OFF.mjDSBL_LIMIT | off) and model.jnt_limited.any(),
-            "it knows no limits of joints here; set limit to false",
-        ),
-        (
             not disabled & (_OFF.mjDSBL_FRICTIONLOSS | off) and model.dof_frictionloss.any(),
             "it knows no dry friction of joints here; set frictionloss to false",
         ),
-        (
-            model.ntendon or model.nflex or model.nplugin or (model.neq and not disabled & off),
-            "it knows no equalities, tendons, flexes and plug-ins; take a model without them",
-        ),
-        (
-            model.opt.density or model.opt.viscosity or model.body_gravcomp.any(),
-            "it knows no medium and no compensation of gravity",
-        ),
-        (
-            not disabled & _OFF.mjDSBL_ACTUATION and not simple.all(),
-            "it drives joints by motors and servos without dynamics of their own",
-        ),
+        *_JOINTS.refusals(model),
     ]
 
 
@@ -90,7 +70,7 @@ def _forward(request: dict[str, Any], run: int, tick: Callable[[], None]) -> dic
     control = serve.inputs_of(request, run, model)[0][0]
     qpos, qvel = request["qpos"][run], request["qvel"][run]
     inertia, bias = dynamics.of(qpos, qvel)
-    force = joint_forces(model, qpos, qvel, control) - dynamics.damping * qvel - bias
+    force = _JOINTS.joint_forces(model, qpos, qvel, control) - dynamics.damping * qvel - bias
     tick()
     return {"qfrc_bias": bias, "qacc_smooth": np.linalg.solve(inertia, force)}
 
@@ -127,7 +107,7 @@ def _run(request: dict[str, Any], run: int, tick: Callable[[], None]) -> dict[st
     states, begin = [np.concatenate([qpos, qvel])], time.process_time()
     for control in controls:
         inertia, bias = dynamics.of(qpos, qvel)
-        force = joint_forces(model, qpos, qvel, control) - dynamics.damping * qvel - bias
+        force = _JOINTS.joint_forces(model, qpos, qvel, control) - dynamics.damping * qvel - bias
         # As MuJoCo's Euler: damping is implicit, velocities come before positions.
         qvel = qvel + step * np.linalg.solve(inertia + np.diag(implicit), force)
         mujoco.mj_integratePos(model, qpos, qvel, step)
@@ -199,29 +179,3 @@ def _coordinates(model: mujoco.MjModel, qpos: np.ndarray) -> np.ndarray:
         else:
             own[place] -= model.qpos0[place]
     return own
-
-
-def joint_forces(
-    model: mujoco.MjModel, qpos: np.ndarray, qvel: np.ndarray, control: np.ndarray
-) -> np.ndarray:
-    """Return (nv,) forces of springs and actuators."""
-    forces = np.zeros(model.nv)
-    scalar = np.flatnonzero((model.jnt_type != _FREE) & (model.jnt_type != _BALL))
-    places, dofs = model.jnt_qposadr[scalar], model.jnt_dofadr[scalar]
-    if not model.opt.disableflags & _OFF.mjDSBL_SPRING:
-        forces[dofs] -= model.jnt_stiffness[scalar] * (qpos[places] - model.qpos_spring[places])
-    if model.opt.disableflags & _OFF.mjDSBL_ACTUATION:
-        return forces
-    for actuator in range(model.nu):
-        joint, gear = model.actuator_trnid[actuator, 0], model.actuator_gear[actuator, 0]
-        place, dof = model.jnt_qposadr[joint], model.jnt_dofadr[joint]
-        given = control[actuator]
-        if model.actuator_ctrllimited[actuator]:
-            given = np.clip(given, *model.actuator_ctrlrange[actuator])
-        bias = model.actuator_biasprm[actuator, :3] @ [1, gear * qpos[place], gear * qvel[dof]]
-        affine = model.actuator_biastype[actuator] == int(mujoco.mjtBias.mjBIAS_AFFINE)
-        force = model.actuator_gainprm[actuator, 0] * given + affine * bias
-        if model.actuator_forcelimited[actuator]:
-            force = np.clip(force, *model.actuator_forcerange[actuator])
-        forces[dof] += gear * force
-    return forces

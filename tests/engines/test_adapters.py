@@ -28,6 +28,13 @@ BALL = """
     <body pos="0 0 .2"><freejoint/><geom size=".1"/></body>
   </worldbody>{end}
 </mujoco>"""
+HINGE = '<body><joint name="j" {}/><geom size=".1"/></body>'
+# Four balls in a square, whose opposite sides have frictions of other products.
+SQUARE = "".join(
+    f'<body><freejoint/><geom size=".1" contype="{kind}" conaffinity="{mask}" priority="{rank}" '
+    f'friction="{rub}"/></body>'
+    for kind, mask, rank, rub in ((2, 8, 3, 0.5), (8, 4, 0, 0.9), (4, 16, 1, 0.2), (16, 2, 2, 0.3))
+)
 REFUSED = [
     ("warp", {"option": 'solver="PGS"'}, "PGS"),
     ("warp", {"flag": '<flag override="enable"/>'}, "override"),
@@ -46,6 +53,26 @@ REFUSED = [
     ("drake", {"extra": '<body><freejoint/><geom type="capsule" size=".1 .1"/></body>'}, "boxes"),
     ("drake", {"extra": '<geom type="plane" size="1 1 .1" friction=".2"/>'}, "one friction"),
     ("drake", {"extra": '<geom type="plane" size="1 1 .1" condim="4"/>'}, "sliding alone"),
+    ("bullet", {"extra": '<body><joint armature="1"/><geom size=".1"/></body>'}, "armature"),
+    ("bullet", {"extra": '<body mocap="true"/>'}, "mocap"),
+    ("bullet", {"extra": '<geom type="ellipsoid" size=".1 .1 .2"/>'}, "convex hulls"),
+    ("bullet", {"extra": '<geom size=".1" margin=".01"/>'}, "margin"),
+    ("bullet", {"extra": SQUARE}, "no numbers of theirs"),
+    ("bullet", {"extra": HINGE.format('range="-1 1" limited="true"')}, "limits"),
+    (
+        "bullet",
+        {"extra": '<body><joint type="ball" stiffness="1"/><geom size=".1"/></body>'},
+        "springs",
+    ),
+    (
+        "bullet",
+        {
+            "extra": HINGE.format(""),
+            "end": '<actuator><intvelocity joint="j" actrange="-1 1"/></actuator>',
+        },
+        "motors and servos",
+    ),
+    ("bullet", {"extra": HINGE.format('actuatorfrcrange="-1 1"')}, "not of joints"),
     ("pinocchio", {}, "contact"),
     ("pinocchio", {"option": 'integrator="RK4"'}, "Euler"),
     ("pinocchio", {"option": 'density="1"', "flag": '<flag contact="disable"/>'}, "medium"),
@@ -74,7 +101,7 @@ def test_what_an_engine_cannot_do_is_refused_by_name(
     assert word in str(refusal_of(name, model))
 
 
-@pytest.mark.parametrize("name", ["warp", "mjx", "newton", "drake"])
+@pytest.mark.parametrize("name", ["warp", "mjx", "newton", "drake", "bullet"])
 def test_what_it_can_do_is_not(name: str) -> None:
     blanks = dict.fromkeys(("option", "flag", "extra", "end"), "")
     assert refusal_of(name, mujoco.MjModel.from_xml_string(BALL.format(**blanks))) is None

@@ -1,0 +1,241 @@
+"""Engines whose scenes adapters build by the engine's own API, from the compiled model."""
+
+import math
+import re
+import shutil
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+import pytest
+
+from contactlab.contact.contact_laws import damping_ratio, restitution_of
+from contactlab.engines.adapted_engine import AdaptedEngine, adapted_engines
+from contactlab.resources import ADAPTERS
+
+ENGINES = {each.name: each for each in adapted_engines()}
+TREE = re.sub(
+    'armature="[^"]*"',
+    "",
+    (Path(__file__).parent / "adapted" / "tree.xml").read_text(encoding="utf-8"),
+)
+
+
+def installed(name: str, *values: object) -> Any:
+    absent = not ENGINES[name].version
+    why = f"contactlab engines add {name} was not run here"
+    return pytest.param(name, *values, marks=pytest.mark.skipif(absent, reason=why), id=name)
+
+
+built = pytest.mark.parametrize("name", [installed("bullet")])
+
+
+def simulated(
+    engine: AdaptedEngine, model: mujoco.MjModel, data: mujoco.MjData, steps: int
+) -> dict[str, np.ndarray] | str:
+    """Return what an engine makes of a model from a state, or what went wrong."""
+    binary = np.empty(mujoco.mj_sizeModel(model), np.uint8)
+    mujoco.mj_saveModel(model, None, binary)
+    request = {
+        "operation": "simulate",
+        "device": "",
+        "models": [binary.tobytes()],
+        "steps": steps,
+        "places": np.zeros(0, int),
+        "levels": np.zeros((1, steps, 0)),
+        "mocap": np.zeros((1, 0)),
+        "applied": data.xfrc_applied.reshape(1, -1),
+    }
+    request |= {name: getattr(data, name)[None] for name in ("qpos", "qvel", "ctrl", "act")}
+    return engine._process.ask(request, lambda: None)  # pyright: ignore[reportPrivateUsage]
+
+
+def states(engine: AdaptedEngine, model: mujoco.MjModel, data: mujoco.MjData, steps: int) -> Any:
+    told = simulated(engine, model, data, steps)
+    assert not isinstance(told, str), told
+    assert (told["cost"] > 0).all()
+    return told["state"][0]
+
+
+@pytest.mark.night
+@built
+def test_every_joint_moves_as_in_mujoco_to_first_order(name: str) -> None:
+    """Both step velocities first, from forces at the old state: half the step, half the way off."""
+    off = []
+    for timestep in (4e-4, 2e-4, 1e-4):
+        model = mujoco.MjModel.from_xml_string(TREE)
+        model.opt.timestep = timestep
+        data = mujoco.MjData(model)
+        data.qvel[:] = np.sin(1 + np.arange(model.nv))
+        mujoco.mj_integratePos(model, data.qpos, np.cos(np.arange(model.nv)), 0.3)
+        data.ctrl[:] = 0.3, 0.2
+        told = states(ENGINES[name], model, data, steps := round(0.2 / timestep))
+        assert told[0] == pytest.approx(np.concatenate([data.qpos, data.qvel]), abs=1e-12)
+        model.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
+        for _ in range(steps):
+            mujoco.mj_step(model, data)
+        off.append(np.abs(told[-1] - np.concatenate([data.qpos, data.qvel])).max())
+    assert off[0] / off[1] == pytest.approx(2, rel=0.1)
+    assert off[1] / off[2] == pytest.approx(2, rel=0.1)
+    assert off[2] < 0.01
+
+
+ONE = """
+<mujoco><option timestep="{step}" {option}/>
+  <worldbody><geom name="floor" type="plane" size="1 1 .1" {both}/>
+    <body name="one" pos="0 0 {height}"><freejoint/>
+      <geom name="one" {shape} mass="2" {both}/></body>
+  </worldbody>{end}
+</mujoco>"""
+BOX = {"shape": 'type="box" size=".1 .1 .05"', "height": ".05"}
+BALL = {"shape": 'size=".05"', "height": "1.05"}
+
+
+def one(step: float, shape: dict[str, str], **rest: str) -> tuple[mujoco.MjModel, mujoco.MjData]:
+    given = {"option": "", "both": "", "end": ""} | shape | rest
+    model = mujoco.MjModel.from_xml_string(ONE.format(step=step, **given))
+    return model, mujoco.MjData(model)
+
+
+@pytest.mark.night
+@built
+def test_a_fall_and_a_pendulum_keep_their_closed_forms(name: str) -> None:
+    model, data = one(0.001, BALL)
+    fallen = states(ENGINES[name], model, data, 400)
+    # Velocities first: g h^2 n (n + 1) / 2, to rounding; to 1e-6 where floats are single.
+    assert fallen[-1, 2] - 1.05 == pytest.approx(-9.81 * 1e-6 * 400 * 401 / 2, rel=1e-6)
+    swings = mujoco.MjModel.from_xml_string(
+        '<mujoco><option timestep="0.0005"/><worldbody><body><joint axis="0 1 0"/>'
+        '<geom type="capsule" fromto="0 0 0 0 0 -1" size=".02" mass="1"/>'
+        "</body></worldbody></mujoco>"
+    )
+    data = mujoco.MjData(swings)
+    data.qpos[0] = 0.01
+    told = states(ENGINES[name], swings, data, 8000)[:, 0]
+    crossings = np.flatnonzero((told[:-1] > 0) & (told[1:] <= 0))
+    exact = crossings + told[crossings] / (told[crossings] - told[crossings + 1])
+    inertia = swings.body_inertia[1, 1] + 0.25
+    period = 2 * math.pi * math.sqrt(inertia / (9.81 * 0.5))
+    # The amplitude adds .01^2 / 16 of it; the step (w h)^2 / 24, w h being 2e-3.
+    assert (exact[-1] - exact[0]) * 5e-4 / (len(exact) - 1) == pytest.approx(period, rel=2e-5)
+
+
+@pytest.mark.night
+@built
+@pytest.mark.parametrize("friction", [0.2, 0.5])
+def test_a_box_holds_below_the_arctangent_of_friction_and_slides_above(
+    name: str, friction: float
+) -> None:
+    for off, moves in ((-0.5, False), (0.5, True)):
+        tilt = math.atan(friction) + math.radians(off)
+        gravity = f'gravity="{9.81 * math.sin(tilt)} 0 {-9.81 * math.cos(tilt)}"'
+        model, data = one(0.001, BOX, option=gravity, both=f'friction="{friction}"')
+        slid = states(ENGINES[name], model, data, 1000)[-1, 0]
+        expected = 9.81 * (math.sin(tilt) - friction * math.cos(tilt)) / 2 * moves
+        # Half a degree moves it by 43 mm in a second; what lands and rocks first, by a tenth.
+        assert abs(slid - expected) < 5e-3
+
+
+@pytest.mark.night
+@built
+def test_contact_forces_are_the_momentum_that_bodies_take(name: str) -> None:
+    slots = "".join(
+        f'<contact name="{each}" geom1="{one}" geom2="{other}" num="8" '
+        'data="found force torque dist pos normal tangent linvel angvel"/>'
+        for each, one, other in (("on", "floor", "one"), ("back", "one", "floor"))
+    )
+    model, data = one(0.002, BOX, end=f"<sensor>{slots}</sensor>")
+    data.qvel[:3] = 1, 0.5, -1
+    told = simulated(ENGINES[name], model, data, 100)
+    assert not isinstance(told, str), told
+    speeds = told["state"][0][:, 7:10]
+    taken = np.diff(speeds, axis=0) / 0.002 * 2 - [0, 0, -9.81 * 2]
+    for first, sign in ((0, 1), (8 * 23, -1)):
+        rows = told["sensors"][0][:, first : first + 8 * 23].reshape(100, 8, 23)
+        frames = np.stack(
+            [rows[..., 11:14], rows[..., 14:17], np.cross(rows[..., 11:14], rows[..., 14:17])], 2
+        )
+        force = sign * np.einsum("nsi,nsij->nj", rows[..., 1:4], frames)
+        scale = np.abs(taken).max()
+        assert np.abs(taken).max() > 9.81
+        assert np.abs(force - taken).max() < FORCES[name] * scale
+
+
+# Forces are told in double or in single precision; of velocities the latter resolves 6e-8 / step.
+FORCES = {"bullet": 1e-9}
+
+PLANTED = [
+    ("bullet", "baseMass=float(", "baseMass=1.01 * float(",
+     "the mass of body 'one' was sent as 2 and arrived as 2.02"),
+    ("bullet", "inertia = list(model.body_inertia[body])",
+     "inertia = list(model.body_inertia[body][::-1])", "the inertia of body 'one'"),
+    ("bullet", "laws[name].get(geom, 0.0)}", "laws[name].get(1 - geom, 0.0)}",
+     "the friction of geom 'one'"),
+    ("bullet", "halfExtents=list(size)", "halfExtents=list(1.01 * size)", "the size of geom 'one'"),
+    ("bullet", "touch = int((one, other) in self._pairs)", "touch = 1",
+     "geom 'floor' and geom 'filtered' touch, which the model filters"),
+    ("bullet", "touch = int((one, other) in self._pairs)", "touch = 0", "overlap by"),
+    ("bullet", "np.array(self._model.jnt_axis[joint])", "-np.array(self._model.jnt_axis[joint])",
+     "the place of body 'arm'"),
+]  # fmt: skip
+SEEN = """
+<mujoco><option timestep=".002"/>
+  <worldbody><geom name="floor" type="plane" size="1 1 .1" friction=".5" contype="1"/>
+    <body name="one" pos="0 0 .05"><freejoint/>
+      <geom name="one" type="box" size=".1 .12 .05" mass="2" friction=".4" priority="1"/></body>
+    <body name="other" pos="1 0 .05"><freejoint/>
+      <geom name="other" type="box" size=".1 .12 .05" mass="2" friction=".3" priority="1"/></body>
+    <body name="filtered" pos="2 0 .04"><freejoint/><geom name="filtered" size=".05" contype="2"
+      conaffinity="2"/></body>
+    <body pos="2 0 .2"><freejoint/><geom size=".05" contype="2" conaffinity="2"/></body>
+    <body name="arm" pos="0 2 1"><joint axis="0 1 0" pos="0 0 .1"/>
+      <geom size=".02" mass="1" contype="0" conaffinity="0"/>
+      <body name="hung" pos=".2 0 0"><joint axis="1 0 .3" type="slide"/>
+        <geom size=".02" mass="1" contype="0" conaffinity="0"/></body></body>
+  </worldbody>
+</mujoco>"""
+
+
+@pytest.mark.night
+@pytest.mark.parametrize(
+    ("name", "code", "planted", "told"),
+    [installed(name, *rest) for name, *rest in PLANTED],
+)
+def test_what_is_changed_on_the_way_is_found(
+    tmp_path: Path, name: str, code: str, planted: str, told: str
+) -> None:
+    shutil.copytree(ADAPTERS, tmp_path / "adapters")
+    file = tmp_path / "adapters" / f"{name}.py"
+    text = file.read_text(encoding="utf-8")
+    model = mujoco.MjModel.from_xml_string(SEEN)
+    data = mujoco.MjData(model)
+    assert not isinstance(simulated(AdaptedEngine(file), model, data, 20), str)
+    assert text.count(code) == 1
+    file.write_text(text.replace(code, planted), encoding="utf-8")
+    found = simulated(AdaptedEngine(file), model, data, 20)
+    assert isinstance(found, str)
+    assert told in found
+
+
+BOUNCES = [installed("bullet", "bullet_bounce.py")]
+
+
+@pytest.mark.night
+@pytest.mark.parametrize(("name", "script"), BOUNCES)
+def test_a_bounce_that_the_engine_gets_wrong_is_the_engines_own(name: str, script: str) -> None:
+    """What the adapter's ball does, the same ball does in a script in the engine's own API."""
+    python = ENGINES[name].environment / "bin" / "python"
+    command = [str(python), str(ADAPTERS / "beside" / script)]
+    said = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    own = {float(step): float(e) for step, e in re.findall(r"([\d.]+) ms: e = ([\d.]+)", said)}
+    assert len(own) == 4
+    damped = (-160000.0, -144.7)
+    expected = float(restitution_of(damping_ratio(damped)))
+    for milliseconds, told in own.items():
+        both = f'solref="{damped[0]:g} {damped[1]:g}"'
+        model, data = one(milliseconds / 1000, BALL, both=both)
+        speeds = states(ENGINES[name], model, data, round(700 / milliseconds))[:, 9]
+        assert speeds.max() / -speeds.min() == pytest.approx(told, abs=2e-3)
+    assert max(abs(told - expected) for told in own.values()) > 0.05
