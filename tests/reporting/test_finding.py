@@ -7,8 +7,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tests.reporting.test_map_cells import axis, run_labels
 
+from contactlab.judge.wording import share_with_interval
 from contactlab.measure import LABELS
 from contactlab.reporting.finding import finding, headline
+from contactlab.reporting.label_shares import exact_share
 from contactlab.reporting.report_columns import GridAxis
 
 STABLE = 2
@@ -90,13 +92,13 @@ def check_shares(sentence: str, rows: list[Run], stable: list[Run], failed: list
         assert (int(found[3]), int(found[4])) == (len(named), len(own))
         return "all of"
     if found := re.fullmatch(
-        r"(\d+)% of runs (are stable|fail) with (. \w+), (\d+)% with (\w+)\.", sentence
+        r"([\d.]+ %) of runs (are stable|fail) with (. \w+), ([\d.]+ %) with (\w+)\.", sentence
     ):
         axis_name = found[3][0]
         for share, condition in ((found[1], found[3]), (found[4], f"{axis_name} {found[5]}")):
             inside = [row for row in rows if meets(condition, row)]
             own = [row for row in inside if (row[3] == STABLE) == (found[2] == "are stable")]
-            assert f"{len(own) / len(inside):.0%}" == f"{share}%"
+            assert exact_share(len(own), len(inside)) == share
         return "most"
     found = re.fullmatch(r"(\d+) of (\d+) runs (are stable|fail)\.", sentence)
     assert found, sentence
@@ -133,6 +135,22 @@ def test_each_kind_of_sentence_is_said_of_what_calls_for_it() -> None:
         assert check(sentence, rows) == kind
         if kind == "exact":
             assert sentence == "Only a 2 or less with b grey is stable; c does not matter."
+
+
+def test_shares_of_draws_have_their_interval() -> None:
+    """Of 5 x 5 x 2, most fail: of runs with a = 4, 8 of 10 are stable, with a = 0 2 of 10."""
+    grid = [(a, b, c) for a in range(5) for b in range(5) for c in range(2)]
+    stable = [(a == 4 and b < 4) or b == c for a, b, c in grid]
+    labels = run_labels([STABLE if each else 0 for each in stable])
+    axes = swept([(*row, 0) for row in grid])
+    assert finding(axes, labels, share_with_interval) == (
+        f"{share_with_interval(8, 10)} of runs are stable with a 4, "
+        f"{share_with_interval(2, 10)} with 0."
+    )
+    inside = [a <= 2 and b == 3 and (a, b, c) != (0, 3, 0) for a, b, c in grid]
+    part = run_labels([STABLE if each else 0 for each in inside])
+    said = finding(axes, part, share_with_interval)
+    assert f"(5 of 6 such runs, {share_with_interval(5, 6)})" in said
 
 
 def test_the_headline_counts_all_runs() -> None:

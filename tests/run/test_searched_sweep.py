@@ -9,8 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import contactlab
+from contactlab.contact.trace_arrays import Floats
 from contactlab.errors import SweepFileError
-from contactlab.plan.search import coordinates, next_trials
+from contactlab.plan.search import Trials, coordinates
 from contactlab.reporting.found_worst import worst_lines
 from contactlab.run.recomputed_runs import recomputed_problems
 from contactlab.schema.sweep_schema import Sweep
@@ -33,17 +34,23 @@ WHOLE: dict[str, Any] = {
 }
 
 
-def found(values: np.ndarray, most: int, batch: int = 0) -> dict[int, float | None]:
+def found(
+    values: Floats, most: int, points: Floats = GRID, sign: float = -1.0, batch: int = 0
+) -> dict[int, float | None]:
     """Return what is measured in the end, of trials that finish `batch` at a time."""
-    measured = dict[int, float | None]()
-    while trials := next_trials(GRID, measured, -1.0, most):
+    search, measured = Trials(points, sign, most), dict[int, float | None]()
+    while trials := search.next(measured):
         assert not measured.keys() & set(trials)
         for trial in trials[: batch or None]:
-            measured[trial] = float(values[trial])
+            measured[trial] = None if np.isnan(values[trial]) else float(values[trial])
     return measured
 
 
-@settings(max_examples=15)
+def best(measured: dict[int, float | None], sign: float = -1.0) -> float:
+    return -sign * max(-sign * value for value in measured.values() if value is not None)
+
+
+@settings(max_examples=4)
 @given(centre=st.tuples(st.floats(0, 1), st.floats(0, 1)), width=st.floats(0.15, 1))
 def test_a_peak_is_found_within_100_trials(centre: tuple[float, float], width: float) -> None:
     """To 5 % of its height: one point of the plane has that, or its neighbours do.
@@ -54,7 +61,35 @@ def test_a_peak_is_found_within_100_trials(centre: tuple[float, float], width: f
     values = np.exp(-((GRID - np.array(centre)) ** 2).sum(axis=1) / width**2)
     measured = found(values, 100)
     assert len(measured) <= 100
-    assert max(value for value in measured.values() if value is not None) >= 0.95 * values.max()
+    assert best(measured) >= 0.95 * values.max()
+
+
+@pytest.mark.parametrize("corner", range(4))
+def test_what_grows_along_all_axes_is_found_in_its_corner(corner: int) -> None:
+    """A sharp peak in a corner, which spans one point of the 25 x 25: corners are tried first."""
+    peak = np.array([(corner & 1), (corner >> 1)], float)
+    values = np.exp(-(((GRID - peak) * 3 * SIDE) ** 2).sum(axis=1))
+    assert best(found(values, 10)) == 1
+
+
+@settings(max_examples=4)
+@given(level=st.floats(0.4, 0.9), slope=st.floats(-0.3, 0.3))
+def test_what_ends_at_a_cliff_is_followed_to_it(level: float, slope: float) -> None:
+    """Values grow up to a line, beyond which nothing can be measured: the largest lie along it.
+
+    A descent needs no more than that points without a value are worse than any. Each value is a
+    24th, so that 5 % are one step, and three for a cliff that is met aslant.
+    """
+    across, along = GRID.T
+    edge = level + slope * (along - 0.5)
+    values = np.where(across < edge, 1 + across, np.nan)
+    assert best(found(values, 100)) >= np.nanmax(values) - 1 / (SIDE - 1) - 1e-9
+
+
+def test_all_points_of_a_small_plan_are_tried() -> None:
+    """Once descents have ended, the sequence goes on."""
+    measured = found(np.zeros(9), 40, np.linspace(0, 1, 9)[:, None])
+    assert measured.keys() == set(range(9))
 
 
 def test_neither_interruption_nor_order_changes_the_trials() -> None:
@@ -64,12 +99,23 @@ def test_neither_interruption_nor_order_changes_the_trials() -> None:
     assert len(at_once) == 60
 
 
+def test_what_goes_on_begins_anew() -> None:
+    """Another search that knows some of it, and more besides, tries the same in the end."""
+    values = np.sin(7 * GRID).sum(axis=1)
+    at_once = found(values, 60)
+    known = dict[int, float | None]((place, float(values[place])) for place in [*at_once][:47])
+    known |= {600: float(values[600])}
+    again = Trials(GRID, -1.0, 60)
+    while trials := again.next(known):
+        known |= {trial: float(values[trial]) for trial in trials}
+    assert known.keys() == at_once.keys() | {600}
+
+
 def test_what_cannot_be_measured_is_no_worst() -> None:
-    measured = dict[int, float | None]()
-    while trials := next_trials(GRID, measured, 1.0, 40):
-        measured |= {trial: None if GRID[trial, 0] > 0.5 else GRID[trial, 0] for trial in trials}
+    values = np.where(GRID[:, 0] > 0.5, np.nan, GRID[:, 0])
+    measured = found(values, 40, sign=1.0)
     assert len(measured) == 40
-    assert min(value for value in measured.values() if value is not None) < 0.05
+    assert best(measured, 1.0) < 0.05
 
 
 def test_coordinates_span_an_axis() -> None:
@@ -124,6 +170,25 @@ def test_a_metric_that_no_run_has_is_told(tmp_path: Path) -> None:
     store = contactlab.sweep(sliding, output=tmp_path / "store", workers=0)
     assert store.manifest.runs == 4
     assert [*worst_lines(store)] == ["creep_speed could not be measured in any of 4 trials"]
+
+
+@pytest.mark.parametrize("drawn", [False, True])
+def test_rows_of_a_file_run_as_they_are(drawn: bool, tmp_path: Path) -> None:
+    """They lack a searched axis, or have values that it does not take."""
+    heights = {"uniform": [0.05, 0.3]} if drawn else {"linspace": [0.05, 0.3, 9]}
+    sweep = {
+        **WHOLE,
+        "duration": 0.02,
+        "axes": {"drop_height": heights, "solref.timeconst": {"loguniform": [0.005, 0.02]}},
+        "sample": {"n": 16},
+        "include": [{"drop_height": 0.1}, {"drop_height": 0.1, "solref.timeconst": 0.03}],
+        "search": {"maximise": "penetration_max", "runs": 5, "axes": ["solref.timeconst"]},
+    }
+    if drawn:
+        sweep["search"] = {"maximise": "penetration_max", "runs": 5}
+    store = contactlab.sweep(sweep, output=tmp_path / "store", workers=0)
+    assert not [*verify(store.address)]
+    assert {0.1} <= {*store.columns.to_pydict(["drop_height"])["drop_height"]}
 
 
 @pytest.mark.parametrize(

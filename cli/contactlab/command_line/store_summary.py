@@ -62,12 +62,12 @@ def summary_text(store: "Store", given: Given) -> None:
     from contactlab.reporting.report_columns import read_axes, read_run_labels
     from contactlab.reporting.start_noise import distance_to_reality
 
-    axes, labels = read_axes(store), read_run_labels(store)
+    axes, labels, share = read_axes(store), read_run_labels(store), share_words(store)
     tell(f"{manifest.sweep.name}: {headline(labels)}")
-    if told := stable_share(labels, share_words(store)):
+    if told := stable_share(labels, share):
         tell(told)
     mixed = bool(labels.failed.any())  # else all values say the same, as the headline does
-    found = finding(axes, labels) if axes and mixed else ""
+    found = finding(axes, labels, share) if axes and mixed else ""
     for told in filter(None, (found, distance_to_reality(axes, columns))):
         tell(told)
     for line in _as_expected(store):
@@ -79,7 +79,7 @@ def summary_text(store: "Store", given: Given) -> None:
     elif manifest.runs <= _MOST_ROWS_SHOWN:
         _print_runs(columns.axis_names, store.table.to_pylist())
     elif axes and mixed:
-        _print_values(by_importance(axes, labels), labels, share_words(store))
+        _print_values(by_importance(axes, labels), labels, share)
     echo(f"{manifest.runs:,} runs, {manifest.traces:,} traces in {path}")
     look = str(columns.run_ids[int(labels.codes.argmin())])[:_ID_DIGITS]
     echo(f"look closer: contactlab show {path} {look}")

@@ -258,7 +258,7 @@ def head_view(
     return HeadView(
         finding=request.examination.sentence
         if request.examination
-        else finding(data.axes, data.labels),
+        else finding(data.axes, data.labels, share_words(data.store)),
         reality=reality.sentence if reality else "",
         films=header_films(data, pictured) if drawn else [],
         focal=focal_picture(data, pictured) if drawn else None,

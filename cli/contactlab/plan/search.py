@@ -2,6 +2,10 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from itertools import product
+
+import numpy as np
 
 from contactlab.contact.trace_arrays import Floats
 from contactlab.errors import suggestion
@@ -18,13 +22,15 @@ from contactlab.schema.vocabulary import (
     Uniform,
 )
 
-# Cells of the unit cube shrink to this before the search gives up.
-_LEAST_SIDE = 1e-9
-# Points that it may propose for each trial: several may be nearest to one of the plan.
-_PROPOSALS = 100
+# Share of the trials that are spread over all of the cube; the others go on from the best.
+_SPREAD = 0.4
+# Axes up to which the corners of the cube are tried first, 16 at most.
+_MOST_CORNERED = 4
+# Points that may be proposed for each trial: several may be nearest to one of the plan.
+_PROPOSALS = 4
+# A descent ends where its simplex is so small; most calls by then are of points that were tried.
+_LEAST_SIDE, _MOST_CALLS = 1e-4, 1000
 _UNMEASURED = 1e12
-# Less than anything that is measured: with it the optimiser is done.
-_END = -1e30
 
 
 def searched_axes(sweep: Sweep) -> tuple[str, ...]:
@@ -41,13 +47,13 @@ _GRIDS = Linspace | Logspace | Range
 
 
 def coordinates(sweep: Sweep, name: str) -> Callable[[object], float]:
-    """Return what places the values of an axis between 0 and 1."""
+    """Return what places the values of an axis between 0 and 1; NaN of what it cannot place."""
     axis = sweep.axes[name]
     match axis:
         case Uniform(uniform=(low, high)):
             return lambda value: (_number(value) - low) / (high - low)
         case Loguniform(loguniform=(low, high)):
-            return lambda value: math.log(_number(value) / low) / math.log(high / low)
+            return lambda value: math.log(_number(value, above=0) / low) / math.log(high / low)
         case _:
             return _steps(axis)
 
@@ -57,63 +63,120 @@ def _steps(axis: Axis) -> Callable[[object], float]:
     return lambda value: places.get(value, math.nan) / max(1, len(places) - 1)
 
 
-def _number(value: object) -> float:
-    assert isinstance(value, int | float)
-    return float(value)
+def _number(value: object, above: float = -math.inf) -> float:
+    """Return a number above a bound; NaN of anything else, as of a row that a file includes."""
+    return float(value) if isinstance(value, int | float) and value > above else math.nan
 
 
-def next_trials(
-    points: Floats, measured: Mapping[int, float | None], sign: float, most: int
-) -> list[int]:
-    """Return the points to try next; none once as many were tried as may be.
+class Trials:
+    """The points of a plan that a search tries, each chosen by what came of those before.
 
-    The optimiser is DIRECT, locally biased (D. R. Jones et al., 1993; J. M. Gablonsky and
-    C. T. Kelley, 2001), as SciPy has it. It divides the cube again from the start, and takes what
-    is known at the points next to its own, so that the same are tried whatever was interrupted.
+    The first share of them are the corners of the cube, where what grows along each axis is worst,
+    and a Sobol sequence (I. M. Sobol, 1967). The others descend by the simplex of J. A. Nelder and
+    R. Mead (1965), within bounds, as SciPy has it, from the best of those: a start is skipped that
+    lies about as near to a better one as any has neighbours. It asks for values only, and compares
+    them, so that steps, plateaus and points without a value are no trouble. What is left then goes
+    on along the sequence.
 
-    Args:
-        points: (n, k) of a plan, between 0 and 1.
-        measured: what was found at points, by place; None where it could not be measured.
-        sign: 1 to find the least, -1 the largest.
-        most: number of points that may be tried.
+    A descent is gone through again from its start until it has all that it asks for, so that the
+    same points are tried whatever was interrupted.
     """
-    # Both take a while to load.
-    from scipy.optimize import direct  # noqa: PLC0415
-    from scipy.spatial import KDTree  # noqa: PLC0415
 
-    tree, tried, waiting = KDTree(points), dict[int, float](), list[int]()
-    ended = False
+    def __init__(self, points: Floats, sign: float, most: int) -> None:
+        """Take (n, k) the points, between 0 and 1, and how many of them may be tried.
 
-    def cost(proposed: Floats) -> float:
-        nonlocal ended
-        place = int(tree.query(proposed)[1]) if not ended else -1
-        ended = ended or (place not in tried and len(tried) == most)
-        if ended:
-            return _END
-        if place not in tried:
-            if place not in measured:
-                waiting.append(place)
-            value = measured.get(place)
-            tried[place] = _UNMEASURED if value is None else sign * value
-        return tried[place]
+        The sign is 1 to find the least, -1 the largest.
+        """
+        from scipy.spatial import KDTree  # noqa: PLC0415 - it takes a while to load
 
-    def end(_: Floats) -> None:
-        nonlocal ended
-        ended = bool(waiting)
+        self._nearest = KDTree(points).query
+        self._sign, self._most, self._axes = sign, min(most, len(points)), points.shape[1]
+        self._spread, self._first = _spread(self._axes, _PROPOSALS * most), round(_SPREAD * most)
+        self._measured: Mapping[int, float | None] = {}
+        self._tried, self._waiting = dict[int, None](), list[int]()
+        self._ended = 0  # so many descents
 
-    direct(
-        cost,
-        [(0.0, 1.0)] * points.shape[1],
-        locally_biased=True,
-        callback=end,
-        # It is the only way to stop that all releases have: not all let an error through.
-        f_min=_END,
-        maxfun=_PROPOSALS * most,
-        maxiter=_PROPOSALS * most,
-        vol_tol=0.0,
-        len_tol=_LEAST_SIDE,
-    )
-    return waiting
+    def next(self, measured: Mapping[int, float | None]) -> list[int]:
+        """Return the points to try next; none once as many were tried as may be, or all are.
+
+        Measured is what was found at points, by place; None where it could not be.
+        """
+        self._measured, self._waiting = measured, []
+        starts = self._spread[: max(1, self._first)]
+        with suppress(_PauseError):
+            self._ask(starts)
+            for start, side in self._descents(starts)[self._ended :]:
+                tried = dict(self._tried)
+                try:
+                    self._descend(start, side)
+                except _PauseError:
+                    self._tried = tried
+                    raise
+                self._ended += 1
+            self._ask(self._spread)
+        return self._waiting
+
+    def _ask(self, wanted: Floats) -> None:
+        """Try the points that are nearest to (n, k).
+
+        A _PauseError says that some have yet to be measured, or that no more may be tried.
+        """
+        for place in self._nearest(wanted)[1].tolist():
+            if place not in self._tried:
+                if len(self._tried) == self._most:
+                    raise _PauseError
+                self._tried[place] = None
+            if place not in self._measured and place not in self._waiting:
+                self._waiting.append(place)
+        if self._waiting:
+            raise _PauseError
+
+    def _cost(self, wanted: Floats) -> float:
+        """Return what is minimised at the point nearest to (k,); a _PauseError as of `_ask`."""
+        self._ask(wanted[None])
+        value = self._measured[int(self._nearest(wanted)[1])]
+        return _UNMEASURED if value is None else self._sign * value
+
+    def _descents(self, starts: Floats) -> list[tuple[Floats, float]]:
+        """Return starts and sides of simplexes: the best first, some way from all better ones."""
+        apart = len(starts) ** (-1 / self._axes)
+        found = list[tuple[Floats, float]]()
+        for place in np.argsort([self._cost(start) for start in starts], kind="stable").tolist():
+            if all(np.abs(starts[place] - better).max() > apart for better, _ in found):
+                found.append((starts[place], apart / 2))
+        return found
+
+    def _descend(self, start: Floats, side: float) -> None:
+        """Descend from (k,) until the simplex, of some side first, is small."""
+        from scipy.optimize import minimize  # noqa: PLC0415 - it takes a while to load
+
+        inwards = np.where(start < 0.5, side, -side)  # so that it is whole at a bound
+        minimize(
+            self._cost,
+            start,
+            method="Nelder-Mead",
+            bounds=[(0.0, 1.0)] * self._axes,
+            options={
+                "initial_simplex": np.concatenate((start[None], start + np.diag(inwards))),
+                "xatol": _LEAST_SIDE,
+                "fatol": math.inf,
+                "maxfev": _MOST_CALLS,
+                "maxiter": _MOST_CALLS,
+            },
+        )
+
+
+class _PauseError(Exception):
+    """Ends what asks for trials: as many were made as may be, or one has yet to be."""
+
+
+def _spread(axes: int, count: int) -> Floats:
+    """Return (n, axes) at least so many points of a cube: its corners, if few, and a sequence."""
+    from scipy.stats import qmc  # noqa: PLC0415 - it takes a while to load
+
+    corners = product((0.0, 1.0), repeat=axes) if axes <= _MOST_CORNERED else ()
+    sequence = qmc.Sobol(axes, rng=0).random_base2((count - 1).bit_length())
+    return np.concatenate((np.array([*corners]).reshape(-1, axes), sequence))
 
 
 def check_search(context: SweepContext) -> None:

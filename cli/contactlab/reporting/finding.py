@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from contactlab.reporting.label_shares import ShareWords, exact_share
 from contactlab.reporting.report_columns import SEED, STABLE, GridAxis, RunLabels, number_with_unit
 
 _MOST_VALUES_LISTED = 3
@@ -43,11 +44,12 @@ def headline(labels: RunLabels) -> str:
     return f"{text}; {', '.join(others)}" if others else text
 
 
-def finding(axes: Sequence[GridAxis], labels: RunLabels) -> str:
+def finding(axes: Sequence[GridAxis], labels: RunLabels, share: ShareWords = exact_share) -> str:
     """Return where runs are stable, and which axes make no difference to it.
 
     "Only" says that no other run is stable. What is said to make no difference does so for no
-    combination of the other axes.
+    combination of the other axes. Shares are as `share` writes them, with their interval if runs
+    are draws.
     """
     failed, runs = labels.failed, len(labels.codes)
     if not failed.any():
@@ -62,10 +64,12 @@ def finding(axes: Sequence[GridAxis], labels: RunLabels) -> str:
     within = {axis.name: np.isin(axis.codes, axis.codes[rare]) for axis in swept}
     bound, inside = _conditions(swept, within, rare)
     if not bound or rare[inside].mean() < _LEAST_SHARE_OF_OUTCOME:
-        return _sufficient(swept, rare, words) or _most_of(swept, rare, words.runs_do)
+        return _sufficient(swept, rare, words) or _most_of(swept, rare, words.runs_do, share)
     parts = [_setting(axis, axis.codes[rare]) for axis in bound]
     if not rare[inside].all():
-        some = f"{rare.sum():,} of {inside.sum():,} such runs"
+        counts = int(rare.sum()), int(inside.sum())
+        known = "" if share is exact_share else f", {share(*counts)}"
+        some = f"{counts[0]:,} of {counts[1]:,} such runs{known}"
         return f"Every {words.one} has {' and '.join(parts)} ({some})."
     free = [axis.name for axis in swept if within[axis.name].all()]
     rest = f"; {_joined(free)} {'do' if len(free) > 1 else 'does'} not matter" if free else ""
@@ -149,19 +153,29 @@ def _joined(words: Sequence[str], last: str = "and") -> str:
     return f" {last} ".join(filter(None, (", ".join(words[:-1]), words[-1])))
 
 
-def _most_of(axes: Sequence[GridAxis], rare: NDArray[np.bool_], verb: str) -> str:
+def _most_of(
+    axes: Sequence[GridAxis], rare: NDArray[np.bool_], verb: str, share: ShareWords
+) -> str:
     """Return the values of one axis with most and with fewest runs of an outcome."""
     shares: list[NDArray[np.float64]] = []
     for axis in axes:
-        runs = np.bincount(axis.codes, minlength=len(axis.ticks))
-        share = np.bincount(axis.codes, rare, len(axis.ticks)) / np.maximum(1, runs)
-        shares.append(np.where(runs >= _LEAST_SHARE_OF_RUNS * len(rare), share, np.nan))
+        good, runs = _counts(axis, rare)
+        enough = runs >= _LEAST_SHARE_OF_RUNS * len(rare)
+        shares.append(np.where(enough, good / np.maximum(1, runs), np.nan))
     spreads = [0.0 if np.isnan(e).all() else np.nanmax(e) - np.nanmin(e) for e in shares]
     if not any(spreads):
         return f"{rare.sum():,} of {len(rare):,} runs {verb}."
-    axis, share = axes[int(np.argmax(spreads))], shares[int(np.argmax(spreads))]
-    most, least = int(np.nanargmax(share)), int(np.nanargmin(share))
+    axis, found = axes[int(np.argmax(spreads))], shares[int(np.argmax(spreads))]
+    most, least = int(np.nanargmax(found)), int(np.nanargmin(found))
+    good, runs = _counts(axis, rare)
+    highest, lowest = (share(int(good[place]), int(runs[place])) for place in (most, least))
     return (
-        f"{share[most]:.0%} of runs {verb} with {_setting(axis, np.array([most]))}, "
-        f"{share[least]:.0%} with {number_with_unit(axis.ticks[least], axis.unit)}."
+        f"{highest} of runs {verb} with {_setting(axis, np.array([most]))}, "
+        f"{lowest} with {number_with_unit(axis.ticks[least], axis.unit)}."
     )
+
+
+def _counts(axis: GridAxis, rare: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return (values) how many runs have an outcome at each value of an axis, and how many runs."""
+    size = len(axis.ticks)
+    return np.bincount(axis.codes[rare], minlength=size), np.bincount(axis.codes, minlength=size)

@@ -7,24 +7,27 @@ from contactlab.reporting.report_columns import STABLE, RunLabels
 from contactlab.schema.sweep_schema import Sweep
 from contactlab.store.finished_store import Store
 
+ShareWords = Callable[[int, int], str]
 
-def share_words(store: Store) -> Callable[[int, int], str]:
+
+def share_words(store: Store) -> ShareWords:
     """Return what writes how many of some runs count: `80 %`, or `80 % (58 to 92 %)`.
 
     The interval is Wilson's, of 95 %, where runs are draws of axes or seeds. Of a grid the share is
     that of its cells, and exact.
     """
     sweep = Sweep.model_validate(store.manifest.sweep.resolved)
-    return share_with_interval if sweep.is_drawn else _share
+    return share_with_interval if sweep.is_drawn else exact_share
 
 
-def _share(good: int, runs: int) -> str:
+def exact_share(good: int, runs: int) -> str:
+    """Return `80 %`, of runs that are all there are."""
     return format_percent(good / runs)
 
 
-def stable_share(labels: RunLabels, share: Callable[[int, int], str]) -> str:
+def stable_share(labels: RunLabels, share: ShareWords) -> str:
     """Return the share of stable runs in a sentence; nothing of runs that are no draws."""
-    if share is _share or not len(labels.codes):
+    if share is exact_share or not len(labels.codes):
         return ""
     stable = dict(zip(labels.names, labels.counts, strict=True)).get(STABLE, 0)
     return f"{share(stable, len(labels.codes))} are stable, with 95 % if runs are independent draws"

@@ -1,5 +1,6 @@
 """The runs of a sweep that searches for the worst of a metric."""
 
+import math
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
 
@@ -7,35 +8,42 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contactlab.plan.grid import Plan
-from contactlab.plan.search import coordinates, next_trials, searched_axes
+from contactlab.plan.search import Trials, coordinates, searched_axes
 from contactlab.run.chosen_runs import ChosenRuns
 from contactlab.schema.sweep_schema import Search
 
 
 class SearchedRuns(ChosenRuns):
-    """Trials of each seed, and of all values of the axes that are not searched."""
+    """Trials of each seed, and of all values of the axes that are not searched.
+
+    Rows that a file includes off the axes' values are no trials: they run as they are.
+    """
 
     def __init__(self, search: Search, plan: Plan, ids: NDArray[np.uint64]) -> None:
         """Take the points of a plan, and (runs) the ids of its runs in order."""
         metric = search.maximise or search.minimise
         assert metric is not None
         super().__init__(ids, lambda row: row.get(metric), (metric,))
-        self._sign, self._most = -1.0 if search.maximise else 1.0, search.runs
+        sign = -1.0 if search.maximise else 1.0
         place_on = {name: coordinates(plan.sweep, name) for name in searched_axes(plan.sweep)}
-        places = defaultdict[object, dict[int, tuple[float, ...]]](dict)
+        places, self._apart = defaultdict[object, dict[int, tuple[float, ...]]](dict), list[int]()
         for run in plan.runs():
             point = tuple(place(run.values.get(name)) for name, place in place_on.items())
+            if any(map(math.isnan, point)):
+                self._apart.append(run.index)
+                continue
             shared = tuple(item for item in run.values.items() if item[0] not in place_on)
             places[*shared, run.seed][run.index] = point
         self._searches = [
-            (list(points), np.array([*points.values()])) for points in places.values()
+            (list(points), Trials(np.array([*points.values()]), sign, search.runs))
+            for points in places.values()
         ]
 
     def choose(self) -> Iterator[int]:
         """Yield the places of the runs to make next."""
-        for places, points in self._searches:
-            measured = self._measured(places)
-            for trial in next_trials(points, measured, self._sign, self._most):
+        yield from (place for place in self._apart if not self.is_known(place))
+        for places, trials in self._searches:
+            for trial in trials.next(self._measured(places)):
                 yield places[trial]
 
     def _measured(self, places: list[int]) -> Mapping[int, float | None]:
