@@ -11,7 +11,7 @@ from scipy.special import betaln
 from scipy.stats import binom, binomtest
 
 from contactlab.shares import (
-    all_of,
+    all_good,
     anytime,
     evidence_against,
     paired_chance,
@@ -179,9 +179,21 @@ def test_so_many_pairs_tell_in_four_of_five_times() -> None:
     assert pairs_to_tell(3, 3, 10) is None
 
 
-def test_all_of_some_runs() -> None:
-    """Against every choice of them."""
+def test_all_of_some_runs_are_good() -> None:
+    """Against every choice of them; of two settings the mean."""
     runs = [True] * 7 + [False] * 3
     for times in (1, 2, 3, 8):
-        chosen = [all(each) for each in combinations(runs, times)]
-        assert all_of(times, 7, 10) == pytest.approx(np.mean(chosen))
+        chosen = np.mean([all(each) for each in combinations(runs, times)])
+        assert all_good(times, [(7, 10)])[0] == pytest.approx(chosen)
+        assert all_good(times, [(7, 10), (10, 10)])[0] == pytest.approx((chosen + 1) / 2)
+
+
+def test_the_interval_of_several_good_ones_in_a_row_holds() -> None:
+    """Of one setting as often as Wilson's does; of 2,000 draws of four settings in 95 % or more."""
+    low, high = wilson(29, 40)
+    assert all_good(3, [(29, 40)])[1:] == pytest.approx((low**3, high**3))
+    shares = (0.9, 0.8, 0.6, 0.3)
+    truth = np.mean(np.power(shares, 3))
+    draws = np.random.default_rng(3).binomial(40, shares, size=(2_000, len(shares)))
+    spans = [all_good(3, [(good, 40) for good in each])[1:] for each in draws.tolist()]
+    assert np.mean([low <= truth <= high for low, high in spans]) >= 0.95

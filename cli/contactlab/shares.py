@@ -1,7 +1,8 @@
 """Shares of runs, and the intervals in which they lie."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from statistics import fmean
 
 SURE = 0.95
 _Z = 1.959963984540054  # of a normal distribution, which lies within it with 95 %
@@ -146,6 +147,15 @@ def runs_to_tell(share: float, before: float) -> int | None:
     return math.ceil((root / (share - before)) ** 2)
 
 
-def all_of(times: int, good: int, runs: int) -> float:
-    """Return how likely so many runs, drawn from those that were made, are all good."""
-    return math.comb(good, times) / math.comb(runs, times) if times <= runs else math.nan
+def all_good(times: int, counts: Sequence[tuple[int, int]]) -> tuple[float, float, float]:
+    """Return pass^k, how likely so many runs of a setting are all good, and its interval of 95 %.
+
+    Counts are the good runs of each setting and its runs, at least that many. Of one setting pass^k
+    is the share of draws without replacement that are all good, C(good, k) / C(runs, k) (S. Yao et
+    al., "tau-bench", 2024), and its interval has the ends of Wilson's to the power of k. Of several
+    it is the mean, and ends are means of ends, which is wider than it need be.
+    """
+    shares = [math.comb(good, times) / math.comb(runs, times) for good, runs in counts]
+    lows, highs = zip(*(wilson(good, runs) for good, runs in counts), strict=True)
+    low, high = (fmean(end**times for end in ends) for ends in (lows, highs))
+    return fmean(shares), low, high

@@ -8,10 +8,11 @@ from typing import Any
 import pytest
 
 from contactlab.comparison.compare_stores import compare
-from contactlab.errors import StoreError
+from contactlab.errors import PolicyError, StoreError
+from contactlab.judge.wording import with_interval
 from contactlab.schema.comparison import ComparePolicy
 from contactlab.schema.finding import Finding
-from contactlab.shares import paired_difference, unpaired_difference
+from contactlab.shares import all_good, paired_difference, unpaired_difference
 
 Runs = Callable[..., Any]
 Stored = Callable[..., Path]
@@ -94,6 +95,51 @@ def test_without_pairs_the_interval_is_that_of_two_shares(
     assert (high < -0.05, low > 0) == (verdict == "worse", verdict == "better")
     assert f"{good} of {cases}, 48 of 60 in the baseline" in found.message
     assert ("not distinguishable" in found.message) == (low <= 0 <= high)
+
+
+def test_a_control_takes_the_place_of_the_baseline(many: Runs, stored: Stored) -> None:
+    """12 of 60 fail in the baseline, 24 in control and candidate: what changed is the loop.
+
+    Without a control the candidate is to blame; a control as the baseline changes nothing.
+    """
+
+    def of(name: str, failing: range) -> Path:
+        given = many(CASES)
+        for case in failing:
+            given.label(case, "chatter")
+        return stored(name, given)
+
+    rules = {"good": "stable"}
+    policy = ComparePolicy.model_validate({"version": 1, "outcomes": rules})
+    before, after = of("before", range(12)), of("after", range(24))
+    moved, kept = of("moved", range(24)), of("kept", range(12))
+
+    def outcomes(control: Path | None) -> dict[str, Finding]:
+        report = compare(before, after, policy, control=control)
+        assert (report.control is None) == (control is None)
+        return {each.name: each for each in report.findings if each.kind == "outcomes"}
+
+    alone = outcomes(None)
+    assert [*alone] == ["no less stable"]
+    assert alone["no less stable"].outcome == "failed"
+    found = outcomes(moved)
+    assert found["no less stable"].verdict == "same"
+    assert "36 in the control" in found["no less stable"].message
+    assert found["control as the baseline"].verdict == "changed"
+    assert found["control as the baseline"].outcome == "warned"
+    found = outcomes(kept)
+    assert found["no less stable"].verdict == "worse"
+    assert found["control as the baseline"].verdict == "same"
+    with pytest.raises(PolicyError, match="the same store"):
+        compare(before, after, policy, control=before)
+
+
+def test_pass_k_is_of_settings_where_each_has_so_many_runs(outcome: Callable[..., Finding]) -> None:
+    """These stores have a run of each setting: all of them together are drawn from."""
+    found = outcome(range(12), range(24), good="stable", in_a_row=2)
+    share, low, high = all_good(2, [(36, 60)])
+    assert f"pass^2 {with_interval(share, low, high)} and " in found.message
+    assert "pass^" not in outcome(range(12), range(24), good="stable", in_a_row=61).message
 
 
 def test_without_pairs_runs_must_say_how_they_ended(outcome: Callable[..., None]) -> None:

@@ -44,6 +44,10 @@ def compare(
         Literal["id", "axes", "none"] | None,
         Option(None, "Pair runs by id, by axis values and seed, or not: outcomes alone."),
     ] = None,
+    control: Annotated[
+        "Store | Address | str | None",
+        Option("STORE", "The baseline once more, made as the candidate was.", kind=str),
+    ] = None,
     output: opt.ReportFiles = (),
     thorough: Annotated[bool, flag("Verify every record and every trace first.")] = False,
     baseline_digest: opt.BaselineDigest = None,
@@ -70,7 +74,8 @@ def compare(
     """Compare a store with a baseline; exit with 1 if a gate fails.
 
     The policy says what counts as regressed, what fails, and, unless `match` does, how runs are
-    paired. The engine is not loaded, unless runs are timed again.
+    paired. The engine is not loaded, unless runs are timed again. With a control, outcomes of the
+    candidate are compared with the control's.
 
     Raises:
         StoreError: a store is not sound, or the stores have no run in common.
@@ -85,7 +90,8 @@ def compare(
     given = {"match": match, "baseline_digest": baseline_digest}
     timers = _timers(remeasure, baseline_python, candidate_python)
     stores = opt.address_of(baseline), opt.address_of(candidate)
-    run = partial(compare_stores, *stores, thorough=thorough, remeasure=timers)
+    arm = None if control is None else opt.address_of(control)
+    run = partial(compare_stores, *stores, control=arm, thorough=thorough, remeasure=timers)
     if accept is not None:
         if policy is None:
             raise PolicyError("--accept adds to a policy file; name it with --policy FILE")

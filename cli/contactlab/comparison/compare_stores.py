@@ -2,13 +2,15 @@
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from datetime import date
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
 
 from contactlab.comparison.metric_checks import Remeasure, metric_checks, remeasured_check
-from contactlab.comparison.outcome_checks import outcome_checks, unpaired_outcome_check
+from contactlab.comparison.outcome_checks import controlled_checks, outcome_checks
 from contactlab.comparison.pairing import (
     PairedStores,
     Pairing,
@@ -53,11 +55,12 @@ _JUDGED_ONE_BY_ONE = {"metric_versions", "thresholds"}
 _ABOUT_RUNS = {"runs", "labels", "metrics", "recommendation"}
 
 
-def compare(
+def compare(  # noqa: PLR0913 - one argument an option of the command
     baseline: Address,
     candidate: Address,
     policy: ComparePolicy = DEFAULT_POLICY,
     *,
+    control: Address | None = None,
     thorough: bool = False,
     remeasure: Remeasure | None = None,
     today: date | None = None,
@@ -65,17 +68,16 @@ def compare(
     """Compare two stores, the candidate with the baseline.
 
     Thoroughly means that every record and the bytes of every trace are checked first. Exceptions
-    of the policy expire by `today`, by default the day of the call.
+    of the policy expire by `today`, by default the day of the call. A control, which has what the
+    baseline has and was made as the candidate was, is what the candidate's outcomes are compared
+    with.
 
     Raises:
         StoreError: a store is not sound or not the pinned one, or they have no run in common.
-        PolicyError: both are the same store, or the policy names what they do not have.
+        PolicyError: two are the same store, or the policy names what they do not have.
     """
-    paths = [store for store in (baseline, candidate) if isinstance(store, Path) and store.exists()]
-    if baseline == candidate or (len(paths) == 2 and paths[0].samefile(paths[1])):
-        raise PolicyError(
-            f"{baseline} and {candidate} are the same store; compare the stores of two sweeps"
-        )
+    for one, other in combinations(filter(None, (baseline, candidate, control)), 2):
+        _refuse_same(one, other)
     before = _open("baseline", baseline, thorough=thorough)
     if policy.baseline_digest not in {None, before.digest}:
         raise StoreError(
@@ -86,7 +88,14 @@ def compare(
     pairing = pair_runs(before, after, policy)
     paired = PairedStores(before, after, pairing, policy, today or date.today())  # noqa: DTZ011
     check_names(policy, {**before.columns.measured, **after.columns.measured}, paired.ranks)
-    return _report(paired, remeasure)
+    third = _open("control", control, thorough=thorough) if control else None
+    return _report(paired, third, remeasure)
+
+
+def _refuse_same(one: Address, other: Address) -> None:
+    paths = [store for store in (one, other) if isinstance(store, Path) and store.exists()]
+    if one == other or (len(paths) == 2 and paths[0].samefile(paths[1])):
+        raise PolicyError(f"{one} and {other} are the same store; compare the stores of two sweeps")
 
 
 def _open(role: str, address: Address, *, thorough: bool) -> Store:
@@ -146,9 +155,11 @@ def pair_runs(baseline: Store, candidate: Store, policy: ComparePolicy) -> Pairi
     raise StoreError(f"{message}; to compare runs of equal axis values instead, add --match axes")
 
 
-def _report(paired: PairedStores, remeasure: Remeasure | None) -> ComparisonReport:
+def _report(
+    paired: PairedStores, control: Store | None, remeasure: Remeasure | None
+) -> ComparisonReport:
     before, after, policy = paired.baseline, paired.candidate, paired.policy
-    gated = paired.without(knife_edge(paired) & policy.knife_edge.exclude)
+    gated = _gated(paired)
     labels = PairLabels.of(gated)
     sameness = list(_sameness_checks(before, after, policy))
     checks = [
@@ -156,13 +167,14 @@ def _report(paired: PairedStores, remeasure: Remeasure | None) -> ComparisonRepo
         *_store_checks(before, after),
         *(check for check, _ in sameness),
     ]
+    outcomes = [*_outcomes(gated, control)]
     if policy.match == "none":
-        checks.append(unpaired_outcome_check(paired))
+        checks += outcomes
     else:
         checks += unpaired_checks(paired)
         checks.append(knife_edge_check(paired))
         checks += label_checks(labels)
-        checks += outcome_checks(gated)
+        checks += outcomes
         checks += expectation_checks(gated)
         checks += metric_checks(gated)
         checks.append(recommendation_check(paired))
@@ -176,6 +188,7 @@ def _report(paired: PairedStores, remeasure: Remeasure | None) -> ComparisonRepo
         headline=headline,
         baseline=described(before),
         candidate=described(after),
+        control=described(control) if control else None,
         match=policy.match,
         pairs=_counts(paired),
         differences=tuple(found for _, found in sameness if found),
@@ -183,6 +196,25 @@ def _report(paired: PairedStores, remeasure: Remeasure | None) -> ComparisonRepo
         findings=tuple(checks),
         advice=tuple(_advice(checks, before, after)),
     )
+
+
+def _gated(paired: PairedStores) -> PairedStores:
+    """Return the pairs that are judged."""
+    return paired.without(knife_edge(paired) & paired.policy.knife_edge.exclude)
+
+
+def _outcomes(gated: PairedStores, control: Store | None) -> Iterator[Finding]:
+    """Yield what is found of outcomes: against the baseline, or against a control."""
+    if control is None:
+        yield from outcome_checks(gated)
+        return
+    by_control, of_control = (
+        _gated(
+            replace(gated, baseline=old, candidate=new, pairing=pair_runs(old, new, gated.policy))
+        )
+        for old, new in ((control, gated.candidate), (gated.baseline, control))
+    )
+    yield from controlled_checks(by_control, of_control)
 
 
 def described(store: Store) -> ComparedStore:

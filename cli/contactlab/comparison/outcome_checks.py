@@ -1,16 +1,17 @@
 """Outcomes in two stores: is one share of good ones larger than the other?"""
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
-from contactlab.comparison.pairing import PairedStores
+from contactlab.comparison.pairing import PairedStores, Rows, settings_of
 from contactlab.errors import StoreError
-from contactlab.judge.subjects import BETTER, SAME, WORSE, Mask, Subject
-from contactlab.judge.wording import format_percent, share_with_interval
+from contactlab.judge.subjects import BETTER, CHANGED, SAME, WORSE, Mask, Subject
+from contactlab.judge.wording import share_with_interval, with_interval
 from contactlab.schema.finding import Finding
 from contactlab.shares import (
-    all_of,
+    all_good,
     paired_chance,
     paired_difference,
     pairs_to_tell,
@@ -19,52 +20,92 @@ from contactlab.shares import (
 )
 from contactlab.store.finished_store import Store
 
-_IN_A_ROW = 3
 _STABLE = "stable"
 SUCCESS = "success"
+_BASELINE = "the baseline"
+_CONTROL = "the control"
 
 
-def outcome_checks(paired: PairedStores) -> Iterator[Finding]:
+@dataclass(frozen=True)
+class _Outcomes:
+    """Runs of a store that say how they ended: whether each is good, and of which setting it is."""
+
+    good: Mask
+    settings: Rows
+
+    @property
+    def counts(self) -> tuple[int, int]:
+        return int(self.good.sum()), len(self.good)
+
+    @property
+    def by_setting(self) -> list[tuple[int, int]]:
+        of = np.unique(self.settings, return_inverse=True)[1]
+        good, runs = np.bincount(of, self.good).astype(int), np.bincount(of)
+        return [*zip(good.tolist(), runs.tolist(), strict=True)]
+
+
+def outcome_checks(paired: PairedStores, against: str = _BASELINE) -> Iterator[Finding]:
     """Yield whether as many runs are good as in the baseline, of pairs of which both say so.
 
     Good are the episodes that their loop calls a success or, where the policy asks for it, stable
     runs. It is worse only if the interval of the difference excludes what is tolerated.
     """
-    rules = paired.policy.outcomes
-    known, before, after = _outcomes(paired, rules.good)
-    pairs = int(known.sum())
+    found = _compared(paired, against)
+    if found is not None:
+        (low, high), message, judged = found
+        rules = paired.policy.outcomes
+        subject = Subject(f"no less {rules.good}", "outcomes", rules.level)
+        yield subject.single(_code(low, high, rules.tolerance), message, judged=judged)
+
+
+def controlled_checks(by_control: PairedStores, of_control: PairedStores) -> Iterator[Finding]:
+    """Yield whether as many runs are good as in the control, and whether that is as the baseline.
+
+    The control has what the baseline has, and was made as the candidate was: what differs between
+    control and baseline is not the candidate's doing.
+    """
+    yield from outcome_checks(by_control, _CONTROL)
+    found = _compared(of_control, _BASELINE)
+    if found is not None:
+        (low, high), message, judged = found
+        subject = Subject("control as the baseline", "outcomes", "warn", two_sided=True)
+        yield subject.single(SAME if low <= 0 <= high else CHANGED, message, judged=judged)
+
+
+_Compared = tuple[tuple[float, float], str, int]
+
+
+def _compared(paired: PairedStores, against: str) -> _Compared | None:
+    """Return the interval of the difference of shares, what is told of it, and how many runs.
+
+    A StoreError says that runs are not paired, and those of a store do not say how they ended.
+    """
+    if paired.policy.match == "none":
+        return _unpaired(paired, against)
+    after, before = _of_pairs(paired)
+    pairs = len(after.good)
     if not pairs:
-        return
-    subject = Subject(f"no less {rules.good}", "outcomes", rules.level)
-    gained, lost = (
-        int((known & new & ~old).sum()) for new, old in ((after, before), (before, after))
-    )
-    good, were = int((known & after).sum()), int((known & before).sum())
+        return None
+    gained = int((after.good & ~before.good).sum())
+    lost = int((before.good & ~after.good).sum())
     low, high = paired_difference(gained, lost, pairs)
     message = (
-        f"{good:,} of {pairs:,}, {were:,} in the baseline: {gained:,} gained and {lost:,} lost, "
-        f"{low:+.1%} to {high:+.1%} with 95 %; {_told(gained, lost, pairs)}; "
-        f"{_each((good, pairs), (were, pairs))}"
+        f"{after.counts[0]:,} of {pairs:,}, {before.counts[0]:,} in {against}: {gained:,} gained "
+        f"and {lost:,} lost, {low:+.1%} to {high:+.1%} with 95 %; {_told(gained, lost, pairs)}; "
+        f"{_each(paired.policy.outcomes.in_a_row, after, before)}"
     )
-    code = _code(low, high, rules.tolerance)
-    yield subject.single(code, message, judged=pairs)
+    return (low, high), message, pairs
 
 
-def unpaired_outcome_check(paired: PairedStores) -> Finding:
-    """Return whether as many runs are good as in the baseline, be they of the same cases or not.
-
-    A StoreError says that one of the stores has no run that says how it ended.
-    """
+def _unpaired(paired: PairedStores, against: str) -> _Compared:
     rules = paired.policy.outcomes
-    (were, of), (good, runs) = (
-        _counted(store, rules.good) for store in (paired.baseline, paired.candidate)
-    )
+    after, before = (_of_store(store, rules.good) for store in (paired.candidate, paired.baseline))
+    (good, runs), (were, of) = after.counts, before.counts
     if not runs or not of:
         raise StoreError(
             f"no run of {paired.candidate.address if of else paired.baseline.address} says whether "
             "it is a success; count stable runs, by a policy with outcomes: {good: stable}"
         )
-    subject = Subject(f"no less {rules.good}", "outcomes", rules.level)
     low, high = unpaired_difference(good, runs, were, of)
     told = "the shares differ"
     if low <= 0 <= high:
@@ -72,10 +113,10 @@ def unpaired_outcome_check(paired: PairedStores) -> Finding:
         more = f"; about {needed:,} runs of each would tell" if needed else ""
         told = f"not distinguishable{more}"
     message = (
-        f"{good:,} of {runs:,}, {were:,} of {of:,} in the baseline, {low:+.1%} to {high:+.1%} "
-        f"with 95 %; {told}; {_each((good, runs), (were, of))}"
+        f"{good:,} of {runs:,}, {were:,} of {of:,} in {against}, {low:+.1%} to {high:+.1%} "
+        f"with 95 %; {told}; {_each(rules.in_a_row, after, before)}"
     )
-    return subject.single(_code(low, high, rules.tolerance), message, judged=runs)
+    return (low, high), message, runs
 
 
 def _code(low: float, high: float, tolerance: float) -> int:
@@ -83,23 +124,52 @@ def _code(low: float, high: float, tolerance: float) -> int:
     return WORSE if high < -tolerance else BETTER if low > 0 else SAME
 
 
-def _each(*counts: tuple[int, int]) -> str:
-    """Return the share of good runs and of three in a row, each of the candidate first."""
-    text = f"shares {' and '.join(share_with_interval(*each) for each in counts)}"
-    if min(runs for _, runs in counts) < _IN_A_ROW:
+def _each(times: int, *sides: _Outcomes) -> str:
+    """Return the share of good runs and pass^k, each of the candidate first.
+
+    It is the mean of settings if each has so many runs, and else that of all runs together.
+    """
+    text = f"shares {' and '.join(share_with_interval(*side.counts) for side in sides)}"
+    counts = [side.by_setting for side in sides]
+    if any(runs < times for side in counts for _, runs in side):
+        counts = [[side.counts] for side in sides]
+    if any(runs < times for side in counts for _, runs in side):
         return text
-    row = (format_percent(all_of(_IN_A_ROW, *each)) for each in counts)
-    return f"{text}; three in a row {' and '.join(row)}"
+    of = f" over {len(counts[0]):,} settings" if len(counts[0]) > 1 else ""
+    each = (with_interval(*all_good(times, side)) for side in counts)
+    return f"{text}; pass^{times}{of} {' and '.join(each)}"
 
 
-def _counted(store: Store, good: str) -> tuple[int, int]:
-    """Return how many runs of a store are good, and how many say so."""
+def _of_store(store: Store, good: str) -> _Outcomes:
+    """Return the outcomes of all runs of a store."""
+    rows = np.arange(store.columns.runs)
+    known, ended = _ended(store, good)
+    return _Outcomes(ended[known], settings_of(store)[rows[known]])
+
+
+def _of_pairs(paired: PairedStores) -> tuple[_Outcomes, _Outcomes]:
+    """Return the outcomes of the candidate's and the baseline's runs of pairs that both say so."""
+    (before, rows), (after, others) = paired.sides
+    good = paired.policy.outcomes.good
+    (knew, was), (knows, ended) = _ended(before, good), _ended(after, good)
+    known, settings = knew[rows] & knows[others], settings_of(before)[rows]
+    return (
+        _Outcomes(ended[others][known], settings[known]),
+        _Outcomes(was[rows][known], settings[known]),
+    )
+
+
+def _ended(store: Store, good: str) -> tuple[Mask, Mask]:
+    """Return (runs) whether each says how it ended, and whether that is good."""
     if good == _STABLE:
-        return store.manifest.labels.get(_STABLE, 0), store.manifest.runs
+        codes, words = store.columns.coded("label")
+        stable = np.array([word == _STABLE for word in words])[codes]
+        return np.ones_like(stable), stable
     if SUCCESS not in store.columns.schema.names:
-        return 0, 0
+        none = np.zeros(store.columns.runs, np.bool_)
+        return none, none
     found = store.columns.numbers(SUCCESS)
-    return int((found.valid & (found.values == 1)).sum()), int(found.valid.sum())
+    return found.valid, found.values == 1
 
 
 def _told(gained: int, lost: int, pairs: int) -> str:
@@ -109,13 +179,3 @@ def _told(gained: int, lost: int, pairs: int) -> str:
     if (needed := pairs_to_tell(gained, lost, pairs)) is None:
         return "not distinguishable"
     return f"not distinguishable; about {needed:,} pairs would tell"
-
-
-def _outcomes(paired: PairedStores, good: str) -> tuple[Mask, Mask, Mask]:
-    """Return (n,) whether both runs of a pair say how they ended, and whether each is good."""
-    if good == _STABLE:
-        stable = len(paired.ranks) - 1
-        sides = [paired.labels(store) == stable for store, _ in paired.sides]
-        return np.ones_like(sides[0]), sides[0], sides[1]
-    before, after = paired.numbers(SUCCESS)
-    return before.valid & after.valid, before.values == 1, after.values == 1

@@ -108,6 +108,13 @@ def _refuse_repeated(store: Store, role: str, keys: NDArray[np.int64]) -> None:
     )
 
 
+def settings_of(store: Store) -> Rows:
+    """Return (runs) a code for each run of a store: equal where all axis values are."""
+    names = store.columns.axis_names
+    columns = [_codes((store,), name)[0] for name in names] or [np.zeros(store.columns.runs, int)]
+    return np.unique(np.stack(columns, axis=1), axis=0, return_inverse=True)[1].reshape(-1)
+
+
 def groups(baseline: Store, pairing: Pairing, axes: Sequence[str]) -> Iterator[tuple[str, Mask]]:
     """Yield the name of each group, such as `cone=elliptic`, and a mask (n,) of its pairs.
 

@@ -32,6 +32,8 @@ def _facts(compared: ComparisonReport) -> Iterator[tuple[str, str]]:
     yield "physics", f"the same, {before}" if before == after else f"{before} -> {after}"
     yield "baseline", _store_summary(compared.baseline)
     yield "candidate", _store_summary(compared.candidate)
+    if compared.control is not None:
+        yield "control", _store_summary(compared.control)
     yield "runs", _run_summary(compared)
     for transition in compared.transitions:
         moved = f"{transition.baseline} -> {transition.candidate}"

@@ -33,8 +33,13 @@ def format_percent(value: float, *, signed: bool = False) -> str:
 
 def share_with_interval(good: int, runs: int) -> str:
     """Return `80 % (58 to 92 %)`: a share of draws, and Wilson's interval of 95 %."""
-    share, low, high = map(format_percent, (good / runs, *wilson(good, runs)))
-    return f"{share} ({low.removesuffix(' %')} to {high})"
+    return with_interval(good / runs, *wilson(good, runs))
+
+
+def with_interval(share: float, low: float, high: float) -> str:
+    """Return `80 % (58 to 92 %)`."""
+    shown = format_percent(low).removesuffix(" %")
+    return f"{format_percent(share)} ({shown} to {format_percent(high)})"
 
 
 def out_of(count: int, total: int, noun: str = "run") -> str:

@@ -121,7 +121,8 @@ class Trials:
 
         A _PauseError says that some have yet to be measured, or that no more may be tried.
         """
-        for place in self._nearest(wanted)[1].tolist():
+        places: list[int] = np.asarray(self._nearest(wanted)[1]).tolist()
+        for place in places:
             if place not in self._tried:
                 if len(self._tried) == self._most:
                     raise _PauseError

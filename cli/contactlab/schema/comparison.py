@@ -4,9 +4,9 @@ The policy says what counts as regressed, what fails the job, and which failures
 """
 
 from datetime import date
-from typing import Literal, Self
+from typing import Annotated, Literal, Self
 
-from pydantic import model_validator
+from pydantic import Field, model_validator
 from pydantic_core import PydanticCustomError
 
 from contactlab.schema.finding import LEVEL, Acceptances, Change, Count, Finding, Level
@@ -111,6 +111,10 @@ class OutcomeRules(Model):
         "accepted loss of the share; a check fails if the interval of the loss lies beyond it",
         default=0.0,
     )
+    in_a_row: Annotated[int, Field(ge=1, le=1000)] = about(
+        "k of pass^k, which is told beside the shares: how likely so many runs are all good",
+        default=3,
+    )
     level: Level = about(f"of a smaller share; {LEVEL}", default="gate")
 
 
@@ -214,6 +218,9 @@ class ComparisonReport(Model):
     headline: str
     baseline: ComparedStore | None = about("Null if it cannot be read.")
     candidate: ComparedStore | None = about("Null if it cannot be read.")
+    control: ComparedStore | None = about(
+        "The baseline once more, made as the candidate was; null if there is none.", default=None
+    )
     match: Literal["id", "axes", "none"]
     pairs: PairCounts
     differences: tuple[Difference, ...]
