@@ -2,6 +2,7 @@
 
 import copy
 import json
+import math
 import re
 
 import numpy as np
@@ -130,3 +131,39 @@ def test_a_report_comes_back_from_json(motion: Motion) -> None:
     run = report.phases[0].run
     assert run.infinite == np.isinf(budget.share)
     assert (run.share is None) == run.infinite
+
+
+def test_what_there_is_no_time_for_is_named_and_not_advised() -> None:
+    """No clock tells whether a change helps: it is proved, or said to be untried."""
+    motion = servo()
+    verdict = judge(error_budget([motion], rows=[], settings=FAST))
+    none = remedies([motion], verdict, trial=Trial(FAST, left=lambda: 0.0))
+    every = remedies([motion], verdict, trial=Trial(FAST))
+    assert {one.name for one in none} >= {one.name for one in every}
+    assert not any(one.ended or one.removes for one in none)
+    assert all(one.ended for one in every)
+
+
+def test_time_runs_out_between_trials() -> None:
+    """What was tried before is known as if there had been time; what comes after is not advised."""
+    motion = servo()
+    verdict = judge(error_budget([motion], rows=[], settings=FAST))
+    names = "implicitfast", "half the step"
+    few = [candidate for candidate in CANDIDATES if candidate.name in names]
+    answers = iter([math.inf] * 4)  # for nearness, and for three budgets of the first change
+    timed = Trial(FAST, left=lambda: next(answers, 0.0))
+    some = remedies([motion], verdict, candidates=few, trial=timed)
+    every = remedies([motion], verdict, candidates=few, trial=Trial(FAST))
+    whole = {one.name: one.removes for one in every}
+    ended = {one.name: one.removes for one in some if one.ended}
+    assert 0 < len(ended) < len(some)
+    assert ended.items() <= whole.items()
+
+
+def test_a_change_that_moves_the_model_as_another_is_tried_once() -> None:
+    """Of motors and damped joints, implicitfast makes what Euler with its damping does."""
+    motion = walker(0.02)
+    verdict = judge(error_budget([motion], rows=[], settings=FAST), within=1e-3)
+    tried = {one.name for one in remedies([motion], verdict, trial=Trial(FAST))}
+    assert "half the step" in tried
+    assert not {"implicitfast", "implicitfast at half the step"} & tried

@@ -122,6 +122,23 @@ INPUTS = sum(
 
 
 @pytest.mark.long
+def test_the_verdict_hangs_on_no_clock(arm: str) -> None:
+    """Without time, what judges is measured as with it, and what was left out is named."""
+    parts = ["budget", "changes"]
+    whole = package.examine(arm, only=parts, duration=0.2, workers=1)
+    short = package.examine(arm, only=parts, duration=0.2, workers=1, max_cpu="1ms")
+    assert whole.budget
+    assert short.budget
+    assert not whole.untried
+    assert short.budget.reasons == whole.budget.reasons
+    for phase, all_of in zip(short.budget.phases, whole.budget.phases, strict=True):
+        kept = tuple(row for row in all_of.rows if row.kind in {"numerics", "model"})
+        assert shares((phase.run, *phase.rows)) == shares((all_of.run, *kept))
+        assert {row.name for row in all_of.rows} - {row.name for row in kept} <= {*short.untried}
+    assert "not tried, to end in time: " in "\n".join(examination_lines(short))
+
+
+@pytest.mark.long
 def test_workers_change_no_bit(arm: str) -> None:
     parts = ["budget", "changes"]
     one, two = (

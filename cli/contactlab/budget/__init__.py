@@ -2,7 +2,7 @@
 
 from contactlab.budget.backward_error import backward_error
 from contactlab.budget.error_budget import error_budget
-from contactlab.budget.measuring import Settings
+from contactlab.budget.measuring import Settings, affordable
 from contactlab.budget.motion import Motion, motion_of_run
 from contactlab.budget.readings import ErrorBudget, PhaseBudget, Reading
 from contactlab.budget.remedies import Remedy, Trial, remedies
@@ -23,6 +23,7 @@ __all__ = [
     "Settings",
     "Trial",
     "Verdict",
+    "affordable",
     "backward_error",
     "budget_lines",
     "budget_report",

@@ -1,5 +1,7 @@
 """Measures the budget of one phase."""
 
+import math
+import time
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
@@ -13,7 +15,16 @@ from contactlab.budget.motion import Motion, forget_delays, pulls, without_delay
 from contactlab.budget.places import Stretch, place_of
 from contactlab.budget.prices import Price, prices
 from contactlab.budget.readings import Origin, PhaseBudget, Reading
-from contactlab.budget.rows import GRAVITY_AS_REAL, RUN, Change, Row, disabled, go_on
+from contactlab.budget.rows import (
+    GRAVITY_AS_REAL,
+    ROWS,
+    RUN,
+    Change,
+    Row,
+    disabled,
+    go_on,
+    gravity_of,
+)
 from contactlab.budget.showing import shown_rows
 from contactlab.budget.windows import (
     EngineWarning,
@@ -22,6 +33,7 @@ from contactlab.budget.windows import (
     Windows,
     blocks,
     body_name,
+    changes_of,
     gyration,
     judged_bodies,
     replay,
@@ -67,6 +79,45 @@ class Settings:
     excess: bool = True
     priced: bool = False
     workers: int = 1
+
+
+def evaluations(model: mujoco.MjModel, settings: Settings, rows: Iterable[Row] = ()) -> float:
+    """Return about how many of a model's steps a budget makes for one of the run.
+
+    A step of RK4 is four of another integrator. A second look at what drifts against it is rare,
+    and not counted.
+    """
+    finer, smooth = settings.finer, settings.energy and model.opt.integrator != _RK4
+    counted = finer * (1 + 2 * settings.check) + 4 * _RK4_RATE * smooth
+    return counted + sum(_evaluations(row, finer) for row in (RUN, *rows))
+
+
+def _evaluations(row: Row, finer: int) -> int:
+    rate = finer if row.base == "reference" else 1
+    return rate * (len(row.changes) + (row.both is not None))
+
+
+def pace(motions: Sequence[Motion]) -> float:
+    """Return the CPU that a step of the model takes [s], in the shortest of its motions."""
+    shortest = min(motions, key=lambda motion: motion.steps)
+    one = replace(shortest, starts=shortest.starts[:1], inputs=shortest.inputs[:1])
+    begin = time.process_time()
+    replay(one, WINDOW, 1)
+    return (time.process_time() - begin) / one.steps
+
+
+def steps_of(motions: Iterable[Motion]) -> int:
+    """Return how many steps motions have, of all their seeds."""
+    return sum(motion.seeds * motion.steps for motion in motions)
+
+
+def affordable(motions: Sequence[Motion], settings: Settings, seconds: float) -> tuple[str, ...]:
+    """Return the rows that are measured within so much CPU [s]: all, or those that can judge."""
+    rows = [row for row in ROWS if any(row.uses(motion.model) for motion in motions)]
+    whole = evaluations(motions[0].model, settings, rows) * steps_of(motions)
+    judging = {"numerics", "model"}
+    fits = math.isinf(seconds) or whole * pace(motions) <= seconds
+    return tuple(row.name for row in rows if fits or row.kind in judging)
 
 
 class Variation(NamedTuple):
@@ -117,6 +168,15 @@ class PhaseMeasure:
         self._base = cache(self._made_base)
         gravity = 0.0 if disabled(motion.model, "gravity") else 1.0
         self._pulls = pulls(motion, gravity * motion.model.opt.gravity)[..., self._bodies]
+        self._usual = self._usual_changes()
+
+    def _usual_changes(self) -> Floats:
+        """Return (B,) what stands for weight where nothing weighs; 0 elsewhere [m/s^2]."""
+        if gravity_of(self._model):
+            return np.zeros(len(self._bodies))
+        if self._motion.usual is not None:
+            return self._motion.usual[self._bodies]
+        return changes_of([self._run], self._observer) / float(self._model.opt.timestep)
 
     def _places_of(self, watched: Sequence[str]) -> np.ndarray:
         """Return (C,) numbers of the watched ones among the bodies that move and have mass."""
@@ -340,6 +400,8 @@ class PhaseMeasure:
         fallen = (sums[:, run.begins + run.steps] - sums[:, run.begins]) * run.valid[..., None]
         weight = GRAVITY_AS_REAL * self._model.opt.timestep * fallen.sum(axis=1)
         real = found.begin[:, 0] + found.path.sum(axis=1) + weight
+        duration = run.steps * self._model.opt.timestep * run.valid.sum(axis=1)
+        real = np.maximum(real, GRAVITY_AS_REAL * self._usual * duration[:, None])
         return np.maximum(real, _STANDING * real.max(axis=1, keepdims=True)) + 1e-300
 
     def _reading(
@@ -435,6 +497,7 @@ class PhaseMeasure:
         high = np.maximum.accumulate(found.potential[..., 1], axis=1)
         kinetic = np.maximum.accumulate(found.kinetic, axis=1)
         scale = kinetic + np.cumsum(found.through, axis=1) + (high - low) + weight[:, None]
+        scale = np.maximum(scale, self._usual @ model.body_mass[self._bodies] * size)
         drift = np.full(len(parts), np.nan)
         for seed, valid in enumerate(self._run.valid & ~found.lost):
             own, whole = parts[seed][valid], scale[seed][valid]

@@ -32,6 +32,9 @@ class Motion:
         spec: the bits of mjtState that a row of inputs holds, in `mj_setState`'s order.
         name: of the phase.
         watched: bodies whose shares count; all if empty.
+        usual: (nbody,) how fast velocities of bodies change in the whole task, on the mean
+            [m/s^2]: what a phase in which they stand is measured by, where nothing weighs; what
+            they do in this phase if None.
     """
 
     model: mujoco.MjModel
@@ -40,6 +43,7 @@ class Motion:
     spec: int = _CONTROL
     name: str = ""
     watched: tuple[str, ...] = ()
+    usual: Floats | None = None
 
     def __post_init__(self) -> None:
         state, width = mujoco.mj_stateSize(self.model, INTEGRATION), self.inputs.shape[-1]

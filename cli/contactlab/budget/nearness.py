@@ -73,7 +73,10 @@ def nearness(
     if not run.valid.any():
         return [float("inf")] * len(rivals)
     span = run.steps * motion.model.opt.timestep * run.valid.sum(axis=1)
-    shares = _shares(apart, real + GRAVITY_AS_REAL * gravity_of(motion.model) * span[:, None])
+    real += GRAVITY_AS_REAL * gravity_of(motion.model) * span[:, None]
+    if motion.usual is not None:
+        real = np.maximum(real, GRAVITY_AS_REAL * motion.usual[bodies] * span[:, None])
+    shares = _shares(apart, real)
     counted = [
         not motion.watched or body_name(motion.model, int(body)) in motion.watched
         for body in bodies

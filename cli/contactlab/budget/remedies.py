@@ -12,9 +12,9 @@ import mujoco
 import numpy as np
 
 from contactlab.budget.error_budget import SETTINGS, error_budget
-from contactlab.budget.measuring import Settings
+from contactlab.budget.measuring import Settings, evaluations, pace, steps_of
 from contactlab.budget.motion import Motion
-from contactlab.budget.nearness import Rival, nearness
+from contactlab.budget.nearness import FINEST, Rival, nearness
 from contactlab.budget.physical import field_changes
 from contactlab.budget.prices import Price, prices
 from contactlab.budget.readings import ErrorBudget
@@ -32,6 +32,7 @@ _IMPLICITFAST = int(mujoco.mjtIntegrator.mjINT_IMPLICITFAST)
 _ELLIPTIC = int(mujoco.mjtCone.mjCONE_ELLIPTIC)
 _COARSE = 2  # steps in one of the run's that are tried whatever else helps
 _ALIKE = 1.1  # ratio of costs that are equal
+_SAME = 1e-6  # relative, of shares of motions that differ by rounding
 NO_EDITS = ModelEdits()
 
 
@@ -52,6 +53,7 @@ class Candidate:
         edits: of what makes another model, how it is written.
         compiled: of what no copy of a model can have: the changed model.
         nearer: whether it has to come nearer to the motion as it is at its finest step.
+        within: names of changes that it makes too: where one of them is enough, it is not tried.
     """
 
     name: str
@@ -65,6 +67,7 @@ class Candidate:
     edits: ModelEdits = NO_EDITS
     compiled: mujoco.MjModel | None = None
     nearer: bool = True
+    within: Sequence[str] = ()
 
     @property
     def physics(self) -> bool:
@@ -94,6 +97,7 @@ class Remedy:
         apart: share by which it is apart from the finest motion of the model, or, against a row of
             the model, of the model with that row's change; NaN where it has other states.
         before: the same of the model as it is.
+        ended: whether it was tried to its end; not where the time for trials ran out before.
     """
 
     name: str
@@ -105,6 +109,7 @@ class Remedy:
     accept: str
     apart: float
     before: float
+    ended: bool = True
 
     @property
     def physics(self) -> bool:
@@ -158,12 +163,19 @@ CANDIDATES: tuple[Candidate, ...] = (
         _integrator(_IMPLICITFAST),
         2,
         new=_is_not(_IMPLICITFAST),
+        within=("implicitfast", "half the step"),
     ),
     Candidate("RK4", "unresolved", _integrator(_RK4), new=_is_not(_RK4)),
     Candidate("a quarter of the step", "unresolved", _nothing, 4),
     Candidate("an eighth of the step", "unresolved", _nothing, 8),
     Candidate("elliptic cones with impratio 10", "model", _stiff_friction),
-    Candidate("elliptic cones with impratio 10, and noslip", "model", _both, new=has_no_flex),
+    Candidate(
+        "elliptic cones with impratio 10, and noslip",
+        "model",
+        _both,
+        new=has_no_flex,
+        within=("elliptic cones with impratio 10",),
+    ),
     Candidate("noslip with 10 iterations", "model", _noslip, rows=("noslip",), new=has_no_flex),
 )
 
@@ -219,6 +231,8 @@ class Trial:
         most: so many changes that remove a verdict are enough; all are tried if None.
         wanted: words of changes that are tried even then.
         workers: threads; one for each processor if None.
+        left: returns how much CPU trials may still take [s]. A change whose trial would take more
+            is not begun, or not ended; one that is wanted always is.
     """
 
     settings: Settings = SETTINGS
@@ -226,6 +240,7 @@ class Trial:
     most: int | None = None
     wanted: Sequence[str] = ()
     workers: int | None = None
+    left: Callable[[], float] = lambda: math.inf
 
 
 TRIAL = Trial()
@@ -244,8 +259,12 @@ def remedies(
     gives neither the same word nor a worse one, and if from the same states it comes nearer to the
     model's motion at its finest step than the model as it is, to within the tolerance if it is to
     compute the same model; against a row of the model, to the finest motion with that row's change.
-    What does not come nearer is judged no further. A finer step is tried where no coarser one
-    removes the verdict, nor that links in each other no longer touch.
+    What does not come nearer is judged no further.
+
+    Not tried is what moves the model as it moves without, or with a change that was tried; what
+    makes a change that is enough alone, and more; a finer step where a coarser one removes the
+    verdict, or that links in each other no longer touch; other softness where another computation
+    of the same model removes the verdict.
     """
     if verdict.word == "sound":
         return ()
@@ -257,23 +276,44 @@ def remedies(
         (one for one in candidates if _is_possible(one, word, rows, motions)),
         key=lambda one: (one.rate > _COARSE, one.physics, one.rate),
     )
-    judged = _Judged(motions, verdict, word, rows if word == "model" else (), trial)
+    if not possible:
+        return ()
+    judged = _Judged(motions, verdict, word, rows if word == "model" else (), trial, pace(motions))
     comparable = [candidate for candidate in possible if candidate.same_states]
-    before, *apart = judged.nearness(comparable)
-    apart_of = {candidate.name: own for candidate, own in zip(comparable, apart, strict=True)}
-    tried = list[Remedy]()
+    if (apart := judged.nearness(comparable)) is None:
+        return tuple(judged.not_ended(candidate) for candidate in possible)
+    before, *others = apart
+    apart_of = {candidate.name: own for candidate, own in zip(comparable, others, strict=True)}
+    tried, moved = list[Remedy](), [(1, before)]
     for candidate in possible:
         own = apart_of.get(candidate.name, math.nan)
+        if candidate.accept and candidate.accept in trial.wanted:
+            untimed = judged._replace(trial=replace(trial, left=TRIAL.left))
+            tried.append(untimed.remedy(candidate, before, own))
+            continue
         removing = [remedy for remedy in tried if remedy.removes]
         enough = trial.most is not None and len(removing) >= trial.most
-        if enough and candidate.accept not in trial.wanted:
+        alike = not candidate.physics and any(
+            candidate.rate == rate and math.isclose(own, each, rel_tol=_SAME)
+            for rate, each in moved
+            if math.isfinite(each)
+        )
+        if enough or alike or _is_idle(candidate, word, removing):
             continue
-        if candidate.rate > _COARSE and any(
-            not remedy.physics or remedy.parts for remedy in removing
-        ):
-            continue
+        moved.append((candidate.rate, own))
         tried.append(judged.remedy(candidate, before, own))
     return tuple(sorted(tried, key=by_use))
+
+
+def _is_idle(candidate: Candidate, word: Word, removing: Sequence[Remedy]) -> bool:
+    """Return whether nobody would make a change beside those that remove the verdict."""
+    names, computed = {remedy.name for remedy in removing}, [not one.physics for one in removing]
+    parted = any(remedy.parts for remedy in removing)
+    return (
+        not names.isdisjoint(candidate.within)
+        or (candidate.rate > _COARSE and (any(computed) or parted))
+        or (candidate.physics and word == "model" and any(computed))
+    )
 
 
 def by_use(remedy: Remedy) -> tuple[bool, bool, bool, float]:
@@ -305,6 +345,7 @@ class _Judged(NamedTuple):
     word: Word
     rows: Sequence[str]
     trial: Trial
+    pace: float  # CPU of a step of the model [s]
 
     @property
     def _settings(self) -> Settings:
@@ -316,10 +357,37 @@ class _Judged(NamedTuple):
         """Those in which something is wrong."""
         return {reason.phase for reason in self.verdict.reasons}
 
-    def nearness(self, candidates: Sequence[Candidate]) -> list[float]:
-        """Return how far the model is from what is meant, then each changed one, at worst."""
+    @property
+    def _wrong(self) -> list[Motion]:
+        """Motions of the phases in which something is wrong."""
+        return [motion for motion in self.motions if motion.name in self._phases]
+
+    def _affords(self, steps: float) -> bool:
+        """Return whether there is time for so many steps of the model."""
+        return steps * self.pace <= self.trial.left()
+
+    def not_ended(self, candidate: Candidate) -> Remedy:
+        """Return a change that there was no time to try."""
+        word, edits, accept, nothing = (
+            self.verdict.word,
+            candidate.edits,
+            candidate.accept,
+            math.nan,
+        )
+        return Remedy(
+            candidate.name, False, word, nothing, None, edits, accept, nothing, nothing, False
+        )
+
+    def nearness(self, candidates: Sequence[Candidate]) -> list[float] | None:
+        """Return how far the model is from what is meant, then each changed one, at worst.
+
+        None if there is no time for it, and nothing is wanted.
+        """
+        rates = 2 * FINEST + 1 + sum(candidate.rate for candidate in candidates)
+        if not self.trial.wanted and not self._affords(rates * steps_of(self._wrong)):
+            return None
         found = np.zeros(1 + len(candidates))
-        for motion in (motion for motion in self.motions if motion.name in self._phases):
+        for motion in self._wrong:
             rivals = [Rival(motion.model)]
             rivals += [Rival(changed_model(motion.model, one), one.rate) for one in candidates]
             target = partial(self._meant, own=motion.model)
@@ -347,8 +415,13 @@ class _Judged(NamedTuple):
         enough = before if candidate.physics else min(before, self.verdict.within)
         word, shares, removes = self.verdict.word, list[float](), False
         if not candidate.nearer or math.isinf(before) or apart < enough:
+            steps = steps_of(self.motions) * candidate.rate * (2 if self.trial.moved else 1)
             for motions in self._parts(candidate):
-                budget, found = self._budget(motions)
+                measured = self._budget(motions, steps)
+                if measured is None:
+                    return self.not_ended(candidate)
+                steps -= steps_of(motions)
+                budget, found = measured
                 worst = budget.worst(row)
                 shares += [worst[1].share] if worst and worst[1].exercised else []
                 word, removes = found.word, self._removes(found)
@@ -382,11 +455,14 @@ class _Judged(NamedTuple):
     def _removes(self, found: Verdict) -> bool:
         return found.word == "sound" or (self.word == "unresolved" and found.word == "model")
 
-    def _budget(self, motions: Sequence[Motion]) -> tuple[ErrorBudget, Verdict]:
+    def _budget(
+        self, motions: Sequence[Motion], steps: float
+    ) -> tuple[ErrorBudget, Verdict] | None:
         """Return the budget of a changed model; of one seed or at h/4 alone where that is clear.
 
         A share is the mean of its seeds', so that one of S decides where it alone is S times too
-        large. In the limit of fine steps it is at least half of that at h/4.
+        large. In the limit of fine steps it is at least half of that at h/4. None if there is no
+        time for it, or for that of all `steps` that have to be judged before the change is proved.
         """
         within, quick = self.verdict.within, replace(self._settings, check=False, energy=False)
         first = [
@@ -394,10 +470,15 @@ class _Judged(NamedTuple):
             for motion in motions
         ]
         seeds = max(motion.seeds for motion in motions)
+        rows, model = [row for row in ROWS if row.name in self.rows], motions[0].model
         for some, most in ((first, 2 * seeds), (motions, 2)):
+            if not self._affords(evaluations(model, quick, rows) * steps_of(some)):
+                return None
             found = self._measured(some, replace(quick, excess=False), most * within)
             if not self._removes(found[1]):
                 return found
+        if not self._affords(evaluations(model, self._settings, rows) * steps):
+            return None
         return self._measured(motions, self._settings, within)
 
     def _measured(

@@ -1,12 +1,14 @@
 """Windows of a run, rolled out natively from the run's own states, and what bodies do in them."""
 
 import copy
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import mujoco
 import numpy as np
 
+from contactlab.budget.defects import paths
 from contactlab.budget.motion import INTEGRATION, Motion
 from contactlab.contact.trace_arrays import Floats
 from contactlab.engines.mujoco_batch import PERSISTENT
@@ -321,3 +323,24 @@ def judged_bodies(model: mujoco.MjModel) -> np.ndarray:
     """Return (B,) bodies that can move and have mass: more than rounding of the model's."""
     heavy = model.body_mass > 1e-9 * model.body_mass[1:].max(initial=0)
     return np.flatnonzero((model.body_weldid > 0) & heavy)
+
+
+def usual_changes(motions: Sequence[Motion]) -> Floats:
+    """Return (nbody,) how fast velocities of bodies change in all of a run's phases [m/s^2].
+
+    On the mean over time and seeds, as far as the engine comes.
+    """
+    model = motions[0].model
+    bodies = judged_bodies(model)
+    observer = Observer(model, motions[0].starts[0], bodies, 1)
+    runs = [replay(motion, motion.steps * model.opt.timestep, 1) for motion in motions]
+    changes = np.zeros(model.nbody)
+    changes[bodies] = changes_of(runs, observer) / float(model.opt.timestep)
+    return changes
+
+
+def changes_of(runs: Sequence[Run], observer: Observer) -> Floats:
+    """Return (B,) by how much velocities change in a step [m/s], on the mean, until all end."""
+    whole = [kept[np.isfinite(kept).all(axis=1)] for run in runs for kept in run.kept[:, :-1]]
+    lengths = [paths(observer(kept)[0][None])[0] for kept in whole]
+    return np.sum(lengths, axis=0) / max(1, sum(len(kept) - 1 for kept in whole))

@@ -138,6 +138,9 @@ ErrorMetric = Annotated[
     Option("METRIC", "Measure of accuracy: error_final, oracle_error or any metric."),
 ]
 MaxTime = Annotated[float | str, Option("TIME", "How long it may take: 90s, 5min, 1h.", kind=str)]
+MaxCpu = Annotated[
+    float | str, Option("TIME", "How much CPU it may take, the page included: 60s, 5min.", kind=str)
+]
 Figure = Annotated[
     str | Path | None, Option("FILE", "Draw the result: a .png or .svg file.", kind=Path)
 ]

@@ -183,6 +183,7 @@ def examine(
     watch: opt.Watch = (),
     within: opt.Within = (),
     must: opt.Must = (),
+    max_cpu: opt.MaxCpu = "60s",
     workers: opt.Workers = None,
     plugin: opt.Plugins = (),
     allow_code: opt.AllowCode = False,
@@ -194,6 +195,9 @@ def examine(
     that make another one and that `accept` names. Page, report and evidence go to
     `results/examine/NAME` unless `output` names another folder, or a file for one of them.
 
+    The verdict hangs on no clock. What there is no time for within `max_cpu` of CPU is named: rows
+    of the budget that judge nothing, and changes.
+
     The verdict is sound, unresolved (the timestep, solver or integrator is at fault), not resolved
     (nor is the reference known), or model (the result hangs on how soft or regularised it is).
 
@@ -203,6 +207,7 @@ def examine(
         EngineError: nothing moves, or MuJoCo is not what simulates.
         OutputError: the report or the model cannot be written.
     """
+    from contactlab.commands.tune import seconds_of
     from contactlab.studies.examine.examination import ExamineRequest, sections_of
 
     opt.load_plugins(plugin)
@@ -215,5 +220,6 @@ def examine(
         sections=sections_of(only),
         write=None if write is None else Path(write),
         accept=tuple(accept),
+        max_cpu=seconds_of(max_cpu, "--max-cpu"),
     )
     return examined(request, output, workers, allow_code=allow_code, page=not only)

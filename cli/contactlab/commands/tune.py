@@ -167,13 +167,13 @@ def error_of(error: float | str | None) -> float | None:
     return value
 
 
-def seconds_of(text: float | str) -> float:
-    """Return a time that is allowed [s]."""
+def seconds_of(text: float | str, option: str = "--max-time") -> float:
+    """Return a time that is allowed by an option [s]."""
     from contactlab.schema.setting_values import read_quantity
 
     value, unit = read_quantity(str(text))
     if not 0 < value < math.inf or unit not in ("", "s"):
-        raise SweepFileError(f"--max-time {text}: write {_TIME}")
+        raise SweepFileError(f"{option} {text}: write {_TIME}")
     return value
 
 

@@ -16,6 +16,7 @@ from contactlab.reporting.examination import (
     largest_rows,
     phase_begins,
     row_size,
+    untried_line,
 )
 from contactlab.schema.error_budget import BudgetPhase, BudgetReport, BudgetRow
 from contactlab.schema.examination import Examination
@@ -54,6 +55,7 @@ class ExaminationView:
         limit: where the tolerance is along a bar, 0 to 1.
         chart: time over error of what was tried; empty if nothing was.
         changes: each in a line, with the lines of the model's files.
+        untried: what there was no time for, in a sentence; empty if nothing.
         contacts: each as lines of text.
     """
 
@@ -63,6 +65,7 @@ class ExaminationView:
     limit: float
     chart: str
     changes: Sequence[tuple[str, Sequence[str]]]
+    untried: str
     contacts: Sequence[Sequence[str]]
 
 
@@ -83,6 +86,7 @@ def examination_view(store: Store, report: Examination | None) -> ExaminationVie
             (change_line(number, change), change.lines or (change.unwritten,))
             for number, change in enumerate(report.changes, 1)
         ],
+        untried=untried_line(report),
         contacts=[contact_lines(contact) for contact in report.contacts],
     )
 

@@ -4,7 +4,7 @@ import math
 
 from contactlab.printable import percent
 from contactlab.schema.error_budget import BudgetReport, BudgetRow
-from contactlab.schema.examination import ModelChange, RestingContact
+from contactlab.schema.examination import Examination, ModelChange, RestingContact
 from contactlab.schema.task import Task
 
 
@@ -43,6 +43,13 @@ def change_line(number: int, change: ModelChange) -> str:
     if change.removes == "overlap":
         left = ", without what is absurd at the start; the verdict stays"
     return f"{number}. {change.name}: {kind}{left}{cost}"
+
+
+def untried_line(report: Examination) -> str:
+    """Return what there was no time for, in a sentence; empty if there was for all."""
+    if not report.untried:
+        return ""
+    return f"not tried, to end in time: {', '.join(report.untried)}; --max-cpu 5min allows for more"
 
 
 def contact_lines(contact: RestingContact) -> list[str]:

@@ -120,6 +120,11 @@ class Examination(Model):
         "At most three, the cheapest first, those that `--accept` named, and what parts links.",
         default=(),
     )
+    untried: tuple[str, ...] = about(
+        "Rows of the budget, which judge nothing, and changes that were left out so that it ended "
+        "within its CPU.",
+        default=(),
+    )
     notes: tuple[str, ...] = ()
     written: str | None = about("The changed model's file, if one was written.", default=None)
     evidence: str | None = about("Folder of its stores; null if they were not kept.", default=None)

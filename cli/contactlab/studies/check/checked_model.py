@@ -1,5 +1,6 @@
 """A model under examination: its task, its runs, its motions and their budget, each made once."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -9,6 +10,7 @@ from contactlab.budget import (
     Motion,
     Settings,
     Verdict,
+    affordable,
     error_budget,
     judge,
 )
@@ -68,6 +70,7 @@ class CheckedModel:
         settings: how its budget is measured.
         rows: of its budget, by name; all if None.
         threads: that measure it.
+        seconds: CPU within which its budget has rows that judge nothing [s].
     """
 
     reference: str
@@ -81,6 +84,7 @@ class CheckedModel:
     settings: Settings = Settings(places=False)  # noqa: RUF009 - it is frozen
     rows: Sequence[str] | None = ()
     threads: int = 1
+    seconds: float = math.inf
     _written: set[str] = field(default_factory=set[str])
 
     @cached_property
@@ -150,8 +154,23 @@ class CheckedModel:
             EngineError: as of motions; or none of the bodies that are watched moves.
         """
         return error_budget(
-            self.motions, rows=self.rows, settings=self.settings, workers=self.threads
+            self.motions, rows=self._measured, settings=self.settings, workers=self.threads
         )
+
+    @cached_property
+    def _measured(self) -> Sequence[str]:
+        """The rows that its budget has."""
+        if self.rows is not None:
+            return self.rows
+        return affordable(self.motions, self.settings, self.seconds)
+
+    @property
+    def unmeasured(self) -> tuple[str, ...]:
+        """The rows that there was no time to measure; none of them judges."""
+        if self.rows is not None:
+            return ()
+        own = affordable(self.motions, self.settings, math.inf)
+        return tuple(row for row in own if row not in self._measured)
 
     @cached_property
     def judged(self) -> Verdict:

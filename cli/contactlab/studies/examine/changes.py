@@ -10,6 +10,7 @@ from tempfile import TemporaryDirectory
 import mujoco
 
 from contactlab.budget import Motion, Remedy, Trial, Verdict, error_budget, judge, remedies
+from contactlab.budget.measuring import evaluations, pace, steps_of
 from contactlab.budget.remedies import (
     NO_EDITS,
     Candidate,
@@ -63,13 +64,15 @@ class Changes:
         self._moved, self._trial = moved, replace(trial, moved=self._motions_of)
         physical = [*filter(self._can_begin, separated(scene, values, motions, verdict))]
         self._candidates = (*candidates_against(motions, verdict), *physical)
-        self.tried = remedies(motions, verdict, candidates=self._candidates, trial=self._trial)
+        found = remedies(motions, verdict, candidates=self._candidates, trial=self._trial)
+        self.tried = [remedy for remedy in found if remedy.ended]
+        self.untried = [remedy.name for remedy in found if not remedy.ended]
         self.helping = [remedy for remedy in self.tried if remedy.removes]
-        words = {remedy.accept for remedy in self.helping}
+        others = {remedy.name for remedy in self.helping} | {*self.untried}
         self._parting = [
             candidate
             for candidate in physical
-            if candidate.accept not in words and self._parts(candidate)
+            if candidate.name not in others and self._parts(candidate)
         ]
 
     def _motions_of(self, candidate: Candidate) -> Iterable[Sequence[Motion]]:
@@ -127,7 +130,14 @@ class Changes:
     def _parts(self, candidate: Candidate) -> bool:
         """Return whether a change leaves no overlap and no absurd force, and no worse verdict."""
         absurd = _absurd(self._motions)
-        return bool(absurd) and all(
+        if not absurd:
+            return False
+        model, steps = self._motions[0].model, 2 * steps_of(self._motions)
+        seconds = evaluations(model, self._trial.settings) * steps * pace(self._motions)
+        if seconds > self._trial.left():
+            self.untried.append(candidate.name)
+            return False
+        return all(
             not absurd & _absurd(motions) and self._is_no_worse(motions)
             for motions in self._motions_of(candidate)
         )
@@ -203,7 +213,7 @@ class Changes:
             return NO_EDITS, f"no change is called {unknown[0]} here; those tried: {known}"
         accepted = [by_word[word] for word in dict.fromkeys(self._trial.wanted)]
         others = [one for one in self._candidates if one.name in {two.name for two in numerical}]
-        trial = replace(self._trial, most=None)
+        trial = replace(self._trial, most=None, left=lambda: math.inf)
         for candidates in (accepted, *([*accepted, other] for other in others)):
             whole = joined(candidates)
             tried = remedies(self._motions, self._verdict, candidates=[whole], trial=trial)

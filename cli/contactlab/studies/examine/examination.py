@@ -5,6 +5,7 @@ Each part of the report is a section that may be asked for alone, with the same 
 """
 
 import math
+import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -55,6 +56,10 @@ RESULTS = "examine"
 _OF_MOTIONS = {"budget", "facts", "changes"}
 _OF_RUNS = {"labels", "checks", "contacts"}
 SETTINGS = Settings(priced=True)
+MAX_CPU = 60.0
+"""CPU within which an examination ends, its page included [s]."""
+# Parts of it by whose end rows that judge nothing, and changes, have been measured.
+_BUDGETING, _CHANGING = 0.4, 0.75
 _NOT_MOVED = "sound as far as labels tell: MuJoCo moves nothing in it"
 _OPENINGS: Mapping[Word, str] = {
     "unresolved": "unresolved",
@@ -77,6 +82,7 @@ class ExamineRequest:
         accepted: findings of checks that are known and accepted.
         write: file for the model with the first change that computes it otherwise.
         accept: words of changes that make another model, which are written too.
+        max_cpu: CPU within which it ends [s], with what is known by then.
         begins: called with words as a part of the examination begins.
     """
 
@@ -88,6 +94,7 @@ class ExamineRequest:
     accepted: Sequence[Acceptance] = ()
     write: Path | None = None
     accept: Sequence[str] = ()
+    max_cpu: float = MAX_CPU
     begins: Callable[[str], None] = lambda _: None
 
     @property
@@ -110,7 +117,7 @@ def run(request: ExamineRequest, session: Session) -> Examination:
         OutputError: stores or the changed model cannot be written.
         StoppedError: it was interrupted.
     """
-    wanted = {*request.sections}
+    begun, wanted = time.process_time(), {*request.sections}
     checks = {name: CHECKS[name] for name in chosen_checks(request.checks)}
     judged_findings([], request.accepted)
     examined = open_model(request, session)
@@ -128,7 +135,8 @@ def run(request: ExamineRequest, session: Session) -> Examination:
     if "checks" in wanted:
         request.begins("checking it")
         report = _checked(report, checks, examined, request.accepted)
-    return report if wanted == {"contacts"} else _measured(request, report, examined)
+    until = begun + _CHANGING * request.max_cpu
+    return report if wanted == {"contacts"} else _measured(request, report, examined, until)
 
 
 def _ran(report: Examination, examined: CheckedModel) -> Examination:
@@ -142,15 +150,21 @@ def _ran(report: Examination, examined: CheckedModel) -> Examination:
     return report.model_copy(update={"verdict": examined.verdict, "labels": labels})
 
 
-def _measured(request: ExamineRequest, report: Examination, examined: CheckedModel) -> Examination:
-    """Return a report with its budget, facts and changes, and the verdict in a sentence."""
+def _measured(
+    request: ExamineRequest, report: Examination, examined: CheckedModel, until: float
+) -> Examination:
+    """Return a report with its budget, facts and changes, and the verdict in a sentence.
+
+    Changes are tried until the process has used so much CPU [s].
+    """
     request.begins("measuring its error budget")
     if not examined.moves:
         return report.model_copy(update={"sentence": _whole(_NOT_MOVED, report)})
     task, verdict, changes = report.task, examined.judged, None
     if "changes" in request.sections:
-        changes = _changes(request, examined, verdict)
+        changes = _changes(request, examined, verdict, until)
     tried = changes.tried if changes else ()
+    untried = [*examined.unmeasured, *(changes.untried if changes else ())]
     if "facts" in request.sections:
         begins = {phase.name: phase.begin for phase in task.phases}
         times = [begins.get(motion.name, 0.0) for motion in examined.motions]
@@ -161,6 +175,7 @@ def _measured(request: ExamineRequest, report: Examination, examined: CheckedMod
             "sentence": _whole(sentence, report),
             "budget": budget_report(examined.budget, verdict, tried),
             "changes": changes.told() if changes else (),
+            "untried": tuple(untried),
         }
     )
     return _written(request, examined, report, changes)
@@ -212,6 +227,7 @@ def open_model(request: ExamineRequest, session: Session) -> CheckedModel:
         limits={name: limits[name] for name in limits if name in LIMITS},
         settings=SETTINGS if rows else Settings(places=False),
         rows=None if rows else (),
+        seconds=_BUDGETING * request.max_cpu,
     )
     allowed_policy(examined.scene.drive, allowed=session.allow_code)
     step = examined.resolved.timestep
@@ -249,7 +265,9 @@ def _checked(
     )
 
 
-def _changes(request: ExamineRequest, examined: CheckedModel, verdict: Verdict) -> Changes:
+def _changes(
+    request: ExamineRequest, examined: CheckedModel, verdict: Verdict, until: float
+) -> Changes:
     """Return the changes that were tried, and those that help on fresh seeds too."""
     task, threads = examined.task, examined.threads
     if verdict.reasons:
@@ -260,7 +278,10 @@ def _changes(request: ExamineRequest, examined: CheckedModel, verdict: Verdict) 
         for seeds in (task, fresh(task)):
             yield examined.motions_of(seeds, settings, change, scene)
 
-    trial = Trial(SETTINGS, None, MOST_CHANGES, request.accept, threads)
+    def left() -> float:
+        return until - time.process_time()
+
+    trial = Trial(SETTINGS, None, MOST_CHANGES, request.accept, threads, left)
     scene, values = examined.scene.with_effects("all"), examined.values
     return Changes(scene, values, examined.motions, verdict, trial, moved)
 

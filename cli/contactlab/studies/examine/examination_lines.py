@@ -17,6 +17,7 @@ from contactlab.reporting.examination import (
     largest_rows,
     phase_begins,
     row_size,
+    untried_line,
 )
 from contactlab.schema.drive import PolicyDrive
 from contactlab.schema.error_budget import BudgetRemedy
@@ -48,6 +49,7 @@ def examination_lines(report: Examination, *, full: bool = False) -> list[str]:
         if full or alone
         else [],
         *(list(_change(number, change)) for number, change in enumerate(report.changes, 1)),
+        wrapped(untried_line(report), ""),
         [line for note in report.notes for line in wrapped(note, "")] if full or alone else [],
         [line for end in _ends(report) for line in wrapped(end, "")],
     ]

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 
-from contactlab.reporting.examination import change_line, contact_lines
+from contactlab.reporting.examination import change_line, contact_lines, untried_line
 from contactlab.schema.examination import Examination, ModelChange
 from contactlab.studies.check.check_results import check_section
 from contactlab.studies.examine.examination_lines import budget_table
@@ -25,7 +25,7 @@ def report_of(report: Examination) -> Report:
         facts=(*facts, *((name, path) for name, path in ends.items() if path)),
         findings=report.findings,
         sections=tuple(_sections(report)),
-        notes=report.notes,
+        notes=(*filter(None, (untried_line(report),)), *report.notes),
     )
 
 

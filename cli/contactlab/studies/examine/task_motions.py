@@ -8,6 +8,8 @@ import mujoco
 import numpy as np
 
 from contactlab.budget import Motion
+from contactlab.budget.rows import gravity_of
+from contactlab.budget.windows import usual_changes
 from contactlab.contact.trace_arrays import Floats
 from contactlab.engines import Buffers, PreparedRuns, engine_of
 from contactlab.engines.closed_loop import allowed_policy, load_policy
@@ -51,7 +53,8 @@ def task_motions(
     """Return one motion for each phase of a task, with a row for each of its seeds.
 
     A seed whose run the engine gave up before a phase has no part in it; a phase that none of them
-    reaches is left out: the one before says why. `change` returns the model that moves in place of
+    reaches is left out: the one before says why. Where nothing weighs, each knows what is usual in
+    the others. `change` returns the model that moves in place of
     the scene's. What a policy did is replayed; it is code, which
     has to be allowed.
 
@@ -77,7 +80,10 @@ def task_motions(
             inputs = np.concatenate([piece.inputs for piece in reached])
             spec, watched = reached[0].spec, tuple(task.watched)
             motions.append(Motion(model, starts, inputs, spec, phase.name, watched))
-    return motions
+    if gravity_of(model) or len(motions) == 1:
+        return motions
+    usual = usual_changes(motions)
+    return [replace(motion, usual=usual) for motion in motions]
 
 
 def _acted(prepared: PreparedRuns) -> PreparedRuns:
