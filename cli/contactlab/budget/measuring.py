@@ -497,7 +497,8 @@ class PhaseMeasure:
         high = np.maximum.accumulate(found.potential[..., 1], axis=1)
         kinetic = np.maximum.accumulate(found.kinetic, axis=1)
         scale = kinetic + np.cumsum(found.through, axis=1) + (high - low) + weight[:, None]
-        scale = np.maximum(scale, self._usual @ model.body_mass[self._bodies] * size)
+        usual = GRAVITY_AS_REAL * self._usual @ model.body_mass[self._bodies] * size
+        scale = np.maximum(scale, usual)
         drift = np.full(len(parts), np.nan)
         for seed, valid in enumerate(self._run.valid & ~found.lost):
             own, whole = parts[seed][valid], scale[seed][valid]
