@@ -2,6 +2,7 @@
 
 import os
 import signal
+import sys
 from types import FrameType
 
 
@@ -28,6 +29,12 @@ def main() -> None:
         run()
     except KeyboardInterrupt:
         raise SystemExit(130) from None
+    except (MemoryError, ValueError) as error:
+        # MuJoCo says it in words of its own.
+        if not isinstance(error, MemoryError) and "Could not allocate memory" not in str(error):
+            raise
+        sys.stderr.write("error: out of memory; free some, or raise its limit (ulimit -v)\n")
+        raise SystemExit(2) from None
 
 
 if __name__ == "__main__":

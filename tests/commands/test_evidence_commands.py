@@ -142,6 +142,25 @@ def test_replay_finds_the_first_difference(
     assert result["difference"] > 0
 
 
+@pytest.mark.parametrize("is_there", [True, False])
+def test_replay_tells_of_a_damaged_trace(
+    contactlab: Run, store: Path, run_id: str, *, is_there: bool
+) -> None:
+    """The states are equal by their hash, but whoever opens the trace sees others."""
+    trace = store / f"traces/{run_id[:2]}/{run_id}.mcap"
+    data = bytearray(trace.read_bytes())
+    data[len(data) // 2] ^= 1
+    trace.write_bytes(data) if is_there else trace.unlink()
+    code, out, err = contactlab("replay", str(store), run_id)
+    assert code == 3
+    assert out.startswith(f"run {run_id}: bitwise equal (")
+    assert err.startswith(
+        f"error: the stored trace is damaged: traces/{run_id[:2]}/{run_id}.mcap: "
+    )
+    told = json.loads(contactlab("replay", str(store), run_id, "--format", "json")[1])
+    assert told["damage"] in err
+
+
 def test_replay_of_a_changed_hash(contactlab: Run, store: Path, run_id: str) -> None:
     table = pq.read_table(store / "runs.parquet")
     hashes = table["trajectory_hash"].to_pylist()

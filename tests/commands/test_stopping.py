@@ -116,3 +116,19 @@ def test_it_may_come_while_something_is_written() -> None:
         [sys.executable, "-c", WRITING], capture_output=True, text=True, check=False
     )
     assert (done.returncode, done.stderr) == (0, SAID + "progress\n")
+
+
+@pytest.mark.parametrize(
+    "error", ["MemoryError()", 'ValueError("Error: engine error: Could not allocate memory")']
+)
+def test_a_machine_without_memory_is_told_of_in_a_line(error: str) -> None:
+    code = f"""
+from contactlab.command_line import main
+def run(): raise {error}
+main.main = run
+from contactlab.__main__ import main
+main()
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == "error: out of memory; free some, or raise its limit (ulimit -v)\n"

@@ -2,12 +2,13 @@
 
 import importlib.util
 import os
+import re
 import shutil
 import stat
 import subprocess
 import sys
 from collections.abc import Callable
-from importlib.metadata import distribution, version
+from importlib.metadata import distribution, requires, version
 from pathlib import Path
 
 import pytest
@@ -208,17 +209,32 @@ def test_options_are_taken_out() -> None:
     assert without_option(given, "--mujoco") == ["sweep", "x", "--set", "a=1"]
 
 
+# The oldest that is promised, the last before flags were split (3.3.6), and minor releases since.
+PROMISED = ("3.3.0", "3.3.5", "3.3.7", "3.6.0", "3.11.0", "3.14.0")
+
+
 @pytest.mark.night
-def test_bounce_under_another_version(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("mujoco", PROMISED)
+def test_bounce_under_another_version(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, mujoco: str
+) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     options = ("--limit", "6", "--workers", "1", "-o", "store")
-    done = run("sweep", "bounce", "--mujoco", "3.11.0", *options, folder=tmp_path)
+    done = run("sweep", "bounce", "--mujoco", mujoco, *options, folder=tmp_path)
     if "cannot be installed" in done.stderr:
         pytest.skip(done.stderr)
     assert done.returncode == 0, done.stderr
     assert "6 runs, 6 traces in store" in done.stdout
     store = Store.open(tmp_path / "store")
-    assert {record.engine.version for record in store.records()} == {"3.11.0"}
+    assert {record.engine.version for record in store.records()} == {mujoco}
     assert all(record.cost and record.cost.cpu_s > 0 for record in store.records())
-    again = run("sweep", "bounce", "--mujoco", "3.11.0", *options, folder=tmp_path)
+    again = run("sweep", "bounce", "--mujoco", mujoco, *options, folder=tmp_path)
     assert "6 of 6 runs are stored already" in again.stderr
+
+
+def test_the_range_that_is_tried_begins_where_the_promise_does() -> None:
+    """What pyproject asks for, and the oldest that `--mujoco` takes."""
+    needed = next(each for each in requires("contactlab") or () if re.match("mujoco[<>]", each))
+    oldest = needed.partition(">=")[2].partition(",")[0]
+    assert PROMISED[0].startswith(oldest)
+    assert tuple(map(int, oldest.split("."))) == mujoco_environment._OLDEST

@@ -264,6 +264,47 @@ def test_other_units_and_frames_are_noticed(
     assert re.search(message, text)
 
 
+def flights(length: float = 1.0, time: float = 1.0) -> Columns:
+    """Return six flights with 0.1 mm of noise, of which lengths and times are off by factors."""
+    rng, seconds = np.random.default_rng(7), np.arange(72) / RATE
+    runs = list[Columns]()
+    for number, speed in enumerate(np.linspace(-0.3, 0.1, 6)):
+        height = 0.55 + speed * seconds - 9.81 / 2 * seconds**2
+        flown = height > 0.05
+        pose = np.zeros((len(seconds), 7))
+        pose[:, 2], pose[:, 3] = height, 1.0
+        pose[:, :3] += rng.normal(size=(len(seconds), 3)) * 1e-4
+        pose[:, :3] *= length
+        columns = dict(zip(POSE, pose[flown].T, strict=True))
+        columns |= {"time": time * seconds[flown], "run": np.full(flown.sum(), float(number))}
+        runs.append(columns)
+    return {name: np.concatenate([run[name] for run in runs]) for name in runs[0]}
+
+
+FLOWN: dict[str, Any] = {"run": "run", "start": {"before_contact": 2}}
+
+
+@pytest.mark.parametrize(
+    ("factors", "falls"), [((1.1, 1.0), "1.1"), ((1.0, 1.05), "0.907"), ((0.9, 1.0), "0.9")]
+)
+def test_a_recording_that_is_off_in_all_alike_falls_otherwise(
+    tmp_path: Path, factors: tuple[float, float], falls: str
+) -> None:
+    """What a length times g is off by: the factor of length over the square of that of time."""
+    text = refusal(tmp_path, flights(*factors), **FLOWN)
+    assert f"brick falls {falls} times as fast as in the model's gravity" in text
+
+
+@pytest.mark.parametrize("length", [0.97, 1.0, 1.03])
+def test_a_few_percent_may_be_air(tmp_path: Path, length: float) -> None:
+    assert written(tmp_path, flights(length), **FLOWN).recorded
+
+
+def test_where_the_model_has_air_itself_flight_tells_less(tmp_path: Path) -> None:
+    xml = BRICK.replace("<option ", '<option density="1.2" ')
+    assert written(tmp_path, flights(0.9), xml, **FLOWN).recorded
+
+
 @pytest.mark.parametrize("factor", [0.5, 1.6])
 def test_another_body_is_noticed_where_it_rests(tmp_path: Path, factor: float) -> None:
     """A brick of another size rests at another height than the recorded one."""

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 from contactlab.command_line import options as opt
 from contactlab.command_line.declaration import Given, command, flag
 from contactlab.command_line.terminal import echo, print_json
-from contactlab.errors import ExpectationError
+from contactlab.errors import ContactlabError, ExpectationError, StoreError
 
 if TYPE_CHECKING:
     from contactlab.run.stored_runs import ReplayResult
@@ -25,10 +25,12 @@ def _json(result: "ReplayResult | None", given: Given) -> None:
         print_json(asdict(result))
 
 
-def _failure(result: "ReplayResult | None", given: Given) -> ExpectationError | None:
+def _failure(result: "ReplayResult | None", given: Given) -> ContactlabError | None:
     del given
-    if result is None or result.equal:
+    if result is None or (result.equal and result.damage is None):
         return None
+    if result.equal:
+        return StoreError(f"the stored trace is damaged: {result.damage}")
     return ExpectationError("the trajectory is not the stored one")
 
 
@@ -48,8 +50,8 @@ def replay(
 ) -> "ReplayResult | None":
     """Simulate a stored run again; check that all bits are equal.
 
-    The result says where the first difference is. With `view` there is none: it returns once the
-    viewer is closed.
+    The result says where the first difference is, and whether the stored trace is damaged. With
+    `view` there is none: it returns once the viewer is closed.
 
     Raises:
         StoreError: there is no such store or run, or it cannot be simulated here.
@@ -82,4 +84,6 @@ def _replay_lines(result: "ReplayResult") -> Iterator[str]:
     if result.step is not None:
         amount = "" if result.difference is None else f" by {result.difference:.3g}"
         yield f"  first after step {result.step}{amount}"
+    if result.damage is not None:
+        yield f"  its stored trace is damaged: {result.damage}"
     yield f"  stored with {result.stored_engine}"

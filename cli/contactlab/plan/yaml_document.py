@@ -1,6 +1,7 @@
 """A YAML text as plain data, with the place of every key and value."""
 
 import json
+import math
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
@@ -171,6 +172,40 @@ def read_argument(
     return _Reader(document, source, column - 2).read(text, path)
 
 
+def extent_of(root: Node) -> float:
+    """Return how many values there are below a node, itself included, each alias written out.
+
+    Nodes that aliases share are counted once and added as often as they are named, so that a text
+    that doubles itself in each line is counted before any of it is made. Infinite where a node is
+    below itself.
+    """
+    extents: dict[int, float] = {}
+    waiting = [root]
+    while waiting:
+        node = waiting[-1]
+        inner = _inner(node)
+        if id(node) not in extents:
+            extents[id(node)] = math.inf  # until it is known, and for good if it is below itself
+            waiting += (below for below in inner if id(below) not in extents)
+        else:
+            waiting.pop()
+            if extents[id(node)] == math.inf:
+                extents[id(node)] = 1 + sum(extents[id(below)] for below in inner)
+    return extents[id(root)]
+
+
+def _bounded(root: Node) -> Node:
+    if extent_of(root) > MOST_NODES:
+        raise YAMLError(f"more than {MOST_NODES:,} values; use include: {{file: runs.csv}}")
+    return root
+
+
+def _inner(node: Node) -> list[Node]:
+    if isinstance(node, MappingNode):
+        return [value for _, value in cast("list[tuple[Node, Node]]", node.value)]
+    return cast("list[Node]", node.value) if isinstance(node, SequenceNode) else []
+
+
 class _Reader:
     def __init__(self, document: Document, source: SourceText, shift: int = 0) -> None:
         self.document = document
@@ -178,13 +213,12 @@ class _Reader:
         self.shift = shift
         self.yaml = YAML(typ="safe", pure=True)
         self.yaml.composer.warn_double_anchors = False
-        self.nodes = 0
 
     def read(self, text: str, path: KeyPath = ()) -> object:
         try:
             check_extent(text)
             root = cast("Node | None", self.yaml.compose(text))
-            return None if root is None else self._data(root, path)
+            return None if root is None else self._data(_bounded(root), path)
         except MarkedYAMLError as error:
             mark = error.problem_mark or error.context_mark
             place = self._place(cast("StreamMark", mark)) if mark else Place(self.source, 1, 1)
@@ -207,13 +241,7 @@ class _Reader:
         last = end.column + self.shift if end.line == start.line else len(place.text.rstrip())
         return replace(place, width=max(last + 1 - column, 1))
 
-    def _count(self) -> None:
-        self.nodes += 1
-        if self.nodes > MOST_NODES:
-            raise YAMLError(f"more than {MOST_NODES:,} values; use include: {{file: runs.csv}}")
-
     def _data(self, node: Node, path: KeyPath) -> object:
-        self._count()
         self.document.values[path] = self._place(node.start_mark, node.end_mark)
         if isinstance(node, MappingNode):
             return self._mapping(node, path)
@@ -252,7 +280,6 @@ class _Reader:
                     yield merged
 
     def _merged(self, node: Node) -> Iterator[tuple[Node, Node]]:
-        self._count()
         sources = cast("list[Node]", node.value) if isinstance(node, SequenceNode) else [node]
         for source in sources:
             if isinstance(source, MappingNode):

@@ -32,6 +32,7 @@ from contactlab.scene.run_spec import RunSpec
 from contactlab.scene.scene import Scene
 from contactlab.schema.evidence import EvidenceRecord
 from contactlab.store.finished_store import Store
+from contactlab.store.verify_store import trace_damage
 
 
 @dataclass(frozen=True)
@@ -47,6 +48,7 @@ class ReplayResult:
     step: int | None
     difference: float | None  # largest difference of a coordinate there [m, rad, m/s or rad/s]
     stored_engine: str
+    damage: str | None = None  # what is wrong with the stored trace, which the replay is not of
 
 
 @dataclass(frozen=True)
@@ -126,9 +128,11 @@ def replay(store: Store, run: str, *, allow_code: bool = False) -> ReplayResult:
     else:
         rollout = find_engine(record.engine.name).roll_out(start.runs, Buffers())
     old, new = record.trajectory_hash, trajectory_hash(rollout, 0)
-    step, difference = (None, None) if new == old else _first_difference(store, record, rollout)
+    step, difference, damage = None, None, trace_damage(store, record)
+    if new != old and damage is None:
+        step, difference = _first_difference(store, record, rollout)
     engine = f"{record.engine.name} {record.engine.version}"
-    return ReplayResult(record.run_id, new == old, old, new, step, difference, engine)
+    return ReplayResult(record.run_id, new == old, old, new, step, difference, engine, damage)
 
 
 def stored_start(

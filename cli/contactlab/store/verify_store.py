@@ -9,7 +9,7 @@ import os
 import re
 import shutil
 from collections.abc import Generator, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from itertools import islice, tee
 from pathlib import Path
 from typing import Any
@@ -110,6 +110,18 @@ def damaged_traces(store: Store) -> Iterator[str]:
             yield f"{file}: missing"
         elif size != expected or (left >= 0 and not store.backend.holds_trace(file, size, sha256)):
             yield f"{file}: changed since it was written"
+
+
+def trace_damage(store: Store, record: EvidenceRecord) -> str | None:
+    """Return what is wrong with the stored trace of a run; None if it is sound, or not kept."""
+    from contactlab.store.mcap.trace_reader import trace_problems  # noqa: PLC0415 - takes a while
+
+    if record.trace is None or store.manifest.traces_left_out:
+        return None
+    with closing(store.backend.local_files([record.trace.file])) as files:
+        path = next(files)
+        found = ("missing",) if path is None else trace_problems(path, record)
+        return next((f"{record.trace.file}: {problem}" for problem in found), None)
 
 
 def trace_warning(store: Store) -> tuple[str, ...]:
