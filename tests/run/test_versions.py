@@ -237,4 +237,4 @@ def test_the_range_that_is_tried_begins_where_the_promise_does() -> None:
     needed = next(each for each in requires("contactlab") or () if re.match("mujoco[<>]", each))
     oldest = needed.partition(">=")[2].partition(",")[0]
     assert PROMISED[0].startswith(oldest)
-    assert tuple(map(int, oldest.split("."))) == mujoco_environment._OLDEST
+    assert tuple(map(int, oldest.split("."))) == mujoco_environment._OLDEST  # pyright: ignore[reportPrivateUsage]
