@@ -12,9 +12,9 @@ import numpy as np
 
 PACKAGE = "pybullet"
 REQUIREMENTS = ("pybullet>=3.2.7,<4", "mujoco=={mujoco}", "numpy", "scipy")
-_JOINTS, _CONTACTS = (
+_JOINTS, _CONTACTS, _POSES = (
     SimpleNamespace(**run_path(str(Path(__file__).parent / "beside" / name)))
-    for name in ("joints.py", "rigid_contacts.py")
+    for name in ("joints.py", "rigid_contacts.py", "poses.py")
 )
 IGNORED = _CONTACTS.IGNORED
 _NOWHERE, _UNTURNED = [0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]
@@ -135,7 +135,7 @@ class World:
         mujoco.mj_kinematics(self._model, data)
         turn = np.zeros(4)
         mujoco.mju_mat2Quat(turn, data.geom_xmat[geom])
-        shape = self._shape(geom, _IDENTITY)
+        shape = self._shape(geom, _POSES.IDENTITY)
         place = [*data.geom_xpos[geom]]
         made = self._bullet.createMultiBody(0, shape, -1, place, _bullets(turn))
         self._geoms[made, _WORLD] = geom
@@ -147,21 +147,23 @@ class World:
         """
         model, links = self._model, _Links()
         # Of each body: its link, and where the body is in the link's frame.
-        carried: dict[int, tuple[int, Any]] = {0: (_WORLD, _IDENTITY)}
+        carried: dict[int, tuple[int, Any]] = {0: (_WORLD, _POSES.IDENTITY)}
         joints: dict[int, int] = {}
         for body in self._tree(root):
             link, place = carried[int(model.body_parentid[body])]
-            place = _then(place, (model.body_pos[body], model.body_quat[body]))
+            place = _POSES.then(place, (model.body_pos[body], model.body_quat[body]))
             first = int(model.body_jntadr[body])
             moving = range(first, first + int(model.body_jntnum[body]))
             if moving and model.jnt_type[first] == _JOINTS.FREE:
-                link, place, joints[first], moving = _WORLD, _IDENTITY, _WORLD, range(0)
+                link, place, joints[first], moving = _WORLD, _POSES.IDENTITY, _WORLD, range(0)
             elif not moving:
-                link, place = links.add(link, place, self._names.JOINT_FIXED), _IDENTITY
+                link, place = links.add(link, place, self._names.JOINT_FIXED), _POSES.IDENTITY
             for joint in moving:
                 anchor = np.array(model.jnt_pos[joint])
-                link = links.add(link, _then(place, (anchor, _STRAIGHT)), *self._kind(joint))
-                place, joints[joint] = (-anchor, _STRAIGHT), link
+                link = links.add(
+                    link, _POSES.then(place, (anchor, _POSES.STRAIGHT)), *self._kind(joint)
+                )
+                place, joints[joint] = (-anchor, _POSES.STRAIGHT), link
             carried[body] = link, place
             self._fill(links, link, body, place)
         made = self._make(links)
@@ -172,14 +174,14 @@ class World:
     def _fill(self, links: "_Links", link: int, body: int, place: Any) -> None:
         """Give a link the mass and the shapes of a body, which is at a place in its frame."""
         model = self._model
-        own = _then(place, (model.body_ipos[body], model.body_iquat[body]))
+        own = _POSES.then(place, (model.body_ipos[body], model.body_iquat[body]))
         links.bodies[link], links.inertial[link] = body, (float(model.body_mass[body]), own)
         for geom in self._touching:
             if model.geom_bodyid[geom] != body or not model.body_weldid[body]:
                 continue
-            shape = _then(place, (model.geom_pos[geom], model.geom_quat[geom]))
+            shape = _POSES.then(place, (model.geom_pos[geom], model.geom_quat[geom]))
             if link in links.shapes:
-                link = links.add(link, _IDENTITY, self._names.JOINT_FIXED)
+                link = links.add(link, _POSES.IDENTITY, self._names.JOINT_FIXED)
             links.geoms[link], links.shapes[link] = geom, self._shape(geom, shape)
 
     def _tree(self, root: int) -> list[int]:
@@ -309,20 +311,15 @@ class World:
 
     def _check_places(self) -> None:
         """Compare where bodies are, away from where the joints have their zero."""
-        model, data = self._model, mujoco.MjData(self._model)
-        qpos, still = model.qpos0.copy(), np.zeros(model.nv)
-        mujoco.mj_integratePos(model, qpos, 0.5 * np.sin(1 + np.arange(model.nv)), 1.0)
-        data.qpos[:] = qpos
-        mujoco.mj_kinematics(model, data)
-        mujoco.mj_comPos(model, data)
-        self.set(qpos, still)
+        model, data = self._model, _POSES.away_from_zero(self._model)
+        self.set(data.qpos, data.qvel)
         bodies = [body for body in self._bodies if body]
         places = [self._centre(body) for body in bodies]
         names = [f"body '{model.body(body).name or body}'" for body in bodies]
         scale = max(1.0, float(np.abs(data.xipos).max(initial=0)))
         _CONTACTS.compare("the place", data.xipos[bodies], places, names, scale)
-        arrived = self.state()[: model.nq]
-        _CONTACTS.compare("the coordinates", qpos, arrived, ["the state"], scale)
+        sent = np.concatenate([data.qpos, data.qvel])
+        _CONTACTS.compare("the state", sent, self.state(), ["the model"], scale)
 
     def _centre(self, body: int) -> Any:
         made, link = self._bodies[body]
@@ -338,12 +335,10 @@ class World:
             q, v = qpos[model.jnt_qposadr[joint] :], qvel[model.jnt_dofadr[joint] :]
             if link == _WORLD:
                 body = int(model.jnt_bodyid[joint])
-                place, turn = _then(
-                    (q[:3], q[3:7]), (model.body_ipos[body], model.body_iquat[body])
-                )
-                spin = _turned(q[3:7], v[3:6])
+                own = model.body_ipos[body], model.body_iquat[body]
+                place, turn = _POSES.then((q[:3], q[3:7]), own)
                 bullet.resetBasePositionAndOrientation(made, list(place), _bullets(turn))
-                linear = v[:3] + np.cross(spin, place - q[:3])
+                linear, spin = _POSES.at_centre(model, body, q[3:7], v)
                 bullet.resetBaseVelocity(made, list(linear), list(spin))
             elif model.jnt_type[joint] == _JOINTS.BALL:
                 bullet.resetJointStateMultiDof(made, link, _bullets(q[:4]), list(v[:3]))
@@ -360,13 +355,11 @@ class World:
             if link == _WORLD:
                 body = int(model.jnt_bodyid[joint])
                 place, turn = bullet.getBasePositionAndOrientation(made)
-                linear, spin = bullet.getBaseVelocity(made)
-                back = _inverse((model.body_ipos[body], model.body_iquat[body]))
-                own = _then((np.array(place), _mujocos(turn)), back)
-                turn = self._near(at + 3, own[1])
-                qpos[at : at + 7] = [*own[0], *turn]
-                linear = np.array(linear) + np.cross(spin, own[0] - place)
-                qvel[dof : dof + 6] = [*linear, *_turned(turn * [1, -1, -1, -1], np.array(spin))]
+                back = _POSES.inverse((model.body_ipos[body], model.body_iquat[body]))
+                own = _POSES.then((np.array(place), _mujocos(turn)), back)
+                qpos[at : at + 7] = [*own[0], *self._near(at + 3, own[1])]
+                moving = bullet.getBaseVelocity(made)
+                qvel[dof : dof + 6] = _POSES.at_origin(model, body, own[1], moving)
             elif model.jnt_type[joint] == _JOINTS.BALL:
                 turn, spin = bullet.getJointStateMultiDof(made, link)[:2]
                 qpos[at : at + 4] = self._near(at, _mujocos(turn))
@@ -432,7 +425,7 @@ class _Links:
     def told(self) -> dict[str, list[Any]]:
         """Return what Bullet is told of them."""
         count = range(len(self._rows))
-        inertial = [self.inertial.get(link, (0.0, _IDENTITY)) for link in count]
+        inertial = [self.inertial.get(link, (0.0, _POSES.IDENTITY)) for link in count]
         return {
             "linkMasses": [mass for mass, _ in inertial],
             "linkCollisionShapeIndices": [self.shapes.get(link, -1) for link in count],
@@ -445,28 +438,6 @@ class _Links:
             "linkJointTypes": [kind for _, _, kind, _ in self._rows],
             "linkJointAxis": [list(axis) for *_, axis in self._rows],
         }
-
-
-_STRAIGHT = np.array([1.0, 0, 0, 0])
-_IDENTITY = (np.zeros(3), _STRAIGHT)
-
-
-def _then(first: Any, second: Any) -> tuple[np.ndarray, np.ndarray]:
-    """Return a place (position, quaternion) that is given in the frame of another."""
-    turn = np.zeros(4)
-    mujoco.mju_mulQuat(turn, first[1], second[1])
-    return first[0] + _turned(first[1], second[0]), turn
-
-
-def _inverse(place: Any) -> tuple[np.ndarray, np.ndarray]:
-    back = place[1] * [1, -1, -1, -1]
-    return -_turned(back, place[0]), back
-
-
-def _turned(turn: np.ndarray, vector: np.ndarray) -> np.ndarray:
-    told = np.zeros(3)
-    mujoco.mju_rotVecQuat(told, vector, turn)
-    return told
 
 
 def _bullets(turn: np.ndarray) -> list[float]:

@@ -182,7 +182,7 @@ def test_what_is_not_installed_is_refused(tmp_path: Path, monkeypatch: pytest.Mo
         swept(tmp_path, SWEEP.replace("twin", "warp"))
 
 
-@pytest.mark.parametrize("name", ["sapien", "genesis"])
+@pytest.mark.parametrize("name", ["genesis"])
 def test_what_cannot_be_had_is_refused_by_name_with_the_reason(name: str, tmp_path: Path) -> None:
     (tmp_path / "cart.xml").write_text(CART)
     engine = ENGINES[name]

@@ -73,6 +73,11 @@ REFUSED = [
         "motors and servos",
     ),
     ("bullet", {"extra": HINGE.format('actuatorfrcrange="-1 1"')}, "not of joints"),
+    ("sapien", {"extra": '<body><joint type="ball"/><geom size=".1"/></body>'}, "ball joints"),
+    ("sapien", {"extra": '<geom type="plane" size="1 1 .1" condim="4"/>'}, "sliding alone"),
+    ("sapien", {"extra": HINGE.format('frictionloss="1"')}, "dry friction"),
+    ("sapien", {"extra": SQUARE}, "no numbers of theirs"),
+    ("sapien", {"extra": HINGE.format("").replace("<geom", '<joint axis="1 0 0"/><geom')}, "one"),
     ("pinocchio", {}, "contact"),
     ("pinocchio", {"option": 'integrator="RK4"'}, "Euler"),
     ("pinocchio", {"option": 'density="1"', "flag": '<flag contact="disable"/>'}, "medium"),
@@ -101,7 +106,7 @@ def test_what_an_engine_cannot_do_is_refused_by_name(
     assert word in str(refusal_of(name, model))
 
 
-@pytest.mark.parametrize("name", ["warp", "mjx", "newton", "drake", "bullet"])
+@pytest.mark.parametrize("name", ["warp", "mjx", "newton", "drake", "bullet", "sapien"])
 def test_what_it_can_do_is_not(name: str) -> None:
     blanks = dict.fromkeys(("option", "flag", "extra", "end"), "")
     assert refusal_of(name, mujoco.MjModel.from_xml_string(BALL.format(**blanks))) is None
