@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import Any
 
+import mujoco
 import pytest
 
 from contactlab.errors import SceneError
@@ -161,6 +162,28 @@ def test_a_manifest_that_is_no_text(tmp_path: Path) -> None:
 def test_a_scene_that_is_not_there(reference: str, message: str, tmp_path: Path) -> None:
     with pytest.raises(SceneError, match=message):
         Scene.open(reference, tmp_path)
+
+
+@pytest.mark.skipif(not hasattr(mujoco.MjModel, "nactuator"), reason="they came with MuJoCo 4.0")
+@pytest.mark.parametrize(
+    ("actuator", "number"),
+    [
+        ('<pid name="aim" joint="hinge" kp="1" kv="1"/>', 2),
+        ('<dcmotor name="aim" joint="hinge" nominal="12 1 100" input="none"/>', 0),
+        ('<orientation name="aim" joint="ball" kp="1"/>', 3),
+    ],
+)
+def test_an_actuator_with_other_than_one_control(
+    actuator: str, number: int, tmp_path: Path
+) -> None:
+    bodies = "".join(
+        f'<body><joint name="{kind}" type="{kind}"/><geom size=".1"/></body>'
+        for kind in ("hinge", "ball")
+    )
+    text = f"<mujoco><worldbody>{bodies}</worldbody><actuator>{actuator}</actuator></mujoco>"
+    (tmp_path / "robot.xml").write_text(text)
+    with pytest.raises(SceneError, match=rf"robot\.xml: actuator 'aim' has {number} controls"):
+        Scene.open("robot.xml", tmp_path)
 
 
 def test_a_search_that_the_engine_breaks_off(tmp_path: Path) -> None:

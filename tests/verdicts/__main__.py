@@ -1,9 +1,11 @@
 """Print what contactlab says of models that nobody here wrote, beside what is true of them.
 
-    python -m tests.verdicts [corpus|public|all] [--only PATTERN] [--held-back]
+    python -m tests.verdicts [corpus|public|all|examined] [--only PATTERN] [--held-back]
 
 The first table has the failing models of the corpus and their healthy twins; the second the models
-of public wheels under their tasks. The same is written as JSON.
+of public wheels under their tasks. The third has what `contactlab MODEL` says of the corpus, and
+whether the change that it names first, written and stepped by plain MuJoCo, brings what is true of
+a failing model below its limit. The same is written as JSON.
 """
 
 import argparse
@@ -13,12 +15,13 @@ import signal
 import sys
 import tempfile
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from tests.verdicts.corpus import Case, CorpusError, read_corpus
 from tests.verdicts.deserved import deserved
+from tests.verdicts.examined import Asked, Examined, all_examined
 from tests.verdicts.judge import NO_MODEL, SOUND, Job, Verdict, judged
 from tests.verdicts.public_models import public_models
 
@@ -70,21 +73,77 @@ def _row(part: str, kind: str, name: str, run: str, outcome: str, verdict: Verdi
 
 def corpus_rows(options: argparse.Namespace, folder: Path) -> list[Row]:
     """Judge each failing model of the corpus, and each twin."""
-    asked: dict[Path, tuple[Case, str, bool]] = {}
-    for part in read_corpus():
-        shown = options.held_back or not part.held_back
-        for case in part.cases if options.part == part.name or (shown and not options.part) else ():
-            for healthy in case.told:
-                if options.only in case.name or options.only in case.kind:
-                    path = folder / f"model_{len(asked)}.xml"
-                    path.write_text(case.text(healthy=healthy), encoding="utf-8")
-                    asked[path] = (case, part.name, healthy)
+    asked = {folder / f"model_{place}.xml": each for place, each in enumerate(_asked(options))}
+    for path, (case, _, healthy) in asked.items():
+        path.write_text(case.text(healthy=healthy), encoding="utf-8")
     jobs = [Job(case.name, path, case.duration, AS_IT_IS) for path, (case, *_) in asked.items()]
     found = {job.path: verdict for job, verdict in _judged(jobs, options)}
     return [
         of_corpus(case, found[path], part, healthy=healthy)
         for path, (case, part, healthy) in asked.items()
     ]
+
+
+def _asked(options: argparse.Namespace) -> Iterator[tuple[Case, str, bool]]:
+    """Yield cases with their part, and whether the healthy model is meant."""
+    for part in read_corpus():
+        shown = options.held_back or not part.held_back
+        for case in part.cases if options.part == part.name or (shown and not options.part) else ():
+            if options.only in case.name or options.only in case.kind:
+                yield from ((case, part.name, healthy) for healthy in case.told)
+
+
+def print_examined(options: argparse.Namespace) -> None:
+    """Examine each model of the corpus; print what is said, and how often that is right."""
+    asked = [Asked(part, case, healthy) for case, part, healthy in _asked(options)]
+    found = list[tuple[Asked, Examined]]()
+    for each in all_examined(asked, workers=options.jobs, seconds=options.seconds):
+        found.append(each)
+        kept = [
+            {"part": ask.part, "name": ask.case.name, "healthy": ask.healthy, **asdict(said)}
+            for ask, said in found
+        ]
+        options.json.write_text(json.dumps(kept, indent=1), encoding="utf-8")
+    print("\nexamined: what each model is said to be, and what its first change leaves\n")
+    for ask, said in sorted(found, key=lambda pair: (pair[0].healthy, pair[0].case.name)):
+        told = "sound" if ask.healthy else ask.case.nature or "failing"
+        line = f"{told:9} {ask.case.name}: {said.sentence}"
+        mended = said.mended is not None
+        print(f"{line} [{said.change}: {said.mended:.2g} of its limit]" if mended else line)
+    for told, count in examined_totals(found).items():
+        print(f"{told:60} {count}")
+
+
+def examined_totals(found: Sequence[tuple[Asked, Examined]]) -> dict[str, str]:
+    """Return how many were found of each nature, flagged, named and mended."""
+
+    def share(of: Iterable[bool]) -> str:
+        met = list(of)
+        return f"{sum(met)} of {len(met)}"
+
+    failing = [(ask.case, said) for ask, said in found if not ask.healthy]
+    numerical = [said for case, said in failing if case.nature != "model"]
+    soft = [said for case, said in failing if case.nature == "model"]
+    sound = [said for ask, said in found if ask.healthy]
+    told = [(case, said) for case, said in failing if said.found]
+    return {
+        "numerical failures: unresolved": share(said.unresolved for said in numerical),
+        "numerical failures: labelled": share(bool(said.labels) for said in numerical),
+        "numerical failures: either": share(said.found for said in numerical),
+        "failures of the model: unresolved, or a row above": share(
+            said.unresolved or bool(said.rows) for said in soft
+        ),
+        "failures of the model: labelled": share(bool(said.labels) for said in soft),
+        "failures of the model: either": share(said.found for said in soft),
+        "sound models: unresolved": share(said.unresolved for said in sound),
+        "sound models: labelled": share(bool(said.labels) for said in sound),
+        "sound models: a row of the model above": share(bool(said.rows) for said in sound),
+        "of those found: a cause is named": share(said.names(case.where) for case, said in told),
+        "of those found: a change is named": share(bool(said.change) for _, said in told),
+        "changes that bring the truth below its limit": share(
+            said.mended < 1 for _, said in told if said.mended is not None
+        ),
+    }
 
 
 def public_rows(options: argparse.Namespace, folder: Path) -> list[Row]:
@@ -136,7 +195,9 @@ def print_totals(rows: Sequence[Row]) -> None:
 def main(arguments: Sequence[str] | None = None) -> None:
     """Print the tables."""
     parser = argparse.ArgumentParser("python -m tests.verdicts", description=__doc__)
-    parser.add_argument("table", nargs="?", choices=["corpus", "public", "all"], default="all")
+    parser.add_argument(
+        "table", nargs="?", choices=["corpus", "public", "all", "examined"], default="all"
+    )
     parser.add_argument("--only", default="", metavar="PATTERN", help="names or kinds with this")
     parser.add_argument("--held-back", action="store_true", help="also what rules may not know")
     parser.add_argument(
@@ -149,6 +210,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--json", type=Path, default=Path("results/verdicts.json"))
     options = parser.parse_args(arguments)
     options.json.parent.mkdir(parents=True, exist_ok=True)
+    if options.table == "examined":
+        print_examined(options)
+        return
     rows: list[Row] = []
     with tempfile.TemporaryDirectory() as folder:
         for name, judge_all in {"corpus": corpus_rows, "public": public_rows}.items():

@@ -6,10 +6,11 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 from tests.verdicts.public_models import moves
 
@@ -70,13 +71,20 @@ def judged(jobs: Iterable[Job], *, workers: int, seconds: float) -> Iterator[tup
 
 
 def _tried(job: Job, seconds: float) -> Verdict:
-    command = [sys.executable, "-m", "tests.verdicts.judge"]
-    command += [str(job.path), str(job.duration), job.drive]
+    asked = ["tests.verdicts.judge", str(job.path), str(job.duration), job.drive]
+    said = said_in_its_own_process(asked, seconds)
+    return Verdict(*said) if isinstance(said, tuple) else Verdict(**said)
+
+
+def said_in_its_own_process(
+    module: Sequence[str], seconds: float
+) -> dict[str, Any] | tuple[str, str]:
+    """Return what a module with its arguments prints last, as JSON; else a word, and why."""
     # The engine writes its warnings into a file of the current folder.
     with tempfile.TemporaryDirectory() as folder:
         try:
             done = subprocess.run(
-                command,
+                [sys.executable, "-m", *module],
                 cwd=folder,
                 env=os.environ | {"PYTHONPATH": str(_ROOT)},
                 capture_output=True,
@@ -84,10 +92,10 @@ def _tried(job: Job, seconds: float) -> Verdict:
                 check=False,
             )
         except subprocess.TimeoutExpired:
-            return Verdict("too slow", f"no verdict within {seconds:g} s for the model")
+            return "too slow", f"no verdict within {seconds:g} s for the model"
     if done.returncode:
-        return Verdict("died", f"exit code {done.returncode}")
-    return Verdict(**json.loads(done.stdout.splitlines()[-1]))
+        return "died", f"exit code {done.returncode}"
+    return json.loads(done.stdout.splitlines()[-1])
 
 
 if __name__ == "__main__":

@@ -163,16 +163,30 @@ def compile_model(
     with _model_file(source, structure) as path, _said_once(source):
         try:
             if path.suffix == BINARY:
-                return mujoco.MjModel.from_binary_path(str(path))
+                return _with_one_control_each(mujoco.MjModel.from_binary_path(str(path)), source)
             spec = mujoco.MjSpec.from_file(str(path))
             for element in (*spec.meshes, *spec.hfields, *spec.skins, *spec.textures):
                 if found := source.content.resources.get(plain_name(element.file)):
                     element.file = str(found)
             name_by_address(spec)
             edit(spec)
-            return spec.compile()
+            return _with_one_control_each(spec.compile(), source)
         except (ValueError, mujoco.FatalError) as error:
             raise compile_error(source.model, path, error) from error
+
+
+def _with_one_control_each(model: mujoco.MjModel, source: SceneSource) -> mujoco.MjModel:
+    """Return a model whose actuators have one control and one force; a SceneError names others."""
+    for actuator in range(getattr(model, "nactuator", 0)):
+        controls, forces = model.actuator_ctrlnum[actuator], model.actuator_outnum[actuator]
+        if (controls, forces) != (1, 1):
+            name = model.actuator(actuator).name
+            raise SceneError(
+                f"{source.model}: actuator '{name}' has {controls} controls and {forces} forces, "
+                "and contactlab records one of each; write an actuator for each of them, such as "
+                '<position joint="..."/> or <motor gear="..."/>'
+            )
+    return model
 
 
 _said: set[tuple[Path, str]] = set()
