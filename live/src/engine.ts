@@ -77,6 +77,9 @@ type Owner = Record<string, number | NumberArray | undefined>;
 
 const isArray = (value: unknown): value is NumberArray => ArrayBuffer.isView(value);
 
+/** Fields of which changes turn bits. */
+export const BITS: ReadonlySet<string> = new Set(["opt.disableflags", "opt.enableflags"]);
+
 /** The object that has a field, as `opt.timestep`, and the field's name there. */
 function ownerOf(model: MjModel, path: string): [Owner, string] {
   const [first, second] = path.split(".") as [string, string?];
@@ -84,13 +87,23 @@ function ownerOf(model: MjModel, path: string): [Owner, string] {
   return second === undefined ? [whole, first] : [whole[first] as Owner, second];
 }
 
-/** Write changes into a model; return the fields that this version of MuJoCo lacks. */
-export function write(model: MjModel, fields: Fields): string[] {
+/** Write a run's fields into a model, then each change of it; return the fields that this MuJoCo lacks. */
+export function write(model: MjModel, [first, ...changes]: readonly Fields[]): string[] {
+  const lacking = new Set(put(model, first ?? {}));
+  const own = Object.fromEntries([...BITS].map((path) => [path, Number(valueOf(model, path))]));
+  for (const change of changes) {
+    for (const path of put(model, change, own)) lacking.add(path);
+  }
+  return [...lacking];
+}
+
+/** Put numbers into a model; of bits, turn those that differ from its own. */
+function put(model: MjModel, fields: Fields, own: Record<string, number> = {}): string[] {
   const lacking: string[] = [];
   for (const [path, [places, values]] of Object.entries(fields)) {
     const [owner, key] = ownerOf(model, path);
     const field = owner[key];
-    if (typeof field === "number") owner[key] = values[0]!;
+    if (typeof field === "number") owner[key] = path in own ? field ^ own[path]! ^ values[0]! : values[0]!;
     else if (isArray(field) && places.every((place) => place < field.length)) {
       places.forEach((place, index) => { field[place] = values[index]!; });
     } else lacking.push(path);

@@ -1,6 +1,6 @@
 // The model with what was changed, as one MJCF document.
+import { type Choice, composed } from "./changes";
 import type { Fields, PageData, Run } from "./page_data";
-import { composed } from "./simulation";
 
 const WORDS: Record<string, readonly string[]> = {
   integrator: ["Euler", "RK4", "implicit", "implicitfast"],
@@ -23,8 +23,8 @@ interface Keyframe {
 }
 
 /** Return MJCF with a state as its keyframe; a comment names what it cannot say. */
-export function mjcfOf(page: PageData, run: Run, chosen: readonly number[], read: Reader, state: Keyframe): string {
-  const { whole, patches } = composed(run, chosen);
+export function mjcfOf(page: PageData, run: Run, choice: Choice, read: Reader, state: Keyframe): string {
+  const { whole, patches } = composed(run, choice);
   const model = page.models[whole.model]!;
   const document = new DOMParser().parseFromString(model.mjcf, "text/xml");
   const root = document.documentElement;

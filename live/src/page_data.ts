@@ -38,6 +38,15 @@ export interface Slider {
   stops: Stop[];
 }
 
+/** A change of the run's model that is made or not: a row of its budget. */
+export interface Switch {
+  name: string;
+  summary: string;
+  /** What the budget says of it. */
+  told: string;
+  fields: Fields;
+}
+
 export interface Run extends Partial<Whole> {
   id: string;
   label: string;
@@ -50,11 +59,24 @@ export interface Run extends Partial<Whole> {
   end?: Packed;
   ghost?: Packed;
   sliders?: Slider[];
+  switches?: Switch[];
   film?: string | null;
+}
+
+/** What a material looks like: a picture, of so many pixels, or its mean colour. */
+export interface Texture {
+  material: number;
+  mean: [number, number, number];
+  repeat: [number, number];
+  uniform: boolean;
+  width?: number;
+  height?: number;
+  blob?: number;
 }
 
 export interface Model {
   geoms: string[];
+  textures: Texture[];
   /** As its author reads it, with files of his. */
   mjcf: string;
   /** The compiled model, where this MuJoCo has the version that compiled it; else all that follows. */

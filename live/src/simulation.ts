@@ -1,6 +1,7 @@
 // One motion: its model, start and inputs, stepped, rewound and looked at.
+import { type Choice, composed } from "./changes";
 import { type Engine, type MjData, type MjModel, type Models, valueOf, write } from "./engine";
-import { type Fields, type Inputs, type PageData, type Run, type Stop, type Whole, unpacked } from "./page_data";
+import { type Inputs, type PageData, type Run, unpacked } from "./page_data";
 
 const SNAPSHOTS = 128;
 const CONTACT = 5; // of mjtConstraint, the first that is a contact
@@ -23,26 +24,8 @@ export interface Contact {
   geoms: [number, number];
 }
 
-/** A run with the values that its sliders have. */
-export function composed(run: Run, chosen: readonly number[]): { whole: Whole; patches: Fields[]; moved: Fields[] } {
-  const changed = (run.sliders ?? []).flatMap((slider, place) =>
-    chosen[place] === undefined || chosen[place] === slider.own ? [] : [slider.stops[chosen[place]!]!]);
-  const other = changed.find((stop): stop is Stop & Whole => stop.model !== undefined);
-  const whole: Whole = other ?? (run as Whole);
-  const rest = changed.filter((stop) => stop !== other && stop.model === undefined);
-  const inputs = rest.findLast((stop) => stop.inputs !== undefined)?.inputs ?? whole.inputs;
-  // The timestep alone decides how many steps there are; of several changes it is the last.
-  const steps = rest.find((stop) => "opt.timestep" in stop.fields)?.steps ?? whole.steps;
-  return {
-    whole: { ...whole, inputs, steps },
-    patches: [whole.fields, ...rest.map((stop) => stop.fields)],
-    moved: rest.map((stop) => stop.moved ?? {}),
-  };
-}
-
 export class Simulation {
   step = 0;
-  readonly lacking: string[];
   /** Largest depth of a contact in each state that was reached [m]. */
   readonly depths: Float32Array;
   private readonly shown: MjData;
@@ -60,9 +43,8 @@ export class Simulation {
     readonly steps: number,
     readonly geoms: readonly string[],
     private readonly course: Course | null,
-    patches: Fields[],
+    readonly lacking: readonly string[],
   ) {
-    this.lacking = [...new Set(patches.flatMap((patch) => write(model, patch)))];
     this.depths = new Float32Array(steps + 1).fill(Number.NaN);
     this.shown = new engine.MjData(model);
     this.force = new engine.DoubleBuffer(6);
@@ -71,8 +53,8 @@ export class Simulation {
     this.stride = Math.max(1, Math.ceil(steps / SNAPSHOTS));
   }
 
-  static async of(engine: Engine, models: Models, page: PageData, run: Run, chosen: readonly number[]): Promise<Simulation> {
-    const { whole, patches, moved } = composed(run, chosen);
+  static async of(engine: Engine, models: Models, page: PageData, run: Run, choice: Choice): Promise<Simulation> {
+    const { whole, patches, moved } = composed(run, choice);
     const model = await models.copy(whole.model);
     const parts = (await unpacked(whole.parts)) as Parts;
     for (const each of moved) {
@@ -81,7 +63,8 @@ export class Simulation {
       }
     }
     const course = whole.inputs === null ? null : await courseOf(page.inputs[whole.inputs]!);
-    const made = new Simulation(engine, model, new engine.MjData(model), whole.steps, page.models[whole.model]!.geoms, course, patches);
+    const lacking = write(model, patches);
+    const made = new Simulation(engine, model, new engine.MjData(model), whole.steps, page.models[whole.model]!.geoms, course, lacking);
     made.start(parts);
     return made;
   }
@@ -275,7 +258,7 @@ export class Ghost {
     if (!run.ghost || run.model === undefined) return null;
     const { times, poses } = await unpacked(run.ghost);
     const model = await models.copy(run.model);
-    write(model, run.fields ?? {});
+    write(model, [run.fields ?? {}]);
     return new Ghost(engine, model, new engine.MjData(model), times as Float64Array, poses as Float32Array);
   }
 

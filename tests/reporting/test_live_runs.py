@@ -26,15 +26,17 @@ axes:
   timestep: [1.0e-3, 2.0e-3]
   drop_height: {values: [0.5, 1.0], role: scenario}
 """
-# A wedge off its origin, scaled, turned and with a texture, whose pad is of the same file.
+# A wedge off its origin, scaled, turned and with a texture; its pad is of the same file, and scaled
+# by a class.
 MESHES = """
 <mujoco>
   <compiler meshdir="parts"/>
+  <default><default class="small"><mesh scale="0.01 0.01 0.01"/></default></default>
   <asset>
     <texture name="sky" type="2d" builtin="gradient" width="8" height="8"/>
     <material name="blue" texture="sky"/>
     <mesh name="wedge" file="wedge.obj" scale="0.1 0.2 0.1" refpos="1 0 0"/>
-    <mesh name="pad" file="wedge.obj" scale="0.01 0.01 0.01"/>
+    <mesh name="pad" class="small" file="wedge.obj"/>
   </asset>
   <worldbody>
     <geom type="plane" size="1 1 .1" material="blue"/>

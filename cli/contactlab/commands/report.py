@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from contactlab.command_line import options as opt
 from contactlab.command_line.declaration import Given, Option, command, flag
 from contactlab.command_line.listing import Listing
-from contactlab.command_line.surroundings import say
+from contactlab.command_line.surroundings import rerun_with_mujoco, say
 from contactlab.command_line.terminal import echo, print_table
 from contactlab.errors import OutputError
 
@@ -90,6 +90,14 @@ def report(
             kind=list[str],
         ),
     ] = (),
+    mujoco: Annotated[
+        str | None,
+        Option(
+            "VERSION|PYTHON",
+            "MuJoCo that compiles the models of the page that simulates: the store's, for equal "
+            "bits.",
+        ),
+    ] = None,
     format: Annotated[
         str | Sequence[str],
         Option(None, "File formats of the figures: png, svg, pdf.", kind=str),
@@ -124,9 +132,10 @@ def report(
         if unread := [name for name, given in {**others, "within": within}.items() if given]:
             raise OutputError(f"--{unread[0]} is not of a page that simulates; leave it out")
         page = opt.beside(address, ".live.html") if output is None else Path(output)
+        rerun_with_mujoco(mujoco, None)
         return _live(opened, page, run)
-    if run:
-        raise OutputError("--run is of the page that simulates; write --live too")
+    if unread := [name for name, given in {"run": run, "mujoco": mujoco}.items() if given]:
+        raise OutputError(f"--{unread[0]} is of the page that simulates; write --live too")
     against = None if baseline is None else Store.open(opt.address_of(baseline))
     shown = None if parity is None else Path(parity)
     request = PageRequest(criteria, _count(str(traces)), int(max_mb * 1e6), against, shown)

@@ -7,7 +7,7 @@ MJCF, and over it every real number that was compiled, since MJCF is written wit
 import copy
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -16,6 +16,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from contactlab.live.surfaces import Texture, textures_of
 from contactlab.scene.compile_model import compile_model
 from contactlab.scene.effects.effect_table import remove
 from contactlab.scene.model_draft import fields_of
@@ -33,6 +34,7 @@ class BrowserModel:
     model: mujoco.MjModel
     spec: mujoco.MjSpec | None  # what it was compiled from; None where it came compiled
     fields: Mapping[str, bytes]  # the files of its height fields, by the names that its MJCF has
+    textures: Sequence[Texture] = ()  # of its materials, for whoever draws it
 
     @classmethod
     def of(cls, scene: Scene, run: RunSpec) -> "BrowserModel":
@@ -51,7 +53,8 @@ class BrowserModel:
                     fields[element.file] = (folder / element.file).read_bytes()
 
         model = compile_model(scene.source, run.structure, plain)
-        return cls(model, specs[0] if specs else None, fields)
+        pictures = tuple(textures_of(scene.base_of(run).model))
+        return cls(model, specs[0] if specs else None, fields, pictures)
 
     @property
     def compiled(self) -> bytes:
@@ -79,8 +82,9 @@ class BrowserModel:
             if element.tag == "mesh":
                 found = self.model.mesh(element.get("name", Path(file).stem))
                 name, content = f"{place}.msh", _mesh_file(self.model, found.id)
-                for attribute in ("scale", "refpos", "refquat", "content_type"):
-                    element.attrib.pop(attribute, None)
+                element.attrib.pop("content_type", None)
+                # Its class may have others.
+                element.attrib.update(_AS_IT_IS)
             else:
                 name, content = f"{place}{Path(file).suffix}", self.fields[file]
             files[name] = content
@@ -106,6 +110,7 @@ class BrowserModel:
         }
 
 
+_AS_IT_IS = {"scale": "1 1 1", "refpos": "0 0 0", "refquat": "1 0 0 0"}
 _DRAWN = ("mesh_normal", "mesh_texcoord", "mesh_facenormal", "mesh_facetexcoord")
 _OF_MESHES = re.compile("bvh_|mesh_(?!vert$|pos$|quat$)")
 _RAYS = {

@@ -21,6 +21,7 @@ from contactlab.live.browser_build import BrowserBuild, find_build
 from contactlab.live.browser_models import BrowserModel, changes, difference
 from contactlab.live.live_runs import LiveRun, LiveRuns, Slider, Variant
 from contactlab.live.sliders import value_text
+from contactlab.live.surfaces import Texture
 from contactlab.measure import LABELS
 from contactlab.page.header_films import film_of
 from contactlab.page.packing import as_json, pack, packed_text
@@ -131,6 +132,7 @@ class _Document:
         entry: dict[str, Any] = {
             "geoms": [visible(name) for name in self.runs.geom_names(place)],
             "mjcf": found.mjcf,
+            "textures": [self._texture(texture) for texture in found.textures],
         }
         if self._same:
             return entry | {"bytes": self._blob(found.compiled)}
@@ -142,6 +144,19 @@ class _Document:
             "files": {name: self._blob(data) for name, data in files.items()},
             "numbers": pack(found.numbers),
         }
+
+    def _texture(self, texture: Texture) -> dict[str, Any]:
+        entry: dict[str, Any] = {
+            "material": texture.material,
+            "mean": texture.mean,
+            "repeat": texture.repeat,
+            "uniform": texture.uniform,
+        }
+        if texture.picture is None:
+            return entry
+        height, width, _ = texture.picture.shape
+        blob = self._blob(texture.picture.tobytes())
+        return entry | {"width": width, "height": height, "blob": blob}
 
     def _run(self, store: Store, run: LiveRun) -> dict[str, Any]:
         record = run.record
