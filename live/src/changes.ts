@@ -1,6 +1,6 @@
 // What a reader changes of a run: values of sliders, and switches; and the run with all of it.
 import { BITS } from "./engine";
-import type { Fields, Run, Stop, Whole } from "./page_data";
+import type { Fields, Run, Stop, Switch, Whole } from "./page_data";
 
 /** Places of the sliders' values, and which switches are on. */
 export interface Choice {
@@ -28,6 +28,8 @@ export function isChanged(run: Run, choice: Choice): boolean {
 const stopsOf = (run: Run, choice: Choice): Stop[] =>
   (run.sliders ?? []).flatMap((slider, place) => (choice.stops[place] === slider.own ? [] : [slider.stops[choice.stops[place]!]!]));
 
+const switchesOf = (run: Run, choice: Choice): Switch[] => (run.switches ?? []).filter((_, place) => choice.on[place]);
+
 /** Whether the chosen values make another structure, of which the switches do not know the places. */
 export const isRebuilt = (run: Run, choice: Choice): boolean => stopsOf(run, choice).some((stop) => stop.model !== undefined);
 
@@ -37,13 +39,13 @@ export function composed(run: Run, choice: Choice): Composed {
   const other = changed.find((stop): stop is Stop & Whole => stop.model !== undefined);
   const whole: Whole = other ?? (run as Whole);
   const rest = changed.filter((stop) => stop !== other && stop.model === undefined);
-  const switched = other ? [] : (run.switches ?? []).flatMap((each, place) => (choice.on[place] ? [each.fields] : []));
+  const switched = other ? [] : switchesOf(run, choice);
   const inputs = rest.findLast((stop) => stop.inputs !== undefined)?.inputs ?? whole.inputs;
   // The timestep alone decides how many steps there are.
-  const steps = rest.find((stop) => "opt.timestep" in stop.fields)?.steps ?? whole.steps;
+  const steps = [...rest, ...switched].findLast((each) => "opt.timestep" in each.fields)?.steps ?? whole.steps;
   return {
     whole: { ...whole, inputs, steps },
-    patches: [whole.fields, ...rest.map((stop) => stop.fields), ...switched],
+    patches: [whole.fields, ...[...rest, ...switched].map((each) => each.fields)],
     moved: rest.map((stop) => stop.moved ?? {}),
   };
 }
@@ -51,7 +53,7 @@ export function composed(run: Run, choice: Choice): Composed {
 /** The switches that are on and set a number that another change sets, too: theirs counts. */
 export function contested(run: Run, choice: Choice): string[] {
   const { patches } = composed(run, choice);
-  const switches = (run.switches ?? []).filter((_, place) => choice.on[place]);
+  const switches = switchesOf(run, choice);
   const first = patches.length - switches.length;
   return switches.flatMap((each, place) => {
     const before = patches.slice(1, first + place);

@@ -38,13 +38,15 @@ export interface Slider {
   stops: Stop[];
 }
 
-/** A change of the run's model that is made or not: a row of its budget. */
+/** A change of the run's model that is made or not: a row of its budget, or what mends it. */
 export interface Switch {
+  kind: string;
   name: string;
   summary: string;
-  /** What the budget says of it. */
+  /** What is known of it: its share, or its cost. */
   told: string;
   fields: Fields;
+  steps: number;
 }
 
 export interface Run extends Partial<Whole> {

@@ -24,8 +24,11 @@ export class Panel {
       on: (run.switches ?? []).map((each) => values[each.name] === ON),
     };
     find("sliders").replaceChildren(...(run.sliders ?? []).map((slider, place) => this.slider(slider, place)));
-    const switches = (run.switches ?? []).map((each, place) => this.switch(each, place));
-    find("switches").replaceChildren(...(switches.length ? [element("h2", {}, "Rows of the budget"), ...switches] : []));
+    const switches = run.switches ?? [];
+    find("switches").replaceChildren(...switches.flatMap((each, place) => [
+      ...(each.kind === switches[place - 1]?.kind ? [] : [element("h2", {}, each.kind)]),
+      this.switch(each, place),
+    ]));
     this.tell();
   }
 

@@ -7,7 +7,7 @@ from tempfile import TemporaryDirectory, TemporaryFile
 from typing import TYPE_CHECKING, Annotated
 
 from contactlab.command_line import options as opt
-from contactlab.command_line.declaration import Given, Option, Show, command
+from contactlab.command_line.declaration import Given, Option, Show, command, flag
 from contactlab.command_line.judgements import printed
 from contactlab.command_line.surroundings import say, surroundings
 from contactlab.command_line.terminal import echo
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from contactlab.studies.session import Session
     from contactlab.writers import Report
 
-_PAGE, _REPORT = "page.html", "examination.json"
+_PAGE, _REPORT, _LIVE = "page.html", "examination.json", ".live.html"
 _FILES = {".html", ".htm", ".json"}
 
 
@@ -66,8 +66,9 @@ def examined(
     *,
     allow_code: bool = False,
     page: bool = False,
+    live: bool = False,
 ) -> "Examination":
-    """Examine a model; write its report, its evidence and its page, if wanted.
+    """Examine a model; write its report, its evidence and its pages, if wanted.
 
     Raises an OutputError if they cannot be written, before anything is run.
     """
@@ -80,7 +81,9 @@ def examined(
     target = None if output is None else opt.folder_of(output)
     file = target if target is not None and target.suffix in _FILES else None
     page = page if file is None else file.suffix != ".json"
-    parts = request.parts + page
+    if live:
+        _check_live(page=page)
+    parts = request.parts + page + live
     with (
         _folder(request.model, None if file else target, kept=file is None) as folder,
         surroundings().in_parts(parts) as begin,
@@ -94,6 +97,11 @@ def examined(
         if page:
             begin("drawing its page")
             report = _drawn(report, session, file or folder / _PAGE)
+        if live:
+            begin("writing the page that simulates")
+            _simulating(
+                report, session, file.with_suffix(_LIVE) if file else folder / f"page{_LIVE}"
+            )
         if file is None:
             session.write({_REPORT: report.model_dump_json(indent=2) + "\n"})
         elif file.suffix == ".json":
@@ -132,6 +140,27 @@ def _write(file: Path, text: str) -> None:
     say(f"wrote {file}")
 
 
+def _check_live(*, page: bool) -> None:
+    """Refuse a page that simulates which cannot be written, before minutes of measuring."""
+    from contactlab.live.browser_build import find_build
+
+    if not page:
+        raise OutputError("--live is of a whole examination; leave out --only and -o FILE.json")
+    find_build()
+
+
+def _simulating(report: "Examination", session: "Session", file: Path) -> None:
+    """Write the page that simulates the runs of an examination's task."""
+    from contactlab.live.live_page import write_live_page
+    from contactlab.store.finished_store import Store
+    from contactlab.studies.check.checked_model import TASK_STORE
+
+    store = Store.open(session.folder / TASK_STORE)
+    for note in write_live_page(store, file, examination=report):
+        say(f"note: {note}")
+    say(f"wrote {file}, {file.stat().st_size / 1e6:.2g} MB")
+
+
 def _drawn(report: "Examination", session: "Session", file: Path) -> "Examination":
     """Draw the page of an examination, from the store of its runs."""
     from contactlab.page.report_files import write_page
@@ -165,6 +194,10 @@ def examine(
         ),
     ] = (),
     output: opt.ExaminationOutput = None,
+    live: Annotated[
+        bool,
+        flag("Write a page that simulates the task too, with the budget's rows as switches."),
+    ] = False,
     write: Annotated[
         str | Path | None,
         Option("FILE", "File for the model with the first change that helps.", kind=Path),
@@ -222,4 +255,4 @@ def examine(
         accept=tuple(accept),
         max_cpu=seconds_of(max_cpu, "--max-cpu"),
     )
-    return examined(request, output, workers, allow_code=allow_code, page=not only)
+    return examined(request, output, workers, allow_code=allow_code, page=not only, live=live)

@@ -19,7 +19,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from contactlab.errors import ContactlabError, OutputError
 from contactlab.live.browser_build import BrowserBuild, find_build
 from contactlab.live.browser_models import BrowserModel, changes, difference
-from contactlab.live.live_runs import LiveRun, LiveRuns, Slider, Variant
+from contactlab.live.live_runs import LiveRun, LiveRuns, Slider, Switch, Variant
 from contactlab.live.sliders import value_text
 from contactlab.live.surfaces import Texture
 from contactlab.measure import LABELS
@@ -27,6 +27,7 @@ from contactlab.page.header_films import film_of
 from contactlab.page.packing import as_json, pack, packed_text
 from contactlab.printable import visible
 from contactlab.scene.timed_inputs import Signals
+from contactlab.schema.examination import Examination
 from contactlab.store.atomic_files import atomic_write
 from contactlab.store.finished_store import Store
 
@@ -36,15 +37,21 @@ _MOST_RUNS = 8
 _LEVEL = 9
 
 
-def write_live_page(store: Store, target: Path, run_ids: Sequence[str] = ()) -> tuple[str, ...]:
+def write_live_page(
+    store: Store,
+    target: Path,
+    run_ids: Sequence[str] = (),
+    examination: Examination | None = None,
+) -> tuple[str, ...]:
     """Write runs of a store as a page that simulates them, offline; return what it leaves out.
 
-    Without ids there is a run of each label, the worst first. A StoreError says that there is no
+    Without ids there is a run of each label, the worst first. Runs of an examination's task have
+    what it says, and its budget's rows and changes as switches. A StoreError says that there is no
     such run; an OutputError that the browser's part is not built, that the page is larger than
     16 MB, or that it cannot be written.
     """
     build = find_build()
-    runs = LiveRuns(store)
+    runs = LiveRuns(store, examination)
     chosen = [runs.run(run) for run in run_ids or _telling(store)]
     document = _Document(build, runs)
     page = document.of(store, chosen)
@@ -97,8 +104,10 @@ class _Document:
     def of(self, store: Store, chosen: Sequence[LiveRun]) -> dict[str, Any]:
         """Return what the template of the page takes."""
         self.entries += [self._run(store, run) for run in chosen]
+        examined = self.runs.examination
+        name = Path(examined.model).name if examined else store.manifest.sweep.name
         data = {
-            "store": store.manifest.sweep.name,
+            "store": name,
             "engine": self.build.mujoco,
             "runs": self.entries,
             "models": [self._model(place) for place in range(len(self.runs.models))],
@@ -111,7 +120,7 @@ class _Document:
             for text in (self.build.script, style)
         )
         return {
-            "title": visible(f"{store.manifest.sweep.name}, simulated"),
+            "title": visible(f"{name}, simulated"),
             "hashes": {"script": scripts, "style": styles},
             "style": style,
             "script": self.build.script,
@@ -160,10 +169,11 @@ class _Document:
 
     def _run(self, store: Store, run: LiveRun) -> dict[str, Any]:
         record = run.record
+        reasons = [f"{visible(each.label)}: {visible(each.reason)}" for each in record.labels]
         entry: dict[str, Any] = {
             "id": record.run_id,
             "label": visible(record.label),
-            "reasons": [f"{visible(each.label)}: {visible(each.reason)}" for each in record.labels],
+            "reasons": [*self._sentence(), *reasons],
             "axes": [[visible(name), value_text(value)] for name, value in record.axes.items()],
             "version": record.engine.version,
             "notes": [visible(note) for note in run.notes],
@@ -180,7 +190,12 @@ class _Document:
         return entry | {
             **self._whole(run.variant, base),
             "sliders": [self._slider(slider, run.variant) for slider in run.sliders],
+            "switches": list(filter(None, (_switch(each, run.variant) for each in run.switches))),
         }
+
+    def _sentence(self) -> Sequence[str]:
+        examined = self.runs.examination
+        return [visible(examined.sentence)] if examined else []
 
     def _unread(self, run: LiveRun) -> str:
         """Return why the browser's MuJoCo cannot read the model of a run; nothing if it may."""
@@ -239,6 +254,14 @@ class _Document:
                 }
             )
         return self._inputs[key]
+
+
+def _switch(switch: Switch, run: Variant) -> dict[str, Any] | None:
+    """Return what a switch changes of its run; None if it is nothing, or the structure."""
+    if switch.variant.base != run.base or not (fields := changes(run.model, switch.variant.model)):
+        return None
+    words = {name: visible(getattr(switch, name)) for name in ("kind", "name", "summary", "told")}
+    return {**words, "fields": fields, "steps": switch.variant.steps}
 
 
 def signals_of(signals: Signals) -> tuple[np.ndarray, ...]:

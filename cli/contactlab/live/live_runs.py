@@ -13,6 +13,7 @@ from contactlab.engines.engine import Buffers, PreparedRuns
 from contactlab.engines.rollout_trace import trajectory_hash
 from contactlab.errors import ContactlabError
 from contactlab.live.browser_models import BrowserModel
+from contactlab.live.budget_switches import rows_of, switched
 from contactlab.live.sliders import offered_values, value_text
 from contactlab.mjcf import MODEL_ENGINE
 from contactlab.run.planned_runs import stored_sweep_scene
@@ -22,6 +23,7 @@ from contactlab.scene.model_edits import LOOP_ENGINE
 from contactlab.scene.run_spec import RunSpec
 from contactlab.scene.scene import Scene
 from contactlab.schema.evidence import EvidenceRecord
+from contactlab.schema.examination import Examination
 from contactlab.store.finished_store import Store
 
 _GHOST_RATE = 60.0  # stored poses per simulated second
@@ -54,6 +56,17 @@ class Slider:
 
 
 @dataclass(frozen=True)
+class Switch:
+    """A change of a run that is made or not: of what kind, what it is, and what is known of it."""
+
+    kind: str
+    name: str
+    summary: str
+    told: str
+    variant: Variant
+
+
+@dataclass(frozen=True)
 class StoredMotion:
     """What is stored of a run's motion, or came out of it again here, bit for bit."""
 
@@ -70,15 +83,20 @@ class LiveRun:
     variant: Variant | None
     motion: StoredMotion | None = None
     sliders: tuple[Slider, ...] = ()
+    switches: tuple[Switch, ...] = ()
     notes: tuple[str, ...] = ()
     why: str = ""
 
 
 @dataclass
 class LiveRuns:
-    """Runs of a store, prepared for a page; each of their structures is compiled once."""
+    """Runs of a store, prepared for a page; each of their structures is compiled once.
+
+    Of a model that was examined, the rows of its budget and the changes that mend it are switches.
+    """
 
     store: Store
+    examination: Examination | None = None
     models: list[BrowserModel] = field(default_factory=list[BrowserModel])
     _places: dict[str, int] = field(default_factory=dict[str, int])
 
@@ -112,7 +130,9 @@ class LiveRuns:
         if why := _never(record, variant.model):
             return LiveRun(record, variant, motion, why=why)
         sliders = tuple(self._sliders(record, axes, variant, controls))
-        return LiveRun(record, variant, motion, sliders, tuple(_notes(record, motion)))
+        switches = (*self._mending(record, axes, controls), *self._rows(variant))
+        notes = tuple(_notes(record, motion))
+        return LiveRun(record, variant, motion, sliders, switches, notes)
 
     def _variant(self, resolved: RunSpec, start: InitialStates, text: str = "") -> Variant:
         key = repr((dict(resolved.structure), sorted(resolved.without)))
@@ -154,14 +174,51 @@ class LiveRuns:
                     place = len(stops)
                     stops.append(replace(variant, text=text))
                     continue
-                changed = {**axes, spec.name: value}
-                resolved = self._scene.resolve(changed, record.seed, record.duration)
-                start = self._scene.starts([resolved])
-                if controls is not None:
-                    start = start.acted_on([controls])
-                stops.append(self._variant(resolved, start, text))
+                stops.append(self._with({**axes, spec.name: value}, record, controls, text))
             if len(stops) > 1:
                 yield Slider(spec.name, spec.unit, place, tuple(stops))
+
+    def _with(
+        self,
+        axes: Mapping[str, object],
+        record: EvidenceRecord,
+        controls: RecordedControls | None,
+        text: str = "",
+    ) -> Variant:
+        """Return a run with other values of its axes, resolved as in a sweep."""
+        resolved = self._scene.resolve(axes, record.seed, record.duration)
+        start = self._scene.starts([resolved])
+        if controls is not None:
+            start = start.acted_on([controls])
+        return self._variant(resolved, start, text)
+
+    def _mending(
+        self,
+        record: EvidenceRecord,
+        axes: Mapping[str, object],
+        controls: RecordedControls | None,
+    ) -> Iterator[Switch]:
+        """Yield the changes that an examination proposes, of those that settings say."""
+        for change in self.examination.changes if self.examination else ():
+            specs = {name: self._scene.catalogue.find(name) for name in change.settings}
+            if change.excluded or not specs or None in specs.values():
+                continue
+            values = {
+                spec.name: spec.parse(change.settings[name])
+                for name, spec in specs.items()
+                if spec is not None
+            }
+            cost = f"{change.price.ratio:.2g} x time" if change.price else ""
+            variant = self._with({**axes, **values}, record, controls)
+            said = ", ".join(f"{name} {value_text(value)}" for name, value in values.items())
+            yield Switch("Changes that mend it", change.name, said, cost, variant)
+
+    def _rows(self, variant: Variant) -> Iterator[Switch]:
+        budget = self.examination.budget if self.examination else None
+        for row, told in rows_of(budget) if budget else ():
+            for name, model in switched(variant.model, row):
+                changed = replace(variant, model=model)
+                yield Switch("Rows of the budget", name, row.summary, told, changed)
 
 
 def _thinned(time: Floats, qpos: Floats, qvel: Floats) -> StoredMotion | None:
