@@ -99,6 +99,16 @@ def _stiffer(*fields: str) -> Change:
     return change
 
 
+def _stiffer_equalities(model: mujoco.MjModel) -> None:
+    """Halve what joins bodies, not what leads one by a mocap body."""
+    bodies = model.eq_objtype == mujoco.mjtObj.mjOBJ_BODY
+    ends = np.stack([model.eq_obj1id, model.eq_obj2id], axis=1) * bodies[:, None]
+    leads = (model.body_mocapid[ends] >= 0).any(axis=1) & bodies
+    led = model.eq_solref[leads]
+    _stiffer("eq_solref")(model)
+    model.eq_solref[leads] = led
+
+
 def _option(**values: float) -> Change:
     def change(model: mujoco.MjModel) -> None:
         for name, value in values.items():
@@ -119,7 +129,7 @@ CHANGES: dict[str, Change] = {
     "contact softness": _stiffer("geom_solref", "pair_solref"),
     "limit softness": _stiffer("jnt_solref", "tendon_solref_lim"),
     "friction loss softness": _stiffer("dof_solref", "tendon_solref_fri"),
-    "equality softness": _stiffer("eq_solref"),
+    "equality softness": _stiffer_equalities,
 }
 
 
@@ -301,7 +311,9 @@ def started(model: mujoco.MjModel, case: Case) -> tuple[mujoco.MjData, Drive | R
         mujoco.mj_setState(model, data, replay.start, _STATE)
         return data, replay
     if case.start != "qpos0":
-        mujoco.mj_resetDataKeyframe(model, data, model.key(case.start).id)
+        number = re.fullmatch(r"key\[(\d+)\]", case.start)  # of one without a name
+        key = int(number[1]) if number else model.key(case.start).id
+        mujoco.mj_resetDataKeyframe(model, data, key)
     return data, Drive(model, case, data.ctrl.copy())
 
 
@@ -411,7 +423,7 @@ def main() -> None:
         "--of", default="run", choices=["run", "energy", "warning", "solver", *CHANGES, *STRAINS]
     )
     parser.add_argument("--body", default="", help="which is judged")
-    parser.add_argument("--start", default="qpos0", help="a keyframe")
+    parser.add_argument("--start", default="qpos0", help="a keyframe, or key[NUMBER]")
     parser.add_argument("--held", action="store_true", help="keep the keyframe's controls")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--inputs", type=Path, help="controls to replay")

@@ -22,6 +22,7 @@ from contactlab.studies.session import Session
 
 _VIEWS = ("labels", "budget", "facts", "checks")
 _LONGEST = 300  # of a reason that is kept
+_SHOWN = re.compile(r"^\s*\d*\s*\|")  # a line of a file, or what is marked below it
 _TRIED = 4  # members of a family that may fail to compile
 
 
@@ -33,15 +34,16 @@ def examined(family: tuple[Robot, ...], folder: Path) -> Entry:
             _refuse_objects(robot.file, folder)
             return _whole(family, robot, folder)
         except ContactlabError as error:
-            refused.append(_said(error).replace(f"{robot.wheel.place}/", "")[:_LONGEST])
+            refused.append(said(error).replace(f"{robot.wheel.place}/", "")[:_LONGEST])
     return unexamined(family, refused[0])
 
 
-def _said(error: ContactlabError) -> str:
-    """Return what an error says in one line, without the line that it shows and its code."""
-    first, *shown = str(error).splitlines()
-    causes = [line.rpartition("^")[2].strip() for line in shown if "^" in line]
-    return ": ".join(filter(None, [re.sub(r"^error\[.*?\]: ", "", first), *causes]))
+def said(error: ContactlabError) -> str:
+    """Return what an error says in one line, without the lines that it shows and its code."""
+    first, *lines = str(error).splitlines()
+    shown = [line.partition("^")[2] for line in lines if _SHOWN.match(line)]
+    causes = shown or [line for line in lines if "-->" not in line]
+    return ": ".join(filter(None, (re.sub(r"^error\[.*?\]: ", "", first), *map(str.strip, causes))))
 
 
 def _refuse_objects(file: Path, folder: Path) -> None:

@@ -6,7 +6,7 @@ import pytest
 from tests.budget_motions import motion_of, walker
 
 from contactlab.budget import ROWS, ErrorBudget, Motion, Reading, Row, Settings, error_budget, judge
-from contactlab.budget.rows import stiffened
+from contactlab.budget.rows import hauled, stiffened
 from contactlab.engines.older_mujoco import StepLoop
 
 FAST = Settings(energy=False, places=False)
@@ -182,6 +182,45 @@ def test_a_servo_that_is_unstable_at_its_step_is_named() -> None:
     assert reason.body == "shank"
     for better in (servo(0.0025), servo(integrator="implicitfast")):
         assert judge(error_budget([better], rows=["step", "solver"])).word == "sound"
+
+
+LED = """<mujoco><option gravity="0 0 0" timestep=".002"/><worldbody>
+    <body name="hand" pos="{start} 0 0"><joint type="slide" axis="1 0 0"/><geom size=".05" mass="1"
+    contype="0"/>{site}</body><body name="lead" {mocap}>{site_of_lead}</body></worldbody>
+    <equality><weld {ends} solref=".1 1"/></equality></mujoco>"""
+BY_BODIES = {"ends": 'body1="lead" body2="hand" relpose="0 0 0 1 0 0 0"'}
+
+
+def led(mocap: bool = True, *, sites: bool = False) -> Motion:
+    parts = {"site": "", "site_of_lead": "", **BY_BODIES}
+    if sites:
+        parts = {"site": '<site name="a"/>', "site_of_lead": '<site name="b"/>'}
+        parts["ends"] = 'site1="b" site2="a"'
+    return motion_of(LED.format(start=0.3, mocap='mocap="true"' if mocap else "", **parts), 0.3)
+
+
+@pytest.mark.parametrize("sites", [False, True])
+def test_a_weld_by_which_a_mocap_body_leads_is_no_softness(sites: bool) -> None:
+    """The same weld to a body of the world is: with half the time constant, it draws faster."""
+    joined = reading(led(mocap=False, sites=sites), "equality softness")
+    assert joined is not None
+    assert joined.share > 0.1
+    assert reading(led(sites=sites), "equality softness") is None
+    assert list(hauled(led(sites=sites).model)) == [True]
+
+
+def test_beside_a_mocap_body_s_weld_other_equalities_are_judged() -> None:
+    """Of two welds alike, one that leads and one that joins, the second alone is made stiffer."""
+    text = LED.format(start=0.3, mocap='mocap="true"', site="", site_of_lead="", **BY_BODIES)
+    fixed = (
+        '<body name="post" pos=".3 0 0"/></worldbody><equality><weld body1="post" body2="hand"/>'
+    )
+    both = text.replace("</worldbody>", "", 1).replace("<equality>", fixed, 1)
+    motion = motion_of(both, 0.3)
+    assert list(hauled(motion.model)) == [False, True]
+    found = reading(motion, "equality softness")
+    assert found is not None
+    assert found.exercised
 
 
 def test_a_divergence_is_infinite_and_names_the_joint() -> None:

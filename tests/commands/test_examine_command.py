@@ -276,6 +276,27 @@ def test_a_joint_beyond_its_range_is_a_fact(tmp_path: Path) -> None:
     assert "57 deg beyond its range" in found.sentence
 
 
+@pytest.mark.parametrize(("pos", "said"), [(".3 0 .2", ["300 mm apart"]), ("0 0 .2", [])])
+def test_a_weld_that_begins_apart_is_a_fact(tmp_path: Path, pos: str, said: list[str]) -> None:
+    """A hand 0.3 m from the mocap body that leads it is drawn there, task or no task."""
+    path = tmp_path / "led.xml"
+    path.write_text(
+        f"""<mujoco><option gravity="0 0 0"/><worldbody><body name="hand" pos="0 0 .2">
+        <joint type="slide" axis="1 0 0"/><geom size=".05" contype="0"/></body>
+        <body name="lead" mocap="true" pos="{pos}"/></worldbody><equality>
+        <weld name="w" body1="lead" body2="hand" relpose="0 0 0 1 0 0 0"/></equality></mujoco>"""
+    )
+    scene = SceneLoader(Path()).open(str(path)).with_effects("all")
+    task = scene.task({}, 0.02)
+    motions = task_motions(scene, {}, task.model_copy(update={"seeds": task.seeds[:1]}))
+    for start in motions[0].starts:
+        start[1 : 1 + motions[0].model.nq] = 0  # as its author wrote it
+    found = [each for each in facts(motions, [0.0] * len(motions)) if each.kind == "equality"]
+    assert [text in each.sentence for each, text in zip(found, said, strict=True)] == [True] * len(
+        said
+    )
+
+
 @pytest.mark.long
 def test_a_model_that_includes_others_is_said_to_be_where_it_is(
     tmp_path: Path, contactlab: Run

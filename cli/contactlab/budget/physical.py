@@ -19,7 +19,7 @@ import mujoco
 import numpy as np
 
 from contactlab.budget.motion import INTEGRATION, Motion
-from contactlab.budget.rows import disabled, stiffened
+from contactlab.budget.rows import disabled, hauled, stiffened
 from contactlab.budget.verdict import Reason, Verdict
 from contactlab.budget.windows import joint_name
 from contactlab.contact.trace_arrays import Floats
@@ -263,7 +263,7 @@ def _used_rows(model: mujoco.MjModel, field: str) -> list[int]:
         "tendon_solref_lim": model.tendon_limited,
         "dof_solref": model.dof_frictionloss,
         "tendon_solref_fri": model.tendon_frictionloss,
-        "eq_solref": model.eq_active0,
+        "eq_solref": model.eq_active0 & ~hauled(model),
     }
     rows = np.flatnonzero(used[field])
     if field == "dof_solref":

@@ -154,6 +154,38 @@ _SOLREF = (
 )
 
 
+def hauled(model: mujoco.MjModel) -> np.ndarray:
+    """Return (neq,) whether an equality holds a body to one of mocap, which drives it.
+
+    As a servo's gain, how soft it is says how a hand is led, and not how rigid the model is.
+    """
+    kinds = (int(mujoco.mjtEq.mjEQ_CONNECT), int(mujoco.mjtEq.mjEQ_WELD))
+    found = np.zeros(model.neq, bool)
+    for equality in np.flatnonzero(np.isin(model.eq_type, kinds)):
+        ends = [int(ids[equality]) for ids in (model.eq_obj1id, model.eq_obj2id)]
+        if int(model.eq_objtype[equality]) == mujoco.mjtObj.mjOBJ_SITE:
+            ends = [int(model.site_bodyid[site]) for site in ends]
+        found[equality] = any(int(model.body_mocapid[body]) >= 0 for body in ends)
+    return found
+
+
+def _stiffer_equalities(model: mujoco.MjModel, _own: mujoco.MjModel) -> None:
+    kept = ~hauled(model)
+    model.eq_solref[kept] = stiffened(model.eq_solref[kept])
+
+
+def _has_joining_equalities(model: mujoco.MjModel) -> bool:
+    return _has_equalities(model) and not hauled(model).all()
+
+
+def _joins(model: mujoco.MjModel, data: mujoco.MjData) -> bool:
+    """Return whether an equality pushes that no mocap body drives."""
+    rows = data.efc_type == mujoco.mjtConstraint.mjCNSTR_EQUALITY
+    rows[rows] = ~hauled(model)[data.efc_id[rows]]
+    force = np.abs(data.efc_force)
+    return bool(force[rows].max(initial=0) > _ROUNDING * force.max(initial=0))
+
+
 def _raised(model: mujoco.MjModel, own: mujoco.MjModel) -> None:
     """Raise time constants to what refsafe makes of them at the run's step."""
     least = 2 * own.opt.timestep
@@ -590,11 +622,11 @@ ROWS: tuple[Row, ...] = (
     ),
     Row(
         "equality softness",
-        "solref of equalities / 2",
+        "solref of equalities / 2, but for those by which mocap bodies drive",
         "model",
-        (_stiffer("eq_solref"),),
-        _has_equalities,
-        _JOINED,
+        (_stiffer_equalities,),
+        _has_joining_equalities,
+        _joins,
     ),
     Row(
         "condim 1",

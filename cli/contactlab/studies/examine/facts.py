@@ -11,6 +11,7 @@ import numpy as np
 
 from contactlab.budget.motion import INTEGRATION, Motion
 from contactlab.budget.places import contact_name
+from contactlab.budget.rows import hauled
 from contactlab.budget.verdict import percent, plain
 from contactlab.budget.windows import joint_name, replay
 from contactlab.contact.trace_arrays import Floats
@@ -28,6 +29,7 @@ _HOLDS = 0.95  # of a cone of friction: beyond, a contact slides
 _WITH_FRICTION = 3  # dimensions of a contact
 _PYRAMIDAL = int(mujoco.mjtCone.mjCONE_PYRAMIDAL)
 _TOUCH = 1e-6  # of half a geom's extent, up to which geoms touch: what is less is rounding
+_ENDS_MEET = (int(mujoco.mjtEq.mjEQ_CONNECT), int(mujoco.mjtEq.mjEQ_WELD))
 _HEAVY = 1e3  # weights of the model, below which a force is ordinary
 
 
@@ -60,6 +62,7 @@ def facts(motions: Sequence[Motion], begins: Sequence[float]) -> tuple[Fact, ...
         *_of_creep(motions[0]),
         *_of_margin(deepest, hardest),
         *_of_limits(motions[0]),
+        *_of_equalities(motions[0]),
         *_of_force(hardest),
         *_of_mass(model),
     )
@@ -217,6 +220,34 @@ def _of_limits(motion: Motion) -> Iterator[Fact]:
         unit="rad" if turns else "m",
         sentence=f"at the start {name} is {said} beyond its range{more}: begin from a keyframe "
         "within it",
+    )
+
+
+def _of_equalities(motion: Motion) -> Iterator[Fact]:
+    """Yield the connect or weld whose ends start farthest apart, if that is much of a body."""
+    model, data = motion.model, mujoco.MjData(motion.model)
+    mujoco.mj_setState(model, data, motion.starts[0], INTEGRATION)
+    mujoco.mj_forward(model, data)
+    apart = dict[int, float]()
+    for equality in np.flatnonzero(np.isin(model.eq_type, _ENDS_MEET)):
+        rows = np.flatnonzero(
+            (data.efc_type == mujoco.mjtConstraint.mjCNSTR_EQUALITY) & (data.efc_id == equality)
+        )
+        apart[int(equality)] = float(np.linalg.norm(data.efc_pos[rows[:3]]))
+    worst = max(apart, key=lambda equality: apart[equality], default=-1)
+    if worst < 0 or apart[worst] <= DEEP * model.stat.meansize:
+        return
+    name = model.equality(worst).name
+    place = f"equality {name or f'[{worst}]'}"
+    said = f"at the start the ends of {place} are {_mm(apart[worst])} mm apart, and it draws them"
+    led = bool(hauled(model)[worst])
+    remedy = "place its mocap body there" if led else "begin where they meet"
+    yield Fact(
+        kind="equality",
+        place=place,
+        value=apart[worst],
+        unit="m",
+        sentence=f"{said} together: {remedy}, as by a keyframe",
     )
 
 
