@@ -57,6 +57,13 @@ class Costs:
         del turns
         return [self._price(*each) for each in models]
 
+    def compared(
+        self, one: tuple[mujoco.MjModel, int], other: tuple[mujoco.MjModel, int], turns: int
+    ) -> Price:
+        del turns
+        ratio = self._price(*one).ratio / self._price(*other).ratio
+        return Price(ratio, ratio, ratio)
+
     def _price(self, model: mujoco.MjModel, multiple: int) -> Price:
         self.timed.append(multiple)
         ratio = FINER / multiple * (4 if model.opt.integrator == RK4 else 1)

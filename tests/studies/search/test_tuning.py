@@ -96,6 +96,52 @@ def test_of_a_chaotic_motion_no_forward_error_is_promised(tmp_path: Path) -> Non
         tuned(text, tmp_path, task=task, **asked)
 
 
+TUMBLING = """<mujoco>
+  <option timestep="0.008" solver="PGS" iterations="400" tolerance="1e-15"/>
+  <worldbody>
+    <geom name="floor" type="plane" size="5 5 .1" friction=".3"/>
+    <geom name="shelf" type="box" size=".2 .2 .02" pos="2 0 .5"/>
+    <body name="box" pos="0 0 .15" euler="25 0 0"><freejoint/>
+      <geom name="box" type="box" size=".1 .1 .1"/></body>
+  </worldbody>
+</mujoco>
+"""
+
+
+@pytest.mark.long
+def test_what_misses_its_aim_gets_two_answers_and_none_that_is_slower(tmp_path: Path) -> None:
+    """An impact at 8 ms misses 1 %, with any solver; an exact one costs five times as much."""
+    task = read_task_options(drive="none", duration="0.5s")
+    report = tuned(TUMBLING, tmp_path, task=task, apart=0.05)
+    assert report.now.error
+    assert report.now.error > report.aim.limit
+    assert report.recommended
+    assert report.recommended.price
+    assert report.recommended.price.high < 0.5
+    assert report.recommended.error
+    assert report.recommended.error <= 1.02 * report.now.error
+    assert report.to_aim
+    assert report.to_aim.point.error
+    assert report.to_aim.point.error <= report.aim.limit
+    assert report.to_aim.verified.keeps_aim
+    assert report.verified
+    assert not report.verified.keeps_aim
+    # Both files have what is said of them, and the shelf, which nothing came near, is left out.
+    assert report.stayed_apart
+    assert report.stayed_apart.left_out
+    assert report.stayed_apart.geoms == ("shelf",)
+    for file, point in (
+        (report.file, report.recommended),
+        (report.to_aim.file, report.to_aim.point),
+    ):
+        assert file
+        made = mujoco.MjModel.from_xml_path(str(tmp_path / "out" / file))
+        assert made.opt.timestep == point.timestep
+        assert made.opt.solver == mujoco.mjtSolver.mjSOL_NEWTON
+        assert made.geom("shelf").contype[0] == made.geom("shelf").conaffinity[0] == 0
+    assert {"recommended", "keeps the aim"} <= {row["what"] for row in merged(report)}
+
+
 @pytest.mark.night
 @pytest.mark.parametrize("need", ["slope", "top", "bottle"])
 def test_what_a_model_needs_stays(need: str, tmp_path: Path) -> None:

@@ -21,11 +21,12 @@ from contactlab.budget.prices import Price
 from contactlab.budget.windows import start_rows
 from contactlab.studies.search.yardstick import Yardsticks, held
 
-_MOST_PLACES = 12  # states of each phase that stretches begin in
-_STRETCH = 0.2  # s of simulated time
+_FEWEST_PLACES, _MOST_PLACES = 4, 12  # states of each phase that stretches begin in
+_STRETCH, _SHORTEST = 0.2, 0.04  # s of simulated time
 _TURN = 0.01  # s that the model as written is timed for in each turn, about
+_LEAST, _MOST_REPEATS = 2e-3, 100  # s that the quickest is timed for, and how often it is run
 _WARM = 1
-_FEWEST, _MOST = 3, 60
+_FEWEST, _MOST = 2, 60
 """Turns of each seed."""
 NARROW = 0.07
 """Half-width of intervals that are wanted, as a share."""
@@ -48,7 +49,7 @@ class _Timed:
         own.opt.timestep = step
         self._stretches = stretches
         self._batches = [start_rows(own, stretch.motion.starts, 1) for stretch in stretches]
-        self._simulated = sum(len(each.motion.starts) * each.steps * step for each in stretches)
+        self.simulated = sum(len(each.motion.starts) * each.steps * step for each in stretches)
 
     def seconds(self, repeats: int) -> float:
         """Return thread time over simulated time."""
@@ -62,7 +63,7 @@ class _Timed:
                 begin = time.thread_time()
                 batch.rollout(steps, record=[], **given)
                 spent += time.thread_time() - begin
-        return spent / (repeats * self._simulated)
+        return spent / (repeats * self.simulated)
 
 
 Stepped = tuple[mujoco.MjModel, int]
@@ -74,23 +75,31 @@ class Clock:
 
     def __init__(self, yards: Yardsticks, base: mujoco.MjModel) -> None:
         """Take the model as written, as its files make it."""
-        self._yards, self._written, self._places, self._repeats = yards, base, 1, 1
+        self._yards, self._written = yards, base
+        # Stretches that begin at rest or in flight would tell nothing of contacts.
+        self._places, self._stretch = _MOST_PLACES // 2, _SHORTEST
         first = self._timed(base, yards.finer)
         first.seconds(1)
         self.base_seconds = first.seconds(1)
         """Time of the model as written over simulated time."""
-        wanted = _TURN / self.base_seconds / (len(yards.parts) * _STRETCH)
-        self._places = max(1, min(_MOST_PLACES, math.ceil(wanted)))
-        self._repeats = max(1, math.ceil(wanted / self._places))
+        wanted = _TURN / self.base_seconds / len(yards.parts)
+        self._places = max(_FEWEST_PLACES, min(_MOST_PLACES, math.ceil(wanted / _STRETCH)))
+        self._stretch = min(_STRETCH, max(_SHORTEST, wanted / self._places))
 
     def prices(self, models: Sequence[Stepped], turns: int = 3) -> list[Price]:
         """Return the time of models over that of the model as written, for the same motion."""
         timed = [self._timed(*each) for each in models]
         base = self._timed(self._written, self._yards.finer)
-        turn = _Turn(base, timed, self._repeats)
+        turn = _Turn(base, timed)
         found = [turn.taken() for _ in range(_WARM + turns)][_WARM:]
         self.base_seconds = median(seconds for seconds, _ in found)
         return [interval(ratios) for ratios in zip(*(each for _, each in found), strict=True)]
+
+    def compared(self, one: Stepped, other: Stepped, turns: int) -> Price:
+        """Return the time of one model over that of another, for the same motion."""
+        turn = _Turn(self._timed(*other), [self._timed(*one)])
+        found = [turn.taken()[1][0] for _ in range(_WARM + turns)]
+        return interval(found[_WARM:])
 
     def whole(
         self, models: Sequence[Stepped], motions: Sequence[Motion], until: float
@@ -103,15 +112,14 @@ class Clock:
         turns = [self._seed(models, motions, seed) for seed in range(motions[0].seeds)]
         bases: list[list[float]] = [[] for _ in turns]
         ratios: list[list[list[float]]] = [[] for _ in turns]
-        for number in range(_WARM + _MOST):
+        for number in range(_MOST):
             for seed, turn in enumerate(turns):
                 base, found = turn.taken()
-                if number >= _WARM:
-                    bases[seed].append(base)
-                    ratios[seed].append(found)
-            if number >= _WARM and time.monotonic() > until:
+                bases[seed].append(base)
+                ratios[seed].append(found)
+            if time.monotonic() > until:
                 break
-            if number >= _WARM + _FEWEST - 1 and _all_narrow(_told(bases, ratios)):
+            if number >= _FEWEST - 1 and _all_narrow(_told(bases, ratios)):
                 break
         self.base_seconds = float(np.mean([median(each) for each in bases]))
         return _told(bases, ratios)
@@ -124,12 +132,11 @@ class Clock:
             )
             for model, multiple in [(self._written, finer), *models]
         )
-        simulated = sum(each.steps for each in motions) * finer * fine
-        return _Turn(base, timed, max(1, math.ceil(_TURN / self.base_seconds / simulated)))
+        return _Turn(base, timed)
 
     def _timed(self, model: mujoco.MjModel, multiple: int) -> _Timed:
         step = multiple * self._yards.step
-        steps = max(2, round(_STRETCH / step))
+        steps = max(2, round(self._stretch / step))
         stretches = list[_Stretch]()
         for yard in self._yards.parts:
             which = yard.starts
@@ -139,10 +146,12 @@ class Clock:
 
 
 class _Turn:
-    """A model as written, and others that take turns with it."""
+    """A model, and others that take turns with it, each for long enough to be timed."""
 
-    def __init__(self, base: _Timed, timed: Sequence[_Timed], repeats: int) -> None:
-        self._base, self._timed, self._repeats = base, timed, repeats
+    def __init__(self, base: _Timed, timed: Sequence[_Timed]) -> None:
+        self._base, self._timed, self._repeats = base, timed, 1
+        least = min(one.seconds(1) * one.simulated for one in (base, *timed))
+        self._repeats = max(1, min(_MOST_REPEATS, math.ceil(_LEAST / max(least, 1e-9))))
 
     def taken(self) -> tuple[float, list[float]]:
         """Return the time of the model as written, before and after others, and theirs over it."""

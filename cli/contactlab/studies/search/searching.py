@@ -188,16 +188,18 @@ class Search:
             entry.error = found
         return entry.error.share
 
-    def _priced(self, choices: Sequence[Choice], *, again: bool = False) -> list[float]:
+    def _priced(self, choices: Sequence[Choice]) -> list[float]:
         """Return the prices of choices, from turns that all of them take."""
-        new = [one for one in choices if again or self._entry(one).price is None]
+        new = [one for one in choices if self._entry(one).price is None]
         if new:
             self._left()
-            models = [(self.space.made(one), one.multiple) for one in new]
-            turns = _COMPARED if again else _TURNS
-            for choice, price in zip(new, self.clock.prices(models, turns), strict=True):
+            prices = self.clock.prices([self._stepped(one) for one in new], _TURNS)
+            for choice, price in zip(new, prices, strict=True):
                 self._entry(choice).price = price
         return [_ratio(self._entry(one)) for one in choices]
+
+    def _stepped(self, choice: Choice) -> tuple[mujoco.MjModel, int]:
+        return self.space.made(choice), choice.multiple
 
     def _fits(self, choice: Choice) -> bool:
         return self._error(choice) <= self.bound.accepted
@@ -255,11 +257,12 @@ class Search:
         return here
 
     def _saves(self, choice: Choice, here: Choice) -> bool:
-        self._priced([choice, here], again=True)
-        one, other = self._entry(choice).price, self._entry(here).price
-        assert one
-        assert other
-        return one.ratio < SAVES * other.ratio and one.high < other.ratio
+        """Return whether a choice is faster than another, beside it, and price it."""
+        self._left()
+        price = self.clock.compared(self._stepped(choice), self._stepped(here), _COMPARED)
+        if saves := price.ratio < SAVES and price.high < 1:
+            self._priced([choice])
+        return saves
 
     def _step(self, here: Choice) -> Choice:
         """Return a choice with the integrator and the step that serve the aim best."""

@@ -76,7 +76,8 @@ _FINER = (2, 4, 8, 16)
 _RESOLVED = 0.2  # share of the limit that the fine motion's own error may have
 _LONGEST = 0.04  # s: steps of a window's length
 _PASSES = 80  # times that a search simulates the task, about
-_JUDGED = 22  # times that a verdict simulates it: references, their check and RK4
+_JUDGED = 33  # times that a verdict simulates it: references, their check and RK4, and itself
+_OPENINGS = 3  # times that a written model is compiled, compared and opened, in openings of the own
 _SPARSEST = 4  # at least one in so many windows is looked at
 _MOST_TRIES, _CLOSELY = 5, 2
 _LESS, _MUCH_LESS = 0.95, 0.6
@@ -172,6 +173,7 @@ class Study:
         """Measure how long the model takes, what it is uncertain by, and what changes no state."""
         self._request, self._session, self._examined = request, session, examined
         self._begin, self._deadline = begin, begin + request.max_time
+        self._opening = time.monotonic() - begin
         self._threads = max(1, session.workers)
         session.notify(f"tuning {request.model}: {examined.task.line}")
         task = examined.task
@@ -201,7 +203,7 @@ class Study:
         )
         measure, now = self._measure(), Choice({}, self._yards.finer)
         known = Tried(now, measure.apart(self._model, now.multiple))
-        deadline = begin + _SEARCHING * request.max_time
+        deadline = min(begin + _SEARCHING * request.max_time, self._deadline - self._to_judge())
         self._bounds = self._bounds_of(known)
         self._search = Search(
             space, measure, self._clock, self._bounds, self._dearest(), deadline, {now.key: known}
@@ -215,6 +217,10 @@ class Study:
         if now <= asked.limit:
             return [as_now]
         return [as_now, asked] if self._aim.kind == "uncertainty" else [asked]
+
+    def _to_judge(self) -> float:
+        """Return how long it takes to write a model and judge it on one seed, about [s]."""
+        return (self._yards.finer + _JUDGED) * self._pass + _OPENINGS * self._opening
 
     def _affordable(self, motions: Sequence[Motion]) -> list[Motion]:
         """Return motions of as many seeds as the time allows to simulate, all windows or fewer."""
@@ -498,7 +504,11 @@ class Study:
     ) -> tuple[Tried | None, WrittenModel | None, Verified | None]:
         """Write what is best until one holds on fresh seeds; nothing if none is better than now."""
         done, limit = {known.choice.key}, math.inf
-        for _ in range(_MOST_TRIES):
+        for number in range(_MOST_TRIES):
+            late = time.monotonic() + self._to_judge() > self._deadline
+            if late and (number or folder != FOLDER):
+                self._kept.append(Unsearched(folder, "no time was left to judge what is next best"))
+                break
             tried = self._next(done, limit, bound)
             if tried is None or not self._is_better(tried, known, bound):
                 break
@@ -513,8 +523,6 @@ class Study:
             if found.holds:
                 return tried, written, found
             self._kept.append(Unsearched(name, f"on fresh seeds: {found.sentence}"))
-            if time.monotonic() > self._deadline:
-                break
             limit = self._limit_after(tried, found, bound)
         rmtree(self._session.folder / folder, ignore_errors=True)
         return None, None, None
@@ -552,7 +560,8 @@ class Study:
             timed += new[:_CLOSELY]
         models = [(self._search.space.made(one.choice), one.choice.multiple) for one in timed]
         left = self._deadline - time.monotonic()
-        until = time.monotonic() + _TIMING * max(left, 0)
+        share = min(_TIMING * left, left - self._to_judge())
+        until = time.monotonic() + max(share, 0)
         motions = [joined_seeds(*pair) for pair in zip(self._motions, self._fresh, strict=True)]
         for one, price in zip(timed, self._clock.whole(models, motions, until), strict=True):
             one.price = price
@@ -603,8 +612,9 @@ class Study:
     @cached_property
     def _judging(self) -> list[Motion]:
         """Fresh motions of as many seeds as the time allows to judge."""
-        passes = self._yards.finer + 1.5 * _JUDGED
-        left = max(0.0, self._deadline - time.monotonic())
+        passes = self._yards.finer + _JUDGED
+        left = max(0.0, self._deadline - time.monotonic() - _OPENINGS * self._opening)
+        left /= len(self._bounds)
         seeds = min(self._seeds, max(1, int(left / (passes * self._pass))))
         return [
             replace(motion, starts=motion.starts[:seeds], inputs=motion.inputs[:seeds])
@@ -774,6 +784,11 @@ class Study:
             keeps = f"nothing keeps {limit}: nearest is {near}, {got}; it binds {binds}"
         if chosen and chosen.error and chosen.price and verified:
             saved = f"{chosen.price.ratio:.2f} of the time"
+            if self._aim.unit == "1" and known.error.share > self._aim.within:
+                within = self._text(self._aim.within)
+                saved = (
+                    f"as written it is beyond the tolerance of {within}; what keeps that: {saved}"
+                )
             seen = f"{self._text(verified.error)} on fresh seeds"
             error = f"error {self._text(chosen.error.share)}, {seen} (now {now})"
             return "; ".join(filter(None, (f"{saved}, {error}", keeps)))
