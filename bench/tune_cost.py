@@ -45,20 +45,22 @@ def runs_of(report: TuneReport, file: str) -> Runs:
 
 
 def seconds(runs: Runs) -> float:
-    """Return CPU time of runs over simulated time."""
+    """Return CPU time of runs over simulated time, without what calls of one step take."""
     (model, motions), spent, simulated = runs, 0.0, 0.0
     data = mujoco.MjData(model)
     size = mujoco.mj_stateSize(model, _STATE)
     for motion in motions:
         for seed in range(motion.seeds):
-            mujoco.mj_setState(model, data, motion.starts[seed], INTEGRATION)
-            given = motion.inputs[seed] if motion.inputs.shape[2] else None
             start = motion.starts[seed][None, :size]
-            spec, steps = motion.spec if motion.inputs.shape[2] else int(_CONTROL), motion.steps
-            begin = time.thread_time()
-            rollout(model, data, start, given, control_spec=spec, nstep=steps)
-            spent += time.thread_time() - begin
-            simulated += motion.steps * model.opt.timestep
+            given = motion.inputs[seed] if motion.inputs.shape[2] else None
+            spec = motion.spec if motion.inputs.shape[2] else int(_CONTROL)
+            for steps, sign in ((motion.steps, 1), (1, -1)):
+                mujoco.mj_setState(model, data, motion.starts[seed], INTEGRATION)
+                inputs = None if given is None else given[:steps]
+                begin = time.thread_time()
+                rollout(model, data, start, inputs, control_spec=spec, nstep=steps)
+                spent += sign * (time.thread_time() - begin)
+            simulated += (motion.steps - 1) * model.opt.timestep
     return spent / simulated
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from contactlab.budget.prices import Price
 from contactlab.studies.search.choice import Choice, described, differing
-from contactlab.studies.search.levers import Lever
+from contactlab.studies.search.levers import Lever, collides
 from contactlab.studies.search.searching import SAFE, SAME, Bound, Search, Space
 from contactlab.studies.search.yardstick import Apart
 
@@ -198,3 +198,22 @@ def test_as_accurate_as_now_is_no_excuse_beyond_the_tolerance() -> None:
     assert aim.or_as_now(0.05, 0.1) == Bound(0.05, SAME * 0.05)
     assert aim.or_as_now(0.2, 0.1) == Bound(0.1, SAFE * 0.1)
     assert aim.or_as_now(0.001, 0.1) == aim
+
+
+@pytest.mark.parametrize(
+    ("other", "may_touch"),
+    [
+        ("", False),
+        ('<geom type="plane" size="1 1 1"/>', True),
+        ('<geom type="plane" size="1 1 1" contype="0" conaffinity="2"/>', False),
+    ],
+)
+def test_contacts_go_only_where_there_can_be_none(other: str, *, may_touch: bool) -> None:
+    ball = '<body><freejoint/><geom name="ball" size=".1"/></body>'
+    text = f"<mujoco><worldbody>{other}{ball}</worldbody></mujoco>"
+    assert collides(mujoco.MjModel.from_xml_string(text)) is may_touch
+    if not may_touch and other:
+        pair = '<contact><pair geom1="ball" geom2="floor"/></contact>'
+        listed = text.replace("<geom type", '<geom name="floor" type')
+        listed = listed.replace("</worldbody>", f"</worldbody>{pair}")
+        assert collides(mujoco.MjModel.from_xml_string(listed))

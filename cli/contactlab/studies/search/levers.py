@@ -12,6 +12,7 @@ from contactlab.budget.showing import shown_rows
 from contactlab.scene.model_edits import FLAGS, read_flag, read_option
 from contactlab.scene.model_names import name_of
 from contactlab.scene.parameters import WORDS
+from contactlab.scene.unreachable import filtered_pairs
 from contactlab.schema.setting_values import as_number
 from contactlab.studies.search.choice import INTEGRATOR
 
@@ -96,12 +97,23 @@ def _proposed(model: mujoco.MjModel) -> Iterator[Lever]:
     yield Lever("tolerance", [{"tolerance": value} for value in looser])
     if option("impratio") != 1:
         yield Lever("impratio", [{"impratio": 1.0}])
+    yield from _flags(model)
+    yield Lever("condim", [dims for least in _DIMENSIONS[::-1] if (dims := _condim(model, least))])
+
+
+def _flags(model: mujoco.MjModel) -> Iterator[Lever]:
     if "island" in FLAGS:
         yield Lever("island", [{"island": not read_flag(model, "island")}])
     for flag in _OFF:
         if flag in FLAGS and read_flag(model, flag):
             yield Lever(flag, [{flag: False}])
-    yield Lever("condim", [dims for least in _DIMENSIONS[::-1] if (dims := _condim(model, least))])
+    if read_flag(model, "contact") and not collides(model):
+        yield Lever("contact", [{"contact": False}])
+
+
+def collides(model: mujoco.MjModel) -> bool:
+    """Return whether any contact can be: of geoms, listed pairs or flexes."""
+    return bool(filtered_pairs(model) or model.npair or model.nflex)
 
 
 def _condim(model: mujoco.MjModel, least: int) -> Settings:

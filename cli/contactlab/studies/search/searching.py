@@ -22,7 +22,7 @@ from contactlab.studies.search.yardstick import Apart
 SAVES = 0.97
 """Ratio of times below which a setting saves any."""
 _LOSSLESS = 0.05  # of the limit, that what counts as free may add to the error of the model
-_CLOSE = 1.15  # ratio of steps that are told apart
+_CLOSE, _CLOSEST = 1.15, 1.03  # ratios of steps that are told apart: of integrators, of the best
 SAFE = 0.85
 """Share of the limit that the search aims at: on other seeds the error is another."""
 SAME = 1.02
@@ -278,15 +278,16 @@ class Search:
         for price, choice in zip(prices, choices, strict=True):
             # The shortest step that would win.
             least = math.floor(price * choice.multiple / cost) + 1 if best else 1
-            if found := self._longest(choice, least):
+            if found := self._longest(choice, least, _CLOSE):
                 best, cost = found, price * choice.multiple / found.multiple
         if best is None:
             self._priced([min(self.tried.values(), key=_share).choice])
             return here
+        best = self._longest(best, best.multiple, _CLOSEST) or best
         self._priced([best])
         return best
 
-    def _longest(self, choice: Choice, least: int) -> Choice | None:
+    def _longest(self, choice: Choice, least: int, close: float) -> Choice | None:
         """Return a choice at its longest step within the limit that is at least so long."""
         shortest = min(self.space.finer, 2)
         low = max(least, min(shortest, choice.multiple), 1)
@@ -298,11 +299,11 @@ class Search:
             if not self._fits(choice.at(low)):
                 return None
         else:
-            low, high = start, 2 * start
+            low, high = start, math.ceil(start * close**2) + 1
             while high <= self.space.longest and self._fits(choice.at(high)):
                 low, high = high, 2 * high
             high = min(high, self.space.longest + 1)
-        while high - low > 1 and high > _CLOSE * low:
+        while high - low > 1 and high > close * low:
             middle = (low + high) // 2
             if self._fits(choice.at(middle)):
                 low = middle
