@@ -64,6 +64,7 @@ class Verified(Model):
     now: float | None = about("That of the model as written.")
     word: str = about("The verdict of `contactlab MODEL` on its numerics.")
     share: float | None = about("Its own backward error, as `contactlab MODEL` has it.")
+    labels: tuple[str, ...] = about("Of its runs, which those of the model as written have not.")
     sentence: str = about("Why it does not hold, or that it does.")
 
 

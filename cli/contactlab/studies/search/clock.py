@@ -25,6 +25,7 @@ _FEWEST_PLACES, _MOST_PLACES = 4, 12  # states of each phase that stretches begi
 _STRETCH, _SHORTEST = 0.2, 0.04  # s of simulated time
 _TURN = 0.01  # s that the model as written is timed for in each turn, about
 _LEAST, _MOST_REPEATS = 2e-3, 100  # s that the quickest is timed for, and how often it is run
+_MOST_COMPARED, _COMPARING = 25, 0.2  # turns, and s, of two models that are compared
 _WARM = 1
 _FEWEST, _MOST = 2, 60
 """Turns of each seed."""
@@ -96,9 +97,17 @@ class Clock:
         return [interval(ratios) for ratios in zip(*(each for _, each in found), strict=True)]
 
     def compared(self, one: Stepped, other: Stepped, turns: int) -> Price:
-        """Return the time of one model over that of another, for the same motion."""
+        """Return the time of one model over that of another, for the same motion.
+
+        From so many turns, or more where they cost little: one that was disturbed decides nothing
+        then.
+        """
+        begin, found = time.thread_time(), list[float]()
         turn = _Turn(self._timed(*other), [self._timed(*one)])
-        found = [turn.taken()[1][0] for _ in range(_WARM + turns)]
+        while len(found) < _WARM + turns or (
+            len(found) < _WARM + _MOST_COMPARED and time.thread_time() < begin + _COMPARING
+        ):
+            found += turn.taken()[1]
         return interval(found[_WARM:])
 
     def whole(

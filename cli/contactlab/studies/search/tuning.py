@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from shutil import rmtree
+from tempfile import TemporaryDirectory
 
 import mujoco
 
@@ -66,6 +67,7 @@ from contactlab.studies.search.unused_pairs import (
 )
 from contactlab.studies.search.yardstick import Apart, Yardsticks
 from contactlab.studies.session import Session
+from contactlab.studies.task_verdict import run_labels
 
 LEAST_AIM = 0.01
 """The error that is small enough for any model, as a share."""
@@ -531,7 +533,7 @@ class Study:
         """Return the error in the search of what is to hold, after what does not: in proportion."""
         assert tried.error
         own = tried.error.share
-        if found.word == "sound" and found.error:
+        if found.word == "sound" and found.error and not found.labels:
             return _LESS * own * min(1.0, bound.limit / found.error)
         return _MUCH_LESS * own
 
@@ -642,7 +644,8 @@ class Study:
         task = self._fresh_task
         task = task.model_copy(update={"seeds": task.seeds[: self._judging[0].seeds]})
         request = ExamineRequest(written.reference, task=self._request.task, sections=("budget",))
-        word, share, why = self._word(open_model(request, self._session), task)
+        examined = open_model(request, self._session)
+        word, share, why = self._word(examined, task)
         # What keeps a bound in the search as the model as written does is as good on these seeds.
         own = self._search.tried[self._search.now.key].error
         as_now = own is not None and own.share <= bound.limit
@@ -656,6 +659,9 @@ class Study:
             why = f"{word}, as the model as written: {why}" if holds else why
         else:
             why = "sound, and within the limit"
+        labels = sorted(self._labels(examined, task) - self._labels_now) if holds else ()
+        if labels:
+            holds, why = False, f"labelled {' and '.join(labels)}, as the model as written is not"
         if holds and tried.choice.apart and (touched := self._touched()):
             holds, why = False, f"{touched} touch, which stayed apart before"
         return Verified(
@@ -666,8 +672,21 @@ class Study:
             now=_finite(now.share),
             word=word,
             share=_finite(share),
+            labels=tuple(labels),
             sentence=why,
         )
+
+    @cached_property
+    def _labels_now(self) -> set[str]:
+        seeds = self._fresh_task.seeds[: self._judging[0].seeds]
+        return self._labels(self._examined, self._fresh_task.model_copy(update={"seeds": seeds}))
+
+    def _labels(self, examined: CheckedModel, task: Task) -> set[str]:
+        """Return what the runs of a task are labelled."""
+        with TemporaryDirectory(prefix="contactlab-") as folder:
+            alone = replace(examined, session=replace(self._session, folder=Path(folder)))
+            runs = alone.run("labels", "Judged on fresh seeds", seeds=task.seeds)
+            return {each.label for each in run_labels(task, [run.record for run in runs])}
 
     def _aim_now(self, own: Apart | None) -> float:
         """Return the error on fresh seeds of a model that kept the aim on those of the search."""
