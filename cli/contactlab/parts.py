@@ -25,6 +25,13 @@ def _ray() -> Any:  # noqa: ANN401 - a function
     return ray_cluster
 
 
+@part("executor", "slurm")
+def _slurm() -> Any:  # noqa: ANN401 - a function
+    from contactlab.run.slurm.connection import slurm_arrays
+
+    return slurm_arrays
+
+
 @part("store", "az", "gs", "s3")
 def _object_storage() -> Any:  # noqa: ANN401 - a class
     from contactlab.store.objects.backend import ObjectBackend

@@ -11,7 +11,7 @@ import pytest
     ("options", "says"),
     [
         (("--address", "auto"), "--address is for a cluster; add --executor ray"),
-        (("--executor", "rya"), "no executor 'rya'; installed are local, ray"),
+        (("--executor", "rya"), "no executor 'rya'; installed are local, ray, slurm"),
         (("--executor", "ray", "--workers", "0"), "--workers 0 runs all in this process"),
     ],
 )

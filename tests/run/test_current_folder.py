@@ -20,16 +20,17 @@ MODULES = ("selectors", "signal", "numpy", "mujoco", "socket", "contactlab", "st
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("executor", ["local", "ray"])
+@pytest.mark.parametrize("executor", ["local", "ray", "slurm"])
 def test_modules_of_the_current_folder_are_not_run(
     command: Any, tmp_path: Path, executor: str
 ) -> None:
-    if executor == "ray":
-        pytest.importorskip("ray")
+    if executor != "local":
+        pytest.importorskip({"ray": "ray", "slurm": "submitit"}[executor])
     for name in MODULES:
         (tmp_path / f"{name}.py").write_text(f"open('{tmp_path}/ran-{name}', 'w').close()\n")
     (tmp_path / "one.yaml").write_text("version: 1\nscene: ball_drop\nduration: 0.01\n")
     words = ["sweep", "one.yaml", "-o", "store", "--workers", "1", "--executor", executor]
+    words += ["--address", "cluster=local"] if executor == "slurm" else []
     process = command.start(*words)
     _, err = process.communicate()
     assert process.returncode == 0, err

@@ -5,12 +5,15 @@ import shutil
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from tests.run.test_killed_writes import kills
 
 import contactlab
 from contactlab.command_line.store_summary import unexpected
@@ -87,6 +90,26 @@ def test_merged_shards_have_the_bytes_of_one_store(tmp_path: Path, count: int) -
     # What no shard can know: a mean over all runs.
     assert one.manifest.unmet_means
     assert not Store.open(places[0]).manifest.unmet_means
+
+
+@pytest.mark.night
+@pytest.mark.usefixtures("_one_clock")
+def test_64_shards_of_which_five_are_killed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In random order, each in a process of its own; the killed die in their writes."""
+    monkeypatch.setitem(SWEEP, "seeds", 32)
+    one, rng = swept(tmp_path / "one"), np.random.default_rng(39)
+    order = (1 + rng.permutation(64)).tolist()
+    places = [tmp_path / f"shard-{number}" for number in order]
+    killed = 0
+    for number, place in zip(order, places, strict=True):
+        act = partial(swept, place, shard=f"{number}/64")
+        changes = (int(rng.integers(3, 30)), 10**6) if number in order[::13] else (10**6,)
+        killed += len([*kills(place, act, changes)])
+    assert killed == 5
+    contactlab.merge([places[place] for place in rng.permutation(64)], output=tmp_path / "merged")
+    assert contents(tmp_path / "merged") == contents(one.path)
 
 
 def test_shards_and_what_they_merge_to_are_sound(three: list[Path], merged: Store) -> None:

@@ -104,10 +104,11 @@ def sweep(
     duration: opt.Duration = None,
     must: opt.Must = (),
     executor: Annotated[
-        str, Option("NAME", "Where jobs run: local, or ray, or another that is installed.")
+        str, Option("NAME", "Where jobs run: local, ray, slurm, or another that is installed.")
     ] = "local",
     address: Annotated[
-        str | None, Option("HOST:PORT|auto", "Cluster to join; by default Ray starts one.")
+        str | None,
+        Option("WHERE", "Of ray HOST:PORT or auto; of slurm what tasks ask for, cpus=8,..."),
     ] = None,
     mujoco: opt.Mujoco = None,
     plugin: opt.Plugins = (),
@@ -136,7 +137,7 @@ def sweep(
         StoppedError: the sweep was interrupted; the same call resumes it.
     """
     if executor == "local" and address is not None:
-        raise SweepFileError("--address is for a cluster; add --executor ray")
+        raise SweepFileError("--address is for a cluster; add --executor ray or slurm")
     if shard is not None and plan:
         raise SweepFileError("--plan is of the whole sweep; leave out --shard")
     if executor != "local" and workers == 0:

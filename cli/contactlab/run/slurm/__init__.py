@@ -1,0 +1,1 @@
+"""Runs jobs as an array of a SLURM cluster."""

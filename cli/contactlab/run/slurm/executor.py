@@ -1,0 +1,165 @@
+"""Runs jobs as tasks of arrays that submitit submits; each counts once, whatever becomes of it."""
+
+import os
+import pickle
+import shutil
+import time
+from collections.abc import Generator, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from importlib.metadata import version
+from itertools import islice, takewhile
+from pathlib import Path
+from tempfile import TemporaryDirectory, mkdtemp
+from typing import Any
+
+import submitit
+from submitit.core.utils import FailedJobError, UncompletedJobError
+
+from contactlab.run.ray.worker import pack_bundle
+from contactlab.run.slurm.part import BUNDLE, RESULT, STOP, Part, runs_of, unfinished
+from contactlab.run.tasks import Crashed, Job, Result, Stop, Task
+
+_JOBS_OF_A_TASK = 256  # at most; a job is up to 32 runs, or 512 short ones
+MAX_LOSSES = 3  # how often a task may be lost before its first job is taken to be the cause
+_INTERVAL = 0.5  # between two looks for results [s]
+_SAFE = "PYTHONSAFEPATH"
+
+
+@dataclass(frozen=True)
+class SlurmExecutor:
+    """Arrays of so many tasks, each with so many CPUs; what else tasks ask for is submitit's."""
+
+    tasks: int
+    cpus: int
+    cluster: str
+    parameters: dict[str, int | str]
+
+    @property
+    def workers(self) -> int:
+        """How many jobs run at once."""
+        return self.tasks * self.cpus
+
+    def run(self, task: Task, jobs: Iterable[Job], stop: Stop) -> Iterator[Result]:
+        """Yield the results of jobs as they come; see `Executor`."""
+        beside = task.store.absolute().parent if isinstance(task.store, Path) else Path.cwd()
+        folder = Path(mkdtemp(prefix=".contactlab-slurm-", dir=beside))
+        (folder / BUNDLE).write_bytes(pack_bundle(task))
+        engine = task.identity.engine
+        versions = {"contactlab": version("contactlab"), engine.name: engine.version}
+        arrays = Arrays(self, folder, versions, takewhile(lambda _: not stop.is_set, jobs), stop)
+        try:
+            yield from arrays.results()
+        finally:
+            arrays.cancel()
+            shutil.rmtree(folder, ignore_errors=True)
+
+    def submit(self, folder: Path, parts: Sequence[Part]) -> list[Any]:
+        """Submit parts as the tasks of one array."""
+        executor = self._submitter(folder)
+        with _nothing_of_the_current_folder(), executor.batch():
+            return [executor.submit(part) for part in parts]
+
+    def check(self) -> None:
+        """Raise submitit's own error if it knows no such parameters."""
+        with TemporaryDirectory() as folder:
+            self._submitter(Path(folder))
+
+    def _submitter(self, folder: Path) -> submitit.AutoExecutor:
+        executor = submitit.AutoExecutor(folder / "logs", self.cluster)
+        executor.update_parameters(name="contactlab", cpus_per_task=self.cpus, **self.parameters)
+        return executor
+
+
+@contextmanager
+def _nothing_of_the_current_folder() -> Generator[None]:
+    """Have Python import nothing of the folder that a task starts in, which may be a stranger's."""
+    before = os.environ.get(_SAFE)
+    os.environ[_SAFE] = "1"
+    try:
+        yield
+    finally:
+        os.environ.pop(_SAFE)
+        if before is not None:
+            os.environ[_SAFE] = before
+
+
+@dataclass
+class Arrays:
+    """The tasks that are submitted, the jobs of each that have no result yet, and their losses."""
+
+    executor: SlurmExecutor
+    folder: Path
+    versions: dict[str, str]
+    queue: Iterator[Job]
+    stop: Stop
+    _flying: dict[Any, tuple[tuple[Job, ...], int]] = field(
+        default_factory=dict[Any, tuple[tuple[Job, ...], int]]
+    )
+
+    def results(self) -> Iterator[Result]:
+        """Yield the result of every job, once."""
+        while self._fill():
+            ended = [task for task in self._flying if task.done()]
+            yield from self._collected()
+            for task in ended:
+                lost = self._end(task)
+                if lost is not None:
+                    yield lost
+            if not ended:
+                time.sleep(_INTERVAL)
+
+    def cancel(self) -> None:
+        """End all tasks."""
+        for task in self._flying:
+            task.cancel()
+        self._flying.clear()
+
+    def _fill(self) -> bool:
+        """Submit jobs to as many tasks as are free, or none; return whether any are under way."""
+        if self.stop.is_set:
+            (self.folder / STOP).touch()
+            for task in self._flying:
+                if task.state == "PENDING":
+                    task.cancel()
+        elif free := self.executor.tasks - len(self._flying):
+            jobs = list(islice(self.queue, free * _JOBS_OF_A_TASK))
+            self._submit([tuple(jobs[place::free]) for place in range(free)], 0)
+        return bool(self._flying)
+
+    def _submit(self, several: Iterable[tuple[Job, ...]], losses: int) -> None:
+        parts = [
+            Part(self.folder, jobs, self.executor.cpus, self.versions) for jobs in several if jobs
+        ]
+        if parts:
+            tasks = self.executor.submit(self.folder, parts)
+            self._flying |= {
+                task: (part.jobs, losses) for task, part in zip(tasks, parts, strict=True)
+            }
+
+    def _collected(self) -> Iterator[Result]:
+        """Yield the results that have come, and take them out of what is under way."""
+        for file in sorted(self.folder.glob(f"*{RESULT}")):
+            result: Result = pickle.loads(file.read_bytes())  # noqa: S301 - our own
+            done = {*runs_of(result)}
+            for task, (jobs, losses) in self._flying.items():
+                self._flying[task] = unfinished(jobs, done), losses
+            file.unlink()
+            yield result
+
+    def _end(self, task: Any) -> Crashed | None:  # noqa: ANN401 - as submitit types it
+        """Take leave of a task; what it has not done is submitted again, or is why it was lost."""
+        jobs, losses = self._flying.pop(task)
+        try:
+            if (error := task.result()) is not None:
+                raise error
+            reason = "it ended early"
+        except (UncompletedJobError, FailedJobError) as error:
+            reason = str(error).strip().splitlines()[-1]
+        if not jobs or self.stop.is_set:
+            return None
+        if losses + 1 < MAX_LOSSES:
+            self._submit([jobs], losses + 1)
+            return None
+        self._submit([jobs[1:]], 0)
+        return Crashed(jobs[0], f"its task was lost {MAX_LOSSES} times: {reason}", timed_out=False)

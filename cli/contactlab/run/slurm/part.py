@@ -1,0 +1,107 @@
+"""What one task of an array does: jobs on worker processes of its node, results into a folder.
+
+The folder is on a file system that all nodes share. A result is a file of it, renamed into its
+place when it is whole, so that what a task has done outlives the task.
+"""
+
+import pickle
+import threading
+import uuid
+from collections.abc import Generator, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from pydantic_core import from_json
+from submitit.helpers import DelayedSubmission
+
+from contactlab.errors import ClusterError, ContactlabError
+from contactlab.run.ray.worker import unpack_bundle
+from contactlab.run.tasks import Crashed, Job, Result, Stop
+from contactlab.run.worker_pool import LocalPool
+from contactlab.store.atomic_files import write_file
+
+BUNDLE, STOP = "task.bundle", "stop"
+RESULT = ".result"
+_STOP_INTERVAL = 1.0  # how long a request to stop may go unnoticed [s]
+
+
+@dataclass(frozen=True)
+class Part:
+    """Some jobs of a sweep, which one task of an array runs, begun again where it is requeued."""
+
+    folder: Path
+    jobs: tuple[Job, ...]
+    workers: int
+    versions: Mapping[str, str]
+
+    def __call__(self) -> ContactlabError | None:
+        """Run the jobs that have no result yet; return the error that is to end the sweep."""
+        try:
+            self._check_versions()
+            self._run()
+        except ContactlabError as error:
+            return error
+        return None
+
+    def checkpoint(self) -> DelayedSubmission:
+        """Return what goes on once this task was preempted, or reached its time limit."""
+        return DelayedSubmission(self)
+
+    def _check_versions(self) -> None:
+        for name, ours in self.versions.items():
+            if (theirs := version(name)) != ours:
+                raise ClusterError(
+                    f"a node has {name} {theirs}, but the sweep was started with {ours}; install "
+                    "the same versions on every node"
+                )
+
+    def _run(self) -> None:
+        with TemporaryDirectory(prefix="contactlab-") as own, self._watched() as stop:
+            task = unpack_bundle((self.folder / BUNDLE).read_bytes(), Path(own))
+            left = unfinished(self.jobs, stored_runs(self.folder))
+            for result in LocalPool(self.workers).run(task, left, stop):
+                name = f"{self.folder}/{uuid.uuid4().hex}{RESULT}"
+                write_file(name, pickle.dumps(result))
+
+    @contextmanager
+    def _watched(self) -> Generator[Stop]:
+        """Yield what is set once the sweep asks its tasks to stop."""
+        stop, ended = Stop(), threading.Event()
+
+        def watch() -> None:
+            while not ended.wait(_STOP_INTERVAL):
+                if (self.folder / STOP).exists():
+                    stop.set()
+
+        thread = threading.Thread(target=watch, daemon=True)
+        thread.start()
+        try:
+            yield stop
+        finally:
+            ended.set()
+            thread.join()
+
+
+def runs_of(result: Result) -> Iterator[str]:
+    """Yield the ids of the runs that a result is of."""
+    if isinstance(result, Crashed):
+        yield from (run.run_id for run in result.job)
+    else:
+        yield from (from_json(finished.row)["run_id"] for finished in result)
+
+
+def unfinished(jobs: tuple[Job, ...], done: set[str]) -> tuple[Job, ...]:
+    """Return the jobs that have runs without a result, of each what is left of it."""
+    left = (tuple(run for run in job if run.run_id not in done) for job in jobs)
+    return tuple(filter(None, left))
+
+
+def stored_runs(folder: Path) -> set[str]:
+    """Return the ids of the runs that have a result in a folder."""
+    files = folder.glob(f"*{RESULT}")
+    # Our own; the folder is made for one sweep, and readable by its user alone.
+    results: Iterator[Result] = (pickle.loads(file.read_bytes()) for file in files)  # noqa: S301
+    return {run for result in results for run in runs_of(result)}
