@@ -1,4 +1,4 @@
-"""PyBullet: Bullet's multibodies, built by its own API."""
+"""PyBullet: all joints, primitives and hulls in rigid contact, built by its own API."""
 
 import time
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""SAPIEN: PhysX on a CPU, built by its own API, in single precision."""
+"""SAPIEN (PhysX): hinges, slides, primitives and hulls in rigid contact, in single precision."""
 
 import time
 from collections import Counter

@@ -47,6 +47,9 @@ def test_an_engine_is_added_once(contactlab: Any, cache: Path, tmp_path: Path) -
     assert (added.code, added.out) == (0, "warp 9.8\n")
     assert added.err.startswith(f"setting up warp in {cache}/warp-")
     assert versions(contactlab)["warp"] == "9.8"
+    (next(cache.glob("warp-*")) / "library.so").write_bytes(bytes(5_000_000))
+    listed = json.loads(contactlab("list", "engines", "--format", "json").out)
+    assert {each["size"] for each in listed if each["engine"] == "warp"} == {5}
     again = contactlab("engines", "add", "warp")
     assert (again.code, again.out, again.err) == (0, "warp 9.8 is here\n", "")
 
@@ -74,9 +77,9 @@ def test_what_is_no_engine_is_named(contactlab: Any, cache: Path) -> None:
 def test_what_is_refused_is_listed_with_the_reason_and_not_set_up(
     contactlab: Any, cache: Path
 ) -> None:
-    assert versions(contactlab)["sapien"] == "refused"
-    assert "no MJCF" in contactlab("engines").out
-    for command in (("engines", "add", "sapien"), ("parity", "slide", "--against", "sapien")):
+    assert versions(contactlab)["genesis"] == "refused"
+    assert "8.6 GB" in contactlab("engines").out
+    for command in (("engines", "add", "genesis"), ("parity", "slide", "--against", "genesis")):
         refused = contactlab(*command)
-        assert (refused.code, "no MJCF" in refused.err) == (2, True)
+        assert (refused.code, "8.6 GB" in refused.err) == (2, True)
     assert not cache.exists()

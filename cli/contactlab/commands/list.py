@@ -1,5 +1,6 @@
 """`contactlab list`: all that there is to name in a sweep, a gate or an option."""
 
+import builtins
 from collections.abc import Callable, Mapping
 from hashlib import sha256
 from pathlib import Path
@@ -90,16 +91,16 @@ def _engines() -> Listing:
     from contactlab.engines import ENGINES
     from contactlab.engines.adapted_engine import AdaptedEngine
 
-    known = ENGINES.values()
-    why = {engine.name: engine.refused for engine in known if isinstance(engine, AdaptedEngine)}
-    rows = [
-        (engine.name, "refused", f"{engine.summary}: {why[engine.name]}")
-        if why.get(engine.name)
-        else (engine.name, engine.version or "not installed", engine.summary)
-        for engine in known
-    ]
+    rows: builtins.list[tuple[object, ...]] = []
+    for engine in ENGINES.values():
+        version, size, summary = engine.version or "not installed", None, engine.summary
+        if isinstance(engine, AdaptedEngine):
+            size = round(engine.size / 1e6) or None
+            if engine.refused:
+                version, summary = "refused", f"{summary}: {engine.refused}"
+        rows.append((engine.name, version, size, summary))
     say("more by `contactlab engines add NAME`")
-    return Listing(("engine", "version", "what computes"), rows)
+    return Listing(("engine", "version", "size", "what computes"), rows, {"size": "MB"})
 
 
 _KINDS: Mapping[str, tuple[str, Callable[[], Listing]]] = {
@@ -108,7 +109,7 @@ _KINDS: Mapping[str, tuple[str, Callable[[], Listing]]] = {
     "metrics": ("unit, direction, version and definition of each metric", _metrics),
     "labels": ("all that a run can be called, worst first", _labels),
     "limits": ("thresholds of labels that a scene or sweep may set", _limits),
-    "engines": ("what computes, and the version that is installed", _engines),
+    "engines": ("what computes, with the version and the size of what is installed", _engines),
 }
 _OF_SCENE = "axes"
 _EXTENDED = {"metrics", "labels", "limits", "engines"}  # by plug-ins

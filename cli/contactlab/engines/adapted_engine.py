@@ -89,6 +89,12 @@ class AdaptedEngine(SimulationEngine):
         return next((distribution.version for distribution in found), "")
 
     @property
+    def size(self) -> int:
+        """What its environment takes on disk [bytes]; 0 if it is not here."""
+        files = self.environment.rglob("*")
+        return sum(file.lstat().st_size for file in files if not file.is_dir())
+
+    @property
     def refused(self) -> str:
         """Why its adapter simulates nothing at all; empty if it does."""
         return getattr(self._adapter, "REFUSED", "")
