@@ -175,9 +175,10 @@ def _picture(points: Sequence[Point]) -> alt.FacetChart:
         for point in points
         if point.cost and point.error is not None and math.isfinite(point.error)
     ]  # fmt: skip
+    few = alt.Axis(format="~e", tickCount=4, grid=False, labelOverlap=True)
     chart = alt.Chart(alt.Data(values=rows)).mark_line(point=True).encode(
-        x=alt.X("cost:Q", scale=alt.Scale(type="log"), title="CPU s for 1 s"),
-        y=alt.Y("error:Q", scale=alt.Scale(type="log"), title="error"),
+        x=alt.X("cost:Q", scale=alt.Scale(type="log"), title="CPU s for 1 s", axis=few),
+        y=alt.Y("error:Q", scale=alt.Scale(type="log"), title="error", axis=few),
         color=alt.Color("engine:N", sort=list(_ENGINES)),
     )  # fmt: skip
     return (
