@@ -17,6 +17,7 @@ from pathlib import Path
 import altair as alt
 import numpy as np
 
+from contactlab.contact.trace_arrays import Floats
 from contactlab.engines import ENGINES
 from contactlab.errors import ContactlabError
 from contactlab.measure.oracle_error import middle_axis_flip
@@ -52,28 +53,33 @@ class Point:
     label: str
 
 
-def _period(trace: StoredTrace, record: EvidenceRecord) -> float:
-    """Return the error of a rod's period, that of an amplitude of .2: by Gauss' mean."""
-    del record
-    told, time = trace.qpos[:, 0], trace.time
-    crossings = np.flatnonzero((told[:-1] > 0) & (told[1:] <= 0))
-    step = float(time[1] - time[0])
-    exact = time[crossings] + step * told[crossings] / (told[crossings] - told[crossings + 1])
-    inertia, size = _rod(1.0, 0.02)
-    small = 2 * math.pi * math.sqrt(inertia / (9.81 * size))
+def period(angles: Floats, step: float) -> float:
+    """Return the error of the period of a rod that swings by .2 at first, of (N + 1,) angles.
+
+    Expected is that of a physical pendulum over Gauss' mean of 1 and the cosine of half of .2.
+    """
+    crossings = np.flatnonzero((angles[:-1] > 0) & (angles[1:] <= 0))
+    exact = crossings + angles[crossings] / (angles[crossings] - angles[crossings + 1])
+    inertia, centre = rod(1.0, 0.02)
+    small = 2 * math.pi * math.sqrt(inertia / (9.81 * centre))
     one, other = 1.0, math.cos(0.1)
     for _ in range(8):
         one, other = (one + other) / 2, math.sqrt(one * other)
-    return float(np.diff(exact).mean()) * one / small - 1
+    return float(np.diff(exact).mean()) * step * one / small - 1
 
 
-def _rod(length: float, radius: float) -> tuple[float, float]:
+def rod(length: float, radius: float) -> tuple[float, float]:
     """Return inertia about its end and centre of a capsule of 1 kg, of a length between centres."""
     tube, ends = math.pi * radius**2 * length, 4 / 3 * math.pi * radius**3
     tube, ends = tube / (tube + ends), ends / (tube + ends)
     across = tube * (length**2 / 12 + radius**2 / 4)
     across += ends * (2 / 5 * radius**2 + length**2 / 4 + 3 / 8 * length * radius)
     return across + (length / 2) ** 2, length / 2
+
+
+def _swung(trace: StoredTrace, record: EvidenceRecord) -> float:
+    del record
+    return period(trace.qpos[:, 0], float(trace.time[1] - trace.time[0]))
 
 
 def _turned(trace: StoredTrace, record: EvidenceRecord) -> float:
@@ -106,7 +112,7 @@ def _borne(trace: StoredTrace, record: EvidenceRecord) -> float:
 
 
 _MEASURES: dict[str, Callable[[StoredTrace, EvidenceRecord], float]] = {
-    "pendulum": _period, "gyroscope": _turned, "grasp": _fallen, "stack": _borne,
+    "pendulum": _swung, "gyroscope": _turned, "grasp": _fallen, "stack": _borne,
 }  # fmt: skip
 
 
