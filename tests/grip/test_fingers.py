@@ -34,8 +34,8 @@ ARM = """
   </worldbody>
   {coupling}
   <actuator>
-    <position joint="shoulder" kp="100" kv="10" ctrlrange="-1 1"/>
-    <position joint="elbow" kp="100" kv="10" ctrlrange="-1 1"/>
+    <position joint="shoulder" kp="100" kv="3" ctrlrange="-1 1"/>
+    <position joint="elbow" kp="100" kv="3" ctrlrange="-1 1"/>
     {driven}
   </actuator>
 </mujoco>
@@ -60,6 +60,25 @@ JAW = """
 TENDON = """
 <tendon><fixed name="t"><joint joint="x" coef=".5"/><joint joint="y" coef=".5"/></fixed></tendon>
 """
+# Jaws on parallelograms: a crank that is driven and an idle one carry each, joined by a connect.
+SIDE = """
+<body name="{x} crank" pos="0 {y} 0">
+  <joint name="{x}" axis="0 0 {sign}" range="-40 40" damping=".5" armature=".002"/>
+  <geom type="capsule" size=".004" fromto="0 0 0 .05 0 0" mass=".02"/>
+  <body name="{x}" pos=".05 0 0">
+    <joint axis="0 0 1" damping=".02" armature=".002"/>
+    <geom name="{x} pad" type="box" size=".02 .005 .01" pos=".03 0 0" mass=".03"/>
+  </body>
+</body>
+<body name="{x} idle" pos=".02 {y} 0">
+  <joint axis="0 0 1" damping=".02" armature=".002"/>
+  <geom type="capsule" size=".004" fromto="0 0 0 .05 0 0" mass=".02" contype="0" conaffinity="0"/>
+</body>
+"""
+LINKAGE = SIDE.format(x="x", y=".03", sign="-1") + SIDE.format(x="y", y="-.03", sign="1")
+JOINED = """<equality><joint joint1="x" joint2="y"/>
+<connect body1="x idle" body2="x" anchor=".05 0 0"/>
+<connect body1="y idle" body2="y" anchor=".05 0 0"/></equality>"""
 EQUAL = '<equality><joint joint1="x" joint2="y"/></equality>'
 HANDS = {
     "each finger": (
@@ -70,6 +89,7 @@ HANDS = {
     "a tendon": (SLIDES, TENDON + EQUAL, '<motor tendon="t" ctrlrange="0 20"/>'),
     "an equality": (SLIDES, EQUAL, '<motor joint="x" ctrlrange="0 20"/>'),
     "a servo": (SLIDES, EQUAL, '<position joint="x" kp="800" ctrlrange="-.03 .03"/>'),
+    "linkages": (LINKAGE, JOINED, '<motor joint="x" ctrlrange="-.3 .3"/>'),
     "a fixed jaw": (JAW, "", '<motor joint="x" ctrlrange="0 10"/>'),
 }
 
@@ -85,7 +105,9 @@ def test_the_hand_of_an_arm_is_found(hand: str) -> None:
     model = mujoco.MjModel.from_xml_string(arm(hand))
     found = find_hand(model)
     assert model.body(found.base).name == "palm"
-    assert {model.body(finger[0]).name for finger in found.fingers} <= {"x", "y"}
+    roots = {model.body(finger[0]).name for finger in found.fingers}
+    assert roots <= {"x", "y", "x crank", "y crank"}
+    assert len(roots) == len(found.fingers)
     # Those of the arm are none of the hand's.
     assert not {0, 1} & set(found.actuators)
 
@@ -100,6 +122,38 @@ def test_it_grips_by_its_own_actuators(hand: str, tmp_path: Path) -> None:
     assert len(forces) == 2
     assert forces[0] == pytest.approx(forces[1], rel=1e-3)
     assert {each.name for each in report.controls} <= {"actuator[2]", "actuator[3]"}
+
+
+def test_what_a_string_drags_is_no_finger() -> None:
+    """A ball that hangs from a cup moves with it; neither cup nor floor closes on the other."""
+    model = mujoco.MjModel.from_xml_string("""<mujoco><worldbody>
+      <geom type="plane" size="1 1 .1"/>
+      <body name="cup" pos="0 0 .5"><joint name="x" type="slide" axis="1 0 0" range="-.3 .3"/>
+        <geom size=".05"/><site name="cup"/></body>
+      <body name="ball" pos="0 0 .2"><joint type="slide" axis="1 0 0"/>
+        <joint type="slide" axis="0 0 1"/><geom size=".02"/><site name="ball"/></body>
+    </worldbody>
+    <tendon><spatial range="0 .25" limited="true"><site site="cup"/><site site="ball"/></spatial>
+    </tendon><actuator><motor joint="x" ctrlrange="-1 1" gear="5"/></actuator></mujoco>""")
+    with pytest.raises(SceneError, match="no actuator moves two bodies towards each other"):
+        find_hand(model)
+
+
+def test_a_wrist_that_turns_wholly_and_a_start_beyond_limits_change_nothing(tmp_path: Path) -> None:
+    """Both ends of a whole turn are one pose; the base's own joint is held on the bench.
+
+    At qpos0, 0, pads are 50 mm apart and 50 mm beyond the ranges, by which they are never there.
+    """
+    wrist = '<joint name="wrist" axis="1 0 0" range="-180 180" damping=".1"/>'
+    servo = '<position name="wrist" joint="wrist" kp="5" ctrlrange="-3.14159 3.14159"/>'
+    text = claw(range="-.03 -.005").replace('quat="1 0 0 0">', f'quat="1 0 0 0">{wrist}')
+    text = text.replace("<actuator>", f"<actuator>{servo}").replace(
+        'axis="1 0 0" range="-.03 .03"', 'axis="1 0 0" range="-.03 -.005"'
+    )
+    (tmp_path / "claw.xml").write_text(text, encoding="utf-8")
+    report = run(GripRequest(str(tmp_path / "claw.xml"), remedies=False, held="box:70x40x40mm"))
+    assert {each.name for each in report.controls} == {"a", "b"}
+    assert [each.force for each in report.fingers] == pytest.approx([20, 20], rel=1e-3)
 
 
 def test_the_bench_has_the_hand_alone_and_filters_as_the_arm_did() -> None:

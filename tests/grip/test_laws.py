@@ -12,7 +12,7 @@ from contactlab.errors import SceneError, SweepFileError
 from contactlab.schema.grip import GripReport
 from contactlab.studies.grip.gripped_object import read_object
 from contactlab.studies.grip.gripping import GripRequest, run
-from contactlab.studies.grip.holding import trend_of
+from contactlab.studies.grip.holding import pace_of
 from contactlab.studies.grip.remedies import Grip
 from contactlab.studies.grip.rollouts import contacts_of, placed
 
@@ -100,11 +100,9 @@ def test_a_mirrored_gripper_is_the_same(tmp_path: Path) -> None:
 
     Contacts are found in another order and frame: numbers agree to 2 %, that of a solver's stop.
     """
-    one, _ = judged(tmp_path, claw(), held=BOX)
-    other, _ = judged(
-        tmp_path,
-        claw(left="q", right="p", base="z", quat="0 0 0 1", way="1"),
-        held=BOX,
+    mirrored = claw(left="q", right="p", base="z", quat="0 0 0 1", way="1")
+    one, other = (
+        judged(tmp_path, text.replace("0.002", "0.004"), held=BOX)[0] for text in (claw(), mirrored)
     )
     assert other.verdict == one.verdict
     assert other.opening == pytest.approx(one.opening, rel=1e-3)
@@ -219,7 +217,23 @@ def test_the_bench_is_plain_mujoco(tmp_path: Path) -> None:
     ],
 )
 def test_trends(speeds: list[float], trend: str) -> None:
-    assert trend_of(1e-3 * np.array(speeds, float))[0] == trend
+    assert pace_of(1e-3 * np.array(speeds, float)).trend == trend
+
+
+@pytest.mark.parametrize(
+    ("rest", "more", "ratio"), [(0, 2, 0.6), (1, 2, 0.5), (3, -2, 0.8), (0, 1, 1.3)]
+)
+def test_a_pace_goes_on_as_its_series(rest: float, more: float, ratio: float) -> None:
+    """Speeds rest + more ratio^k go on so: the way is their sum, and when it is gone its inverse.
+
+    A series that is none below zero and no faster than the speeds is told without an error.
+    """
+    speeds = rest + more * ratio ** np.arange(24.0)
+    pace = pace_of(speeds[:4])
+    for windows in (1, 5, 20):
+        way = float(speeds[4 : 4 + windows].sum())
+        assert pace.way(windows) == pytest.approx(way, rel=1e-9)
+        assert pace.until(way) == pytest.approx(windows, rel=1e-5)
 
 
 @pytest.mark.parametrize(

@@ -162,6 +162,16 @@ CASES: dict[str, tuple[str, Files]] = {
             "k/x.obj": TETRAHEDRON,
         },
     ),
+    "an asset beside the include that names it": (
+        "scene.xml",
+        {
+            "scene.xml": '<mujoco><compiler meshdir="m"/><include file="sub/a.xml"/>'
+            f"{MESH}</mujoco>",
+            "sub/a.xml": '<mujocoinclude><asset><mesh name="x" file="../k/x.obj"/></asset>'
+            "</mujocoinclude>",
+            "k/x.obj": TETRAHEDRON,
+        },
+    ),
     "an attached model": (
         "scene.xml",
         {

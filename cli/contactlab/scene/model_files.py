@@ -76,13 +76,12 @@ class FileSearch:
                 compiler.update(element.attrib)
             if file.path != model:
                 yield file
-        for element, _ in elements:
+        for element, file in elements:
             if element.tag == "model" and element.get("file"):
                 attached = self.named(model.parent, element.get("file", ""))
                 yield attached
                 yield from self.references(attached.path)
-            elif element.tag in _ASSET_FOLDERS:
-                yield from self._assets(element, model.parent, compiler)
+            yield from self.assets(element, file.path, model.parent, compiler).values()
 
     def _elements(self, file: Reference, base: Path) -> Iterator[tuple[ET.Element, Reference]]:
         """Yield every element in document order, includes in their place, with its file."""
@@ -100,17 +99,31 @@ class FileSearch:
         known = found.path.is_file() or not beside.path.is_file()
         return found if known else beside
 
-    def _assets(
-        self, element: ET.Element, base: Path, compiler: Mapping[str, str]
-    ) -> Iterator[Reference]:
+    def assets(
+        self, element: ET.Element, file: Path, base: Path, compiler: Mapping[str, str]
+    ) -> Mapping[str, Reference]:
+        """Return the files that an element of a file reads, by attribute.
+
+        They are named from the folder of the model; what is not there, from that of an included
+        file which names it, and then without the compiler's folder.
+        """
+        if element.tag not in _ASSET_FOLDERS:
+            return {}
         folder = compiler.get(_ASSET_FOLDERS[element.tag], compiler.get("assetdir", ""))
         strip = compiler.get("strippath", "").lower() == "true"
+        found = dict[str, Reference]()
         for key in _FILE_KEYS:
-            if name := element.get(key):
-                if _RESOURCE.fullmatch(name) and not strip:
-                    yield Reference(_find_resource(name, base, self.copy), resource=name)
-                else:
-                    yield self.named(base, Path(folder) / (Path(name).name if strip else name))
+            if not (name := element.get(key)):
+                continue
+            if _RESOURCE.fullmatch(name) and not strip:
+                found[key] = Reference(_find_resource(name, base, self.copy), resource=name)
+                continue
+            name = Path(name).name if strip else name
+            found[key] = self.named(base, Path(folder) / name)
+            beside = self.named(file.parent, name)
+            if not found[key].path.is_file() and beside.path.is_file():
+                found[key] = beside
+        return found
 
     def named(self, base: Path, name: str | Path) -> Reference:
         """Return the file that a model in a folder names."""

@@ -134,10 +134,26 @@ class Origins:
     ) -> Iterator[tuple[ET.Element, Path, Mapping[ET.Element, Origin]]]:
         origins: dict[ET.Element, Origin] = {}
         root = self._with_included(path, path.parent, origins)
+        self._name_assets(root, path, origins)
         yield root, path, origins
         for model in root.iter("model"):
             if name := model.get("file"):
                 yield from self._documents(self.search.named(path.parent, name).path)
+
+    def _name_assets(
+        self, root: ET.Element, path: Path, origins: Mapping[ET.Element, Origin]
+    ) -> None:
+        """Name in full what included files read from beside them, not by the model's folder."""
+        compiler: dict[str, str] = {}
+        for element in root.iter("compiler"):
+            compiler |= element.attrib
+        for element in root.iter():
+            file, _ = origins[element]
+            if file != path.resolve():
+                here = self.search.assets(element, path, path.parent, compiler)
+                for key, found in self.search.assets(element, file, path.parent, compiler).items():
+                    if found != here[key]:
+                        element.set(key, str(found.path))
 
     def _with_included(
         self, path: Path, base: Path, origins: dict[ET.Element, Origin]

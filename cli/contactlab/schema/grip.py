@@ -34,11 +34,12 @@ class GripDrift(Model):
     """How the object moves in the hand under its weight in one direction."""
 
     name: str = about("Where the weight pulls.")
+    seconds: float = about("How long it was watched.", unit="s")
     speeds: tuple[float | None, ...] = about("Mean speeds in quarters of the run.", unit="m/s")
     trend: GripTrend = about("Of the last three of these.")
     speed: float | None = about(
-        "At the end; if it fades, mean over ten seconds to come; if it is uneven, mean of all "
-        "quarters but the first; null once it is lost.",
+        "In the last quarter; if it fades, mean over ten seconds to come; if it is uneven, mean of "
+        "all quarters but the first; null once it is lost.",
         unit="m/s",
     )
     lost: float | None = about("When the pads no longer cover it; null if never.", unit="s")

@@ -5,6 +5,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import mujoco
 import pytest
 from jsonschema.validators import validator_for
 from tests.studies.lint.conftest import Linted, only, rules_of
@@ -80,6 +81,30 @@ def test_a_part_is_linted_in_the_models_that_include_it(
         assert report.models == ("arm.xml",)
         found = only(report, "keyframe-range")
         assert (found.file, found.line) == ("parts/keys.xml", 3)
+
+
+def test_assets_that_an_include_names_from_its_folder_are_found(tmp_path: Path) -> None:
+    """MuJoCo looks beside the included file for what is not beside the model."""
+    (tmp_path / "parts").mkdir()
+    mesh = "v 0 0 0\nv .1 0 0\nv 0 .1 0\nv 0 0 .1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+    (tmp_path / "parts/x.obj").write_text(mesh)
+    (tmp_path / "parts/a.xml").write_text(
+        '<mujocoinclude><asset><mesh name="x" file="x.obj"/></asset></mujocoinclude>'
+    )
+    robot = tmp_path / "robot.xml"
+    robot.write_text(
+        '<mujoco><compiler meshdir="none"/><include file="parts/a.xml"/><worldbody><body>'
+        '<freejoint/><geom type="mesh" mesh="x"/></body></worldbody></mujoco>'
+    )
+    mujoco.MjModel.from_xml_path(str(robot))
+    assert lint([str(robot)]).passed
+
+
+def test_a_part_without_bodies_is_no_model(tmp_path: Path) -> None:
+    """Actuators of joints that other files have are for these: no error is told of them."""
+    part = tmp_path / "motors.xml"
+    part.write_text('<mujoco><actuator><motor joint="elbow"/></actuator></mujoco>')
+    assert lint([str(part)]).skipped == (str(part),)
 
 
 def test_what_is_no_model_is_skipped_and_what_is_not_there_is_an_error(

@@ -253,6 +253,33 @@ def test_each_rule_has_a_case_and_a_section_of_the_docs() -> None:
         assert "*Remedy*:" in section
 
 
+LID = """<mujoco><option gravity="0 0 {gravity}"/><worldbody><body>
+<joint name="lid" type="slide" axis="0 0 1" range="0 .05" damping="1"
+  solreflimit=".1 1"/><geom size=".02" mass=".2"/></body></worldbody>
+<keyframe><key name="start" qpos="{place}"/></keyframe></mujoco>"""
+BLOCK = """<mujoco><option gravity="0 0 {gravity}"/><default><geom solref=".1 1"/></default>
+<worldbody><geom type="plane" size="1 1 .1"/><body><joint type="slide" axis="0 0 1"/>
+<geom name="block" type="box" size=".1 .1 .02" mass="2"/></body></worldbody>
+<keyframe><key name="start" qpos="{place}"/></keyframe></mujoco>"""
+
+
+@pytest.mark.parametrize(
+    ("text", "above", "rule"), [(LID, 0.0, "keyframe-range"), (BLOCK, 0.02, "overlap")]
+)
+def test_what_rests_against_a_limit_or_a_floor_is_no_fault(
+    linted: Linted, text: str, above: float, rule: str
+) -> None:
+    """A start in which plain MuJoCo came to rest is one, however deep; without weight it is not."""
+    model = mujoco.MjModel.from_xml_string(text.format(gravity=-9.81, place=above))
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    for _ in range(round(3 / model.opt.timestep)):
+        mujoco.mj_step(model, data)
+    place = float(data.qpos[0])
+    assert rule not in rules_of(linted(text.format(gravity=-9.81, place=place)))
+    assert rule in rules_of(linted(text.format(gravity=0, place=place)))
+
+
 def grows(xml: str, seconds: float = 0.2) -> bool:
     """Return whether plain MuJoCo makes a small motion a hundred times as large."""
     model = mujoco.MjModel.from_xml_string(xml)

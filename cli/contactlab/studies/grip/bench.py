@@ -51,7 +51,7 @@ def cut_free(spec: mujoco.MjSpec, model: mujoco.MjModel, hand: Hand, kept: str =
     the robot, but the object.
     """
     cut, own = spec.copy(), set(subtree(model, hand.base))
-    _delete_outside(cut, model, own)
+    _delete_outside(cut, model, own, hand.base)
     gone = {body for root in loose_bodies(model) for body in subtree(model, root)} - own
     for body in list(cut.bodies):
         number = model.body(body.name).id
@@ -69,10 +69,11 @@ def cut_free(spec: mujoco.MjSpec, model: mujoco.MjModel, hand: Hand, kept: str =
     return Bench(cut, model.body(hand.base).name, names)
 
 
-def _delete_outside(cut: mujoco.MjSpec, model: mujoco.MjModel, own: set[int]) -> None:
-    """Delete what moves, drives, couples or filters other bodies than a hand's own."""
+def _delete_outside(cut: mujoco.MjSpec, model: mujoco.MjModel, own: set[int], base: int) -> None:
+    """Delete what moves the base, and what moves, drives, couples or filters other bodies."""
     bodies = sorted(own)
-    joints = {int(joint) for joint in np.flatnonzero(np.isin(model.jnt_bodyid, bodies))}
+    carried = np.flatnonzero(np.isin(model.jnt_bodyid, [each for each in bodies if each != base]))
+    joints = set(map(int, carried))
     sites = {int(site) for site in np.flatnonzero(np.isin(model.site_bodyid, bodies))}
     tendons = _tendons_of(model, joints, sites)
     parts: list[Any] = [*cut.keys, *cut.sensors]
@@ -133,7 +134,7 @@ def _is_within(
     model: mujoco.MjModel, equality: int, joints: set[int], tendons: set[int], own: set[int]
 ) -> bool:
     """Return whether an equality constraint is one of the hand's alone."""
-    kind = model.eq_type[equality]
+    kind = int(model.eq_type[equality])
     ends = [int(model.eq_obj1id[equality]), int(model.eq_obj2id[equality])]
     if kind == mujoco.mjtEq.mjEQ_JOINT:
         return all(end in joints for end in ends if end >= 0)
@@ -157,8 +158,9 @@ def _names_within(model: mujoco.MjModel, pair: Any, own: set[int]) -> bool:  # n
 def _filter(cut: mujoco.MjSpec, model: mujoco.MjModel, hand: Hand) -> None:
     """Exclude the contacts of the base with the first links that it carries, as on a robot."""
     fixed = fixed_bodies(model, hand.base)
+    first = {body for body in range(model.nbody) if int(model.body_parentid[body]) in fixed}
     for finger in hand.fingers:
-        links = [body for body in finger if model.body_weldid[body] == finger[0]]
+        links = [body for body in finger if int(model.body_weldid[body]) in first]
         for one in fixed:
             for other in links:
                 if geoms_of(model, [one]) and geoms_of(model, [other]):

@@ -16,9 +16,11 @@ from contactlab.studies.grip.fingers import (
     control_ends,
     fixed_bodies,
     geoms_of,
+    within_limits,
 )
 from contactlab.studies.grip.gripped_object import USUAL, GrippedObject
 from contactlab.studies.grip.rollouts import (
+    body_frames,
     constant,
     contacts_of,
     placed,
@@ -37,6 +39,8 @@ _WAY = 0.1  # of the opening, on which the fingers' way is seen
 _INSIDE, _PAST = 0.2, 1.25
 # A force is steady if it changes by less than this share in a part.
 _STEADY = 2e-3
+_ARRIVED = 1e-3  # of the way that fingers went
+_RESTING = 2.5e-5  # m/s of the object, a quarter of the speed from which it creeps
 _CENTRED, _ON_AXIS = 1e-3, 1e-3  # of the object's largest half extent
 # Of the object's extent, nearer to the base, and then farther; of half its width.
 _DEPTHS = (0.0, 0.5, 1.0, 1.5, -0.25, -0.5)
@@ -132,8 +136,8 @@ def find_closing(rig: Rig) -> Closing:
     )
     pairs = _meeting(rig, model, sides, path)
     apart = [[_gap(model, qpos, pair)[0] for pair in pairs] for qpos in path]
-    gaps: Floats = np.array(apart).mean(axis=1)
-    if gaps.max() <= 0:
+    gaps: Floats = np.array(apart).mean(axis=1) if pairs else np.zeros(1)
+    if not gaps.max() > 0:
         raise SceneError(f"the fingers never come apart; {NO_HAND}")
     # Fingers that curl may first go apart.
     begin = int(gaps.argmax())
@@ -149,7 +153,7 @@ def _without(rig: Rig) -> mujoco.MjModel:
 
 
 def _aside(rig: Rig, model: mujoco.MjModel) -> Floats:
-    qpos = model.qpos0.copy()
+    qpos = within_limits(model)
     qpos[rig.address : rig.address + 3] = _FAR * model.stat.extent
     return qpos
 
@@ -462,9 +466,20 @@ def close_at(rig: Rig, closing: Closing, point: Floats, turn: Floats, control: F
         pressed = pressing(rig, row, control, turn, np.concatenate(paths))
         total = sum(pressed.forces)
         lasted = sum(map(len, paths)) * model.opt.timestep
-        if abs(total - before) <= _STEADY * total or lasted > _MOST:
+        still = _is_still(rig, path, rolled[0], held=pressed.is_held)
+        if (still and abs(total - before) <= _STEADY * total) or lasted > _MOST:
             return replace(pressed, begun=point)
         before = total
+
+
+def _is_still(rig: Rig, path: Floats, part: Floats, *, held: bool) -> bool:
+    """Return whether a held object rests at the end of a path; or fingers that are yet to meet."""
+    if held:
+        ends = body_frames(rig.model, part[[0, -1]], rig.body, rig.base)
+        return float(np.linalg.norm(ends[1] - ends[0])) <= _RESTING * _PART
+    fingers = np.delete(np.arange(rig.model.nq), np.arange(rig.address, rig.address + 7))
+    begin, before, end = (pose[fingers] for pose in (path[0], part[0], part[-1]))
+    return bool(np.abs(end - before).max() <= _ARRIVED * np.abs(end - begin).max())
 
 
 def pressing(rig: Rig, row: Floats, control: Floats, turn: Floats, path: Floats) -> Squeeze:

@@ -1,7 +1,8 @@
 """The hand of a robot, found by driving each of its actuators; names mean nothing here."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 
 import mujoco
 import numpy as np
@@ -9,13 +10,17 @@ import numpy as np
 from contactlab.contact.trace_arrays import Floats
 from contactlab.errors import SceneError
 from contactlab.scene.model_names import known_id
+from contactlab.scene.part_bodies import bodies_of_actuator, bodies_of_equality
 from contactlab.studies.grip.rollouts import constant, roll, start_row
 
-# An actuator is driven for so long to each end of its range [s].
+# An actuator is driven for so long to each end of its range and to its middle [s].
 _PROBE = 0.5
 # A body is moved by an actuator if it goes this share of the farthest one's way.
 _MOVED = 0.1
-_FREE = int(mujoco.mjtJoint.mjJNT_FREE)
+_FREE, _PLANE = int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtGeom.mjGEOM_PLANE)
+_SCALAR = (int(mujoco.mjtJoint.mjJNT_SLIDE), int(mujoco.mjtJoint.mjJNT_HINGE))
+_LINKS = frozenset({int(mujoco.mjtEq.mjEQ_CONNECT), int(mujoco.mjtEq.mjEQ_WELD)})
+_COUPLED = _LINKS | {int(mujoco.mjtEq.mjEQ_JOINT), int(mujoco.mjtEq.mjEQ_TENDON)}
 NO_HAND = (
     "name a keyframe in which something is held (--keyframe), or the body that carries the fingers "
     "(--base)"
@@ -57,6 +62,19 @@ def control_ends(model: mujoco.MjModel) -> Floats:
     return ends
 
 
+def within_limits(model: mujoco.MjModel) -> Floats:
+    """Return qpos0 (nq,) with slides and hinges within their ranges.
+
+    Where it is beyond them, fingers may lie in each other, and stay caught.
+    """
+    qpos = model.qpos0.copy()
+    for joint in np.flatnonzero(model.jnt_limited).tolist():
+        if int(model.jnt_type[joint]) in _SCALAR:
+            place = int(model.jnt_qposadr[joint])
+            qpos[place] = np.clip(qpos[place], *model.jnt_range[joint])
+    return qpos
+
+
 def loose_bodies(model: mujoco.MjModel) -> set[int]:
     """Return the roots of free bodies that no actuator moves from within: objects, not robots."""
     driven = {int(model.body_rootid[body]) for body in _driven_bodies(model)}
@@ -67,27 +85,10 @@ def loose_bodies(model: mujoco.MjModel) -> set[int]:
     }
 
 
-def _driven_bodies(model: mujoco.MjModel) -> Iterator[int]:
-    """Yield the bodies of joints that actuators act on, by themselves or by a tendon."""
-    owners = {
-        int(mujoco.mjtTrn.mjTRN_JOINT): model.jnt_bodyid,
-        int(mujoco.mjtTrn.mjTRN_JOINTINPARENT): model.jnt_bodyid,
-        int(mujoco.mjtTrn.mjTRN_SITE): model.site_bodyid,
-        int(mujoco.mjtTrn.mjTRN_BODY): np.arange(model.nbody),
-    }
-    wrapped = {
-        int(mujoco.mjtWrap.mjWRAP_JOINT): model.jnt_bodyid,
-        int(mujoco.mjtWrap.mjWRAP_SITE): model.site_bodyid,
-    }
-    for actuator in range(model.nu):
-        kind, target = int(model.actuator_trntype[actuator]), int(model.actuator_trnid[actuator, 0])
-        if kind in owners:
-            yield int(owners[kind][target])
-        elif kind == mujoco.mjtTrn.mjTRN_TENDON:
-            first, count = int(model.tendon_adr[target]), int(model.tendon_num[target])
-            for wrap in range(first, first + count):
-                if (bodies := wrapped.get(int(model.wrap_type[wrap]))) is not None:
-                    yield int(bodies[model.wrap_objid[wrap]])
+def _driven_bodies(model: mujoco.MjModel) -> set[int]:
+    """Return the bodies that actuators act on, by themselves or by a tendon."""
+    names = {name for each in range(model.nu) for name in bodies_of_actuator(model, each)}
+    return {known_id(model, "body", name) for name in names}
 
 
 def subtree(model: mujoco.MjModel, body: int) -> list[int]:
@@ -137,17 +138,20 @@ def _carriers(model: mujoco.MjModel) -> _Carriers:
     probe.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
     ends = control_ends(model)
     neutral = np.clip(np.zeros(model.nu), ends[:, 0], ends[:, 1])
-    controls = np.tile(neutral, (2 * model.nu, 1))
+    controls = np.tile(neutral, (3 * model.nu, 1))
     for actuator in range(model.nu):
-        controls[2 * actuator : 2 * actuator + 2, actuator] = ends[actuator]
+        # The middle too: both ends of a whole turn are one pose.
+        levels = ends[actuator, 0], ends[actuator].mean(), ends[actuator, 1]
+        controls[3 * actuator : 3 * actuator + 3, actuator] = levels
     steps = max(2, round(_PROBE / model.opt.timestep))
-    rows = constant(start_row(probe), len(controls), 1)[:, 0]
+    rows = constant(start_row(probe, within_limits(probe)), len(controls), 1)[:, 0]
     rolled = roll(probe, rows, np.repeat(controls[:, None], steps, axis=1))
     loose = {body for root in loose_bodies(model) for body in subtree(model, root)}
     carriers = dict[int, tuple[int, frozenset[int]]]()
     for actuator in range(model.nu):
-        one, other = (_places(model, rolled.qpos[2 * actuator + end, -1]) for end in (0, 1))
-        way = np.linalg.norm(other - one, axis=1).reshape(-1, model.nbody).max(axis=0)
+        poses = [_places(model, qpos) for qpos in rolled.qpos[3 * actuator :][:3, -1]]
+        apart = [np.linalg.norm(one - other, axis=1) for one, other in combinations(poses, 2)]
+        way = np.max(apart, axis=0).reshape(-1, model.nbody).max(axis=0)
         way[list(loose)] = 0
         if not np.isfinite(way).all() or way.max() < 1e-6 * max(model.stat.extent, 1e-9):
             continue
@@ -204,13 +208,47 @@ def _hand_at(model: mujoco.MjModel, base: int, carriers: _Carriers) -> Hand | No
         for body in own
         if body not in fixed and int(model.body_parentid[body]) in fixed and body != base
     ]
-    fingers = [tuple(subtree(model, root)) for root in roots]
-    fingers = [each for each in fingers if moved & set(each) and geoms_of(model, each)]
+    driven = _driven_too(model)
+    fingers = [
+        each
+        for each in _linked(model, [subtree(model, root) for root in roots])
+        if moved & driven & set(each) and geoms_of(model, each)
+    ]
     if not actuators or not fingers:
         return None
-    if len(fingers) == 1 and not geoms_of(model, sorted(fixed)):
+    jaws = [geom for geom in geoms_of(model, sorted(fixed)) if model.geom_type[geom] != _PLANE]
+    if len(fingers) == 1 and not jaws:
         return None
     return Hand(base, tuple(fingers), tuple(actuators))
+
+
+def _linked(model: mujoco.MjModel, chains: Sequence[Sequence[int]]) -> Iterator[tuple[int, ...]]:
+    """Yield the bodies of chains, those together that connects or welds make one linkage."""
+    groups = [set(chain) for chain in chains]
+    for coupling in _couplings(model, _LINKS):
+        joined = [group for group in groups if group & coupling]
+        if len(joined) > 1:
+            groups = [group for group in groups if group not in joined]
+            groups.append(set[int]().union(*joined))
+    yield from (tuple(sorted(group)) for group in sorted(groups, key=min))
+
+
+def _driven_too(model: mujoco.MjModel) -> set[int]:
+    """Return the bodies that actuators act on, and what equalities have move with these.
+
+    What a string drags along is none of them.
+    """
+    driven, couplings = _driven_bodies(model), list(_couplings(model, _COUPLED))
+    while joined := [each for each in couplings if each & driven and not each <= driven]:
+        driven |= set[int]().union(*joined)
+    return driven
+
+
+def _couplings(model: mujoco.MjModel, kinds: frozenset[int]) -> Iterator[set[int]]:
+    """Yield the bodies that each equality of some kinds couples."""
+    for equality in range(model.neq):
+        if int(model.eq_type[equality]) in kinds:
+            yield {known_id(model, "body", name) for name in bodies_of_equality(model, equality)}
 
 
 def _fixed_to(model: mujoco.MjModel, body: int, base: int) -> bool:

@@ -57,6 +57,7 @@ from contactlab.studies.grip.remedies import Grip, Tried, least_force, tried_on
 WITHIN = 1e-4  # m/s: a millimetre in the ten seconds that a pick and place takes
 _ALIKE = 1.1  # ratio of costs that are equal
 _WORSE = 1.1  # ratio of speeds
+_SMALLER = (1.0, 0.75, 0.5)  # of the usual object, where there is no room for it
 _NEAR = 0.01  # of a squeeze that is asked for
 _BENCH = ("out of the hand", "into the hand")
 _KEYFRAME = ("up", "down")
@@ -194,11 +195,29 @@ def _on_bench(request: GripRequest) -> _Setup:
     if request.held is None and (fits := fitted(rig, closing)) != USUAL:
         given = fits
         rig = with_object(bench, given)
-    held = squeeze(rig, closing)
+    if request.held is None:
+        given, rig, held = _squeezed_usual(bench, closing, given)
+    else:
+        held = squeeze(rig, closing)
     if request.squeeze is not None:
         held = _squeezed(rig, closing, held, request.squeeze)
     load = Load.of_all(rig, gravity_of(model))
     return _Setup(Grip(rig, held, load, _BENCH, closing), bench, given)
+
+
+def _squeezed_usual(
+    bench: Bench, closing: Closing, given: GrippedObject
+) -> tuple[GrippedObject, Rig, Squeeze]:
+    """Return the first of the usual object and smaller ones that opened fingers have room for."""
+    for factor in _SMALLER:
+        tried = given.scaled(factor)
+        rig = with_object(bench, tried)
+        try:
+            return tried, rig, squeeze(rig, closing)
+        except SceneError:
+            if factor == _SMALLER[-1]:
+                raise
+    raise AssertionError
 
 
 def _squeezed(rig: Rig, closing: Closing, held: Squeeze, force: float) -> Squeeze:
@@ -249,6 +268,7 @@ def _finite(value: float) -> float | None:
 def _drift_report(drift: Drift) -> GripDrift:
     return GripDrift(
         name=drift.name,
+        seconds=drift.seconds,
         speeds=tuple(map(_finite, drift.speeds)),
         trend=drift.trend,
         speed=_finite(drift.speed),

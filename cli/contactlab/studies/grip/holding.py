@@ -6,7 +6,7 @@ is. So the model's own gravity is off, or taken back, and all directions are run
 
 import math
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import mujoco
 import numpy as np
@@ -26,11 +26,13 @@ Trend = Literal["still", "steady", "fading", "growing", "uneven", "lost"]
 _STANDARD = 9.81  # m/s2, where a model has no gravity
 _WINDOWS = 4
 _LOOKS = 40  # of a run
-# A trend is steady while speeds of windows that follow each other differ by less than this share.
-_ALIKE = 0.1
+# A trend is steady while speeds of windows that follow each other differ by less than this share;
+# a run is long enough if they differ by less than that one.
+_ALIKE, _SETTLED = 0.1, 0.02
 _STILL = 1e-6  # m/s: below it, nothing moves
 _HORIZON = 10.0  # s, over which speeds are judged
-_FOREVER = 1e6  # s
+_FOREVER = 1e6  # windows
+_ENDLESS = 700.0  # logarithm of a number that is as good as infinite
 _SHAKEN, _RATE, _SHAKING = 5.0, 5.0, 1.0  # m/s2, 1/s, s
 _TURNING = 2.0  # s
 # A pull is so long [s]; pulls are steps of this share of what Coulomb's law lets fingers bear, up
@@ -44,6 +46,7 @@ class Drift:
 
     Attributes:
         name: of the direction in which the load pulls.
+        seconds: of the run [s].
         speeds: (4,) mean speeds in quarters of the run [m/s], relative to the base.
         trend: of these.
         speed: at the end; where it fades, the mean over the ten seconds to come; where it is
@@ -54,6 +57,7 @@ class Drift:
     """
 
     name: str
+    seconds: float
     speeds: tuple[float, ...]
     trend: Trend
     speed: float
@@ -114,28 +118,67 @@ def directions(squeeze: Squeeze, names: tuple[str, str]) -> dict[str, Floats]:
 def drifts(
     rig: Rig, held: Squeeze, load: Load, ways: dict[str, Floats], seconds: float
 ) -> tuple[Drift, ...]:
-    """Load a held object in each direction for some seconds, and say how it moves.
+    """Load a held object in each direction, and say how it moves.
 
-    The first is without a load on a bench, and as it is in a keyframe.
+    The first is without a load on a bench, and as it is in a keyframe. What has not settled after
+    some seconds, and may be the fastest, is watched for as long again.
     """
-    steps = max(_LOOKS, round(seconds / rig.model.opt.timestep))
-    vectors = np.array([*ways.values()])
-    idle = np.zeros((1, rig.model.nbody, 6))
-    forces = np.concatenate([idle, load.forces(load.gravity * vectors)])
-    count = len(forces)
-    rows = constant(held.row, count, 1)[:, 0]
+    names = [load.idle, *ways]
+    forces = load.forces(load.gravity * np.array([*ways.values()]))
+    forces = np.concatenate([np.zeros((1, rig.model.nbody, 6)), forces])
+    left = [way_left(rig, held, way) for way in (held.turn[:, 0], *ways.values())]
+    rows = constant(held.row, len(forces), 1)[:, 0]
+    first = _watched(rig, held, rows, forces, seconds)
+    found = [_drift(*told) for told in zip(names, first, left, strict=True)]
+    fastest = max((drift.speed for drift in found if is_settled(drift)), default=0.0)
+    again = [
+        run
+        for run, drift in enumerate(found)
+        if not is_settled(drift) and max(drift.speed, drift.speeds[-1]) > fastest
+    ]
+    if again:
+        rows = np.array([first[run].row for run in again])
+        more = _watched(rig, held, rows, forces[again], seconds)
+        for run, after in zip(again, more, strict=True):
+            found[run] = _drift(names[run], first[run].and_then(after), left[run])
+    return tuple(found)
+
+
+class _Watched(NamedTuple):
+    """A run under a load: its last state, places (K, 3), seconds, and whether the object is let."""
+
+    row: Floats
+    path: Floats
+    seconds: float
+    let: bool
+
+    def and_then(self, after: "_Watched") -> "_Watched":
+        """Return this run with another that goes on, seen at every other place."""
+        path = np.concatenate([self.path, after.path[1:]])[::2]
+        return _Watched(after.row, path, self.seconds + after.seconds, after.let)
+
+
+def _watched(
+    rig: Rig, held: Squeeze, rows: Floats, forces: Floats, seconds: float
+) -> list[_Watched]:
+    """Go on from states (n, nstate) for some seconds, under forces (n, nbody, 6)."""
+    steps, count = max(_LOOKS, round(seconds / rig.model.opt.timestep)), len(forces)
     controls = constant(held.control, count, steps)
     rolled = roll(rig.model, rows, controls, np.repeat(forces[:, None], steps, axis=1))
     looks = np.linspace(0, steps - 1, _LOOKS + 1).astype(int)
-    found = list[Drift]()
-    duration = steps * rig.model.opt.timestep
-    first = {load.idle: held.turn[:, 0]}
-    for run, (name, way) in enumerate({**first, **ways}.items()):
+    found = list[_Watched]()
+    for run in range(count):
         path = body_frames(rig.model, rolled.qpos[run, looks], rig.body, rig.base)
         gone = rolled.failed[run] or not np.isfinite(path).all()
-        let = gone or not _is_touched(rig, rolled.rows[run])
-        found.append(_drift(name, path, duration, way_left(rig, held, way), lost=let))
-    return tuple(found)
+        let = bool(gone) or not _is_touched(rig, rolled.rows[run])
+        found.append(_Watched(rolled.rows[run], path, steps * rig.model.opt.timestep, let))
+    return found
+
+
+def is_settled(drift: Drift) -> bool:
+    """Return whether a speed is one: the same in all quarters of the run but the first, or none."""
+    _, *later = drift.speeds
+    return drift.trend in ("still", "lost") or max(later) <= (1 + _SETTLED) * min(later)
 
 
 def _is_touched(rig: Rig, row: Floats) -> bool:
@@ -143,68 +186,80 @@ def _is_touched(rig: Rig, row: Floats) -> bool:
     return any(contact.force > 0 for contact in contacts_of(rig.model, data, rig.body))
 
 
-def _drift(name: str, path: Floats, duration: float, left: float, *, lost: bool) -> Drift:
-    window = duration / _WINDOWS
+def _drift(name: str, seen: _Watched, left: float) -> Drift:
+    path, duration, window = seen.path, seen.seconds, seen.seconds / _WINDOWS
     ends = path[:: _LOOKS // _WINDOWS]
     speeds = np.linalg.norm(np.diff(ends, axis=0), axis=1) / window
-    told = _listed(speeds)
+    told = tuple(float(speed) for speed in np.nan_to_num(speeds, nan=np.inf))
     gone: Floats = np.linalg.norm(path - path[0], axis=1)
-    if lost or not np.isfinite(gone).all() or gone.max() > left:
+    if seen.let or not np.isfinite(gone).all() or gone.max() > left:
         out = np.flatnonzero(~(gone <= left))
         when = duration * (out[0] / _LOOKS if out.size else 1.0)
-        return Drift(name, told, "lost", math.inf, left, float(when), path)
-    trend, ratio = trend_of(speeds)
-    if trend == "uneven":
-        speeds = np.append(speeds[:-1], speeds[1:].mean())
-    fading = _to_come(speeds[-1], ratio, window, _HORIZON) / _HORIZON
-    speed = float(speeds[-1]) if trend == "growing" else fading
-    rest = left - float(gone[-1])
-    never = _to_come(speeds[-1], ratio, window, _FOREVER) <= rest
-    when = math.inf if never else duration + _when(speeds[-1], ratio, window, rest)
-    return Drift(name, told, trend, speed, left, when, path)
+        return Drift(name, duration, told, "lost", math.inf, left, float(when), path)
+    pace = pace_of(speeds)
+    windows = _HORIZON / window
+    speed = pace.way(windows) / windows if pace.trend == "fading" else pace.speed
+    when = duration + window * pace.until((left - float(gone[-1])) / window)
+    return Drift(name, duration, told, pace.trend, speed, left, when, path)
 
 
-def _listed(speeds: Floats) -> tuple[float, ...]:
-    return tuple(float(speed) for speed in np.nan_to_num(speeds, nan=np.inf))
+class Pace(NamedTuple):
+    """How speeds of windows that follow each other go on: each change is a ratio of the last.
 
-
-def trend_of(speeds: Floats) -> tuple[Trend, float]:
-    """Return the trend of speeds of windows, and by how much each is that of the one before.
-
-    The first window is left out: in it the contacts take the load up. A trend is one if all that
-    follow agree; where they do not, speeds are uneven.
+    Attributes:
+        trend: of them.
+        speed: of the last window, or the mean where they are uneven [m/s].
+        change: of the last window against the one before [m/s].
+        ratio: of each change over the one before.
     """
-    later = np.maximum(speeds[1:], _STILL)
-    if speeds[-1] < _STILL:
-        return "still", 0.0
-    ratios = later[1:] / later[:-1]
-    if ratios.max() < 1 - _ALIKE:
-        return "fading", float(ratios.max())
-    if ratios.min() > 1 / (1 - _ALIKE):
-        return "growing", float(ratios[-1])
-    if abs(math.log(later.max() / later.min())) < -2 * math.log(1 - _ALIKE):
-        return "steady", 1.0
-    return "uneven", 1.0
+
+    trend: Trend
+    speed: float
+    change: float = 0.0
+    ratio: float = 0.0
+
+    def way(self, windows: float) -> float:
+        """Return the way in so many windows to come, over the length of one [m/s]."""
+        ratio, changed = self.ratio, windows * (windows + 1) / 2
+        if ratio > 1 and windows * math.log(ratio) > _ENDLESS:
+            return math.copysign(math.inf, self.change)
+        if ratio != 1:
+            power = ratio * (1 - ratio**windows) / (1 - ratio)
+            changed = ratio / (1 - ratio) * (windows - power)
+        return windows * self.speed + self.change * changed
+
+    def until(self, way: float) -> float:
+        """Return after how many windows a way, over the length of one, is gone; infinite if never.
+
+        By halving: ways grow with time.
+        """
+        low, high = 0.0, _FOREVER
+        if self.way(high) <= way:
+            return math.inf
+        while high - low > 1e-6 * (1 + low):
+            middle = (low + high) / 2
+            low, high = (low, middle) if self.way(middle) > way else (middle, high)
+        return high
 
 
-def _to_come(speed: float, ratio: float, window: float, seconds: float) -> float:
-    """Return the way in seconds to come [m], speeds of windows being a geometric series."""
-    if speed < _STILL:
-        return 0.0
-    count = seconds / window
-    if ratio == 1:
-        return speed * seconds
-    if ratio > 1 and count * math.log(ratio) > 700:
-        return math.inf
-    return speed * window * ratio * (1 - ratio**count) / (1 - ratio)
+def pace_of(speeds: Floats) -> Pace:
+    """Return how speeds of four windows [m/s] go on.
 
-
-def _when(speed: float, ratio: float, window: float, way: float) -> float:
-    """Return after how many seconds a way has been gone [s]."""
-    if ratio == 1:
-        return way / speed
-    share = 1 - way * (1 - ratio) / (speed * window * ratio)
-    return window * math.log(share) / math.log(ratio)
+    The first is left out: in it the contacts take the load up. Changes of the other three are a
+    geometric series (Aitken), which fades to a speed that may stay, but to none below zero, and
+    grows no faster than the speeds do.
+    """
+    _, *later = speeds.tolist()
+    one, two, last = (max(speed, _STILL) for speed in later)
+    before, change = two - one, last - two
+    if later[-1] < _STILL:
+        return Pace("still", 0.0)
+    if max(one, two, last) * (1 - _ALIKE) ** 2 < min(one, two, last):
+        return Pace("steady", last)
+    if before * change <= 0:
+        return Pace("uneven", (one + two + last) / 3)
+    trend = "fading" if change < 0 else "growing"
+    return Pace(trend, last, change, min(change / before, last / two))
 
 
 def way_left(rig: Rig, held: Squeeze, way: Floats) -> float:

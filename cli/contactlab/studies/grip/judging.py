@@ -83,7 +83,7 @@ _BY_EXPERIMENT: tuple[tuple[str, CauseKind, str], ...] = (
 def _first_cause(known: Evidence) -> tuple[CauseKind, str]:
     if not known.pressed:
         return "shape", "it slips out as the fingers close, before anything loads it"
-    if known.pull < known.weight:
+    if known.word == "drops" and known.pull < known.weight:
         return _too_weak(known)
     if known.idle > _HALVED * known.speed:
         return "shape", "it moves as much without a load: the fingers push it on"
@@ -92,7 +92,8 @@ def _first_cause(known: Evidence) -> tuple[CauseKind, str]:
     for against, kind, text in _BY_EXPERIMENT:
         if known.halved_by(against):
             return kind, text
-    return "unknown", "none of the changes that were run halves it"
+    told = "none of the changes that were run halves it"
+    return "unknown", told if known.tried else "no change was run that would tell why"
 
 
 def _too_weak(known: Evidence) -> tuple[CauseKind, str]:

@@ -34,6 +34,7 @@ _DISCRETE = int(getattr(_INTEGRATOR, "mjINT_DISCRETE", -1))
 _SPRING, _DAMPER = (
     int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{name}", 0)) for name in ("SPRING", "DAMPER")
 )
+_EULERDAMP = int(mujoco.mjtDisableBit.mjDSBL_EULERDAMP)
 _SCALAR = (int(mujoco.mjtJoint.mjJNT_SLIDE), int(mujoco.mjtJoint.mjJNT_HINGE))
 _AFFINE = int(mujoco.mjtBias.mjBIAS_AFFINE)
 
@@ -84,7 +85,7 @@ def linear_model(model: mujoco.MjModel, data: mujoco.MjData) -> Linear:
     for row, spring, damper in _pulls(model, data):
         stiffness += spring * np.outer(row, row)
         explicit += damper * np.outer(row, row)
-    late = bool(flags & int(mujoco.mjtDisableBit.mjDSBL_EULERDAMP))
+    late = bool(flags & _EULERDAMP)
     free = _unheld(model, data)
     parts = (mass, stiffness, explicit + late * damping, (not late) * damping)
     return Linear(*(free.T @ part @ free for part in parts))
@@ -155,6 +156,10 @@ def gain_step(linted: LintedModel) -> Iterator[Fault]:
     if not model.nv or integrator == _DISCRETE:
         return
     start, data = next(iter(linted.starts.items()))
+    late = integrator == _INTEGRATOR.mjINT_RK4 or bool(model.opt.disableflags & _EULERDAMP)
+    pulled = any(spring or damper for _, spring, damper in _pulls(model, data))
+    if not pulled and not (late and model.dof_damping.any()):
+        return  # the damping of joints is taken implicitly, and holds at any step
     linear = linear_model(model, data)
     weighs = linear.mass.size and np.linalg.eigvalsh(linear.mass).min() > mujoco.mjMINVAL
     if not weighs or not (found := growth(linear, timestep, integrator)) > _GROWS:

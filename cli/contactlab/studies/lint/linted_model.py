@@ -133,6 +133,15 @@ class LintedModel:
             found[name] = data
         return found
 
+    @cached_property
+    def reference(self) -> mujoco.MjData:
+        """State of the reference pose after `mj_forward`."""
+        if QPOS0 in self.starts:
+            return self.starts[QPOS0]
+        data = mujoco.MjData(self.model)
+        mujoco.mj_forward(self.model, data)
+        return data
+
     def name(self, kind: str, index: int) -> str:
         """Return the name or the address of a part of the compiled model."""
         return name_of(self.model, kind, index)

@@ -17,7 +17,6 @@ from contactlab.studies.lint.linted_model import Fault, LintedModel, linted_mode
 from contactlab.studies.lint.rules import DOCS, RULES, Rule
 from contactlab.writers.report import Report
 
-_ROOTS = ("mujoco", "robot")
 _UNREAD = "unread"
 _IGNORES = Rule("unknown-rule", "warn", lambda _: iter(()))
 _PLACED = re.compile(r"(?P<file>.+?\.\w+):(?P<line>\d+):(\d+: )?")
@@ -63,11 +62,16 @@ def _subjects(models: Iterable[str]) -> tuple[list[str], list[str]]:
 
 
 def _is_model(path: Path) -> bool:
-    """Return whether the root of an XML file is a model's; broken XML is taken for one."""
+    """Return whether an XML file holds a model; broken XML is taken for one.
+
+    MJCF without bodies, and without an include that may have them, is a part of other models.
+    """
     try:
-        return parse(path).tag in _ROOTS
+        root = parse(path)
     except SceneError:
         return True
+    has_bodies = any(root.find(tag) is not None for tag in ("worldbody", "include"))
+    return has_bodies if root.tag == "mujoco" else root.tag == "robot"
 
 
 def _including(part: Path) -> Iterator[Path]:

@@ -10,6 +10,7 @@ import numpy as np
 from contactlab.contact.trace_arrays import Floats
 from contactlab.scene.contact_pairs import half_extents
 from contactlab.schema.task import QPOS0
+from contactlab.studies.lint.borne import contact_rows, is_borne
 from contactlab.studies.lint.inertia import hull_volume
 from contactlab.studies.lint.linted_model import Edit, Fault, LintedModel, Place
 from contactlab.studies.lint.rules import rule
@@ -30,14 +31,17 @@ class _Overlap(NamedTuple):
     share: float  # of half the thinner geom's extent
 
 
-def _overlaps(linted: LintedModel) -> dict[tuple[int, int], _Overlap]:
-    """Return the deepest overlap of each two bodies in any start."""
+def _overlaps(linted: LintedModel, *, thrown: bool) -> dict[tuple[int, int], _Overlap]:
+    """Return the deepest overlap of each two bodies in any start; if asked, of those thrown apart.
+
+    Loads may hold an overlap, as of a handle in closed fingers.
+    """
     model, found = linted.model, dict[tuple[int, int], _Overlap]()
     halves = half_extents(model)
     for start, data in linted.starts.items():
-        for geoms, distance in zip(
-            data.contact.geom.tolist(), data.contact.dist.tolist(), strict=True
-        ):
+        geoms_of = data.contact.geom.tolist()
+        for contact, distance in enumerate(data.contact.dist.tolist()):
+            geoms = geoms_of[contact]
             if min(geoms) < 0:
                 continue
             half = float(halves[geoms].min())
@@ -45,7 +49,9 @@ def _overlaps(linted: LintedModel) -> dict[tuple[int, int], _Overlap]:
             low, high = sorted(int(model.geom_bodyid[geom]) for geom in geoms)
             known = found.get((low, high))
             if overlap.share > max(DEEP, known.share if known else 0.0):
-                found[low, high] = overlap
+                rows = contact_rows(model, data, contact) if thrown else None
+                if rows is None or not is_borne(model, data, rows):
+                    found[low, high] = overlap
     return found
 
 
@@ -99,7 +105,9 @@ def _place(linted: LintedModel, found: Sequence[_Overlap]) -> Place:
 def parent_filter(linted: LintedModel) -> Iterator[Fault]:
     """Neighbouring links overlap in a start, and MuJoCo's filter of parents is not about them."""
     model = linted.model
-    near = {pair: one for pair, one in _overlaps(linted).items() if _joined(linted, *pair)}
+    near = {
+        pair: one for pair, one in _overlaps(linted, thrown=False).items() if _joined(linted, *pair)
+    }
     at_base = {pair: one for pair, one in near.items() if not all(model.body_weldid[[*pair]])}
     others = {pair: one for pair, one in near.items() if pair not in at_base}
     for found, why in (
@@ -120,7 +128,7 @@ def parent_filter(linted: LintedModel) -> Iterator[Fault]:
 
 def _apart(linted: LintedModel) -> list[_Overlap]:
     """Return the overlaps of bodies that are not joined."""
-    found = _overlaps(linted).items()
+    found = _overlaps(linted, thrown=True).items()
     return [overlap for pair, overlap in found if not _joined(linted, *pair)]
 
 

@@ -13,6 +13,7 @@ from contactlab.scene.keyframes import start_data
 from contactlab.scene.model_draft import mjcf_text
 from contactlab.scene.task import keyframe_names
 from contactlab.schema.task import QPOS0
+from contactlab.studies.lint.borne import is_borne, limit_rows
 from contactlab.studies.lint.linted_model import Fault, LintedModel
 from contactlab.studies.lint.rules import rule
 
@@ -34,6 +35,7 @@ class _Beyond(NamedTuple):
     low: float
     high: float
     place: int
+    borne: bool = False  # by loads that hold it there
 
     @property
     def nearest(self) -> float:
@@ -44,15 +46,22 @@ class _Beyond(NamedTuple):
         return f"{self.name} at {self.value:.4g}, outside of {self.low:.4g} to {self.high:.4g}"
 
 
-def _out_of_joints(model: mujoco.MjModel, qpos: Floats) -> Iterator[_Beyond]:
-    """Yield the slides and hinges that a pose (nq,) puts beyond their ranges."""
+def _out_of_joints(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[_Beyond]:
+    """Yield the slides and hinges that a start has beyond their ranges, and whose limits act."""
     scalar = np.isin(model.jnt_type, (int(_JOINT.mjJNT_SLIDE), int(_JOINT.mjJNT_HINGE)))
     for joint in np.flatnonzero(scalar & (model.jnt_limited != 0)).tolist():
         low, high = model.jnt_range[joint].tolist()
         place = int(model.jnt_qposadr[joint])
-        value, slack = float(qpos[place]), _SOFT * (high - low)
-        if not low - slack <= value <= high + slack:
-            yield _Beyond(f"joint '{model.joint(joint).name}'", value, low, high, place)
+        value, slack = float(data.qpos[place]), _SOFT * (high - low)
+        rows = limit_rows(data, joint)
+        if rows is not None and not low - slack <= value <= high + slack:
+            name, borne = f"joint '{model.joint(joint).name}'", is_borne(model, data, rows)
+            yield _Beyond(name, value, low, high, place, borne=borne)
+
+
+def _thrown(model: mujoco.MjModel, data: mujoco.MjData) -> list[_Beyond]:
+    """Return those that their limits push back, where no load holds them."""
+    return [one for one in _out_of_joints(model, data) if not one.borne]
 
 
 def _out_of_controls(model: mujoco.MjModel, controls: Floats) -> Iterator[_Beyond]:
@@ -86,13 +95,13 @@ def keyframe_range(linted: LintedModel) -> Iterator[Fault]:
     """A keyframe puts joints outside of their ranges."""
     model = linted.model
     for name in keyframe_names(model):
-        qpos = start_data(model, name).qpos
-        if found := list(_out_of_joints(model, qpos)):
-            edits = linted.set("key", name, qpos=_nearest(qpos, found))
+        data = linted.starts[name]
+        if found := _thrown(model, data):
+            edits = linted.set("key", name, qpos=_nearest(data.qpos, found))
             message = f"keyframe '{name}' has {_listed(found)}; the limits push it back at once"
             yield Fault(message, linted.place("key", name), edits)
     reserved = model.nkey - len(keyframe_names(model))
-    if reserved and (found := list(_out_of_joints(model, model.qpos0))):
+    if reserved and (found := _thrown(model, linted.reference)):
         count = f"{reserved} keyframes are" if reserved > 1 else "a keyframe is"
         message = f"{count} reserved by nkey, at {QPOS0}, which has {_listed(found)}"
         yield Fault(message, linted.place_of("size"), linted.set_in("size", nkey="0"))
@@ -114,7 +123,7 @@ def keyframe_control(linted: LintedModel) -> Iterator[Fault]:
 def qpos0_range(linted: LintedModel) -> Iterator[Fault]:
     """The reference pose is outside of joints' ranges, and no keyframe gives another start."""
     model = linted.model
-    found = [] if keyframe_names(model) else list(_out_of_joints(model, model.qpos0))
+    found = [] if keyframe_names(model) else list(_out_of_joints(model, linted.reference))
     if found:
         joint = int(np.searchsorted(model.jnt_qposadr, found[0].place, "right")) - 1
         frames = ET.Element("keyframe")
