@@ -16,9 +16,14 @@ SectionName = Literal["labels", "budget", "facts", "checks", "contacts", "change
 
 
 class Fact(Model):
-    """What is deep, overlaps, is apart, creeps, or weighs what no body can; it judges nothing."""
+    """What is deep, overlaps, is apart, creeps, grips, or weighs what no body can.
 
-    kind: Literal["depth", "overlap", "creep", "limit", "equality", "force", "margin", "inertia"]
+    It judges nothing.
+    """
+
+    kind: Literal[
+        "depth", "overlap", "creep", "limit", "equality", "force", "margin", "inertia", "grip"
+    ]
     place: str = about("The contact, the joint, or the body.")
     value: float
     unit: str

@@ -46,6 +46,7 @@ from contactlab.studies.examine.changes import MOST_CHANGES, Changes, fresh
 from contactlab.studies.examine.facts import facts
 from contactlab.studies.examine.resting_contacts import resting_contacts
 from contactlab.studies.examine.task_motions import Change
+from contactlab.studies.grip.carried_hand import grip_facts
 from contactlab.studies.session import Session, Values, read_settings
 from contactlab.studies.task_verdict import refuse_lengths, run_labels
 
@@ -168,7 +169,10 @@ def _measured(
     if "facts" in request.sections:
         begins = {phase.name: phase.begin for phase in task.phases}
         times = [begins.get(motion.name, 0.0) for motion in examined.motions]
-        report = report.model_copy(update={"facts": facts(examined.motions, times)})
+        found = facts(examined.motions, times)
+        if not request.assign:
+            found += grip_facts(request.model, examined.motions[0].model, task.start)
+        report = report.model_copy(update={"facts": found})
     sentence = _sentence(verdict, tried, task, examined.budget)
     report = report.model_copy(
         update={

@@ -80,6 +80,7 @@ class GripRequest:
         base: the body that carries the fingers.
         within: speed from which an object creeps [m/s].
         remedies: whether to run changes that may help.
+        placements: whether to grip the object elsewhere too, and of other sizes.
         told: called with a line of text as a part begins.
         film: called with the grip once it is judged.
     """
@@ -91,6 +92,7 @@ class GripRequest:
     base: str | None = None
     within: float = WITHIN
     remedies: bool = True
+    placements: bool = True
     told: Callable[[str], None] = lambda _: None
     film: Callable[[Grip], None] | None = None
 
@@ -161,7 +163,9 @@ def run(request: GripRequest) -> GripReport:
         shake=_trial_report(trials[0]),
         turn=_trial_report(trials[1]),
         pull=GripPull(direction=pull[0], force=pull[1], weights=pull[1] / known.weight),
-        placements=tuple(_placements(setup, drifts, request.within)),
+        placements=(
+            tuple(_placements(setup, drifts, request.within)) if request.placements else ()
+        ),
         causes=why,
         remedies=remedies,
         notes=tuple(_notes(setup, tried)),

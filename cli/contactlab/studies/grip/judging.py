@@ -64,8 +64,8 @@ class Evidence:
 def causes(known: Evidence) -> list[tuple[CauseKind, str]]:
     """Return why an object does not stay, the first cause first; each by an experiment."""
     found = list[tuple[CauseKind, str]]()
-    if known.word != "holds":
-        found.append(_first_cause(known))
+    if known.word != "holds" and (first := _first_cause(known)) is not None:
+        found.append(first)
     if known.deep > _DEEP:
         share = f"{known.deep:.0%} of half of its width"
         found.append(("sinking in", f"the fingers sink into it by {share}"))
@@ -80,7 +80,7 @@ _BY_EXPERIMENT: tuple[tuple[str, CauseKind, str], ...] = (
 )
 
 
-def _first_cause(known: Evidence) -> tuple[CauseKind, str]:
+def _first_cause(known: Evidence) -> tuple[CauseKind, str] | None:
     if not known.pressed:
         return "shape", "it slips out as the fingers close, before anything loads it"
     if known.word == "drops" and known.pull < known.weight:
@@ -92,8 +92,8 @@ def _first_cause(known: Evidence) -> tuple[CauseKind, str]:
     for against, kind, text in _BY_EXPERIMENT:
         if known.halved_by(against):
             return kind, text
-    told = "none of the changes that were run halves it"
-    return "unknown", told if known.tried else "no change was run that would tell why"
+    unknown: CauseKind = "unknown"
+    return (unknown, "none of the changes that were run halves it") if known.tried else None
 
 
 def _too_weak(known: Evidence) -> tuple[CauseKind, str]:

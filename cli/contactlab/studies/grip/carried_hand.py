@@ -1,0 +1,53 @@
+"""A robot's grip as a fact of its examination: of what a keyframe holds, or of a hand on an arm."""
+
+import math
+
+import mujoco
+
+from contactlab.errors import SceneError
+from contactlab.schema.examination import Fact
+from contactlab.schema.grip import GripReport
+from contactlab.schema.task import QPOS0
+from contactlab.studies.grip.fingers import find_hand
+from contactlab.studies.grip.gripping import GripRequest, run
+
+# What closes is a hand if it weighs at most this share of the robot that moves it: legs, which
+# would close on a box as well, weigh more.
+_HAND = 0.2
+
+
+def grip_facts(reference: str, model: mujoco.MjModel, start: str) -> tuple[Fact, ...]:
+    """Return whether what the start holds, or else the robot's hand, holds an object; if any."""
+    keyframe = None if start == QPOS0 else start
+    for request in (
+        GripRequest(reference, keyframe=keyframe, remedies=False, placements=False),
+        GripRequest(reference, remedies=False, placements=False),
+    ):
+        try:
+            if request.keyframe is not None or _is_carried(model):
+                return (_fact(run(request)),)
+        except SceneError:
+            continue  # nothing is held there, or there is no hand
+    return ()
+
+
+def _is_carried(model: mujoco.MjModel) -> bool:
+    """Return whether a hand is a small part of the robot that carries it."""
+    base = find_hand(model).base
+    robot = int(model.body_rootid[base])
+    return bool(model.body_subtreemass[base] <= _HAND * model.body_subtreemass[robot])
+
+
+def _fact(report: GripReport) -> Fact:
+    speeds = [math.inf if drift.speed is None else drift.speed for drift in report.drifts]
+    worst = max(speeds, default=math.inf)
+    lost = math.isinf(worst)
+    first = min((drift.lost for drift in report.drifts if drift.lost is not None), default=0.0)
+    where = f"keyframe {report.keyframe}" if report.keyframe else "its hand"
+    return Fact(
+        kind="grip",
+        place=report.base,
+        value=first if lost else worst,
+        unit="s" if lost else "m/s",
+        sentence=f"{where} ({report.base}) {report.sentence} (contactlab grip)",
+    )

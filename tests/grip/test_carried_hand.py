@@ -1,0 +1,48 @@
+"""The grip that an examination tells: of what a keyframe holds, or a hand that an arm carries."""
+
+from pathlib import Path
+
+import mujoco
+import pytest
+from tests.grip.grippers import claw_with_bar
+from tests.grip.test_fingers import arm
+
+from contactlab.schema.task import QPOS0
+from contactlab.studies.grip.carried_hand import grip_facts
+from contactlab.studies.grip.gripping import GripRequest, run
+
+DOG = """<mujoco><worldbody><body name="trunk" pos="0 0 .4"><freejoint/>
+  <geom type="box" size=".2 .1 .05" mass="5"/>
+  <body name="left" pos="0 .1 0"><joint name="left" axis="1 0 0" range="-60 60"/>
+    <geom type="capsule" size=".02" fromto="0 0 0 0 0 -.3" mass="1"/></body>
+  <body name="right" pos="0 -.1 0"><joint name="right" axis="1 0 0" range="-60 60"/>
+    <geom type="capsule" size=".02" fromto="0 0 0 0 0 -.3" mass="1"/></body>
+  </body></worldbody>
+  <actuator><motor joint="left" ctrlrange="-5 5"/><motor joint="right" ctrlrange="-5 5"/></actuator>
+</mujoco>"""
+
+
+def saved(folder: Path, text: str) -> tuple[str, mujoco.MjModel]:
+    path = folder / "robot.xml"
+    path.write_text(text, encoding="utf-8")
+    return str(path), mujoco.MjModel.from_xml_path(str(path))
+
+
+def test_a_start_that_holds_an_object_is_judged_as_it_is(tmp_path: Path) -> None:
+    """The number is that of `contactlab grip --keyframe`; no change is run for it."""
+    reference, model = saved(tmp_path, claw_with_bar(8, 0.1))
+    (fact,) = grip_facts(reference, model, "held")
+    speeds = run(GripRequest(reference, keyframe="held", remedies=False)).drifts
+    assert fact.value == pytest.approx(max(drift.speed or 0 for drift in speeds), rel=1e-9)
+    assert fact.sentence.startswith("keyframe held (claw) creeps: body bar goes")
+
+
+def test_the_hand_of_an_arm_is_judged(tmp_path: Path) -> None:
+    reference, model = saved(tmp_path, arm("each finger"))
+    (fact,) = grip_facts(reference, model, QPOS0)
+    assert fact.place == "palm"
+    assert fact.unit == "m/s"
+
+
+def test_legs_are_no_hand(tmp_path: Path) -> None:
+    assert grip_facts(*saved(tmp_path, DOG), QPOS0) == ()
