@@ -128,6 +128,15 @@ def test_units_of_an_object(one: str, other: str) -> None:
     assert first.words == second.words
 
 
+def test_what_is_round_is_held_by_the_middle_of_pads(tmp_path: Path) -> None:
+    """Nearest points of flat pads are any that face each other; at an edge it would roll out."""
+    asked = "cylinder:50x40mm,.1kg"
+    report, grip = judged(tmp_path, claw(cone="elliptic", impratio="100"), held=asked)
+    assert [each.force for each in report.fingers] == pytest.approx([20, 20], rel=1e-3)
+    assert np.linalg.norm((grip.held.begun - [0.1, 0.2, 0.5])[1:]) < 1e-4
+    assert report.verdict != "drops"
+
+
 def test_actuators_are_held_against_their_limits(tmp_path: Path) -> None:
     text = claw().replace('ctrlrange="-20 20"', 'ctrlrange="-20 20" forcerange="-12 12"')
     report, _ = judged(tmp_path, text, held=BOX)

@@ -348,6 +348,18 @@ def fitted(rig: Rig, closing: Closing) -> GrippedObject:
     return replace(USUAL, size=(width, max(factor * side, _PAST * 2 * beside), factor * out))
 
 
+def pads_centre(rig: Rig, closing: Closing) -> Floats | None:
+    """Return where pads press on a box (3,) [m], whose faces are theirs; None if they hold none.
+
+    Nearest points of flat pads may be their corners, between which what is round rolls out.
+    """
+    try:
+        held = squeeze(rig, closing)
+    except SceneError:
+        return None
+    return held.points.mean(axis=0) if held.is_held else None
+
+
 def place(rig: Rig, closing: Closing) -> tuple[Floats, Floats]:
     """Return where an object of the rig's width is met (3,) [m], and a turn as Squeeze has it."""
     width = 2 * rig.half[0]
@@ -399,9 +411,7 @@ def frame(across: Floats, out: Floats) -> Floats:
     return axes
 
 
-def squeeze(
-    rig: Rig, closing: Closing, offset: Floats | None = None, share: float = 1.0
-) -> Squeeze:
+def squeeze(rig: Rig, closing: Closing, centre: Floats | None = None) -> Squeeze:
     """Close a hand on its object, which is centred on the pads first.
 
     Where it slips out between the outermost geoms, it is tried nearer to the base.
@@ -409,13 +419,14 @@ def squeeze(
     Args:
         rig: hand and object.
         closing: of the hand, for this model.
-        offset: (3,) of the object from where pads meet it, in the frame of Squeeze.turn [m].
-        share: of the way from opened to closed controls.
+        centre: (3,) of the pads, if that is known [m].
     """
     point, turn = place(rig, closing)
-    control = closing.opened + share * (closing.closed - closing.opened)
-    if offset is not None:
-        return close_at(rig, closing, point + turn @ offset, turn, control)
+    if centre is not None:
+        across = (centre - point) @ turn
+        point = point + turn @ (across * [0, 1, 1])
+        turn = _turn(rig, point, turn[:, 0])
+    control = closing.closed
     reach, deep = 2 * rig.half[2], list[float]()
     for depth in _DEPTHS:
         inner = point - depth * reach * turn[:, 2]

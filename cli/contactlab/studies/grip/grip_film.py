@@ -8,7 +8,7 @@ import numpy as np
 from contactlab.contact.trace_arrays import Floats
 from contactlab.studies.grip.holding import inputs_of_pull, inputs_of_shake
 from contactlab.studies.grip.judging import worst_of
-from contactlab.studies.grip.remedies import SECONDS, Grip
+from contactlab.studies.grip.remedies import Grip
 from contactlab.studies.grip.rollouts import constant, states_along
 from contactlab.view.state_film import RATES, Chapter, check_film, write_states
 
@@ -29,12 +29,12 @@ def _chapters(grip: Grip, rate: int) -> Iterator[Chapter]:
     model, held = grip.rig.model, grip.held
     every = max(1, round(1 / (rate * model.opt.timestep)))
     row = held.row.copy()
-    worst = worst_of(grip.drifts()).name
-    steps = round(SECONDS / model.opt.timestep)
-    way = grip.ways().get(worst, np.zeros(3))
+    worst = worst_of(grip.drifts())
+    steps = round(worst.seconds / model.opt.timestep)
+    way = grip.ways().get(worst.name, np.zeros(3))
     loaded = grip.load.forces(grip.load.gravity * way) if way.any() else np.zeros((model.nbody, 6))
     parts: list[tuple[str, Floats]] = [
-        (f"its weight pulls {worst}", constant(loaded, 1, steps)[0]),
+        (f"its weight pulls {worst.name}", constant(loaded, 1, steps)[0]),
         (
             "shaken, 5 m/s2 at 5 Hz",
             inputs_of_shake(grip.rig, held, grip.load, grip.load.gravity * way),

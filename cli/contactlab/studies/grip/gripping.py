@@ -36,6 +36,7 @@ from contactlab.studies.grip.closing import (
     close_at,
     find_closing,
     fitted,
+    pads_centre,
     squeeze,
 )
 from contactlab.studies.grip.fingers import find_hand
@@ -202,7 +203,10 @@ def _on_bench(request: GripRequest) -> _Setup:
     if request.held is None:
         given, rig, held = _squeezed_usual(bench, closing, given)
     else:
-        held = squeeze(rig, closing)
+        box = replace(USUAL, size=(2 * float(rig.half[0]), *USUAL.size[1:]))
+        is_box = given.shape == "box"
+        centre = None if is_box else pads_centre(with_object(bench, box), closing)
+        held = squeeze(rig, closing, centre)
     if request.squeeze is not None:
         held = _squeezed(rig, closing, held, request.squeeze)
     load = Load.of_all(rig, gravity_of(model))
@@ -331,7 +335,7 @@ def _placements(setup: _Setup, drifts: Sequence[Drift], within: float) -> Iterat
     for name, factor in (("a tenth smaller", 0.9), ("a tenth larger", 1.1)):
         other = with_object(setup.bench, setup.given.scaled(factor))
         try:
-            held = squeeze(other, grip.closing)
+            held = squeeze(other, grip.closing, grip.held.points.mean(axis=0))
         except SceneError:
             continue  # it does not fit between the fingers, or they do not close as far
         sized = replace(grip, rig=other, held=held, load=Load.of_all(other, grip.load.gravity))
