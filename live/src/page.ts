@@ -180,10 +180,24 @@ export class Page {
     this.seek((this.simulation?.step ?? this.storedStep) + 1);
   }
 
+  /** Have the engine step; where it gives up, say so and stop there. Return whether it went on. */
+  private stepping(act: (simulation: Simulation) => void): boolean {
+    const { simulation } = this;
+    if (!simulation) return false;
+    try {
+      act(simulation);
+      return true;
+    } catch (error) {
+      this.simulation = null;
+      this.play(false);
+      this.say(`MuJoCo ${this.page.engine} gives up after step ${simulation.step}: ${reasonOf(this.engine, error)}`, true);
+      return false;
+    }
+  }
+
   private seek(step: number): void {
-    const kept = this.playing;
-    if (kept) this.play(false);
-    this.simulation?.seek(step);
+    if (this.playing) this.play(false);
+    this.stepping((simulation) => simulation.seek(step));
     this.storedStep = Math.min(step, this.steps);
     this.draw();
   }
@@ -194,19 +208,11 @@ export class Page {
     this.last = now;
     if (!this.playing) return;
     const speed = Number(find<HTMLSelectElement>("speed").value);
-    const began = performance.now();
     if (this.simulation) {
       const { simulation } = this;
       this.pace ??= { wall: performance.now(), simulated: simulation.time };
       this.owed += passed * speed;
-      while (this.owed >= simulation.timestep && !simulation.isOver) {
-        if (performance.now() - began > FRAME_BUDGET) {
-          this.owed = 0;
-          break;
-        }
-        simulation.advance();
-        this.owed -= simulation.timestep;
-      }
+      if (!this.stepping(() => this.catchUp(simulation))) return;
     } else {
       const { times } = this.ghost!;
       this.owed += passed * speed;
@@ -219,6 +225,19 @@ export class Page {
     document.body.dataset.frames = String(this.frames);
     this.draw();
     if (this.isOver) this.play(false);
+  }
+
+  /** Make the steps that are owed, as far as a frame has time. */
+  private catchUp(simulation: Simulation): void {
+    const began = performance.now();
+    while (this.owed >= simulation.timestep && !simulation.isOver) {
+      if (performance.now() - began > FRAME_BUDGET) {
+        this.owed = 0;
+        return;
+      }
+      simulation.advance();
+      this.owed -= simulation.timestep;
+    }
   }
 
   // What is seen.
@@ -331,7 +350,10 @@ export class Page {
     const { simulation } = this;
     while (simulation && simulation === this.simulation && !simulation.isOver) {
       const began = performance.now();
-      while (!simulation.isOver && performance.now() - began < SLICE) simulation.advance();
+      const went = this.stepping(() => {
+        while (!simulation.isOver && performance.now() - began < SLICE) simulation.advance();
+      });
+      if (!went) return;
       this.draw();
       await new Promise((resume) => { setTimeout(resume); });
     }

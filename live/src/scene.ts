@@ -10,6 +10,7 @@ import { NO_SURFACES, type Surfaces } from "./surface";
 const GROUPS = 3; // those that MuJoCo shows unasked
 const SLOW = 28; // ms of a frame above which it is drawn more coarsely
 const COARSE = 0.5;
+const LINES = 0x30363d;
 
 export class View {
   private readonly renderer: three.WebGLRenderer;
@@ -185,7 +186,7 @@ function drawn(model: MjModel, geom: number, surfaces: Surfaces, ghost: boolean)
   if (ghost || isPlane) Object.assign(look, { polygonOffset: true, polygonOffsetFactor: 1, polygonOffsetUnits: 1 });
   if (isPlane) look.side = three.DoubleSide;
   if (!isPlane || look.defines.PICTURE) return mesh;
-  const lines = new three.GridHelper(2, 40, 0x808890, 0x808890).rotateX(Math.PI / 2);
+  const lines = new three.GridHelper(2, 40, LINES, LINES).rotateX(Math.PI / 2);
   const size = planeSize(model, geom);
   lines.scale.set(size[0], 1, size[1]);
   Object.assign(lines.material as three.Material, { transparent: true, opacity: 0.35 });

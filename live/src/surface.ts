@@ -7,6 +7,8 @@ import { type Model, type Texture, blob } from "./page_data";
 
 three.ColorManagement.enabled = false;
 
+const UNSAID: Colour = [0.5, 0.5, 0.5, 1]; // MuJoCo's grey, of what has no colour: beside a floor of the same it is hardly seen
+const MOVING: Colour = [0.45, 0.56, 0.7, 1];
 const GHOST: Colour = [0.23, 0.36, 0.86, 0.25];
 
 type Colour = readonly [number, number, number, number];
@@ -70,7 +72,9 @@ export class Surfaces {
   of(model: MjModel, geom: number, ghost: boolean): three.ShaderMaterial | null {
     const material = model.geom_matid[geom]!;
     const rgba = material >= 0 ? model.mat_rgba.subarray(4 * material) : model.geom_rgba.subarray(4 * geom);
-    const [red, green, blue, alpha] = rgba as Float32Array as unknown as Colour;
+    const isUnsaid = material < 0 && UNSAID.every((part, place) => rgba[place] === part);
+    const moves = model.body_weldid[model.geom_bodyid[geom]!] !== 0;
+    const [red, green, blue, alpha] = isUnsaid && moves ? MOVING : (rgba as Float32Array as unknown as Colour);
     if (!alpha) return null;
     if (ghost) return surface(GHOST);
     const texture = this.textures.get(material);

@@ -1,13 +1,19 @@
 """The page that simulates, opened from disk without a network."""
 
+import hashlib
 import json
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlencode
 
 import mujoco
 import numpy as np
+import pyarrow as pa
 import pytest
+from pyarrow import parquet
 from tests.reporting.conftest import run
 
 from contactlab.errors import OutputError
@@ -17,6 +23,13 @@ from contactlab.store.finished_store import Store
 
 pytestmark = pytest.mark.long
 
+ENDING = "</script></title><script>window.hit=1</script><iframe src=//example.org></iframe>"
+RAMP = """<mujoco><worldbody>
+  <geom name="ramp" type="plane" size="2 2 .1" euler="0 20 0" friction="1"/>
+  <body name="box" pos="0 0 .0535" euler="0 20 0"><freejoint/>
+    <geom name="box" type="box" size=".1 .1 .05" mass="1" friction="1"/></body>
+</worldbody></mujoco>
+"""
 HOSTILE = "<img src=x onerror='window.hit=1'>"
 HOSTILE_MODEL = """<mujoco><worldbody><geom name="floor" type="plane" size="1 1 .1"/>
   <body name="b" pos="0 0 .09"><freejoint/><geom name="{name}" size=".1"/></body></worldbody>
@@ -118,35 +131,138 @@ def test_going_back_in_time_changes_no_bit(
     assert page.evaluate("live.end()") == first
 
 
-def test_hostile_names_are_text(
-    visit: Callable[..., Any], build: BrowserBuild, tmp_path: Path
+@pytest.fixture(scope="module")
+def hostile(tmp_path_factory: pytest.TempPathFactory) -> Store:
+    """A store whose model, name and records a stranger wrote, for a browser to run them."""
+    folder = tmp_path_factory.mktemp("hostile")
+    name = HOSTILE.replace("<", "&lt;").replace(">", "&gt;")
+    (folder / "model.xml").write_text(HOSTILE_MODEL.format(name=name))
+    sweep = (
+        f"{{version: 1, scene: {folder}/model.xml, duration: 0.02, axes: {{timestep: [2.0e-3]}}}}"
+    )
+    run(sweep, folder, json.dumps(HOSTILE)[1:-1])
+    path = folder / "store/runs.parquet"
+    table = parquet.read_table(path)
+    for column in ("label_reason", "status_reason", "engine_version"):
+        place = table.schema.get_field_index(column)
+        text = pa.array([ENDING] * len(table), table.schema.field(column).type)
+        table = table.set_column(place, table.schema.field(column), text)
+    place = table.schema.get_field_index("label_reasons")
+    reasons = pa.array([[ENDING]] * len(table), table.schema.field("label_reasons").type)
+    parquet.write_table(table.set_column(place, table.schema.field("label_reasons"), reasons), path)
+    # He states the bent table's hash, too.
+    manifest = json.loads((folder / "store/manifest.json").read_text())
+    manifest["files"]["runs.parquet"] = hashlib.sha256(path.read_bytes()).hexdigest()
+    (folder / "store/manifest.json").write_text(json.dumps(manifest))
+    return Store.open(folder / "store")
+
+
+def test_hostile_text_of_a_store_is_text(
+    hostile: Store, visit: Callable[..., Any], build: BrowserBuild, tmp_path: Path
 ) -> None:
     del build
-    name = HOSTILE.replace("<", "&lt;").replace(">", "&gt;")
-    (tmp_path / "model.xml").write_text(HOSTILE_MODEL.format(name=name))
-    sweep = (
-        f"{{version: 1, scene: {tmp_path}/model.xml, duration: 0.02, axes: {{timestep: [2.0e-3]}}}}"
-    )
-    store = run(sweep, tmp_path, json.dumps(HOSTILE)[1:-1])
-    write_live_page(store, tmp_path / "live.html")
-    page = visit(tmp_path / "live.html").page
+    write_live_page(hostile, tmp_path / "live.html")
+    fragment = "#" + urlencode({"run": ENDING, "timestep": ENDING, "__proto__": ENDING})
+    seen = visit(tmp_path / "live.html", fragment)
+    page = seen.page
     assert HOSTILE in page.inner_text("#depth")
-    assert page.evaluate("document.querySelectorAll('img').length") == 0
+    assert page.inner_text("h1").startswith(HOSTILE)
+    assert ENDING in page.inner_text("#finding")
+    assert ENDING in page.inner_text("#notes")
+    page.evaluate("live.compareWithRecord()")
+    page.locator("#mjcf").click()
+    assert "onerror" in page.locator("#text").input_value()
+    assert page.evaluate("document.querySelectorAll('img, iframe, object').length") == 0
     assert page.evaluate("window.hit") is None
-    # Neither script of others, nor anything from a network, is let in.
-    violated = page.evaluate(
-        """() => new Promise(resolve => {
+    assert [url for url in seen.requests if not url.startswith(("file:", "blob:"))] == []
+
+
+@pytest.mark.parametrize(
+    ("attempt", "directive"),
+    [
+        ("add('script', {textContent: 'window.hit = 2'})", "script-src"),
+        ("add('b', {}).setAttribute('onclick', 'window.hit = 3')", "script-src"),
+        # What a debugger evaluates, as here, may itself evaluate; a timer's text is the page's own.
+        ("setTimeout('window.hit = 4')", "script-src"),
+        ("fetch('https://example.org').catch(() => undefined)", "connect-src"),
+        ("add('img', {src: 'https://example.org/a.png'})", "img-src"),
+        ("add('iframe', {src: 'https://example.org'})", "frame-src"),
+        ("new Worker('data:text/javascript,')", "worker-src"),
+    ],
+)
+def test_the_policy_lets_in_neither_code_nor_network(
+    hostile: Store,
+    visit: Callable[..., Any],
+    build: BrowserBuild,
+    tmp_path: Path,
+    attempt: str,
+    directive: str,
+) -> None:
+    """Even if a hole were found: each attempt is made by the page itself, past all escaping."""
+    del build
+    write_live_page(hostile, tmp_path / "live.html")
+    seen = visit(tmp_path / "live.html")
+    violated = seen.page.evaluate(
+        f"""() => new Promise(resolve => {{
           addEventListener("securitypolicyviolation", event => resolve(event.effectiveDirective));
-          const script = document.createElement("script");
-          script.textContent = "window.hit = 2";
-          document.body.append(script);
-        })"""
+          setTimeout(() => resolve("nothing"), 5000);
+          const add = (tag, parts) => {{
+            const made = Object.assign(document.createElement(tag), parts);
+            document.body.append(made);
+            return made;
+          }};
+          try {{ {attempt}; }} catch {{ }}
+        }})"""
     )
-    assert violated.startswith("script-src")
-    assert page.evaluate("window.hit") is None
-    assert "connect" in page.evaluate(
-        """() => new Promise(resolve => {
-          addEventListener("securitypolicyviolation", event => resolve(event.effectiveDirective));
-          fetch("https://example.org").catch(() => undefined);
-        })"""
+    assert violated.startswith(directive)
+    assert seen.page.evaluate("window.hit") is None
+
+
+def test_a_bent_model_is_told_and_ends_nothing(
+    swept: Callable[[str], Store], visit: Callable[..., Any], build: BrowserBuild, tmp_path: Path
+) -> None:
+    """What is packed into the page is bent: the engine refuses it, and the page lives on."""
+    del build
+    write_live_page(swept("bounce"), tmp_path / "live.html")
+    page = visit(tmp_path / "live.html").page
+    page.evaluate(
+        """async () => {
+          await live.making;
+          const model = live.page.models[0];
+          delete model.bytes;
+          model.alone = "<mujoco><worldbody><geom size='-1'/></worldbody></mujoco>";
+          live.models.read.clear();
+          await live.make();
+        }"""
     )
+    assert "does not read this model" in page.inner_text("#message")
+    page.keyboard.press("Space")
+    assert page.locator("body").get_attribute("data-playing") == "false"
+    assert page.locator("#play").is_disabled()
+
+
+def test_noslip_switched_on_ends_the_creep(
+    visit: Callable[..., Any], build: BrowserBuild, tmp_path: Path
+) -> None:
+    """A box on a ramp that friction holds creeps by softness; noslip leaves a hundredth of it."""
+    del build
+    path = tmp_path / "ramp.xml"
+    path.write_text(RAMP)
+    made = ["-o", str(tmp_path / "made"), "--duration", "1s", "--drive", "none", "--live"]
+    subprocess.run([sys.executable, "-m", "contactlab", str(path), *made], check=True)
+    page = visit(tmp_path / "made/page.live.html").page
+
+    def crept() -> float:
+        first, last = (
+            np.array(page.evaluate(f"(live.seek({step}), [...live.simulation.data.qpos])"))
+            for step in (150, 499)
+        )
+        return float(np.linalg.norm(last[:3] - first[:3]))
+
+    as_written = crept()
+    page.locator("input[data-switch='noslip']").check()
+    page.evaluate("live.making")
+    assert crept() < as_written / 100
+    assert "noslip=on" in page.evaluate("location.hash")
+    model = mujoco.MjModel.from_xml_string(page.evaluate("live.mjcf()"))
+    assert model.opt.noslip_iterations == 10

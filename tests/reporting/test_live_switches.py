@@ -48,6 +48,7 @@ def test_the_worst_phase_counts_and_what_is_not_exercised_is_last() -> None:
     report = BudgetReport.model_construct(
         phases=(
             phase(found("noslip", 0.02), found("margin", None, exercised=False)),
+            phase(found("solver", 1e-9)),
             phase(found("noslip", 0.4), found("cone", 0.1), found("gravity", None)),
         )
     )
@@ -56,6 +57,7 @@ def test_the_worst_phase_counts_and_what_is_not_exercised_is_last() -> None:
         ("gravity", "ends it"),
         ("noslip", "40 %"),
         ("cone", "10 %"),
+        ("solver", "< 0.01 %"),
         ("margin", "not exercised"),
     ]
 

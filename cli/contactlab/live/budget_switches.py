@@ -12,6 +12,7 @@ from contactlab.budget.verdict import percent
 from contactlab.schema.error_budget import BudgetReport, BudgetRow
 
 _NEVER = "not exercised"
+_LEAST = 1e-4
 
 
 def rows_of(report: BudgetReport) -> Iterator[tuple[Row, str]]:
@@ -46,4 +47,6 @@ def _size(row: BudgetRow) -> float:
 def _told(row: BudgetRow) -> str:
     if not row.exercised:
         return _NEVER
-    return "ends it" if row.share is None else percent(row.share)
+    if row.share is None:
+        return "ends it"
+    return percent(row.share) if row.share >= _LEAST else f"< {percent(_LEAST)}"
