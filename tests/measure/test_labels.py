@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from contactlab.contact.trace_arrays import SelfChecks, Trace
+from contactlab.contact.trace_arrays import BackwardError, SelfChecks, Trace
 from contactlab.contact.trace_setup import Barrier, FreeBody, Setup
 from contactlab.errors import SceneError
 from contactlab.measure import LABELS, THRESHOLDS, AppliedLabel, assess, limits
@@ -124,18 +124,23 @@ def test_invalid(trace_of: Any, setup_of: Any, case: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("residual", "used", "label"),
+    ("residual", "used", "known", "label"),
     [
-        (0.11, 20, "solver_nonconvergence"),
-        (0.11, 19, "solver_inconsistent"),
-        (0.09, 20, "stable"),
-        (0.0, 20, "stable"),
+        (0.11, 20, None, "solver_nonconvergence"),
+        (0.11, 19, None, "solver_inconsistent"),
+        (0.11, 20, 0.09, "solver_nonconvergence"),
+        (0.11, 19, 0.09, "stable"),
+        (0.09, 20, None, "stable"),
+        (0.0, 20, None, "stable"),
     ],
 )
 def test_what_a_solver_leaves_is_held_against_the_tolerance(
-    trace_of: Any, setup_of: Any, residual: float, used: int, label: str
+    trace_of: Any, setup_of: Any, residual: float, used: int, known: float | None, label: str
 ) -> None:
-    """Forces that differ by more than a tenth are phantom; all 20 iterations alone are nothing."""
+    """Forces that differ by more than a tenth are phantom; all 20 iterations alone are nothing.
+
+    Nor are forces of a solver that was content, where the run is its model's motion all the same.
+    """
     contacts = np.ones((1, 100), np.int32)
     trace = trace_of(contacts=contacts, iterations_most=np.full((1, 100), used, np.int32))
     setup = setup_of(trace, iterations=np.array([20], np.int32))
@@ -149,6 +154,7 @@ def test_what_a_solver_leaves_is_held_against_the_tolerance(
         geometry_steps=np.zeros(1, np.intp),
         squeeze=np.empty((1, 0)),
         repeats=np.ones(1, np.bool_),
+        backward=() if known is None else (BackwardError(known, "b", 0.0, 0.0),),
     )
     (found,) = assess(trace, setup, checks).labels[0]
     assert found.label == label

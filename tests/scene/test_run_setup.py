@@ -130,6 +130,22 @@ def test_what_is_driven_is_not_passive(case: str, make_scene: Make) -> None:
     assert not setup(make_scene(text)).passive
 
 
+FLEX = """<flexcomp name='f' type='grid' dim='1' count='3 1 1' spacing='.1 .1 .1' mass='1'>
+<edge stiffness='9'/></flexcomp>"""
+SPRINGS = {
+    "joint": ("<joint stiffness='1'/><geom size='.1'/>", True),
+    "flex": (FLEX, True),
+    "none": ("<joint/><geom size='.1'/>", False),
+}
+
+
+@pytest.mark.parametrize("case", SPRINGS)
+def test_springs_are_of_joints_and_of_flexes(case: str, make_scene: Make) -> None:
+    inner, stores = SPRINGS[case]
+    text = f"<mujoco><worldbody><body name='b'>{inner}</body></worldbody></mujoco>"
+    assert setup(make_scene(text)).springs == stores
+
+
 def test_a_run_that_holds_a_body_up_is_not_passive(make_scene: Make) -> None:
     text = "<mujoco><worldbody><body name='b'><joint/><geom size='.1'/></body></worldbody></mujoco>"
     scene = make_scene(text)

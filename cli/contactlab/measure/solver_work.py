@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import Floats
 from contactlab.measure.amounts import part_of
-from contactlab.measure.backward_error import TOLERANCE
+from contactlab.measure.backward_error import TOLERANCE, resolved_runs
 from contactlab.measure.context import Context, cached, count, first_step, runs_where, share
 from contactlab.measure.entries import Found, MeasuredRuns, Onset, Threshold, label, metric
 from contactlab.schema.comparison import MetricRule
@@ -194,7 +194,10 @@ def repeats(context: Context) -> Floats:
     advice="jacobian dense, solver Newton, and a smaller tolerance",
 )
 def solver_inconsistent(runs: MeasuredRuns) -> Found:
-    """The solver stopped early and wrong or left the cone, or a sparse Jacobian or run differs."""
+    """The solver stopped early and wrong or left the cone, or a sparse Jacobian or run differs.
+
+    That it stopped early counts in runs alone that are not known to be the motion of their model.
+    """
     context, checks = runs.context, runs.context.checks
     for run, excess, limit in runs.over("cone_violation", TOLERANCE.name):
         yield run, Onset(f"a force exceeds its cone by {part_of(excess)} it (limit {limit:g})", 0)
@@ -202,7 +205,10 @@ def solver_inconsistent(runs: MeasuredRuns) -> Found:
         return
     early = ~saturated(context)
     residual, limit = sustained_residual(context, early), runs.limits[TOLERANCE.name]
-    for run in runs_where(residual > limit):
+    resolved = resolved_runs(context)
+    # Of a solver that was content, a few wrong forces may be worth nothing to the motion.
+    known = np.zeros(len(residual), dtype=np.bool_) if resolved is None else resolved
+    for run in runs_where((residual > limit) & ~known):
         differ = f"forces and accelerations differ by {residual[run]:.2g} of the largest force"
         reason = f"the solver stopped early, but {differ} (limit {limit:g})"
         yield run, Onset(reason, first_step(early[run] & (checks.residual[run] > limit)))

@@ -63,8 +63,7 @@ def kind_of(run: RunSpec, model: mujoco.MjModel) -> Hashable:
 @lru_cache(maxsize=4)
 def _kind_of_model(model: mujoco.MjModel) -> Hashable:
     """Return a model's part of the kind, which runs of the model share."""
-    springs = model.jnt_stiffness.any() or model.tendon_stiffness.any()
-    acts = is_passive(model), is_conservative(model), has_others(model), bool(springs)
+    acts = is_passive(model), is_conservative(model), has_others(model), has_springs(model)
     # Inputs that decide a pair's solimp width.
     mixed = model.geom_solimp[:, 2], model.geom_solmix, model.geom_priority
     widths = *mixed, model.pair_solimp[:, 2], model.opt.o_solimp[2:3]
@@ -108,9 +107,7 @@ def make_setup(
         oracle_tolerance=oracle.tolerance if oracle else np.inf,
         thresholds={**(manifest.thresholds if manifest else {}), **thresholds},
         hold=HoldWindow(*np.transpose(windows)) if holding else None,
-        springs=any(
-            settings.jnt_stiffness.any() or settings.tendon_stiffness.any() for settings in distinct
-        ),
+        springs=any(map(has_springs, distinct)),
     )
 
 
@@ -171,6 +168,13 @@ def is_conservative(model: mujoco.MjModel) -> bool:
     drag = (model.dof_damping, model.dof_frictionloss, model.tendon_damping)
     brakes = any(loss.any() for loss in (*drag, model.tendon_frictionloss))
     return not (acts or limits or brakes)
+
+
+def has_springs(model: mujoco.MjModel) -> bool:
+    """Return whether joints, tendons or flexes store energy as they stretch or bend."""
+    of_flexes = model.flex_edgestiffness, model.flex_stiffness, model.flex_bending
+    stiff = (model.jnt_stiffness, model.tendon_stiffness, *of_flexes)
+    return any(bool(stiffness.any()) for stiffness in stiff)
 
 
 def has_others(model: mujoco.MjModel) -> bool:
