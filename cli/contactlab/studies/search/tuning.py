@@ -78,7 +78,7 @@ _FINER = (2, 4, 8, 16)
 _RESOLVED = 0.2  # share of the limit that the fine motion's own error may have
 _LONGEST = 0.04  # s: steps of a window's length
 _PASSES = 80  # times that a search simulates the task, about
-_JUDGED = 33  # times that a verdict simulates it: references, their check and RK4, and itself
+_JUDGED = 60  # times that two verdicts simulate it: references, their check and RK4, and itself
 _OPENINGS = 3  # times that a written model is compiled, compared and opened, in openings of the own
 _SPARSEST = 4  # at least one in so many windows is looked at
 _MOST_TRIES, _CLOSELY = 5, 2
@@ -645,7 +645,7 @@ class Study:
         task = task.model_copy(update={"seeds": task.seeds[: self._judging[0].seeds]})
         request = ExamineRequest(written.reference, task=self._request.task, sections=("budget",))
         examined = open_model(request, self._session)
-        word, share, why = self._word(examined, task)
+        judged, (word, share, why) = self._worst_word(examined, task)
         # What keeps a bound in the search as the model as written does is as good on these seeds.
         own = self._search.tried[self._search.now.key].error
         as_now = own is not None and own.share <= bound.limit
@@ -655,7 +655,7 @@ class Study:
         if not holds:
             why = f"{self._text(error.share)} in {error.body}, limit {self._text(limit)}"
         elif word != "sound":
-            holds = error.share <= SAME * now.share and self._word_now(task) == word
+            holds = error.share <= SAME * now.share and self._word_now(judged) == word
             why = f"{word}, as the model as written: {why}" if holds else why
         else:
             why = "sound, and within the limit"
@@ -675,6 +675,20 @@ class Study:
             labels=tuple(labels),
             sentence=why,
         )
+
+    def _worst_word(
+        self, examined: CheckedModel, task: Task
+    ) -> tuple[Task, tuple[str, float, str]]:
+        """Return what the judge says on a task's seeds, or, if that is sound, on the search's.
+
+        Those are what `contactlab FILE` judges by.
+        """
+        fresh_word = self._word(examined, task)
+        if fresh_word[0] != "sound":
+            return task, fresh_word
+        own = self._examined.task
+        own = own.model_copy(update={"seeds": own.seeds[: len(task.seeds)]})
+        return own, self._word(examined, own)
 
     @cached_property
     def _labels_now(self) -> set[str]:
