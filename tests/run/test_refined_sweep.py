@@ -17,7 +17,7 @@ from contactlab.reporting.boundaries import Boundaries, Sides, boundaries, bound
 from contactlab.run import planned_runs
 from contactlab.run.recomputed_runs import recomputed_problems
 from contactlab.schema.evidence import WholeGrid
-from contactlab.schema.sweep_schema import Refine
+from contactlab.schema.sweep_schema import Limit, Refine
 from contactlab.store.finished_store import Store
 from contactlab.store.verify_store import verify
 
@@ -121,13 +121,73 @@ def test_three_axes_are_told_by_layers() -> None:
     grid = WholeGrid(runs=125, plan_hash="0", axes=axes)
     sides = Sides({"seed": 0}, ("holds", "slips"), codes, np.ones_like(codes, bool))
     assert [*boundary_lines(Boundaries("label", grid, ("m", "1", "kg"), (sides,)))] == [
-        "z 0 to 2 kg:",
-        "  y 0 to 4: holds throughout",
-        "z 3 kg:",
-        "  y 0 to 4: holds up to x 3 to 4 m, then slips",
-        "z 4 kg:",
-        "  y 0 to 4: holds up to x 2 to 3 m, then slips",
+        "for z of 2 kg or less:",
+        "  holds throughout, for any y",
+        "for z of 3 kg:",
+        "  holds up to x 3 to 4 m, then slips, for any y",
+        "for z of 4 kg:",
+        "  holds up to x 2 to 3 m, then slips, for any y",
     ]
+
+
+def limited(
+    codes: list[list[int]], seeds: list[int], scenarios: list[float], sought: str
+) -> list[str]:
+    """Return what is told of the last sound step of 1 to 5 ms; 1 of each code is sound."""
+    grid = WholeGrid(runs=9, plan_hash="0", axes={"timestep": (1e-3, 2e-3, 3e-3, 4e-3, 5e-3)})
+    limit = Limit.model_validate({sought: "timestep", "to": 5})
+    sides = tuple(
+        Sides(
+            {"friction": scenario, "seed": seed},
+            ("not stable", "stable"),
+            np.array(each, np.int32),
+            np.ones(5, bool),
+        )
+        for each, seed, scenario in zip(codes, seeds, scenarios, strict=True)
+    )
+    return [*boundary_lines(Boundaries("outcome", grid, ("s",), sides, limit))]
+
+
+def test_a_limit_is_that_of_the_worst_seed_of_each_scenario() -> None:
+    """Values count up to the first that any seed of a scenario is not sound at."""
+    codes = [[1, 1, 1, 0, 0], [1, 1, 0, 1, 0], [1, 1, 1, 1, 1], [0, 1, 1, 1, 1]]
+    assert limited(codes, [0, 1, 0, 0], [0.3, 0.3, 0.5, 0.7], "largest") == [
+        "largest sound timestep: 2 ms; 3 ms is not, for friction 0.3",
+        "largest sound timestep: 5 ms, the last of the sweep, for friction 0.5",
+        "largest sound timestep: none, since 1 ms is not, for friction 0.7",
+        "  beyond it 4 of 5 are sound again",
+        "in all 3: largest sound timestep: none, since 1 ms is not",
+    ]
+    assert limited(codes[-1:], [0], [0.7], "smallest") == [
+        "smallest sound timestep: 2 ms; 1 ms is not, for friction 0.7"
+    ]
+
+
+LIMIT: dict[str, Any] = {"largest": "tilt", "to": TO, "where": "slip_distance > 10 mm"}
+
+
+def test_the_steepest_tilt_that_sticks_is_that_of_friction(whole: Store, tmp_path: Path) -> None:
+    """Each friction is a scenario; its runs are those of the grid, 7 of 17 at most without probes.
+
+    A coarse grid of five is halved twice where outcomes differ; one probe is made at least.
+    """
+    frictions = np.linspace(0.1, 1.0, TO)[4:13:4].tolist()
+    sweep = {
+        **WHOLE,
+        "axes": {"tilt": {"linspace": [5, 45, 5]}, "friction.slide": frictions},
+        "limit": LIMIT,
+    }
+    store = contactlab.sweep(sweep, output=tmp_path / "store", workers=0)
+    assert store.manifest.runs <= len(frictions) * (7 + 1)
+    assert store.manifest.runs == len(rows(store).keys() & rows(whole).keys())
+    found = boundaries(store)
+    assert found is not None
+    lines = [*boundary_lines(found)]
+    for line, friction in zip(lines, frictions, strict=False):
+        angle = np.degrees(np.arctan(friction))
+        sound = max(tilt for tilt in np.linspace(5, 45, TO) if tilt < angle)
+        assert line.startswith(f"largest sound tilt: {sound:.4g} deg; ")
+    assert lines[3].startswith("in all 3: largest sound tilt: ")
 
 
 def test_filled_up_it_is_the_grid(refined: Store, whole: Store, tmp_path: Path) -> None:
@@ -252,6 +312,30 @@ def test_mistakes_name_place_and_remedy(
 def test_what_is_no_grid_is_refused(changes: dict[str, Any], code: str, tmp_path: Path) -> None:
     with pytest.raises(SweepFileError, match=code):
         contactlab.sweep(part(**changes), output=tmp_path / "s", workers=0)
+
+
+@pytest.mark.parametrize(
+    ("changes", "code", "remedy"),
+    [
+        ({"largest": "tlit"}, "axis-not-swept", "did you mean 'tilt'"),
+        ({"smallest": "tilt"}, "bad-value", "either largest or smallest"),
+        ({"to": 18}, "off-grid", "write to: 33, or 17"),
+        ({"where": "label"}, "unknown-metric", "label"),
+        ({"where": "slip_distance"}, "no-limit", "slip_distance > VALUE"),
+        ({"probe": 1}, "unknown-key", "largest"),
+    ],
+)
+def test_mistakes_of_a_limit_name_place_and_remedy(
+    changes: dict[str, Any], code: str, remedy: str, tmp_path: Path
+) -> None:
+    axes = {"tilt": {"linspace": [5, 45, 5]}, "friction.slide": [0.3]}
+    sweep = {**WHOLE, "axes": axes, "limit": {**LIMIT, **changes}}
+    with pytest.raises(SweepFileError) as caught:
+        contactlab.sweep(sweep, output=tmp_path / "s", workers=0)
+    assert code in str(caught.value)
+    assert remedy in str(caught.value)
+    with pytest.raises(SweepFileError, match="two-choices"):
+        contactlab.sweep(part(limit=LIMIT), output=tmp_path / "s", workers=0)
 
 
 def test_options_that_cut_the_grid_are_refused(tmp_path: Path) -> None:

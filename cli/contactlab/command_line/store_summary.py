@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 _MOST_ROWS_SHOWN = 12
 _ID_DIGITS = 8
-_CHOOSING = ("refine", "until", "search", "sample")
+_CHOOSING = ("refine", "limit", "until", "search", "sample")
 _OF_LOOPS = {"seed": "episode", "success": "success", "total_reward": "return"}
 
 

@@ -242,7 +242,7 @@ def _axes(plan: "Plan") -> list[tuple[str, str, int, str]]:
 def _print_plan(plan: "Plan", forecast: "Forecast") -> None:
     print_table(("axis", "role", "values", "range"), _axes(plan))
     part, least = 1.0, ""
-    if refine := plan.sweep.refine:
+    if refine := plan.sweep.refining:
         from contactlab.plan.refined_axes import least_runs
 
         runs = least_runs(refine, forecast.runs)

@@ -26,7 +26,7 @@ from contactlab.page.script_data import ScriptData, listed_metrics, page_colours
 from contactlab.page.sentences import closest_settings, reality_sentence, tradeoff_sentence
 from contactlab.pareto.criteria import RECORDED
 from contactlab.pareto.recommendation import blocker_texts, next_step_text, robust_text
-from contactlab.reporting.boundaries import coverage
+from contactlab.reporting.boundaries import boundary_lines, coverage
 from contactlab.reporting.finding import finding
 from contactlab.reporting.label_shares import share_words
 from contactlab.reporting.report import PageRequest, ReportData, read_report_data
@@ -96,6 +96,7 @@ class MapView:
     rows: Sequence[tuple[str, Sequence[str]]]
     has_closed_form: bool
     coverage: str  # how far cells without runs are known; empty where all ran
+    boundary: Sequence[str]  # where outcomes change, in lines
 
 
 @dataclass(frozen=True)
@@ -305,6 +306,7 @@ def map_view(data: ReportData) -> MapView | None:
         rows=_map_rows(data),
         has_closed_form=bool(data.quantities_named("oracle_expected")),
         coverage=coverage(data.boundaries) if data.boundaries else "",
+        boundary=[*boundary_lines(data.boundaries)] if data.boundaries else [],
     )
 
 

@@ -44,7 +44,7 @@ MISTAKES: Mapping[str, str] = {
     "span-order": "Two bounds have the higher one first. Write [low, high].",
     "syntax": "The file is not YAML here. The message says what is open, or what to write.",
     "too-many-runs": "More runs than a sweep takes. Use `sample`, or fewer values.",
-    "two-choices": "A sweep chooses its runs in two ways: `refine`, `until`, `search`. Keep one.",
+    "two-choices": "A sweep chooses its runs in two ways, such as `refine` and `until`. Keep one.",
     "unknown-axis": "The scene has no such axis. `contactlab list axes SCENE` lists those it has.",
     "unknown-effect": "There is no such effect. `contactlab list axes SCENE` lists effects too.",
     "unknown-key": "A sweep file has no such key. The message says the nearest.",

@@ -20,6 +20,7 @@ from contactlab.schema.vocabulary import FORMS
 _ENTRIES = (
     "sample",
     "refine",
+    "limit",
     "until",
     "search",
     "effects",

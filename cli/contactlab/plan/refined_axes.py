@@ -18,8 +18,10 @@ def write_out_refined(document: Document) -> None:
 
     What cannot be read stays, for others to say what is wrong with it.
     """
-    refine = document.mapping("refine")
-    names, full = refine.get("axes"), refine.get("to")
+    refine, limit = document.mapping("refine"), document.mapping("limit")
+    names, full = refine.get("axes"), refine.get("to", limit.get("to"))
+    if limit:
+        names = [limit.get("largest", limit.get("smallest"))]
     if not isinstance(names, list) or not isinstance(full, int) or isinstance(full, bool):
         return
     starts = list[int]()
@@ -31,7 +33,7 @@ def write_out_refined(document: Document) -> None:
             if isinstance(count, int) and 1 < count < full:
                 starts.append(count)
                 form[key] = [*cast("list[object]", parts)[:-1], full]
-    if starts:
+    if starts and not limit:
         refine.setdefault("start", max(starts))
 
 
@@ -60,30 +62,43 @@ def least_runs(refine: Refine, runs: int) -> int:
 
 def check_refine(context: SweepContext) -> None:
     """Add the mistakes of what is to be refined."""
-    refine = context.sweep.refine
+    refine, limit = context.sweep.refining, context.sweep.limit
     if refine is None:
         return
-    document = context.document
+    document, key = context.document, "limit" if limit else "refine"
     for index, name in enumerate(refine.axes):
         _check_axis(context, refine, name, index)
     stride = stride_of(refine)
     if stride is None and refine.start is not None:
-        place = document.key(("refine", "to"))
+        place = document.key((key, "to"))
         message = f"halving cells of {refine.start} values leads past {refine.to}"
         near = refine.start - 1
         while near + 1 < refine.to:
             near *= 2
         hint = f"write to: {near + 1}, or {near // 2 + 1}"
         document.add("off-grid", place, message, hint)
+    if limit and stride == 1 and refine.to > COARSE:
+        near = 2 ** (refine.to - 1).bit_length()
+        message = f"no halving of coarser grids leads to {refine.to} values"
+        document.add(
+            "off-grid",
+            document.key((key, "to")),
+            message,
+            f"write to: {near + 1}, or {near // 2 + 1}",
+        )
     if context.sweep.exclude:
         place = document.key(("exclude",))
         message = "`exclude` would leave holes in the grid that is refined"
-        document.add("refine-exclude", place, message, "leave it out, or sweep without `refine`")
-    check_limit(context, refine.where, ("refine", "where"), OUTCOMES)
+        document.add("refine-exclude", place, message, f"leave it out, or sweep without `{key}`")
+    check_limit(context, refine.where, (key, "where"), OUTCOMES[1:] if limit else OUTCOMES)
 
 
 def _check_axis(context: SweepContext, refine: Refine, name: str, index: int) -> None:
-    document, place = context.document, context.document.value(("refine", "axes", index))
+    document, limit = context.document, context.sweep.limit
+    path = ("refine", "axes", index)
+    if limit:
+        path = ("limit", "largest" if limit.largest else "smallest")
+    place = document.value(path)
     axes = context.sweep.axes
     if name in refine.axes[:index]:
         document.add("axis-twice", place, f"'{name}' is given twice")

@@ -215,4 +215,4 @@ def check_choices(context: SweepContext) -> None:
         context.document.add("two-choices", place, message, "leave one of them out")
 
 
-CHOICES: Sequence[str] = ("refine", "until", "search")
+CHOICES: Sequence[str] = ("refine", "limit", "until", "search")

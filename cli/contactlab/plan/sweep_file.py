@@ -148,7 +148,7 @@ def _checked(
 
 def _check_whole(context: SweepContext, filters: Sequence[Filter], limit: int | None) -> None:
     """Add a mistake for every option that would cut the grid that is refined."""
-    refine = context.sweep.refine
+    refine = context.sweep.refining
     if refine is None:
         return
     cuts = [condition.place for condition in filters if condition.name in refine.axes]

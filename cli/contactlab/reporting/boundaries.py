@@ -3,7 +3,6 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,16 +18,17 @@ from contactlab.plan.refinement import (
     least_met,
 )
 from contactlab.plan.sides import read_by, side_of
+from contactlab.reporting.report_columns import in_small_units, number_with_unit
 from contactlab.schema.evidence import WholeGrid
-from contactlab.schema.sweep_schema import Refine
+from contactlab.schema.sweep_schema import Limit, Sweep
 from contactlab.store.finished_store import Store
 
-_Told = TypeVar("_Told", str, tuple[str, ...])
-_MOST_LINES, _MOST_LAYERS = 8, 4
+_MOST_LINES, _MOST_LAYERS, _MOST_LIMITS = 8, 4, 12
 _SIDES = {
     "outcome": {True: "stable", False: "not stable"},
     "must": {True: "as required", False: "not as required"},
 }
+_SOUND = {words[True] for words in _SIDES.values()}
 
 
 @dataclass(frozen=True)
@@ -56,6 +56,7 @@ class Boundaries:
     grid: WholeGrid
     units: tuple[str, ...]  # of the refined axes
     sides: tuple[Sides, ...]
+    limit: Limit | None = None  # which end of what is sound was sought
 
 
 def boundaries(store: Store) -> Boundaries | None:
@@ -63,7 +64,9 @@ def boundaries(store: Store) -> Boundaries | None:
     identity = store.manifest.sweep
     if identity.whole is None or not identity.whole.axes:
         return None
-    refine = Refine.model_validate(identity.resolved["refine"])
+    sweep = Sweep.model_validate(identity.resolved)
+    refine = sweep.refining
+    assert refine is not None
     stride, columns, axes = stride_of(refine), store.columns, identity.whole.axes
     assert stride is not None
     names = [*columns.axis_names, "seed"]
@@ -84,7 +87,7 @@ def boundaries(store: Store) -> Boundaries | None:
         whole = filled(codes, halved(codes, stride).cells)
         found.append(Sides(shared, _named(refine.where, coded), whole, ran))
     units = tuple(columns.described[name].unit for name in axes)
-    return Boundaries(refine.where, identity.whole, units, tuple(found))
+    return Boundaries(refine.where, identity.whole, units, tuple(found), sweep.limit)
 
 
 def _named(where: str, sides: Mapping[object, int]) -> tuple[str, ...]:
@@ -119,68 +122,132 @@ def coverage(found: Boundaries) -> str:
 
 def boundary_lines(found: Boundaries) -> Iterator[str]:
     """Yield where outcomes change along the first refined axis, by the values of the others."""
-    name, values = next(iter(found.grid.axes.items()))
+    if found.limit is not None:
+        yield from _limit_lines(found, found.limit)
+        return
+    axes = [_Shown.of(*axis) for axis in zip(found.grid.axes.items(), found.units, strict=True)]
     for sides in found.sides[:_MOST_LINES]:
         if len(found.sides) > 1:
             yield ", ".join(f"{name} {_shown(value)}" for name, value in sides.shared.items())
-        if sides.codes.ndim == 1:
-            yield _sequence(sides, sides.codes, values, name, found.units[0])
-        elif sides.codes.ndim == 2:
-            yield from _by_second(found, sides, sides.codes)
-        else:
-            yield from _by_third(found, sides)
+        yield from _by_axes(axes, sides.names, sides.codes)
     if len(found.sides) > _MOST_LINES:
         yield f"and {len(found.sides) - _MOST_LINES:,} more grids, of other seeds or settings"
 
 
-def _by_second(found: Boundaries, sides: Sides, codes: Codes) -> Iterator[str]:
-    first, second = ((name, values) for name, values in [*found.grid.axes.items()][:2])
-    told = [
-        _sequence(sides, codes[:, column], first[1], first[0], found.units[0])
-        for column in range(codes.shape[1])
-    ]
-    for span, line in _alike(told, second[1], _MOST_LINES):
-        yield f"{second[0]} {span}{_unit(found.units[1])}: {line}"
+@dataclass(frozen=True)
+class _Shown:
+    """An axis as it is written: its values, in ms and mm where all are small, and their unit."""
+
+    name: str
+    values: Sequence[str]
+    unit: str
+
+    @classmethod
+    def of(cls, axis: tuple[str, Sequence[object]], unit: str) -> "_Shown":
+        name, values = axis
+        if all(isinstance(value, float | int) for value in values):
+            small, unit = in_small_units(np.array(values, float), unit)
+            return cls(name, [f"{value:.4g}" for value in small.tolist()], unit)
+        return cls(name, [*map(str, values)], unit)
+
+    def at(self, *places: int) -> str:
+        """Return `4.1 to 4.3 ms`."""
+        return number_with_unit(" to ".join(self.values[place] for place in places), self.unit)
+
+    def where(self, first: int, last: int) -> str:
+        """Return `for friction.slide of 0.3 or more`."""
+        end = len(self.values) - 1
+        if (first, last) == (0, end):
+            return f"for any {self.name}"
+        if first == last:
+            return f"for {self.name} of {self.at(first)}"
+        if last == end:
+            return f"for {self.name} of {self.at(first)} or more"
+        return (
+            f"for {self.name} of {self.at(first, last)}"
+            if first
+            else (f"for {self.name} of {self.at(last)} or less")
+        )
 
 
-def _by_third(found: Boundaries, sides: Sides) -> Iterator[str]:
-    name, values = [*found.grid.axes.items()][2]
-    told = [
-        tuple(_by_second(found, sides, sides.codes[:, :, layer]))
-        for layer in range(sides.codes.shape[2])
-    ]
-    for span, lines in _alike(told, values, _MOST_LAYERS):
-        yield f"{name} {span}{_unit(found.units[2])}:"
+def _by_axes(axes: Sequence[_Shown], names: Sequence[str], codes: Codes) -> Iterator[str]:
+    """Yield where sides change along the first axis, once for alike values of the last."""
+    *_, last = axes
+    if codes.ndim == 1:
+        yield _sequence(last, names, codes)
+        return
+    layers = np.moveaxis(codes, -1, 0)
+    told = [tuple(_by_axes(axes[:-1], names, layer)) for layer in layers]
+    most = _MOST_LINES if codes.ndim == 2 else _MOST_LAYERS
+    for places, lines in _alike(told, most):
+        if codes.ndim == 2:
+            yield f"{lines[0]}, {last.where(*places)}"
+            continue
+        yield f"{last.where(*places)}:"
         yield from (f"  {line}" for line in lines)
 
 
 def _alike(
-    told: Sequence[_Told], values: Sequence[object], most: int
-) -> Iterator[tuple[str, _Told]]:
-    """Yield what is told of neighbouring values, once where it is equal, and of so many at most."""
+    told: Sequence[tuple[str, ...]], most: int
+) -> Iterator[tuple[tuple[int, int], tuple[str, ...]]]:
+    """Yield the first and last place of neighbours that are told alike; so many at most."""
     groups = [list(group) for _, group in groupby(range(len(told)), key=told.__getitem__)]
     shown = np.unique(np.linspace(0, len(groups) - 1, most).round().astype(int))
     for place in shown[: len(groups)].tolist():
-        first, last = (values[groups[place][end]] for end in (0, -1))
-        span = _shown(first) if first == last else f"{_shown(first)} to {_shown(last)}"
-        yield span, told[groups[place][0]]
+        first, last = groups[place][0], groups[place][-1]
+        yield (first, last), told[first]
 
 
-def _sequence(sides: Sides, codes: Codes, values: Sequence[object], name: str, unit: str) -> str:
-    """Return the sides along an axis: `stable up to timestep 4.1 to 4.3 s, then tunneling`."""
-    changes = np.flatnonzero(codes[1:] != codes[:-1]).tolist()
+def _sequence(axis: _Shown, names: Sequence[str], codes: Codes) -> str:
+    """Return the sides along an axis: `stable up to timestep 4.1 to 4.3 ms, then tunneling`."""
+    changes: list[int] = np.flatnonzero(codes[1:] != codes[:-1]).tolist()
+    sides: list[str] = [names[code] for code in codes.tolist()]
     if not changes:
-        return f"{sides.names[codes[0]]} throughout"
-    parts = [
-        f"{sides.names[codes[step]]} up to {name} {_shown(values[step])} to "
-        f"{_shown(values[step + 1])}{_unit(unit)}"
-        for step in changes
-    ]
-    return ", then ".join([*parts, sides.names[codes[changes[-1] + 1]]])
+        return f"{sides[0]} throughout"
+    parts = [f"{sides[step]} up to {axis.name} {axis.at(step, step + 1)}" for step in changes]
+    return ", then ".join([*parts, sides[-1]])
 
 
-def _unit(unit: str) -> str:
-    return f" {unit}" if unit not in ("", "1") else ""
+def _limit_lines(found: Boundaries, limit: Limit) -> Iterator[str]:
+    """Yield the last sound value of an axis in each scenario, over all seeds, and in all of them.
+
+    Values count as long as all before them are sound.
+    """
+    (values,) = found.grid.axes.values()
+    axis = _Shown.of((limit.axis, values), found.units[0])
+    sound = dict[tuple[tuple[str, object], ...], NDArray[np.bool_]]()
+    for sides in found.sides:
+        scenario = tuple(item for item in sides.shared.items() if item[0] != "seed")
+        good = np.array([name in _SOUND or name == f"not {found.where}" for name in sides.names])
+        sound[scenario] = sound.get(scenario, np.bool_(True)) & good[sides.codes]
+    inwards = (
+        slice(None)
+        if (values[0] < values[-1]) == (limit.largest is not None)
+        else slice(None, None, -1)
+    )
+    order = np.arange(len(values))[inwards].tolist()
+    counts = {
+        scenario: int(np.argmin(np.append(good[order], False))) for scenario, good in sound.items()
+    }
+    for scenario, count in [*counts.items()][:_MOST_LIMITS]:
+        of = ", ".join(f"{name} {_shown(value)}" for name, value in scenario)
+        yield f"{_limit_line(axis, limit, order, count)}{f', for {of}' if of else ''}"
+        if again := int(sound[scenario][order[count:]].sum()):
+            yield f"  beyond it {again:,} of {len(order) - count:,} are sound again"
+    if len(counts) > _MOST_LIMITS:
+        yield f"and {len(counts) - _MOST_LIMITS:,} more scenarios"
+    if len(counts) > 1:
+        yield f"in all {len(counts):,}: {_limit_line(axis, limit, order, min(counts.values()))}"
+
+
+def _limit_line(axis: _Shown, limit: Limit, order: Sequence[int], count: int) -> str:
+    """Return `largest sound timestep: 4.1 ms; 4.3 ms is not`."""
+    sought = f"{'largest' if limit.largest else 'smallest'} sound {axis.name}"
+    if not count:
+        return f"{sought}: none, since {axis.at(order[0])} is not"
+    if count == len(order):
+        return f"{sought}: {axis.at(order[-1])}, the last of the sweep"
+    return f"{sought}: {axis.at(order[count - 1])}; {axis.at(order[count])} is not"
 
 
 def _shown(value: object) -> str:

@@ -158,7 +158,7 @@ def _axis(columns: RunColumns, name: str, kind: Role, grid: Sequence[Any]) -> Gr
         return GridAxis(name, unit, kind, ticks, codes.astype(np.int64), None)
     numbers = columns.numbers(name).values
     together = np.concatenate([numbers, np.array(grid, dtype=float)])
-    together, unit = _in_small_units(together, unit)
+    together, unit = in_small_units(together, unit)
     values, codes = np.unique(together, return_inverse=True)
     numbers, codes = together[: len(numbers)], codes[: len(numbers)]
     if not grid and len(values) > _MOST_VALUES_OF_AN_AXIS and np.isfinite(values).all():
@@ -184,7 +184,7 @@ def tick_of(axis: GridAxis, value: object) -> int:
     return axis.ticks.index(short if short in axis.ticks else long)
 
 
-def _in_small_units(numbers: Floats, unit: str) -> tuple[Floats, str]:
+def in_small_units(numbers: Floats, unit: str) -> tuple[Floats, str]:
     """Return times and lengths in ms and mm where all are below a tenth of the unit."""
     finite = np.abs(numbers[np.isfinite(numbers)])
     if unit not in _SMALLER or not finite.size or finite.max() >= _LEAST_OF_UNIT:

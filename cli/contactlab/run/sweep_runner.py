@@ -144,8 +144,8 @@ def shared_fields(identity: SweepIdentity) -> dict[str, object]:
 def chosen_runs(plan: Plan, index: RunIndex) -> ChosenRuns | None:
     """Return which runs of a plan to make, where that depends on what comes of others."""
     sweep = plan.sweep
-    if sweep.refine:
-        return RefinedRuns(sweep.refine, plan, index.ids)
+    if sweep.refining:
+        return RefinedRuns(sweep.refining, plan, index.ids)
     if sweep.until:
         return RunsUntilKnown(sweep.until, plan, index.ids)
     return SearchedRuns(sweep.search, plan, index.ids) if sweep.search else None

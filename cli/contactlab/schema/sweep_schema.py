@@ -231,6 +231,30 @@ class Refine(Model):
     )
 
 
+class Limit(Model):
+    """Search of the last value of an axis up to which runs are sound, in each scenario."""
+
+    largest: Word | None = about("an axis, whose largest sound value is sought", default=None)
+    smallest: Word | None = about("an axis, whose smallest sound value is sought", default=None)
+    to: Annotated[Whole, Field(ge=3, le=4097)] = about("values of the axis in the full grid")
+    where: Word = about(
+        "what sound is: outcome (stable), must (as the sweep asks), or not to be beyond the limit "
+        'of a metric, such as "slip_distance > 1mm"',
+        default="outcome",
+    )
+
+    @model_validator(mode="after")
+    def _seeks_one(self) -> Self:
+        if (self.largest is None) == (self.smallest is None):
+            raise PydanticCustomError("limit_one", "needs either largest or smallest")
+        return self
+
+    @property
+    def axis(self) -> str:
+        """The axis whose limit is sought."""
+        return str(self.largest or self.smallest)
+
+
 class Until(Model):
     """When to stop: once a share of the draws of each configuration is known well enough."""
 
@@ -354,6 +378,11 @@ class Sweep(Model):
         default=None,
         exclude_if=lambda asked: asked is None,
     )
+    limit: Limit | None = about(
+        "which largest or smallest value to find; left out: the whole grid runs",
+        default=None,
+        exclude_if=lambda asked: asked is None,
+    )
     until: Until | None = about(
         "which share to know well enough; left out: all draws run",
         default=None,
@@ -417,6 +446,13 @@ class Sweep(Model):
     )
     latency_budget: Seconds | None = about("wall time a step may take [s]", default=None)
     timeout: Seconds = about("wall time a run may take [s]", default=60.0)
+
+    @property
+    def refining(self) -> Refine | None:
+        """How the grid is refined: as it says, or along the axis whose limit it seeks."""
+        if self.limit is None:
+            return self.refine
+        return Refine(axes=(self.limit.axis,), to=self.limit.to, where=self.limit.where)
 
     @property
     def roles(self) -> dict[str, Role]:

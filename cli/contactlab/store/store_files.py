@@ -216,7 +216,7 @@ def check_same_sweep(store: Address, stored: SweepIdentity, requested: SweepIden
 
 
 # Keys of a sweep that say which of its runs to make; whichever they are, the grid is the same.
-_CHOICES = ("refine", "until", "search")
+_CHOICES = ("refine", "limit", "until", "search")
 
 
 def _whole(identity: SweepIdentity) -> dict[str, Any]:
