@@ -66,3 +66,25 @@ def test_what_falls_from_a_height_depends_on_that_alone(tmp_path: Path) -> None:
     assert "goes with gravity alone" in next(sensitivity_lines(found))
     with pytest.raises(SweepFileError, match="power of two"):
         contactlab.sweep({**sweep, "sample": {"method": "saltelli", "n": 12}}, workers=0)
+
+
+@pytest.mark.long
+def test_the_page_shows_it_of_a_sweep_whose_runs_form_no_pairs(tmp_path: Path) -> None:
+    """It stands for itself: no knob of such a sweep is changed alone."""
+    sweep = {
+        "version": 1,
+        "scene": "ball_drop",
+        "duration": 0.1,
+        "axes": {
+            "drop_height": {"uniform": [0.005, 0.02]},
+            "solref.timeconst": {"uniform": [0.01, 0.03]},
+        },
+        "sample": {"method": "saltelli", "n": 8},
+        "trace": "none",
+        "checks": "none",
+        "effects": "all",
+    }
+    store = contactlab.sweep(sweep, output=tmp_path / "store", workers=0)
+    assert "penetration_max" in {found.metric for found in sensitivities(store)}
+    contactlab.report(store, output=tmp_path / "page.html")
+    assert 'id="sensitivity"' in (tmp_path / "page.html").read_text()

@@ -18,6 +18,7 @@ from contactlab.page.heatmap import (
     default_map,
     metric_map,
 )
+from contactlab.page.inferred_cells import inferred_labels
 from contactlab.page.map_cells import label_counts
 from contactlab.page.packing import packed_text
 from contactlab.page.page_charts import KnobChange, knob_changes, tradeoff_chart
@@ -96,6 +97,7 @@ class MapView:
     rows: Sequence[tuple[str, Sequence[str]]]
     has_closed_form: bool
     coverage: str  # how far cells without runs are known; empty where all ran
+    draws_inferred: bool  # whether such cells have the label that is inferred
     boundary: Sequence[str]  # where outcomes change, in lines
 
 
@@ -306,6 +308,7 @@ def map_view(data: ReportData) -> MapView | None:
         rows=_map_rows(data),
         has_closed_form=bool(data.quantities_named("oracle_expected")),
         coverage=coverage(data.boundaries) if data.boundaries else "",
+        draws_inferred=any(True for _ in inferred_labels(data)),
         boundary=[*boundary_lines(data.boundaries)] if data.boundaries else [],
     )
 

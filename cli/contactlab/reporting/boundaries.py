@@ -201,7 +201,8 @@ def _alike(
 def _sequence(axis: _Shown, names: Sequence[str], codes: Codes) -> str:
     """Return the sides along an axis: `stable up to timestep 4.1 to 4.3 ms, then tunneling`."""
     changes: list[int] = np.flatnonzero(codes[1:] != codes[:-1]).tolist()
-    sides: list[str] = [names[code] for code in codes.tolist()]
+    places: list[int] = codes.tolist()
+    sides = [names[place] for place in places]
     if not changes:
         return f"{sides[0]} throughout"
     parts = [f"{sides[step]} up to {axis.name} {axis.at(step, step + 1)}" for step in changes]
