@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 import contactlab
 from contactlab.contact.trace_arrays import Floats
 from contactlab.errors import SweepFileError
+from contactlab.plan.rows import listed_values
 from contactlab.plan.search import Trials, coordinates
 from contactlab.reporting.found_worst import worst_lines
 from contactlab.run.recomputed_runs import recomputed_problems
@@ -133,9 +134,11 @@ def test_coordinates_span_an_axis() -> None:
     )
     cases = {"a": (2, 3.5, 4), "b": (1, 2.5, 3), "c": (1, 10**1.5, 100)}
     for name, values in cases.items():
-        place = coordinates(sweep, name)
+        place = coordinates(
+            sweep.axes[name], listed_values(sweep.axes[name]) if name == "a" else ()
+        )
         assert [place(value) for value in values] == pytest.approx([0, 0.75, 1])
-    assert coordinates(sweep, "d")(7) == 0.5
+    assert coordinates(sweep.axes["d"], (3, 7, 9))(7) == 0.5
 
 
 def worst(store: Store) -> float:
@@ -156,6 +159,18 @@ def test_the_deepest_impact_is_that_of_the_grid(tmp_path: Path) -> None:
     assert ids[0] < ids[1]
     assert not [*verify(part.address)]
     assert not [*recomputed_problems(part)]
+
+
+def test_axes_in_units_are_searched_too(tmp_path: Path) -> None:
+    """As many runs as the search may make, and not so many of each height."""
+    axes = {
+        "drop_height": {"linspace": ["5 cm", "30 cm", 9]},
+        "solref.timeconst": {"logspace": ["5 ms", "20 ms", 9]},
+    }
+    search = {"maximise": "penetration_max", "runs": 8}
+    sweep = {**WHOLE, "duration": 0.02, "axes": axes, "search": search}
+    store = contactlab.sweep(sweep, output=tmp_path / "store", workers=0)
+    assert store.manifest.runs == 8
 
 
 def test_a_metric_that_no_run_has_is_told(tmp_path: Path) -> None:

@@ -10,7 +10,8 @@ import numpy as np
 from contactlab.contact.trace_arrays import Floats
 from contactlab.errors import suggestion
 from contactlab.plan.names import add_not_swept
-from contactlab.plan.rows import SweepContext, listed_values
+from contactlab.plan.rows import SweepContext
+from contactlab.plan.yaml_document import Document
 from contactlab.schema.sweep_schema import Sweep
 from contactlab.schema.vocabulary import (
     Axis,
@@ -44,22 +45,36 @@ def searched_axes(sweep: Sweep) -> tuple[str, ...]:
 
 
 _GRIDS = Linspace | Logspace | Range
+_FORMS = ("linspace", "logspace", "range", "uniform", "loguniform")
 
 
-def coordinates(sweep: Sweep, name: str) -> Callable[[object], float]:
+def write_out_searched(document: Document) -> None:
+    """Name the axes that a file searches, before values in units are listed, if it names none."""
+    search = document.mapping("search")
+    if not search or search.get("axes"):
+        return
+    forms = {
+        name: next((form for form in _FORMS if form in document.mapping("axes", name)), "")
+        for name in document.mapping("axes")
+    }
+    drawn = [name for name, form in forms.items() if form.endswith("uniform")]
+    if names := drawn or [name for name, form in forms.items() if form]:
+        search["axes"] = names
+
+
+def coordinates(axis: Axis, values: Sequence[object]) -> Callable[[object], float]:
     """Return what places the values of an axis between 0 and 1; NaN of what it cannot place."""
-    axis = sweep.axes[name]
     match axis:
         case Uniform(uniform=(low, high)):
             return lambda value: (_number(value) - low) / (high - low)
         case Loguniform(loguniform=(low, high)):
             return lambda value: math.log(_number(value, above=0) / low) / math.log(high / low)
         case _:
-            return _steps(axis)
+            return _steps(values)
 
 
-def _steps(axis: Axis) -> Callable[[object], float]:
-    places: dict[object, int] = {value: step for step, value in enumerate(listed_values(axis))}
+def _steps(values: Sequence[object]) -> Callable[[object], float]:
+    places: dict[object, int] = {value: step for step, value in enumerate(values)}
     return lambda value: places.get(value, math.nan) / max(1, len(places) - 1)
 
 

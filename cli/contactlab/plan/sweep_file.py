@@ -20,7 +20,7 @@ from contactlab.plan.overrides import Filter, Overrides, apply_settings, check_v
 from contactlab.plan.refined_axes import check_refine, write_out_refined
 from contactlab.plan.rows import SweepContext, read_blocks, write_out_units
 from contactlab.plan.sampled_shares import check_until
-from contactlab.plan.search import check_choices, check_search
+from contactlab.plan.search import check_choices, check_search, write_out_searched
 from contactlab.plan.validation import Draft, add_validation_errors, read_draft
 from contactlab.plan.yaml_document import Document, open_document, read_document, read_text
 from contactlab.schema.sweep_schema import Sweep, scene_reference, switches
@@ -58,6 +58,7 @@ def read_sweep(
     if isinstance(document.data, dict):
         apply_settings(document, overrides.assign)
         write_out_refined(document)
+        write_out_searched(document)
         of_axis = partial(_unit_of, document, vocabulary)
         write_out_units(document, of_axis, partial(_unit_of_metric, document, vocabulary))
     draft = read_draft(document)

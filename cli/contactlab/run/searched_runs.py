@@ -25,7 +25,10 @@ class SearchedRuns(ChosenRuns):
         assert metric is not None
         super().__init__(ids, lambda row: row.get(metric), (metric,))
         sign = -1.0 if search.maximise else 1.0
-        place_on = {name: coordinates(plan.sweep, name) for name in searched_axes(plan.sweep)}
+        place_on = {
+            name: coordinates(plan.sweep.axes[name], plan.grid.product_values(name))
+            for name in searched_axes(plan.sweep)
+        }
         places, self._apart = defaultdict[object, dict[int, tuple[float, ...]]](dict), list[int]()
         for run in plan.runs():
             point = tuple(place(run.values.get(name)) for name, place in place_on.items())
