@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
@@ -15,6 +16,7 @@ import pytest
 from contactlab.run.stored_runs import PreparedReplay
 from contactlab.store.atomic_files import sha256_of
 from contactlab.store.finished_store import Store
+from contactlab.store.verify_store import verify
 
 Run = Callable[..., Any]
 replaying = importlib.import_module("contactlab.run.stored_runs")
@@ -85,6 +87,26 @@ def test_a_damaged_store(contactlab: Run, store: Path, tmp_path: Path) -> None:
     assert err == "error: store is not sound: 1 problem\n"
     code, out, _ = contactlab("verify", str(store), "--format", "json")
     assert (code, json.loads(out)["problems"]) == (3, [f"{name}: missing"])
+
+
+def test_a_sample_looks_at_its_share_of_the_runs(contactlab: Run, store: Path, run_id: str) -> None:
+    """A damaged trace is found if and only if its run is drawn, and one of four always is."""
+    code, out, _ = contactlab("verify", str(store), "--sample", "25%")
+    assert code == 0
+    assert "not verified: records and traces of 3 runs: 1 were drawn" in out
+    trace = store / f"traces/{run_id[:2]}/{run_id}.mcap"
+    trace.write_bytes(trace.read_bytes()[:-100])
+    for place in range(4):
+        chosen = np.arange(4) == place
+        assert bool(verify(store, chosen=chosen)) == (place == 2)
+    assert contactlab("verify", str(store), "--sample", "100 %")[0] == 3
+
+
+@pytest.mark.parametrize("share", ["0", "101%", "-1%", "half", "nan"])
+def test_what_is_no_share(contactlab: Run, store: Path, share: str) -> None:
+    code, out, err = contactlab("verify", str(store), f"--sample={share}")
+    assert (code, out) == (2, "")
+    assert err.startswith(f"error: --sample {share}: write a share above 0")
 
 
 def test_replay_needs_only_the_store(

@@ -1,14 +1,18 @@
 """`contactlab verify`: whether a store is sound."""
 
 from itertools import islice
-from typing import Annotated, NamedTuple
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 from contactlab.command_line import options as opt
 from contactlab.command_line.declaration import Given, Option, command
 from contactlab.command_line.surroundings import say
 from contactlab.command_line.terminal import echo, print_json
-from contactlab.errors import StoreError
+from contactlab.errors import CommandLineError, StoreError
 from contactlab.printable import in_one_line
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
 
 class Soundness(NamedTuple):
@@ -62,11 +66,18 @@ def verify(
     store: opt.StoreArgument,
     *,
     simulate: Annotated[int, Option("N", "Simulate N runs again, drawn at random.", least=0)] = 0,
+    sample: Annotated[
+        str | None, Option("SHARE", "Of records and traces look at such a share: 1%.")
+    ] = None,
     allow_code: opt.AllowCode = False,
 ) -> Soundness:
     """Check the files of a store, and recompute what they give.
 
+    With `sample` the records and traces of that share of the runs are looked at, drawn anew each
+    time; files, counts and columns are looked at whole.
+
     Raises:
+        CommandLineError: the sample is no share.
         StoreError: there is no store to look at.
     """
     from contactlab.run.recomputed_runs import (
@@ -80,9 +91,13 @@ def verify(
     from contactlab.store.verify_store import verify as find_problems
 
     address = opt.address_of(store)
-    problems = find_problems(address)
     opened = Store.unchecked(address)
+    chosen = None if sample is None else _drawn(_share(sample), opened.columns.runs)
+    problems = find_problems(address, chosen=chosen)
     left = unverified(opened)
+    if chosen is not None:
+        seen = int(chosen.sum())
+        left.append(f"records and traces of {len(chosen) - seen:,} runs: {seen:,} were drawn")
     if plugins := "; ".join(map(str, opened.manifest.sweep.plugins)):
         say(
             f"{address} was written with plug-ins that are not loaded: {plugins}; "
@@ -91,8 +106,30 @@ def verify(
     left += filter(None, (unresolved(opened), unplanned(opened)))
     if not problems and unresolved(opened) is None:
         # What is damaged need not be run, nor compiled.
-        problems = list(islice(recomputed_problems(opened), MOST_PROBLEMS))
+        problems = list(islice(recomputed_problems(opened, chosen), MOST_PROBLEMS))
         again = simulated_problems(opened, simulate, allow_code=allow_code)
         problems += again if simulate and not problems else ()
     physics = "" if problems else opened.physics
     return Soundness(not problems, problems, left, opened.manifest.runs, opened.digest, physics)
+
+
+def _share(text: str) -> float:
+    """Return a share, as in 1% or 0.01; a CommandLineError says that it is none."""
+    number = text.removesuffix("%").strip()
+    try:
+        share = float(number) / (100 if text.endswith("%") else 1)
+    except ValueError:
+        share = 0.0
+    if not 0 < share <= 1:
+        raise CommandLineError(f"--sample {text}: write a share above 0 and up to 100%, such as 1%")
+    return share
+
+
+def _drawn(share: float, runs: int) -> "NDArray[np.bool_]":
+    """Return (runs,) which are drawn: the share of them, rounded up."""
+    import numpy as np
+
+    chosen = np.zeros(runs, bool)
+    drawn = np.random.default_rng().permutation(runs)[: int(np.ceil(share * runs))]
+    chosen[drawn] = True
+    return chosen

@@ -10,6 +10,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic_core import from_json, to_json
 
 from contactlab.errors import ContactlabError
@@ -73,8 +74,11 @@ def unplanned(store: Store) -> str | None:
     return None
 
 
-def recomputed_problems(store: Store) -> Iterator[str]:
-    """Yield where scene, plan, run ids and settings are not what the stored files give."""
+def recomputed_problems(store: Store, chosen: NDArray[np.bool_] | None = None) -> Iterator[str]:
+    """Yield where scene, plan, run ids and settings are not what the stored files give.
+
+    Of settings and verdicts only those of chosen runs (runs,) can be looked at.
+    """
     identity = store.manifest.sweep
     try:
         scene = stored_sweep_scene(store.manifest.sweep, store.scene_folder)
@@ -86,11 +90,11 @@ def recomputed_problems(store: Store) -> Iterator[str]:
             yield from _other_units(store, scene)
             plan = plan_again(identity, scene)
             yield from _other_plan(store, scene, plan)
-            yield from _other_verdicts(store, scene, plan)
+            yield from _other_verdicts(store, scene, plan, chosen)
     except ContactlabError as error:
         yield str(error).partition("\n")[0]
         return
-    for record in store.records():
+    for record in store.records(chosen):
         try:
             values = resolve_record(scene, record).values
         except ContactlabError as error:
@@ -163,12 +167,14 @@ def _slice(
     return part, part_of(whole, part, planned)
 
 
-def _other_verdicts(store: Store, scene: Scene, plan: Plan) -> Iterator[str]:
+def _other_verdicts(
+    store: Store, scene: Scene, plan: Plan, chosen: NDArray[np.bool_] | None
+) -> Iterator[str]:
     """Yield which runs do not meet, or miss, what the sweep expects of them as they say."""
     of_all = None if is_slice(store.manifest.sweep) else plan
     if tuple(unmet_means(of_all, store.columns)) != store.manifest.unmet_means:
         yield f"{MANIFEST}: its unmet means are not what the sweep expects"
-    for record in store.records():
+    for record in store.records(chosen):
         values, labels = canonical_values(scene, record), [label.label for label in record.labels]
         selected = [expectation for match, expectation in plan.expected if match.holds(values)]
         said = (record.expected, record.expectation_met, record.expectation_reason)

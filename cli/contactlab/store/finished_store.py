@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
+from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import RecordedControls
 from contactlab.errors import StoreError, did_you_mean, optional
@@ -197,9 +198,12 @@ class Store:
         check_tree(self.path / SCENES)
         return self.path / SCENES / self.manifest.sweep.scene_hash
 
-    def records(self) -> Iterator[EvidenceRecord]:
-        """Yield all records in plan order; raise StoreError if the table is damaged."""
-        for row in iterate_rows(self.file(TABLE)):
+    def records(self, chosen: NDArray[np.bool_] | None = None) -> Iterator[EvidenceRecord]:
+        """Yield all records in plan order, or those chosen (runs,).
+
+        Raises a StoreError if the table is damaged.
+        """
+        for row in iterate_rows(self.file(TABLE), chosen):
             yield self._record_of(row)
 
     def _record_of(self, row: Mapping[str, Any]) -> EvidenceRecord:

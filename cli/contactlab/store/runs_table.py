@@ -302,11 +302,17 @@ def check_table_size(path: Path, runs: int) -> None:
         raise StoreError(f"{path} is damaged: it claims to hold {size:,} bytes")
 
 
-def iterate_rows(path: Path) -> Iterator[dict[str, Any]]:
-    """Yield every row of a table, reading them batch by batch; see `table_errors`."""
+def iterate_rows(path: Path, chosen: NDArray[np.bool_] | None = None) -> Iterator[dict[str, Any]]:
+    """Yield every row of a table, or those chosen (runs,), batch by batch; see `table_errors`."""
+    start = 0
     with table_errors(path), pq.ParquetFile(path) as file:
         for batch in file.iter_batches(_BATCH, use_threads=False):
-            yield from batch.to_pylist()
+            stop = start + len(batch)
+            if chosen is None:
+                yield from batch.to_pylist()
+            elif (places := np.flatnonzero(chosen[start:stop])).size:
+                yield from batch.take(number_array(places)).to_pylist()
+            start = stop
 
 
 @contextmanager

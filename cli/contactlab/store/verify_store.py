@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from contactlab.errors import OutputError, StoreError
 from contactlab.schema.evidence import RECORD_VERSION, Cost, EvidenceRecord, SweepIdentity
@@ -52,18 +53,21 @@ _MOST_DAMAGES_NAMED = 3
 _BY_RECORDS = re.compile(r"traces/([0-9a-f]{2}/)?(.*\.mcap)?|controls/[0-9a-f]{64}\.arrow")
 
 
-def verify(address: Address, *, thorough: bool = True) -> list[str]:
+def verify(
+    address: Address, *, thorough: bool = True, chosen: NDArray[np.bool_] | None = None
+) -> list[str]:
     """Return the defects of a store, the first thousand of them; none if it is sound.
 
     A thorough look recomputes what can be from every record and trace; another one shows that files
-    have their hashes, counts are right, and traces are there. Memory does not grow with the number
+    have their hashes, counts are right, and traces are there. Of records and traces only those
+    chosen (runs,) can be looked at. Memory does not grow with the number
     of runs but for their ids. Raises a StoreError if it cannot be opened at all.
     """
-    problems = _problems(Store.unchecked(address), thorough=thorough)
+    problems = _problems(Store.unchecked(address), chosen, thorough=thorough)
     return list(islice(problems, MOST_PROBLEMS))
 
 
-def _problems(store: Store, *, thorough: bool) -> Iterator[str]:
+def _problems(store: Store, chosen: NDArray[np.bool_] | None, *, thorough: bool) -> Iterator[str]:
     changed = list(_check_files(store))
     yield from changed
     yield from _check_identity(store)
@@ -77,7 +81,7 @@ def _problems(store: Store, *, thorough: bool) -> Iterator[str]:
         if thorough:
             yield from _wrong_columns(store.columns)
             yield from _check_sweep(store)
-            yield from _check_records(store, model)
+            yield from _check_records(store, model, chosen)
             yield from _check_controls(store)
         else:
             yield from damaged_traces(store)
@@ -244,17 +248,18 @@ def _check_controls(store: Store) -> Iterator[str]:
             yield str(error)
 
 
-def _check_records(store: Store, model: bytes | None) -> Iterator[str]:
-    """Yield what is wrong with records and traces, a batch of rows at a time."""
+def _check_records(
+    store: Store, model: bytes | None, chosen: NDArray[np.bool_] | None
+) -> Iterator[str]:
+    """Yield what is wrong with records and traces, or those chosen, a batch of rows at a time."""
     from contactlab.store.mcap.trace_reader import trace_problems  # noqa: PLC0415 - takes a while
 
     problems: list[str] = []
-    named: set[str] = set()
-    records, ahead = tee(_traced_records(store, problems))
+    named = {*filter(None, store.columns.arrow(["trace_file"])["trace_file"].to_pylist())}
+    records, ahead = tee(_traced_records(store, problems, chosen))
     files = store.backend.local_files(record.trace.file for record in ahead if record.trace)
     for record, path in zip(records, files, strict=True):
         assert record.trace is not None
-        named.add(record.trace.file)
         found = ("missing",) if path is None else trace_problems(path, record, model)
         yield from (f"{record.trace.file}: {problem}" for problem in found)
         yield from problems
@@ -267,9 +272,11 @@ def _check_records(store: Store, model: bytes | None) -> Iterator[str]:
         yield f"{TABLE}: its records are not those of the manifest's digest"
 
 
-def _traced_records(store: Store, problems: list[str]) -> Iterator[EvidenceRecord]:
+def _traced_records(
+    store: Store, problems: list[str], chosen: NDArray[np.bool_] | None
+) -> Iterator[EvidenceRecord]:
     """Yield the records that have a trace, and note which are damaged."""
-    for row in iterate_rows(store.path / TABLE):
+    for row in iterate_rows(store.path / TABLE, chosen):
         try:
             record = row_to_record(row, store.columns.shared)
         except (LookupError, TypeError, ValueError) as error:
