@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from contactlab.commands.replay import replay
     from contactlab.commands.report import report
     from contactlab.commands.show import show
+    from contactlab.commands.shrink import shrink
     from contactlab.commands.stability import stability
     from contactlab.commands.sweep import sweep
     from contactlab.commands.tradeoff import tradeoff
@@ -76,6 +77,7 @@ __all__ = [
     "replay",
     "report",
     "show",
+    "shrink",
     "stability",
     "sweep",
     "traces",

@@ -34,7 +34,17 @@ SECTIONS = {
         "recording",
         "python",
     ),
-    "In a team": ("compare", "ci", "upgrading", "report", "live", "viewing", "stores", "clusters"),
+    "In a team": (
+        "compare",
+        "ci",
+        "upgrading",
+        "report",
+        "live",
+        "viewing",
+        "shrink",
+        "stores",
+        "clusters",
+    ),
     "Beyond": ("engines", "lock", "parity", "plugins"),
     "Concepts": ("evidence", "accuracy", "budget-derivation", "timestep", "speed", "design"),
 }

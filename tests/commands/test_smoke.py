@@ -56,6 +56,7 @@ SMOKES: dict[str, tuple[str, int, str]] = {
     "baseline": ("update {store} {folder}/baseline", 0, "baseline"),
     "lint": ("{folder}/ball.xml", 0, "nothing found"),
     "diff": ("{folder}/ball.xml {folder}/ball.xml", 0, "no difference"),
+    "shrink": ("{store} {run}", 2, "not the model alone"),
     "grip": ("{folder}/ball.xml", 2, "no actuator"),
     "engines": ("add nobody", 2, "nobody"),
     "traces": ("expand {store}", 0, ""),

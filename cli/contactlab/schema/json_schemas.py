@@ -17,6 +17,7 @@ from contactlab.schema.grip import GripReport
 from contactlab.schema.lint_report import LintReport
 from contactlab.schema.parts_report import PartsReport
 from contactlab.schema.scene_manifest import SceneManifest
+from contactlab.schema.shrink_report import ShrinkReport
 from contactlab.schema.study_reports import EffectsReport, FitReport
 from contactlab.schema.sweep_schema import Sweep
 from contactlab.schema.tradeoff_report import TradeoffReport
@@ -44,6 +45,7 @@ EMITTED: Mapping[str, type[BaseModel]] = {
     "tune.schema.json": TuneReport,
     "fit.schema.json": FitReport,
     "grip.schema.json": GripReport,
+    "shrink.schema.json": ShrinkReport,
 }
 
 Node = dict[str, object]

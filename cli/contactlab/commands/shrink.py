@@ -1,0 +1,66 @@
+"""`contactlab shrink`: the smallest model that fails as a stored run does."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from contactlab.command_line import options as opt
+from contactlab.command_line.declaration import Given, Option, command
+from contactlab.command_line.surroundings import say
+from contactlab.command_line.terminal import echo
+
+if TYPE_CHECKING:
+    from contactlab.schema.shrink_report import ShrinkReport
+
+
+def _text(report: "ShrinkReport", given: Given) -> None:
+    from contactlab.studies.shrink.shrink_lines import shrink_lines
+
+    del given
+    echo("\n".join(shrink_lines(report)))
+
+
+def _json(report: "ShrinkReport", given: Given) -> None:
+    del given
+    echo(report.model_dump_json(indent=2))
+
+
+@command(
+    "read",
+    examples=("shrink results/grasp 3ead3115", "shrink results/pile 1fef82b1 -o pile-small"),
+    formats={"text": _text, "json": _json},
+)
+def shrink(
+    store: opt.StoreArgument,
+    run: opt.Run,
+    *,
+    output: Annotated[
+        str | Path | None,
+        Option("FOLDER", "Folder to write; results/shrink/RUN if left out.", kind=Path, short="-o"),
+    ] = None,
+    max_time: opt.MaxTime = "60s",
+    plugin: opt.Plugins = (),
+) -> "ShrinkReport":
+    """Find the smallest model that fails as a stored run does.
+
+    Bodies, geoms, joints, actuators, options and vertices are taken out while label and pair stay.
+    The folder gets the model with its start, the sweep that runs it, and the text of an issue.
+
+    Raises:
+        StoreError: there is no such store or run, or it is stable.
+        SceneError: its model cannot be written as one file, or does not fail by itself.
+        OutputError: the folder cannot be written, or is not empty.
+    """
+    from contactlab import resources
+    from contactlab.commands.tune import seconds_of
+    from contactlab.errors import OutputError
+    from contactlab.store.finished_store import Store
+    from contactlab.studies.shrink.shrinking import ShrinkRequest
+    from contactlab.studies.shrink.shrinking import run as shrunk
+
+    opt.load_plugins(plugin)
+    opened = Store.open(opt.address_of(store))
+    folder = Path(output) if output else resources.RESULTS / "shrink" / opened.record(run).run_id
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise OutputError(f"{folder} is not empty; write elsewhere with -o")
+    request = ShrinkRequest(opened, run, folder, seconds_of(max_time))
+    return shrunk(request, lambda part: say(f"trying to take out {part}"))

@@ -1,0 +1,399 @@
+"""A run's model as one file without assets, its start as a keyframe, and parts taken out of it."""
+
+import xml.etree.ElementTree as ET
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from contactlab.contact.trace_arrays import Floats, RecordedControls
+from contactlab.errors import SceneError
+from contactlab.scene.compile_model import compile_model
+from contactlab.scene.contact_pairs import MonitoredPair
+from contactlab.scene.effects.effect_table import remove
+from contactlab.scene.initial_states import InitialStates
+from contactlab.scene.model_draft import differing_rows, fields_of
+from contactlab.scene.model_edits import is_writable
+from contactlab.scene.model_names import input_names
+from contactlab.scene.run_spec import RunSpec
+from contactlab.scene.scene import Scene
+
+START = "start"
+"""Name of the keyframe in which the run begins."""
+_INERTIAS = ("body_mass", "body_inertia", "body_ipos", "body_iquat")
+# Attributes of a specification that are not called as the field is, after its prefix.
+_ATTRIBUTES = {
+    "pair_dim": "condim",
+    "jnt_solref": "solref_limit",
+    "jnt_solimp": "solimp_limit",
+    "dof_solref": "solref_friction",
+    "dof_solimp": "solimp_friction",
+    "tendon_solref_lim": "solref_limit",
+    "tendon_solimp_lim": "solimp_limit",
+    "tendon_solref_fri": "solref_friction",
+    "tendon_solimp_fri": "solimp_friction",
+}
+_KINDS = {
+    "geom": "geoms",
+    "pair": "pairs",
+    "jnt": "joints",
+    "dof": "joints",
+    "tendon": "tendons",
+    "actuator": "actuators",
+    "eq": "equalities",
+}
+_LOOKS = {"material", "texture", "skin", "light", "visual"}
+PARTS = ("bodies", "actuators", "equalities", "tendons", "sensors", "excludes", "pairs", "geoms")
+"""Kinds of parts that can be taken out, those first that take others with them."""
+
+
+@dataclass(frozen=True)
+class Start:
+    """Where the parts of a model begin, by their names, and what drives it from there.
+
+    Attributes:
+        qpos, qvel: rows of each joint [m or rad, m/s or rad/s].
+        act, ctrl: of each actuator.
+        mocap: pose of each mocap body: position [m] and quaternion.
+        controls: what was applied over time; None if only `ctrl`.
+        inputs: names of its columns.
+    """
+
+    qpos: Mapping[str, Floats]
+    qvel: Mapping[str, Floats]
+    act: Mapping[str, Floats]
+    ctrl: Mapping[str, Floats]
+    mocap: Mapping[str, Floats]
+    controls: RecordedControls | None
+    inputs: tuple[str, ...] = ()
+
+    @classmethod
+    def of(
+        cls, model: mujoco.MjModel, start: InitialStates, controls: RecordedControls | None
+    ) -> "Start":
+        """Return the start of one run."""
+        qpos, qvel, act, ctrl = (row[0] for row in (start.qpos, start.qvel, start.act, start.ctrl))
+        poses = start.mocap[0].reshape(-1)
+        positions = poses[: 3 * model.nmocap].reshape(-1, 3)
+        turns = poses[3 * model.nmocap :].reshape(-1, 4)
+        joints = [model.joint(index) for index in range(model.njnt)]
+        actuators = range(model.nu)
+        return cls(
+            {joint.name: qpos[_span(model.jnt_qposadr, joint.id, model.nq)] for joint in joints},
+            {joint.name: qvel[_span(model.jnt_dofadr, joint.id, model.nv)] for joint in joints},
+            {model.actuator(index).name: act[_activations(model, index)] for index in actuators},
+            {model.actuator(index).name: ctrl[[index]] for index in actuators},
+            {
+                model.body(int(body)).name: np.hstack([positions[place], turns[place]])
+                for body in np.flatnonzero(model.body_mocapid >= 0)
+                for place in [int(model.body_mocapid[body])]
+            },
+            controls,
+            tuple(input_names(model, controls.places)) if controls else (),
+        )
+
+    def keyframe(self, model: mujoco.MjModel) -> dict[str, Floats]:
+        """Return the values of a keyframe of what is left of the model."""
+        joints = [model.joint(index).name for index in range(model.njnt)]
+        actuators = [model.actuator(index).name for index in range(model.nu)]
+        mocap = sorted(np.flatnonzero(model.body_mocapid >= 0), key=lambda b: model.body_mocapid[b])
+        poses = [self.mocap[model.body(int(body)).name] for body in mocap]
+        return {
+            "qpos": np.hstack([np.empty(0), *(self.qpos[name] for name in joints)]),
+            "qvel": np.hstack([np.empty(0), *(self.qvel[name] for name in joints)]),
+            "act": np.hstack([np.empty(0), *(self.act[name] for name in actuators)]),
+            "ctrl": np.hstack([np.empty(0), *(self.ctrl[name] for name in actuators)]),
+            "mpos": np.hstack([np.empty(0), *(pose[:3] for pose in poses)]),
+            "mquat": np.hstack([np.empty(0), *(pose[3:] for pose in poses)]),
+        }
+
+    def table(self, model: mujoco.MjModel, duration: float) -> str:
+        """Return as CSV what drives what is left of the model; empty if nothing does."""
+        if self.controls is None:
+            return ""
+        bodies = {model.body(index).name for index in range(1, model.nbody)}
+        actuators = {model.actuator(index).name for index in range(model.nu)}
+        kept = [
+            place
+            for place, name in enumerate(self.inputs)
+            if name in actuators or name.rpartition(".")[0] in bodies
+        ]
+        levels = self.controls.levels[:, kept]
+        if not levels.any():
+            return ""
+        times = self.controls.times
+        last = min(len(times) - 1, int(np.searchsorted(times, duration)))
+        head = ",".join(["time", *(self.inputs[place] for place in kept)])
+        rows = np.column_stack([times, levels])[: last + 1]
+        return "\n".join([head, *(",".join(map(repr, row)) for row in rows.tolist())]) + "\n"
+
+
+def _span(addresses: Any, index: int, end: int) -> slice:  # noqa: ANN401 - MuJoCo's array
+    stop = int(addresses[index + 1]) if index + 1 < len(addresses) else end
+    return slice(int(addresses[index]), stop)
+
+
+def _activations(model: mujoco.MjModel, actuator: int) -> slice:
+    first, count = int(model.actuator_actadr[actuator]), int(model.actuator_actnum[actuator])
+    return slice(first, first + count) if first >= 0 else slice(0, 0)
+
+
+def as_one_file(scene: Scene, run: RunSpec, start: InitialStates) -> str:
+    """Return the model of a run as MJCF without assets.
+
+    Looks are left out, meshes become their hulls, and bodies that they weigh keep their inertia. A
+    SceneError says what cannot be written.
+    """
+    texts = list[str]()
+
+    def flatten(spec: mujoco.MjSpec) -> None:
+        remove(spec, run.without)
+        for kind in PARTS:
+            for place, part in enumerate(getattr(spec, kind)):
+                part.name = part.name or f"{kind}[{place}]"
+        copied = spec.copy()
+        texts.append(_without_assets(copied, copied.compile()))
+
+    compiled = compile_model(scene.source, run.structure, flatten)
+    meant = scene.prepare(run, start, compiled).model
+    spec = mujoco.MjSpec.from_string(texts[0])
+    _set_fields(spec, meant)
+    for geom in [geom for geom in spec.geoms if not (geom.contype or geom.conaffinity)]:
+        if not any(geom.name in (pair.geomname1, pair.geomname2) for pair in spec.pairs):
+            spec.delete(geom)
+    have = spec.compile()
+    for body in spec.bodies:
+        place = meant.body(body.name).id
+        if all(
+            getattr(have, name)[place].tolist() == getattr(meant, name)[place].tolist()
+            for name in _INERTIAS
+        ):
+            continue
+        body.explicitinertial = True
+        body.mass = float(meant.body_mass[place])
+        body.ipos, body.iquat = meant.body_ipos[place], meant.body_iquat[place]
+        body.inertia = meant.body_inertia[place]
+    return _text(spec)
+
+
+def _text(spec: mujoco.MjSpec) -> str:
+    """Return a specification as MJCF; MuJoCo before 4.0 rounds its numbers to six digits."""
+    if hasattr(spec.compiler, "savecompiled"):
+        spec.compiler.savecompiled = False
+    return str(spec.to_xml())
+
+
+def _without_assets(spec: mujoco.MjSpec, model: mujoco.MjModel) -> str:
+    """Return MJCF that names no file: hulls and heights by their numbers, and no looks."""
+    for key in list(spec.keys):
+        spec.delete(key)
+    root = ET.fromstring(_text(spec))  # noqa: S314 - MuJoCo wrote it
+    for parent in list(root.iter()):
+        for child in list(parent):
+            if child.tag in _LOOKS or (parent.tag == "default" and child.tag == "mesh"):
+                parent.remove(child)
+        parent.attrib.pop("material", None)
+    for mesh in root.iterfind("asset/mesh"):
+        name = mesh.get("name") or Path(mesh.get("file", "")).stem
+        corners = hull(model, model.mesh(name).id)
+        mesh.attrib = {"name": name, "vertex": " ".join(map(repr, corners.ravel().tolist()))}
+    for terrain in root.iterfind("asset/hfield"):
+        name = terrain.get("name") or Path(terrain.get("file", "")).stem
+        ground = model.hfield(name)
+        rows, columns = int(ground.nrow[0]), int(ground.ncol[0])
+        heights = " ".join(map(repr, ground.data.ravel().tolist()))
+        size = terrain.get("size", "")
+        terrain.attrib = {"name": name, "size": size, "nrow": str(rows), "ncol": str(columns)}
+        terrain.set("elevation", heights)
+    return ET.tostring(root, "unicode")
+
+
+def hull(model: mujoco.MjModel, mesh: int) -> Floats:
+    """Return the (n, 3) vertices of a mesh's hull, in the frame of its file [m]."""
+    first, count = int(model.mesh_vertadr[mesh]), int(model.mesh_vertnum[mesh])
+    points = np.array(model.mesh_vert[first : first + count], np.float64)
+    graph = int(model.mesh_graphadr[mesh])
+    if graph >= 0:
+        hulled = int(model.mesh_graph[graph])
+        ids = model.mesh_graph[graph + 2 + hulled : graph + 2 + 2 * hulled]
+        points = points[ids]
+    turn = np.zeros(9)
+    mujoco.mju_quat2Mat(turn, model.mesh_quat[mesh])
+    return points @ turn.reshape(3, 3).T + model.mesh_pos[mesh]
+
+
+def _set_fields(spec: mujoco.MjSpec, meant: mujoco.MjModel) -> None:
+    """Set what a run's model has otherwise than its file: options, and fields of parts."""
+    for name in dir(meant.opt):
+        if not name.startswith("_") and hasattr(spec.option, name):
+            setattr(spec.option, name, getattr(meant.opt, name))
+    have, want = fields_of(spec.compile()), fields_of(meant)
+    for name in filter(is_writable, want):
+        prefix, _, own = name.partition("_")
+        kind = _KINDS.get(prefix)
+        if kind is None or have[name].shape != want[name].shape:
+            continue
+        elements = list(getattr(spec, kind))
+        for row in differing_rows(have[name], want[name]):
+            place = int(meant.dof_jntid[row]) if prefix == "dof" else row
+            attribute = _ATTRIBUTES.get(name, own)
+            if not hasattr(elements[place], attribute):
+                raise SceneError(f"cannot write {name} of {elements[place].name} into one file")
+            value = want[name][row]
+            setattr(elements[place], attribute, value.item() if value.ndim == 0 else value)
+
+
+@dataclass(frozen=True)
+class FailingModel:
+    """A model as one file.
+
+    Attributes:
+        text: MJCF, without keyframes.
+        start: where its parts begin, and what drives it.
+        duration: of its run [s].
+        pairs: that its runs monitor, if both sides are left.
+    """
+
+    text: str
+    start: Start = field(compare=False)
+    duration: float
+    pairs: tuple[MonitoredPair, ...] = field(default=(), compare=False)
+
+    def spec(self) -> mujoco.MjSpec:
+        """Return its specification."""
+        return mujoco.MjSpec.from_string(self.text)
+
+    def compiled(self) -> mujoco.MjModel:
+        """Return its compiled model."""
+        return self.spec().compile()
+
+    def whole_text(self) -> str:
+        """Return its MJCF with the keyframe that it starts from."""
+        spec = self.spec()
+        values = self.start.keyframe(spec.compile())
+        key = spec.add_key(name=START)
+        for name, value in values.items():
+            setattr(key, name, value)
+        return _text(spec)
+
+    def monitored(self) -> list[dict[str, object]]:
+        """Return the pairs that are left, as a scene's manifest has them."""
+        left = {kind: {*self.parts(kind), "world"} for kind in ("geoms", "bodies")}
+        return [
+            {kind: list(pair.sides), "slots": pair.slots}
+            for pair in self.pairs
+            for kind in ["bodies" if pair.bodies else "geoms"]
+            if {*pair.sides} <= left[kind]
+        ]
+
+    def parts(self, kind: str) -> list[str]:
+        """Return the names of its parts of a kind, a body before those that it carries."""
+        return [element.name for element in _elements(self.spec(), kind)]
+
+    def without(self, kind: str, names: Collection[str]) -> "FailingModel | None":
+        """Return the model without parts of a kind, and all that refers to them; None if none is.
+
+        A body takes along those that it carries.
+        """
+        spec = self.spec()
+        parts = {part.name: part for part in _elements(spec, kind)}
+        for name in names:
+            if name in {left.name for left in getattr(spec, kind)}:
+                spec.delete(parts[name])
+        return self._changed(spec)
+
+    def still(self, names: Collection[str]) -> "FailingModel | None":
+        """Return the model without joints: their bodies stay as they are at the start."""
+        spec = self.spec()
+        model = spec.compile()
+        data = mujoco.MjData(model)
+        data.qpos[:] = self.start.keyframe(model)["qpos"]
+        mujoco.mj_kinematics(model, data)
+        for joint in [joint for joint in spec.joints if joint.name in names]:
+            body, own = joint.parent, model.body(joint.parent.name).id
+            carrier = int(model.body_parentid[own])
+            back, turn, away = np.zeros(4), np.zeros(4), np.zeros(3)
+            mujoco.mju_negQuat(back, data.xquat[carrier])
+            mujoco.mju_mulQuat(turn, back, data.xquat[own])
+            mujoco.mju_rotVecQuat(away, data.xpos[own] - data.xpos[carrier], back)
+            body.pos, body.quat = away, turn
+            spec.delete(joint)
+        return self._changed(spec)
+
+    @property
+    def options(self) -> list[str]:
+        """The options that it sets, and `flag` for all flags."""
+        return [
+            name
+            for option in self._tree().iter("option")
+            for name in (*option.attrib, *(child.tag for child in option))
+        ]
+
+    def plain(self, option: str) -> "FailingModel | None":
+        """Return the model with the default of an option, or of all flags."""
+        root = self._tree()
+        for element in root.iter("option"):
+            element.attrib.pop(option, None)
+            for child in element.findall(option):
+                element.remove(child)
+        return self._changed(mujoco.MjSpec.from_string(ET.tostring(root, "unicode")))
+
+    def coarser(self, mesh: str, vertices: int) -> "FailingModel | None":
+        """Return the model with so many vertices of a mesh, each farthest from those before it."""
+        if mesh not in self.parts("meshes"):
+            return None
+        spec = self.spec()
+        element = spec.mesh(mesh)
+        points = np.array(element.uservert).reshape(-1, 3)
+        if len(points) <= vertices:
+            return None
+        element.uservert = points[list(_farthest(points, vertices))].ravel()
+        return self._changed(spec)
+
+    def fused(self) -> "FailingModel | None":
+        """Return the model in which bodies without joints are parts of those that carry them."""
+        spec = self.spec()
+        if all(body.joints or body.name == "world" for body in spec.bodies):
+            return None
+        spec.compiler.fusestatic = True
+        return self._changed(spec)
+
+    def _tree(self) -> ET.Element:
+        return ET.fromstring(self.text)  # noqa: S314 - MuJoCo wrote it
+
+    def _changed(self, spec: mujoco.MjSpec) -> "FailingModel | None":
+        """Return the model of a specification; None if it does not compile or nothing moves."""
+        try:
+            moves = spec.compile().nv > 0
+            return replace(self, text=_text(spec)) if moves else None
+        except (ValueError, mujoco.FatalError):
+            return None
+
+
+def _elements(spec: mujoco.MjSpec, kind: str) -> list[Any]:
+    elements = list(getattr(spec, kind))
+    return [each for each in elements if not (kind == "bodies" and each.name == "world")]
+
+
+def _farthest(points: Floats, count: int) -> Iterator[int]:
+    """Yield places of points, the next always the farthest from all before it."""
+    apart = np.linalg.norm(points - points.mean(axis=0), axis=1)
+    for _ in range(count):
+        place = int(apart.argmax())
+        yield place
+        apart = np.minimum(apart, np.linalg.norm(points - points[place], axis=1))
+
+
+def sizes(model: mujoco.MjModel) -> dict[str, int]:
+    """Return how many parts of each kind a model has, the world's body left out."""
+    return {
+        "bodies": int(model.nbody) - 1,
+        "geoms": int(model.ngeom),
+        "joints": int(model.njnt),
+        "actuators": int(model.nu),
+        "equalities": int(model.neq),
+        "vertices": int(model.nmeshvert),
+    }
