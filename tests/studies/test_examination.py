@@ -42,3 +42,9 @@ def test_where_no_time_is_known_the_phase_is_named() -> None:
     sentence = said("excitement", float("nan"))
     assert "in the phase excitement" in sentence
     assert re.search(r" at \d", sentence) is None
+
+
+@pytest.mark.parametrize("late", [False, True])
+def test_that_nothing_helps_is_not_said_of_what_was_not_tried(late: bool) -> None:
+    words = examination._remedied((), late=late)  # pyright: ignore[reportPrivateUsage]
+    assert ("no time to try changes" in words) == late

@@ -173,7 +173,8 @@ def _measured(
         if not request.assign:
             found += grip_facts(request.model, examined.motions[0].model, task.start)
         report = report.model_copy(update={"facts": found})
-    sentence = _sentence(verdict, tried, task, examined.budget)
+    late = bool(changes and changes.untried)
+    sentence = _sentence(verdict, tried, task, examined.budget, late=late)
     report = report.model_copy(
         update={
             "sentence": _whole(sentence, report),
@@ -304,10 +305,17 @@ def _written(
     return report.model_copy(update={"written": str(request.write if asked else made)})
 
 
-def _sentence(verdict: Verdict, tried: Sequence[Remedy], task: Task, budget: ErrorBudget) -> str:
+def _sentence(
+    verdict: Verdict,
+    tried: Sequence[Remedy],
+    task: Task,
+    budget: ErrorBudget,
+    *,
+    late: bool = False,
+) -> str:
     """Return a verdict in one sentence: what, where, when, and the cheapest change that mends it.
 
-    Times count from the beginning of the run.
+    Times count from the beginning of the run. `late` says that there was no time for all changes.
     """
     if not verdict.reasons:
         phase = max(budget.phases, key=lambda phase: phase.run.share)
@@ -322,7 +330,7 @@ def _sentence(verdict: Verdict, tried: Sequence[Remedy], task: Task, budget: Err
     else:
         begins = {phase.name: phase.begin for phase in task.phases}
         parts.append(f"at {begins.get(reason.phase, 0.0) + reason.time:.2f} s")
-    return f"{_OPENINGS[verdict.word]}: {', '.join(parts)}{_remedied(tried)}"
+    return f"{_OPENINGS[verdict.word]}: {', '.join(parts)}{_remedied(tried, late=late)}"
 
 
 def _whole(numerics: str, report: Examination) -> str:
@@ -349,12 +357,13 @@ def _listed(names: Sequence[str]) -> str:
     return " and ".join(filter(None, (", ".join(first), last)))
 
 
-def _remedied(tried: Sequence[Remedy]) -> str:
+def _remedied(tried: Sequence[Remedy], *, late: bool) -> str:
     if not tried:
-        return ""
+        return "; there was no time to try changes" if late else ""
     best = tried[0]
     if not best.removes:
-        return "; none of the changes tried removes it"
+        more = ", and there was no time for all" if late else ""
+        return f"; none of the changes tried removes it{more}"
     cost = f", at {best.price.ratio:.2g} times the time" if best.price else ""
     kind = ", another model" if best.physics else ""
     return f"; removed by {best.name}{kind}{cost}"
