@@ -135,7 +135,12 @@ def _kept(report: Examination, robot: Robot) -> Examination:
     """Return a report without what hangs on this machine, or can be asked for again."""
     place = f"{robot.file.parent}/"
     lines = [
-        change.model_copy(update={"lines": tuple(line.replace(place, "") for line in change.lines)})
+        change.model_copy(
+            update={
+                "lines": tuple(line.replace(place, "") for line in change.lines),
+                "unwritten": change.unwritten.replace(place, ""),
+            }
+        )
         for change in report.changes
     ]
     left_out = {"written": None, "evidence": None, "page": None, "checks": (), "contacts": ()}
