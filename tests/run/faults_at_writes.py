@@ -101,8 +101,11 @@ def merge(place: str) -> None:
 
 
 def merge_again(place: str) -> None:
-    """Merge, unless the merge that was killed had come to its end."""
-    if not is_finished(f"{place}whole"):
+    """Merge, unless the merge that was killed had come to its very end."""
+    whole = f"{place}whole"
+    if not is_finished(whole) or any(
+        "left over" in problem for problem in verify(parse_address(whole))
+    ):
         merge(place)
 
 

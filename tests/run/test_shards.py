@@ -158,6 +158,19 @@ def test_a_killed_shard_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     assert done.columns.to_pydict(names) == whole.columns.to_pydict(names)
 
 
+def test_a_merge_that_died_as_it_ended_is_tidied_up(three: list[Path], tmp_path: Path) -> None:
+    """Its manifest is there, and the journal is not gone yet; of other runs it stays refused."""
+    target = tmp_path / "merged"
+    digest = contactlab.merge(three, output=target).digest
+    (target / "journal.jsonl").touch()
+    with pytest.raises(OutputError, match="holds a store already"):
+        contactlab.merge(three[:2], output=target, partial=True)
+    assert contactlab.merge(three, output=target).digest == digest
+    assert not verify(target)
+    with pytest.raises(OutputError, match="holds a store already"):
+        contactlab.merge(three, output=target)
+
+
 def test_gaps_are_named_and_can_be_filled(three: list[Path], tmp_path: Path) -> None:
     target = tmp_path / "merged"
     with pytest.raises(StoreError, match=r"5 of 16 runs .* shards 2/3; run what is missing"):

@@ -30,6 +30,7 @@ from contactlab.store.store_files import (
     Address,
     most_common,
     other_parts,
+    parse_manifest,
     shard_of,
 )
 from contactlab.store.store_writer import StoreWriter, open_writer
@@ -56,7 +57,8 @@ def merge_stores(
     gaps = _gaps(stores, len(ids), lacking) if identity.whole else ""
     if gaps and not may_lack:
         raise StoreError(f"{gaps}; run what is missing, or add --partial to merge what there is")
-    _refuse_finished(target, fresh=fresh)
+    if not fresh and _is_merged(target, identity):
+        return gaps
     first = stores[0]
     with open_writer(
         target,
@@ -177,9 +179,20 @@ def _gaps(stores: Sequence[Store], runs: int, lacking: Sequence[str]) -> str:
     return "; ".join([said, *lacking[:_MOST_NAMED]])
 
 
-def _refuse_finished(target: Address, *, fresh: bool) -> None:
-    if not fresh and backend_at(target, OutputError).read(MANIFEST) is not None:
+def _is_merged(target: Address, identity: SweepIdentity) -> bool:
+    """Return whether a merge of the same runs died here as it ended, once it is tidied up.
+
+    Raises an OutputError if another store is there.
+    """
+    backend = backend_at(target, OutputError)
+    if (data := backend.read(MANIFEST)) is None:
+        return False
+    if not backend.leftovers() or parse_manifest(data, target).sweep != identity:
         raise OutputError(f"{target} holds a store already; name another place, or add --fresh")
+    with backend.write_session() as session:
+        session.remove_temporaries()
+        session.remove_journal()
+    return True
 
 
 def _copy_files(source: Store, target: Backend) -> None:
