@@ -36,6 +36,7 @@ GOOD: dict[str, Any] = {
     "sample": {"method": "lhs", "n": 16, "seed": 3},
     "refine": {"axes": ["timestep"], "to": 8, "where": "slip > 1mm", "probe": "5%", "start": 2},
     "until": {"share": "failed", "half_width": "2%", "sure": 0.9},
+    "limit": {"largest": "timestep", "to": 17, "where": "must"},
     "search": {"maximise": "penetration_max", "axes": ["timestep"], "runs": 50},
     "exclude": [{"where": "timestep > 1e-3", "solref": "0.02 1"}, {"multiccd": True}],
     "include": [{"timestep": 1e-4}],
