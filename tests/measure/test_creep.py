@@ -54,6 +54,18 @@ def test_what_rolls_does_not_creep(sweeper: Any) -> None:
     assert row["crept"] < 0.01
 
 
+def test_what_a_belt_carries_does_not_creep(sweeper: Any) -> None:
+    """The crate goes as the belt does, by friction: 4 s of .3 m/s, but for its start."""
+    belt = """<mujoco><option timestep=".005"/><worldbody>
+      <geom type="plane" size="9 9 .1" surfacevel=".3 0 0 0 0 0"/>
+      <body pos="0 0 .1"><freejoint/><geom type="box" size=".1 .1 .1" mass="1"/></body>
+      </worldbody></mujoco>"""
+    row = row_of(sweeper, belt)
+    assert row["drift"] == pytest.approx(1.2, rel=0.02)
+    assert row["crept"] is None
+    assert "creep" not in row["labels"]
+
+
 def test_what_no_friction_holds_does_not_creep(sweeper: Any) -> None:
     """A follower on a cam slips all the time, and condim 1 gives it nothing to stick by."""
     row = row_of(

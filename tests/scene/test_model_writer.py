@@ -213,6 +213,17 @@ TEXTS = {
 }
 
 
+def test_an_option_does_not_rewrite_muscles(tmp_path: Path) -> None:
+    """Their lengths are found by simulation, by the integrator that is changed: to rounding."""
+    (tmp_path / "arm.xml").write_text("""<mujoco><worldbody><body>
+      <joint name="elbow" axis="0 1 0" limited="true" range="-60 70" damping=".3"/>
+      <geom type="capsule" size=".02" fromto="0 0 0 .3 .01 .02"/></body></worldbody>
+      <actuator><muscle name="pull" joint="elbow"/></actuator></mujoco>""")
+    scene = Scene.open(str(tmp_path / "arm.xml"))
+    made = write_model(scene, ModelEdits({"integrator": "implicitfast"}), tmp_path / "new")
+    assert "implicitfast" in "".join(made.lines)
+
+
 @pytest.mark.parametrize("form", TEXTS)
 def test_what_is_not_changed_stays_byte_for_byte(form: str, tmp_path: Path) -> None:
     text = """<?xml version="1.0"?>

@@ -180,6 +180,7 @@ class Setup:
     duration: Floats  # (n,) requested simulated time [s]
     expected: tuple[ExpectedContact | ExpectedMotion, ...] = ()
     """What monitored pairs and bodies should do."""
+    conveying: bool = False  # whether a surface moves, and what lies on it, while its geom does not
     oracle: str | None = None  # name of the scene's closed form, if it has one
     oracle_tolerance: float = np.inf
     """Largest accepted relative or absolute oracle error, as the oracle defines."""

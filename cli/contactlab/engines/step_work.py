@@ -13,7 +13,13 @@ from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import ACTUATORS, CONSTRAINTS, OTHERS, Floats
 from contactlab.scene.initial_states import InitialStates, apply_inputs
-from contactlab.scene.run_setup import AT_JOINT, has_others, is_conservative, is_passive
+from contactlab.scene.run_setup import (
+    AT_JOINT,
+    has_moving_surfaces,
+    has_others,
+    is_conservative,
+    is_passive,
+)
 
 _RK4 = mujoco.mjtIntegrator.mjINT_RK4
 _FAST = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
@@ -113,8 +119,8 @@ def _fields(models: Sequence[mujoco.MjModel]) -> list[str]:
 
 def _conveys(model: mujoco.MjModel) -> bool:
     """Return whether contacts may do work that surfaces or adhesion put into them."""
-    moving = getattr(model, "geom_surfacevel", np.zeros(1)).any()
-    return bool(moving or (model.actuator_trntype == mujoco.mjtTrn.mjTRN_BODY).any())
+    adheres = (model.actuator_trntype == mujoco.mjtTrn.mjTRN_BODY).any()
+    return has_moving_surfaces(model) or bool(adheres)
 
 
 def _couples_branches(model: mujoco.MjModel) -> bool:

@@ -125,9 +125,10 @@ def crept(context: Context) -> Floats:
     Median slip of pairs that stick through the last half, by less than 0.9 of the friction bound,
     and do neither roll nor slow down: of each over the greatest extent of its smaller geom; of all
     together, as far as a free body moves by as much, over twice its reach. Not defined under
-    controls that change.
+    controls that change, nor where a surface moves by itself, as a belt's.
     """
-    shares = [] if context.setup.steered else [*_crept(context).values()]
+    moved = context.setup.steered or context.setup.conveying
+    shares = [] if moved else [*_crept(context).values()]
     return worst_pair(context, shares)
 
 

@@ -64,6 +64,7 @@ def kind_of(run: RunSpec, model: mujoco.MjModel) -> Hashable:
 def _kind_of_model(model: mujoco.MjModel) -> Hashable:
     """Return a model's part of the kind, which runs of the model share."""
     acts = is_passive(model), is_conservative(model), has_others(model), has_springs(model)
+    acts += (has_moving_surfaces(model),)
     # Inputs that decide a pair's solimp width.
     mixed = model.geom_solimp[:, 2], model.geom_solmix, model.geom_priority
     widths = *mixed, model.pair_solimp[:, 2], model.opt.o_solimp[2:3]
@@ -92,6 +93,7 @@ def make_setup(
         gravity=np.array([model.opt.gravity * read_flag(model, "gravity") for model in models]),
         moving_mass=np.array([model.body_mass[model.body_weldid != 0].sum() for model in models]),
         steered=any(drive_word(run.drive) not in _STEADY for run in runs),
+        conveying=any(map(has_moving_surfaces, distinct)),
         passive=passive,
         conservative=passive and all(map(is_conservative, distinct)),
         free_bodies=tuple(bodies.values()),
@@ -157,7 +159,12 @@ def _common_parameter(base: CompiledScene, model: mujoco.MjModel, name: str) -> 
 def is_passive(model: mujoco.MjModel) -> bool:
     """Return whether nothing drives a model: no actuator, plug-in, wind or surface that moves."""
     driven = model.nu or model.nplugin or model.opt.wind.any() or model.body_gravcomp.any()
-    return not driven and not getattr(model, "geom_surfacevel", np.zeros(1)).any()
+    return not driven and not has_moving_surfaces(model)
+
+
+def has_moving_surfaces(model: mujoco.MjModel) -> bool:
+    """Return whether a geom's surface moves while the geom does not, as a belt's; since 4.0."""
+    return bool(getattr(model, "geom_surfacevel", np.zeros(1)).any())
 
 
 def is_conservative(model: mujoco.MjModel) -> bool:
