@@ -112,7 +112,10 @@ def test_the_hand_of_an_arm_is_found(hand: str) -> None:
     assert not {0, 1} & set(found.actuators)
 
 
-@pytest.mark.parametrize("hand", HANDS)
+@pytest.mark.parametrize(
+    "hand",
+    [pytest.param(hand, marks=pytest.mark.long if hand == "linkages" else ()) for hand in HANDS],
+)
 def test_it_grips_by_its_own_actuators(hand: str, tmp_path: Path) -> None:
     """Both sides press alike: nothing else bears their force."""
     (tmp_path / "arm.xml").write_text(arm(hand), encoding="utf-8")

@@ -255,10 +255,11 @@ def _check_records(
     from contactlab.store.mcap.trace_reader import trace_problems  # noqa: PLC0415 - takes a while
 
     problems: list[str] = []
-    named = {*filter(None, store.columns.arrow(["trace_file"])["trace_file"].to_pylist())}
+    files = store.columns.arrow(["trace_file"])["trace_file"].to_pylist()
+    named = set[str]() if store.manifest.traces_left_out else {*filter(None, files)}
     records, ahead = tee(_traced_records(store, problems, chosen))
-    files = store.backend.local_files(record.trace.file for record in ahead if record.trace)
-    for record, path in zip(records, files, strict=True):
+    paths = store.backend.local_files(record.trace.file for record in ahead if record.trace)
+    for record, path in zip(records, paths, strict=True):
         assert record.trace is not None
         found = ("missing",) if path is None else trace_problems(path, record, model)
         yield from (f"{record.trace.file}: {problem}" for problem in found)
