@@ -169,7 +169,10 @@ class _Document:
 
     def _run(self, store: Store, run: LiveRun) -> dict[str, Any]:
         record = run.record
-        reasons = [f"{visible(each.label)}: {visible(each.reason)}" for each in record.labels]
+        reasons = [
+            f"{visible(each.label)}: {visible(each.reason)}" if each.label != "stable" else "stable"
+            for each in record.labels
+        ]
         entry: dict[str, Any] = {
             "id": record.run_id,
             "label": visible(record.label),
