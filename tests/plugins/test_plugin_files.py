@@ -11,10 +11,10 @@ from contactlab.errors import ContactlabError, PluginError, StoreError
 from contactlab.measure import METRICS
 from contactlab.plugins import Plugin, extensions, load_plugins, loaded_plugins, require_plugins
 from contactlab.registry import PARTS, REGISTRIES
-from contactlab.run.ray.worker import pack_bundle, unpack_bundle
 from contactlab.run.stored_runs import replay
 from contactlab.run.sweep_request import read_request
 from contactlab.run.sweep_runner import run_sweep
+from contactlab.run.task_bundle import pack_bundle, unpack_bundle
 from contactlab.run.tasks import Task
 from contactlab.schema.evidence import EvidenceRecord
 from contactlab.store.finished_store import Store

@@ -13,6 +13,7 @@ import pytest
 
 from contactlab.run import worker_pool
 from contactlab.run.ray import worker as ray_worker
+from contactlab.run.task_bundle import pack_bundle, unpack_bundle
 from contactlab.run.tasks import Crashed, Task
 from contactlab.scene.scene import Scene
 from contactlab.scene.scene_source import stored_scene
@@ -43,14 +44,14 @@ def parcel_of_worker(taken: list[Task]) -> Any:
 
 
 def test_nodes_that_see_the_store_read_the_scene_there(task: Task, tmp_path: Path) -> None:
-    assert ray_worker.unpack_bundle(ray_worker.pack_bundle(task), tmp_path / "node") == task
+    assert unpack_bundle(pack_bundle(task), tmp_path / "node") == task
     assert not (tmp_path / "node").exists()
 
 
 def test_a_scene_goes_along_with_a_store_that_is_no_folder(task: Task, tmp_path: Path) -> None:
     far = replace(task, store=ObjectAddress("s3", "bucket", "prefix"))
-    sent = ray_worker.pack_bundle(far)
-    there = ray_worker.unpack_bundle(sent, tmp_path / "node")
+    sent = pack_bundle(far)
+    there = unpack_bundle(sent, tmp_path / "node")
     assert there == replace(far, scene_folder=there.scene_folder)
     assert tmp_path / "node" in there.scene_folder.parents
     hashes = {
@@ -58,7 +59,7 @@ def test_a_scene_goes_along_with_a_store_that_is_no_folder(task: Task, tmp_path:
         for folder in (task.scene_folder, there.scene_folder)
     }
     assert len(hashes) == 1
-    assert ray_worker.unpack_bundle(sent, tmp_path / "node") == there
+    assert unpack_bundle(sent, tmp_path / "node") == there
 
 
 def test_folders_go_with_their_processes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -87,9 +88,7 @@ def process(task: Task) -> Iterator[Any]:
         values = {"timestep": 1e-3, "drop_height": 0.02}
         (run,) = Scene.open("ball_drop").planned(values, [0], 0.01)
         job = tuple(replace(run, index=index, run_id=f"{index:016x}") for index in range(runs))
-        return ray_worker.run_on_worker(
-            sweep, lambda: ray_worker.pack_bundle(task), pickle.dumps(job)
-        )
+        return ray_worker.run_on_worker(sweep, lambda: pack_bundle(task), pickle.dumps(job))
 
     yield run
     for worker in INNER._workers.values():

@@ -25,7 +25,7 @@ from ray.exceptions import (
 from contactlab.errors import ClusterError
 from contactlab.run.ray import node as ray_node
 from contactlab.run.ray.node import NodeRequirements
-from contactlab.run.ray.worker import pack_bundle
+from contactlab.run.task_bundle import pack_bundle
 from contactlab.run.tasks import Crashed, Job, Result, Stop, Task
 from contactlab.store.atomic_files import TEMPORARY_SUFFIX
 from contactlab.store.store_files import TRACES

@@ -12,45 +12,15 @@ import shutil
 import signal
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
 from tempfile import gettempdir, mkdtemp
 
-from contactlab.run.tasks import Result, Stop, Task
+from contactlab.run.task_bundle import unpack_bundle
+from contactlab.run.tasks import Result, Stop
 from contactlab.run.worker_pool import WorkerPool
 
-_SCENES, _PLUGINS = "scenes", "plugins"
 _OWN_END = re.compile(r"(\d+)-[^-]+")  # the process, and what makes the name of its folder unique
 _workers: dict[str, WorkerPool] = {}  # by the token of its sweep; one at most
-
-
-def pack_bundle(task: Task) -> bytes:
-    """Return a task as it is sent to nodes.
-
-    Plug-in files are in the bundle. So are the files of the scene and of its drive if the store is
-    no folder, and has no copy of them that nodes could read.
-    """
-    scenes = {} if isinstance(task.store, Path) else _read(task.scene_folder.parent)
-    files = {f"{_SCENES}/{name}": data for name, data in scenes.items()}
-    files |= {f"{_PLUGINS}/{p.file.name}": p.file.read_bytes() for p in task.plugins if p.file}
-    return pickle.dumps((task, files))
-
-
-def unpack_bundle(bundle: bytes, folder: Path) -> Task:
-    """Return the task of a bundle, after writing the bundle's files into a folder."""
-    task, files = pickle.loads(bundle)  # noqa: S301 - our own
-    for part in (_SCENES, _PLUGINS):
-        shutil.rmtree(folder / part, ignore_errors=True)
-    for name, data in files.items():
-        (folder / name).parent.mkdir(parents=True, exist_ok=True)
-        (folder / name).write_bytes(data)
-    plugins = tuple(
-        replace(plugin, file=folder / _PLUGINS / plugin.file.name) if plugin.file else plugin
-        for plugin in task.plugins
-    )
-    ours = task.scene_folder
-    scene = ours if isinstance(task.store, Path) else folder / _SCENES / ours.name
-    return replace(task, scene_folder=scene, plugins=plugins)
 
 
 def run_on_worker(token: str, bundle: Callable[[], bytes], job: bytes) -> Result | Exception:
@@ -98,11 +68,3 @@ def _cancellation() -> Generator[Stop]:
         yield stop
     finally:
         signal.signal(signal.SIGINT, before)
-
-
-def _read(folder: Path) -> dict[str, bytes]:
-    return {
-        path.relative_to(folder).as_posix(): path.read_bytes()
-        for path in folder.rglob("*")
-        if path.is_file()
-    }

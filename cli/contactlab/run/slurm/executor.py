@@ -16,8 +16,8 @@ from typing import Any
 import submitit
 from submitit.core.utils import FailedJobError, UncompletedJobError
 
-from contactlab.run.ray.worker import pack_bundle
 from contactlab.run.slurm.part import BUNDLE, RESULT, STOP, Part, runs_of, unfinished
+from contactlab.run.task_bundle import pack_bundle
 from contactlab.run.tasks import Crashed, Job, Result, Stop, Task
 
 _JOBS_OF_A_TASK = 256  # at most; a job is up to 32 runs, or 512 short ones

@@ -18,7 +18,7 @@ from pydantic_core import from_json
 from submitit.helpers import DelayedSubmission
 
 from contactlab.errors import ClusterError, ContactlabError
-from contactlab.run.ray.worker import unpack_bundle
+from contactlab.run.task_bundle import unpack_bundle
 from contactlab.run.tasks import Crashed, Job, Result, Stop
 from contactlab.run.worker_pool import LocalPool
 from contactlab.store.atomic_files import write_file
