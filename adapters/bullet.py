@@ -1,6 +1,5 @@
 """PyBullet: all joints, primitives and hulls in rigid contact, built by its own API."""
 
-import time
 from collections.abc import Callable
 from pathlib import Path
 from runpy import run_path
@@ -70,30 +69,7 @@ def _laws(model: mujoco.MjModel) -> dict[str, dict[int, float]]:
 
 def simulate(request: dict[str, Any], tick: Callable[[], None]) -> dict[str, Any]:
     """Simulate runs one after the other."""
-    import serve
-
-    return {name: np.array(rows) for name, rows in serve.of_each(request, _run, tick).items()}
-
-
-def _run(request: dict[str, Any], run: int, tick: Callable[[], None]) -> dict[str, Any]:
-    import serve
-
-    model = serve.model_of(request, run)
-    controls, applied, _ = serve.inputs_of(request, run, model)
-    world = World(model)
-    world.set(request["qpos"][run], request["qvel"][run])
-    states, contacts, cost = [world.state()], [], 0.0
-    for control, forces in zip(controls, applied, strict=True):
-        world.drive(states[-1], control, forces)
-        begin = time.process_time()
-        world.step()
-        cost += time.process_time() - begin
-        contacts.append(world.contacts())
-        states.append(world.state())
-    tick()
-    state = np.array(states)
-    sensors = _CONTACTS.measured(model, state, controls, contacts)
-    return {"state": state, "sensors": sensors, "cost": cost}
+    return _CONTACTS.simulated(request, World, tick)
 
 
 class World:

@@ -1,6 +1,5 @@
 """SAPIEN (PhysX): hinges, slides, primitives and hulls in rigid contact, in single precision."""
 
-import time
 from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
@@ -98,31 +97,7 @@ def _masks(model: mujoco.MjModel) -> dict[int, tuple[int, int]]:
 
 def simulate(request: dict[str, Any], tick: Callable[[], None]) -> dict[str, Any]:
     """Simulate runs one after the other."""
-    import serve
-
-    return {name: np.array(rows) for name, rows in serve.of_each(request, _run, tick).items()}
-
-
-def _run(request: dict[str, Any], run: int, tick: Callable[[], None]) -> dict[str, Any]:
-    import serve
-
-    model = serve.model_of(request, run)
-    controls, applied, _ = serve.inputs_of(request, run, model)
-    world = World(model)
-    world.set(request["qpos"][run], request["qvel"][run])
-    states = [np.concatenate([request["qpos"][run], request["qvel"][run]])]
-    contacts, cost = [], 0.0
-    for control, forces in zip(controls, applied, strict=True):
-        world.drive(states[-1], control, forces)
-        begin = time.process_time()
-        world.step()
-        cost += time.process_time() - begin
-        contacts.append(world.contacts())
-        states.append(world.state())
-    tick()
-    state = np.array(states)
-    sensors = _CONTACTS.measured(model, state, controls, contacts)
-    return {"state": state, "sensors": sensors, "cost": cost}
+    return _CONTACTS.simulated(request, World, tick)
 
 
 class World:

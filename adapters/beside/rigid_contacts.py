@@ -6,8 +6,9 @@ of its solref has, whose spring only pushes: for damping ratios zeta below 1 it 
 """
 
 import math
-from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+import time
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple, Protocol
 
 import mujoco
 import numpy as np
@@ -257,6 +258,55 @@ def _geom(model: mujoco.MjModel, geom: int) -> str:
 
 
 _FULL, _NEAREST = 23, 2  # numbers of a slot that has all fields, or found and distance alone
+
+
+class World(Protocol):
+    """A model as an engine has it."""
+
+    def set(self, qpos: np.ndarray, qvel: np.ndarray) -> None:
+        """Set its state, as MuJoCo has it."""
+
+    def drive(self, state: np.ndarray, control: np.ndarray, applied: np.ndarray) -> None:
+        """Apply the inputs of the next step, which starts in a state."""
+
+    def step(self) -> None:
+        """Make a step."""
+
+    def contacts(self) -> list[Any]:
+        """Return the contacts of the last step."""
+
+    def state(self) -> np.ndarray:
+        """Return positions and velocities, as MuJoCo has them."""
+
+
+def simulated(
+    request: dict[str, Any],
+    world_of: Callable[[mujoco.MjModel], World],
+    tick: Callable[[], None],
+) -> dict[str, Any]:
+    """Simulate runs one after the other, each in a world of its own; the cost is of steps alone."""
+    import serve
+
+    def run(request: dict[str, Any], run: int, tick: Callable[[], None]) -> dict[str, Any]:
+        model = serve.model_of(request, run)
+        controls, applied, _ = serve.inputs_of(request, run, model)
+        world = world_of(model)
+        world.set(request["qpos"][run], request["qvel"][run])
+        states = [np.concatenate([request["qpos"][run], request["qvel"][run]])]
+        contacts, cost = [], 0.0
+        for control, forces in zip(controls, applied, strict=True):
+            world.drive(states[-1], control, forces)
+            begin = time.process_time()
+            world.step()
+            cost += time.process_time() - begin
+            contacts.append(world.contacts())
+            states.append(world.state())
+        tick()
+        state = np.array(states)
+        sensors = measured(model, state, controls, contacts)
+        return {"state": state, "sensors": sensors, "cost": cost}
+
+    return {name: np.array(rows) for name, rows in serve.of_each(request, run, tick).items()}
 
 
 def measured(
