@@ -12,7 +12,6 @@ from typing import Any, NamedTuple, Protocol
 
 import mujoco
 import numpy as np
-from scipy.optimize import nnls
 
 IGNORED = (
     dict.fromkeys(("solimp", "impratio", "cone", "elliptic", "refsafe"), "its contacts are rigid")
@@ -201,6 +200,8 @@ def as_sums(wanted: Mapping[tuple[int, int], float]) -> dict[int, float]:
 
     A ValueError says that there are none.
     """
+    from scipy.optimize import nnls  # commands that list engines do not load it
+
     geoms, matrix = _incidence(list(wanted))
     found, rest = nnls(matrix, list(wanted.values())) if geoms else (np.zeros(0), 0.0)
     if rest > _EXACT:

@@ -56,7 +56,7 @@ def check(found: Faults, least: int) -> None:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(("life", "stride"), [("sweep", 211), ("merge", 127)])
+@pytest.mark.parametrize(("life", "stride"), [("sweep", 37), ("merge", 19)])
 def test_a_folder_outlives_a_fault_at_some_writes(
     faults: Any, tmp_path: Path, life: str, stride: int
 ) -> None:

@@ -2,10 +2,12 @@
 
 import copy
 import math
+import shutil
+import weakref
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
+from tempfile import TemporaryDirectory, mkdtemp
 
 import mujoco
 
@@ -57,7 +59,8 @@ class Changes:
         moved: Moved,
     ) -> None:
         """Try all that a verdict points to, until enough of it removes the verdict."""
-        self._folder = TemporaryDirectory(prefix="contactlab-")  # of models with other states
+        self._folder = Path(mkdtemp(prefix="contactlab-"))  # of models with other states
+        weakref.finalize(self, shutil.rmtree, self._folder, ignore_errors=True)
         self._others = dict[str, Path]()
         self._scene, self._values = scene, values
         self._motions, self._verdict = motions, verdict
@@ -100,7 +103,7 @@ class Changes:
     def _other(self, candidate: Candidate) -> Path:
         """Return the file of a changed model whose states are others; it is written once."""
         if candidate.name not in self._others:
-            folder = Path(self._folder.name) / str(len(self._others))
+            folder = self._folder / str(len(self._others))
             self._others[candidate.name] = self._written(candidate.edits, folder, "").path
         return self._others[candidate.name]
 
