@@ -155,6 +155,10 @@ def test_what_stays_apart_is_told_by_what_nothing_comes_near(workshop: Path) -> 
     assert not {"box", "floor"} & {*edits.masked}
 
 
+@pytest.mark.skipif(
+    int(mujoco.__version__.partition(".")[0]) < 4,
+    reason="older versions raise where memory is too small for contacts",
+)
 def test_where_contacts_find_no_room_nothing_is_said(workshop: Path) -> None:
     text = workshop.read_text().replace("<worldbody>", '<size memory="8K"/><worldbody>', 1)
     model = mujoco.MjModel.from_xml_string(text)
