@@ -6,8 +6,9 @@ import pytest
 from tests.budget_motions import motion_of, walker
 
 from contactlab.budget import ROWS, ErrorBudget, Motion, Reading, Row, Settings, error_budget, judge
-from contactlab.budget.rows import hauled, stiffened
+from contactlab.budget.rows import stiffened
 from contactlab.engines.older_mujoco import StepLoop
+from contactlab.scene.part_bodies import hauled
 
 FAST = Settings(energy=False, places=False)
 

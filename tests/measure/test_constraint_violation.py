@@ -101,20 +101,21 @@ def test_what_flies_through_a_stop_by_its_step_is_found(
     assert ("constraint_violated" in row_of(sweeper, model)["labels"]) == violated
 
 
-@pytest.mark.parametrize("timeconst", [0.5, 2.0])
-def test_what_a_mocap_body_draws_near_in_time_gives_way_nowhere(
-    sweeper: Any, timeconst: float
-) -> None:
-    """A critically damped spring leaves (1 + t / T) exp(-t / T) of the gap at the start."""
+@pytest.mark.parametrize(("lead", "violated"), [("mocap='true'", False), ("", True)])
+def test_what_a_mocap_body_leads_may_stay_behind(sweeper: Any, lead: str, violated: bool) -> None:
+    """A cart that a stop holds 3 m from what draws it softly: a servo out of reach, or a lost tie.
+
+    The stop is (1 s / 4 ms)^2 times as stiff, so that it gives way by less than .1 mm.
+    """
     row = row_of(
         sweeper,
-        f"""<mujoco><option gravity="0 0 0"/><worldbody><body name="hand" mocap="true"
-        pos="3 0 0"/><body name="load"><freejoint/><geom size=".05"/></body></worldbody>
-        <equality><connect body1="hand" body2="load" anchor="0 0 0" solref="{timeconst} 1"/>
-        </equality></mujoco>""",
+        f"""<mujoco><option gravity="0 0 0"/><worldbody><body name="hand" {lead} pos="3 0 0"/>
+        <body name="cart"><joint type="slide" axis="1 0 0" range="-.1 .1" limited="true"
+        solreflimit=".004 1"/><geom size=".05"/></body></worldbody><equality>
+        <weld body1="hand" body2="cart" relpose="0 0 0 1 0 0 0" solref="1 1"/></equality>
+        </mujoco>""",
     )
-    assert row["constraint_violation_rest"] < 0.02
-    assert row["labels"] == ["stable"]
+    assert ("constraint_violated" in row["labels"]) == violated
 
 
 def test_a_belt_is_judged_by_what_it_moves() -> None:

@@ -19,12 +19,13 @@ import mujoco
 import numpy as np
 
 from contactlab.budget.motion import INTEGRATION, Motion
-from contactlab.budget.rows import disabled, hauled, stiffened
+from contactlab.budget.rows import disabled, stiffened
 from contactlab.budget.verdict import Reason, Verdict
 from contactlab.budget.windows import joint_name
 from contactlab.contact.trace_arrays import Floats
 from contactlab.scene.model_edits import FIELD_KINDS, derive
 from contactlab.scene.model_names import find_id, name_of
+from contactlab.scene.part_bodies import hauled
 
 _AFFINE = int(mujoco.mjtBias.mjBIAS_AFFINE)
 _STIFFNESS, _DAMPING = 1, 2  # places of their negatives in biasprm

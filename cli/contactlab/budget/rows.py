@@ -12,6 +12,7 @@ import mujoco
 import numpy as np
 
 from contactlab.contact.trace_arrays import Floats
+from contactlab.scene.part_bodies import hauled
 
 Change = Callable[[mujoco.MjModel, mujoco.MjModel], None]  # a copy, and the run's own model
 Uses = Callable[[mujoco.MjModel], bool]
@@ -152,21 +153,6 @@ _SOLREF = (
     "tendon_solref_lim",
     "tendon_solref_fri",
 )
-
-
-def hauled(model: mujoco.MjModel) -> np.ndarray:
-    """Return (neq,) whether an equality holds a body to one of mocap, which drives it.
-
-    As a servo's gain, how soft it is says how a hand is led, and not how rigid the model is.
-    """
-    kinds = (int(mujoco.mjtEq.mjEQ_CONNECT), int(mujoco.mjtEq.mjEQ_WELD))
-    found = np.zeros(model.neq, bool)
-    for equality in np.flatnonzero(np.isin(model.eq_type, kinds)):
-        ends = [int(ids[equality]) for ids in (model.eq_obj1id, model.eq_obj2id)]
-        if int(model.eq_objtype[equality]) == mujoco.mjtObj.mjOBJ_SITE:
-            ends = [int(model.site_bodyid[site]) for site in ends]
-        found[equality] = any(int(model.body_mocapid[body]) >= 0 for body in ends)
-    return found
 
 
 def _stiffer_equalities(model: mujoco.MjModel, _own: mujoco.MjModel) -> None:

@@ -95,7 +95,8 @@ class Equality:
     unit: Literal["m", "rad"]  # of its violation, m or rad
     scale: float
     """Length or angle that its violation is compared with: the smaller body that it connects, a
-    tendon's length, a joint's range or a quarter turn; infinite where none is known."""
+    tendon's length, a joint's range or a quarter turn; infinite where none is known, and where a
+    mocap body drives what it is held to."""
     elastic: bool = False  # whether it may stretch by much for a moment, as edges of a flex
     bodies: tuple[str, ...] = ()  # that it connects
 

@@ -76,6 +76,16 @@ def phantom_forces(context: Context, run: int) -> str:
     return f"phantom forces of {part_of(error.share)} the real ones on {error.body}"
 
 
+def energy_drifts(runs: MeasuredRuns, sign: int) -> Found:
+    """Yield the runs whose energy drifts up (1) or down (-1), as that of their model does not."""
+    within, drifts = runs.limits[TOLERANCE.name], _of(runs.context, "energy")
+    verb = "gains" if sign > 0 else "loses"
+    for run in runs_where(sign * drifts > within):
+        part = part_of(abs(drifts[run]))
+        reason = f"the run {verb} {part} the energy of its motion, which its model does not"
+        yield run, Onset(f"{reason} (limit {within:g})", 0)
+
+
 @label(
     "poor",
     rank=4,
@@ -85,20 +95,15 @@ def phantom_forces(context: Context, run: int) -> str:
     advice="the change that its budget names: contactlab examine MODEL",
 )
 def step_dependent(runs: MeasuredRuns) -> Found:
-    """The run is not the motion of its model: its backward error, or its drift of energy, is large.
+    """The run is not the motion of its model: phantom forces are large beside the real ones.
 
-    Both are measured within windows of 40 ms, so chaos is none of it.
+    They are measured within windows of 40 ms, so chaos is none of it.
     """
     context, within = runs.context, runs.limits[TOLERANCE.name]
-    for run in unresolved_runs(context):
+    for run in runs_where(_of(context, "share") > within):
         assert context.checks is not None
         error = context.checks.backward[run]
-        if error.share > within:
-            step = round(error.time / context.trace.timestep[run])
-            reason = f"{phantom_forces(context, run)}, most at {error.time:.3g} s"
-            bodies = (error.body,) if np.isfinite(error.share) else ()
-            yield run, Onset(reason, step, bodies)
-        else:
-            verb = "gains" if error.energy > 0 else "loses"
-            reason = f"the run {verb} {part_of(abs(error.energy))} the energy of its motion"
-            yield run, Onset(f"{reason}, which its model does not", 0)
+        step = round(error.time / context.trace.timestep[run])
+        reason = f"{phantom_forces(context, run)}, most at {error.time:.3g} s"
+        bodies = (error.body,) if np.isfinite(error.share) else ()
+        yield run, Onset(reason, step, bodies)

@@ -4,12 +4,11 @@ import numpy as np
 
 from contactlab.contact.trace_arrays import ACTUATORS, CONSTRAINTS, OTHERS, Floats, median
 from contactlab.measure.amounts import part_of
-from contactlab.measure.backward_error import TOLERANCE, phantom_forces, unresolved_runs
+from contactlab.measure.backward_error import TOLERANCE, energy_drifts, unresolved_runs
 from contactlab.measure.context import (
     Context,
     cached,
     energy,
-    first_step,
     peak_kinetic,
     semi_implicit,
 )
@@ -110,15 +109,6 @@ def constraint_loss(context: Context) -> Floats:
     return np.where(trace.contacts.any(axis=1), 0, taken)
 
 
-def integration_gains(runs: MeasuredRuns) -> Found:
-    """Yield the runs whose integrator added energy."""
-    for run, gain, limit in runs.over("integration_gain", TOLERANCE.name):
-        reason = (
-            f"the integrator added {part_of(gain)} the largest kinetic energy (limit {limit:g})"
-        )
-        yield run, Onset(reason, first_step(_unexplained(runs.context)[run] > limit))
-
-
 @label(
     "poor",
     rank=12,
@@ -128,15 +118,8 @@ def integration_gains(runs: MeasuredRuns) -> Found:
     advice="a shorter timestep, or integrator RK4 for free motion",
 )
 def energy_loss(runs: MeasuredRuns) -> Found:
-    """The integrator, or constraints of too long a step, took energy that nothing damps."""
-    for run, loss, limit in runs.over("integration_loss", TOLERANCE.name):
-        reason = f"the integrator took {part_of(loss)} the largest kinetic energy (limit {limit:g})"
-        yield run, Onset(reason, first_step(-_unexplained(runs.context)[run] > limit))
-    taken = constraint_loss(runs.context)
-    for run in unresolved_runs(runs.context):
-        if taken[run] > runs.limits[TOLERANCE.name]:
-            reason = f"constraints took {part_of(taken[run])} the largest kinetic energy"
-            yield run, Onset(f"{reason}; {phantom_forces(runs.context, run)}", 0)
+    """The run loses energy that its own model, stepped more finely, keeps."""
+    return energy_drifts(runs, -1)
 
 
 @label(

@@ -7,7 +7,12 @@ from contactlab.contact.trace_arrays import Floats, median, squared_lengths
 from contactlab.measure.backward_error import TOLERANCE
 from contactlab.measure.constraint_violation import constraint_violation
 from contactlab.measure.context import Context, squared_speeds
-from contactlab.measure.energy_balance import constraint_gain, constraint_loss
+from contactlab.measure.energy_balance import (
+    constraint_gain,
+    constraint_loss,
+    integration_gain,
+    integration_loss,
+)
 from contactlab.measure.entries import limits
 from contactlab.measure.penetration import PRESSED, weights_borne
 from contactlab.measure.solver_work import stuck_share
@@ -52,8 +57,8 @@ def suspects(context: Context) -> NDArray[np.bool_]:
     """Return (n,) which runs deserve a second look although no label says so.
 
     It has what shakes in its steps, is pressed hard at rest or against a limit, has a solver that
-    uses all its iterations, gains or loses energy in constraints, does not come to rest under
-    constant controls, or has a body that moved far from where it rested or rattled.
+    uses all its iterations, gains or loses energy in constraints or by its steps, does not come to
+    rest under constant controls, or has a body that moved far from where it rested or rattled.
     """
     trace, ranges = context.trace, context.trace.control_ranges
     size = context.setup.mechanism.size if context.setup.mechanism else np.inf
@@ -65,6 +70,7 @@ def suspects(context: Context) -> NDArray[np.bool_]:
     within = most[TOLERANCE.name]
     found |= (constraint_loss(context) > within) & (stuck_share(context) == 0)
     found |= constraint_gain(context) > within
+    found |= (integration_gain(context) > within) | (integration_loss(context) > within)
     found |= constraint_violation(context) > within
     if ranges is not None and ranges.shape[1]:
         constant = (ranges[..., 0] == ranges[..., 1]).all(axis=1)

@@ -65,3 +65,19 @@ def bodies_of_equality(model: mujoco.MjModel, index: int) -> tuple[str, ...]:
     if model.eq_objtype[index] == int(mujoco.mjtObj.mjOBJ_SITE):
         ends = np.asarray(model.site_bodyid)[ends].tolist()
     return moving_bodies(model, ends)
+
+
+def hauled(model: mujoco.MjModel) -> np.ndarray:
+    """Return (neq,) whether an equality holds a body to one of mocap, which drives it.
+
+    As a servo's gain, how soft it is says how a hand is led, and not how rigid the model is; and
+    as a servo's error, how far the hand stays behind is no violation.
+    """
+    kinds = (int(_EQUALITY.mjEQ_CONNECT), int(_EQUALITY.mjEQ_WELD))
+    found = np.zeros(model.neq, bool)
+    for equality in np.flatnonzero(np.isin(model.eq_type, kinds)):
+        ends = [int(ids[equality]) for ids in (model.eq_obj1id, model.eq_obj2id)]
+        if int(model.eq_objtype[equality]) == mujoco.mjtObj.mjOBJ_SITE:
+            ends = [int(model.site_bodyid[site]) for site in ends]
+        found[equality] = any(int(model.body_mocapid[body]) >= 0 for body in ends)
+    return found

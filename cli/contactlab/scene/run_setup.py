@@ -39,6 +39,7 @@ from contactlab.scene.part_bodies import (
     bodies_of_actuator,
     bodies_of_equality,
     bodies_of_tendon,
+    hauled,
     moving_bodies,
 )
 from contactlab.scene.requirements import Asked, required_of
@@ -313,7 +314,7 @@ def find_mechanism(model: mujoco.MjModel) -> Mechanism:
     springs = np.asarray(model.tendon_stiffness) != 0
     springs |= np.any(getattr(model, "tendon_stiffnesspoly", springs[:, None]), axis=1)
     places = _limits(model.jnt_limited, model.jnt_range)
-    reach, ends = _reaches(model), equality_reach(model)
+    reach, ends = _reaches(model), np.where(hauled(model), np.inf, equality_reach(model))
     return Mechanism(
         joints=tuple(_joint(model, index, places[index], reach) for index in range(model.njnt)),
         tendons=tuple(
@@ -356,7 +357,7 @@ def _reaches(model: mujoco.MjModel) -> Floats:
 def equality_reach(model: mujoco.MjModel) -> Floats:
     """Return (neq,) the reach [m] of the smaller body that each connects or welds; else inf.
 
-    Reach is from where a site holds a body. A mocap body pulls on all of the model, as by a spring.
+    Reach is from where a site holds a body.
     """
     tied = np.isin(model.eq_type, (int(_EQUALITY.mjEQ_CONNECT), int(_EQUALITY.mjEQ_WELD)))
     sited = model.eq_objtype == int(mujoco.mjtObj.mjOBJ_SITE)
@@ -367,9 +368,7 @@ def equality_reach(model: mujoco.MjModel) -> Floats:
     reach = _reaches(model)[np.where(sited, 0, ends)]
     reach[:, sited] = np.where(from_sites > 0, from_sites, model.stat.meansize)[ends[:, sited]]
     ends[:, sited] = owners[ends[:, sited]]
-    least = np.where(ends > 0, reach, np.inf).min(axis=0)
-    pulled = (np.asarray(model.body_mocapid)[ends] >= 0).any(axis=0)
-    return np.where(pulled, np.maximum(least, 2 * model.stat.extent), least)
+    return np.where(ends > 0, reach, np.inf).min(axis=0)
 
 
 def _equality(

@@ -11,12 +11,12 @@ import numpy as np
 
 from contactlab.budget.motion import INTEGRATION, Motion
 from contactlab.budget.places import contact_name
-from contactlab.budget.rows import hauled
 from contactlab.budget.verdict import percent, plain
 from contactlab.budget.windows import joint_name, replay
 from contactlab.contact.trace_arrays import Floats
 from contactlab.printable import newtons
 from contactlab.scene.compile_model import InertiaFault
+from contactlab.scene.part_bodies import hauled
 from contactlab.schema.examination import Fact
 from contactlab.studies.lint.inertia import in_words, inertia_faults
 from contactlab.studies.lint.overlaps import DEEP
