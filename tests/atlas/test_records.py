@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from atlas.__main__ import compare
 from atlas.comparing import differences
-from atlas.entry import Entry, entries
+from atlas.entry import Changed, Confirmation, Entry, entries, read_all, record_of, releases
 from docs.site import atlas
 
 KNOWN = list(entries())
@@ -28,14 +28,46 @@ def test_each_record_says_why_there_is_no_verdict_or_has_one() -> None:
         assert bool(entry.refused) != bool(entry.examination), entry.name
 
 
-def test_what_changed_is_what_the_same_file_says_otherwise() -> None:
-    old, *rest = JUDGED
+def _said(before: Entry, after: Entry | None) -> list[str]:
+    records = {"one.json": after} if after else {}
+    return [str(each) for each in differences({"one.json": before}, records)]
+
+
+def test_what_changed_is_told_with_what_else_changed() -> None:
+    old = JUDGED[0]
     new = old.model_copy(update={"examination": None, "judge": "0", "refused": "no answer"})
-    other = new.model_copy(update={"digest": "0"})
-    assert [str(each) for each in differences([old, *rest], [new, *rest])] == [
-        f"{old.name}: {old.word} -> refused (the judge's code)"
+    change = f"{old.name}: {old.word} -> refused"
+    assert _said(old, new) == [f"{change} (the judge's code)"]
+    newer = new.model_copy(update={"judge": old.judge, "version": "9", "digest": "0"})
+    assert _said(old, newer) == [f"{change} ({old.wheel} {old.version} -> 9)"]
+    assert _said(old, newer.model_copy(update={"version": old.version})) == [f"{change} (the file)"]
+    assert not _said(old, old.model_copy(update={"judge": "0"}))
+
+
+def test_a_verdict_whose_record_is_gone_is_told_and_a_refusal_is_not() -> None:
+    assert _said(JUDGED[0], None) == [
+        f"{JUDGED[0].name}: {JUDGED[0].word} -> no record (the record is gone)"
     ]
-    assert not list(differences([old], [other]))
+    assert not _said(JUDGED[0].model_copy(update={"examination": None}), None)
+
+
+def test_records_are_known_by_their_place_and_those_of_releases_with_them(tmp_path: Path) -> None:
+    JUDGED[0].save(tmp_path)
+    for release in ("3.9.0", "3.13.0"):
+        JUDGED[0].save(tmp_path / "releases" / release)
+    (name,) = (file.name for file in tmp_path.glob("*.json"))
+    places = (name, f"releases/3.13.0/{name}", f"releases/3.9.0/{name}")
+    assert read_all(tmp_path) == dict.fromkeys(places, JUDGED[0])
+    assert [place.name for place in releases(tmp_path)] == ["3.13.0", "3.9.0"]
+    assert list(entries(tmp_path)) == [JUDGED[0]]
+
+
+def test_a_record_that_knew_one_change_is_still_read() -> None:
+    change = {"name": "half the step", "physics": False, "sound": True, "sentence": "", "nearer": 1}
+    stored = JUDGED[0].model_dump(mode="json") | {"entry_version": 1}
+    assert not Entry.model_validate(stored | {"changed": None}).changed
+    (read,) = Entry.model_validate(stored | {"changed": change}).changed
+    assert (read.name, read.sound) == ("half the step", True)
 
 
 @pytest.mark.parametrize("told", [True, False])
@@ -46,12 +78,32 @@ def test_a_verdict_that_changed_has_to_be_told_in_the_changelog(
     before = tmp_path / "before"
     before.mkdir()
     old = entry.model_copy(update={"examination": None, "refused": "no answer"})
-    (before / "one.json").write_text(old.model_dump_json())
+    record_of(entry.family[0], before).write_text(old.model_dump_json())
     text = f"`{entry.name}` is judged" if told else "nothing"
     changelog = tmp_path / "CHANGELOG.md"
     changelog.write_text(f"# Changelog\n\n## 2 - unreleased\n\n{text}\n\n## 1\n\n{entry.name}\n")
     assert compare(before, changelog) == told
     assert entry.name in capsys.readouterr().out
+
+
+def test_a_mended_robot_has_a_script_that_installs_its_wheel() -> None:
+    kept = Changed(name="RK4", physics=False, sound=False, sentence="no")
+    mending = Changed(name="half", physics=True, sound=True, sentence="yes", patch="-a\n+b\n")
+    shown = Confirmation(
+        command="python atlas/confirm.py a/b.xml --of run", holds=True, shown="9 %"
+    )
+    entry = JUDGED[0].model_copy(
+        update={
+            "changed": (kept, mending.model_copy(update={"shown": False})),
+            "confirmation": shown,
+        }
+    )
+    assert entry.mending
+    assert entry.mending.name == "half"
+    assert atlas.mended(entry) == "half (another model)"
+    text = atlas.script(entry).splitlines()
+    assert text[-1] == "python confirm.py a/b.xml --of run"
+    assert text[-2].endswith(f"--target {entry.wheel} {entry.wheel}=={entry.version}")
 
 
 def test_pages_name_the_command_the_licence_and_the_files(tmp_path: Path) -> None:
@@ -62,6 +114,7 @@ def test_pages_name_the_command_the_licence_and_the_files(tmp_path: Path) -> Non
         assert f'href="{name}/"' in table
         page = (tmp_path / "atlas" / f"{name}.md").read_text()
         assert f"contactlab {entry.name}" in page
+        assert f"{entry.wheel}=={entry.version}" in page
         assert entry.licence in page
         static = tmp_path / "_static/atlas"
         assert Entry.model_validate_json((static / f"{name}.json").read_bytes()) == entry
