@@ -1,6 +1,7 @@
 """One colour has one meaning, in every picture."""
 
 import re
+from importlib import resources
 from itertools import combinations
 
 import numpy as np
@@ -8,7 +9,7 @@ import pytest
 
 from contactlab.contact.trace_arrays import Floats
 from contactlab.measure import LABELS
-from contactlab.palette import COLOURS, LETTERS, MODE_COLOURS, SHAPES, mode_colour
+from contactlab.palette import COLOURS, LETTERS, MODE_COLOURS, SHAPES, mode_colour, on_dark
 
 
 @pytest.mark.parametrize("mode", MODE_COLOURS)
@@ -87,6 +88,27 @@ def test_no_two_labels_look_alike_to_anyone(eyes: str) -> None:
         if np.linalg.norm(seen[one] - seen[other]) < LEAST_APART
     ]
     assert near == []
+
+
+@pytest.mark.parametrize("eyes", SEEN_BY)
+def test_on_a_dark_page_labels_are_told_apart_and_from_the_page(eyes: str) -> None:
+    """All distances shrink by what all colours go towards white, 15 %; a page is six steps away."""
+    sheet = resources.files("contactlab.page").joinpath("style.css").read_text()
+    (dark,) = re.findall(r"prefers-color-scheme: dark\) \{\s*:root \{([^}]*)\}", sheet)
+    own = dict(re.findall(r"--(page|calm): (#[0-9a-f]{6})", dark))
+    labels = {label.colour for label in LABELS.values() if not label.is_good}
+    seen = {colour: oklab(on_dark(colour), SEEN_BY[eyes]) for colour in labels}
+    calm, page = (oklab(own[name], SEEN_BY[eyes]) for name in ("calm", "page"))
+    pairs = [*combinations(seen.values(), 2), *((each, calm) for each in seen.values())]
+    assert min(np.linalg.norm(one - other) for one, other in pairs) > 0.85 * LEAST_APART
+    assert min(np.linalg.norm(each - page) for each in seen.values()) > 2 * LEAST_APART
+
+
+@pytest.mark.parametrize("colour", ["#1845fb", "#681800", "#82857e"])
+def test_on_a_dark_page_a_colour_goes_towards_white_and_keeps_its_hue(colour: str) -> None:
+    """By .15 of the way, within half a level of 256, which is 6e-3 in Oklab for dark colours."""
+    before, white = oklab(colour), np.array([1.0, 0, 0])
+    assert oklab(on_dark(colour)) == pytest.approx(before + 0.15 * (white - before), abs=6e-3)
 
 
 def test_stable_is_calm_and_failure_is_loud_and_never_green() -> None:

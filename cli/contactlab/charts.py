@@ -1,7 +1,7 @@
 """Charts: their layers, one theme for paper and page, and how they become pictures."""
 
 import re
-from collections.abc import Callable, Container, Sequence
+from collections.abc import Callable, Container, Iterable, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -10,7 +10,7 @@ import altair as alt
 import vl_convert
 
 from contactlab.errors import OutputError
-from contactlab.palette import COLOURS, INK, OTHERS_COLOUR, STABLE_COLOUR
+from contactlab.palette import COLOURS, INK, OTHERS_COLOUR, STABLE_COLOUR, on_dark
 from contactlab.printable import visible
 
 Rows = list[dict[str, Any]]
@@ -22,6 +22,7 @@ _ALLOWED_URLS: list[str] = []
 _SCALE = 3.0
 SUFFIXES = (".png", ".svg")
 _ID = re.compile(r'\bid="([^"]+)"')
+_COLOUR = re.compile("#[0-9a-f]{6}")
 _PAPER, _FAINT, _GRID, _EDGE = "white", "#555555", "#eeeeee", "#999999"
 _TEXT = {"labelColor": INK, "titleColor": INK}
 _THEME: Spec = {
@@ -85,7 +86,20 @@ def themed(spec: Spec) -> Spec:
 
 def with_page_colours(spec: Spec) -> Spec:
     """Return a specification whose colours follow the page's style sheet, light or dark."""
-    return _with_texts(spec, lambda text: _PAGE_COLOURS.get(text, text), {"values", "datasets"})
+    return _with_texts(spec, _page_colour, {"values", "datasets"})
+
+
+def _page_colour(text: str) -> str:
+    if text in _PAGE_COLOURS:
+        return _PAGE_COLOURS[text]
+    return f"var(--on-{text[1:]},{text})" if _COLOUR.fullmatch(text) else text
+
+
+def colours_on_dark(colours: Iterable[str]) -> str:
+    """Return the style sheet of colours that have no variable of their own, for a dark page."""
+    own = [colour for colour in dict.fromkeys(colours) if _COLOUR.fullmatch(colour)]
+    lines = " ".join(f"--on-{each[1:]}: {on_dark(each)};" for each in own)
+    return f"@media screen and (prefers-color-scheme: dark) {{ :root {{ {lines} }} }}\n"
 
 
 def _with_texts(part: Any, changed: Callable[[str], str], kept: Container[str] = ()) -> Any:  # noqa: ANN401 - JSON

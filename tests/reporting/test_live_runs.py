@@ -10,10 +10,12 @@ from tests.reporting.conftest import run
 from contactlab.errors import OutputError
 from contactlab.live import browser_build
 from contactlab.live.browser_build import find_build
-from contactlab.live.browser_models import BrowserModel, changes
+from contactlab.live.browser_models import BrowserModel
+from contactlab.live.browser_models import changes as changes_of
 from contactlab.live.live_runs import LiveRuns
 from contactlab.scene.model_draft import fields_of
 from contactlab.scene.scene import Scene
+from contactlab.schema.examination import Examination, ModelChange
 from contactlab.store.finished_store import Store
 
 SWEEP = """
@@ -71,7 +73,7 @@ def store(tmp_path_factory: pytest.TempPathFactory) -> Store:
 
 
 def same(one: mujoco.MjModel, other: mujoco.MjModel) -> bool:
-    return not changes(one, other)
+    return not changes_of(one, other)
 
 
 def test_a_model_that_travels_alone_compiles_to_itself(tmp_path: Path) -> None:
@@ -152,6 +154,31 @@ def test_what_is_stored_of_a_motion_is_its_end_and_poses(store: Store) -> None:
     assert live.motion.times[-1] == trace.time[-1]
 
 
+def change(name: str, **keys: object) -> ModelChange:
+    asked = {"name": name, "physics": True, "accept": "", "removes": "verdict", "lines": ()}
+    return ModelChange.model_validate(
+        {"share": 0, "apart": 0, "before": 0, "price": None, **asked, **keys}
+    )
+
+
+def test_changes_of_numbers_are_switches_and_those_of_the_structure_are_not(store: Store) -> None:
+    """A joint or an exclude beside a setting: the numbers alone would be another change."""
+    settings = {"impratio": 10.0}
+    changes = (
+        change("friction", settings=settings),
+        change("parted", settings=settings, excluded=(("world", "ball"),)),
+        change("freed", settings=settings, freed=("ball",)),
+        change("unknown", settings={"no_such_axis": 1.0}),
+    )
+    examined = Examination.model_construct(changes=changes, budget=None)
+    live = LiveRuns(store, examined).run(next(iter(store.records())).run_id)
+    (switch,) = live.switches
+    assert switch.name == "friction"
+    assert live.variant is not None
+    assert switch.variant.model.opt.impratio == 10
+    assert set(changes_of(live.variant.model, switch.variant.model)) == {"opt.impratio"}
+
+
 def test_without_the_browsers_part_the_error_says_how_to_build_it(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
@@ -165,4 +192,6 @@ def test_changes_are_what_makes_one_model_of_another(store: Store) -> None:
     one, other = (runs.run(record.run_id).variant for record in list(store.records())[:2])
     assert one is not None
     assert other is not None
-    assert set(changes(one.model, other.model)) == {"opt.timestep"} or same(one.model, other.model)
+    assert set(changes_of(one.model, other.model)) == {"opt.timestep"} or same(
+        one.model, other.model
+    )

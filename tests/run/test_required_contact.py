@@ -76,6 +76,40 @@ def broken(record: Any) -> list[tuple[str, str]]:
     return [(each.label, each.reason) for each in record.labels if each.label in named]
 
 
+def margin_of(folder: Path, *must: str) -> float:
+    return outcome(folder, must=[*must]).metrics["requirement_margin"]
+
+
+@pytest.mark.long
+def test_a_margin_is_positive_where_all_holds_and_negative_where_not(tmp_path: Path) -> None:
+    """All of `MET` together, and each of `UNMET` by itself, as labels tell."""
+    assert 0 < margin_of(tmp_path, *MET) < 0.01
+    for text, *_ in UNMET:
+        assert margin_of(tmp_path, text) < 0, text
+    assert margin_of(tmp_path, *MET, UNMET[0][0]) < 0
+    assert outcome(tmp_path).metrics["requirement_margin"] is None
+
+
+@pytest.mark.long
+def test_a_margin_is_the_share_of_a_limit_that_is_left(tmp_path: Path) -> None:
+    """A box stops after v^2 / (2 mu g), and weighs m g; what never touches is apart by all.
+
+    The box also creeps once it has stopped, by less than 2 % of its way in a second.
+    """
+    way = SPEED**2 / (2 * MU * G)
+    assert margin_of(tmp_path, f"stays(box, {2 * way} m)") == pytest.approx(0.5, abs=0.01)
+    assert margin_of(tmp_path, f"stays(box, {way / 2} m)") == pytest.approx(-1, abs=0.04)
+    weight = MASS * G
+    for text in (f"presses(box, {weight / 2} N.., from: 0.6 s)", "presses(box, ..1 N, from: 0.6)"):
+        bound = weight / 2 if ".., " in text else 1.0
+        share = (weight - bound) / bound * (1 if ".., " in text else -1)
+        assert margin_of(tmp_path, text) == pytest.approx(share, rel=2e-3)
+    assert margin_of(tmp_path, f"apart(drop, until: {FALL - 0.01})") == 1
+    # It slides for so long, where 20 ms count.
+    slid = margin_of(tmp_path, "sticks(floor-box)")
+    assert slid == pytest.approx(1 - STOP / 0.02, abs=0.05 / 0.02)
+
+
 def test_what_coulomb_and_newton_say_is_met(tmp_path: Path) -> None:
     assert broken(outcome(tmp_path, must=MET)) == []
     record = outcome(tmp_path, expect=[{"must": MET}])

@@ -161,6 +161,31 @@ def test_the_deepest_impact_is_that_of_the_grid(tmp_path: Path) -> None:
     assert not [*recomputed_problems(part)]
 
 
+def test_the_least_margin_of_what_must_hold_is_that_of_the_grid(tmp_path: Path) -> None:
+    """A ball that must stay within 10 cm of where it starts falls by g t^2 / 2 in the air.
+
+    Steps of 2 ms make it g t (t + h) / 2, so that the margin is 1 less that over 10 cm.
+    """
+    sweep = {
+        **WHOLE,
+        "duration": 0.1,
+        "axes": {
+            "gravity": {"linspace": [5, 15, 9]},
+            "drop_height": {"linspace": [0.1, 0.3, 9]},
+        },
+        "must": "stays(ball, 10 cm)",
+    }
+    search = {"minimise": "margin of must", "runs": 20}
+    store = contactlab.sweep({**sweep, "search": search}, output=tmp_path / "part", workers=0)
+    assert store.manifest.runs == 20
+    margins = store.columns.to_pydict(["requirement_margin", "gravity"])
+    for margin, gravity in zip(*margins.values(), strict=True):
+        assert margin == pytest.approx(1 - gravity * 0.1 * (0.1 + 2e-3) / 2 / 0.1, abs=2e-3)
+    (line,) = worst_lines(store)
+    assert line.startswith("least requirement_margin: 0.2")
+    assert "gravity 15" in line
+
+
 def test_axes_in_units_are_searched_too(tmp_path: Path) -> None:
     """As many runs as the search may make, and not so many of each height."""
     axes = {
@@ -212,6 +237,8 @@ def test_rows_of_a_file_run_as_they_are(drawn: bool, tmp_path: Path) -> None:
         ({"maximise": "penetration"}, "unknown-metric", "did you mean"),
         ({"maximise": "penetration_max", "axes": ["hight"]}, "axis-not-swept", "drop_height"),
         ({}, "bad-value", "either maximise or minimise"),
+        ({"minimise": "margin of must"}, "not-asked", "add must"),
+        ({"minimise": "margin of mus"}, "unknown-metric", "'margin of must'"),
         ({"maximise": "slip_distance", "minimise": "drop"}, "bad-value", "either"),
     ],
 )

@@ -198,10 +198,10 @@ class LiveRuns:
         axes: Mapping[str, object],
         controls: RecordedControls | None,
     ) -> Iterator[Switch]:
-        """Yield the changes that an examination proposes, of those that settings say."""
+        """Yield the changes that an examination proposes, but those of the structure."""
         for change in self.examination.changes if self.examination else ():
             specs = {name: self._scene.catalogue.find(name) for name in change.settings}
-            if change.excluded or not specs or None in specs.values():
+            if change.is_structural or None in specs.values():
                 continue
             values = {
                 spec.name: spec.parse(change.settings[name])

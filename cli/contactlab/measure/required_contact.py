@@ -1,6 +1,8 @@
 """The labels of pairs that do not touch as their scene or sweep says that they must."""
 
 from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,92 +67,200 @@ def pair_expectation(runs: MeasuredRuns) -> Found:
     return _found(runs, NO_CONTACT)
 
 
+@dataclass(frozen=True)
+class _Stretch:
+    """The steps (N,) of a run in which pairs must do something, and how many of them count."""
+
+    context: Context
+    expected: ExpectedContact
+    run: int
+    inside: Mask
+    width: int
+
+    @property
+    def pairs(self) -> Iterator[tuple[str, int]]:
+        """The name and the row of each pair."""
+        for pair, row in zip(self.expected.pairs, self._rows.tolist(), strict=True):
+            yield self.context.pairs.names[pair], row
+
+    @property
+    def _rows(self) -> NDArray[np.intp]:
+        return self.context.pairs.rows[[*self.expected.pairs]]
+
+    def forbids(self, mode: int) -> bool:
+        """Return whether pairs must not be in a mode."""
+        return self.expected.word in ({"slides"} if mode == STICK else {"sticks", "rolls"})
+
+    def in_mode(self, row: int, mode: int) -> Mask:
+        """Return (N,) where a pair is in a mode that it must not be in.
+
+        That is until its other mode first lasts, or after it last did, where that is what is said.
+        """
+        series = self.context.net.series.mode[row, self.run]
+        other = lasting(self.inside & (series == STICK + SLIDE - mode), self.width)
+        good = np.flatnonzero(other).tolist()
+        first, last = (good[0], good[-1]) if good else (None, None)
+        part = {"first": slice(first), "last": slice(last, None), "": slice(None)}
+        said, where = part[self.expected.end or ""], np.zeros_like(self.inside)
+        where[said] = (self.inside & (series == mode))[said]
+        return where
+
+    @cached_property
+    def touching(self) -> Mask:
+        """(N,) where any of the pairs touches."""
+        modes = self.context.net.series.mode[self._rows, self.run]
+        return self.inside & (modes != NO_CONTACT).any(axis=0)
+
+    @property
+    def untouched(self) -> Mask:
+        """(N,) where none of the pairs touches although one must."""
+        must = self.expected.word in _VERBS or self.expected.force[0] > 0
+        must &= self.expected.timed or not self.touching.any()
+        return self.inside & ~self.touching & must
+
+    def pressed(self, row: int) -> Mask:
+        """Return (N,) where a pair bears force."""
+        return self.inside & (self.context.net.series.normal[row, self.run] > 0)
+
+    def unturned(self, row: int) -> Mask:
+        """Return (N,) where a pair sticks and does not turn."""
+        still = self.pressed(row) & (self.context.net.rolling[row, self.run] <= TURNING)
+        return still & (self.context.net.series.mode[row, self.run] == STICK)
+
+    @property
+    def mean_force(self) -> Floats:
+        """Means of the pairs' forces together, over the steps that count from each on [N].
+
+        (N,), NaN where they are not judged: without a time, while nothing touches.
+        """
+        series = self.context.net.series.normal
+        total = np.sum([series[row, self.run] for _, row in self.pairs], axis=0)
+        judged = self.inside if self.expected.timed else self.touching
+        return _averaged(total, judged, self.width)
+
+    def depth(self, row: int) -> Floats:
+        """Return (N,) the depth of a pair [m], 0 where nothing is said of it."""
+        return np.where(self.inside, contact_depths(self.context)[1][row, self.run], 0)
+
+
+def _stretches(context: Context, hold: float) -> Iterator[_Stretch]:
+    """Yield what pairs must do in each run, if something is said of it."""
+    time = context.trace.time[:, :-1] + _ROUNDING * context.trace.timestep[:, None]
+    for expected in context.setup.expected:
+        if isinstance(expected, ExpectedContact) and expected.pairs:
+            start, stop = np.moveaxis(expected.window[:, :, None], 1, 0)
+            inside = (time >= start) & (time < stop)
+            for run in runs_where(inside.any(axis=1)):
+                yield _Stretch(
+                    context, expected, run, inside[run], steps_that_count(context, run, hold)
+                )
+
+
+def steps_that_count(context: Context, run: int, hold: float) -> int:
+    """Return how many steps of a run the shortest time takes that counts [s]."""
+    return max(int(np.ceil(hold / context.trace.timestep[run] - _ROUNDING)), 1)
+
+
 def _found(runs: MeasuredRuns, mode: int) -> Found:
     """Find what pairs do unexpectedly: slide, stick, or anything else."""
-    context, hold = runs.context, runs.limits["mode_hold"]
-    for expectation in context.setup.expected:
-        if not (isinstance(expectation, ExpectedContact) and expectation.pairs):
-            continue
-        start, stop = np.moveaxis(expectation.window[:, :, None], 1, 0)
-        time = context.trace.time[:, :-1] + _ROUNDING * context.trace.timestep[:, None]
-        inside = (time >= start) & (time < stop)
-        for run in runs_where(inside.any(axis=1) & _may_fail(context, expectation, mode)):
-            width = max(int(np.ceil(hold / context.trace.timestep[run] - _ROUNDING)), 1)
-            found = (
-                _misfits(context, expectation, run, inside[run], width)
-                if mode == NO_CONTACT
-                else _wrong_modes(context, expectation, run, inside[run], width, mode)
-            )
-            for wanted, met, where in found:
-                step = first_step(where)
-                reason = f"{wanted}, but {met}, from {context.trace.time[run, step]:.4g} s on"
-                yield run, Onset(reason, step)
+    for stretch in _stretches(runs.context, runs.limits["mode_hold"]):
+        found = _misfits(stretch) if mode == NO_CONTACT else _wrong_modes(stretch, mode)
+        for wanted, met, where in found:
+            step = first_step(where)
+            time = runs.context.trace.time[stretch.run, step]
+            yield stretch.run, Onset(f"{wanted}, but {met}, from {time:.4g} s on", step)
 
 
-def _may_fail(context: Context, expectation: ExpectedContact, mode: int) -> Mask | bool:
-    """Return (n,) which runs meet a mode that must not be, or whether more than a mode is said."""
-    if mode == NO_CONTACT:
-        return expectation.end is None
-    modes = context.net.series.mode[context.pairs.rows[[*expectation.pairs]]]
-    forbidden = expectation.word in ({"slides"} if mode == STICK else {"sticks", "rolls"})
-    return forbidden & np.logical_or.reduce((modes == mode).any(axis=2))
+def contact_margins(context: Context, hold: float) -> Floats:
+    """Return (n,) the least margin of what pairs must do; infinite where nothing is said of any.
+
+    Of modes, a margin is 1 less the longest time [s] in another over the shortest that counts,
+    `hold`; of forces and depths it is a share of the limit.
+    """
+    least = np.full(context.trace.runs, np.inf)
+    for stretch in _stretches(context, hold):
+        margins = (*_margins_of_modes(stretch), *_margins_of_contact(stretch))
+        least[stretch.run] = min(least[stretch.run], *margins, np.inf)
+    return least
 
 
-def _wrong_modes(
-    context: Context, expectation: ExpectedContact, run: int, inside: Mask, width: int, met: int
-) -> Faults:
-    series, when = context.net.series, expectation.end or ""
-    rows = context.pairs.rows[[*expectation.pairs]].tolist()
-    for pair, row in zip(expectation.pairs, rows, strict=True):
-        mode = series.mode[row, run]
-        bad = lasting(inside & (mode == met), width)
-        good = np.flatnonzero(lasting(inside & (mode == STICK + SLIDE - met), width)).tolist()
-        first, last = (good[0], good[-1]) if good else (None, None)
-        parts = {"first": slice(first), "last": slice(last, None), "": slice(None)}
-        where = np.zeros_like(bad)
-        where[parts[when]] = bad[parts[when]]
+def _margins_of_modes(stretch: _Stretch) -> Iterator[float]:
+    for mode in (SLIDE, STICK):
+        if stretch.forbids(mode):
+            for _, row in stretch.pairs:
+                yield 1 - longest(stretch.in_mode(row, mode)) / stretch.width
+
+
+def _margins_of_contact(stretch: _Stretch) -> Iterator[float]:
+    word, width = stretch.expected.word, stretch.width
+    if stretch.expected.end is not None:
+        return
+    yield 1 - longest(stretch.untouched) / width
+    for _, row in stretch.pairs:
+        if word == "apart":
+            time = longest(stretch.pressed(row))
+            yield -time / width if time else 1.0
+        elif word == "rolls":
+            yield 1 - longest(stretch.unturned(row)) / width
+        elif word == "shallow" and np.isfinite(depth := stretch.depth(row)).all():
+            yield 1 - float(depth.max()) / stretch.expected.depth
+    if word == "presses" and not np.isnan(force := stretch.mean_force).all():
+        low, high = float(np.nanmin(force)), float(np.nanmax(force))
+        least, most = stretch.expected.force
+        yield (low - least) / (abs(least) or 1) if np.isfinite(least) else np.inf
+        yield (most - high) / (abs(most) or 1) if np.isfinite(most) else np.inf
+
+
+def _wrong_modes(stretch: _Stretch, met: int) -> Faults:
+    if not stretch.forbids(met):
+        return
+    slips, when = stretch.context.net.series.slip, stretch.expected.end or ""
+    for name, row in stretch.pairs:
+        where = lasting(stretch.in_mode(row, met), stretch.width)
         if where.any():
-            slides = f"slides, at up to {series.slip[row, run, where].max():.3g} m/s"
+            slides = f"slides, at up to {slips[row, stretch.run, where].max():.3g} m/s"
             does = slides if met == SLIDE else "sticks"
-            verb = _VERBS[expectation.word]
-            yield f"{context.pairs.names[pair]} should {verb} {when}".rstrip(), does, where
+            verb = _VERBS[stretch.expected.word]
+            yield f"{name} should {verb} {when}".rstrip(), does, where
 
 
-def _misfits(
-    context: Context, expectation: ExpectedContact, run: int, inside: Mask, width: int
-) -> Faults:
-    timestep, (least, most) = float(context.trace.timestep[run]), expectation.force
-    word = expectation.word
-    rows = context.pairs.rows[[*expectation.pairs]]
-    series, depths = context.net.series, contact_depths(context)[1]
-    touching = inside & (series.mode[rows, run] != NO_CONTACT).any(axis=0)
-    apart = lasting(inside & ~touching, width) & (expectation.timed or not touching.any())
-    if (word in _VERBS or least > 0) and apart.any():
-        wanted = _VERBS.get(word, f"press with {least:.3g} N or more")
+def _misfits(stretch: _Stretch) -> Faults:
+    expected, timestep = stretch.expected, stretch.context.trace.timestep[stretch.run]
+    if expected.end is not None:
+        return
+    least, most = expected.force
+    apart = lasting(stretch.untouched, stretch.width)
+    if apart.any():
+        wanted = _VERBS.get(expected.word, f"press with {least:.3g} N or more")
         met = f"touches nothing for {np.count_nonzero(apart) * timestep:.3g} s"
-        yield f"{expectation.name} should {wanted}", met, apart
-    for pair, row in zip(expectation.pairs, rows.tolist(), strict=True):
-        name, force, depth = context.pairs.names[pair], series.normal[row, run], depths[row, run]
-        if word == "apart" and (pressed := inside & (force > 0)).any():
-            met = f"presses with up to {force[pressed].max():.3g} N"
-            yield f"{name} should be apart", met, pressed
-        still = inside & (force > 0) & (context.net.rolling[row, run] <= TURNING)
-        still = lasting(still & (series.mode[row, run] == STICK), width)
-        if word == "rolls" and still.any():
-            met = f"does not turn for {np.count_nonzero(still) * timestep:.3g} s"
-            yield f"{name} should roll", met, still
-        if (deep := inside & (depth > expectation.depth)).any():
-            met = f"is up to {depth[deep].max():.3g} m deep"
-            yield f"{name} should be at most {expectation.depth:.3g} m deep", met, deep
-    total = np.sum([series.normal[row, run] for row in rows], axis=0)
-    mean = _averaged(total, inside if expectation.timed else touching, width)
+        yield f"{expected.name} should {wanted}", met, apart
+    for name, row in stretch.pairs:
+        yield from _misfits_of_pair(stretch, name, row)
+    if expected.word != "presses":
+        return
+    mean = stretch.mean_force
     for beyond, worst, bound in (
         (mean < least, np.fmin, f"{least:.3g} N or more"),
         (mean > most, np.fmax, f"{most:.3g} N or less"),
     ):
         if beyond.any():
             met = f"presses with {worst.reduce(mean):.3g} N at worst"
-            yield f"{expectation.name} should press with {bound}", met, beyond
+            yield f"{expected.name} should press with {bound}", met, beyond
+
+
+def _misfits_of_pair(stretch: _Stretch, name: str, row: int) -> Faults:
+    expected, run, word = stretch.expected, stretch.run, stretch.expected.word
+    if word == "apart" and (pressed := stretch.pressed(row)).any():
+        force = stretch.context.net.series.normal[row, run, pressed].max()
+        yield f"{name} should be apart", f"presses with up to {force:.3g} N", pressed
+    if word == "rolls":
+        still = lasting(stretch.unturned(row), stretch.width)
+        if still.any():
+            time = np.count_nonzero(still) * stretch.context.trace.timestep[run]
+            yield f"{name} should roll", f"does not turn for {time:.3g} s", still
+    if word == "shallow" and (deep := (depth := stretch.depth(row)) > expected.depth).any():
+        met = f"is up to {depth[deep].max():.3g} m deep"
+        yield f"{name} should be at most {expected.depth:.3g} m deep", met, deep
 
 
 def lasting(mask: Mask, shortest: int) -> Mask:
@@ -159,6 +269,12 @@ def lasting(mask: Mask, shortest: int) -> Mask:
     for start, stop in zip(found.start, found.stop, strict=True):
         lasting[start:stop] = stop - start >= shortest
     return lasting
+
+
+def longest(mask: Mask) -> int:
+    """Return for how many steps together a mask (N,) holds at most."""
+    found = spans(mask[None])
+    return int((found.stop - found.start).max(initial=0))
 
 
 def _averaged(force: Floats, judged: Mask, width: int) -> Floats:

@@ -1,6 +1,8 @@
 """The label of bodies that do not move as their scene or sweep says that they must."""
 
+from collections import defaultdict
 from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,9 +10,14 @@ from numpy.typing import NDArray
 from contactlab.contact.expected_motion import ExpectedMotion
 from contactlab.contact.rotations import rotate
 from contactlab.contact.trace_arrays import NO_CONTACT, Floats
-from contactlab.measure.context import Context, first_step
+from contactlab.measure.context import Context, cached, first_step, runs_where
 from contactlab.measure.entries import Found, MeasuredRuns, Onset, label
-from contactlab.measure.required_contact import MODE_HOLD, lasting
+from contactlab.measure.required_contact import (
+    MODE_HOLD,
+    lasting,
+    longest,
+    steps_that_count,
+)
 
 _ROUNDING = 1e-6  # share of a step by which a time may miss that of a state
 _DOES = {
@@ -35,34 +42,87 @@ Fault = tuple[str, int]
 def broken_requirement(runs: MeasuredRuns) -> Found:
     """A body is not held, still, upright, passing or staying although it must."""
     context, hold = runs.context, runs.limits["mode_hold"]
-    required = [each for each in context.setup.expected if isinstance(each, ExpectedMotion)]
-    for run in range(context.trace.runs):
-        found = [
-            (min(state, context.trace.steps - 1), f"{expected.name}: {met}", state)
-            for expected in required
-            for met, state in _faults(context, expected, run, hold)
-        ]
-        if found:
-            found.sort()
-            times = context.trace.time[run]
-            reasons = [f"{said}, from {times[state]:.4g} s on" for _, said, state in found]
-            yield run, Onset("; ".join(reasons), found[0][0])
+    faults = defaultdict[int, list[tuple[int, str, int]]](list)
+    for path in _paths(context):
+        for met, state in _faults(context, path, hold):
+            step = min(state, context.trace.steps - 1)
+            faults[path.run].append((step, f"{path.expected.name}: {met}", state))
+    for run, found in sorted(faults.items()):
+        found.sort()
+        times = context.trace.time[run]
+        reasons = [f"{said}, from {times[state]:.4g} s on" for _, said, state in found]
+        yield run, Onset("; ".join(reasons), found[0][0])
 
 
-def _faults(context: Context, expected: ExpectedMotion, run: int, hold: float) -> Iterator[Fault]:
-    """Yield the first of what a body does otherwise, of one run."""
-    timestep = float(context.trace.timestep[run])
-    time = context.trace.time[run]
-    start, stop = expected.window[run]
-    slack = _ROUNDING * timestep
-    states = np.flatnonzero((time >= start - slack) & (time <= stop + slack))
-    if not len(states):
-        return
-    place, turn = expected.placing[run](context.trace.qpos[run, states])
+class _Path(NamedTuple):
+    """Where a body of a run is, in states in which something is required of it."""
+
+    expected: ExpectedMotion
+    run: int
+    states: NDArray[np.intp]  # (M,)
+    place: Floats  # (M, 3) [m]
+    turn: Floats  # (M, 4)
+
+
+@cached
+def _paths(context: Context) -> list[_Path]:
+    """Return the path of each body that something is required of, in each run."""
+    paths, time = list[_Path](), context.trace.time
+    slack = _ROUNDING * context.trace.timestep[:, None]
+    for expected in context.setup.expected:
+        if isinstance(expected, ExpectedMotion):
+            start, stop = np.moveaxis(expected.window[:, :, None], 1, 0)
+            inside = (time >= start - slack) & (time <= stop + slack)
+            for run in runs_where(inside.any(axis=1)):
+                states = np.flatnonzero(inside[run])
+                poses = expected.placing[run](context.trace.qpos[run, states])
+                paths.append(_Path(expected, run, states, *poses))
+    return paths
+
+
+def motion_margins(context: Context, hold: float) -> Floats:
+    """Return (n,) the least margin of what bodies must do, as a share of its limit.
+
+    Of what holds a body, 1 less the longest time [s] in which that does not touch it over the
+    shortest that counts, `hold`. Infinite where nothing is said of any; NaN where a state is no
+    number.
+    """
+    least = np.full(context.trace.runs, np.inf)
+    for path in _paths(context):
+        least[path.run] = np.minimum(least[path.run], _margin(context, path, hold))
+    return least
+
+
+def _margin(context: Context, path: _Path, hold: float) -> float:
+    limit = path.expected.limit
+    if path.expected.word == "passes":
+        _, beside = _crossings(path.place)
+        height = np.abs(path.place[:, 2])
+        return float(1 - beside.min() / limit if len(beside) else -height.min() / limit)
+    amount, _ = _departure(path)
+    margin = float(1 - amount.max() / limit)
+    if path.expected.word == "held":
+        width = steps_that_count(context, path.run, hold)
+        apart = _let_go(context, path)[1]
+        return float(np.minimum(margin, 1 - longest(apart) / width))
+    return margin
+
+
+def _let_go(context: Context, path: _Path) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
+    """Return steps, and in which of them nothing touches the body that should hold it."""
+    rows = context.pairs.rows[[*path.expected.pairs]]
+    steps = path.states[path.states < context.trace.steps]
+    touching = (context.net.series.mode[rows, path.run] != NO_CONTACT).any(axis=0)
+    return steps, ~touching[steps]
+
+
+def _faults(context: Context, path: _Path, hold: float) -> Iterator[Fault]:
+    """Yield the first of what a body does otherwise."""
+    expected, states = path.expected, path.states
     if expected.word == "passes":
-        yield from _missed(expected, place, states)
+        yield from _missed(path)
         return
-    amount, unit = _departure(expected, run, place, turn)
+    amount, unit = _departure(path)
     # A state that is no number departs by more than any tolerance.
     beyond = ~(amount <= expected.limit)
     if beyond.any():
@@ -74,20 +134,16 @@ def _faults(context: Context, expected: ExpectedMotion, run: int, hold: float) -
         yield f"{_DOES[expected.word]} up to {far}{where}, {over} too much", state
         return
     if expected.word == "held":
-        rows = context.pairs.rows[[*expected.pairs]]
-        steps = states[states < context.trace.steps]
-        touching = (context.net.series.mode[rows, run] != NO_CONTACT).any(axis=0)[steps]
-        width = max(int(np.ceil(hold / timestep - _ROUNDING)), 1)
-        apart = lasting(~touching, width)
+        steps, free = _let_go(context, path)
+        apart = lasting(free, steps_that_count(context, path.run, hold))
         if apart.any():
-            seconds = np.count_nonzero(apart) * timestep
+            seconds = np.count_nonzero(apart) * float(context.trace.timestep[path.run])
             yield f"its holder does not touch it for {seconds:.3g} s", int(steps[first_step(apart)])
 
 
-def _departure(
-    expected: ExpectedMotion, run: int, place: Floats, turn: Floats
-) -> tuple[Floats, str]:
+def _departure(path: _Path) -> tuple[Floats, str]:
     """Return (M,) how far a body departs from where it should be, and the unit."""
+    expected, run, _, place, turn = path
     if expected.word == "upright":
         axis = np.broadcast_to(expected.axis[run], (len(turn), 3))
         cosine = rotate(turn, axis) @ expected.up[run]
@@ -102,23 +158,34 @@ def _departure(
     return moved + 2 * np.sin(half) * expected.reach, "m"
 
 
-def _missed(expected: ExpectedMotion, place: Floats, states: NDArray[np.intp]) -> Iterator[Fault]:
-    """Yield that a path (M, 3) through the frame of a hole does not cross its plane near enough."""
-    height, last = place[:, 2], int(states[-1])
+def _crossings(place: Floats) -> tuple[NDArray[np.intp], Floats]:
+    """Return before which states a path (M, 3) crosses the plane of a hole, and how far beside it.
+
+    The path is in the frame of the hole, across whose z axis the plane lies.
+    """
+    height = place[:, 2]
     before = np.flatnonzero(np.sign(height[:-1]) * np.sign(height[1:]) <= 0)
     before = before[height[before] != height[before + 1]]
-    if not len(before):
-        yield f"it stays on one side, {_worded(float(np.nanmin(np.abs(height))), 'm')} away", last
-        return
     share = (height[before] / (height[before] - height[before + 1]))[:, None]
     crossing = (1 - share) * place[before, :2] + share * place[before + 1, :2]
-    beside = np.linalg.norm(crossing, axis=1)
-    if not (beside <= expected.limit).any():
+    return before, np.linalg.norm(crossing, axis=1)
+
+
+def _missed(path: _Path) -> Iterator[Fault]:
+    """Yield that a path does not cross the plane of a hole near enough."""
+    height, limit = path.place[:, 2], path.expected.limit
+    before, beside = _crossings(path.place)
+    if not len(before):
+        away = _worded(float(np.nanmin(np.abs(height))), "m")
+        yield f"it stays on one side, {away} away", int(path.states[-1])
+    elif not (beside <= limit).any():
         nearest = int(np.nanargmin(beside))
         least = float(beside[nearest])
-        over = _worded(least - expected.limit, "m")
-        state = int(states[before[nearest]])
-        yield f"it passes {_worded(least, 'm')} beside it, {over} too much", state
+        state = int(path.states[before[nearest]])
+        yield (
+            f"it passes {_worded(least, 'm')} beside it, {_worded(least - limit, 'm')} too much",
+            state,
+        )
 
 
 def _worded(amount: float, unit: str) -> str:

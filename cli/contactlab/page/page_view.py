@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from contactlab.charts import Spec, static_svg, vega_bundle
+from contactlab.charts import Spec, colours_on_dark, static_svg, vega_bundle
 from contactlab.page.engine_parts import EngineParts, engine_parts, engines_sentence
 from contactlab.page.examination_view import ExaminationView, examination_view
 from contactlab.page.header_films import FocalPicture, HeaderFilm, focal_picture, header_films
@@ -222,7 +222,7 @@ def page_view(store: Store, request: PageRequest) -> PageView:
     return PageView(
         store=str(store.address),
         manifest=store.manifest,
-        style=_read("style.css"),
+        style=_read("style.css") + colours_on_dark(data.labels.colours),
         head=head_view(data, request, reality, script.notes),
         outcomes=list(outcome_views(data)),
         # Seeds of one model make neither a map nor a trade-off.

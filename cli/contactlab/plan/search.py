@@ -11,8 +11,9 @@ from contactlab.contact.trace_arrays import Floats
 from contactlab.errors import suggestion
 from contactlab.plan.names import add_not_swept
 from contactlab.plan.rows import SweepContext
+from contactlab.plan.sides import check_asked
 from contactlab.plan.yaml_document import Document
-from contactlab.schema.sweep_schema import Sweep
+from contactlab.schema.sweep_schema import MARGIN_OF_MUST, Sweep
 from contactlab.schema.vocabulary import (
     Axis,
     Linspace,
@@ -200,14 +201,14 @@ def check_search(context: SweepContext) -> None:
     search, document = context.sweep.search, context.document
     if search is None:
         return
-    key, metric = (
-        ("maximise", search.maximise) if search.maximise else ("minimise", search.minimise)
-    )
-    metrics = context.vocabulary.metrics
-    if metric not in metrics:
-        hint = suggestion(str(metric), metrics) or "`contactlab list metrics` has them all"
-        place = document.value(("search", key))
-        document.add("unknown-metric", place, f"unknown metric '{metric}'", hint)
+    place = document.value(("search", "maximise" if search.maximise else "minimise"))
+    metrics, written = context.vocabulary.metrics, search.maximise or search.minimise
+    if written == MARGIN_OF_MUST:
+        check_asked(context, place)
+    elif search.metric not in metrics:
+        near = [*metrics, MARGIN_OF_MUST]
+        hint = suggestion(search.metric, near) or "`contactlab list metrics` has them all"
+        document.add("unknown-metric", place, f"unknown metric '{search.metric}'", hint)
     axes = context.sweep.axes
     for index, name in enumerate(search.axes):
         if name not in axes:

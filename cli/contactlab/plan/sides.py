@@ -6,7 +6,7 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from contactlab.errors import suggestion
 from contactlab.expression import Expression, ExpressionError
 from contactlab.plan.rows import SweepContext
-from contactlab.plan.yaml_document import KeyPath
+from contactlab.plan.yaml_document import KeyPath, Place
 from contactlab.schema.setting_values import SI_UNITS
 
 Side = Callable[[Mapping[str, object]], object]
@@ -83,6 +83,17 @@ def _in_si(amount: re.Match[str]) -> str:
     return f"{float(amount[1]) * size:.12g}"
 
 
+def check_asked(context: SweepContext, place: Place) -> None:
+    """Add a mistake unless a sweep says of any run what it must do."""
+    sweep = context.sweep
+    if not (sweep.must or any(asked.must for asked in sweep.expect)):
+        message, hint = (
+            "the sweep says of no run what it must do",
+            "add must: [...], such as still(BODY)",
+        )
+        context.document.add("not-asked", place, message, hint)
+
+
 def check_limit(
     context: SweepContext, text: str, path: KeyPath, words: Sequence[str], others: str = ""
 ) -> None:
@@ -91,11 +102,10 @@ def check_limit(
     `others` says what else may be written.
     """
     document, metrics = context.document, context.vocabulary.metrics
-    place, sweep = document.value(path), context.sweep
+    place = document.value(path)
     known = f"{', '.join(words)}{others}"
-    if text == "must" and not (sweep.must or any(asked.must for asked in sweep.expect)):
-        hint = "add must: [...], such as still(BODY)"
-        document.add("not-asked", place, "the sweep says of no run what it must do", hint)
+    if text == "must":
+        check_asked(context, place)
     if text in words:
         return
     try:

@@ -15,7 +15,7 @@ def worst_lines(store: Store) -> Iterator[str]:
     sweep = Sweep.model_validate(store.manifest.sweep.resolved)
     if sweep.search is None:
         return
-    metric = str(sweep.search.maximise or sweep.search.minimise)
+    metric = sweep.search.metric
     axes, columns = searched_axes(sweep), store.columns
     others = [name for name in (*columns.axis_names, "seed") if name not in axes]
     worst = dict[object, dict[str, object]]()

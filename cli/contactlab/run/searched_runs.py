@@ -21,8 +21,7 @@ class SearchedRuns(ChosenRuns):
 
     def __init__(self, search: Search, plan: Plan, ids: NDArray[np.uint64]) -> None:
         """Take the points of a plan, and (runs) the ids of its runs in order."""
-        metric = search.maximise or search.minimise
-        assert metric is not None
+        metric = search.metric
         super().__init__(ids, lambda row: row.get(metric), (metric,))
         sign = -1.0 if search.maximise else 1.0
         place_on = {

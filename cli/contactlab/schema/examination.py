@@ -56,6 +56,11 @@ class ModelChange(Model):
     lines: tuple[str, ...] = about("The lines of the model's files, each after FILE:LINE.")
     unwritten: str = about("Why there are no lines.", default="")
 
+    @property
+    def is_structural(self) -> bool:
+        """Whether it changes which joints or pairs in contact there are, not numbers alone."""
+        return bool(self.excluded or self.freed)
+
 
 class RunLabel(Model):
     """A label that runs of the task have."""

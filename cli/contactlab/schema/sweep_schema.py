@@ -270,11 +270,20 @@ class Until(Model):
     )
 
 
+MARGIN_OF_MUST = "margin of must"
+"""As a search calls the metric of how far a run is from breaking what `must` says."""
+_MARGIN = "requirement_margin"
+
+
 class Search(Model):
     """Search of the run in which a metric is worst, among those of the sweep."""
 
     maximise: Word | None = about("a metric, whose largest value is sought", default=None)
-    minimise: Word | None = about("a metric, whose least value is sought", default=None)
+    minimise: Word | None = about(
+        "a metric, whose least value is sought, or `margin of must`: how far what must hold is "
+        "from being broken, as a share of its limit",
+        default=None,
+    )
     axes: tuple[Word, ...] = about(
         "axes to search; left out: all that are drawn, or else all linspaces, logspaces and ranges",
         default=(),
@@ -288,6 +297,12 @@ class Search(Model):
         if (self.maximise is None) == (self.minimise is None):
             raise PydanticCustomError("search_one", "needs either maximise or minimise")
         return self
+
+    @property
+    def metric(self) -> str:
+        """The name of the metric that is sought."""
+        written = str(self.maximise or self.minimise)
+        return _MARGIN if written == MARGIN_OF_MUST else written
 
 
 class AccuracyRequest(Model):
