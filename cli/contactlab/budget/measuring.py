@@ -317,9 +317,10 @@ class PhaseMeasure:
         found.gained[place] = np.where(lost[:, None], 0, self._gained(last[:, 1], end[:, finer]))
         total = energies.sum(axis=-1)[:, -2]
         found.energy[place] = energy_defects(total, end_energies.sum(axis=-1))
-        found.kinetic[place] = powers[..., 1].max(axis=1)
-        found.potential[place] = np.stack((powers[..., 0].min(1), powers[..., 0].max(1)), axis=-1)
-        found.through[place] = np.abs(np.diff(powers.sum(axis=-1), axis=1)).sum(axis=1)
+        whole_energy = powers.sum(axis=-1)
+        found.held[place] = np.stack((whole_energy[:, 0], whole_energy.max(axis=1)), axis=-1)
+        found.lowest[place] = powers[..., 0].min(axis=1)
+        found.added[place] = np.maximum(np.diff(whole_energy, axis=1), 0).sum(axis=1)
         found.begin[place] = np.linalg.norm(own[:, 0], axis=-1)
         if self._settings.energy and self._model.opt.integrator != _RK4:
             found.energy_rk4[place] = self._energy_by_rk4(windows, total, _RK4_RATE)
@@ -486,19 +487,22 @@ class PhaseMeasure:
         return replace(warning, cause=cause)
 
     def _drift(self, found: "_Found", parts: Floats) -> Floats:
-        """Return (S,) drifts of energy over a scale that knows only what came before."""
+        """Return (S,) drifts of energy over all of it that there was, up to each window.
+
+        That is what the start had above the lowest potential energy so far, and what was added to
+        the reference since; or the most that it had at once; or weight times size.
+        """
         model = self._model
         size = max(
             model.geom_rbound[model.geom_bodyid > 0].max(initial=0),
             gyration(model)[self._bodies].max(),
         )
         weight = self._pulls.mean(axis=1) @ model.body_mass[self._bodies] * size
-        low = np.minimum.accumulate(found.potential[..., 0], axis=1)
-        high = np.maximum.accumulate(found.potential[..., 1], axis=1)
-        kinetic = np.maximum.accumulate(found.kinetic, axis=1)
-        scale = kinetic + np.cumsum(found.through, axis=1) + (high - low) + weight[:, None]
         usual = GRAVITY_AS_REAL * self._usual @ model.body_mass[self._bodies] * size
-        scale = np.maximum(scale, usual)
+        low = np.minimum.accumulate(found.lowest, axis=1)
+        had = found.held[:, :1, 0] + np.cumsum(found.added, axis=1)
+        had = np.maximum(had, np.maximum.accumulate(found.held[..., 1], axis=1)) - low
+        scale = np.maximum(had, np.maximum(weight, usual)[:, None])
         drift = np.full(len(parts), np.nan)
         for seed, valid in enumerate(self._run.valid & ~found.lost):
             own, whole = parts[seed][valid], scale[seed][valid]
@@ -549,9 +553,9 @@ class _Found(NamedTuple):
     gained: Floats  # (S, W, B) kinetic, beyond the reference's at the end [J]
     energy: Floats  # (S, W) defects [J]
     energy_rk4: Floats  # (S, W)
-    kinetic: Floats  # (S, W) largest [J]
-    potential: Floats  # (S, W, 2) least and largest [J]
-    through: Floats  # (S, W) how much energy went up and down in the reference [J]
+    held: Floats  # (S, W, 2) the reference's energy at the start, and its largest [J]
+    lowest: Floats  # (S, W) least potential energy [J]
+    added: Floats  # (S, W) how much the reference's energy rose, in all its rises [J]
     lost: np.ndarray  # (S, W) whether the reference gave up
 
     @classmethod
@@ -572,8 +576,8 @@ class _Found(NamedTuple):
             gained=bodies_of(),
             energy=np.zeros(shape),
             energy_rk4=np.full(shape, np.nan),
-            kinetic=np.zeros(shape),
-            potential=np.zeros((*shape, 2)),
-            through=np.zeros(shape),
+            held=np.zeros((*shape, 2)),
+            lowest=np.zeros(shape),
+            added=np.zeros(shape),
             lost=np.zeros(shape, bool),
         )
