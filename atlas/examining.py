@@ -22,9 +22,9 @@ from atlas.playing import film, moments, real_time
 from atlas.wheels import Robot, wheels
 from contactlab.errors import ContactlabError, SceneError
 from contactlab.run.sweep_request import SceneLoader
-from contactlab.scene.model_draft import ModelEdits
 from contactlab.scene.model_writer import write_model
 from contactlab.schema.examination import Examination
+from contactlab.studies.examine.changes import edits_of
 from contactlab.studies.examine.examination import ExamineRequest, open_model
 from contactlab.studies.session import Session
 
@@ -151,9 +151,8 @@ def _changed(report: Examination, entry: Entry, file: str, folder: Path) -> Iter
     scene = SceneLoader(Path()).open(file).with_effects("all")
     cause = _named(report)
     for place, change in enumerate(sorted(report.changes, key=lambda change: change.physics)):
-        edits = ModelEdits(change.settings, excluded=change.excluded, freed=change.freed)
         try:
-            written = write_model(scene, edits, folder / f"changed{place}", "")
+            written = write_model(scene, edits_of(change), folder / f"changed{place}", "")
         except SceneError:  # the change says that it has no lines, and why
             continue
         after = contactlab.examine(

@@ -19,9 +19,9 @@ from tests.verdicts.motion import watch
 import contactlab
 from contactlab.errors import ContactlabError
 from contactlab.run.sweep_request import SceneLoader
-from contactlab.scene.model_draft import ModelEdits
 from contactlab.scene.model_writer import write_model
 from contactlab.schema.examination import Examination, ModelChange
+from contactlab.studies.examine.changes import edits_of
 
 _JUDGED = ("labels", "budget", "facts")
 
@@ -106,10 +106,9 @@ def _named(report: Examination) -> tuple[str, ...]:
 
 
 def _mended(path: Path, change: ModelChange, case: Case) -> float | None:
-    edits = ModelEdits(dict(change.settings), excluded=change.excluded, freed=change.freed)
     with tempfile.TemporaryDirectory() as folder:
         scene = SceneLoader(Path(), "none").open(str(path))
-        made = write_model(scene, edits, Path(folder) / "changed")
+        made = write_model(scene, edits_of(change), Path(folder) / "changed")
         motion = watch(made.path.read_text(encoding="utf-8"), case.duration)
     return case.truth.measure(motion) / case.limit
 

@@ -116,11 +116,6 @@ class Remedy:
         """Whether it makes another model."""
         return bool(self.accept)
 
-    @property
-    def parts(self) -> bool:
-        """Whether links that are in each other no longer touch."""
-        return bool(self.edits.excluded or self.edits.freed)
-
 
 def _nothing(_model: mujoco.MjModel) -> None:
     pass
@@ -214,6 +209,7 @@ def joined(candidates: Sequence[Candidate]) -> Candidate:
             {name: own for one in candidates for name, own in one.edits.settings.items()},
             excluded=tuple(pair for one in candidates for pair in one.edits.excluded),
             freed=tuple(body for one in candidates for body in one.edits.freed),
+            fitted=tuple(geom for one in candidates for geom in one.edits.fitted),
         ),
         compiled=next((one.compiled for one in candidates if one.compiled), None),
         nearer=all(candidate.nearer for candidate in candidates),
@@ -308,7 +304,7 @@ def remedies(
 def _is_idle(candidate: Candidate, word: Word, removing: Sequence[Remedy]) -> bool:
     """Return whether nobody would make a change beside those that remove the verdict."""
     names, computed = {remedy.name for remedy in removing}, [not one.physics for one in removing]
-    parted = any(remedy.parts for remedy in removing)
+    parted = any(remedy.edits.parts for remedy in removing)
     return (
         not names.isdisjoint(candidate.within)
         or (candidate.rate > _COARSE and (any(computed) or parted))
@@ -324,7 +320,7 @@ def by_use(remedy: Remedy) -> tuple[bool, bool, bool, float]:
     first is simpler.
     """
     cost = round(math.log(remedy.price.ratio, _ALIKE)) if remedy.price else math.inf
-    return not remedy.removes, not remedy.parts, remedy.physics, cost
+    return not remedy.removes, not remedy.edits.parts, remedy.physics, cost
 
 
 def _is_possible(
@@ -477,7 +473,8 @@ class _Judged(NamedTuple):
             found = self._measured(some, replace(quick, excess=False), most * within)
             if not self._removes(found[1]):
                 return found
-        if not self._affords(evaluations(model, self._settings, rows) * steps):
+        whole = evaluations(model, self._settings, rows, drifts=drifts(self.verdict))
+        if not self._affords(whole * steps):
             return None
         return self._measured(motions, self._settings, within)
 
@@ -487,6 +484,11 @@ class _Judged(NamedTuple):
         workers = self.trial.workers
         budget = error_budget(motions, rows=self.rows, settings=settings, workers=workers)
         return budget, judge(budget, within)
+
+
+def drifts(verdict: Verdict) -> bool:
+    """Return whether a verdict names what a run's energy does."""
+    return any(reason.row == "energy" for reason in verdict.reasons)
 
 
 def options_changed(model: mujoco.MjModel, changed: mujoco.MjModel) -> dict[str, object]:

@@ -13,10 +13,11 @@ what it returns. A parameter `retry_failed` is the option `--retry-failed`; a na
 of Python ends with `_`.
 """
 
+import inspect
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import wraps
-from typing import Any, Literal, ParamSpec, TypeVar
+from typing import Any, Literal, ParamSpec, TypeVar, get_args, get_type_hints
 
 from contactlab.command_line.surroundings import progress
 from contactlab.errors import ContactlabError, PluginError
@@ -142,12 +143,37 @@ def command(
             with progress(former.pop("progress", None)):
                 return function(*args, **former)  # pyright: ignore[reportCallIssue]
 
+        if function.__code__.co_flags & inspect.CO_VARKEYWORDS:
+            call.__dict__["__signature__"] = _spelled_out(inspect.signature(function))
         call.__dict__["command"] = Command(
             call, words, group, examples or (words,), codes or CODES[group], formats or {}, failure
         )
         return call
 
     return declare
+
+
+def _spelled_out(own: inspect.Signature) -> inspect.Signature:
+    """Return a signature that ends with keywords of a TypedDict with each as a parameter.
+
+    Those that may be repeated are () by default, others None.
+    """
+    *named, keywords = own.parameters.values()
+    (shape,) = get_args(keywords.annotation)
+    spelled = [
+        inspect.Parameter(
+            name,
+            inspect.Parameter.KEYWORD_ONLY,
+            default=() if _described(annotation).kind == list[str] else None,
+            annotation=annotation,
+        )
+        for name, annotation in get_type_hints(shape, include_extras=True).items()
+    ]
+    return own.replace(parameters=[*named, *spelled])
+
+
+def _described(annotation: object) -> Parameter:
+    return next(entry for entry in get_args(annotation) if isinstance(entry, Parameter))
 
 
 def is_declared(function: object) -> bool:

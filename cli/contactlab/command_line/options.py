@@ -6,7 +6,7 @@ A value may be as typed, or what Python has: `{"slip": 1e-3}` for `["slip=1mm"]`
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, TypedDict
 
 from contactlab.command_line.declaration import Argument, Option, flag
 from contactlab.command_line.surroundings import say
@@ -124,6 +124,19 @@ Must = Annotated[
         kind=list[str],
     ),
 ]
+
+
+class TaskParameters(TypedDict, total=False):
+    """What replaces parts of the task that a model is judged on: see `task_of`."""
+
+    start: Start
+    drive: Drive
+    duration: Duration
+    watch: Watch
+    within: Within
+    must: Must
+
+
 AllowCode = Annotated[bool, flag("Run policies and environments, which are code: trust them.")]
 Plugins = Annotated[
     Sequence[str | Path],

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Unpack
 
 from contactlab.command_line import options as opt
 from contactlab.command_line.declaration import Option, command
@@ -28,12 +28,6 @@ def check(
         Option("CHECK", "Make only this check; may be repeated.", kind=list[str]),
     ] = (),
     output: opt.ExaminationOutput = None,
-    start: opt.Start = None,
-    drive: opt.Drive = None,
-    duration: opt.Duration = None,
-    watch: opt.Watch = (),
-    within: opt.Within = (),
-    must: opt.Must = (),
     accept: Annotated[
         "str | Path | Sequence[Acceptance] | None",
         Option("FILE", "File of findings that are accepted, with reasons.", kind=Path),
@@ -41,6 +35,7 @@ def check(
     workers: opt.Workers = None,
     plugin: opt.Plugins = (),
     allow_code: opt.AllowCode = False,
+    **task: Unpack[opt.TaskParameters],
 ) -> "Examination":
     """Check a model for CI; exit with 1 if an error is not accepted.
 
@@ -58,7 +53,7 @@ def check(
     request = ExamineRequest(
         model=str(model),
         assign=opt.assigned(set),
-        task=opt.task_of(start, drive, duration, watch, within, must),
+        task=opt.task_of(**task),
         sections=("checks",),
         checks=only,
         accepted=_accepted(accept),

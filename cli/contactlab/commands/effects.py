@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal, Unpack
 
 from contactlab.command_line import options as opt
 from contactlab.command_line.declaration import Argument, Given, Option, command
@@ -72,14 +72,9 @@ def effects(
     ] = None,
     figure: opt.Figure = None,
     workers: opt.Workers = None,
-    start: opt.Start = None,
-    drive: opt.Drive = None,
-    duration: opt.Duration = None,
-    watch: opt.Watch = (),
-    within: opt.Within = (),
-    must: opt.Must = (),
     plugin: opt.Plugins = (),
     allow_code: opt.AllowCode = False,
+    **task: Unpack[opt.TaskParameters],
 ) -> "EffectsReport | PartsReport":
     """Find what the effects and parts of a model are worth.
 
@@ -98,15 +93,15 @@ def effects(
 
     opt.load_plugins(plugin)
     opt.check_figure(figure)
-    task = opt.task_of(start, drive, duration, watch, within, must)
+    asked = opt.task_of(**task)
     folder = opt.study_folder("effects", source, output)
     if is_menagerie(str(source)) or Path(str(source)).suffix in MODEL_SUFFIXES:
         for name, value in (("seeds", seeds), ("error", error), ("figure", figure)):
             if value is not None:
                 raise SweepFileError(f"--{name} is of scenes and sweeps; leave it out for a model")
-        return _of_model(str(source), opt.assigned(set), task, max_time, folder, workers)
+        return _of_model(str(source), opt.assigned(set), asked, max_time, folder, workers)
     count = _SEEDS if seeds is None else seeds
-    request = EffectsRequest(str(source), opt.assigned(set), count, task=task, error=error)
+    request = EffectsRequest(str(source), opt.assigned(set), count, task=asked, error=error)
     with study_session(folder, workers, allow_code=allow_code) as session:
         report = run(request, session)
     if figure is not None:

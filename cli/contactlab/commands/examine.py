@@ -4,7 +4,7 @@ from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory, TemporaryFile
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Unpack
 
 from contactlab.command_line import options as opt
 from contactlab.command_line.declaration import Given, Option, Show, command, flag
@@ -210,16 +210,11 @@ def examine(
             kind=list[str],
         ),
     ] = (),
-    start: opt.Start = None,
-    drive: opt.Drive = None,
-    duration: opt.Duration = None,
-    watch: opt.Watch = (),
-    within: opt.Within = (),
-    must: opt.Must = (),
     max_cpu: opt.MaxCpu = "60s",
     workers: opt.Workers = None,
     plugin: opt.Plugins = (),
     allow_code: opt.AllowCode = False,
+    **task: Unpack[opt.TaskParameters],
 ) -> "Examination":
     """Say whether a model can be trusted, and which change mends it.
 
@@ -249,7 +244,7 @@ def examine(
     request = ExamineRequest(
         model=str(model),
         assign=opt.assigned(set),
-        task=opt.task_of(start, drive, duration, watch, within, must),
+        task=opt.task_of(**task),
         sections=sections_of(only),
         write=None if write is None else Path(write),
         accept=tuple(accept),

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Unpack
 
 from contactlab.command_line import options as opt
 from contactlab.command_line.declaration import Argument, Given, command
@@ -56,15 +56,10 @@ def stability(
     output: opt.StudyFolder = None,
     workers: opt.Workers = None,
     mujoco: opt.Mujoco = None,
-    start: opt.Start = None,
-    drive: opt.Drive = None,
-    duration: opt.Duration = None,
-    watch: opt.Watch = (),
-    within: opt.Within = (),
-    must: opt.Must = (),
     set: opt.Set = (),
     plugin: opt.Plugins = (),
     allow_code: opt.AllowCode = False,
+    **task: Unpack[opt.TaskParameters],
 ) -> "StabilityReport | Examination":
     """Run hard cases, or a model; say which held and which failed.
 
@@ -81,18 +76,18 @@ def stability(
     folder = RESULTS / "stability" if output is None else opt.folder_of(output)
     rerun_with_mujoco(mujoco, None if output else folder)
     opt.load_plugins(plugin)
-    task = opt.task_of(start, drive, duration, watch, within, must)
+    asked = opt.task_of(**task)
     named = [str(name) for name in ([names] if isinstance(names, str | Path) else names)]
     if any(map(is_model, named)):
         if len(named) > 1:
             raise SweepFileError(f"{' '.join(named)}: name one model, or cases")
         request = ExamineRequest(
-            model=named[0], assign=opt.assigned(set), task=task, sections=("labels",)
+            model=named[0], assign=opt.assigned(set), task=asked, sections=("labels",)
         )
         return examined(request, output, workers, allow_code=allow_code)
     cases = find_cases(named)
-    given = [*opt.assigned(set), *task.settings, *task.watch, *task.limits]
-    if given or task.drive or task.within:
+    given = [*opt.assigned(set), *asked.settings, *asked.watch, *asked.limits]
+    if given or asked.drive or asked.within:
         raise SweepFileError(
             f"'{cases[0].name}' is a case with settings and a drive of its own; give these to a "
             "model, or to the case's sweep"

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Unpack
 
 from contactlab.command_line import options as opt
 from contactlab.command_line.declaration import Argument, Given, Option, command
@@ -85,14 +85,9 @@ def tradeoff(
     ] = None,
     output: opt.StoreOutput = None,
     workers: opt.Workers = None,
-    start: opt.Start = None,
-    drive: opt.Drive = None,
-    duration: opt.Duration = None,
-    watch: opt.Watch = (),
-    within: opt.Within = (),
-    must: opt.Must = (),
     plugin: opt.Plugins = (),
     allow_code: opt.AllowCode = False,
+    **task: Unpack[opt.TaskParameters],
 ) -> "TradeoffReport | TuneReport":
     """Weigh accuracy against time; recommend accurate, fast settings.
 
@@ -111,19 +106,19 @@ def tradeoff(
     from contactlab.store.finished_store import Store
 
     opt.load_plugins(plugin)
-    task = opt.task_of(start, drive, duration, watch, within, must)
+    asked = opt.task_of(**task)
     if is_menagerie(str(source)) or Path(str(source)).suffix in MODEL_SUFFIXES:
         return _of_model(
-            str(source), error, max_time, task, figure, write, model, output, workers, allow_code
+            str(source), error, max_time, asked, figure, write, model, output, workers, allow_code
         )
-    criteria = Criteria(error, task.limits)
+    criteria = Criteria(error, asked.limits)
     sweep_file, folder = (None if path is None else Path(path) for path in (write, model))
     _check_outputs(figure, sweep_file, folder)
     name = str(opt.address_of(source))
     target = None if output is None else opt.address_of(output)
     opened = None if (stored := find_store(name, target)) is None else Store.open(stored)
     if opened is not None:
-        _check_heeded(task, name)
+        _check_heeded(asked, name)
         opt.mention_damage(opened)
     if opened is not None and model is None:
         report = analyse(opened, criteria)
@@ -132,7 +127,7 @@ def tradeoff(
         from contactlab.studies.tradeoff_sweep import TradeoffRequest, run
 
         _check_metric(error)
-        request = TradeoffRequest(name, criteria, target, task, folder)
+        request = TradeoffRequest(name, criteria, target, asked, folder)
         with study_session(RESULTS / "tradeoff", workers, allow_code=allow_code) as session:
             report = run(request, session)
     if figure is not None:

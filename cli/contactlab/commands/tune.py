@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal, Unpack
 
 from contactlab.command_line import options as opt
 from contactlab.command_line.declaration import Argument, Given, Option, command, flag
@@ -88,14 +88,9 @@ def tune(
     patch: Annotated[bool, flag("Print the patch, and no more.")] = False,
     figure: opt.Figure = None,
     workers: opt.Workers = None,
-    start: opt.Start = None,
-    drive: opt.Drive = None,
-    duration: opt.Duration = None,
-    watch: opt.Watch = (),
-    within: opt.Within = (),
-    must: opt.Must = (),
     plugin: opt.Plugins = (),
     allow_code: opt.AllowCode = False,
+    **task: Unpack[opt.TaskParameters],
 ) -> "TuneReport":
     """Find the settings to use, and write the model that has them.
 
@@ -113,10 +108,13 @@ def tune(
     from contactlab.studies.search.tuning import TuneRequest
 
     del patch
+    watch = task.get("watch", ())
     watched = (watch,) if isinstance(watch, str) else tuple(watch)
+    if at:  # then it is what an error is of, such as a site, and no body of the task
+        task["watch"] = ()
     request = TuneRequest(
         model=str(model),
-        task=opt.task_of(start, drive, duration, () if at else watched, within, must),
+        task=opt.task_of(**task),
         error=error_of(error),
         real_time=_positive_rate(real_time),
         watched=watched if at else (),

@@ -36,6 +36,15 @@ from contactlab.scene.model_text import (
 from contactlab.scene.scene import Scene
 from contactlab.scene.scene_source import MODEL_SUFFIXES, SceneSource
 
+PRIMITIVES: Mapping[str, mujoco.mjtGeom] = {
+    "sphere": mujoco.mjtGeom.mjGEOM_SPHERE,
+    "capsule": mujoco.mjtGeom.mjGEOM_CAPSULE,
+    "cylinder": mujoco.mjtGeom.mjGEOM_CYLINDER,
+    "ellipsoid": mujoco.mjtGeom.mjGEOM_ELLIPSOID,
+    "box": mujoco.mjtGeom.mjGEOM_BOX,
+}
+"""Shapes that MuJoCo fits to a mesh, by the name that a file has for them."""
+
 
 @dataclass(frozen=True)
 class ModelEdits:
@@ -49,10 +58,17 @@ class ModelEdits:
     excluded: tuple[tuple[str, str], ...] = ()
     # Bodies welded to the world that get a free joint, of a URDF.
     freed: tuple[str, ...] = ()
+    # Geoms of meshes, each with the primitive that MuJoCo fits to its mesh in place of the hull.
+    fitted: tuple[tuple[str, str], ...] = ()
     # Names of sensors that are left out; one without a name is `sensor[3]`.
     sensors: tuple[str, ...] = ()
     # Flags that are switched off although no compiled scene has them: energy, fwdinv.
     unflagged: tuple[str, ...] = ()
+
+    @property
+    def parts(self) -> bool:
+        """Whether links that are in each other no longer touch."""
+        return bool(self.excluded or self.freed)
 
 
 @dataclass(frozen=True)
@@ -142,6 +158,8 @@ def edit_spec(spec: mujoco.MjSpec, edits: ModelEdits) -> None:
     for name in edits.freed:
         spec.compiler.fusestatic = False  # else the world takes in what is welded to it
         _part(spec, "body", name).add_freejoint()
+    for name, primitive in edits.fitted:
+        _part(spec, "geom", name).type = PRIMITIVES[primitive]
     for name in edits.sensors:
         spec.delete(_part(spec, "sensor", name))
 
@@ -258,6 +276,8 @@ class Draft:
         for one, other in edits.excluded:
             pair = attributes({"body1": one, "body2": other})
             self.added.append(f"<contact><exclude{pair}/></contact>")
+        for name, primitive in edits.fitted:
+            self._set("geom", name, "type", primitive)
         for name in edits.freed:
             self.inserted[self._origin("body", name)] = "<freejoint/>"
         if edits.unflagged:

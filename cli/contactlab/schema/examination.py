@@ -46,6 +46,9 @@ class ModelChange(Model):
         "Pairs of bodies whose contacts it excludes.", default=()
     )
     freed: tuple[str, ...] = about("Bodies that it gives a free joint.", default=())
+    fitted: tuple[tuple[str, str], ...] = about(
+        "Geoms of meshes that get the primitive which MuJoCo fits to the mesh.", default=()
+    )
     share: float | None = about("What is left of the reason's share; null if infinite.")
     apart: float | None = about(
         "Share by which it is apart from the model's motion at its finest step, or, against a row "
@@ -58,8 +61,8 @@ class ModelChange(Model):
 
     @property
     def is_structural(self) -> bool:
-        """Whether it changes which joints or pairs in contact there are, not numbers alone."""
-        return bool(self.excluded or self.freed)
+        """Whether it changes joints, shapes, or which pairs touch, not numbers alone."""
+        return bool(self.excluded or self.freed or self.fitted)
 
 
 class RunLabel(Model):

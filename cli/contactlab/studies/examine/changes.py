@@ -18,6 +18,7 @@ from contactlab.budget.remedies import (
     Candidate,
     candidates_against,
     changed_model,
+    drifts,
     joined,
     options_changed,
 )
@@ -29,6 +30,7 @@ from contactlab.scene.scene import Scene
 from contactlab.schema.examination import ModelChange
 from contactlab.schema.task import Task
 from contactlab.studies.examine.facts import facts
+from contactlab.studies.examine.primitives import primitives
 from contactlab.studies.examine.separated import separated
 from contactlab.studies.examine.task_motions import Change, as_it_is
 from contactlab.studies.session import Values
@@ -40,6 +42,13 @@ def fresh(task: Task) -> Task:
     """Return a task whose seeds no change was chosen by."""
     count = max(task.seeds) + 1
     return task.model_copy(update={"seeds": tuple(seed + count for seed in task.seeds)})
+
+
+def edits_of(change: ModelChange) -> ModelEdits:
+    """Return how a change is written."""
+    return ModelEdits(
+        change.settings, excluded=change.excluded, freed=change.freed, fitted=change.fitted
+    )
 
 
 Moved = Callable[[Values, Change, Path | None], Iterable[Sequence[Motion]]]
@@ -65,17 +74,21 @@ class Changes:
         self._scene, self._values = scene, values
         self._motions, self._verdict = motions, verdict
         self._moved, self._trial = moved, replace(trial, moved=self._motions_of)
-        physical = [*filter(self._can_begin, separated(scene, values, motions, verdict))]
+        others = (
+            *separated(scene, values, motions, verdict),
+            *primitives(scene, values, motions, verdict),
+        )
+        physical = [*filter(self._can_begin, others)]
         self._candidates = (*candidates_against(motions, verdict), *physical)
         found = remedies(motions, verdict, candidates=self._candidates, trial=self._trial)
         self.tried = [remedy for remedy in found if remedy.ended]
         self.untried = [remedy.name for remedy in found if not remedy.ended]
         self.helping = [remedy for remedy in self.tried if remedy.removes]
-        others = {remedy.name for remedy in self.helping} | {*self.untried}
+        known = {remedy.name for remedy in self.helping} | {*self.untried}
         self._parting = [
             candidate
             for candidate in physical
-            if candidate.name not in others and self._parts(candidate)
+            if candidate.edits.parts and candidate.name not in known and self._parts(candidate)
         ]
 
     def _motions_of(self, candidate: Candidate) -> Iterable[Sequence[Motion]]:
@@ -136,7 +149,8 @@ class Changes:
         if not absurd:
             return False
         model, steps = self._motions[0].model, 2 * steps_of(self._motions)
-        seconds = evaluations(model, self._trial.settings) * steps * pace(self._motions)
+        looks = evaluations(model, self._trial.settings, drifts=drifts(self._verdict))
+        seconds = looks * steps * pace(self._motions)
         if seconds > self._trial.left():
             self.untried.append(candidate.name)
             return False
@@ -167,6 +181,7 @@ class Changes:
             settings=tried.settings,
             excluded=remedy.edits.excluded,
             freed=remedy.edits.freed,
+            fitted=remedy.edits.fitted,
             share=tried.share,
             apart=tried.apart,
             before=tried.before,

@@ -52,9 +52,9 @@ def _without_contacts(
     word: Word,
 ) -> Iterator[Candidate]:
     edits = ModelEdits(excluded=tuple(names))
-    compiled = _compiled(scene, values, lambda spec: edit_spec(spec, edits))
+    made = compiled(scene, values, lambda spec: edit_spec(spec, edits))
     size = mujoco.mj_stateSize(model, INTEGRATION)
-    if compiled is None or mujoco.mj_stateSize(compiled, INTEGRATION) != size:
+    if made is None or mujoco.mj_stateSize(made, INTEGRATION) != size:
         return
     first = " - ".join(names[0])
     more = f" and {len(names) - 1} more pairs" if len(names) > 1 else ""
@@ -64,7 +64,7 @@ def _without_contacts(
         lambda _: None,
         accept="exclude",
         edits=edits,
-        compiled=compiled,
+        compiled=made,
         nearer=False,
     )
 
@@ -84,7 +84,7 @@ def _floating(
         roots.update(dict.fromkeys(_welded_roots(spec, names)))
         edit_spec(spec, ModelEdits(freed=tuple(roots)))
 
-    if _compiled(scene, values, free) is None or not roots:
+    if compiled(scene, values, free) is None or not roots:
         return
     yield Candidate(
         f"a free joint for {', '.join(roots)}, which the import welds to the world",
@@ -150,9 +150,10 @@ def _floats(model: mujoco.MjModel, body: int) -> bool:
     return first >= 0 and int(model.jnt_type[first]) == mujoco.mjtJoint.mjJNT_FREE
 
 
-def _compiled(
+def compiled(
     scene: Scene, values: Values, edit: Callable[[mujoco.MjSpec], None]
 ) -> mujoco.MjModel | None:
+    """Return the model of an edited specification; None if it does not compile."""
     try:
         return CompiledFiles.of(scene, scene.source, values, edit).model
     except SceneError:

@@ -15,6 +15,7 @@ from contactlab.scene.compile_model import compile_model
 from contactlab.scene.contact_pairs import MonitoredPair
 from contactlab.scene.effects.effect_table import remove
 from contactlab.scene.initial_states import InitialStates
+from contactlab.scene.mesh_hulls import hull, rotation
 from contactlab.scene.model_draft import differing_rows, fields_of
 from contactlab.scene.model_edits import is_writable
 from contactlab.scene.model_names import input_names
@@ -180,10 +181,33 @@ def as_one_file(scene: Scene, run: RunSpec, start: InitialStates) -> str:
 
 
 def _text(spec: mujoco.MjSpec) -> str:
-    """Return a specification as MJCF; MuJoCo before 4.0 rounds its numbers to six digits."""
+    """Return a specification as MJCF, without classes of defaults that nothing uses.
+
+    MuJoCo before 4.0 rounds its numbers to six digits.
+    """
     if hasattr(spec.compiler, "savecompiled"):
         spec.compiler.savecompiled = False
-    return str(spec.to_xml())
+    root = ET.fromstring(str(spec.to_xml()))  # noqa: S314 - MuJoCo wrote it
+    defaults = root.findall("default")
+    classes = {default.get("class") for each in defaults for default in each.iter("default")}
+    used = {
+        element.get(name)
+        for part in root
+        if part.tag != "default"
+        for element in part.iter()
+        for name in ("class", "childclass")
+    }
+    for each in defaults if classes - used else ():
+        _drop_unused(each, used)
+    return ET.tostring(root, "unicode")
+
+
+def _drop_unused(default: ET.Element, used: set[str | None]) -> bool:
+    """Remove classes below one that nothing uses; return whether it is used, or one below it is."""
+    inner = default.findall("default")
+    for each in [each for each in inner if not _drop_unused(each, used)]:
+        default.remove(each)
+    return default.get("class") in {"main", *used} or default.find("default") is not None
 
 
 def _without_assets(spec: mujoco.MjSpec, model: mujoco.MjModel) -> str:
@@ -198,7 +222,7 @@ def _without_assets(spec: mujoco.MjSpec, model: mujoco.MjModel) -> str:
         parent.attrib.pop("material", None)
     for mesh in root.iterfind("asset/mesh"):
         name = mesh.get("name") or Path(mesh.get("file", "")).stem
-        corners = hull(model, model.mesh(name).id)
+        corners = file_hull(model, model.mesh(name).id)
         mesh.attrib = {"name": name, "vertex": " ".join(map(repr, corners.ravel().tolist()))}
     for terrain in root.iterfind("asset/hfield"):
         name = terrain.get("name") or Path(terrain.get("file", "")).stem
@@ -211,18 +235,9 @@ def _without_assets(spec: mujoco.MjSpec, model: mujoco.MjModel) -> str:
     return ET.tostring(root, "unicode")
 
 
-def hull(model: mujoco.MjModel, mesh: int) -> Floats:
+def file_hull(model: mujoco.MjModel, mesh: int) -> Floats:
     """Return the (n, 3) vertices of a mesh's hull, in the frame of its file [m]."""
-    first, count = int(model.mesh_vertadr[mesh]), int(model.mesh_vertnum[mesh])
-    points = np.array(model.mesh_vert[first : first + count], np.float64)
-    graph = int(model.mesh_graphadr[mesh])
-    if graph >= 0:
-        hulled = int(model.mesh_graph[graph])
-        ids = model.mesh_graph[graph + 2 + hulled : graph + 2 + 2 * hulled]
-        points = points[ids]
-    turn = np.zeros(9)
-    mujoco.mju_quat2Mat(turn, model.mesh_quat[mesh])
-    return points @ turn.reshape(3, 3).T + model.mesh_pos[mesh]
+    return hull(model, mesh) @ rotation(model.mesh_quat[mesh]).T + model.mesh_pos[mesh]
 
 
 def _set_fields(spec: mujoco.MjSpec, meant: mujoco.MjModel) -> None:

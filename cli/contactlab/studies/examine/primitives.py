@@ -1,0 +1,126 @@
+"""Geoms that collide as the hull of a mesh, and the model in which a primitive does in its place.
+
+A hull touches by points that come and go with its triangles; a box, capsule or cylinder by few that
+stay. MuJoCo fits each to the mesh of a geom that says `mesh` and another type.
+"""
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from contactlab.budget import Motion, Verdict
+from contactlab.budget.motion import INTEGRATION
+from contactlab.budget.remedies import Candidate
+from contactlab.contact.trace_arrays import Floats
+from contactlab.scene.mesh_hulls import hull, rotation
+from contactlab.scene.model_draft import PRIMITIVES, ModelEdits, edit_spec
+from contactlab.scene.scene import Scene
+from contactlab.studies.examine.separated import compiled
+from contactlab.studies.session import Values
+
+_MESH = int(mujoco.mjtGeom.mjGEOM_MESH)
+_ALIKE = 0.1  # mean distance of the corners of a hull from a primitive, over their widest spread
+
+
+def primitives(
+    scene: Scene, values: Values, motions: Sequence[Motion], verdict: Verdict
+) -> Iterator[Candidate]:
+    """Yield the change by which the meshes that a verdict's bodies touch by are primitives.
+
+    They are those whose hull a primitive resembles.
+    """
+    bodies = {reason.body for reason in verdict.reasons if reason.word != "model"}
+    touching = sorted(_touching(motions[0], bodies)) if verdict.word != "model" else []
+    if not touching:
+        return
+    nearest = _nearest(scene, values, motions[0].model, touching)
+    edits = ModelEdits(fitted=tuple(nearest.items()))
+    made = compiled(scene, values, lambda spec: edit_spec(spec, edits)) if nearest else None
+    if made is None:
+        return
+    name, shape = next(iter(nearest.items()))
+    more = f", and so of {len(nearest) - 1} more" if len(nearest) > 1 else ""
+    article = "an" if shape == "ellipsoid" else "a"
+    yield Candidate(
+        f"{article} {shape} in place of the hull of {name}{more}",
+        "unresolved",
+        lambda _: None,
+        accept="primitive",
+        edits=edits,
+        compiled=made,
+        nearer=False,
+    )
+
+
+def _touching(motion: Motion, bodies: set[str]) -> Iterator[str]:
+    """Yield names of mesh geoms that touch in a motion, where one of some bodies takes part."""
+    model, data = motion.model, mujoco.MjData(motion.model)
+    meshes = (model.geom_type == _MESH) & (model.geom_dataid >= 0)
+    judged = np.array([model.body(body).name in bodies for body in model.geom_bodyid], bool)
+    found = np.zeros(model.ngeom, bool)
+    mujoco.mj_setState(model, data, motion.starts[0], INTEGRATION)
+    rows = motion.rows(0, np.arange(motion.steps))
+    for step in range(motion.steps):
+        if rows is not None:
+            mujoco.mj_setState(model, data, rows[step], motion.spec)
+        mujoco.mj_step(model, data)
+        pairs = data.contact.geom[(data.contact.geom >= 0).all(axis=1)]
+        found[pairs[judged[pairs].any(axis=1)]] = True
+    yield from filter(None, (model.geom(geom).name for geom in np.flatnonzero(found & meshes)))
+
+
+def _nearest(
+    scene: Scene, values: Values, own: mujoco.MjModel, geoms: Sequence[str]
+) -> dict[str, str]:
+    """Return the primitive whose surface is nearest to the hull of each geom that one resembles."""
+    apart = {name: dict[str, float]() for name in geoms}
+    for shape in PRIMITIVES:
+        edits = ModelEdits(fitted=tuple((name, shape) for name in geoms))
+        model = compiled(scene, values, lambda spec, edits=edits: edit_spec(spec, edits))
+        if model is None:
+            continue
+        for name in geoms:
+            corners = _fitted(own, name, model.geom(name))
+            off = np.abs(distances(shape, model.geom(name).size, corners)).mean()
+            apart[name][shape] = float(off / corners.std(axis=0).max())
+    nearest = {name: min(of, key=lambda shape: of[shape]) for name, of in apart.items() if of}
+    return {name: shape for name, shape in nearest.items() if apart[name][shape] <= _ALIKE}
+
+
+def _fitted(own: mujoco.MjModel, name: str, fitted: Any) -> Floats:  # noqa: ANN401 - a geom's view
+    """Return the (n, 3) corners of a geom's hull in the frame of the primitive fitted to it [m].
+
+    Both are of one body.
+    """
+    geom = own.geom(name)
+    corners = hull(own, int(geom.dataid[0])) @ rotation(geom.quat).T + geom.pos
+    return (corners - fitted.pos) @ rotation(fitted.quat)
+
+
+def distances(shape: str, size: Floats, points: Floats) -> Floats:
+    """Return how far (N, 3) points are from a primitive's surface (N,), those within below 0 [m].
+
+    That of an ellipsoid is of first order, |x/a| (|x/a| - 1) / |x/a^2|, which is exact on it.
+    """
+    radius, half = float(size[0]), float(size[1])
+    around = np.linalg.norm(points[:, :2], axis=1)
+    match shape:
+        case "sphere":
+            return np.linalg.norm(points, axis=1) - radius
+        case "capsule":
+            along = np.maximum(np.abs(points[:, 2]) - half, 0)
+            return np.hypot(around, along) - radius
+        case "cylinder":
+            return _outside(np.stack([around - radius, np.abs(points[:, 2]) - half], axis=1))
+        case "ellipsoid":
+            scaled = np.linalg.norm(points / size, axis=1)
+            return scaled * (scaled - 1) / np.linalg.norm(points / size**2, axis=1)
+        case _:
+            return _outside(np.abs(points) - size)
+
+
+def _outside(beyond: Floats) -> Floats:
+    """Return distances from a box, from how far points are beyond each of its sides."""
+    return np.linalg.norm(np.maximum(beyond, 0), axis=1) + np.minimum(beyond.max(axis=1), 0)
