@@ -40,7 +40,9 @@ def change_line(number: int, change: ModelChange) -> str:
         kind = f"another model (--accept {change.accept})"
     cost = f", at {change.price.ratio:.2f} times the time" if change.price else ""
     left = f", leaves {percent(change.share)}" if change.share is not None else ""
-    if change.removes == "overlap":
+    if change.removes == "labels":
+        left = ", leaves no label"
+    elif change.removes == "overlap":
         left = ", without what is absurd at the start; the verdict stays"
     return f"{number}. {change.name}: {kind}{left}{cost}"
 

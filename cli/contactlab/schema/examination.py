@@ -36,9 +36,9 @@ class ModelChange(Model):
     name: str
     physics: bool = about("Whether it makes another model, not another computation of this one.")
     accept: str = about("What `--accept` calls it, if it makes another model; else empty.")
-    removes: Literal["verdict", "overlap"] = about(
-        "What it removes: what the verdict names, or, beside it, overlaps at the start and forces "
-        "of a thousand weights.",
+    removes: Literal["verdict", "labels", "overlap"] = about(
+        "What it removes: what the verdict names; labels of a run that is numerically sound; or, "
+        "beside a verdict, overlaps at the start and forces of a thousand weights.",
         default="verdict",
     )
     settings: dict[str, Setting] = about("What it sets: options, and fields of named parts.")

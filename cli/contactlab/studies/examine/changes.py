@@ -4,16 +4,19 @@ import copy
 import math
 import shutil
 import weakref
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory, mkdtemp
+from typing import Literal, NamedTuple
 
 import mujoco
 
 from contactlab.budget import Motion, Remedy, Trial, Verdict, error_budget, judge, remedies
 from contactlab.budget.measuring import evaluations, pace, steps_of
+from contactlab.budget.physical import field_changes
 from contactlab.budget.remedies import (
+    CANDIDATES,
     NO_EDITS,
     Candidate,
     candidates_against,
@@ -23,11 +26,12 @@ from contactlab.budget.remedies import (
     options_changed,
 )
 from contactlab.budget.report import remedy_report
+from contactlab.budget.verdict import Reason, Word
 from contactlab.errors import SceneError
 from contactlab.scene.model_draft import ModelEdits
 from contactlab.scene.model_writer import WrittenModel, write_model
 from contactlab.scene.scene import Scene
-from contactlab.schema.examination import ModelChange
+from contactlab.schema.examination import ModelChange, RunLabel
 from contactlab.schema.task import Task
 from contactlab.studies.examine.facts import facts
 from contactlab.studies.examine.primitives import primitives
@@ -36,6 +40,14 @@ from contactlab.studies.examine.task_motions import Change, as_it_is
 from contactlab.studies.session import Values
 
 MOST_CHANGES = 3
+Removes = Literal["verdict", "labels", "overlap"]
+# Labels of what is too soft, and the row of the budget that its changes are of.
+_SOFT_ROWS = {
+    "deep_penetration": "contact softness",
+    "tunneling": "contact softness",
+    "broken": "contact softness",
+    "constraint_violated": "limit softness",
+}
 
 
 def fresh(task: Task) -> Task:
@@ -55,6 +67,20 @@ Moved = Callable[[Values, Change, Path | None], Iterable[Sequence[Motion]]]
 """Returns motions with settings and a changed model, of the scene or of a file in its place."""
 
 
+class Again(NamedTuple):
+    """How a task is done again, on its seeds and on fresh ones.
+
+    Attributes:
+        moved: returns its motions.
+        labelled: returns the labels of its runs with settings.
+        labels: those of its runs as they are.
+    """
+
+    moved: Moved
+    labelled: Callable[[Values], Sequence[RunLabel]] = lambda _: ()
+    labels: Sequence[RunLabel] = ()
+
+
 class Changes:
     """What may mend a model, and what was found to."""
 
@@ -65,7 +91,7 @@ class Changes:
         motions: Sequence[Motion],
         verdict: Verdict,
         trial: Trial,
-        moved: Moved,
+        again: Again,
     ) -> None:
         """Try all that a verdict points to, until enough of it removes the verdict."""
         self._folder = Path(mkdtemp(prefix="contactlab-"))  # of models with other states
@@ -73,7 +99,7 @@ class Changes:
         self._others = dict[str, Path]()
         self._scene, self._values = scene, values
         self._motions, self._verdict = motions, verdict
-        self._moved, self._trial = moved, replace(trial, moved=self._motions_of)
+        self._again, self._trial = again, replace(trial, moved=self._motions_of)
         others = (
             *separated(scene, values, motions, verdict),
             *primitives(scene, values, motions, verdict),
@@ -84,6 +110,8 @@ class Changes:
         self.tried = [remedy for remedy in found if remedy.ended]
         self.untried = [remedy.name for remedy in found if not remedy.ended]
         self.helping = [remedy for remedy in self.tried if remedy.removes]
+        self._against_labels = candidates_against_labels(motions, verdict, again.labels)
+        self.unlabelling = [*self._unlabelling()]
         known = {remedy.name for remedy in self.helping} | {*self.untried}
         self._parting = [
             candidate
@@ -91,12 +119,30 @@ class Changes:
             if candidate.edits.parts and candidate.name not in known and self._parts(candidate)
         ]
 
+    def _unlabelling(self) -> Iterator[Remedy]:
+        """Yield the first changes of computation and of physics by which no run has a label."""
+        kinds = set[bool]()
+        for candidate in self._against_labels:
+            if candidate.physics in kinds:
+                continue
+            if not self._affords(self._motions):
+                self.untried.append(candidate.name)
+                continue
+            model = self._motions[0].model
+            options = options_changed(model, changed_model(model, candidate))
+            edits = replace(candidate.edits, settings={**options, **candidate.edits.settings})
+            if self._again.labelled({**self._values, **edits.settings}):
+                continue
+            if all(self._is_no_worse(motions) for motions in self._motions_of(candidate)):
+                kinds.add(candidate.physics)
+                yield _untimed(candidate, self._verdict.word, edits, removes=True)
+
     def _motions_of(self, candidate: Candidate) -> Iterable[Sequence[Motion]]:
         """Return the task's motions of a changed model, which begin as the task does."""
         model = self._motions[0].model
         options = options_changed(model, changed_model(model, candidate))
         if not candidate.same_states:
-            return self._moved({**self._values, **options}, as_it_is, self._other(candidate))
+            return self._again.moved({**self._values, **options}, as_it_is, self._other(candidate))
 
         def change(own: mujoco.MjModel) -> mujoco.MjModel:
             made = copy.copy(candidate.compiled or own)
@@ -104,7 +150,7 @@ class Changes:
             made.opt.timestep = own.opt.timestep
             return made
 
-        return self._moved({**self._values, **options}, change, None)
+        return self._again.moved({**self._values, **options}, change, None)
 
     def _can_begin(self, candidate: Candidate) -> bool:
         """Return whether the changed model has states to begin in: its own need its file."""
@@ -128,30 +174,18 @@ class Changes:
             if place < MOST_CHANGES or remedy.accept in self._trial.wanted
         ]
         parting = [
-            Remedy(
-                candidate.name,
-                removes=False,
-                word=self._verdict.word,
-                share=math.nan,
-                price=None,
-                edits=candidate.edits,
-                accept=candidate.accept,
-                apart=math.nan,
-                before=math.nan,
-            )
+            _untimed(candidate, self._verdict.word, candidate.edits, removes=False)
             for candidate in self._parting
         ]
-        return tuple(map(self._change, [*shown, *parting]))
+        found = {"verdict": shown, "labels": self.unlabelling, "overlap": parting}
+        return tuple(self._change(one, what) for what, some in found.items() for one in some)
 
     def _parts(self, candidate: Candidate) -> bool:
         """Return whether a change leaves no overlap and no absurd force, and no worse verdict."""
         absurd = _absurd(self._motions)
         if not absurd:
             return False
-        model, steps = self._motions[0].model, 2 * steps_of(self._motions)
-        looks = evaluations(model, self._trial.settings, drifts=drifts(self._verdict))
-        seconds = looks * steps * pace(self._motions)
-        if seconds > self._trial.left():
+        if not self._affords(self._motions):
             self.untried.append(candidate.name)
             return False
         return all(
@@ -159,13 +193,18 @@ class Changes:
             for motions in self._motions_of(candidate)
         )
 
+    def _affords(self, motions: Sequence[Motion]) -> bool:
+        """Return whether there is time for a budget of a changed model, on both groups of seeds."""
+        looks = evaluations(motions[0].model, self._trial.settings, drifts=drifts(self._verdict))
+        return looks * 2 * steps_of(motions) * pace(motions) <= self._trial.left()
+
     def _is_no_worse(self, motions: Sequence[Motion]) -> bool:
         settings = replace(self._trial.settings, places=False, priced=False)
         budget = error_budget(motions, rows=(), settings=settings, workers=self._trial.workers)
         word = judge(budget, self._verdict.within).word
         return word == "sound" or self._verdict.word in ("unresolved", "not resolved")
 
-    def _change(self, remedy: Remedy) -> ModelChange:
+    def _change(self, remedy: Remedy, removes: Removes) -> ModelChange:
         lines, unwritten = tuple[str, ...](), ""
         with TemporaryDirectory(prefix="contactlab-") as folder:
             try:
@@ -177,7 +216,7 @@ class Changes:
             name=tried.name,
             physics=tried.physics,
             accept=remedy.accept,
-            removes="verdict" if remedy.removes else "overlap",
+            removes=removes,
             settings=tried.settings,
             excluded=remedy.edits.excluded,
             freed=remedy.edits.freed,
@@ -218,10 +257,15 @@ class Changes:
 
     def _to_write(self) -> tuple[ModelEdits, str]:
         """Return what is written, or why nothing is."""
-        numerical = [remedy for remedy in self.helping if not remedy.physics]
+        helping = [*self.helping, *self.unlabelling]
+        numerical = [remedy for remedy in helping if not remedy.physics]
+        wanted = {*self._trial.wanted}
+        for remedy in self.unlabelling:
+            if wanted == {remedy.accept}:
+                return remedy.edits, ""
         if not self._trial.wanted:
             none = "no change of how the model is computed removes what the verdict names"
-            more = ", ".join(remedy.accept for remedy in self.helping)
+            more = ", ".join(remedy.accept for remedy in helping)
             hint = f"; accept another model by --accept {more}" if more else ""
             return (numerical[0].edits, "") if numerical else (NO_EDITS, f"{none}{hint}")
         by_word = {candidate.accept: candidate for candidate in self._candidates}
@@ -240,6 +284,67 @@ class Changes:
         if self._parts(whole := joined(accepted)):
             return whole.edits, ""
         return NO_EDITS, "what is accepted does not remove what the verdict names"
+
+
+def candidates_against_labels(
+    motions: Sequence[Motion], verdict: Verdict, labels: Sequence[RunLabel]
+) -> tuple[Candidate, ...]:
+    """Return changes that may keep labels from a run that is numerically sound.
+
+    Finer steps, then stiffer contacts or limits of what labels name, and of all. There are none
+    where the numerics are at fault: those come first.
+    """
+    named = [label for label in labels if label.label in _SOFT_ROWS]
+    if verdict.word not in ("sound", "model") or not labels:
+        return ()
+    finer = [
+        replace(candidate, word=verdict.word)
+        for candidate in CANDIDATES
+        if candidate.name in ("half the step", "a quarter of the step")
+    ]
+    reasons = tuple(
+        Reason(
+            word="model",
+            phase=label.phase,
+            row=_SOFT_ROWS[label.label],
+            share=math.inf,
+            body=next(iter(label.bodies), ""),
+            place=f"contact {' - '.join(('world', *label.bodies)[-2:])}" if label.bodies else "",
+            time=label.time or 0.0,
+            sentence=label.reason,
+        )
+        for label in named
+    )
+    stiffer = field_changes(motions, Verdict("model", verdict.within, reasons)) if reasons else ()
+    return (
+        *finer,
+        *(
+            Candidate(
+                change.phrase,
+                verdict.word,
+                change.make,
+                accept=change.word,
+                edits=ModelEdits({value.axis: value.value for value in change.values}),
+                nearer=False,
+            )
+            for change in stiffer
+        ),
+    )
+
+
+def _untimed(candidate: Candidate, word: Word, edits: ModelEdits, *, removes: bool) -> Remedy:
+    """Return a change that no share was measured of."""
+    return Remedy(
+        candidate.name,
+        removes=removes,
+        word=word,
+        share=math.nan,
+        price=None,
+        edits=edits,
+        accept=candidate.accept,
+        apart=math.nan,
+        before=math.nan,
+    )
 
 
 def _absurd(motions: Sequence[Motion]) -> set[str]:

@@ -34,7 +34,7 @@ from contactlab.printable import first_names
 from contactlab.run.sweep_request import SceneLoader
 from contactlab.scene.mujoco_versions import VERSION
 from contactlab.schema.coverage import Exercised
-from contactlab.schema.examination import Examination, SectionName
+from contactlab.schema.examination import Examination, RunLabel, SectionName
 from contactlab.schema.finding import Acceptance
 from contactlab.schema.task import Task
 from contactlab.store.table_layout import record_to_row
@@ -42,7 +42,7 @@ from contactlab.studies.check.check_entries import CHECKS, Check
 from contactlab.studies.check.checked_model import CheckedModel
 from contactlab.studies.check.chosen_checks import chosen_checks, judged_findings
 from contactlab.studies.check.own_runs import reference_of
-from contactlab.studies.examine.changes import MOST_CHANGES, Changes, fresh
+from contactlab.studies.examine.changes import MOST_CHANGES, Again, Changes, fresh
 from contactlab.studies.examine.facts import facts
 from contactlab.studies.examine.resting_contacts import resting_contacts
 from contactlab.studies.examine.task_motions import Change
@@ -61,6 +61,7 @@ MAX_CPU = 60.0
 """CPU within which an examination ends, its page included [s]."""
 # Parts of it by whose end rows that judge nothing, and changes, have been measured.
 _BUDGETING, _CHANGING = 0.4, 0.75
+_CHANGED = "changed"  # store of runs with a change
 _NOT_MOVED = "sound as far as labels tell: MuJoCo moves nothing in it"
 _OPENINGS: Mapping[Word, str] = {
     "unresolved": "unresolved",
@@ -163,7 +164,7 @@ def _measured(
         return report.model_copy(update={"sentence": _whole(_NOT_MOVED, report)})
     task, verdict, changes = report.task, examined.judged, None
     if "changes" in request.sections:
-        changes = _changes(request, examined, verdict, until)
+        changes = _changes(request, examined, verdict, report.labels, until)
     tried = changes.tried if changes else ()
     untried = [*examined.unmeasured, *(changes.untried if changes else ())]
     if "facts" in request.sections:
@@ -271,7 +272,11 @@ def _checked(
 
 
 def _changes(
-    request: ExamineRequest, examined: CheckedModel, verdict: Verdict, until: float
+    request: ExamineRequest,
+    examined: CheckedModel,
+    verdict: Verdict,
+    labels: Sequence[RunLabel],
+    until: float,
 ) -> Changes:
     """Return the changes that were tried, and those that help on fresh seeds too."""
     task, threads = examined.task, examined.threads
@@ -287,8 +292,15 @@ def _changes(
         return until - time.process_time()
 
     trial = Trial(SETTINGS, None, MOST_CHANGES, request.accept, threads, left)
+
+    def labelled(settings: Values) -> tuple[RunLabel, ...]:
+        seeds = (*task.seeds, *fresh(task).seeds)
+        runs = examined.run(_CHANGED, "With a change", settings, seeds=seeds, trace="none")
+        return run_labels(task, [run.record for run in runs])
+
     scene, values = examined.scene.with_effects("all"), examined.values
-    return Changes(scene, values, examined.motions, verdict, trial, moved)
+    again = Again(moved, labelled, labels)
+    return Changes(scene, values, examined.motions, verdict, trial, again)
 
 
 def _written(
