@@ -9,7 +9,12 @@ import contactlab
 from contactlab.errors import SweepFileError
 from contactlab.plan.rows import sample_points
 from contactlab.reporting.sensitivity import _of as of_values  # pyright: ignore[reportPrivateUsage]
-from contactlab.reporting.sensitivity import sensitivities, sensitivity_lines
+from contactlab.reporting.sensitivity import (
+    axes_of_starts,
+    budget_lines,
+    sensitivities,
+    sensitivity_lines,
+)
 from contactlab.schema.sweep_schema import Sample
 
 
@@ -68,6 +73,44 @@ def test_what_falls_from_a_height_depends_on_that_alone(tmp_path: Path) -> None:
         contactlab.sweep({**sweep, "sample": {"method": "saltelli", "n": 12}}, workers=0)
 
 
+def test_what_axes_are_worth_is_the_law_of_free_fall(tmp_path: Path) -> None:
+    """In two windows of 40 ms of a fall from rest, half as much gravity is a closed form.
+
+    Velocities part by (g - g') T in a window, at least; the slack of a step takes h g' of that,
+    which for g' = 5 is less than for 15. Real are the path g T of each window and a tenth of the
+    weight. What touches nothing is worth nothing, and of the height there is no row.
+    """
+    sweep = {
+        "version": 1,
+        "scene": "ball_drop",
+        "duration": 0.08,
+        "axes": {
+            "gravity": {"uniform": [5, 15]},
+            "solref.timeconst": {"loguniform": [0.01, 0.03]},
+            "drop_height": {"uniform": [0.5, 1]},
+        },
+        "sample": {"method": "saltelli", "n": 2},
+        "trace": "none",
+        "checks": "none",
+    }
+    store = contactlab.sweep(sweep, output=tmp_path / "store", workers=0)
+    (budget,) = store.manifest.parameter_budgets
+    assert budget.middle["gravity"] == 10
+    assert budget.middle["solref.timeconst"] == pytest.approx(0.03**0.5 / 10)
+    assert budget.run == pytest.approx(0, abs=1e-6)
+    worth = {row.axis: row.share for row in budget.rows}
+    window, step = 0.04, 0.002
+    apart = 5 * window - step * 5
+    assert worth["gravity"] == pytest.approx(apart / (1.1 * 10 * window), rel=1e-6)
+    assert worth["solref.timeconst"] == 0
+    assert axes_of_starts(budget) == ["drop_height"]
+    lines = [*budget_lines(store)]
+    assert lines[1].startswith("  gravity at 5 or 15: 4")
+    assert "drop_height" in lines[-1]
+    again = contactlab.sweep(sweep, output=tmp_path / "again", workers=0)
+    assert again.manifest.parameter_budgets == store.manifest.parameter_budgets
+
+
 @pytest.mark.long
 def test_the_page_shows_it_of_a_sweep_whose_runs_form_no_pairs(tmp_path: Path) -> None:
     """It stands for itself: no knob of such a sweep is changed alone."""
@@ -87,4 +130,6 @@ def test_the_page_shows_it_of_a_sweep_whose_runs_form_no_pairs(tmp_path: Path) -
     store = contactlab.sweep(sweep, output=tmp_path / "store", workers=0)
     assert "penetration_max" in {found.metric for found in sensitivities(store)}
     contactlab.report(store, output=tmp_path / "page.html")
-    assert 'id="sensitivity"' in (tmp_path / "page.html").read_text()
+    page = (tmp_path / "page.html").read_text()
+    assert 'id="sensitivity"' in page
+    assert "Budget of the run at drop_height" in page

@@ -93,13 +93,14 @@ def _of_chosen_runs(store: "Store") -> "Iterator[str]":
     from contactlab.reporting.boundaries import boundaries, boundary_lines, coverage
     from contactlab.reporting.found_worst import worst_lines
     from contactlab.reporting.known_shares import known_shares, share_lines
-    from contactlab.reporting.sensitivity import sensitivities, sensitivity_lines
+    from contactlab.reporting.sensitivity import budget_lines, sensitivities, sensitivity_lines
 
     if known := known_shares(store):
         yield from share_lines(*known)
     yield from worst_lines(store)
     for sensitivity in sensitivities(store):
         yield from sensitivity_lines(sensitivity)
+    yield from budget_lines(store)
     if found := boundaries(store):
         yield coverage(found)
         yield from boundary_lines(found)

@@ -32,8 +32,13 @@ from contactlab.reporting.finding import finding
 from contactlab.reporting.label_shares import share_words
 from contactlab.reporting.report import PageRequest, ReportData, read_report_data
 from contactlab.reporting.report_columns import summary_metrics
-from contactlab.reporting.sensitivity import sensitivities
-from contactlab.schema.evidence import StoreManifest
+from contactlab.reporting.sensitivity import (
+    axes_of_starts,
+    budget_sentence,
+    by_share,
+    sensitivities,
+)
+from contactlab.schema.evidence import ParameterRow, StoreManifest
 from contactlab.schema.sweep_schema import Bounds, Sweep
 from contactlab.schema.tradeoff_report import Configuration, TradeoffReport
 from contactlab.store.finished_store import Store
@@ -170,6 +175,15 @@ class SensitivityView:
 
 
 @dataclass(frozen=True)
+class BudgetView:
+    """What sampled axes are worth in one run: of which, and a row for each of the model."""
+
+    title: str
+    rows: Sequence[ParameterRow]
+    others: Sequence[str]
+
+
+@dataclass(frozen=True)
 class ScriptView:
     """The script: its data, its code, and the charting library, packed."""
 
@@ -194,6 +208,7 @@ class PageView:
     figures: Mapping[str, str]
     effects: EffectsView | None
     sensitivities: Sequence[SensitivityView]
+    budgets: Sequence[BudgetView]
     expectations: ExpectationsView | None
     engines: EnginesView | None
     comparison: ComparisonView | None
@@ -235,6 +250,7 @@ def page_view(store: Store, request: PageRequest) -> PageView:
         },
         effects=effects_view(data),
         sensitivities=[*sensitivity_views(data.store)],
+        budgets=[*budget_views(data.store)],
         expectations=expectations_view(store),
         engines=engines_view(data, request),
         comparison=comparison_view(data, request),
@@ -328,6 +344,13 @@ def sensitivity_views(store: Store) -> Iterator[SensitivityView]:
             f"{found.metric}{f' of {shared}' if shared else ''}",
             sorted(rows, key=lambda row: -row[3]),
         )
+
+
+def budget_views(store: Store) -> Iterator[BudgetView]:
+    """Yield what the axes of a sampled sweep are worth in the run in the middle of their ranges."""
+    for budget in store.manifest.parameter_budgets:
+        title, rows = budget_sentence(budget, store), by_share(budget)
+        yield BudgetView(f"{title[:1].upper()}{title[1:]}", rows, axes_of_starts(budget))
 
 
 def _map_rows(data: ReportData) -> list[tuple[str, list[str]]]:

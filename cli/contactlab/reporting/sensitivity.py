@@ -9,12 +9,12 @@ import numpy as np
 
 from contactlab.contact.trace_arrays import Floats
 from contactlab.reporting.report_columns import summary_metrics
-from contactlab.schema.sweep_schema import Sweep
+from contactlab.schema.evidence import ParameterBudget, ParameterRow
+from contactlab.schema.sweep_schema import MOST_SENSITIVITIES, Sweep
 from contactlab.store.finished_store import Store
 
 FAILED = "failed"
 _RESAMPLES = 199
-_MOST_GROUPS = 3
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ def sensitivities(store: Store, metrics: Sequence[str] = ()) -> Iterator[Sensiti
     for row in columns.arrow([*dict.fromkeys(["label", *others, *names])]).to_pylist():
         groups[tuple(row[name] for name in others)].append(row)
     base = sweep.sample.n
-    for key, rows in [*groups.items()][:_MOST_GROUPS]:
+    for key, rows in [*groups.items()][:MOST_SENSITIVITIES]:
         shared = {n: v for n, v in zip(others, key, strict=True) if columns.varies(n)}
         # Equal runs, as of axes of whole numbers, are made once.
         if len(rows) != base * (len(axes) + 2):
@@ -81,10 +81,14 @@ def _of(
         warnings.simplefilter("ignore", RuntimeWarning)
         found = sobol_indices(func=made, n=values.shape[1], rng=0)
         again = found.bootstrap(n_resamples=_RESAMPLES)
-    intervals = [
-        np.stack((one.confidence_interval.low, one.confidence_interval.high), axis=-1)
-        for one in (again.first_order, again.total_order)
-    ]
+    intervals = list[Floats]()
+    for one, share in (
+        (again.first_order, found.first_order),
+        (again.total_order, found.total_order),
+    ):
+        ends = np.stack((one.confidence_interval.low, one.confidence_interval.high), axis=-1)
+        # Resamples that are all equal have no interval but their value.
+        intervals.append(np.where(np.isnan(ends), share[:, None], ends))
     return Sensitivity(
         metric, shared, axes, found.first_order, intervals[0], found.total_order, intervals[1]
     )
@@ -106,3 +110,42 @@ def sensitivity_lines(found: Sensitivity) -> Iterator[str]:
             f"{of}: {alone[axis]} of its variance goes with {found.axes[axis]} alone, "
             f"{total[axis]} with it and others"
         )
+
+
+def budget_sentence(budget: ParameterBudget, store: Store) -> str:
+    """Return of which run the rows of a budget are, and what the run itself is."""
+    varying = [*budget.shared.items(), *budget.middle.items()]
+    at = ", ".join(f"{n} {_shown(v)}" for n, v in varying if store.columns.varies(n))
+    return f"budget of the run at {at}: {_share(budget.run)} of the real forces are phantom"
+
+
+def budget_lines(store: Store) -> Iterator[str]:
+    """Yield what sampled axes are worth in the windows of the run in the middle of their ranges."""
+    for budget in store.manifest.parameter_budgets:
+        yield budget_sentence(budget, store)
+        for row in by_share(budget):
+            yield (
+                f"  {row.axis} at {row.low:g} or {row.high:g}: {_share(row.share)}, "
+                f"most of {row.body}"
+            )
+        if others := axes_of_starts(budget):
+            yield f"  {', '.join(others)}: no number of the model, which has no row"
+
+
+def by_share(budget: ParameterBudget) -> list[ParameterRow]:
+    """Return the rows of a budget, the largest first; without a share, the engine gave up."""
+    return sorted(budget.rows, key=lambda row: -np.inf if row.share is None else -row.share)
+
+
+def axes_of_starts(budget: ParameterBudget) -> list[str]:
+    """Return the sampled axes that have no row, since they change no number of the model."""
+    rows = {row.axis for row in budget.rows}
+    return [name for name in budget.middle if name not in rows]
+
+
+def _share(share: float | None) -> str:
+    return "not measured, since the engine gave up" if share is None else f"{share:.2%}"
+
+
+def _shown(value: object) -> str:
+    return f"{value:.4g}" if isinstance(value, float) else str(value)

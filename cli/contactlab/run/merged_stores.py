@@ -1,7 +1,7 @@
 """Shards of a sweep, joined into the store that one machine would have written."""
 
 import hashlib
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from functools import partial
@@ -15,14 +15,13 @@ from numpy.typing import NDArray
 from contactlab.errors import OutputError, StoreError
 from contactlab.run.planned_runs import stored_sweep_scene
 from contactlab.run.recomputed_runs import plan_again
-from contactlab.run.run_verdicts import unmet_means
+from contactlab.run.run_verdicts import concluded
 from contactlab.schema.evidence import Host, Provenance, StoreManifest, SweepIdentity
 from contactlab.store.atomic_files import hashes_below, sha256_of
 from contactlab.store.backend import Backend
 from contactlab.store.controls_file import controls_name
 from contactlab.store.finished_store import Store
 from contactlab.store.folder_backend import backend_at
-from contactlab.store.run_columns import RunColumns
 from contactlab.store.store_files import (
     MANIFEST,
     SCENES,
@@ -33,7 +32,7 @@ from contactlab.store.store_files import (
     parse_manifest,
     shard_of,
 )
-from contactlab.store.store_writer import StoreWriter, open_writer
+from contactlab.store.store_writer import Concluded, StoreWriter, open_writer
 
 _MOST_NAMED = 8
 
@@ -217,21 +216,21 @@ def _publish(store: StoreWriter, stores: Sequence[Store], identity: SweepIdentit
     times = min(each.started for each in manifests), max(each.finished for each in manifests)
     tables = {store.address: store.path / TABLE for store in stores}
     written = joined_provenance([each.provenance for each in manifests])
-    store.join(tables, written, times, _means(stores[0], identity))
+    store.join(tables, written, times, _concluded(stores[0], identity))
 
 
-def _means(store: Store, identity: SweepIdentity) -> Callable[[RunColumns], Iterable[str]]:
-    """Return what says which means are not as the sweep expects, once all runs are there."""
+def _concluded(store: Store, identity: SweepIdentity) -> Concluded:
+    """Return what says what all runs tell together, once they are there."""
     expected = any(expectation.get("mean") for expectation in identity.resolved["expect"])
     if not expected or identity.whole:
-        return partial(unmet_means, None)
+        return partial(concluded, None, ())
     if isinstance(identity.resolved.get("include"), dict):
         raise StoreError(
             "the sweep expects means, and a file beside it names runs, which shards do not hold; "
             "sweep it on one machine"
         )
     scene = stored_sweep_scene(identity, store.scene_folder)
-    return partial(unmet_means, plan_again(identity, scene))
+    return partial(concluded, plan_again(identity, scene), ())
 
 
 def joined_provenance(several: Sequence[Provenance]) -> Provenance:

@@ -18,6 +18,7 @@ from contactlab.contact.trace_arrays import (
 from contactlab.measure.entries import labels_with
 from contactlab.plan.grid import Plan
 from contactlab.scene.model_names import name_of
+from contactlab.schema.evidence import ParameterBudget
 from contactlab.schema.sweep_schema import Bounds, Expectation
 
 if TYPE_CHECKING:
@@ -75,6 +76,13 @@ def _outside(name: str, value: float | None, bounds: Bounds) -> Iterator[str]:
         yield f"expected {name} of at least {bounds.min:g}, found {value:g}"
     elif bounds.max is not None and value > bounds.max:
         yield f"expected {name} of at most {bounds.max:g}, found {value:g}"
+
+
+def concluded(
+    plan: Plan | None, budgets: Sequence[ParameterBudget], table: "RunColumns"
+) -> dict[str, object]:
+    """Return what the manifest of a plan's store says of all runs together."""
+    return {"unmet_means": tuple(unmet_means(plan, table)), "parameter_budgets": tuple(budgets)}
 
 
 def unmet_means(plan: Plan | None, table: "RunColumns") -> Iterator[str]:

@@ -19,10 +19,11 @@ from contactlab.plan.grid import Plan
 from contactlab.plugins import loaded_plugins
 from contactlab.run.chosen_runs import ChosenRuns
 from contactlab.run.evidence_record import definitions, engine, provenance
+from contactlab.run.parameter_budgets import parameter_budgets
 from contactlab.run.passes import SweepSession, run_passes
 from contactlab.run.planned_runs import RunIndex, pack_jobs
 from contactlab.run.refined_runs import RefinedRuns
-from contactlab.run.run_verdicts import unmet_means
+from contactlab.run.run_verdicts import concluded
 from contactlab.run.runs_until_known import RunsUntilKnown
 from contactlab.run.searched_runs import SearchedRuns
 from contactlab.run.shards import shard_of_sweep
@@ -85,8 +86,6 @@ def run_sweep(
         raise SweepFileError(f"sweep '{request.name}' has no runs; see `--plan`")
     columns = _columns(request, index)
     identity = identity_of(request, index)
-    # What means over all runs are, a shard cannot know.
-    means = partial(unmet_means, None if request.shard else request.plan)
     if request.shard:
         index, identity = shard_of_sweep(request.shard, request.plan.sweep, index, identity)
     writer = open_writer(
@@ -125,7 +124,10 @@ def run_sweep(
         values, added = run_passes(session)
         columns += added
         shared = shared_fields(identity)
-        return store.finish(columns, shared, task.provenance, values, identity, means)
+        # What all runs tell together, a shard cannot know.
+        plan, budgets = (None, ()) if request.shard else (request.plan, parameter_budgets(session))
+        told = partial(concluded, plan, [*budgets])
+        return store.finish(columns, shared, task.provenance, values, identity, told)
 
 
 def shared_fields(identity: SweepIdentity) -> dict[str, object]:

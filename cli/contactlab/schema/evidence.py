@@ -377,6 +377,30 @@ class SweepIdentity(Model):
     plugins: PluginInfos = ()
 
 
+class ParameterRow(Model):
+    """A row of an error budget: a sampled axis at either end of its range."""
+
+    axis: str
+    low: float
+    high: float
+    share: float | None = about(
+        "Phantom forces under which the run would be that of the model at the worse end, over the "
+        "real ones, of the worst body; null where the engine gave up."
+    )
+    body: str = about("That body.")
+
+
+class ParameterBudget(Model):
+    """What sampled axes are worth in the windows of one run, in the middle of their ranges."""
+
+    shared: dict[str, Setting] = about("Its other axes, and its seed.")
+    middle: dict[str, Setting] = about("Its sampled axes.")
+    run: float | None = about("The run itself against the reference; null where it gave up.")
+    rows: tuple[ParameterRow, ...] = about(
+        "Of the axes that change a number of the model, not its start or drive."
+    )
+
+
 class StoreManifest(Model):
     """Contents of a finished store (`manifest.json`)."""
 
@@ -393,6 +417,11 @@ class StoreManifest(Model):
     expectations: dict[str, int] = about("Runs by outcome: met, unmet, none.")
     unmet_means: tuple[str, ...] = about(
         "Which means over runs are not as the sweep expects.", default=()
+    )
+    parameter_budgets: tuple[ParameterBudget, ...] = about(
+        "Of a sweep whose sample tells sensitivities.",
+        default=(),
+        exclude_if=lambda budgets: not budgets,
     )
     files: dict[InnerName, Sha256] = about("SHA-256 of every file but traces and this one.")
     records: Sha256 = about("Digest of every record in plan order, whatever the table's encoding.")

@@ -168,6 +168,10 @@ class Expectation(Model):
         return self
 
 
+MOST_SENSITIVITIES = 3
+"""Configurations and seeds of a sampled sweep of which sensitivities are told."""
+
+
 class Sample(Model):
     """Draw of the values of `uniform` and `loguniform` axes."""
 

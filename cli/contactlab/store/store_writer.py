@@ -56,6 +56,8 @@ from contactlab.store.table_layout import Column
 from contactlab.store.verify_store import verify
 
 _NOTHING: Mapping[str, Any] = MappingProxyType({})
+Concluded = Callable[[RunColumns], Mapping[str, Any]]
+"""Returns fields of a manifest from the runs of its table."""
 
 
 class CopyableFiles(Protocol):
@@ -117,14 +119,14 @@ class StoreWriter:
         provenance: Provenance,
         amendments: Mapping[str, Mapping[str, Any]] = _NOTHING,
         identity: SweepIdentity | None = None,
-        unmet_means: Callable[[RunColumns], Iterable[str]] = lambda _: (),
+        concluded: Concluded = lambda _: {},
     ) -> StoreManifest:
         """Publish the table, then the manifest, which makes the store finished.
 
         Beside its own columns and the fields that all runs share, the table has amendments from
         passes after the runs: run id to values by column. An identity replaces the first one, where
-        nobody knew then how many runs there would be. `unmet_means` says what of the table is not
-        as expected although each run may be. The manifest that is returned is another
+        nobody knew then how many runs there would be. `concluded` returns fields of the manifest
+        that all runs of the table tell together. The manifest that is returned is another
         writer's, if it has published the same sweep meanwhile.
 
         After an OutputError the store stays resumable.
@@ -137,27 +139,27 @@ class StoreWriter:
         if identity:
             self.identity = identity
             self._session.begin(identity)
-        return self._publish(records, provenance, times, unmet_means)
+        return self._publish(records, provenance, times, concluded)
 
     def join(
         self,
         tables: Mapping[Address, Path],
         provenance: Provenance,
         times: tuple[str, str],
-        unmet_means: Callable[[RunColumns], Iterable[str]],
+        concluded: Concluded,
     ) -> StoreManifest:
         """Publish a table of all rows of others, then the manifest; see `finish`."""
         self.close()
         said = _said(provenance, times)
         records = merge_tables(tables, self.path / TABLE, said)
-        return self._publish(records, provenance, times, unmet_means)
+        return self._publish(records, provenance, times, concluded)
 
     def _publish(
         self,
         records: str,
         provenance: Provenance,
         times: tuple[str, str],
-        unmet_means: Callable[[RunColumns], Iterable[str]],
+        concluded: Concluded,
     ) -> StoreManifest:
         files = {name: sha256_of(self.path / name) for name in (IDENTITY, TABLE)}
         scenes = hashes_below(self.path / SCENES).items()
@@ -166,7 +168,7 @@ class StoreWriter:
             sweep=self.identity,
             provenance=provenance,
             **count_outcomes(columns.arrow(OUTCOME_COLUMNS)),
-            unmet_means=tuple(unmet_means(columns)),
+            **concluded(columns),
             files=files | {f"{SCENES}/{name}": sha256 for name, sha256 in scenes},
             records=records,
             started=times[0],

@@ -1,0 +1,185 @@
+"""Budgets of a sampled sweep: what its axes are worth in the windows of one run, axis by axis."""
+
+import math
+from collections.abc import Iterator, Mapping
+
+import mujoco
+import numpy as np
+
+from contactlab.budget.measuring import PhaseMeasure, Settings
+from contactlab.budget.motion import motion_of_run
+from contactlab.budget.rows import Change, Row
+from contactlab.errors import ContactlabError, EngineError
+from contactlab.mjcf import MODEL_ENGINE
+from contactlab.plan.sampled_shares import configuration_of
+from contactlab.run.passes import SweepSession
+from contactlab.scene.model_draft import fields_of
+from contactlab.scene.run_spec import RunSpec
+from contactlab.scene.scene import Scene
+from contactlab.schema.drive import PolicyDrive
+from contactlab.schema.evidence import ParameterBudget
+from contactlab.schema.sweep_schema import MOST_SENSITIVITIES, Sweep
+from contactlab.schema.vocabulary import Loguniform, Sampled
+
+_SETTINGS = Settings(check=False, energy=False, places=False, excess=False)
+# How a reference is computed is its own.
+_OF_REFERENCES = {
+    *("opt.timestep", "opt.integrator", "opt.solver", "opt.jacobian"),
+    *("opt.iterations", "opt.tolerance", "opt.ls_iterations", "opt.ls_tolerance"),
+}
+
+
+def parameter_budgets(session: SweepSession) -> Iterator[ParameterBudget]:
+    """Yield a budget for each configuration and seed whose sensitivities are told.
+
+    Its run is in the middle of the ranges of the sampled axes, and a row for each axis changes the
+    reference's model to that of either end; the larger counts. An axis that changes no number of
+    the model, as of the start or the drive, has no row. Other engines and policies have none.
+    """
+    sweep, found = session.task.sweep, set[object]()
+    if sweep.sample is None or sweep.sample.method != "saltelli":
+        return
+    for run in session.index.runs():
+        shared = configuration_of(run.axes, sweep.drawn_axes)
+        if (shared, run.seed) in found or isinstance(run.drive, PolicyDrive):
+            continue
+        found.add((shared, run.seed))
+        if len(found) > MOST_SENSITIVITIES:
+            return
+        if run.engine == MODEL_ENGINE:
+            yield from _budget(session.scene, sweep, run, dict(shared))
+
+
+def _budget(
+    scene: Scene, sweep: Sweep, run: RunSpec, shared: Mapping[str, object]
+) -> Iterator[ParameterBudget]:
+    ranges = {name: _range(axis) for name, axis in sweep.axes.items() if isinstance(axis, Sampled)}
+    middle = {name: _canonical(scene, name, values[1]) for name, values in ranges.items()}
+    try:
+        own, resolved = _model(scene, {**shared, **middle}, run)
+        starts = scene.starts([resolved])
+        rows = [
+            Row(
+                name,
+                f"{name} at {low:g} and {high:g}",
+                "unknown",
+                tuple(_towards(own, model) for model in ends),
+                _always,
+                _always,
+                priced=False,
+            )
+            for name, (low, _, high) in ranges.items()
+            if (ends := _ends(scene, {**shared, **middle}, name, (low, high), run, own))
+        ]
+        motion = motion_of_run(own, starts, 0, resolved.steps)
+        phase = PhaseMeasure(motion, _SETTINGS).budget(rows)
+    except EngineError:
+        return  # nothing moves that has mass
+    rows = [
+        {
+            "axis": row.name,
+            "low": ranges[row.name][0],
+            "high": ranges[row.name][2],
+            "share": _finite(row.share),
+            "body": phase.bodies[row.body],
+        }
+        for row in phase.rows
+    ]
+    own_share = _finite(phase.run.share)
+    found = {"shared": {**shared, "seed": run.seed}, "middle": middle}
+    yield ParameterBudget.model_validate({**found, "run": own_share, "rows": rows})
+
+
+def _range(axis: Sampled) -> tuple[float, float, float]:
+    """Return where an axis begins, its middle, and where it ends."""
+    if isinstance(axis, Loguniform):
+        low, high = axis.loguniform
+        return low, math.sqrt(low * high), high
+    low, high = axis.uniform
+    return low, (low + high) / 2, high
+
+
+def _canonical(scene: Scene, name: str, value: float) -> object:
+    spec = scene.catalogue.find(name)
+    assert spec is not None
+    try:
+        return spec.parse(value)
+    except ValueError:
+        return spec.parse(round(value))
+
+
+def _model(
+    scene: Scene, values: Mapping[str, object], run: RunSpec
+) -> tuple[mujoco.MjModel, RunSpec]:
+    resolved = scene.resolve(values, run.seed, run.duration)
+    return scene.prepare(resolved, scene.starts([resolved])).model, resolved
+
+
+def _ends(
+    scene: Scene,
+    values: Mapping[str, object],
+    name: str,
+    ends: tuple[float, float],
+    run: RunSpec,
+    own: mujoco.MjModel,
+) -> list[mujoco.MjModel]:
+    """Return the models at both ends of an axis; none where no number or another layout differs."""
+    try:
+        models = [
+            _model(scene, {**values, name: _canonical(scene, name, end)}, run)[0] for end in ends
+        ]
+    except ContactlabError:
+        return []
+    before = _numbers(own)
+    if any(_shapes(_numbers(model)) != _shapes(before) for model in models):
+        return []
+    differ = any(_changed(before, _numbers(model)) for model in models)
+    return models if differ else []
+
+
+def _numbers(model: mujoco.MjModel) -> dict[str, np.ndarray]:
+    owners = {"": model, "opt.": model.opt}
+    return {
+        prefix + name: value
+        for prefix, owner in owners.items()
+        for name, value in fields_of(owner).items()
+        if value.dtype.kind in "fiub" and prefix + name not in _OF_REFERENCES
+    }
+
+
+def _shapes(numbers: Mapping[str, np.ndarray]) -> dict[str, tuple[int, ...]]:
+    return {name: value.shape for name, value in numbers.items()}
+
+
+def _changed(
+    before: Mapping[str, np.ndarray], after: Mapping[str, np.ndarray]
+) -> dict[str, np.ndarray]:
+    return {
+        name: value.copy()
+        for name, value in after.items()
+        if value.tobytes() != before[name].tobytes()
+    }
+
+
+def _towards(own: mujoco.MjModel, other: mujoco.MjModel) -> Change:
+    """Return what gives a model the numbers of another in which that differs from the run's own."""
+    fields = _changed(_numbers(own), _numbers(other))
+
+    def change(model: mujoco.MjModel, _own: mujoco.MjModel) -> None:
+        for path, value in fields.items():
+            owner = model.opt if path.startswith("opt.") else model
+            name = path.removeprefix("opt.")
+            if isinstance(getattr(owner, name), np.ndarray):
+                getattr(owner, name)[...] = value
+            else:
+                setattr(owner, name, value.item())
+
+    return change
+
+
+def _always(_model: mujoco.MjModel, _data: mujoco.MjData | None = None) -> bool:
+    return True
+
+
+def _finite(share: float) -> float | None:
+    return share if math.isfinite(share) else None
