@@ -7,6 +7,7 @@ from itertools import chain
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 from PIL import Image
 
 from contactlab.budget import Motion
@@ -15,6 +16,7 @@ from contactlab.contact.trace_arrays import Floats
 
 _TIMED = 0.5  # CPU that the clock tells well [s]
 _FRAMES, _HEIGHT, _WIDTH = 12, 150, 240
+_DISTANCE = 2.6  # of the camera, over the radius of what moves
 _MILLISECONDS, _QUALITY = 250, 40
 
 
@@ -55,19 +57,31 @@ def _steps(motion: Motion, data: mujoco.MjData) -> Iterator[None]:
         yield
 
 
+def _moves(model: mujoco.MjModel) -> NDArray[np.bool_]:
+    """Return (ngeom,) which geoms a camera looks at: those of moving bodies, else all."""
+    ends = (model.geom_rbound > 0) & (model.body_weldid[model.geom_bodyid] > 0)
+    return ends if ends.any() else np.ones(model.ngeom, bool)
+
+
 def film(model: mujoco.MjModel, states: Floats) -> bytes:
-    """Return states as an animated WebP, seen by the model's free camera.
+    """Return states as an animated WebP, seen by a camera that follows what moves.
 
     Raises:
         mujoco.FatalError: nothing draws here.
     """
     data, camera = mujoco.MjData(model), mujoco.MjvCamera()
     mujoco.mjv_defaultFreeCamera(model, camera)
+    moving = np.flatnonzero(_moves(model))
     pictures, stored = list[Image.Image](), io.BytesIO()
     with mujoco.Renderer(model, _HEIGHT, _WIDTH) as renderer:
         for state in states:
             mujoco.mj_setState(model, data, state, INTEGRATION)
             mujoco.mj_forward(model, data)
+            places = data.geom_xpos[moving]
+            camera.lookat[:] = (places.min(axis=0) + places.max(axis=0)) / 2
+            if not pictures:
+                off = np.linalg.norm(places - camera.lookat, axis=1) + model.geom_rbound[moving]
+                camera.distance = _DISTANCE * float(off.max())
             renderer.update_scene(data, camera)
             pictures.append(Image.fromarray(renderer.render()))
     first, *others = chain(pictures)

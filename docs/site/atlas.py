@@ -26,25 +26,32 @@ _COLOURS = {
 }
 _WORDS = {"model": "softness decides"}
 _SCRIPT = (Path(__file__).with_name("atlas.js")).read_text(encoding="utf-8")
-_INTRODUCTION = """# Atlas of public robots
+_INTRODUCTION = """---
+hide-toc: true
+---
+# Atlas of public robots
 
-What `contactlab MODEL` says of robots and scenes as public wheels carry them, one of each family of
-near-equal files: {judged} were examined, with MuJoCo {mujoco}; of {refused} families there is no
-verdict. Each page has the command that says it again, and a script in plain MuJoCo that shows the
-cause.
+What `contactlab MODEL` says of {judged} robots and scenes as public wheels carry them, with MuJoCo
+{mujoco}. Each page has its film and error budget, the change that mends it as a patch, the command
+that says it again, and a script in plain MuJoCo that shows the cause.
+{changed}
+"""
+_NOTES = """
+## What a verdict means
 
-A verdict is on the model *under one task*: rest under neutral controls, then sines through its own
+It is on the model *under one task*: rest under neutral controls, then sines through its own
 actuators and pushes, or a keyframe held by its own controls. It is no verdict on a robot, nor on
 what a policy does with it. "Softness decides" is sound, as numerics go: how much the motion hangs
-on soft contacts or limits is told, and may be meant.
+on soft contacts or limits is told, and may be meant. One of each family of near-equal files was
+examined.
 
-{changed}
+## What is not known
 
-**What is not known.** {silent}{older}A change was judged again on fresh seeds, and, written into
-the model, by the same command; a dash says that none was found, or none is needed. Causes are
-looked for in plain MuJoCo by `{script}`, whose controls are drawn anew: where it does not show
-them, the row says no. "Times real time" is that of plain steps on one core, while others were busy.
-Licences are those of wheels, and single models may have others.
+{silent}{older}A change was judged again on fresh seeds, and, written into the model, by the same
+command; a dash says that none was found, or none is needed. Causes are looked for in plain MuJoCo
+by `{script}`, whose controls are drawn anew: where it does not show them, the row says no. "Times
+real time" is that of plain steps on one core, while others were busy. Licences are those of wheels,
+and single models may have others.
 """
 _SILENT = "Of {names} there was no answer within the limit of CPU. "
 _OLDER = "{count} are by an older judge, and say so. "
@@ -53,7 +60,7 @@ _HEAD = (
     "model",
     "verdict",
     "mended by",
-    "plain MuJoCo",
+    "shown in plain MuJoCo",
     "other releases",
     "grip",
     "times real time",
@@ -218,22 +225,28 @@ def _index(
     old = sum(entry.judge != newest for entry in judged)
     yield _INTRODUCTION.format(
         judged=len(judged),
-        refused=len(refused),
         mujoco=", ".join(sorted({entry.mujoco for entry in judged})),
         changed=_between(judged, others),
+    )
+    yield '```{raw} html\n<p class="atlas-filter"><input type="search" aria-label="filter" '
+    yield 'placeholder="filter: a robot, a wheel, a verdict, a change"> <span></span></p>'
+    rows = [
+        _cells(entry, others.get(entry.family[0], {}), old=entry.judge != newest)
+        for entry in judged
+    ]
+    shown = [place for place in range(len(_HEAD)) if any(row[place] != _NONE for row in rows)]
+    heads = (f'<th scope="col"><button>{_HEAD[place]}</button></th>' for place in shown)
+    yield f'<table class="atlas"><thead><tr>{"".join(heads)}</tr></thead><tbody>'
+    for row in rows:
+        yield f"<tr>{''.join(f'<td>{row[place]}</td>' for place in shown)}</tr>"
+    yield f"</tbody></table>\n<script>\n{_SCRIPT}</script>\n```\n"
+    pages = "\n".join(f"atlas/{slug(entry)}" for entry in judged)
+    yield f"```{{toctree}}\n:hidden:\n\n{pages}\n```\n"
+    yield _NOTES.format(
         silent=_SILENT.format(names=", ".join(f"`{name}`" for name in slow)) if slow else "",
         older=_OLDER.format(count=old) if old else "",
         script=SCRIPT,
     )
-    yield '```{raw} html\n<p class="atlas-filter"><input type="search" aria-label="filter" '
-    yield 'placeholder="filter: a robot, a wheel, a verdict, a change"> <span></span></p>'
-    heads = "".join(f'<th scope="col"><button>{name}</button></th>' for name in _HEAD)
-    yield f'<table class="atlas"><thead><tr>{heads}</tr></thead><tbody>'
-    for entry in judged:
-        yield _row(entry, others.get(entry.family[0], {}), old=entry.judge != newest)
-    yield f"</tbody></table>\n<script>\n{_SCRIPT}</script>\n```\n"
-    pages = "\n".join(f"atlas/{slug(entry)}" for entry in judged)
-    yield f"```{{toctree}}\n:hidden:\n\n{pages}\n```\n"
     yield "## Without a verdict\n"
     yield from (f"- `{entry.name}`: {_plain(entry.refused)}" for entry in refused)
 
@@ -256,19 +269,19 @@ def _between(judged: Sequence[Entry], others: Mapping[str, Mapping[str, Entry]])
     return f"MuJoCo {', '.join(names)} judged {len(asked)} of them too: {told}."
 
 
-def _row(entry: Entry, others: Mapping[str, Entry], *, old: bool) -> str:
+def _cells(entry: Entry, others: Mapping[str, Entry], *, old: bool) -> tuple[str, ...]:
     dot = f'<i style="background:{_COLOURS[entry.word]}"></i>'
     name, page = entry.name.removeprefix(f"{entry.wheel}/"), slug(entry)
     still = ""
     if film_of(entry.family[0]).is_file():
-        still = f'<img src="{_STATIC}/{page}-still.webp" alt="" loading="lazy" width="96">'
+        still = f'<img src="../{_STATIC}/{page}-still.webp" alt="" loading="lazy" width="96">'
     aged = ", older judge" if old else ""
     link = (
         f'<a href="{page}/">{still}{html.escape(_short(name))}</a>'
         f"<small>{entry.wheel}{aged}</small>"
     )
     rate = f"{entry.rate:.2g}" if entry.rate else _NONE
-    cells = (
+    return (
         link,
         f"{dot}{shown_word(entry)}",
         html.escape(mended(entry)) or _NONE,
@@ -278,7 +291,6 @@ def _row(entry: Entry, others: Mapping[str, Entry], *, old: bool) -> str:
         rate,
         _ratio(entry),
     )
-    return f"<tr>{''.join(f'<td>{cell}</td>' for cell in cells)}</tr>"
 
 
 def _short(name: str) -> str:
@@ -291,7 +303,8 @@ def _page(entry: Entry, others: Mapping[str, Entry], *, old: bool) -> Iterator[s
     report = entry.examination
     assert report is not None
     name, page = entry.name, slug(entry)
-    yield f"# {_short(name)}\n\n![contactlab: {shown_word(entry)}](../{_STATIC}/{page}.svg)\n"
+    yield f"# {_short(name)} of {entry.wheel}\n"
+    yield f"![contactlab: {shown_word(entry)}](../{_STATIC}/{page}.svg)\n"
     if film_of(entry.family[0]).is_file():
         yield f"![its task, as plain MuJoCo plays it](../{_STATIC}/{page}.webp)\n"
     yield f"```text\n{chr(10).join(examination_lines(report))}\n```\n"

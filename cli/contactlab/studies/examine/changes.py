@@ -177,7 +177,11 @@ class Changes:
             _untimed(candidate, self._verdict.word, candidate.edits, removes=False)
             for candidate in self._parting
         ]
-        found = {"verdict": shown, "labels": self.unlabelling, "overlap": parting}
+        found: dict[Removes, Sequence[Remedy]] = {
+            "verdict": shown,
+            "labels": self.unlabelling,
+            "overlap": parting,
+        }
         return tuple(self._change(one, what) for what, some in found.items() for one in some)
 
     def _parts(self, candidate: Candidate) -> bool:
