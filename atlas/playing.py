@@ -15,9 +15,9 @@ from contactlab.budget.motion import INTEGRATION
 from contactlab.contact.trace_arrays import Floats
 
 _TIMED = 0.5  # CPU that the clock tells well [s]
-_FRAMES, _HEIGHT, _WIDTH = 12, 150, 240
+_FRAMES, _HEIGHT, _WIDTH = 12, 130, 208
 _DISTANCE = 2.6  # of the camera, over the radius of what moves
-_MILLISECONDS, _QUALITY = 250, 40
+_MILLISECONDS, _QUALITY = 250, 30
 
 
 def real_time(motions: Sequence[Motion]) -> float:
