@@ -133,7 +133,8 @@ def test_what_is_round_is_held_by_the_middle_of_pads(tmp_path: Path) -> None:
     asked = "cylinder:50x40mm,.1kg"
     report, grip = judged(tmp_path, claw(cone="elliptic", impratio="100"), held=asked)
     assert [each.force for each in report.fingers] == pytest.approx([20, 20], rel=1e-3)
-    assert np.linalg.norm((grip.held.begun - [0.1, 0.2, 0.5])[1:]) < 1e-4
+    assert grip.held.approach is not None
+    assert np.linalg.norm((grip.held.approach.point - [0.1, 0.2, 0.5])[1:]) < 1e-4
     assert report.verdict != "drops"
 
 

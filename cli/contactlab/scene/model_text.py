@@ -147,9 +147,10 @@ class Origins:
         compiler: dict[str, str] = {}
         for element in root.iter("compiler"):
             compiler |= element.attrib
+        own = path.resolve()
         for element in root.iter():
             file, _ = origins[element]
-            if file != path.resolve():
+            if file != own:
                 here = self.search.assets(element, path, path.parent, compiler)
                 for key, found in self.search.assets(element, file, path.parent, compiler).items():
                     if found != here[key]:
@@ -158,8 +159,8 @@ class Origins:
     def _with_included(
         self, path: Path, base: Path, origins: dict[ET.Element, Origin]
     ) -> ET.Element:
-        root = parse(path)
-        origins |= {element: (path.resolve(), place) for place, element in enumerate(root.iter())}
+        root, own = parse(path), path.resolve()
+        origins |= {element: (own, place) for place, element in enumerate(root.iter())}
         for parent in list(root.iter()):
             for place, child in reversed(list(enumerate(parent))):
                 if child.tag == "include":

@@ -10,13 +10,19 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.spatial import ConvexHull
 
 from contactlab import resources
 from contactlab.errors import SceneError
 from contactlab.scene.compile_model import InertiaFault, written_inertia_faults
 from contactlab.scene.scene import Scene
 from contactlab.scene.scene_source import find_scene
-from contactlab.studies.lint.inertia import in_words, inertia_faults, scene_inertia_faults
+from contactlab.studies.lint.inertia import (
+    hull_volume,
+    in_words,
+    inertia_faults,
+    scene_inertia_faults,
+)
 
 Write = Callable[[Path, Mapping[str, str]], None]
 Lengths = st.tuples(*[st.floats(0.01, 0.5)] * 3)
@@ -111,6 +117,19 @@ def test_the_density_of_every_shape_is_its_own(geom: str, factor: float) -> None
     assert len(found) == (factor > 1)
     for fault in found:
         assert fault.value == pytest.approx(20000 * factor, rel=1e-5)
+
+
+def test_the_hull_of_a_mesh_is_that_of_qhull() -> None:
+    """Its volume is read of the faces that MuJoCo collides with."""
+    points = np.random.default_rng(1).normal(size=(40, 3)) * [0.1, 0.2, 0.3]
+    vertex = " ".join(map(str, points.ravel()))
+    model = mujoco.MjModel.from_xml_string(
+        f"<mujoco><asset><mesh name='cloud' vertex='{vertex}'/></asset><worldbody>"
+        "<geom type='mesh' mesh='cloud'/></worldbody></mujoco>"
+    )
+    assert model.mesh_graphadr[0] >= 0
+    # Vertices are single precision.
+    assert hull_volume(model, 0) == pytest.approx(ConvexHull(points).volume, rel=1e-5)
 
 
 @given(

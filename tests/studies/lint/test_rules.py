@@ -77,6 +77,10 @@ class Planted(NamedTuple):
 
 _UPPER = 'fromto=".1 0 0 .3 0 0" size=".02"/>\n        <body'
 _OTHER = '<body name="other" pos=".2 .01 1.1"><freejoint/><geom name="other" size=".02"/></body>'
+# Folds back on the upper arm, from which the lower arm is between them.
+_HAND = (
+    '\n<body name="hand"><joint axis="0 1 0"/><geom name="hand" pos="-.2 0 0" size=".03"/></body>'
+)
 CASES: Mapping[str, Planted] = {
     "keyframe-range": Planted({'qpos="0 0"': 'qpos="0 1.5"'}, "<key"),
     "keyframe-control": Planted({'ctrl="0"': 'ctrl="2"'}, "<key"),
@@ -131,6 +135,13 @@ CASES: Mapping[str, Planted] = {
         {'<geom name="lower"': '<geom name="lower" solref=".05 1"'}, '<geom name="lower"'
     ),
     "parent-filter": Planted(
+        {
+            'size=".02"/>\n        </body>': f'size=".02"/>{_HAND}</body>',
+            'qpos="0 0"': 'qpos="0 0 0"',
+        },
+        'body name="hand"',
+    ),
+    "base-filter": Planted(
         {
             '<body name="base" pos="0 0 1">': '<body name="base" pos="0 0 1">'
             '<geom name="base" size=".15"/>'
@@ -240,6 +251,21 @@ def test_the_lines_of_a_remedy_end_the_finding(linted: Linted, rule: str, tmp_pa
     assert rules_of(after) <= rules_of(before)
 
 
+def test_controls_that_a_keyframe_leaves_out_are_nobodys(linted: Linted) -> None:
+    """They are 0, and clamped, which no author wrote."""
+    text = ROBOT.replace('ctrlrange="-1 1"', 'ctrlrange=".5 1"')
+    assert "keyframe-control" in rules_of(linted(text))
+    assert "keyframe-control" not in rules_of(linted(text.replace(' ctrl="0"', "")))
+
+
+def test_the_base_of_a_urdf_is_no_mount(linted: Linted) -> None:
+    """A URDF says nothing of what its base stands on, an MJCF that fixes it means it."""
+    ball = '<collision><origin xyz="{} 0 0"/><geometry><sphere radius=".1"/></geometry></collision>'
+    text = _URDF.replace('<link name="base"/>', f'<link name="base">{ball.format(0)}</link>')
+    text = text.replace('<link name="upper">', f'<link name="upper">{ball.format(0.05)}')
+    assert rules_of(linted(text)) & {"parent-filter", "base-filter"} == {"parent-filter"}
+
+
 def test_each_rule_has_a_case_and_a_section_of_the_docs() -> None:
     assert set(CASES) == set(RULES)
     text = DOCS.read_text(encoding="utf-8")
@@ -257,7 +283,7 @@ LID = """<mujoco><option gravity="0 0 {gravity}"/><worldbody><body>
 <joint name="lid" type="slide" axis="0 0 1" range="0 .05" damping="1"
   solreflimit=".1 1"/><geom size=".02" mass=".2"/></body></worldbody>
 <keyframe><key name="start" qpos="{place}"/></keyframe></mujoco>"""
-BLOCK = """<mujoco><option gravity="0 0 {gravity}"/><default><geom solref=".1 1"/></default>
+BLOCK = """<mujoco><option gravity="0 0 {gravity}"/><default><geom solref=".15 1"/></default>
 <worldbody><geom type="plane" size="1 1 .1"/><body><joint type="slide" axis="0 0 1"/>
 <geom name="block" type="box" size=".1 .1 .02" mass="2"/></body></worldbody>
 <keyframe><key name="start" qpos="{place}"/></keyframe></mujoco>"""

@@ -19,7 +19,6 @@ from contactlab.scene.compile_model import InertiaFault
 from contactlab.scene.part_bodies import hauled
 from contactlab.schema.examination import Fact
 from contactlab.studies.lint.inertia import in_words, inertia_faults
-from contactlab.studies.lint.overlaps import DEEP
 
 # States are looked at in these windows of a run [s].
 _WINDOW = 0.01
@@ -28,6 +27,7 @@ _STILL = 1e-3  # half extents of a geom in a second [1/s], below which it does n
 _HOLDS = 0.95  # of a cone of friction: beyond, a contact slides
 _WITH_FRICTION = 3  # dimensions of a contact
 _PYRAMIDAL = int(mujoco.mjtCone.mjCONE_PYRAMIDAL)
+_DEEP = 0.05  # of half the thinner geom, a range or a body's size, up to which a start is ordinary
 _TOUCH = 1e-6  # of half a geom's extent, up to which geoms touch: what is less is rounding
 _ENDS_MEET = (int(mujoco.mjtEq.mjEQ_CONNECT), int(mujoco.mjtEq.mjEQ_WELD))
 _HEAVY = 1e3  # weights of the model, below which a force is ordinary
@@ -96,7 +96,7 @@ def half_extent(model: mujoco.MjModel, geom: int) -> float:
 
 
 def _of_depth(deepest: Sequence[_Contact], overlap: Sequence[_Contact]) -> Iterator[Fact]:
-    if (worst := _worst(overlap)) and worst.share > DEEP:
+    if (worst := _worst(overlap)) and worst.share > _DEEP:
         yield Fact(
             kind="overlap",
             place=worst.pair,
@@ -204,13 +204,13 @@ def _of_limits(motion: Motion) -> Iterator[Fact]:
     at, (low, high) = data.qpos[model.jnt_qposadr[joints]], model.jnt_range[joints].T
     beyond = np.maximum(low - at, at - high)
     shares = beyond / np.maximum(high - low, np.finfo(float).tiny)
-    if not joints.size or shares.max() <= DEEP:
+    if not joints.size or shares.max() <= _DEEP:
         return
     worst = int(shares.argmax())
     joint, amount = int(joints[worst]), float(beyond[worst])
     turns = int(model.jnt_type[joint]) == mujoco.mjtJoint.mjJNT_HINGE
     said = f"{plain(np.degrees(amount), 2)} deg" if turns else f"{_mm(amount)} mm"
-    others = int((shares > DEEP).sum()) - 1
+    others = int((shares > _DEEP).sum()) - 1
     are = "are" if others > 1 else "is"
     more = f"; so {are} {others} more" if others else ""
     yield Fact(
@@ -235,7 +235,7 @@ def _of_equalities(motion: Motion) -> Iterator[Fact]:
         )
         apart[int(equality)] = float(np.linalg.norm(data.efc_pos[rows[:3]]))
     worst = max(apart, key=lambda equality: apart[equality], default=-1)
-    if worst < 0 or apart[worst] <= DEEP * model.stat.meansize:
+    if worst < 0 or apart[worst] <= _DEEP * model.stat.meansize:
         return
     name = model.equality(worst).name
     place = f"equality {name or f'[{worst}]'}"

@@ -33,6 +33,7 @@ _REACH, _RAMP, _PART, _MOST = 1.0, 0.5, 0.25, 4.0
 # An actuator closes if its effect is this share of the largest; pairs of geoms are alike if they
 # approach by this share of the most.
 _EFFECT, _ALIKE = 0.1, 0.9
+_PARTED = 12  # fingers, up to which all ways to part them are tried
 _LOOKS = 60  # configurations of a path
 _WAY = 0.1  # of the opening, on which the fingers' way is seen
 # Of the way that fingers close, what an object leaves at both ends; of their breadth, its own.
@@ -46,6 +47,7 @@ _CENTRED, _ON_AXIS = 1e-3, 1e-3  # of the object's largest half extent
 _DEPTHS = (0.0, 0.5, 1.0, 1.5, -0.25, -0.5)
 _OVERLAP = 0.02
 _FAR = 1e3  # where the object is put aside, in extents
+_UNMOVED = 1e6  # times the mass of an object that is held still
 
 
 @dataclass(frozen=True)
@@ -54,20 +56,41 @@ class Closing:
 
     Attributes:
         opened, closed: (nu,) controls.
-        start: (nq,) configuration with fingers opened, without an object.
         opening: largest clearance of the surfaces that meet [m].
         pairs: of geoms that meet, the first of one side, the second of the other.
         path: (K, nq) configurations as they close on nothing, the first opened.
+        shares: (K,) of the way from opened to closed controls there.
         gaps: (K,) mean clearance of the pairs there [m].
     """
 
     opened: Floats
     closed: Floats
-    start: Floats
     opening: float
     pairs: tuple[tuple[int, int], ...]
     path: Floats
+    shares: Floats
     gaps: Floats
+
+    def control(self, share: float) -> Floats:
+        """Return (nu,) controls at a share of the way from opened to closed."""
+        return self.opened + share * (self.closed - self.opened)
+
+
+@dataclass(frozen=True)
+class Approach:
+    """How fingers come to an object.
+
+    Attributes:
+        point: (3,) the object's middle before they close, in the world's frame [m].
+        turn: (3, 3) of the object, as Squeeze has it.
+        place: on the path of closing where they begin; 0 is opened.
+        is_still: whether the object stays there until they rest, as on a table or in another hand.
+    """
+
+    point: Floats
+    turn: Floats
+    place: int = 0
+    is_still: bool = False
 
 
 @dataclass(frozen=True)
@@ -84,7 +107,7 @@ class Squeeze:
         depth: of the deepest contact [m].
         points: (K, 3) contact points [m].
         geoms: of the hand, which touch it.
-        begun: (3,) where the object was before the fingers closed, in the world's frame [m].
+        approach: how the fingers came to it; None in a keyframe.
     """
 
     row: Floats
@@ -95,7 +118,7 @@ class Squeeze:
     depth: float
     points: Floats
     geoms: tuple[int, ...]
-    begun: Floats
+    approach: Approach | None
 
     @property
     def is_held(self) -> bool:
@@ -107,9 +130,9 @@ def find_closing(rig: Rig) -> Closing:
     """Drive a hand open and closed on nothing.
 
     Which end of an actuator closes is its main effect on the distance of the fingers' outermost
-    geoms, in a two-level design of all actuators (Hadamard, folded over), since a finger that
-    curls alone goes away from its neighbours. Sides are those that then move against each other;
-    what does little to the distance between sides stays where it is.
+    geoms, in a two-level design of all actuators (Hadamard, folded over). The distance is that
+    between two sides, since a finger that curls alone goes away from its neighbours; what does
+    little to it stays where it is.
 
     Raises:
         SceneError: no actuator brings fingers together.
@@ -117,11 +140,8 @@ def find_closing(rig: Rig) -> Closing:
     model = _without(rig)
     ends = control_ends(model)
     signs, places = _designed(rig, model, ends)
-    tips = _tips(rig, model, places)
-    effects = _effects(signs, _spreads(places, list(combinations(tips, 2))))
-    sides = _sides(tips, signs, places, effects)
-    across = list(product(*sides))
-    effects = _effects(signs, _spreads(places, across))
+    sides = _sides(_tips(rig, model, places), signs, places)
+    effects = _effects(signs, _spreads(places, list(product(*sides))))
     closing = np.abs(effects) > max(_EFFECT * np.abs(effects).max(), 1e-9 * model.stat.extent)
     if not closing.any():
         raise SceneError(f"no actuator brings two fingers together; {NO_HAND}")
@@ -131,17 +151,15 @@ def find_closing(rig: Rig) -> Closing:
     opened = np.where(closing, np.where(effects < 0, low, high), neutral)
     there, row = _driven(model, start_row(model, _aside(rig, model)), opened, opened)
     way, _ = _driven(model, row, opened, closed)
-    path = np.concatenate(
-        [there[-1:], way[np.unique(np.linspace(0, len(way) - 1, _LOOKS, dtype=int))]]
-    )
+    looks = np.unique(np.linspace(0, len(way) - 1, _LOOKS, dtype=int))
+    path = np.concatenate([there[-1:], way[looks]])
+    shares = np.minimum(1, np.append(0, looks / (_steps(model, _RAMP) - 1)))
     pairs = _meeting(rig, model, sides, path)
     apart = [[_gap(model, qpos, pair)[0] for pair in pairs] for qpos in path]
     gaps: Floats = np.array(apart).mean(axis=1) if pairs else np.zeros(1)
     if not gaps.max() > 0:
         raise SceneError(f"the fingers never come apart; {NO_HAND}")
-    # Fingers that curl may first go apart.
-    begin = int(gaps.argmax())
-    return Closing(opened, closed, path[0], float(gaps.max()), pairs, path[begin:], gaps[begin:])
+    return Closing(opened, closed, float(gaps.max()), pairs, path, shares, gaps)
 
 
 def _without(rig: Rig) -> mujoco.MjModel:
@@ -212,27 +230,32 @@ def _tips(rig: Rig, model: mujoco.MjModel, places: Floats) -> list[int]:
 
 
 def _sides(
-    tips: Sequence[int], signs: Floats, places: Floats, effects: Floats
-) -> tuple[list[int], list[int]]:
-    """Return the tips that move one way as the hand closes, and those that move the other way.
+    tips: Sequence[int], signs: Floats, places: Floats
+) -> tuple[tuple[int, ...], tuple[int, ...]]:
+    """Return the tips of both sides: of all ways to part them, the one that approaches most.
 
-    The way is the principal direction of what the effects of all actuators sum up to; with one
-    that moves, the other stays.
+    A way's approach is the sum of all effects on the mean distance of its two sides. So a thumb is
+    found against fingers, which move beside each other.
     """
-    closes = -np.sign(effects)
-    moved = np.array([closes @ _effects(signs, places[:, tip]) for tip in tips])
-    away = moved - moved.mean(axis=0)
-    direction = np.linalg.svd(away)[2][0]
-    along = away @ direction
-    one = [tip for tip, way in zip(tips, along, strict=True) if way > 0]
-    other = [tip for tip, way in zip(tips, along, strict=True) if way <= 0]
-    if not one or not other:
-        raise SceneError(f"the fingers move alike and never against each other; {NO_HAND}")
+    pairs = list(combinations(range(len(tips)), 2))
+    between = np.zeros((signs.shape[1], len(tips), len(tips)))
+    for one, other in pairs:
+        effects = _effects(signs, _spreads(places, [(tips[one], tips[other])]))
+        between[:, one, other] = between[:, other, one] = effects
+    most = len(tips) // 2 if len(tips) <= _PARTED else 1
+    ways = [way for size in range(1, most + 1) for way in combinations(range(len(tips)), size)]
+    rests = [tuple(tip for tip in range(len(tips)) if tip not in way) for way in ways]
+    approach = [
+        np.abs(between[:, way][:, :, rest].mean(axis=(1, 2))).sum()
+        for way, rest in zip(ways, rests, strict=True)
+    ]
+    best = int(np.argmax(approach))
+    one, other = (tuple(tips[tip] for tip in side[best]) for side in (ways, rests))
     return one, other
 
 
 def _meeting(
-    rig: Rig, model: mujoco.MjModel, sides: tuple[list[int], list[int]], path: Floats
+    rig: Rig, model: mujoco.MjModel, sides: tuple[Sequence[int], Sequence[int]], path: Floats
 ) -> tuple[tuple[int, int], ...]:
     """Return, for fingers of both sides, the geoms that face and approach each other most.
 
@@ -271,7 +294,9 @@ def _geoms_at(model: mujoco.MjModel, qpos: Floats) -> Floats:
     return data.geom_xpos.copy()
 
 
-def _spread_at(model: mujoco.MjModel, qpos: Floats, sides: tuple[list[int], list[int]]) -> float:
+def _spread_at(
+    model: mujoco.MjModel, qpos: Floats, sides: tuple[Sequence[int], Sequence[int]]
+) -> float:
     return float(_spreads(_geoms_at(model, qpos)[None], list(product(*sides)))[0])
 
 
@@ -301,16 +326,18 @@ def _driven(
 
 def _ramp(model: mujoco.MjModel, row: Floats, begin: Floats, end: Floats) -> tuple[Floats, Floats]:
     """Return the configurations on the way to a control within half a second, and the state."""
-    steps = max(2, round(_RAMP / model.opt.timestep))
-    share = np.linspace(0, 1, steps)[:, None]
+    share = np.linspace(0, 1, _steps(model, _RAMP))[:, None]
     controls = begin + share * (end - begin)
     return _rolled(model, row, controls)
 
 
 def _rest(model: mujoco.MjModel, row: Floats, control: Floats) -> tuple[Floats, Floats]:
     """Return the configurations of a quarter of a second with a control, and the state."""
-    steps = max(2, round(_PART / model.opt.timestep))
-    return _rolled(model, row, constant(control, 1, steps)[0])
+    return _rolled(model, row, constant(control, 1, _steps(model, _PART))[0])
+
+
+def _steps(model: mujoco.MjModel, seconds: float) -> int:
+    return max(2, round(seconds / model.opt.timestep))
 
 
 def _rolled(model: mujoco.MjModel, row: Floats, controls: Floats) -> tuple[Floats, Floats]:
@@ -330,22 +357,24 @@ def _gap(model: mujoco.MjModel, qpos: Floats, pair: tuple[int, int]) -> tuple[fl
     return float(gap), ends.reshape(2, 3)
 
 
-def fitted(rig: Rig, closing: Closing) -> GrippedObject:
+def fitted(rig: Rig, closing: Closing, factor: float = 1.0) -> GrippedObject:
     """Return the usual object as a hand can hold it: no smaller than it closes, nor too large.
 
-    It keeps a fifth of the way from both ends, and reaches past the fingers on either side.
+    It keeps a fifth of the way from both ends, and reaches past the fingers on either side; by a
+    factor less where they have no room for it.
     """
     least, most = max(float(closing.gaps.min()), 0.0), closing.opening
     across, side, out = USUAL.size
-    width = float(
-        np.clip(across, least + _INSIDE * (most - least), most - _INSIDE * (most - least))
-    )
-    factor = min(1.0, width / across)
+    kept = _INSIDE * (most - least)
+    width = float(np.clip(across, least + kept, most - kept))
+    shrunk = min(1.0, width / across)
     at = int(np.flatnonzero(closing.gaps >= width)[-1])
     ends = np.array([_gap(rig.model, closing.path[at], pair)[1] for pair in closing.pairs])
     point, turn = _met(rig, closing, at)
     beside = float(np.abs((ends - point) @ turn[:, 1]).max())
-    return replace(USUAL, size=(width, max(factor * side, _PAST * 2 * beside), factor * out))
+    size = (width, max(shrunk * side, _PAST * 2 * beside), shrunk * out)
+    fits = replace(USUAL, size=size).scaled(factor)
+    return replace(fits, size=(max(fits.size[0], least + kept), *fits.size[1:]))
 
 
 def pads_centre(rig: Rig, closing: Closing) -> Floats | None:
@@ -414,7 +443,8 @@ def frame(across: Floats, out: Floats) -> Floats:
 def squeeze(rig: Rig, closing: Closing, centre: Floats | None = None) -> Squeeze:
     """Close a hand on its object, which is centred on the pads first.
 
-    Where it slips out between the outermost geoms, it is tried nearer to the base.
+    Where it slips out between the outermost geoms, it is held still until the fingers rest, and
+    then tried nearer to the base. Where opened fingers lie in its place, they begin further on.
 
     Args:
         rig: hand and object.
@@ -426,60 +456,98 @@ def squeeze(rig: Rig, closing: Closing, centre: Floats | None = None) -> Squeeze
         across = (centre - point) @ turn
         point = point + turn @ (across * [0, 1, 1])
         turn = _turn(rig, point, turn[:, 0])
-    control = closing.closed
-    reach, deep = 2 * rig.half[2], list[float]()
+    reach = 2 * rig.half[2]
+    deep, tried = list[float](), list[Approach]()
     for depth in _DEPTHS:
-        inner = point - depth * reach * turn[:, 2]
-        deep.append(_overlap(rig, closing, inner, turn))
-        if deep[-1] > _OVERLAP * rig.half[0]:
+        overlap, approach = _with_room(rig, closing, point - depth * reach * turn[:, 2], turn)
+        deep.append(overlap)
+        if overlap > _OVERLAP * rig.half[0]:
             continue
-        first = close_at(rig, closing, inner, turn, control)
-        if not first.is_held:
-            continue
-        # Nearest points of flat pads may be their corners: the pads' centre is where they press.
-        across = (first.points.mean(axis=0) - inner) @ turn
-        if np.linalg.norm(across[1:]) < _CENTRED * rig.half.max():
-            return first
-        inner = inner + turn @ (across * [0, 1, 1])
-        second = close_at(rig, closing, inner, _turn(rig, inner, turn[:, 0]), control)
-        return second if second.is_held else first
-    if min(deep) > _OVERLAP * rig.half[0]:
+        tried += [approach, replace(approach, is_still=True)]
+    if not tried:
         raise SceneError(
             f"the object does not fit between the opened fingers: it begins {1e3 * min(deep):.3g} "
             "mm deep in them; give a smaller or flatter one with --object"
         )
-    return close_at(rig, closing, point, turn, control)
+    for approach in tried:
+        first = close_at(rig, closing, approach, closing.closed)
+        if not first.is_held:
+            continue
+        # Nearest points of flat pads may be their corners: the pads' centre is where they press.
+        across = (first.points.mean(axis=0) - approach.point) @ approach.turn
+        if np.linalg.norm(across[1:]) < _CENTRED * rig.half.max():
+            return first
+        inner = approach.point + approach.turn @ (across * [0, 1, 1])
+        centred = replace(approach, point=inner, turn=_turn(rig, inner, approach.turn[:, 0]))
+        second = close_at(rig, closing, centred, closing.closed)
+        return second if second.is_held else first
+    return close_at(rig, closing, tried[0], closing.closed)
 
 
-def _overlap(rig: Rig, closing: Closing, point: Floats, turn: Floats) -> float:
-    """Return how deep an object begins in the opened hand [m]."""
-    data = placed(rig.model, start_row(rig.model, _begin(rig, closing, point, turn)))
+def _with_room(rig: Rig, closing: Closing, point: Floats, turn: Floats) -> tuple[float, Approach]:
+    """Return how deep an object begins in the hand [m], and where on their path fingers begin.
+
+    That is opened, or else where it first has room, as between fingers that curl around it.
+    """
+    found = list[tuple[float, Approach]]()
+    for start in (0, *np.flatnonzero(closing.gaps >= 2 * rig.half[0]).tolist()):
+        approach = Approach(point, turn, start)
+        found.append((_overlap(rig, closing, approach), approach))
+        if found[-1][0] <= _OVERLAP * rig.half[0]:
+            break
+    return min(found, key=lambda one: one[0])
+
+
+def _overlap(rig: Rig, closing: Closing, approach: Approach) -> float:
+    """Return how deep an object begins in the hand [m]."""
+    data = placed(rig.model, start_row(rig.model, _begin(rig, closing, approach)))
     return max((contact.depth for contact in contacts_of(rig.model, data, rig.body)), default=0.0)
 
 
-def _begin(rig: Rig, closing: Closing, point: Floats, turn: Floats) -> Floats:
-    """Return the configuration of an opened hand with the object's middle at a point."""
-    qpos = closing.start.copy()
-    qpos[rig.address : rig.address + 3] = point - turn @ rig.middle
-    mujoco.mju_mat2Quat(qpos[rig.address + 3 : rig.address + 7], turn.ravel())
+def _begin(rig: Rig, closing: Closing, approach: Approach) -> Floats:
+    """Return the configuration of a hand and its object before the fingers close."""
+    qpos = closing.path[approach.place].copy()
+    qpos[rig.address : rig.address + 3] = approach.point - approach.turn @ rig.middle
+    mujoco.mju_mat2Quat(qpos[rig.address + 3 : rig.address + 7], approach.turn.ravel())
     return qpos
 
 
-def close_at(rig: Rig, closing: Closing, point: Floats, turn: Floats, control: Floats) -> Squeeze:
-    """Close a hand to a control on its object, which begins at a point and turn, until it rests."""
-    row, model = start_row(rig.model, _begin(rig, closing, point, turn)), rig.model
-    path, row = _ramp(model, row, closing.opened, control)
-    paths, before = [path], np.inf
+def close_at(rig: Rig, closing: Closing, approach: Approach, control: Floats) -> Squeeze:
+    """Close a hand to a control on its object until it rests."""
+    row = start_row(rig.model, _begin(rig, closing, approach))
+    begin = closing.control(float(closing.shares[approach.place]))
+    if not approach.is_still:
+        path, row = _ramp(rig.model, row, begin, control)
+        return replace(_settled(rig, row, control, approach.turn, [path]), approach=approach)
+    heavy = _held_still(rig)
+    path, row = _ramp(heavy.model, row, begin, control)
+    before = _settled(heavy, row, control, approach.turn, [path])
+    found = _settled(rig, before.row, control, approach.turn, [before.path])
+    return replace(found, approach=approach)
+
+
+def _held_still(rig: Rig) -> Rig:
+    """Return a rig whose object weighs so much that fingers do not move it."""
+    model = rig.model.__copy__()
+    model.body_mass[rig.body] *= _UNMOVED
+    model.body_inertia[rig.body] *= _UNMOVED
+    mujoco.mj_setConst(model, mujoco.MjData(model))
+    return replace(rig, model=model)
+
+
+def _settled(
+    rig: Rig, row: Floats, control: Floats, turn: Floats, paths: Sequence[Floats]
+) -> Squeeze:
+    """Go on with a control after some paths until object, fingers and forces rest."""
+    paths, before, begun, lasted = list(paths), np.inf, paths[0], _RAMP
     while True:
-        rolled = _rest(model, row, control)
-        paths.append(rolled[0])
-        row = rolled[1]
+        part, row = _rest(rig.model, row, control)
+        paths.append(part)
         pressed = pressing(rig, row, control, turn, np.concatenate(paths))
-        total = sum(pressed.forces)
-        lasted = sum(map(len, paths)) * model.opt.timestep
-        still = _is_still(rig, path, rolled[0], held=pressed.is_held)
+        total, lasted = sum(pressed.forces), lasted + _PART
+        still = _is_still(rig, begun, part, held=pressed.is_held)
         if (still and abs(total - before) <= _STEADY * total) or lasted > _MOST:
-            return replace(pressed, begun=point)
+            return pressed
         before = total
 
 
@@ -511,5 +579,5 @@ def pressing(rig: Rig, row: Floats, control: Floats, turn: Floats, path: Floats)
         depth=max((contact.depth for contact in found), default=0.0),
         points=np.array([contact.point for contact in found]).reshape(-1, 3),
         geoms=tuple(sorted({contact.geom for contact in found})),
-        begun=data.xipos[rig.body].copy(),
+        approach=None,
     )

@@ -197,11 +197,8 @@ def _on_bench(request: GripRequest) -> _Setup:
     bench = cut_free(spec, model, hand, given.name if given.shape == "body" else "")
     rig = with_object(bench, given)
     closing = find_closing(rig)
-    if request.held is None and (fits := fitted(rig, closing)) != USUAL:
-        given = fits
-        rig = with_object(bench, given)
     if request.held is None:
-        given, rig, held = _squeezed_usual(bench, closing, given)
+        given, rig, held = _squeezed_usual(bench, rig, closing)
     else:
         box = replace(USUAL, size=(2 * float(rig.half[0]), *USUAL.size[1:]))
         is_box = given.shape == "box"
@@ -213,15 +210,13 @@ def _on_bench(request: GripRequest) -> _Setup:
     return _Setup(Grip(rig, held, load, _BENCH, closing), bench, given)
 
 
-def _squeezed_usual(
-    bench: Bench, closing: Closing, given: GrippedObject
-) -> tuple[GrippedObject, Rig, Squeeze]:
+def _squeezed_usual(bench: Bench, rig: Rig, closing: Closing) -> tuple[GrippedObject, Rig, Squeeze]:
     """Return the first of the usual object and smaller ones that opened fingers have room for."""
     for factor in _SMALLER:
-        tried = given.scaled(factor)
-        rig = with_object(bench, tried)
+        tried = fitted(rig, closing, factor)
+        other = rig if tried == USUAL else with_object(bench, tried)
         try:
-            return tried, rig, squeeze(rig, closing)
+            return tried, other, squeeze(other, closing)
         except SceneError:
             if factor == _SMALLER[-1]:
                 raise
@@ -236,11 +231,11 @@ def _squeezed(rig: Rig, closing: Closing, held: Squeeze, force: float) -> Squeez
             f"--squeeze {force:g}: the actuators give {most:.3g} N a finger at the end of their "
             "range; write at most that"
         )
+    assert held.approach is not None
     low, high, found = 0.0, 1.0, held
     while abs(least_force(found) - force) > _NEAR * force and high - low > _NEAR**2:
         share = (low + high) / 2
-        control = closing.opened + share * (closing.closed - closing.opened)
-        found = close_at(rig, closing, held.begun, held.turn, control)
+        found = close_at(rig, closing, held.approach, closing.control(share))
         low, high = (low, share) if least_force(found) > force else (share, high)
     return found
 
@@ -321,13 +316,15 @@ def _fingers(grip: Grip) -> Iterator[GripFinger]:
 def _placements(setup: _Setup, drifts: Sequence[Drift], within: float) -> Iterator[GripPlacement]:
     """Yield what becomes of the object as it is, beside there, and of other sizes."""
     grip = setup.grip
-    if setup.bench is None or grip.closing is None or not grip.held.is_held:
+    begun = grip.held.approach
+    if setup.bench is None or grip.closing is None or begun is None or not grip.held.is_held:
         return
     yield _placement("as it is", grip, drifts, within)
     rig, turn = grip.rig, grip.held.turn
     for name, axis in (("half its breadth aside", 1), ("half its length further out", 2)):
         offset = turn[:, axis] * rig.half[axis]
-        held = close_at(rig, grip.closing, grip.held.begun + offset / 2, turn, grip.held.control)
+        approach = replace(begun, point=begun.point + offset / 2, turn=turn)
+        held = close_at(rig, grip.closing, approach, grip.held.control)
         moved = replace(grip, held=replace(held, turn=turn))
         yield _placement(name, moved, moved.drifts(), within)
     if setup.given is None or setup.given.shape in ("body", "mesh"):

@@ -61,16 +61,16 @@ class Grip:
     def with_model(self, model: mujoco.MjModel) -> "Grip":
         """Return the grip that a changed model makes: closed anew, or held on from the keyframe."""
         rig = replace(self.rig, model=model)
-        if self.closing is not None:
-            held = close_at(rig, self.closing, self.held.begun, self.held.turn, self.held.control)
+        if self.closing is not None and self.held.approach is not None:
+            held = close_at(rig, self.closing, self.held.approach, self.held.control)
         else:
             held = self._held_on(rig, self.held.control)
         return replace(self, rig=rig, held=replace(held, turn=self.held.turn))
 
     def with_control(self, control: Floats) -> "Grip":
         """Return the grip with another control at its end."""
-        if self.closing is not None:
-            held = close_at(self.rig, self.closing, self.held.begun, self.held.turn, control)
+        if self.closing is not None and self.held.approach is not None:
+            held = close_at(self.rig, self.closing, self.held.approach, control)
         else:
             held = self._held_on(self.rig, control)
         return replace(self, held=replace(held, turn=self.held.turn))

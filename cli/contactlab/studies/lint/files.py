@@ -32,7 +32,8 @@ def unread(linted: LintedModel) -> Iterator[Fault]:
 def deprecated(linted: LintedModel) -> Iterator[Fault]:
     """The installed MuJoCo warns of something as it compiles the model."""
     for text in linted.warned:
-        yield Fault(text, next(_named_in(linted, text), None))
+        lines = (line.strip() for line in text.splitlines())
+        yield Fault("; ".join(line for line in lines if line), next(_named_in(linted, text), None))
 
 
 def _named_in(linted: LintedModel, text: str) -> Iterator[Place]:

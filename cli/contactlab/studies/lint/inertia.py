@@ -170,7 +170,7 @@ def solid_geoms(model: mujoco.MjModel, body: int) -> list[int]:
 def volume(model: mujoco.MjModel, geom: int) -> float:
     """Return the volume of a geom [m^3]; for a mesh, that of its convex hull."""
     shape = _SHAPES.get(int(model.geom_type[geom]))
-    return shape[0](*model.geom_size[geom]) if shape else hull_volume(_points(model, geom))
+    return shape[0](*model.geom_size[geom]) if shape else hull_volume(model, _mesh_of(model, geom))
 
 
 def _extents(model: mujoco.MjModel, body: int, axes: Floats) -> Floats:
@@ -193,17 +193,40 @@ def _span(model: mujoco.MjModel, geom: int, direction: Floats) -> tuple[float, f
 
 
 def _points(model: mujoco.MjModel, geom: int) -> Floats:
-    mesh = int(model.geom_dataid[geom])
+    return mesh_vertices(model, _mesh_of(model, geom))
+
+
+def _mesh_of(model: mujoco.MjModel, geom: int) -> int:
+    return int(model.geom_dataid[geom])
+
+
+def mesh_vertices(model: mujoco.MjModel, mesh: int) -> Floats:
+    """Return (n, 3) the vertices of a mesh in its frame [m]."""
     first = int(model.mesh_vertadr[mesh])
     return np.array(model.mesh_vert[first : first + int(model.mesh_vertnum[mesh])], np.float64)
 
 
-def hull_volume(points: Floats) -> float:
-    """Return the volume of the convex hull of points (n, 3) [m^3]; 0 if they are flat."""
-    try:
-        return float(ConvexHull(points).volume)
-    except QhullError:
-        return 0.0
+def hull_volume(model: mujoco.MjModel, mesh: int) -> float:
+    """Return the volume of a mesh's convex hull [m^3], MuJoCo's own if it has one; 0 if flat."""
+    points = mesh_vertices(model, mesh)
+    if model.mesh_graphadr[mesh] < 0:
+        try:
+            return float(ConvexHull(points).volume)
+        except QhullError:
+            return 0.0
+    corners = points[_hull_faces(model, mesh)]
+    # Of pyramids over its faces, from a point inside.
+    corners = corners - corners.mean(axis=(0, 1))
+    heights = np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2]))
+    return float(np.abs(heights).sum() / 6)
+
+
+def _hull_faces(model: mujoco.MjModel, mesh: int) -> np.ndarray:
+    """Return (n, 3) vertices of the faces of a mesh's hull, which end `mesh_graph`."""
+    begin = int(model.mesh_graphadr[mesh])
+    vertices, faces = model.mesh_graph[begin : begin + 2].tolist()
+    first = begin + 2 + 3 * vertices + 3 * faces
+    return np.array(model.mesh_graph[first : first + 3 * faces]).reshape(-1, 3)
 
 
 _BALL = 4 / 3 * math.pi

@@ -31,6 +31,7 @@ from contactlab.scene.mujoco_versions import silence_mujoco
 from contactlab.scene.scene_source import MODEL_SUFFIXES, SceneSource
 from contactlab.scene.task import keyframe_names
 from contactlab.schema.task import QPOS0
+from contactlab.studies.lint.inertia import inertia_faults
 
 _KINDS = {**KINDS, "mesh": "meshes", "hfield": "hfields", "texture": "textures", "site": "sites"}
 _UNLINED = "key"  # of which MuJoCo keeps no lines
@@ -141,6 +142,13 @@ class LintedModel:
         data = mujoco.MjData(self.model)
         mujoco.mj_forward(self.model, data)
         return data
+
+    @cached_property
+    def inertia_faults(self) -> tuple[InertiaFault, ...]:
+        """Faults of inertias, as written and as compiled, each once."""
+        compiled = () if self.compiled is None else inertia_faults(self.compiled)
+        found = (*self.inertia, *compiled)
+        return tuple({(fault.body, fault.kind): fault for fault in found}.values())
 
     def name(self, kind: str, index: int) -> str:
         """Return the name or the address of a part of the compiled model."""

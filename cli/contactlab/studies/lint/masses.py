@@ -7,18 +7,12 @@ import numpy as np
 from mujoco._specs import MjsGeom
 
 from contactlab.scene.compile_model import InertiaFault
-from contactlab.studies.lint.inertia import IMPOSSIBLE, in_words, inertia_faults
+from contactlab.studies.lint.inertia import IMPOSSIBLE, in_words
 from contactlab.studies.lint.linted_model import Edit, Fault, LintedModel
 from contactlab.studies.lint.rules import rule
 
 _HEAVIER = 0.02  # share of a body's mass that matters
 _WATER = 1000.0  # density of what has none written [kg/m^3]
-
-
-def _faults(linted: LintedModel) -> list[InertiaFault]:
-    """Return the faults of a model, as written and as compiled, each once."""
-    compiled = () if linted.compiled is None else inertia_faults(linted.compiled)
-    return [*{(fault.body, fault.kind): fault for fault in (*linted.inertia, *compiled)}.values()]
 
 
 def _told(linted: LintedModel, faults: Iterable[InertiaFault]) -> Iterator[Fault]:
@@ -34,7 +28,7 @@ def _told(linted: LintedModel, faults: Iterable[InertiaFault]) -> Iterator[Fault
 @rule("inertia-impossible", "gate", of_refused=True)
 def inertia_impossible(linted: LintedModel) -> Iterator[Fault]:
     """A body that moves has no mass, or moments of inertia that no body has."""
-    for fault in _faults(linted):
+    for fault in linted.inertia_faults:
         if fault.kind in IMPOSSIBLE:
             (words,) = in_words([fault])
             yield Fault(words, linted.place("body", fault.body))
@@ -43,14 +37,14 @@ def inertia_impossible(linted: LintedModel) -> Iterator[Fault]:
 @rule("density", "note")
 def density(linted: LintedModel) -> Iterator[Fault]:
     """A body is lighter than foam, or denser than any metal."""
-    yield from _told(linted, (fault for fault in _faults(linted) if fault.kind == "density"))
+    yield from _told(linted, (fault for fault in linted.inertia_faults if fault.kind == "density"))
 
 
 @rule("inertia-shape", "note")
 def inertia_shape(linted: LintedModel) -> Iterator[Fault]:
     """A body's inertia or centre of mass does not fit the shape of its geoms."""
     others = (*IMPOSSIBLE, "density")
-    yield from _told(linted, (fault for fault in _faults(linted) if fault.kind not in others))
+    yield from _told(linted, (fault for fault in linted.inertia_faults if fault.kind not in others))
 
 
 @rule("visual-mass", "warn")

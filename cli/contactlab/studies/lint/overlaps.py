@@ -1,24 +1,23 @@
 """Rules of shapes: geoms that overlap at a start, and hulls that fill what meshes leave open."""
 
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import mujoco
 import numpy as np
 
-from contactlab.contact.trace_arrays import Floats
 from contactlab.scene.contact_pairs import half_extents
 from contactlab.schema.task import QPOS0
 from contactlab.studies.lint.borne import contact_rows, is_borne
-from contactlab.studies.lint.inertia import hull_volume
+from contactlab.studies.lint.inertia import hull_volume, mesh_vertices
 from contactlab.studies.lint.linted_model import Edit, Fault, LintedModel, Place
 from contactlab.studies.lint.rules import rule
 
-DEEP = 0.05
-"""Share of half the thinner geom's extent up to which an overlap is ordinary."""
+_DEEP = 0.1  # share of half the thinner geom's extent, from which an overlap is no touch
 _MESH = int(mujoco.mjtGeom.mjGEOM_MESH)
 _NEAR = 2  # joints between two links that meet in one place, as in a wrist
+_MOUNTED = "one is fixed to the world, where that filter does not hold"
 _FILLED = 1.5  # volume of a hull over that of its mesh, from which it is another shape
 
 
@@ -48,7 +47,7 @@ def _overlaps(linted: LintedModel, *, thrown: bool) -> dict[tuple[int, int], _Ov
             overlap = _Overlap(start, (geoms[0], geoms[1]), -distance, -distance / half)
             low, high = sorted(int(model.geom_bodyid[geom]) for geom in geoms)
             known = found.get((low, high))
-            if overlap.share > max(DEEP, known.share if known else 0.0):
+            if overlap.share > max(_DEEP, known.share if known else 0.0):
                 rows = contact_rows(model, data, contact) if thrown else None
                 if rows is None or not is_borne(model, data, rows):
                     found[low, high] = overlap
@@ -104,26 +103,48 @@ def _place(linted: LintedModel, found: Sequence[_Overlap]) -> Place:
 @rule("parent-filter", "warn")
 def parent_filter(linted: LintedModel) -> Iterator[Fault]:
     """Neighbouring links overlap in a start, and MuJoCo's filter of parents is not about them."""
+    near = _neighbours(linted)
+    mounted = {pair: one for pair, one in near.items() if _is_mounted(linted, *pair)}
+    others = {pair: one for pair, one in near.items() if pair not in mounted}
+    if others:
+        yield _unfiltered(linted, others, "the filter is of a link and its parent alone")
+    if mounted and linted.is_urdf:
+        yield _unfiltered(linted, mounted, _MOUNTED)
+
+
+@rule("base-filter", "note")
+def base_filter(linted: LintedModel) -> Iterator[Fault]:
+    """A base that MJCF fixes to the world overlaps links that it carries."""
+    near = _neighbours(linted)
+    mounted = {pair: one for pair, one in near.items() if _is_mounted(linted, *pair)}
+    if mounted and not linted.is_urdf:
+        yield _unfiltered(linted, mounted, _MOUNTED)
+
+
+def _neighbours(linted: LintedModel) -> dict[tuple[int, int], _Overlap]:
+    """Return the overlaps of links of one chain."""
+    found = _overlaps(linted, thrown=False).items()
+    return {pair: one for pair, one in found if _joined(linted, *pair)}
+
+
+def _is_mounted(linted: LintedModel, low: int, high: int) -> bool:
+    """Return whether one of two bodies is fixed to the world, and carries the other."""
     model = linted.model
-    near = {
-        pair: one for pair, one in _overlaps(linted, thrown=False).items() if _joined(linted, *pair)
-    }
-    at_base = {pair: one for pair, one in near.items() if not all(model.body_weldid[[*pair]])}
-    others = {pair: one for pair, one in near.items() if pair not in at_base}
-    for found, why in (
-        (at_base, "one is fixed to the world, where that filter does not hold"),
-        (others, "the filter is of a link and its parent alone"),
-    ):
-        if found:
-            edits: list[Edit] = []
-            for pair in found:
-                contact = ET.Element("contact")
-                names = [linted.name("body", body) for body in pair]
-                ET.SubElement(contact, "exclude", body1=names[0], body2=names[1])
-                edits += linted.add(contact)
-            overlaps = list(found.values())
-            message = f"{_words(linted, overlaps)}; {why}"
-            yield Fault(message, _place(linted, overlaps), tuple(edits))
+    links = {_link(model, low), _link(model, high)}
+    parents = {_link(model, int(model.body_parentid[link])) for link in links if link}
+    return not all(model.body_weldid[[low, high]]) and bool(parents & links)
+
+
+def _unfiltered(linted: LintedModel, found: Mapping[tuple[int, int], _Overlap], why: str) -> Fault:
+    edits: list[Edit] = []
+    for pair in found:
+        contact = ET.Element("contact")
+        names = [linted.name("body", body) for body in pair]
+        ET.SubElement(contact, "exclude", body1=names[0], body2=names[1])
+        edits += linted.add(contact)
+    overlaps = list(found.values())
+    message = f"{_words(linted, overlaps)}; {why}"
+    return Fault(message, _place(linted, overlaps), tuple(edits))
 
 
 def _apart(linted: LintedModel) -> list[_Overlap]:
@@ -155,7 +176,7 @@ def hull_fills_mesh(linted: LintedModel) -> Iterator[Fault]:
     solid = (model.geom_type == _MESH) & ((model.geom_contype != 0) | (model.geom_conaffinity != 0))
     ratios = dict[int, float]()
     for mesh in np.unique(model.geom_dataid[solid]).tolist():
-        volume, hull = _closed_volume(model, mesh), hull_volume(_vertices(model, mesh))
+        volume, hull = _closed_volume(model, mesh), hull_volume(model, mesh)
         if volume > 0 and hull > _FILLED * volume:
             ratios[mesh] = hull / volume
     if ratios:
@@ -169,11 +190,6 @@ def hull_fills_mesh(linted: LintedModel) -> Iterator[Fault]:
         )
 
 
-def _vertices(model: mujoco.MjModel, mesh: int) -> Floats:
-    first = int(model.mesh_vertadr[mesh])
-    return np.array(model.mesh_vert[first : first + int(model.mesh_vertnum[mesh])], np.float64)
-
-
 def _closed_volume(model: mujoco.MjModel, mesh: int) -> float:
     """Return the volume within a mesh [m^3]; 0 if it is not closed."""
     first = int(model.mesh_faceadr[mesh])
@@ -182,5 +198,5 @@ def _closed_volume(model: mujoco.MjModel, mesh: int) -> float:
     codes = edges.min(axis=1) * (int(faces.max()) + 1) + edges.max(axis=1)
     if np.any(np.unique(codes, return_counts=True)[1] != 2):
         return 0.0
-    corners = _vertices(model, mesh)[faces]
+    corners = mesh_vertices(model, mesh)[faces]
     return float(np.einsum("ij,ij->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6)

@@ -112,6 +112,8 @@ def keyframe_control(linted: LintedModel) -> Iterator[Fault]:
     """A keyframe has controls outside of their ranges, which are clamped."""
     model = linted.model
     for name in keyframe_names(model):
+        if not len(linted.spec.key(name).ctrl):
+            continue  # nobody wrote them
         controls = start_data(model, name).ctrl
         if found := list(_out_of_controls(model, controls)):
             edits = linted.set("key", name, ctrl=_nearest(controls, found))
