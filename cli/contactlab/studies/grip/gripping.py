@@ -54,6 +54,7 @@ from contactlab.studies.grip.holding import (
 from contactlab.studies.grip.in_keyframe import held_in
 from contactlab.studies.grip.judging import Evidence, causes, speed_of, word_of, worst_of
 from contactlab.studies.grip.remedies import Grip, Tried, least_force, tried_on
+from contactlab.studies.lint.starts import in_radians
 
 WITHIN = 1e-4  # m/s: a millimetre in the ten seconds that a pick and place takes
 _ALIKE = 1.1  # ratio of costs that are equal
@@ -105,6 +106,7 @@ class _Setup:
     grip: Grip
     bench: Bench | None
     given: GrippedObject | None
+    notes: tuple[str, ...] = ()
 
 
 def run(request: GripRequest) -> GripReport:
@@ -173,26 +175,29 @@ def run(request: GripRequest) -> GripReport:
     )
 
 
-def _compiled(request: GripRequest) -> tuple[mujoco.MjModel, mujoco.MjSpec]:
-    """Return a model and its specification, in which everything has a name."""
+def _compiled(request: GripRequest) -> tuple[mujoco.MjModel, mujoco.MjSpec, tuple[str, ...]]:
+    """Return a model, its specification, in which everything has a name, and notes of its units."""
     kept = list[mujoco.MjSpec]()
     source = find_scene(request.model)
     model = compile_model(source, {}, lambda spec: kept.append(spec.copy()))
-    return model, kept[0]
+    reads_degrees = kept[0].compiler.degree and source.model.suffix != ".urdf"
+    messages = [message for _, message in in_radians(model)] if reads_degrees else []
+    notes = (f"{message} (contactlab lint); no number here is the robot's" for message in messages)
+    return model, kept[0], tuple(notes)
 
 
 def _in_keyframe(request: GripRequest) -> _Setup:
     if request.squeeze is not None:
         raise SweepFileError("--squeeze would be ignored: a keyframe is judged with its controls")
-    model, _ = _compiled(request)
+    model, _, notes = _compiled(request)
     assert request.keyframe is not None
     rig, held = held_in(model, request.keyframe, request.held, request.base)
-    return _Setup(Grip(rig, held, Load.of_object(rig), _KEYFRAME, None), None, None)
+    return _Setup(Grip(rig, held, Load.of_object(rig), _KEYFRAME, None), None, None, notes)
 
 
 def _on_bench(request: GripRequest) -> _Setup:
     given = read_object(request.held)
-    model, spec = _compiled(request)
+    model, spec, notes = _compiled(request)
     hand = find_hand(model, request.base)
     bench = cut_free(spec, model, hand, given.name if given.shape == "body" else "")
     rig = with_object(bench, given)
@@ -207,7 +212,7 @@ def _on_bench(request: GripRequest) -> _Setup:
     if request.squeeze is not None:
         held = _squeezed(rig, closing, held, request.squeeze)
     load = Load.of_all(rig, gravity_of(model))
-    return _Setup(Grip(rig, held, load, _BENCH, closing), bench, given)
+    return _Setup(Grip(rig, held, load, _BENCH, closing), bench, given, notes)
 
 
 def _squeezed_usual(bench: Bench, rig: Rig, closing: Closing) -> tuple[GrippedObject, Rig, Squeeze]:
@@ -392,6 +397,7 @@ def _lines(request: GripRequest, scenes: SceneLoader, each: Tried) -> tuple[tupl
 
 
 def _notes(setup: _Setup, tried: Sequence[Tried]) -> Iterator[str]:
+    yield from setup.notes
     if setup.bench is not None:
         yield _FILTERED
     if tried and not any(each.against == "squeeze" for each in tried):

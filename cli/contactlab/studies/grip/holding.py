@@ -13,7 +13,7 @@ import numpy as np
 
 from contactlab.contact.trace_arrays import Floats
 from contactlab.studies.grip.bench import Rig
-from contactlab.studies.grip.closing import Squeeze
+from contactlab.studies.grip.closing import Squeeze, pressing
 from contactlab.studies.grip.rollouts import (
     body_frames,
     constant,
@@ -51,7 +51,7 @@ class Drift:
         trend: of these.
         speed: at the end; where it fades, the mean over the ten seconds to come; where it is
             uneven, the mean of all quarters but the first [m/s].
-        left: way that it can go before the pads no longer cover it [m].
+        left: way that it can still go before the pads no longer cover it [m].
         lost: when that is [s]; infinite if never.
         path: (K, 3) in the base's frame [m].
     """
@@ -126,10 +126,11 @@ def drifts(
     names = [load.idle, *ways]
     forces = load.forces(load.gravity * np.array([*ways.values()]))
     forces = np.concatenate([np.zeros((1, rig.model.nbody, 6)), forces])
-    left = [way_left(rig, held, way) for way in (held.turn[:, 0], *ways.values())]
+    axes = [held.turn[:, 0], *ways.values()]
+    left = [way_left(rig, held, way) for way in axes]
     rows = constant(held.row, len(forces), 1)[:, 0]
     first = _watched(rig, held, rows, forces, seconds)
-    found = [_drift(*told) for told in zip(names, first, left, strict=True)]
+    found = [_drift(rig, *told) for told in zip(names, first, axes, left, strict=True)]
     fastest = max((drift.speed for drift in found if is_settled(drift)), default=0.0)
     again = [
         run
@@ -140,22 +141,23 @@ def drifts(
         rows = np.array([first[run].row for run in again])
         more = _watched(rig, held, rows, forces[again], seconds)
         for run, after in zip(again, more, strict=True):
-            found[run] = _drift(names[run], first[run].and_then(after), left[run])
+            seen = first[run].and_then(after)
+            found[run] = _drift(rig, names[run], seen, axes[run], left[run])
     return tuple(found)
 
 
 class _Watched(NamedTuple):
-    """A run under a load: its last state, places (K, 3), seconds, and whether the object is let."""
+    """A run under a load: its last state, places (K, 3), seconds, and what presses at its end."""
 
     row: Floats
     path: Floats
     seconds: float
-    let: bool
+    end: Squeeze | None
 
     def and_then(self, after: "_Watched") -> "_Watched":
         """Return this run with another that goes on, seen at every other place."""
         path = np.concatenate([self.path, after.path[1:]])[::2]
-        return _Watched(after.row, path, self.seconds + after.seconds, after.let)
+        return _Watched(after.row, path, self.seconds + after.seconds, after.end)
 
 
 def _watched(
@@ -169,9 +171,12 @@ def _watched(
     found = list[_Watched]()
     for run in range(count):
         path = body_frames(rig.model, rolled.qpos[run, looks], rig.body, rig.base)
-        gone = rolled.failed[run] or not np.isfinite(path).all()
-        let = bool(gone) or not _is_touched(rig, rolled.rows[run])
-        found.append(_Watched(rolled.rows[run], path, steps * rig.model.opt.timestep, let))
+        row, end = rolled.rows[run], None
+        if not rolled.failed[run] and np.isfinite(path).all():
+            end = pressing(rig, row, held.control, held.turn, rolled.qpos[run, looks])
+        if end is not None and not sum(end.forces):
+            end = None
+        found.append(_Watched(row, path, steps * rig.model.opt.timestep, end))
     return found
 
 
@@ -186,20 +191,23 @@ def _is_touched(rig: Rig, row: Floats) -> bool:
     return any(contact.force > 0 for contact in contacts_of(rig.model, data, rig.body))
 
 
-def _drift(name: str, seen: _Watched, left: float) -> Drift:
+def _drift(rig: Rig, name: str, seen: _Watched, axis: Floats, left: float) -> Drift:
+    """Return what a run comes to; it is lost if let, or gone too far and not between two sides."""
     path, duration, window = seen.path, seen.seconds, seen.seconds / _WINDOWS
     ends = path[:: _LOOKS // _WINDOWS]
     speeds = np.linalg.norm(np.diff(ends, axis=0), axis=1) / window
     told = tuple(float(speed) for speed in np.nan_to_num(speeds, nan=np.inf))
     gone: Floats = np.linalg.norm(path - path[0], axis=1)
-    if seen.let or not np.isfinite(gone).all() or gone.max() > left:
+    if seen.end is None or (gone.max() > left and not seen.end.is_held):
         out = np.flatnonzero(~(gone <= left))
         when = duration * (out[0] / _LOOKS if out.size else 1.0)
         return Drift(name, duration, told, "lost", math.inf, left, float(when), path)
+    # Links of fingers may follow the object: what covers it at the end counts.
+    left = way_left(rig, seen.end, axis)
     pace = pace_of(speeds)
     windows = _HORIZON / window
     speed = pace.way(windows) / windows if pace.trend == "fading" else pace.speed
-    when = duration + window * pace.until((left - float(gone[-1])) / window)
+    when = duration + window * pace.until(left / window)
     return Drift(name, duration, told, pace.trend, speed, left, when, path)
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from contactlab.contact.trace_arrays import Floats
 from contactlab.scene.keyframes import start_data
 from contactlab.scene.model_draft import mjcf_text
+from contactlab.scene.model_names import name_of
 from contactlab.scene.task import keyframe_names
 from contactlab.schema.task import QPOS0
 from contactlab.studies.lint.borne import is_borne, limit_rows
@@ -134,9 +135,8 @@ def qpos0_range(linted: LintedModel) -> Iterator[Fault]:
         yield Fault(message, linted.place("joint", joint), linted.add(frames))
 
 
-def _hinges(linted: LintedModel) -> list[int]:
+def _hinges(model: mujoco.MjModel) -> list[int]:
     """Return the limited hinges."""
-    model = linted.model
     hinges = (model.jnt_type == int(_JOINT.mjJNT_HINGE)) & (model.jnt_limited != 0)
     return np.flatnonzero(hinges).tolist()
 
@@ -144,26 +144,34 @@ def _hinges(linted: LintedModel) -> list[int]:
 @rule("radians-as-degrees", "warn")
 def radians_as_degrees(linted: LintedModel) -> Iterator[Fault]:
     """Ranges of joints are in radians, where the compiler reads degrees."""
-    hinges, model = _hinges(linted), linted.model
-    if linted.is_urdf or not linted.spec.compiler.degree or len(hinges) < _FEW:
+    if linted.is_urdf or not linted.spec.compiler.degree:
+        return
+    for joint, message in in_radians(linted.model):
+        edits = linted.set_in("compiler", angle="radian")
+        yield Fault(message, linted.place("joint", joint), edits)
+
+
+def in_radians(model: mujoco.MjModel) -> Iterator[tuple[int, str]]:
+    """Yield the first hinge and a message, if a model's degrees are radians by their sizes."""
+    hinges = _hinges(model)
+    if len(hinges) < _FEW:
         return
     narrow = [joint for joint in hinges if np.ptp(model.jnt_range[joint]) < _NARROW]
     written = np.rad2deg(model.jnt_range[narrow])
     if 2 * len(narrow) > len(hinges) and np.abs(written).max() <= _TURN:
-        first = linted.name("joint", narrow[0])
         low, high = written[0].tolist()
-        yield Fault(
+        first = name_of(model, "joint", narrow[0])
+        message = (
             f"{len(narrow)} of {len(hinges)} hinges turn by less than 15 degrees, as joint "
-            f"'{first}' from {low:.4g} to {high:.4g} degrees: these numbers are radians",
-            linted.place("joint", narrow[0]),
-            linted.set_in("compiler", angle="radian"),
+            f"'{first}' from {low:.4g} to {high:.4g} degrees: these numbers are radians"
         )
+        yield narrow[0], message
 
 
 @rule("degrees-as-radians", "warn")
 def degrees_as_radians(linted: LintedModel) -> Iterator[Fault]:
     """Ranges of joints are in degrees, where the compiler reads radians."""
-    hinges, model = _hinges(linted), linted.model
+    hinges, model = _hinges(linted.model), linted.model
     if len(hinges) < _FEW or (linted.spec.compiler.degree and not linted.is_urdf):
         return
     wide = [joint for joint in hinges if np.ptp(model.jnt_range[joint]) > _WIDE]
