@@ -5,7 +5,7 @@ Run: python -m bench.planted FOLDER [MODEL.xml ...]
 writes NAME.xml and NAME_slow.xml of each; of models that are given, a folder NAME_slow with the
 files of each, in which one of five costs was planted, in turn. `contactlab tune NAME_slow.xml`
 ought to come back to what NAME.xml costs, and end where NAME_slow.xml does; `python -m
-bench.tune_cost` measures both.
+bench.tune_cost` measures both. The pile's cost are vertices of hulls: `--hulls 11mm` lets them go.
 """
 
 import sys
@@ -190,12 +190,13 @@ PILE = """<mujoco>
 </mujoco>"""
 
 
-def pile(count: int) -> str:
-    """Return stones of so many vertices that lie on the ground and on each other."""
+def pile(most: int) -> str:
+    """Return stones whose hulls have so many vertices, on the ground and on each other."""
     stone = '<body pos="{} {} {}"><freejoint/><geom type="mesh" mesh="stone" condim="6"/></body>'
     places = [(0.11 * x, 0.11 * y, 0.08 + 0.13 * z) for x in (0, 1) for y in (0, 1) for z in (0, 1)]
     stones = "".join(stone.format(*each) for each in places)
-    return PILE.format(meshes=_mesh("stone", 0.06, count), stones=stones)
+    mesh = _mesh("stone", 0.06).replace("<mesh", f'<mesh maxhullvert="{most}"')
+    return PILE.format(meshes=mesh, stones=stones)
 
 
 SWINGS = """<mujoco>

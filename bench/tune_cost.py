@@ -2,9 +2,9 @@
 
 Run: python -m bench.tune_cost FOLDER [ORIGINAL]
 
-The folder is that of the study. Whole runs of the task, on seeds that nobody has run, take turns;
-of each turn, the ratio of CPU times. ORIGINAL is what the model was made slow of, if that was done
-on purpose.
+The folder is that of the study, all of whose answers are timed. Whole runs of the task, on seeds
+that nobody has run, take turns; of each turn, the ratio of CPU times. ORIGINAL is what the model
+was made slow of, if that was done on purpose.
 """
 
 import sys
@@ -20,7 +20,7 @@ from contactlab.budget import Motion
 from contactlab.budget.motion import INTEGRATION
 from contactlab.plan.task_options import TaskOptions
 from contactlab.schema.task import Task
-from contactlab.schema.tune_report import REPORT, TuneReport
+from contactlab.schema.tune_report import REPORT, Point, TuneReport
 from contactlab.studies.examine.changes import fresh
 from contactlab.studies.examine.examination import ExamineRequest, open_model
 from contactlab.studies.session import Session
@@ -70,33 +70,35 @@ def ratios(every: Sequence[Runs]) -> list[float]:
     return [median(turn[place] / turn[0] for turn in turns) for place in range(len(every))]
 
 
+def answers_of(report: TuneReport) -> dict[str, tuple[Point, str]]:
+    """Return the answers of a report: the point, and the file of the model that was written."""
+    found: dict[str, tuple[Point, str]] = {}
+    if report.recommended and report.file:
+        found["recommended"] = report.recommended, report.file
+    for name, other in (("as accurate", report.as_accurate), ("keeps the aim", report.to_aim)):
+        if other:
+            found[name] = other.point, other.file
+    return found
+
+
 def measure(folder: Path, original: str = "") -> str:
     """Return a line about one study."""
     report = TuneReport.model_validate_json((folder / REPORT).read_text())
-    point, file, changes = report.recommended, report.file, report.changes
-    if point is None and report.to_aim:
-        point, file, changes = report.to_aim.point, report.to_aim.file, report.to_aim.changes
-    files = [
-        report.model,
-        *([str(folder / file)] if file else []),
-        *([original] if original else []),
-    ]
-    found = ratios([runs_of(report, file) for file in files])
-    if point is None or point.price is None:
-        rest = f"; slow/original {1 / found[1]:.2f}, kept" if original else ""
-        return f"{folder.name}: {report.sentence}{rest}"
-    _, measured, *rest = found
-    claimed = point.price.ratio
-    changed = ", ".join(f"{each.name} {each.after}" for each in changes) or "none"
-    which = "" if report.recommended else "(keeps the aim) "
-    line = (
-        f"{folder.name}: {which}claimed x{claimed:.3f}, measured x{measured:.3f} "
-        f"({measured / claimed - 1:+.1%}); {changed}; "
-        f"{len(report.masked)} masks, {len(report.excluded)} excludes"
-    )
-    if rest:
-        line += f"; slow/original {1 / rest[0]:.2f}, tuned/original {measured / rest[0]:.2f}"
-    return line
+    answers = answers_of(report)
+    files = [report.model, *(str(folder / file) for _, file in answers.values())]
+    found = ratios([runs_of(report, file) for file in [*files, *filter(None, [original])]])
+    slow = 1 / found[-1] if original else 1.0
+    parts = [f"slow/original {slow:.2f}"] if original else []
+    parts += [] if answers else ["kept"]
+    for (name, (point, _)), measured in zip(answers.items(), found[1:], strict=False):
+        assert point.price
+        claimed = point.price.ratio
+        part = f"{name}: claimed x{claimed:.3f}, measured x{measured:.3f}"
+        part += f" ({measured / claimed - 1:+.1%})"
+        parts.append(part + (f", over original {measured * slow:.2f}" if original else ""))
+    changed = ", ".join(f"{each.name} {each.after}" for each in report.changes[:4])
+    cut = f"{len(report.masked)} masks, {len(report.excluded)} excludes"
+    return f"{folder.name}: {'; '.join(parts)}; {changed or 'nothing set'}; {cut}"
 
 
 if __name__ == "__main__":

@@ -11,15 +11,16 @@ and inputs.
 import copy
 import itertools
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 import mujoco
 import numpy as np
-from bench.tune_cost import motions_of
+from bench.tune_cost import answers_of, motions_of
 
 from contactlab.budget import Motion
 from contactlab.budget.motion import INTEGRATION
-from contactlab.schema.tune_report import REPORT, TuneReport
+from contactlab.schema.tune_report import REPORT, Point, TuneReport
 
 WINDOW, WEIGHT = 0.04, 0.1
 
@@ -118,34 +119,37 @@ def away(one: np.ndarray, line: np.ndarray) -> np.ndarray:
     return best
 
 
-def measure(folder: Path) -> str:
-    """Return a line about one study."""
-    report = TuneReport.model_validate_json((folder / REPORT).read_text())
-    point, file = report.recommended, report.file
-    if point is None and report.to_aim:
-        point, file = report.to_aim.point, report.to_aim.file
-    if point is None or file is None or point.error is None:
-        return f"{folder.name}: {report.sentence}"
+def measured(report: TuneReport, motions: Sequence[Motion], point: Point, file: str) -> float:
+    """Return the error of an answer, whose model is in a file."""
     fine = report.fine_step
     written, tuned = (
         Plain(mujoco.MjModel.from_xml_path(path), step)
-        for path, step in ((report.model, fine), (str(folder / file), point.timestep))
+        for path, step in ((report.model, fine), (file, point.timestep))
     )
     own = mujoco.MjModel.from_xml_path(report.model).opt.timestep
     written.model.opt.solver = mujoco.mjtSolver.mjSOL_NEWTON
     written.model.opt.iterations = max(100, written.model.opt.iterations)
     written.model.opt.tolerance = min(1e-10, written.model.opt.tolerance)
     worst = 0.0
-    for motion in motions_of(report, report.task):
+    for motion in motions:
         each = [shares(written, tuned, motion, seed, own) for seed in range(motion.seeds)]
         worst = max(worst, float(np.mean(each, axis=0).max()))
     multiple = round(point.timestep / fine)
     is_rk4 = tuned.model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4
-    worst *= 1.0 if is_rk4 or multiple < 2 else multiple / (multiple - 1)
-    return (
-        f"{folder.name}: error claimed {point.error:.3%}, measured {worst:.3%} "
-        f"({worst / point.error - 1:+.1%}), as written {report.now.error or np.nan:.3%}"
-    )
+    return worst * (1.0 if is_rk4 or multiple < 2 else multiple / (multiple - 1))
+
+
+def measure(folder: Path) -> str:
+    """Return a line about one study."""
+    report = TuneReport.model_validate_json((folder / REPORT).read_text())
+    motions, parts = motions_of(report, report.task), list[str]()
+    for name, (point, file) in answers_of(report).items():
+        found, claimed = measured(report, motions, point, str(folder / file)), point.error
+        assert claimed
+        parts.append(f"{name}: error claimed {claimed:.3%}, measured {found:.3%}")
+        parts[-1] += f" ({found / claimed - 1:+.1%})"
+    now = f"as written {report.now.error or np.nan:.3%}, aim {report.aim.limit:.3%}"
+    return f"{folder.name}: {'; '.join(parts) or 'kept'}; {now}"
 
 
 if __name__ == "__main__":

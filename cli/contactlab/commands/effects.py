@@ -78,8 +78,8 @@ def effects(
 ) -> "EffectsReport | PartsReport":
     """Find what the effects and parts of a model are worth.
 
-    Of a model file, each feature and part is left out by itself, in its task and with gravity
-    tilted: share in the motion, share of the time, exercised or not. Of a scene or sweep, the
+    Of a model file, each feature and part is left out by itself, in its task, with gravity tilted
+    and by twice its inputs: share in the motion and in the time, exercised or not. Of a scene, the
     smallest set of effects that keeps every result is found. Evidence goes to
     `results/effects/NAME` unless `output` names another folder.
 
@@ -134,8 +134,8 @@ def _of_model(
 def _print_parts(report: "PartsReport", target: Path) -> None:
     echo(report.task.line)
     echo(
-        f"{report.model}: each feature and part left out by itself, in its task and once more with "
-        f"gravity tilted by {report.tilt:g} degrees"
+        f"{report.model}: each feature and part left out by itself, in its task, with gravity "
+        f"tilted by {report.tilt:g} degrees, and by twice its controls and pushes"
     )
     shown = [part for part in report.parts if part.worth != "provably unused"]
     twin = report.twin

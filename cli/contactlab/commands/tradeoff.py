@@ -162,7 +162,7 @@ def _of_model(
 
     from contactlab.commands.tune import error_of, searched, seconds_of
     from contactlab.schema.tune_report import FOLDER
-    from contactlab.studies.search.tuning import TuneRequest
+    from contactlab.studies.search.tune_request import TuneRequest
 
     if write is not None:
         raise SweepFileError("--write is of sweeps; of a model, --model FOLDER writes the settings")

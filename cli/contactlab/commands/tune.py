@@ -14,7 +14,7 @@ from contactlab.printable import percent, shortened
 
 if TYPE_CHECKING:
     from contactlab.schema.tune_report import Point, StayedApart, TuneReport
-    from contactlab.studies.search.tuning import TuneRequest
+    from contactlab.studies.search.tune_request import TuneRequest
 
 _TIME = "a time, such as 90s, 5min or 1h"
 _ERROR = "a share, such as 2%, or with --at a number in the unit of what is watched"
@@ -85,6 +85,14 @@ def tune(
             kind=str,
         ),
     ] = None,
+    hulls: Annotated[
+        float | str | None,
+        Option(
+            "LENGTH",
+            "Try hulls of meshes of fewer vertices, which reach so far less at most, such as 1mm.",
+            kind=str,
+        ),
+    ] = None,
     patch: Annotated[bool, flag("Print the patch, and no more.")] = False,
     figure: opt.Figure = None,
     workers: opt.Workers = None,
@@ -105,7 +113,7 @@ def tune(
         EngineError: nothing in the model moves.
         ExpectationError: a forward error is asked for of a chaotic motion.
     """
-    from contactlab.studies.search.tuning import TuneRequest
+    from contactlab.studies.search.tune_request import TuneRequest
 
     del patch
     watch = task.get("watch", ())
@@ -121,7 +129,8 @@ def tune(
         at=at,
         max_time=seconds_of(max_time),
         drop_sensors=drop_sensors,
-        apart=length_of(apart),
+        apart=length_of(apart, "--apart", "5cm or 0.05"),
+        hulls=length_of(hulls, "--hulls", "1mm or 0.001"),
     )
     opt.load_plugins(plugin)
     folder = opt.study_folder("tune", model, output)
@@ -175,15 +184,15 @@ def seconds_of(text: float | str, option: str = "--max-time") -> float:
     return value
 
 
-def length_of(text: float | str | None) -> float | None:
-    """Return how far apart collisions are that may go [m]."""
+def length_of(text: float | str | None, option: str, such_as: str) -> float | None:
+    """Return a length of an option [m]."""
     from contactlab.schema.setting_values import read_quantity
 
     if text is None:
         return None
     value, unit = read_quantity(str(text))
     if not 0 < value < math.inf or unit not in ("", "m"):
-        raise SweepFileError(f"--apart {text}: write a length, such as 5cm or 0.05")
+        raise SweepFileError(f"{option} {text}: write a length, such as {such_as}")
     return value
 
 
@@ -201,7 +210,7 @@ def print_search(report: "TuneReport", folder: Path) -> None:
         ("recommended", report.recommended),
         ("keeps the aim", report.to_aim and report.to_aim.point),
         ("nearest", report.nearest),
-        ("as accurate as now", report.as_accurate),
+        ("as accurate as now", report.as_accurate and report.as_accurate.point),
     ):
         if point:
             shown.append((standing, point))
@@ -261,8 +270,7 @@ def _details(report: "TuneReport", folder: Path) -> Iterator[str]:
         )
     if report.flags:
         yield f"exact: no state depends on {' and '.join(report.flags)}; they are off now"
-    if apart := report.stayed_apart:
-        yield _apart(apart)
+    yield from _assumed(report)
     if report.verified:
         seeds = ", ".join(map(str, report.verified.seeds))
         yield f"verified on seeds {seeds}: {report.verified.sentence}"
@@ -270,14 +278,29 @@ def _details(report: "TuneReport", folder: Path) -> Iterator[str]:
     yield from shortened(lines, 12, PATCH)
     kept = [f"{each.name}: {each.reason}" for each in report.kept]
     yield from (f"kept: {each}" for each in shortened(kept, 6, REPORT))
-    if aim := report.to_aim:
-        yield f"wrote {folder / aim.file}, which keeps the aim: {aim.verified.sentence}"
+    for what, other in (
+        ("is as accurate as now", report.as_accurate),
+        ("keeps the aim", report.to_aim),
+    ):
+        if other:
+            yield f"wrote {folder / other.file}, which {what}: {other.verified.sentence}"
     if report.file:
         patch = f", {PATCH}" if (folder / PATCH).is_file() else ""
         yield f"wrote {folder / report.file}{patch} and {REPORT}"
         yield f"next: contactlab {folder / report.file}"
     else:
         yield f"{REPORT} in {folder}"
+
+
+def _assumed(report: "TuneReport") -> Iterator[str]:
+    """Yield what a written model takes for granted, or what may be."""
+    if apart := report.stayed_apart:
+        yield _apart(apart)
+    if fewer := report.fewer_vertices:
+        yield (
+            f"assumed: {len(fewer.meshes)} hulls of fewer vertices, which reach at most "
+            f"{1e3 * fewer.within:g} mm less"
+        )
 
 
 def _apart(apart: "StayedApart") -> str:

@@ -62,6 +62,8 @@ class ModelEdits:
     fitted: tuple[tuple[str, str], ...] = ()
     # Names of sensors that are left out; one without a name is `sensor[3]`.
     sensors: tuple[str, ...] = ()
+    # Most vertices of the convex hulls of meshes, by name.
+    hulls: Mapping[str, int] = field(default_factory=dict[str, int])
     # Flags that are switched off although no compiled scene has them: energy, fwdinv.
     unflagged: tuple[str, ...] = ()
 
@@ -91,7 +93,7 @@ class Change:
         return f"{self.where}: {self.element or 'removed'}"
 
 
-_KINDS = {**KINDS, "sensor": "sensors"}
+_KINDS = {**KINDS, "sensor": "sensors", "mesh": "meshes"}
 
 
 def _parts(spec: mujoco.MjSpec, kind: str) -> dict[str, Any]:
@@ -160,6 +162,8 @@ def edit_spec(spec: mujoco.MjSpec, edits: ModelEdits) -> None:
         _part(spec, "body", name).add_freejoint()
     for name, primitive in edits.fitted:
         _part(spec, "geom", name).type = PRIMITIVES[primitive]
+    for name, count in edits.hulls.items():
+        _part(spec, "mesh", name).maxhullvert = count
     for name in edits.sensors:
         spec.delete(_part(spec, "sensor", name))
 
@@ -273,6 +277,8 @@ class Draft:
         """Make the changes that no field of a compiled model has, and remove what it lacks."""
         for name, attribute in product(edits.masked, ("contype", "conaffinity")):
             self._set("geom", name, attribute, "0")
+        for name, count in edits.hulls.items():
+            self._set("mesh", name, "maxhullvert", str(count))
         for one, other in edits.excluded:
             pair = attributes({"body1": one, "body2": other})
             self.added.append(f"<contact><exclude{pair}/></contact>")

@@ -19,7 +19,7 @@ class PartWorth(Model):
     kind: PartKind
     name: str
     worth: Worth
-    exercised: bool = about("Whether any step of the task, or of it tilted, makes use of it.")
+    exercised: bool = about("Whether any step of the task, of it tilted or doubled, uses it.")
     share: float | None = about(
         "Largest share of the real forces by which the motion without it differs, of the worst "
         "body; null if it is not exercised, or the engine gave up."
@@ -38,7 +38,7 @@ class PartsReport(Model):
     model: str = about("As given.")
     scene_hash: str
     mujoco: str
-    task: Task = about("What it is judged on, and once more with gravity tilted.")
+    task: Task = about("What it is judged on, then with gravity tilted, then by twice its inputs.")
     tilt: float = about("Of gravity in the other runs [degrees].")
     within: float = about("The tolerance, a share.")
     parts: tuple[PartWorth, ...]

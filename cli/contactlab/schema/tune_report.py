@@ -13,6 +13,8 @@ PATCH = f"{FOLDER}/tuned.patch"
 """Files of the study's folder; the model lies in `tuned`, with what it refers to."""
 FOLDER_OF_AIM = "to_aim"
 """Folder of a model that keeps an aim which the model as written misses, at a higher price."""
+FOLDER_AS_NOW = "as_now"
+"""Folder of a model that is as accurate as the model as written, where that is not sound."""
 
 AimKind = Literal["uncertainty", "error", "real time", "watched"]
 
@@ -45,6 +47,7 @@ class Point(Model):
     timestep: float = about("s")
     lighter: bool = about("Without what changes no state: see the report.")
     apart: bool = about("Without collisions of what stayed apart: see the report.")
+    hulls: bool = about("With fewer vertices of hulls: see the report.")
     error: float | None = about("Of its worst body, the mean over seeds; null if it gave up.")
     low: float | None = about("Least over seeds.")
     high: float | None = about("Largest over seeds.")
@@ -91,8 +94,8 @@ class Line(Model):
     element: str
 
 
-class ToAim(Model):
-    """What keeps an aim that the model as written misses, beside what is recommended."""
+class OtherAnswer(Model):
+    """Another answer beside what is recommended, written and verified like it."""
 
     point: Point
     changes: tuple[Changed, ...]
@@ -115,6 +118,13 @@ class StayedApart(Model):
     )
 
 
+class FewerVertices(Model):
+    """Convex hulls of meshes with fewer vertices: another shape, by a distance that is stated."""
+
+    within: float = about("m: no vertex of a hull is farther from the smaller one.")
+    meshes: dict[str, int] = about("Most vertices (`maxhullvert`), by mesh.")
+
+
 class TuneReport(Model):
     """From a model to the settings to use (`tune.json`). Units are SI."""
 
@@ -128,15 +138,19 @@ class TuneReport(Model):
     met: bool = about("Whether the aim is met: as written, as recommended, or by `to_aim`.")
     now: Point
     recommended: Point | None = about(
-        "The fastest within the aim; where a sound model misses the default aim as written, the "
-        "fastest whose error is no larger than now. Null if the model is kept, or nothing does."
+        "The fastest within the aim, and sound; where a sound model misses the default aim as "
+        "written, the fastest whose error is no larger than now; where it is not sound, the "
+        "fastest within the tolerance. Null if the model is kept, or nothing does."
     )
-    to_aim: ToAim | None = about("Where that misses the aim: the fastest that keeps it.")
+    to_aim: OtherAnswer | None = about("Where that misses the aim: the fastest that keeps it.")
     stayed_apart: StayedApart | None = about("Null if nothing did, or it was not looked at.")
+    fewer_vertices: FewerVertices | None = about("Null if no written model has them.")
     nearest: Point | None = about("If nothing meets the aim: what comes nearest.")
     binds: str = about("Then what binds: body, time and row; else empty.")
-    as_accurate: Point | None = about(
-        "The cheapest that is no less accurate than the model as written; null without."
+    as_accurate: OtherAnswer | None = about(
+        "Where the model as written is beyond the tolerance, or what was asked for: the fastest "
+        "that is no less accurate, and need be no sounder; null without, or if what is recommended "
+        "costs no more."
     )
     real_time: float = about("Simulated over CPU time of the model as written, on this machine.")
     fine_step: float = about("s: of the motion that errors are distances from.")

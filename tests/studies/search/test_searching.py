@@ -8,7 +8,7 @@ import mujoco
 import pytest
 
 from contactlab.budget.prices import Price
-from contactlab.studies.search.choice import Choice, described, differing
+from contactlab.studies.search.choice import AS_WRITTEN, Choice, described, differing
 from contactlab.studies.search.levers import Lever, collides
 from contactlab.studies.search.searching import SAFE, SAME, Bound, Search, Space
 from contactlab.studies.search.yardstick import Apart
@@ -85,7 +85,7 @@ def searched(
         Lever("jacobian", [{"jacobian": "sparse"}, {"jacobian": "dense"}]),
         Lever("iterations", [{"iterations": 5}]),
     ]
-    space = Space(MODEL, None, None, FINER, LONGEST, levers, integrators)
+    space = Space({AS_WRITTEN: MODEL}, AS_WRITTEN, FINER, LONGEST, levers, integrators)
     deadline = time.monotonic() + seconds
     costs: object = Costs()
     search = Search(
@@ -184,7 +184,7 @@ def test_of_a_model_that_misses_its_aim_what_is_as_accurate_is_found_and_what_ke
 ):
     """One step has 1 % of error, so 4 % as written: equal at its own step, or 3 steps for 3 %."""
     aim = Bound.of(0.03 / SAFE)
-    as_now = aim.or_as_now(0.04, 0.1)
+    as_now = Bound.as_now(0.04)
     search = searched(Ideal(0.01), aim.limit, bounds=(as_now, aim))
     same, kept = (search.ranked(bound)[0] for bound in (as_now, aim))
     assert (same.choice.multiple, kept.choice.multiple) == (FINER, 3)
@@ -193,11 +193,23 @@ def test_of_a_model_that_misses_its_aim_what_is_as_accurate_is_found_and_what_ke
     assert same.price.ratio < 1
 
 
-def test_as_accurate_as_now_is_no_excuse_beyond_the_tolerance() -> None:
+def test_what_keeps_its_aim_may_stay_as_accurate_as_it_is() -> None:
+    """At 95 % of the aim as written, equal steps have equal noise, and 85 % would refuse them."""
     aim = Bound.of(0.02)
-    assert aim.or_as_now(0.05, 0.1) == Bound(0.05, SAME * 0.05)
-    assert aim.or_as_now(0.2, 0.1) == Bound(0.1, SAFE * 0.1)
-    assert aim.or_as_now(0.001, 0.1) == aim
+    assert aim.or_as_now(0.019) == Bound(0.02, SAME * 0.019)
+    assert aim.or_as_now(0.001) == aim
+    assert aim.or_as_now(0.2) == aim
+
+
+def test_the_safest_is_as_accurate_as_now_at_its_own_step() -> None:
+    """Longer steps are cheaper, and nearly use up the limit; the Jacobian costs no accuracy."""
+    limit = 0.3
+    search = searched(Ideal(1e-3, few=0.05), limit)
+    best = search.ranked(Bound.of(limit))[0]
+    safest = search.safest(time.monotonic() + 10)[0]
+    assert best.choice.multiple > 10 * FINER
+    assert (safest.choice.multiple, safest.choice.settings) == (FINER, {"jacobian": "sparse"})
+    assert not search.safest(-math.inf)
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,7 @@
 import copy
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import Literal
 
 import mujoco
 
@@ -16,6 +17,11 @@ from contactlab.scene.model_edits import (
 )
 from contactlab.store.table_layout import as_written
 
+Cut = Literal["unused", "apart", "hulls"]
+"""What a model may be without: what changes no state; collisions of what merely stayed apart; the
+vertices of hulls that shorter ones leave out."""
+Cuts = frozenset[Cut]
+AS_WRITTEN: Cuts = frozenset()
 _NOTHING = EditTargets((), (), None)
 INTEGRATOR = "integrator"
 UNREAD = int(mujoco.mjtEnableBit.mjENBL_ENERGY) | int(mujoco.mjtEnableBit.mjENBL_FWDINV)
@@ -29,20 +35,18 @@ class Choice:
     Attributes:
         settings: values by axis, as a sweep has them; the timestep is not among them.
         multiple: its step, in fine steps of the search.
-        light: whether it is without what changes no state, such as collisions that cannot be.
-        apart: whether it is without collisions of what merely stayed apart, too.
+        cuts: what it is without.
     """
 
     settings: Mapping[str, object] = field(default_factory=dict[str, object])
     multiple: int = 1
-    light: bool = False
-    apart: bool = False
+    cuts: Cuts = AS_WRITTEN
 
     @property
     def key(self) -> tuple[object, ...]:
         """What tells it from others."""
         own = sorted((name, str(value)) for name, value in self.settings.items())
-        return (self.multiple, self.light, self.apart, *own)
+        return (self.multiple, self.cuts, *own)
 
     def with_settings(self, settings: Mapping[str, object]) -> "Choice":
         """Return it with more settings, which replace its own."""
@@ -51,6 +55,10 @@ class Choice:
     def at(self, multiple: int) -> "Choice":
         """Return it with another step."""
         return replace(self, multiple=multiple)
+
+    def without(self, cuts: Cuts) -> "Choice":
+        """Return it without something else."""
+        return replace(self, cuts=cuts)
 
     def made(self, model: mujoco.MjModel) -> mujoco.MjModel:
         """Return a changed copy of a model, whose step is its own."""

@@ -16,10 +16,9 @@ import mujoco
 import numpy as np
 
 from contactlab.budget import Motion
-from contactlab.budget.motion import without_delays
 from contactlab.budget.prices import Price
 from contactlab.budget.windows import start_rows
-from contactlab.studies.search.yardstick import Yardsticks, held
+from contactlab.studies.search.yardstick import Yardsticks, at_steps
 
 _FEWEST_PLACES, _MOST_PLACES = 4, 12  # states of each phase that stretches begin in
 _STRETCH, _SHORTEST = 0.2, 0.04  # s of simulated time
@@ -27,6 +26,7 @@ _TURN = 0.01  # s that the model as written is timed for in each turn, about
 _LEAST, _MOST_REPEATS = 2e-3, 100  # s that the quickest is timed for, and how often it is run
 _MOST_COMPARED, _COMPARING = 25, 0.2  # turns, and s, of two models that are compared
 _WARM = 1
+_WHOLE_TURNS = 3  # of two models that are compared by whole runs
 _FEWEST, _MOST = 2, 60
 """Turns of each seed."""
 NARROW = 0.07
@@ -110,6 +110,12 @@ class Clock:
             found += turn.taken()[1]
         return interval(found[_WARM:])
 
+    def compared_whole(self, one: Stepped, other: Stepped) -> Price:
+        """Return the time of one model over that of another, for whole runs of one seed."""
+        motions = [part.motion for part in self._yards.parts]
+        turn = self._turn(other, [one], motions, 0)
+        return interval([turn.taken()[1][0] for _ in range(_WARM + _WHOLE_TURNS)][_WARM:])
+
     def whole(
         self, models: Sequence[Stepped], motions: Sequence[Motion], until: float
     ) -> list[Price]:
@@ -118,7 +124,8 @@ class Clock:
         Turns go on while an interval is wider than wanted, until then on the clock of
         `time.monotonic`.
         """
-        turns = [self._seed(models, motions, seed) for seed in range(motions[0].seeds)]
+        written = self._written, self._yards.finer
+        turns = [self._turn(written, models, motions, seed) for seed in range(motions[0].seeds)]
         bases: list[list[float]] = [[] for _ in turns]
         ratios: list[list[list[float]]] = [[] for _ in turns]
         for number in range(_MOST):
@@ -133,15 +140,18 @@ class Clock:
         self.base_seconds = float(np.mean([median(each) for each in bases]))
         return _told(bases, ratios)
 
-    def _seed(self, models: Sequence[Stepped], motions: Sequence[Motion], seed: int) -> "_Turn":
+    def _turn(
+        self, base: Stepped, models: Sequence[Stepped], motions: Sequence[Motion], seed: int
+    ) -> "_Turn":
+        """Return whole runs of a seed of motions by a model, and by others beside it."""
         finer, fine = self._yards.finer, self._yards.step
-        base, *timed = (
+        first, *timed = (
             _Timed(
                 model, multiple * fine, [whole_run(each, finer, seed, multiple) for each in motions]
             )
-            for model, multiple in [(self._written, finer), *models]
+            for model, multiple in [base, *models]
         )
-        return _Turn(base, timed)
+        return _Turn(first, timed)
 
     def _timed(self, model: mujoco.MjModel, multiple: int) -> _Timed:
         step = multiple * self._yards.step
@@ -172,10 +182,8 @@ class _Turn:
 
 def whole_run(motion: Motion, finer: int, seed: int, multiple: int) -> _Stretch:
     """Return a seed of a motion from its start to its end, by steps of so many fine ones."""
-    own = without_delays(motion)
-    steps = max(1, round(own.steps * finer / multiple))
-    rows = held(own, finer, np.array([seed]), np.array([0]), multiple, steps)
-    return _Stretch(Motion(own.model, own.starts[[seed]], rows, own.spec, own.name), steps)
+    run = at_steps(motion, finer, np.array([seed]), multiple)
+    return _Stretch(run, run.steps)
 
 
 def over_seeds(bases: Sequence[float], ratios: np.ndarray) -> Price:

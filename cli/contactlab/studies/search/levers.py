@@ -25,6 +25,8 @@ _FEWER: Mapping[str, tuple[float, ...]] = {
 }
 _LOOSER = (1e-8, 1e-6, 1e-4)
 _OFF = ("multiccd", "eulerdamp", "diagexact", "speculative")
+ASLEEP: Settings = {"sleep": True, "island": True}
+"""What sleeps is an island."""
 _DIMENSIONS = (3, 4)
 """Of contacts. Fewer than three have no friction, which no run of this task may tell of."""
 _SHOWN = {
@@ -109,6 +111,17 @@ def _flags(model: mujoco.MjModel) -> Iterator[Lever]:
             yield Lever(flag, [{flag: False}])
     if read_flag(model, "contact") and not collides(model):
         yield Lever("contact", [{"contact": False}])
+
+
+def may_sleep(model: mujoco.MjModel) -> bool:
+    """Return whether bodies of a model would be left alone at rest, which the model forbids now.
+
+    Trees that are driven stay awake, and one that falls asleep alone is worth little.
+    """
+    if "sleep" not in FLAGS or read_flag(model, "sleep"):
+        return False
+    allowed = (mujoco.mjtSleepPolicy.mjSLEEP_AUTO_ALLOWED, mujoco.mjtSleepPolicy.mjSLEEP_ALLOWED)
+    return bool(np.isin(model.tree_sleep_policy, [int(each) for each in allowed]).any())
 
 
 def collides(model: mujoco.MjModel) -> bool:

@@ -1,7 +1,7 @@
 """Features and parts of a model: what each is worth in its task and under load, and what it costs.
 
 Each is left out of the model as written, in the windows of its own motion. Load is what the task
-has, controls and pushes, and gravity tilted, so that what stands has to hold.
+has, controls and pushes, then gravity tilted, so that what stands has to hold, then inputs twice.
 """
 
 import copy
@@ -27,8 +27,8 @@ from contactlab.schema.error_budget import BudgetPrice
 from contactlab.schema.parts_report import REPORT, PartKind, PartsReport, PartWorth, Worth
 from contactlab.studies.examine.examination import ExamineRequest, open_model
 from contactlab.studies.search.clock import Clock
-from contactlab.studies.search.exercise import TILT, tilted
-from contactlab.studies.search.tuning import refuse_metrics
+from contactlab.studies.search.exercise import TILT, doubled, tilted
+from contactlab.studies.search.tune_request import refuse_metrics
 from contactlab.studies.search.unused_pairs import untouched_geoms
 from contactlab.studies.search.yardstick import Apart, Yardsticks
 from contactlab.studies.session import Session
@@ -79,9 +79,9 @@ def run(request: PartsRequest, session: Session) -> PartsReport:
     session.claim("parts", request.model)
     session.notify(f"leaving out parts of {request.model}: {examined.task.line}")
     motions = examined.motions
-    loaded = [*motions, *(tilted(motion) for motion in motions)]
     threads = max(1, session.workers)
-    yards = Yardsticks.of(loaded, 1, threads)
+    loaded = loads_of(motions)
+    yards = Yardsticks.of(loaded, 1, threads).known_ones()
     parts = parts_of(loaded, [part.positions for part in yards.parts])
     clock = Clock(yards, motions[0].model)
     measured, ended = list[tuple[Part, Apart | None, Price | None]](), False
@@ -115,6 +115,11 @@ def run(request: PartsRequest, session: Session) -> PartsReport:
     )
     session.write({REPORT: report.model_dump_json(indent=2) + "\n"})
     return report
+
+
+def loads_of(motions: Sequence[Motion]) -> list[Motion]:
+    """Return the motions of a task, with gravity tilted, and by twice the inputs."""
+    return [*motions, *map(tilted, motions), *map(doubled, motions)]
 
 
 def _made(model: mujoco.MjModel, change: Change) -> mujoco.MjModel:

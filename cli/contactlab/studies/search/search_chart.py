@@ -12,7 +12,7 @@ from contactlab.studies.search.choice import described
 
 _ALIKE = 1.03  # ratio of times, and of errors, of points that are drawn as one
 _GONE = 1e3  # of the limit: errors beyond it have no place in the picture
-_MARKS = ["as written", "recommended", "keeps the aim"]
+_MARKS = ["as written", "recommended", "keeps the aim", "as accurate as now"]
 _WIDTH, _HEIGHT = 520, 340
 
 
@@ -48,6 +48,8 @@ def merged(report: TuneReport) -> Rows:
         shown.append((report.recommended, "recommended"))
     if report.to_aim:
         shown.append((report.to_aim.point, "keeps the aim"))
+    if report.as_accurate:
+        shown.append((report.as_accurate.point, "as accurate as now"))
     shown += [(point, "") for point in report.points]
     rows: Rows = []
     for point, what in shown:

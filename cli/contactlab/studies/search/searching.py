@@ -7,16 +7,17 @@ kept, with its error and its time, so that little time gives a small answer.
 
 import math
 import time
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
 from typing import Protocol
 
 import mujoco
 
 from contactlab.budget.prices import Price
-from contactlab.studies.search.choice import INTEGRATOR, Choice, differing
+from contactlab.studies.search.choice import AS_WRITTEN, INTEGRATOR, Choice, Cuts, differing
 from contactlab.studies.search.clock import Clock
-from contactlab.studies.search.levers import Lever, condim_alone
+from contactlab.studies.search.levers import ASLEEP, Lever, condim_alone
 from contactlab.studies.search.yardstick import Apart
 
 SAVES = 0.97
@@ -61,10 +62,16 @@ class Bound:
         """Return the bound of a limit that hangs on nothing that the search measures."""
         return cls(limit, SAFE * limit)
 
-    def or_as_now(self, now: float, within: float) -> "Bound":
-        """Return the bound that the model as written keeps, whose error is now, if it is sound."""
-        limit, accepted = (now, SAME * now) if now <= within else (within, SAFE * within)
-        return Bound(max(self.limit, limit), max(self.accepted, accepted))
+    @classmethod
+    def as_now(cls, now: float) -> "Bound":
+        """Return the bound that the model as written keeps, whose error is now."""
+        return cls(now, SAME * now)
+
+    def or_as_now(self, now: float) -> "Bound":
+        """Return the wider of both; of equal steps, what is as accurate has the same noise."""
+        if now > self.limit:
+            return self
+        return Bound(self.limit, max(self.accepted, SAME * now))
 
 
 @dataclass
@@ -81,31 +88,33 @@ class Space:
     """What is searched.
 
     Attributes:
-        model: as written.
-        lighter: without what changes no state; None if there is nothing of that kind.
-        sparser: without collisions of what stayed apart, too; None if that is not asked for.
+        models: as written, and without what may go.
+        start: what all that is tried is without.
         finer: fine steps in one of the model as written.
         longest: steps, in fine ones, that the measure can tell of.
         levers: settings.
         integrators: that of the model first.
+        hulled: the start's, with fewer vertices of hulls, too; None if that is not asked for.
+        sleeps: whether bodies may sleep that are awake now.
     """
 
-    model: mujoco.MjModel
-    lighter: mujoco.MjModel | None
-    sparser: mujoco.MjModel | None
+    models: Mapping[Cuts, mujoco.MjModel]
+    start: Cuts
     finer: int
     longest: int
     levers: Sequence[Lever]
     integrators: Sequence[str]
+    hulled: Cuts | None = None
+    sleeps: bool = False
+
+    @property
+    def model(self) -> mujoco.MjModel:
+        """As written."""
+        return self.models[AS_WRITTEN]
 
     def made(self, choice: Choice) -> mujoco.MjModel:
         """Return the model of a choice, but for its step."""
-        return choice.made(self._base(choice))
-
-    def _base(self, choice: Choice) -> mujoco.MjModel:
-        if choice.apart and self.sparser:
-            return self.sparser
-        return self.lighter if choice.light and self.lighter else self.model
+        return choice.made(self.models[choice.cuts])
 
 
 @dataclass
@@ -131,31 +140,51 @@ class Search:
     )
     ended: bool = False
 
-    def __post_init__(self) -> None:
-        """Begin with the first bound."""
-        self.bound = self.bounds[0]
-
     @property
     def now(self) -> Choice:
         """The model as written."""
         return Choice({}, self.space.finer)
 
     def run(self) -> None:
-        """Search until nothing is left to try, or the time is over."""
+        """Search until nothing is left to try, or the time is over: a share of it a bound."""
+        whole = self.deadline
         try:
             self._error(self.now)
             self._priced([self.now])
-            light, apart = self.space.lighter is not None, self.space.sparser is not None
-            for bound in self.bounds:
+            for place, bound in enumerate(self.bounds):
                 self.bound = bound
-                here = self._quick(replace(self.now, light=light or apart, apart=apart))
-                if self.dearest is None:
-                    here = self._with_losses(self._step(here))
-                    self._step_again(here)
-                else:
-                    self._step(self._without_waste(here))
+                left = whole - time.monotonic()
+                self.deadline = whole - left * (1 - 1 / (len(self.bounds) - place))
+                try:
+                    self._searched()
+                except OutOfTimeError:
+                    self.ended = True
         except (OutOfTimeError, KeyboardInterrupt):
             self.ended = True
+
+    def _searched(self) -> None:
+        """Search for one bound."""
+        here = self._quick(self.now.without(self.space.start))
+        if self.dearest is None:
+            here = self._with_losses(self._step(self._hulled(here)))
+            self._step_again(here)
+            self._asleep(here)
+        else:
+            self._asleep(self._step(self._without_waste(self._hulled(here))))
+
+    def safest(self, until: float) -> list[Tried]:
+        """Return what costs less than the model as written and is as accurate, the cheapest first.
+
+        It is searched for at the model's own step until then, on the clock of `time.monotonic`.
+        """
+        self.deadline = until
+        with suppress(OutOfTimeError):
+            own = self._error(self.now)
+            here = self._without_waste(self._quick(self.now.without(self.space.start)))
+            self._priced([here])
+            known = [one for one in self.tried.values() if one.price and _share(one) <= SAME * own]
+            return sorted(known, key=_ratio)
+        return []
 
     def ranked(self, bound: Bound) -> list[Tried]:
         """Return what keeps a bound, the best first; only what was measured and timed."""
@@ -213,6 +242,28 @@ class Search:
         quick = here.with_settings(newton)
         most = max(self._error(here) + _LOSSLESS * self.bound.limit, self.bound.accepted)
         return quick if self._saves(quick, here) and self._error(quick) <= most else here
+
+    def _hulled(self, here: Choice) -> Choice:
+        """Return a choice with fewer vertices of hulls, if that saves time and keeps the bound."""
+        if self.space.hulled is None:
+            return here
+        fewer = here.without(self.space.hulled)
+        most = max(self._error(here) + _LOSSLESS * self.bound.limit, self.bound.accepted)
+        return fewer if self._saves(fewer, here) and self._error(fewer) <= most else here
+
+    def _asleep(self, here: Choice) -> None:
+        """Try a choice whose bodies may sleep, which only whole runs tell of."""
+        if not self.space.sleeps or not self._fits(here):
+            return
+        asleep = here.with_settings(ASLEEP)
+        self._left()
+        own, price = (self._stepped(one) for one in (here, asleep))
+        found = self.clock.compared_whole(price, own)
+        known = self._entry(here).price
+        if known and found.high < SAVES and self._fits(asleep):
+            self._entry(asleep).price = Price(
+                *(known.ratio * part for part in (found.ratio, found.low, found.high))
+            )
 
     def _without_waste(self, here: Choice) -> Choice:
         """Return a choice with all that costs time and adds no error."""

@@ -6,6 +6,7 @@ And collisions of geoms that stayed apart in all that was run, which may go wher
 import copy
 from collections.abc import Collection, Sequence
 from itertools import chain
+from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -86,3 +87,23 @@ def sensors_of(model: mujoco.MjModel) -> tuple[str, ...]:
     """Return the model's own sensors, by name or address."""
     names = (model.sensor(sensor).name or f"sensor[{sensor}]" for sensor in range(model.nsensor))
     return tuple(name for name in names if not name.startswith(PREFIX))
+
+
+def unread_flags(file: Path) -> tuple[str, ...]:
+    """Return the flags of a model's file that compute what no state depends on."""
+    try:
+        bits = int(mujoco.MjSpec.from_file(str(file)).option.enableflags)
+    except ValueError:
+        return ()
+    unread = {
+        "energy": mujoco.mjtEnableBit.mjENBL_ENERGY,
+        "fwdinv": mujoco.mjtEnableBit.mjENBL_FWDINV,
+    }
+    return tuple(name for name, bit in unread.items() if bits & int(bit))
+
+
+def with_flags(model: mujoco.MjModel, names: Sequence[str]) -> mujoco.MjModel:
+    """Return a model with flags that recording switches off, as its file has them."""
+    for name in names:
+        model.opt.enableflags |= int(getattr(mujoco.mjtEnableBit, f"mjENBL_{name.upper()}"))
+    return model

@@ -74,6 +74,11 @@ class Yardstick:
         ).reshape(-1, 2)
 
     @property
+    def motion(self) -> Motion:
+        """The phase, by controls that its actuators see at once."""
+        return self._motion
+
+    @property
     def windows(self) -> int:
         """How many windows candidates are held against; 0 if the fine motion is given up."""
         return len(self._which)
@@ -233,6 +238,17 @@ def held(
     return rows.reshape(len(seeds), steps, multiple, -1).mean(axis=2)
 
 
+def at_steps(motion: Motion, finer: int, seeds: np.ndarray, multiple: int) -> Motion:
+    """Return seeds of a motion from start to end, with inputs for steps of so many fine ones.
+
+    Its model is as it was: what makes the steps is another.
+    """
+    own = without_delays(motion)
+    steps = max(1, round(own.steps * finer / multiple))
+    rows = held(own, finer, seeds, np.zeros(len(seeds), int), multiple, steps)
+    return replace(own, starts=own.starts[seeds], inputs=rows)
+
+
 @dataclass(frozen=True)
 class Yardsticks:
     """Those of a task's phases, which are judged one by one: the worst counts."""
@@ -252,6 +268,10 @@ class Yardsticks:
     def known(self) -> bool:
         """Whether the fine motion came through all phases."""
         return all(part.windows for part in self.parts)
+
+    def known_ones(self) -> "Yardsticks":
+        """Return those whose fine motion came through; all of them if none did."""
+        return replace(self, parts=[part for part in self.parts if part.windows] or self.parts)
 
     @property
     def step(self) -> float:

@@ -1,0 +1,368 @@
+"""What is answered: written, judged by the judge of `contactlab MODEL`, on seeds nobody has seen.
+
+What fails there is not told. The next best takes its place, and, before the time or the tries are
+over, the safest that is known.
+"""
+
+import math
+import time
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from shutil import rmtree
+from tempfile import TemporaryDirectory
+
+from contactlab.budget import ErrorBudget, Motion, Settings, error_budget, judge
+from contactlab.errors import SceneError
+from contactlab.scene.model_names import name_of
+from contactlab.scene.model_writer import WrittenModel, write_model
+from contactlab.schema.task import Task
+from contactlab.schema.tune_report import MODEL, Aim, Verified
+from contactlab.studies.check.checked_model import CheckedModel
+from contactlab.studies.examine.changes import fresh
+from contactlab.studies.examine.examination import ExamineRequest, open_model
+from contactlab.studies.search.choice import Choice, described, differing
+from contactlab.studies.search.forward import ForwardError, Watched
+from contactlab.studies.search.levers import Unsearched
+from contactlab.studies.search.searching import SAME, SAVES, Bound, Measure, Search, Tried
+from contactlab.studies.search.sleeping import OrAsleep
+from contactlab.studies.search.subject import Subject, first_seeds
+from contactlab.studies.search.tune_request import TuneRequest
+from contactlab.studies.search.unused_pairs import pairs_within
+from contactlab.studies.search.wording import error_text, finite
+from contactlab.studies.search.yardstick import Apart, Yardsticks
+from contactlab.studies.session import Session
+from contactlab.studies.task_verdict import run_labels
+
+_JUDGED = 60  # times that two verdicts simulate the task: references, their check and RK4, itself
+_OPENINGS = 3  # times that a written model is compiled, compared and opened, in openings of the own
+_MOST_TRIES = 5
+_LESS, _MUCH_LESS = 0.95, 0.6
+_SAFEST = 0.5  # of the time that is left, for what is safest
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """An answer that is wanted.
+
+    Attributes:
+        bound: of its error.
+        folder: where the model is written.
+        sound: whether it has to be sound; else it may be what the model as written is, too.
+    """
+
+    bound: Bound
+    folder: str
+    sound: bool = True
+
+
+@dataclass(frozen=True)
+class Answer:
+    """A choice whose model was written, and held on fresh seeds."""
+
+    tried: Tried
+    written: WrittenModel
+    verified: Verified
+
+
+@dataclass(frozen=True)
+class _Judgement:
+    """What the judge says of numerics: word, largest share, shares of seeds there, and reason."""
+
+    word: str
+    share: float
+    low: float
+    high: float
+    why: str
+
+
+class Answers:
+    """Writes what was found, and judges it."""
+
+    def __init__(
+        self,
+        request: TuneRequest,
+        session: Session,
+        subject: Subject,
+        search: Search,
+        aim: Aim,
+        timing: "tuple[float, float]",
+    ) -> None:
+        """Take what was searched; `timing` has the deadline, and how long a model takes to open."""
+        self._request, self._session = request, session
+        self._subject, self._search, self._aim = subject, search, aim
+        self._deadline, self._opening = timing
+        self.kept = list[Unsearched]()
+
+    @property
+    def _examined(self) -> CheckedModel:
+        return self._subject.examined
+
+    @property
+    def known(self) -> Tried:
+        """The model as written."""
+        return self._search.tried[self._search.now.key]
+
+    @property
+    def to_judge(self) -> float:
+        """How long it takes to write a model and judge it on one seed, about [s]."""
+        return time_to_judge(self._subject, self._opening)
+
+    def of(self, wanted: Wanted, *, first: bool) -> Answer | None:
+        """Write what is best until one holds on fresh seeds; None if none is better than now."""
+        bound, limit = wanted.bound, math.inf
+        done = {self.known.choice.key}
+        for number in range(_MOST_TRIES):
+            left = self._deadline - time.monotonic()
+            if left < self.to_judge and (number or not first):
+                reason = "no time was left to judge what is next best"
+                self.kept.append(Unsearched(wanted.folder, reason))
+                break
+            last = number and (number == _MOST_TRIES - 1 or left < 2 * self.to_judge)
+            tried = None if last else self._next(done, limit, bound)
+            tried = tried or self._safest(done, bound)
+            if tried is None:
+                break
+            done.add(tried.choice.key)
+            name = described(self.settings(tried.choice)) or "without what changes no state"
+            try:
+                written = self._write(tried, wanted.folder)
+            except SceneError as error:
+                self.kept.append(Unsearched(name, str(error).splitlines()[0]))
+                continue
+            found = self._judged(tried, written, wanted)
+            if found.holds:
+                return Answer(tried, written, found)
+            self.kept.append(Unsearched(name, f"on fresh seeds: {found.sentence}"))
+            limit = self._limit_after(tried, found, bound)
+        rmtree(self._session.folder / wanted.folder, ignore_errors=True)
+        return None
+
+    def is_better(self, tried: Tried, bound: Bound) -> bool:
+        """Return whether something serves a bound better than the model as written."""
+        known = self.known
+        assert tried.error
+        assert tried.price
+        assert known.error
+        if self._search.dearest is not None:
+            if self._search.dearest < 1:
+                return True
+            return tried.error.share < SAVES * known.error.share
+        if known.error.share > bound.limit:
+            return True
+        return tried.price.high < 1 and tried.price.ratio < SAVES
+
+    def _next(self, done: set[tuple[object, ...]], limit: float, bound: Bound) -> Tried | None:
+        """Return the best that was not verified yet, of such an error; or at a shorter step."""
+
+        def fits(one: Tried) -> bool:
+            small = one.error is not None and one.error.share <= limit
+            return one.choice.key not in done and small and self.is_better(one, bound)
+
+        ranked = self._search.ranked(bound)
+        if found := next(filter(fits, ranked), None):
+            return found
+        if self._search.dearest is not None or not ranked or math.isinf(limit):
+            return None
+        for choice in self._search.shorter(ranked[0]):
+            if fits(tried := self._search.added(choice)):
+                return tried
+        return None
+
+    def _safest(self, done: set[tuple[object, ...]], bound: Bound) -> Tried | None:
+        """Return the cheapest that is as accurate as the model as written, if that is enough."""
+        known = self.known
+        assert known.error
+        if self._search.dearest is not None or known.error.share > bound.limit:
+            return None
+        left = max(0.0, self._deadline - time.monotonic() - self.to_judge)
+        for tried in self._search.safest(time.monotonic() + _SAFEST * left):
+            if tried.choice.key not in done and self.is_better(tried, bound):
+                return tried
+        return None
+
+    def _limit_after(self, tried: Tried, found: Verified, bound: Bound) -> float:
+        """Return the error in the search of what is to hold, after what does not: in proportion."""
+        assert tried.error
+        own = tried.error.share
+        if found.word == "sound" and found.error and not found.labels:
+            return _LESS * own * min(1.0, bound.limit / found.error)
+        return _MUCH_LESS * own
+
+    def settings(self, choice: Choice) -> dict[str, object]:
+        """Return what a choice sets, its step among it."""
+        finer, step = self._subject.yards.finer, self._subject.yards.step
+        found = differing(choice.settings, self._subject.model)
+        if choice.multiple == finer:
+            return found
+        return {"timestep": float(f"{choice.multiple * step:.12g}"), **found}
+
+    def _write(self, tried: Tried, folder: str) -> WrittenModel:
+        choice = tried.choice
+        edits = replace(self._subject.edits_of(choice.cuts), settings=self.settings(choice))
+        return write_model(self._examined.scene, edits, self._session.folder / folder, MODEL)
+
+    @cached_property
+    def _task(self) -> Task:
+        """The task of seeds that no choice was made by, as many as the search had."""
+        task = fresh(self._examined.task)
+        if self._request.at is not None:
+            task = task.model_copy(update={"watched": ()})
+        return task.model_copy(update={"seeds": task.seeds[: self._subject.seeds]})
+
+    @cached_property
+    def motions(self) -> list[Motion]:
+        """The task from fresh seeds."""
+        return self._examined.motions_of(self._task)
+
+    @cached_property
+    def _judging(self) -> list[Motion]:
+        """Fresh motions of as many seeds as the time allows to judge."""
+        passes = self._subject.yards.finer + _JUDGED
+        left = max(0.0, self._deadline - time.monotonic() - _OPENINGS * self._opening)
+        left /= len(self._search.bounds)
+        seeds = min(self._subject.seeds, max(1, int(left / (passes * self._subject.one_pass))))
+        return [first_seeds(motion, seeds) for motion in self.motions]
+
+    @cached_property
+    def _judged_task(self) -> Task:
+        seeds = self._task.seeds[: self._judging[0].seeds]
+        return self._task.model_copy(update={"seeds": seeds})
+
+    @cached_property
+    def _yards(self) -> Yardsticks:
+        return Yardsticks.of(self._judging, self._subject.yards.finer, self._subject.threads)
+
+    @cached_property
+    def _measure(self) -> Measure:
+        finer, threads = self._subject.yards.finer, self._subject.threads
+        if self._request.at is None:
+            return OrAsleep(self._yards, self._judging, finer, threads)
+        watched = [Watched.of(self._subject.model, name) for name in self._request.watched]
+        return ForwardError(self._judging, finer, watched, self._request.at, threads)
+
+    @cached_property
+    def _now(self) -> Apart:
+        """Error of the model as written on fresh seeds."""
+        return self._measure.apart(self._subject.model, self._subject.yards.finer)
+
+    def _judged(self, tried: Tried, written: WrittenModel, wanted: Wanted) -> Verified:
+        """Judge a written model, and measure it, on seeds that no choice was made by."""
+        changed = described(self.settings(tried.choice)) or "the model"
+        self._session.notify(f"verifying {changed}")
+        made, multiple = self._search.space.made(tried.choice), tried.choice.multiple
+        error = self._measure.apart(made, multiple)
+        request = ExamineRequest(written.reference, task=self._request.task, sections=("budget",))
+        examined = open_model(request, self._session)
+        judged, said = self._worst_of(examined)
+        limit = self._limit_of(wanted)
+        timely = self._search.dearest is not None
+        why = "sound, and within the limit"
+        holds = timely or error.share <= limit
+        if not holds:
+            why = f"{self._text(error)} in {error.body}, limit {error_text(limit, self._aim.unit)}"
+        elif said.word != "sound":
+            holds = not wanted.sound and self._is_as_now(judged, said)
+            why = f"{said.word}, as the model as written: {said.why}" if holds else said.why
+        labels = sorted(self._labels(examined) - self._labels_now) if holds else ()
+        if labels:
+            holds, why = False, f"labelled {' and '.join(labels)}, as the model as written is not"
+        if holds and "apart" in tried.choice.cuts and (touched := self._touched()):
+            holds, why = False, f"{touched} touch, which stayed apart before"
+        return Verified(
+            seeds=self._judged_task.seeds,
+            holds=holds,
+            keeps_aim=holds and (timely or error.share <= max(self._aim.limit, self._aim_now)),
+            error=finite(error.share),
+            now=finite(self._now.share),
+            word=said.word,
+            share=finite(said.share),
+            labels=tuple(labels),
+            sentence=why,
+        )
+
+    def _limit_of(self, wanted: Wanted) -> float:
+        """Return the largest error on fresh seeds of what is wanted.
+
+        What keeps a bound in the search as the model as written does is as good on these seeds.
+        """
+        own = self.known.error
+        if own is not None and own.share <= wanted.bound.limit:
+            return max(self._aim.limit, SAME * self._now.share)
+        return wanted.bound.limit
+
+    @property
+    def _aim_now(self) -> float:
+        """The error on fresh seeds of a model that kept the aim on those of the search."""
+        own = self.known.error
+        return SAME * self._now.share if own and own.share <= self._aim.limit else 0.0
+
+    def _text(self, error: Apart) -> str:
+        return error_text(error.share, self._aim.unit)
+
+    def _worst_of(self, examined: CheckedModel) -> tuple[Task, _Judgement]:
+        """Return what the judge says on fresh seeds, or, if that is sound, on the search's.
+
+        Those are what `contactlab FILE` judges by.
+        """
+        found = self._said_of(examined, self._judged_task)
+        if found.word != "sound":
+            return self._judged_task, found
+        own = self._examined.task
+        own = own.model_copy(update={"seeds": own.seeds[: len(self._judged_task.seeds)]})
+        return own, self._said_of(examined, own)
+
+    @cached_property
+    def sound_now(self) -> bool:
+        """Whether the judge calls the model as written sound, on the seeds of the search."""
+        task = self._examined.task
+        task = task.model_copy(update={"seeds": task.seeds[: len(self._judged_task.seeds)]})
+        return self._said_of(self._examined, task).word == "sound"
+
+    def _is_as_now(self, task: Task, said: _Judgement) -> bool:
+        """Return whether the judge says of the model as written what it says of another.
+
+        The least share over that one's seeds is at most the largest over its own: what moves freely
+        from the same starts goes other ways, and has another mean.
+        """
+        now = self._said_of(self._examined, task)
+        return now.word == said.word and said.low <= now.high
+
+    def _said_of(self, examined: CheckedModel, task: Task) -> _Judgement:
+        settings = Settings(places=False, excess=False)
+        motions = examined.motions_of(task)
+        budget = error_budget(motions, rows=(), settings=settings, workers=self._subject.threads)
+        verdict = judge(budget, task.within)
+        reason = verdict.reasons[0].sentence if verdict.reasons else "sound"
+        return _Judgement(verdict.word, budget.share, *_spread(budget), reason)
+
+    @cached_property
+    def _labels_now(self) -> set[str]:
+        return self._labels(self._examined)
+
+    def _labels(self, examined: CheckedModel) -> set[str]:
+        """Return what the runs of fresh seeds are labelled."""
+        task = self._judged_task
+        with TemporaryDirectory(prefix="contactlab-") as folder:
+            alone = replace(examined, session=replace(self._session, folder=Path(folder)))
+            runs = alone.run("labels", "Judged on fresh seeds", seeds=task.seeds)
+            return {each.label for each in run_labels(task, [run.record for run in runs])}
+
+    def _touched(self) -> str:
+        """Return the first pair that touches on fresh seeds and stayed apart before, or ""."""
+        model = self._subject.own_model
+        runs = [part.positions for part in self._yards.parts]
+        near, pairs = pairs_within(model, runs, 0.0), self._subject.pairs_apart
+        pair = min(pairs if near is None else pairs & near, default=None)
+        return " and ".join(name_of(model, "geom", geom) for geom in pair) if pair else ""
+
+
+def _spread(budget: ErrorBudget) -> tuple[float, float]:
+    """Return the least and largest share over seeds, of the worst phase."""
+    seeds = max(budget.phases, key=lambda phase: phase.run.share).run.seeds
+    return float(seeds.min()), float(seeds.max())
+
+
+def time_to_judge(subject: Subject, opening: float) -> float:
+    """Return how long it takes to write a model and judge it on one seed, about [s]."""
+    return (subject.yards.finer + _JUDGED) * subject.one_pass + _OPENINGS * opening

@@ -1,0 +1,76 @@
+"""What was found, in words and as the report has it."""
+
+import math
+from collections.abc import Iterator
+
+from contactlab.printable import percent
+from contactlab.schema.tune_report import Point, TuneReport
+from contactlab.studies.search.choice import described
+
+
+def error_text(error: float | None, unit: str) -> str:
+    """Return an error with its unit; a share in percent."""
+    if error is None:
+        return "unknown"
+    return percent(error) if unit == "1" else f"{error:.2e} {unit}"
+
+
+def finite(number: float) -> float | None:
+    """Return a number, or None for what no JSON has."""
+    return float(number) if math.isfinite(number) else None
+
+
+def settings_text(point: Point, now: Point) -> str:
+    """Return the settings of a point in a line, its step among them where it is another."""
+    step = {} if point.timestep == now.timestep else {"timestep": point.timestep}
+    return described({**step, **point.settings}) or "the model as written"
+
+
+def sentence_of(report: TuneReport) -> str:
+    """Return the answer in a line, from all that a report has else."""
+    best, verified = report.recommended, report.verified
+    now, rest = error_text(report.now.error, report.aim.unit), list(_beside(report))
+    if best and best.price and verified:
+        saved = f"{best.price.ratio:.2f} of the time"
+        if _beyond(report):
+            within = percent(report.aim.within)
+            saved = f"as written it is beyond the tolerance of {within}; what keeps that: {saved}"
+        seen = f"{error_text(verified.error, report.aim.unit)} on fresh seeds"
+        error = f"error {error_text(best.error, report.aim.unit)}, {seen} (now {now})"
+        return "; ".join((f"{saved}, {error}", *rest))
+    if rest:
+        return "; ".join((f"nothing sound is faster at no larger error than now, {now}", *rest))
+    return f"keep it as it is: error {now}, and nothing within the limit is faster"
+
+
+def _beyond(report: TuneReport) -> bool:
+    error, aim = report.now.error, report.aim
+    return aim.unit == "1" and (error is None or error > aim.within)
+
+
+def _beside(report: TuneReport) -> Iterator[str]:
+    """Yield what stands beside what is recommended."""
+    aim = report.aim
+    if report.as_accurate and report.as_accurate.point.price:
+        ratio = report.as_accurate.point.price.ratio
+        yield f"what is as accurate as now, and no sounder: {ratio:.2f}"
+    if report.to_aim and report.to_aim.point.price:
+        ratio = report.to_aim.point.price.ratio
+        limit = error_text(aim.limit, aim.unit)
+        why = _hardly(report)
+        yield f"as written it misses the aim of {limit}{why}; what keeps it: {ratio:.2f}"
+    elif (near := report.nearest) and near.price:
+        got = f"{error_text(near.error, aim.unit)} at {near.price.ratio:.2f} of the time"
+        limit = error_text(aim.limit, aim.unit)
+        if aim.real_time is not None:
+            limit = f"{aim.real_time:g} times real time"
+        which = settings_text(near, report.now)
+        yield f"nothing keeps {limit}: nearest is {which}, {got}; it binds {report.binds}"
+
+
+def _hardly(report: TuneReport) -> str:
+    """Say where an aim is strict only since the model is uncertain by little."""
+    aim, now = report.aim, report.now.error
+    if aim.uncertain is None or now is None or aim.uncertain >= aim.limit:
+        return ""
+    return f" (friction and masses are worth {percent(aim.uncertain)} only)"

@@ -1,0 +1,78 @@
+"""Hulls of fewer vertices: how far they reach less, in closed form, and in the files of a model."""
+
+import math
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from contactlab.plan.task_options import read_task_options
+from contactlab.scene.model_draft import ModelEdits
+from contactlab.scene.model_writer import write_model
+from contactlab.studies.examine.examination import ExamineRequest, open_model
+from contactlab.studies.search.hulls import colliding, fewer_vertices, hull, hull_distance
+from contactlab.studies.session import Session
+
+SIDES, RADIUS = 48, 0.1
+ANGLES = 2 * math.pi * np.arange(SIDES) / SIDES
+RIM = np.stack([RADIUS * np.cos(ANGLES), RADIUS * np.sin(ANGLES)], axis=1)
+PRISM = np.concatenate([np.c_[RIM, np.full(SIDES, z)] for z in (-0.03, 0.03)])
+PUCK = """<mujoco>
+  <asset><mesh name="puck" vertex="{}"/></asset>
+  <worldbody>
+    <geom type="plane" size="2 2 .1"/>
+    <body name="puck" pos="0 0 .1"><freejoint/><geom type="mesh" mesh="puck"/></body>
+  </worldbody>
+</mujoco>
+""".format(" ".join(f"{number:.9f}" for number in PRISM.ravel()))
+
+
+def made(vertices: dict[str, int]) -> mujoco.MjModel:
+    """Return the puck with hulls of so many vertices."""
+    spec = mujoco.MjSpec.from_string(PUCK)
+    for name, count in vertices.items():
+        spec.mesh(name).maxhullvert = count
+    return spec.compile()
+
+
+@pytest.mark.parametrize("every", [1, 2, 3, 4, 6])
+def test_a_prism_of_fewer_sides_reaches_less_by_the_height_of_its_segments(every: int) -> None:
+    """A vertex in the middle of a chord over `every` sides of a circle lies r (1 - cos) beyond.
+
+    Of an odd number none lies in the middle: the nearest lies half a side off. The tolerance is
+    what a weight of 1e3 on the sum of the weights leaves of 1, over the size.
+    """
+    angle = 2 * math.pi / SIDES
+    off = (every % 2) * angle / 2
+    height = RADIUS * (math.cos(off) - math.cos(every * angle / 2)) if every > 1 else 0.0
+    fewer = np.concatenate([PRISM[:SIDES:every], PRISM[SIDES::every]])
+    assert hull_distance(PRISM, fewer) == pytest.approx(height, abs=1e-5 * RADIUS)
+
+
+def test_the_fewest_vertices_within_a_distance_are_found() -> None:
+    model = made({})
+    (mesh,) = colliding(model)
+    assert len(hull(model, mesh)) == 2 * SIDES
+    counts = list[int]()
+    for within in (2e-3, 1e-2, 3e-2):
+        found = fewer_vertices(model, made, within)
+        smaller = made(found)
+        assert hull_distance(hull(model, mesh), hull(smaller, mesh)) <= within
+        assert len(hull(smaller, mesh)) <= found.get("puck", 2 * SIDES)
+        counts.append(found.get("puck", 2 * SIDES))
+    assert counts[0] > counts[1] > counts[2]
+    assert not fewer_vertices(model, made, 1e-9)
+
+
+def test_a_model_is_written_with_fewer_vertices_and_is_what_was_meant(tmp_path: Path) -> None:
+    path = tmp_path / "puck.xml"
+    path.write_text(PUCK)
+    task = read_task_options(drive="none", duration="0.1s")
+    asked = ExamineRequest(str(path), task=task, sections=("budget",))
+    examined = open_model(asked, Session(tmp_path / "out"))
+    edits = ModelEdits(hulls={"puck": 12})
+    written = write_model(examined.scene, edits, tmp_path / "made")
+    assert 'maxhullvert="12"' in written.path.read_text()
+    own, meant = mujoco.MjModel.from_xml_path(str(written.path)), made({"puck": 12})
+    assert np.array_equal(hull(own, 0), hull(meant, 0))
