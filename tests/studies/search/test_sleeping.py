@@ -1,0 +1,66 @@
+"""Sleep is told by whole runs: at rest it costs nothing, and what moves must not be frozen."""
+
+import copy
+
+import mujoco
+import numpy as np
+import pytest
+
+from contactlab.budget import Motion
+from contactlab.budget.motion import INTEGRATION
+from contactlab.studies.search.levers import may_sleep
+from contactlab.studies.search.sleeping import OrAsleep
+from contactlab.studies.search.yardstick import Yardsticks
+
+SLEEP = int(getattr(mujoco.mjtEnableBit, "mjENBL_SLEEP", 0))
+pytestmark = pytest.mark.skipif(not SLEEP, reason="this MuJoCo has no sleep")
+BOX = """<mujoco>
+  <option timestep="0.004" sleep_tolerance="{tolerance}"/>
+  <worldbody>
+    <geom type="plane" size="5 5 .1" friction=".1"/>
+    <body pos="0 0 .1"><freejoint/><geom type="box" size=".1 .1 .1" friction=".1"/></body>
+  </worldbody>
+</mujoco>"""
+STEPS, FINER = 100, 4
+
+
+def motion_of(tolerance: float, speed: float) -> Motion:
+    """Return a box on the floor that slides so fast at first."""
+    model = mujoco.MjModel.from_xml_string(BOX.format(tolerance=tolerance))
+    data = mujoco.MjData(model)
+    data.qvel[0] = speed
+    start = np.empty((1, mujoco.mj_stateSize(model, INTEGRATION)))
+    mujoco.mj_getState(model, data, start[0], INTEGRATION)
+    return Motion(model, start, np.empty((1, STEPS, 0)), name="slide")
+
+
+@pytest.mark.parametrize(
+    ("tolerance", "speed", "frozen"), [(1e-4, 0.0, False), (1e-4, 0.5, False), (1.0, 0.5, True)]
+)
+def test_what_moves_must_not_be_frozen(tolerance: float, speed: float, *, frozen: bool) -> None:
+    """A tolerance of 1 m/s puts a box to sleep after ten steps that slides .5 m/s.
+
+    Friction of .1 has taken .04 m/s by then, and sleep takes the other .46 at once: of real impulses
+    of at most .5 at the start, .5 of friction, and a tenth of weight over .4 s, .39: a third.
+    """
+    motion = motion_of(tolerance, speed)
+    yards = Yardsticks.of([motion], FINER, 1)
+    measure = OrAsleep(yards, [motion], FINER, 1)
+    asleep = copy.copy(motion.model)
+    asleep.opt.enableflags |= SLEEP
+    awake, found = measure.apart(motion.model, FINER), measure.apart(asleep, FINER)
+    assert awake == yards.apart(motion.model, FINER)
+    if frozen:
+        assert found.share > awake.share + 0.2
+    else:
+        assert found.share <= max(1.5 * awake.share, 1e-3)
+
+
+def test_driven_trees_stay_awake_and_what_sleeps_already_is_not_tried() -> None:
+    model = motion_of(1e-3, 0.0).model
+    assert may_sleep(model)
+    model.opt.enableflags |= SLEEP
+    assert not may_sleep(model)
+    driven = BOX.format(tolerance=1e-3).replace("<freejoint/>", '<joint name="x" type="slide"/>')
+    driven = driven.replace("</mujoco>", '<actuator><motor joint="x"/></actuator></mujoco>')
+    assert not may_sleep(mujoco.MjModel.from_xml_string(driven))
