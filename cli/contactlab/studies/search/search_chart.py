@@ -26,7 +26,8 @@ def specification(report: TuneReport) -> alt.TopLevelMixin:
     spans = layer_of("tried", rows).mark_rule(color=OTHERS_COLOUR)
     marked = [row for row in rows if row["what"]]
     special = layer_of("marked", marked).encode(x=x, y=y)
-    lines = _lines(report)
+    lines, seen = _lines(report), {row["what"] for row in marked}
+    colours = {mark: colour for mark, colour in zip(_MARKS, COLOURS, strict=False) if mark in seen}
     levels = layer_of("levels", lines).encode(y=alt.Y("error:Q"))
     return alt.layer(
         levels.mark_rule(color=INK, strokeDash=[4, 3]),
@@ -36,7 +37,9 @@ def specification(report: TuneReport) -> alt.TopLevelMixin:
         spans.encode(x=x, y=alt.Y("low:Q"), y2="high:Q"),
         tried.mark_point(filled=True, size=40, color=OTHERS_COLOUR, opacity=1),
         special.mark_point(filled=True, size=110, opacity=1).encode(
-            color=alt.Color("what:N").scale(domain=_MARKS, range=COLOURS[: len(_MARKS)]).title(None)
+            color=alt.Color("what:N")
+            .scale(domain=[*colours], range=[*colours.values()])
+            .title(None)
         ),
     ).properties(width=_WIDTH, height=_HEIGHT, title=Path(report.model).name)
 
