@@ -275,15 +275,11 @@ class Draft:
 
     def set_parts(self, edits: ModelEdits, meant: CompiledFiles) -> None:
         """Make the changes that no field of a compiled model has, and remove what it lacks."""
-        for name, attribute in product(edits.masked, ("contype", "conaffinity")):
-            self._set("geom", name, attribute, "0")
-        for name, count in edits.hulls.items():
-            self._set("mesh", name, "maxhullvert", str(count))
+        for change in _set_by(edits):
+            self._set(*change)
         for one, other in edits.excluded:
             pair = attributes({"body1": one, "body2": other})
             self.added.append(f"<contact><exclude{pair}/></contact>")
-        for name, primitive in edits.fitted:
-            self._set("geom", name, "type", primitive)
         for name in edits.freed:
             self.inserted[self._origin("body", name)] = "<freejoint/>"
         if edits.unflagged:
@@ -324,6 +320,16 @@ class Draft:
                 text = " ".join(replacement.text.decode(errors="replace").split())
                 line = line_of(self.before[path], replacement.start)
                 yield Change(path.relative_to(folder).as_posix(), line, text)
+
+
+def _set_by(edits: ModelEdits) -> Iterator[tuple[str, str, str, str]]:
+    """Yield the attributes that edits set: kind and name of a part, attribute and value."""
+    for name, attribute in product(edits.masked, ("contype", "conaffinity")):
+        yield "geom", name, attribute, "0"
+    for name, count in edits.hulls.items():
+        yield "mesh", name, "maxhullvert", str(count)
+    for name, primitive in edits.fitted:
+        yield "geom", name, "type", primitive
 
 
 def object_name(model: mujoco.MjModel, field: str, row: int) -> str:

@@ -40,8 +40,8 @@ def motion_of(tolerance: float, speed: float) -> Motion:
 def test_what_moves_must_not_be_frozen(tolerance: float, speed: float, *, frozen: bool) -> None:
     """A tolerance of 1 m/s puts a box to sleep after ten steps that slides .5 m/s.
 
-    Friction of .1 has taken .04 m/s by then, and sleep takes the other .46 at once: of real impulses
-    of at most .5 at the start, .5 of friction, and a tenth of weight over .4 s, .39: a third.
+    Friction of .1 has taken .04 m/s by then, and sleep takes the other .46 at once: of real
+    impulses of .5 at the start, at most .5 of friction, and a tenth of weight in .4 s: a third.
     """
     motion = motion_of(tolerance, speed)
     yards = Yardsticks.of([motion], FINER, 1)
