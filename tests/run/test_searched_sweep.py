@@ -100,6 +100,18 @@ def test_neither_interruption_nor_order_changes_the_trials() -> None:
     assert len(at_once) == 60
 
 
+def test_two_descents_go_on_side_by_side() -> None:
+    """After the first trials, most rounds have one of each; where both ask the same, one waits."""
+    values, rounds = np.sin(7 * GRID).sum(axis=1), list[int]()
+    search, measured = Trials(GRID, -1.0, 60), dict[int, float | None]()
+    while trials := search.next(measured):
+        rounds.append(len(trials))
+        measured |= {trial: float(values[trial]) for trial in trials}
+    assert rounds[0] == 24
+    assert set(rounds[1:]) <= {1, 2}
+    assert rounds.count(2) > len(rounds) / 2
+
+
 def test_what_goes_on_begins_anew() -> None:
     """Another search that knows some of it, and more besides, tries the same in the end."""
     values = np.sin(7 * GRID).sum(axis=1)

@@ -1,8 +1,7 @@
 """`search` of a sweep file: the worst of a metric, sought among the points of a plan."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import product
 
 import numpy as np
@@ -30,6 +29,8 @@ _SPREAD = 0.4
 _MOST_CORNERED = 4
 # Points that may be proposed for each trial: several may be nearest to one of the plan.
 _PROPOSALS = 4
+# Descents that go on at a time: so many workers have something to do.
+_SIDE_BY_SIDE = 2
 # A descent ends where its simplex is so small; most calls by then are of points that were tried.
 _LEAST_SIDE, _MOST_CALLS = 1e-4, 1000
 _UNMEASURED = 1e12
@@ -94,8 +95,9 @@ class Trials:
     them, so that steps, plateaus and points without a value are no trouble. What is left then goes
     on along the sequence.
 
-    A descent is gone through again from its start until it has all that it asks for, so that the
-    same points are tried whatever was interrupted.
+    Some descents go on side by side, each by one trial in a round; where one ends, the next begins.
+    Each is gone through again from its start in every round, and sees nothing of what others try in
+    it, so that the same points are tried whatever was interrupted.
     """
 
     def __init__(self, points: Floats, sign: float, most: int) -> None:
@@ -107,51 +109,60 @@ class Trials:
 
         self._nearest = KDTree(points).query
         self._sign, self._most, self._axes = sign, min(most, len(points)), points.shape[1]
-        self._spread, self._first = _spread(self._axes, _PROPOSALS * most), round(_SPREAD * most)
+        self._spread, first = _spread(self._axes, _PROPOSALS * most), max(1, round(_SPREAD * most))
+        self._starts = self._spread[:first]
         self._measured: Mapping[int, float | None] = {}
-        self._tried, self._waiting = dict[int, None](), list[int]()
-        self._ended = 0  # so many descents
+        self._tried = dict[int, None]()
+        self._before = frozenset[int]()  # what was tried before this round
+        self._waiting: list[tuple[Floats, float]] | None = None  # descents that have not ended
 
     def next(self, measured: Mapping[int, float | None]) -> list[int]:
         """Return the points to try next; none once as many were tried as may be, or all are.
 
         Measured is what was found at points, by place; None where it could not be.
         """
-        self._measured, self._waiting = measured, []
-        starts = self._spread[: max(1, self._first)]
-        with suppress(_PauseError):
-            self._ask(starts)
-            for start, side in self._descents(starts)[self._ended :]:
-                tried = dict(self._tried)
-                try:
-                    self._descend(start, side)
-                except _PauseError:
-                    self._tried = tried
-                    raise
-                self._ended += 1
-            self._ask(self._spread)
-        return self._waiting
+        self._measured = measured
+        while not (unknown := [place for place in self._tried if place not in measured]):
+            self._before = frozenset(self._tried)
+            self._try_more()
+            if len(self._tried) == len(self._before):
+                break
+        return unknown
 
-    def _ask(self, wanted: Floats) -> None:
-        """Try the points that are nearest to (n, k).
+    def _try_more(self) -> None:
+        """Try what is next, all that was tried being measured; nothing if nothing is left."""
+        if not self._tried:
+            self._try(self._places(self._starts))
+            return
+        if self._waiting is None:
+            self._waiting = self._descents(self._starts)
+        going, rest = self._waiting[:_SIDE_BY_SIDE], self._waiting[_SIDE_BY_SIDE:]
+        self._waiting = [descent for descent in going if not self._ends(*descent)] + rest
+        if not self._waiting:
+            self._try(self._places(self._spread))
+        elif len(self._tried) == len(self._before) < self._most:
+            self._try_more()
 
-        A _PauseError says that some have yet to be measured, or that no more may be tried.
-        """
+    def _places(self, wanted: Floats) -> list[int]:
+        """Return the places of the points that are nearest to (n, k)."""
         places: list[int] = np.asarray(self._nearest(wanted)[1]).tolist()
+        return places
+
+    def _try(self, places: Iterable[int]) -> None:
         for place in places:
-            if place not in self._tried:
-                if len(self._tried) == self._most:
-                    raise _PauseError
+            if len(self._tried) < self._most:
                 self._tried[place] = None
-            if place not in self._measured and place not in self._waiting:
-                self._waiting.append(place)
-        if self._waiting:
-            raise _PauseError
 
     def _cost(self, wanted: Floats) -> float:
-        """Return what is minimised at the point nearest to (k,); a _PauseError as of `_ask`."""
-        self._ask(wanted[None])
-        value = self._measured[int(self._nearest(wanted)[1])]
+        """Return what is minimised at the point nearest to (k,).
+
+        A _PauseError says that it is tried in this round, or may not be any more.
+        """
+        (place,) = self._places(wanted[None])
+        if place not in self._before:
+            self._try([place])
+            raise _PauseError
+        value = self._measured[place]
         return _UNMEASURED if value is None else self._sign * value
 
     def _descents(self, starts: Floats) -> list[tuple[Floats, float]]:
@@ -162,6 +173,14 @@ class Trials:
             if all(np.abs(starts[place] - better).max() > apart for better, _ in found):
                 found.append((starts[place], apart / 2))
         return found
+
+    def _ends(self, start: Floats, side: float) -> bool:
+        """Return whether a descent from (k,) comes to its end, and needs no trial more."""
+        try:
+            self._descend(start, side)
+        except _PauseError:
+            return False
+        return True
 
     def _descend(self, start: Floats, side: float) -> None:
         """Descend from (k,) until the simplex, of some side first, is small."""
@@ -184,7 +203,7 @@ class Trials:
 
 
 class _PauseError(Exception):
-    """Ends what asks for trials: as many were made as may be, or one has yet to be."""
+    """Ends a descent for this round."""
 
 
 def _spread(axes: int, count: int) -> Floats:
