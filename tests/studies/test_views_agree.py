@@ -16,6 +16,7 @@ import contactlab
 from contactlab.schema.examination import Examination
 from contactlab.schema.task import Task
 from contactlab.schema.task_verdict import TaskVerdict
+from contactlab.schema.tune_report import TuneReport
 from contactlab.studies.task_verdict import run_labels
 
 PUBLIC = (
@@ -90,6 +91,36 @@ def views_agree(model: str, folder: Path, **task: Any) -> Examination:
     return whole
 
 
+def searches_agree(model: str, task: Task, folder: Path, **options: Any) -> None:
+    """Assert that tune and tradeoff search by the task, and measure the same of the same settings.
+
+    Time ends each search elsewhere, so that they tried the model as written and some more alike,
+    and errors are alike where the motions are as fine that they are distances from.
+    """
+    known: dict[tuple[Any, ...], tuple[Any, ...]] = {}
+    for search in (contactlab.tune, contactlab.tradeoff):
+        report = search(model, workers=0, output=folder / search.__name__, **options)
+        assert isinstance(report, TuneReport)
+        assert report.task.line == task.line
+        for point in (report.now, *report.points):
+            tried = (str(point.settings), point.timestep, point.lighter, point.apart)
+            found = (point.error, point.low, point.high, point.body, point.phase)
+            assert known.setdefault((*tried, report.fine_step), found) == found
+
+
+@pytest.mark.long
+def test_searches_of_a_small_model_have_one_answer(tmp_path: Path) -> None:
+    path = tmp_path / "ball.xml"
+    path.write_text(
+        """<mujoco><option timestep=".01"/><worldbody><geom type="plane" size="3 3 .1"/>
+        <body name="ball" pos="0 0 .06"><freejoint/><geom size=".05"/></body></worldbody>
+        </mujoco>"""
+    )
+    options: dict[str, Any] = {"duration": "0.2s"}
+    whole = contactlab.examine(path, only=["budget"], output=tmp_path / "out", **options)
+    searches_agree(str(path), whole.task, tmp_path, max_time="4s", **options)
+
+
 @pytest.mark.long
 def test_a_shipped_scene_has_one_answer(tmp_path: Path) -> None:
     views_agree("box_slide", tmp_path, duration="0.2s")
@@ -132,6 +163,4 @@ def test_a_public_model_has_one_answer(robot: str, tmp_path: Path) -> None:
     model = public(robot)
     task: dict[str, Any] = {"duration": "0.6s"}
     whole = views_agree(model, tmp_path, **task)
-    answer = of_verdict(whole.task, whole.verdict)
-    tuned = contactlab.tune(model, workers=0, output=tmp_path / "tune", **task)
-    assert tuned.task.line == answer.line
+    searches_agree(model, whole.task, tmp_path, max_time="20s", **task)
