@@ -15,7 +15,13 @@ from contactlab.studies.examine.task_motions import task_motions
 
 SCRIPT = "atlas/confirm.py"
 _STEPS = {"run", "reference"}  # rows that are of the steps
-_STRAINS = {"constraint_violated": "limit", "tunneling": "depth", "broken": "depth"}  # of labels
+_OF_LABELS = {
+    "constraint_violated": ["--of", "limit"],
+    "tunneling": ["--of", "depth"],
+    "broken": ["--of", "depth"],
+    "diverged": ["--of", "warning"],
+    "energy_injection": ["--of", "energy", "--body", "world"],  # that of the whole model
+}
 _SEEDS = range(3)
 _SECONDS = 60
 
@@ -79,9 +85,9 @@ def _cause(entry: Entry) -> list[str]:
     report = entry.examination
     if report is None:
         return []
-    labels = [_STRAINS[label.label] for label in report.labels if label.label in _STRAINS]
+    labels = [_OF_LABELS[label.label] for label in report.labels if label.label in _OF_LABELS]
     if entry.word == "not sound" and labels:
-        return ["--of", labels[0]]
+        return [*labels[0]]
     for reason in report.budget.reasons if report.budget else ():
         return ["--of", "run" if reason.row in _STEPS else reason.row, "--body", reason.body]
     return []
