@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from contactlab.commands.examine import examine
     from contactlab.commands.explain import explain
     from contactlab.commands.fit import fit
+    from contactlab.commands.gradients import gradients
     from contactlab.commands.grip import grip
     from contactlab.commands.init import init
     from contactlab.commands.lint import lint
@@ -63,6 +64,7 @@ __all__ = [
     "examine",
     "explain",
     "fit",
+    "gradients",
     "grip",
     "init",
     "lint",

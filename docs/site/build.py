@@ -26,6 +26,7 @@ SECTIONS = {
         "examine",
         "check",
         "grip",
+        "gradients",
         "stability",
         "tradeoff",
         "tune",

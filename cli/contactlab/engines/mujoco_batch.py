@@ -44,10 +44,14 @@ PERSISTENT = sum(
 _COUNT = 1  # a warning's record is where it was last raised and how often
 
 
-def start_batch(models: Sequence[mujoco.MjModel], starts: InitialStates) -> Batch:
-    """Return a batch of one thread, each run with its own model and at its start."""
+def start_batch(models: Sequence[mujoco.MjModel], starts: InitialStates, threads: int = 1) -> Batch:
+    """Return a batch, each run with its own model and at its start.
+
+    Runs are the same bit for bit for any number of threads; MuJoCo before 3.17 has one.
+    """
     persistent = any(model.opt.enableflags & PERSISTENT for model in models)
-    batch = Batch(models[0], len(models), 1, persistent=persistent)
+    threads = threads if has_batch() else 1
+    batch = Batch(models[0], len(models), threads, persistent=persistent)
     batch.set_models(list(models))
     # A batch starts all runs as its first model does, down to places of mocap bodies and welds.
     batch.reset(stage=mujoco.mjtStage.mjSTAGE_NONE.value)
@@ -73,6 +77,28 @@ def driven(
         width, spec = width + 7 * model.nmocap, spec | _MOCAP
     inputs = starts.inputs(run, model.opt.timestep, first + np.arange(steps), width)
     return {"control": inputs[None], "control_spec": spec}
+
+
+def last_states(
+    models: Sequence[mujoco.MjModel], starts: InitialStates, steps: int, threads: int = 1
+) -> Floats:
+    """Return (n, nq + nv) where runs are after some steps, unrecorded; NaN where MuJoCo warned."""
+    batch, count = start_batch(models, starts, threads), len(models)
+    driving = [driven(model, starts, run, steps) for run, model in enumerate(models)]
+    failed = np.zeros(count, bool)
+    for run in range(count) if any(driving) else ():
+        try:
+            batch.rollout(steps, record=[], ids=[run], **driving[run])
+        except SimulationError:
+            failed[run] = True
+    if not any(driving):
+        try:
+            batch.rollout(steps, record=[])
+        except SimulationError:
+            failed |= [bool(batch.error(run)) for run in range(count)]
+    ends = np.concatenate([batch.bind("qpos"), batch.bind("qvel")], axis=1)
+    ends[failed | batch.warning[:, :, _COUNT].any(axis=1)] = np.nan
+    return ends
 
 
 class BatchStepper:

@@ -13,6 +13,7 @@ from contactlab.schema.diff_report import DiffReport
 from contactlab.schema.error_budget import BudgetReport
 from contactlab.schema.evidence import EvidenceRecord, StoreManifest
 from contactlab.schema.examination import Examination
+from contactlab.schema.gradients import GradientsReport
 from contactlab.schema.grip import GripReport
 from contactlab.schema.lint_report import LintReport
 from contactlab.schema.parts_report import PartsReport
@@ -44,6 +45,7 @@ EMITTED: Mapping[str, type[BaseModel]] = {
     "parts.schema.json": PartsReport,
     "tune.schema.json": TuneReport,
     "fit.schema.json": FitReport,
+    "gradients.schema.json": GradientsReport,
     "grip.schema.json": GripReport,
     "shrink.schema.json": ShrinkReport,
 }

@@ -1,0 +1,1 @@
+"""Where derivatives of a simulation through contact can be trusted."""

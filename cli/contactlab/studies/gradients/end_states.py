@@ -1,0 +1,190 @@
+"""Runs whose end is differentiated: a scene's, with axes set and coordinates of the start moved."""
+
+import json
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import groupby
+
+import mujoco
+import numpy as np
+
+from contactlab.contact.trace_arrays import SLIDE, STICK, Floats
+from contactlab.engines import ENGINES
+from contactlab.engines.engine import Buffers, PreparedRuns, bytes_of_run
+from contactlab.engines.mujoco_batch import last_states
+from contactlab.engines.rollout_trace import make_trace
+from contactlab.errors import SweepFileError, did_you_mean
+from contactlab.measure.net_contact import net_contact
+from contactlab.mjcf import MODEL_ENGINE
+from contactlab.scene.initial_states import InitialStates
+from contactlab.scene.model_edits import find_field
+from contactlab.scene.model_names import PARTS, coordinates, part_starts
+from contactlab.scene.run_spec import RunSpec
+from contactlab.scene.scene import Scene
+from contactlab.schema.setting_values import as_number, as_vector
+from contactlab.studies.session import Values
+
+_MOST_RUNS, _MOST_BYTES = 256, 64 << 20
+_MODES = {STICK: "stick", SLIDE: "slide"}
+_QUATERNION = (".qw", ".qx", ".qy", ".qz")
+
+
+@dataclass(frozen=True)
+class Point:
+    """One run: values by axis, and coordinates of the start by their place."""
+
+    values: Values
+    moved: Mapping[int, float]
+
+    def at_step(self, timestep: float) -> "Point":
+        """Return the same with another timestep [s]."""
+        return replace(self, values={**self.values, "timestep": timestep})
+
+
+@dataclass(frozen=True)
+class Subject:
+    """A scene, and the coordinate whose end is differentiated."""
+
+    scene: Scene
+    place: int  # of the coordinate in a row of all that `InitialStates` has
+    duration: float | None
+    threads: int = 1
+    seed: int = 0
+
+    @property
+    def model(self) -> mujoco.MjModel:
+        """The scene's compiled model."""
+        return self.scene.base({}).model
+
+    @classmethod
+    def of(cls, scene: Scene, name: str, duration: float | None, threads: int = 1) -> "Subject":
+        """Find the coordinate; a SweepFileError says that it is none of a state."""
+        model = scene.base({}).model
+        end = part_starts(model)["act"]
+        known = {each: place for each, place in coordinates(model).items() if place < end}
+        if name not in known:
+            near = did_you_mean(name, known) or f"; write one of {', '.join(list(known)[:8])}"
+            raise SweepFileError(f"--of {name}: no such coordinate of the state{near}")
+        return cls(scene, known[name], duration, threads)
+
+    def resolve(self, point: Point) -> RunSpec:
+        """Return all that decides a run but the coordinates that are moved."""
+        return self.scene.resolve(point.values, self.seed, self.duration)
+
+    def prepare(self, points: Sequence[Point]) -> PreparedRuns:
+        """Prepare runs of one structure and step count."""
+        runs = PreparedRuns.of(self.scene, *map(self.resolve, points))
+        return replace(runs, starts=_moved(runs.starts, points))
+
+    def parameter(self, name: str) -> "Parameter":
+        """Return what varies a parameter; a SweepFileError says that there is none of this name."""
+        known = coordinates(self.model)
+        spec = self.scene.catalogue.find(name)
+        if spec is None and name in known and not name.endswith(_QUATERNION):
+            return Parameter(name, known[name], lambda value: value)
+        if spec is None:
+            near = did_you_mean(name, [*self.scene.catalogue.names, *known])
+            raise SweepFileError(f"--by {name}: no such axis or coordinate{near}")
+        if name == "timestep" or spec.choices:
+            raise SweepFileError(f"--by {name}: nothing is differentiated with respect to that")
+        return Parameter(name, None, spec.parse)
+
+    def end(self, points: Sequence[Point]) -> Floats:
+        """Return (n,) the coordinate at the end of runs; NaN where one did not complete."""
+        ends = np.full(len(points), np.nan)
+        for places, runs in self._groups(points):
+            last = last_states(runs.models, runs.starts, runs.steps, self.threads)
+            ends[places] = last[:, self.place]
+        return ends
+
+    def modes(self, points: Sequence[Point]) -> list[str]:
+        """Return what the pairs of each run do one after the other; see `measure.stick_slip`."""
+        words = [""] * len(points)
+        buffers = Buffers()
+        for places, runs in self._groups(points):
+            rollout = ENGINES[MODEL_ENGINE].roll_out(runs, buffers)
+            trace = make_trace(runs.base, runs.prepared, rollout)
+            elliptic = np.array([bool(model.opt.cone) for model in runs.models])
+            net = net_contact(trace.pairs, elliptic, trace.timestep, runs.steps)
+            for row, place in enumerate(places):
+                words[place] = "; ".join(
+                    f"{pair.name}: {_in_order(net.series.mode[number, row])}"
+                    for number, pair in enumerate(runs.base.pairs)
+                )
+        return words
+
+    def _groups(self, points: Sequence[Point]) -> Iterator[tuple[list[int], PreparedRuns]]:
+        """Yield runs of one structure and step count, and their places among the points."""
+        resolved = [self.resolve(point) for point in points]
+
+        def key(place: int) -> str:
+            run = resolved[place]
+            return json.dumps([run.structure, sorted(run.without), run.steps], sort_keys=True)
+
+        for _, alike in groupby(sorted(range(len(points)), key=key), key):
+            places = list(alike)
+            first = resolved[places[0]]
+            size = bytes_of_run(self.scene.base_of(first).model, first.steps)
+            most = max(1, min(_MOST_RUNS, _MOST_BYTES // size))
+            for at in range(0, len(places), most):
+                some = places[at : at + most]
+                yield some, self.prepare([points[place] for place in some])
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """What the end is differentiated with respect to."""
+
+    name: str
+    place: int | None  # of a coordinate of the start; of an axis None
+    parse: Callable[[float], object]
+
+    def at(self, subject: Subject, point: Point) -> float:
+        """Return its value in a run; a SweepFileError says that it is no number there."""
+        if self.place is not None:
+            row = _row(subject.prepare([point]).starts)
+            return float(row[self.place])
+        run = subject.resolve(point)
+        value = {**run.settings, **run.structure, **run.initial, **point.values}.get(self.name)
+        whole = self.name.partition(".")[0]
+        spec = subject.scene.catalogue.find(whole)
+        if value is None and spec is not None and spec.split and whole in run.settings:
+            numbers = as_vector(run.settings[whole])
+            # Of friction a pair has two sliding and two rolling coefficients.
+            value = spec.split(numbers[0:1] + numbers[2:4] if whole == "friction" else numbers)
+            value = value.get(self.name)
+        if value is None and (found := find_field(subject.model, self.name)):
+            value = float(found[0][found[1]])
+        try:
+            return as_number(value)
+        except TypeError:
+            raise SweepFileError(
+                f"--by {self.name}: it is no number of this scene; give it one with --set"
+            ) from None
+
+    def moved(self, point: Point, value: float) -> Point:
+        """Return a run with another value of the parameter."""
+        if self.place is not None:
+            return replace(point, moved={**point.moved, self.place: value})
+        return replace(point, values={**point.values, self.name: self.parse(value)})
+
+
+def _row(starts: InitialStates) -> Floats:
+    return np.concatenate([getattr(starts, part)[0] for part in PARTS])
+
+
+def _moved(starts: InitialStates, points: Sequence[Point]) -> InitialStates:
+    """Return starts with the coordinates that points move."""
+    if not any(point.moved for point in points):
+        return starts
+    sizes = np.cumsum([getattr(starts, part).shape[1] for part in PARTS])[:-1]
+    rows = np.concatenate([getattr(starts, part) for part in PARTS], axis=1)
+    for row, point in zip(rows, points, strict=True):
+        row[list(point.moved)] = list(point.moved.values())
+    parts = np.split(rows, sizes, axis=1)
+    return starts._replace(**dict(zip(PARTS, parts, strict=True)))
+
+
+def _in_order(mode: np.ndarray) -> str:
+    changed = np.flatnonzero(np.diff(mode, prepend=-1))
+    return ", ".join(_MODES.get(int(mode[step]), "apart") for step in changed)
