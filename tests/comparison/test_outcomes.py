@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from contactlab.comparison.compare_stores import compare
+from contactlab.comparison.report import report_of
 from contactlab.errors import PolicyError, StoreError
 from contactlab.judge.wording import with_interval
 from contactlab.schema.comparison import ComparePolicy
@@ -70,6 +71,18 @@ def test_how_many_more_would_tell(outcome: Callable[..., Finding]) -> None:
     same = outcome(range(12), range(12), good="stable")
     assert same.message.count("not distinguishable") == 1
     assert "would tell" not in same.message
+
+
+def test_the_answer_is_told_where_nothing_fails(many: Runs, stored: Stored) -> None:
+    """Checks that pass are counted, and this one is what was asked."""
+    given = many(CASES)
+    given.label(0, "chatter")
+    policy = ComparePolicy.model_validate({"version": 1, "outcomes": {"good": "stable"}})
+    report = compare(stored("one", many(CASES)), stored("other", given), policy)
+    told = [text for name, text in report_of(report).facts if name == "outcomes"]
+    (finding,) = (each for each in report.findings if each.kind == "outcomes")
+    assert told == [f"no less stable: {finding.message}"]
+    assert "not distinguishable" in told[0]
 
 
 def test_runs_that_call_nothing_a_success_are_not_counted(outcome: Callable[..., None]) -> None:
