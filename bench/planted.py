@@ -5,7 +5,9 @@ Run: python -m bench.planted FOLDER [MODEL.xml ...]
 writes NAME.xml and NAME_slow.xml of each; of models that are given, a folder NAME_slow with the
 files of each, in which one of five costs was planted, in turn. `contactlab tune NAME_slow.xml`
 ought to come back to what NAME.xml costs, and end where NAME_slow.xml does; `python -m
-bench.tune_cost` measures both. The pile's cost are vertices of hulls: `--hulls 11mm` lets them go.
+bench.tune_cost` measures both. `python -m bench.planted share NAME.xml NAME_slow.xml` says what
+error NAME.xml has, which is what to ask for where shorter steps were planted. The pile's cost are
+vertices of hulls: `--hulls 11mm` lets them go.
 """
 
 import sys
@@ -13,22 +15,37 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
+from scipy.spatial import ConvexHull
 
+from contactlab.plan.task_options import TaskOptions
 from contactlab.scene.model_draft import ModelEdits
 from contactlab.scene.model_names import name_of
 from contactlab.scene.model_writer import write_model
 from contactlab.studies.examine.examination import ExamineRequest, open_model
+from contactlab.studies.search.yardstick import Yardsticks
 from contactlab.studies.session import Session
 
 EXACT = 'solver="PGS" iterations="500" tolerance="1e-15"'
 
 
-def _mesh(name: str, size: float, count: int = 200) -> str:
-    """Return a mesh whose hull has all of its vertices: points on a sphere."""
+def _mesh(name: str, size: float, count: int = 200, *, faces: bool = False) -> str:
+    """Return a mesh whose hull has all of its vertices: points on a sphere.
+
+    With faces, its mass does not hang on how many of them its hull has.
+    """
     points = np.random.default_rng(len(name)).normal(size=(count, 3))
     points *= size / np.linalg.norm(points, axis=1)[:, None]
     text = " ".join(f"{each:.5f}" for each in points.ravel())
-    return f'<mesh name="{name}" vertex="{text}"/>'
+    face = ""
+    if faces:
+        hull = ConvexHull(points)
+        inward = np.cross(
+            *(points[hull.simplices[:, k]] - points[hull.simplices[:, 0]] for k in (1, 2))
+        )
+        back = (inward * hull.equations[:, :3]).sum(axis=1) < 0
+        hull.simplices[back] = hull.simplices[back][:, ::-1]
+        face = f' face="{" ".join(map(str, hull.simplices.ravel()))}"'
+    return f'<mesh name="{name}" vertex="{text}"{face}/>'
 
 
 QUADRUPED = """<mujoco>
@@ -195,7 +212,7 @@ def pile(most: int) -> str:
     stone = '<body pos="{} {} {}"><freejoint/><geom type="mesh" mesh="stone" condim="6"/></body>'
     places = [(0.11 * x, 0.11 * y, 0.08 + 0.13 * z) for x in (0, 1) for y in (0, 1) for z in (0, 1)]
     stones = "".join(stone.format(*each) for each in places)
-    mesh = _mesh("stone", 0.06).replace("<mesh", f'<mesh maxhullvert="{most}"')
+    mesh = _mesh("stone", 0.06, faces=True).replace("<mesh", f'<mesh maxhullvert="{most}"')
     return PILE.format(meshes=mesh, stones=stones)
 
 
@@ -262,7 +279,31 @@ def plant(file: Path, cost: int, folder: Path) -> Path:
     return write_model(examined.scene, ModelEdits(settings=settings), folder, "slow.xml").path
 
 
+def share_of(original: str, slow: str, duration: float) -> float:
+    """Return the error of a model beside what it was made slow of, as `tune` would tell it.
+
+    What is planted may be accuracy, as shorter steps are: to come back to the original's time is to
+    come back to its error, so `tune` is asked for that.
+    """
+    options = TaskOptions(duration=duration)
+    asked = ExamineRequest(slow, task=options, sections=("budget",))
+    motions = open_model(asked, Session(Path())).motions
+    own = mujoco.MjModel.from_xml_path(original)
+    finer = max(1, round(8 * motions[0].model.opt.timestep / own.opt.timestep))
+    finer = next(rate for rate in range(finer, 999) if _is_whole(own, motions[0].model, rate))
+    yards = Yardsticks.of(motions, finer, 1)
+    return yards.apart(own, round(own.opt.timestep / yards.step)).share
+
+
+def _is_whole(own: mujoco.MjModel, slow: mujoco.MjModel, rate: int) -> bool:
+    steps = own.opt.timestep / (slow.opt.timestep / rate)
+    return abs(steps - round(steps)) < 1e-6 * steps
+
+
 if __name__ == "__main__":
+    if sys.argv[1] == "share":
+        print(f"{share_of(*sys.argv[2:4], duration=0.5):.4f}")
+        sys.exit()
     folder = Path(sys.argv[1])
     for number, file in enumerate(map(Path, sys.argv[2:])):
         name = f"{file.parent.name}_{file.stem}_slow"

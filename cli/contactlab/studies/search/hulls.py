@@ -27,15 +27,24 @@ def fewer_vertices(model: mujoco.MjModel, made: Made, within: float) -> dict[str
         left = {mesh: own for mesh, own in left.items() if len(own) > count}
         if not left:
             break
-        names = {model.mesh(mesh).name: count for mesh in left}
-        smaller = made(names)
+        smaller = made({model.mesh(mesh).name: count for mesh in left})
+        # A mesh without faces is its hull, whose inertia would be another.
+        left = {mesh: own for mesh, own in left.items() if _is_same(model, smaller, mesh)}
         for mesh, own in list(left.items()):
-            if not np.array_equal(model.mesh_vert, smaller.mesh_vert):
-                return found
             if hull_distance(own, hull(smaller, mesh)) <= within:
                 found[model.mesh(mesh).name] = count
                 del left[mesh]
     return found
+
+
+def _is_same(model: mujoco.MjModel, other: mujoco.MjModel, mesh: int) -> bool:
+    """Return whether a mesh has the same vertices, in a frame of its own, in both models."""
+    one, two = (
+        np.concatenate([made.mesh_vert[first : first + count].ravel(), made.mesh_pos[mesh]])
+        for made in (model, other)
+        for first, count in [(made.mesh_vertadr[mesh], made.mesh_vertnum[mesh])]
+    )
+    return bool(np.array_equal(one, two))
 
 
 def colliding(model: mujoco.MjModel) -> list[int]:
