@@ -7,9 +7,11 @@ import pytest
 from tests.grip.grippers import claw_with_bar
 from tests.grip.test_fingers import arm
 
+from contactlab.errors import SceneError
 from contactlab.schema.task import QPOS0
-from contactlab.studies.grip.carried_hand import grip_facts
+from contactlab.studies.grip.carried_hand import film_grip, grip_facts
 from contactlab.studies.grip.gripping import GripRequest, run
+from contactlab.studies.grip.remedies import Grip
 
 DOG = """<mujoco><worldbody><body name="trunk" pos="0 0 .4"><freejoint/>
   <geom type="box" size=".2 .1 .05" mass="5"/>
@@ -42,6 +44,21 @@ def test_the_hand_of_an_arm_is_judged(tmp_path: Path) -> None:
     (fact,) = grip_facts(reference, model, QPOS0)
     assert fact.place == "palm"
     assert fact.unit == "m/s"
+
+
+@pytest.mark.parametrize(("start", "bodies"), [("held", {"bar"}), (QPOS0, {"contactlab/object"})])
+def test_a_film_is_of_the_grip_that_is_told(tmp_path: Path, start: str, bodies: set[str]) -> None:
+    """Of the bar in its keyframe; without one, of the usual object on a bench."""
+    reference, _ = saved(tmp_path, claw_with_bar(8, 0.1))
+    filmed = list[Grip]()
+    film_grip(reference, start, filmed.append)
+    assert {grip.rig.model.body(grip.rig.body).name for grip in filmed} == bodies
+
+
+def test_a_film_of_no_grip_is_refused(tmp_path: Path) -> None:
+    cup = '<mujoco><worldbody><body><freejoint/><geom size=".1"/></body></worldbody></mujoco>'
+    with pytest.raises(SceneError, match="grips nothing"):
+        film_grip(saved(tmp_path, cup)[0], QPOS0, lambda _: None)
 
 
 def test_legs_are_no_hand(tmp_path: Path) -> None:

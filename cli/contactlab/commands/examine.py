@@ -11,7 +11,7 @@ from contactlab.command_line.declaration import Given, Option, Show, command, fl
 from contactlab.command_line.judgements import printed
 from contactlab.command_line.surroundings import say, surroundings
 from contactlab.command_line.terminal import echo
-from contactlab.errors import ExpectationError, OutputError
+from contactlab.errors import ExpectationError, OutputError, SceneError
 
 if TYPE_CHECKING:
     from contactlab.schema.examination import Examination
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from contactlab.writers import Report
 
 _PAGE, _REPORT, _LIVE = "page.html", "examination.json", ".live.html"
+_GRIP, _FILMED, _RATE = "grip.gif", (480, 360), 10  # its pixels, and pictures a second
 _FILES = {".html", ".htm", ".json"}
 
 
@@ -170,8 +171,24 @@ def _drawn(report: "Examination", session: "Session", file: Path) -> "Examinatio
 
     report = report.model_copy(update={"page": str(file)})
     store = Store.open(session.folder / TASK_STORE)
-    write_page(store, file, PageRequest(examination=report))
+    grip = _filmed(report, session.folder / _GRIP)
+    write_page(store, file, PageRequest(examination=report, grip=grip))
     return report
+
+
+def _filmed(report: "Examination", file: Path) -> Path | None:
+    """Film the grip that an examination tells of; None without one, or where nothing draws."""
+    from contactlab.studies.grip.carried_hand import film_grip
+    from contactlab.studies.grip.grip_film import filming
+
+    if not any(fact.kind == "grip" for fact in report.facts):
+        return None
+    try:
+        film_grip(report.model, report.task.start, filming(file, _FILMED, _RATE))
+    except (SceneError, OutputError) as error:
+        say(f"note: no film of its grip: {error}")
+        return None
+    return file
 
 
 @command(

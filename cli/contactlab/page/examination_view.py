@@ -3,11 +3,12 @@
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import altair as alt
 
 from contactlab.charts import Rows, Spec, haloed, layer_of, static_svg, themed, word_colours
-from contactlab.page.header_films import HeaderFilm, Moment, film_of_moment
+from contactlab.page.header_films import HeaderFilm, Moment, film_in, film_of_moment
 from contactlab.palette import COLOURS, OTHERS_COLOUR
 from contactlab.printable import percent
 from contactlab.reporting.examination import (
@@ -51,6 +52,7 @@ class ExaminationView:
     Attributes:
         report: the whole.
         film: of the worst moment; None where none can be drawn.
+        grip: a film of the grip that a fact tells of; None without one.
         lines: the rows of the budget that are told, the run first.
         limit: where the tolerance is along a bar, 0 to 1.
         chart: time over error of what was tried; empty if nothing was.
@@ -61,6 +63,7 @@ class ExaminationView:
 
     report: Examination
     film: HeaderFilm | None
+    grip: HeaderFilm | None
     lines: Sequence[BudgetLine]
     limit: float
     chart: str
@@ -69,8 +72,13 @@ class ExaminationView:
     contacts: Sequence[Sequence[str]]
 
 
-def examination_view(store: Store, report: Examination | None) -> ExaminationView | None:
-    """Return the part of a page for an examination whose runs a store has; None without one."""
+def examination_view(
+    store: Store, report: Examination | None, grip: Path | None = None
+) -> ExaminationView | None:
+    """Return the part of a page for an examination whose runs a store has; None without one.
+
+    The page has a film of its grip if one was drawn.
+    """
     if report is None:
         return None
     budget = report.budget
@@ -79,6 +87,7 @@ def examination_view(store: Store, report: Examination | None) -> ExaminationVie
     return ExaminationView(
         report=report,
         film=None if moment is None else film_of_moment(store, moment),
+        grip=None if grip is None else film_in(grip, "the hand closes"),
         lines=[] if budget is None else list(_lines(report, budget)),
         limit=_along(report.task.within),
         chart=static_svg(chart, "Error over time of what was tried") if chart else "",

@@ -126,9 +126,15 @@ def film_of_moment(store: Store, moment: Moment) -> HeaderFilm | None:
             between=between,
             around=moment.body,
         )
-        encoded = base64.b64encode(path.read_bytes()).decode()
-        return HeaderFilm(moment.run, moment.words, f"data:image/gif;base64,{encoded}")
+        return HeaderFilm(moment.run, moment.words, _encoded(path, "gif"))
     return None
+
+
+def film_in(file: Path, words: str) -> HeaderFilm | None:
+    """Return a film of a file that was drawn before, .gif; None if it is too large for a page."""
+    if file.stat().st_size > _MOST_BYTES_OF_A_FILM:
+        return None
+    return HeaderFilm("", words, _encoded(file, "gif"))
 
 
 def film_of(store: Store, run: str) -> Iterator[HeaderFilm]:

@@ -254,7 +254,7 @@ def page_view(store: Store, request: PageRequest) -> PageView:
         expectations=expectations_view(store),
         engines=engines_view(data, request),
         comparison=comparison_view(data, request),
-        examination=examination_view(store, request.examination),
+        examination=examination_view(store, request.examination, request.grip),
         script=ScriptView(
             script,
             "\n".join(_read(f"script/{name}.js") for name in _SCRIPTS),

@@ -30,7 +30,7 @@ class PageRequest:
     The criteria say which error stands for accuracy, and replace tolerances of the sweep. A page
     that would be larger than `most_bytes` has aggregated cells in place of runs. `parity` is a file
     that `contactlab parity --format json` wrote. With an `examination`, it is the page of a model,
-    whose runs the store has.
+    whose runs the store has; `grip` is a film of what it tells of a grip, .gif.
     """
 
     criteria: Criteria = DEFAULT_CRITERIA
@@ -39,6 +39,7 @@ class PageRequest:
     baseline: Store | None = None
     parity: Path | None = None
     examination: Examination | None = None
+    grip: Path | None = None
 
 
 @dataclass(frozen=True)

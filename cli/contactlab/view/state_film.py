@@ -19,7 +19,8 @@ from contactlab.view.drawn_motion import (
 )
 from contactlab.view.drawn_shapes import poses, shapes
 
-_SIZE = (640, 480)
+SIZE = (640, 480)
+"""Width and height of a film in pixels."""
 RATES = {".mp4": 25, ".gif": 20}
 """Frames per second of a film, by the ending of its file."""
 
@@ -46,9 +47,17 @@ def check_film(target: Path) -> None:
 
 
 def write_states(
-    target: Path, model: mujoco.MjModel, chapters: Sequence[Chapter], around: int
+    target: Path,
+    model: mujoco.MjModel,
+    chapters: Sequence[Chapter],
+    around: int,
+    *,
+    size: tuple[int, int],
+    rate: int,
 ) -> None:
     """Write a film of states, seen around a body, each chapter with its words.
+
+    It has a size in pixels and so many states a second.
 
     Raises:
         OutputError: the file's ending is no film's, or what it needs is not installed.
@@ -65,17 +74,17 @@ def write_states(
 
     qpos, motion = _motion(model, chapters, around)
     words = [word for each in chapters for word in repeat(each.words, len(each.states))]
-    drawn = draw_pictures(model, motion, dict(enumerate(qpos)), _SIZE)
+    drawn = draw_pictures(model, motion, dict(enumerate(qpos)), size)
     bar = None
     if len(motion.forces.frame):
-        bar = force_bar(model, motion.stage, _SIZE, motion.scale)
+        bar = force_bar(model, motion.stage, size, motion.scale)
 
     def pictures() -> Iterator[np.ndarray]:
         for picture, word in zip(drawn, words, strict=True):
             yield captioned(picture, [word], bar)
 
-    suffix = target.suffix.lower()
-    (write_mp4 if suffix == ".mp4" else write_gif)(target, pictures(), RATES[suffix])
+    write = write_mp4 if target.suffix.lower() == ".mp4" else write_gif
+    write(target, pictures(), rate)
 
 
 def _motion(

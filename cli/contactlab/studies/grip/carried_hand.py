@@ -1,6 +1,8 @@
 """A robot's grip as a fact of its examination: of what a keyframe holds, or of a hand on an arm."""
 
 import math
+from collections.abc import Callable, Iterator
+from dataclasses import replace
 
 import mujoco
 
@@ -10,6 +12,7 @@ from contactlab.schema.grip import GripReport
 from contactlab.schema.task import QPOS0
 from contactlab.studies.grip.fingers import find_hand
 from contactlab.studies.grip.gripping import GripRequest, run
+from contactlab.studies.grip.remedies import Grip
 
 # What closes is a hand if it weighs at most this share of the robot that moves it: legs, which
 # would close on a box as well, weigh more.
@@ -18,17 +21,36 @@ _HAND = 0.2
 
 def grip_facts(reference: str, model: mujoco.MjModel, start: str) -> tuple[Fact, ...]:
     """Return whether what the start holds, or else the robot's hand, holds an object; if any."""
-    keyframe = None if start == QPOS0 else start
-    for request in (
-        GripRequest(reference, keyframe=keyframe, remedies=False, placements=False),
-        GripRequest(reference, remedies=False, placements=False),
-    ):
+    for request in _requests(reference, start):
         try:
             if request.keyframe is not None or _is_carried(model):
                 return (_fact(run(request)),)
         except SceneError:
             continue  # nothing is held there, or there is no hand
     return ()
+
+
+def film_grip(reference: str, start: str, film: Callable[[Grip], None]) -> None:
+    """Film the grip that `grip_facts` tells of.
+
+    Raises:
+        SceneError: there is none.
+    """
+    for request in _requests(reference, start):
+        try:
+            run(replace(request, film=film))
+        except SceneError:
+            continue
+        return
+    raise SceneError(f"{reference} grips nothing")
+
+
+def _requests(reference: str, start: str) -> Iterator[GripRequest]:
+    """Yield the grips to judge, the first of which that there is counts."""
+    bench = GripRequest(reference, remedies=False, placements=False)
+    if start != QPOS0:
+        yield replace(bench, keyframe=start)
+    yield bench
 
 
 def _is_carried(model: mujoco.MjModel) -> bool:

@@ -10,19 +10,32 @@ from contactlab.studies.grip.holding import inputs_of_pull, inputs_of_shake
 from contactlab.studies.grip.judging import worst_of
 from contactlab.studies.grip.remedies import Grip
 from contactlab.studies.grip.rollouts import constant, states_along
-from contactlab.view.state_film import RATES, Chapter, check_film, write_states
+from contactlab.view.state_film import RATES, SIZE, Chapter, check_film, write_states
 
 
-def filming(target: Path) -> Callable[[Grip], None]:
+def filming(
+    target: Path, size: tuple[int, int] = SIZE, rate: int | None = None
+) -> Callable[[Grip], None]:
     """Return what films a grip into a file, once the file is known to be one that can be written.
+
+    Args:
+        target: the file.
+        size: in pixels.
+        rate: pictures a second; what films of its ending have by default.
 
     Raises:
         OutputError: its ending is no film's, or what films need is not installed.
     """
     check_film(target)
-    return lambda grip: write_states(
-        target, grip.rig.model, list(_chapters(grip, RATES[target.suffix.lower()])), grip.rig.body
-    )
+    shown = rate or RATES[target.suffix.lower()]
+
+    def film(grip: Grip) -> None:
+        model = grip.rig.model.__copy__()
+        model.site_rgba[:, 3] = 0  # marks of programs, as of where to grip
+        chapters = list(_chapters(grip, shown))
+        write_states(target, model, chapters, grip.rig.body, size=size, rate=shown)
+
+    return film
 
 
 def _chapters(grip: Grip, rate: int) -> Iterator[Chapter]:
