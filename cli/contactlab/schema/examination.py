@@ -11,6 +11,9 @@ from contactlab.schema.strict_model import Model, about
 from contactlab.schema.task import Task
 from contactlab.schema.task_verdict import TaskVerdict
 
+MOST_CHANGES = 3
+"""Changes of a model that are told with their lines."""
+
 SectionName = Literal["labels", "budget", "facts", "checks", "contacts", "changes"]
 """A part of an examination; `changes` are of what the budget names."""
 

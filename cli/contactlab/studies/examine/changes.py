@@ -31,7 +31,7 @@ from contactlab.errors import SceneError
 from contactlab.scene.model_draft import ModelEdits
 from contactlab.scene.model_writer import WrittenModel, write_model
 from contactlab.scene.scene import Scene
-from contactlab.schema.examination import ModelChange, RunLabel
+from contactlab.schema.examination import MOST_CHANGES, ModelChange, RunLabel
 from contactlab.schema.task import Task
 from contactlab.studies.examine.facts import facts
 from contactlab.studies.examine.primitives import primitives
@@ -39,7 +39,6 @@ from contactlab.studies.examine.separated import separated
 from contactlab.studies.examine.task_motions import Change, as_it_is
 from contactlab.studies.session import Values
 
-MOST_CHANGES = 3
 Removes = Literal["verdict", "labels", "overlap"]
 # Labels of what is too soft, and the row of the budget that its changes are of.
 _SOFT_ROWS = {

@@ -34,7 +34,7 @@ from contactlab.printable import first_names
 from contactlab.run.sweep_request import SceneLoader
 from contactlab.scene.mujoco_versions import VERSION
 from contactlab.schema.coverage import Exercised
-from contactlab.schema.examination import Examination, RunLabel, SectionName
+from contactlab.schema.examination import MOST_CHANGES, Examination, RunLabel, SectionName
 from contactlab.schema.finding import Acceptance
 from contactlab.schema.task import Task
 from contactlab.store.table_layout import record_to_row
@@ -42,7 +42,7 @@ from contactlab.studies.check.check_entries import CHECKS, Check
 from contactlab.studies.check.checked_model import CheckedModel
 from contactlab.studies.check.chosen_checks import chosen_checks, judged_findings
 from contactlab.studies.check.own_runs import reference_of
-from contactlab.studies.examine.changes import MOST_CHANGES, Again, Changes, fresh
+from contactlab.studies.examine.changes import Again, Changes, fresh
 from contactlab.studies.examine.facts import facts
 from contactlab.studies.examine.resting_contacts import resting_contacts
 from contactlab.studies.examine.task_motions import Change

@@ -11,12 +11,14 @@ import numpy as np
 
 from contactlab.errors import SceneError, SweepFileError
 from contactlab.run.sweep_request import SceneLoader
+from contactlab.scene.angle_units import in_radians
 from contactlab.scene.compile_model import compile_model
 from contactlab.scene.model_draft import ModelEdits
 from contactlab.scene.model_writer import write_model
 from contactlab.scene.mujoco_versions import VERSION
 from contactlab.scene.scene_source import find_scene
 from contactlab.schema.error_budget import BudgetPrice
+from contactlab.schema.examination import MOST_CHANGES
 from contactlab.schema.grip import (
     GripCause,
     GripControl,
@@ -28,7 +30,6 @@ from contactlab.schema.grip import (
     GripReport,
     GripTrial,
 )
-from contactlab.studies.examine.changes import MOST_CHANGES
 from contactlab.studies.grip.bench import Bench, Rig, cut_free, with_object
 from contactlab.studies.grip.closing import (
     Closing,
@@ -54,7 +55,6 @@ from contactlab.studies.grip.holding import (
 from contactlab.studies.grip.in_keyframe import held_in
 from contactlab.studies.grip.judging import Evidence, causes, speed_of, word_of, worst_of
 from contactlab.studies.grip.remedies import Grip, Tried, least_force, tried_on
-from contactlab.studies.lint.starts import in_radians
 
 WITHIN = 1e-4  # m/s: a millimetre in the ten seconds that a pick and place takes
 _ALIKE = 1.1  # ratio of costs that are equal

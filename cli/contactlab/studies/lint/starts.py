@@ -9,9 +9,9 @@ import mujoco
 import numpy as np
 
 from contactlab.contact.trace_arrays import Floats
+from contactlab.scene.angle_units import FEWEST, in_radians, limited_hinges
 from contactlab.scene.keyframes import start_data
 from contactlab.scene.model_draft import mjcf_text
-from contactlab.scene.model_names import name_of
 from contactlab.scene.task import keyframe_names
 from contactlab.schema.task import QPOS0
 from contactlab.studies.lint.borne import is_borne, limit_rows
@@ -21,10 +21,7 @@ from contactlab.studies.lint.rules import rule
 # Limits are soft: what rests against one lies a little beyond it.
 _SOFT = 0.01  # of the range
 _ROUNDING = 1e-6  # of the range
-_NARROW = math.radians(15)  # ranges that joints of robots rarely have
 _WIDE = 8 * math.pi  # four turns
-_TURN = 2 * math.pi * (1 + 1e-3)  # as people round it
-_FEW = 2  # joints from which most of them mean something
 _JOINT = mujoco.mjtJoint
 
 
@@ -135,12 +132,6 @@ def qpos0_range(linted: LintedModel) -> Iterator[Fault]:
         yield Fault(message, linted.place("joint", joint), linted.add(frames))
 
 
-def _hinges(model: mujoco.MjModel) -> list[int]:
-    """Return the limited hinges."""
-    hinges = (model.jnt_type == int(_JOINT.mjJNT_HINGE)) & (model.jnt_limited != 0)
-    return np.flatnonzero(hinges).tolist()
-
-
 @rule("radians-as-degrees", "warn")
 def radians_as_degrees(linted: LintedModel) -> Iterator[Fault]:
     """Ranges of joints are in radians, where the compiler reads degrees."""
@@ -151,28 +142,11 @@ def radians_as_degrees(linted: LintedModel) -> Iterator[Fault]:
         yield Fault(message, linted.place("joint", joint), edits)
 
 
-def in_radians(model: mujoco.MjModel) -> Iterator[tuple[int, str]]:
-    """Yield the first hinge and a message, if a model's degrees are radians by their sizes."""
-    hinges = _hinges(model)
-    if len(hinges) < _FEW:
-        return
-    narrow = [joint for joint in hinges if np.ptp(model.jnt_range[joint]) < _NARROW]
-    written = np.rad2deg(model.jnt_range[narrow])
-    if 2 * len(narrow) > len(hinges) and np.abs(written).max() <= _TURN:
-        low, high = written[0].tolist()
-        first = name_of(model, "joint", narrow[0])
-        message = (
-            f"{len(narrow)} of {len(hinges)} hinges turn by less than 15 degrees, as joint "
-            f"'{first}' from {low:.4g} to {high:.4g} degrees: these numbers are radians"
-        )
-        yield narrow[0], message
-
-
 @rule("degrees-as-radians", "warn")
 def degrees_as_radians(linted: LintedModel) -> Iterator[Fault]:
     """Ranges of joints are in degrees, where the compiler reads radians."""
-    hinges, model = _hinges(linted.model), linted.model
-    if len(hinges) < _FEW or (linted.spec.compiler.degree and not linted.is_urdf):
+    hinges, model = limited_hinges(linted.model), linted.model
+    if len(hinges) < FEWEST or (linted.spec.compiler.degree and not linted.is_urdf):
         return
     wide = [joint for joint in hinges if np.ptp(model.jnt_range[joint]) > _WIDE]
     if 2 * len(wide) > len(hinges) and np.abs(model.jnt_range[wide]).max() <= 360:

@@ -1,0 +1,37 @@
+"""Whether the degrees of a model are radians by their sizes."""
+
+import math
+from collections.abc import Iterator
+
+import mujoco
+import numpy as np
+
+from contactlab.scene.model_names import name_of
+
+FEWEST = 2
+"""Joints from which most of them mean something."""
+_NARROW = math.radians(15)  # ranges that joints of robots rarely have
+_TURN = 2 * math.pi * (1 + 1e-3)  # as people round it
+
+
+def limited_hinges(model: mujoco.MjModel) -> list[int]:
+    """Return the hinges that have limits."""
+    hinges = (model.jnt_type == int(mujoco.mjtJoint.mjJNT_HINGE)) & (model.jnt_limited != 0)
+    return np.flatnonzero(hinges).tolist()
+
+
+def in_radians(model: mujoco.MjModel) -> Iterator[tuple[int, str]]:
+    """Yield the first hinge and a message, if what was read as degrees is radians by its size."""
+    hinges = limited_hinges(model)
+    if len(hinges) < FEWEST:
+        return
+    narrow = [joint for joint in hinges if np.ptp(model.jnt_range[joint]) < _NARROW]
+    written = np.rad2deg(model.jnt_range[narrow])
+    if 2 * len(narrow) > len(hinges) and np.abs(written).max() <= _TURN:
+        low, high = written[0].tolist()
+        first = name_of(model, "joint", narrow[0])
+        message = (
+            f"{len(narrow)} of {len(hinges)} hinges turn by less than 15 degrees, as joint "
+            f"'{first}' from {low:.4g} to {high:.4g} degrees: these numbers are radians"
+        )
+        yield narrow[0], message
