@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from contactlab.schema.evidence import StoreManifest
 from contactlab.store.atomic_files import sha256_of
 from contactlab.store.finished_store import Store
-from contactlab.store.runs_table import GROUP, rows_digest
+from contactlab.store.runs_table import GROUP, digests_of
 
 PART = 6 * GROUP
 Rows = NDArray[np.int64]
@@ -92,7 +92,7 @@ def write_store(path: Path, runs: int, template: Store, parts: Iterable[pa.Table
         statuses={"ok": runs},
         traces=0,
         expectations={"none": runs},
-        records=rows_digest(path / "runs.parquet"),
+        **digests_of(path / "runs.parquet")._asdict(),
         files={name: sha256_of(path / name) for name in ("runs.parquet", "sweep.json")},
         started=now,
         finished=now,

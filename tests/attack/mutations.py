@@ -21,7 +21,7 @@ from contactlab.store.mcap.file_parts import encode_file
 from contactlab.store.mcap.stored_messages import message_stream, start_of, stored_file
 from contactlab.store.mcap.trace_messages import HEADER_SIZE
 from contactlab.store.row_journal import SEAL_SIZE, row_extent, sealed
-from contactlab.store.runs_table import count_outcomes, rows_digest
+from contactlab.store.runs_table import count_outcomes, digests_of
 
 TABLE, MANIFEST, IDENTITY = "runs.parquet", "manifest.json", "sweep.json"
 JOURNAL = "journal.jsonl"
@@ -350,10 +350,10 @@ def redo(store: Path, level: int) -> None:
                         (store / name).read_bytes()
                     ).hexdigest()
         if level == 2:
-            manifest |= count_outcomes(pq.read_table(store / TABLE))
+            manifest |= count_outcomes(pq.read_table(store / TABLE).to_batches())
             manifest["expectations"] = manifest.get("expectations", {})
             manifest["sweep"]["runs_asked"] = manifest["runs"]
-            manifest["records"] = rows_digest(store / TABLE)
+            manifest |= digests_of(store / TABLE)._asdict()
             manifest["sweep"]["plan_hash"] = _plan_hash(store)
             _write(store / IDENTITY, manifest["sweep"])
             manifest["files"][IDENTITY] = hashlib.sha256(

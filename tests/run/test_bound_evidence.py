@@ -24,7 +24,7 @@ from contactlab.store.mcap.file_parts import encode_file
 from contactlab.store.mcap.stored_messages import message_stream, start_of, stored_file
 from contactlab.store.mcap.trace_messages import HEADER_SIZE
 from contactlab.store.row_journal import mend_journal, read_lines, sealed, write_journal
-from contactlab.store.runs_table import rows_digest
+from contactlab.store.runs_table import digests_of
 from contactlab.store.store_files import document_json
 from contactlab.store.verify_store import unverified, verify
 
@@ -56,8 +56,8 @@ def redo(store: Path) -> None:
     """Make every hash of a store right again."""
     manifest = Store.unchecked(store).manifest
     files = {name: sha256_of(store / name) for name in manifest.files}
-    digest = rows_digest(store / "runs.parquet")
-    changed = manifest.model_copy(update={"files": files, "records": digest})
+    digest = digests_of(store / "runs.parquet")
+    changed = manifest.model_copy(update={"files": files, **digest._asdict()})
     (store / "manifest.json").write_text(document_json(changed))
 
 

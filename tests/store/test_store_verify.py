@@ -14,7 +14,7 @@ from contactlab.schema.evidence import STORE_VERSION, EvidenceRecord, LabelEntry
 from contactlab.store.atomic_files import sha256_of
 from contactlab.store.finished_store import Store
 from contactlab.store.row_journal import write_journal
-from contactlab.store.runs_table import rows_digest, write_table
+from contactlab.store.runs_table import digests_of, write_table
 from contactlab.store.table_layout import record_to_row
 from contactlab.store.verify_store import verify
 
@@ -197,7 +197,7 @@ def forge(store: Path, change: Callable[[pa.Schema], pa.Schema]) -> None:
     pq.write_table(pa.Table.from_arrays(table.columns, schema=changed), store / "runs.parquet")
     manifest = json.loads(path.read_text())
     manifest["files"]["runs.parquet"] = sha256_of(store / "runs.parquet")
-    manifest["records"] = rows_digest(store / "runs.parquet")
+    manifest |= digests_of(store / "runs.parquet")._asdict()
     path.write_text(json.dumps(manifest))
 
 

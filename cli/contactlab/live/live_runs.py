@@ -120,7 +120,7 @@ class LiveRuns:
 
     def _prepared(self, record: EvidenceRecord) -> LiveRun:
         find_engine(record.engine.name)
-        axes, controls = canonical_values(self._scene, record), self.store.controls(record)
+        axes, controls = canonical_values(self._scene, record.axes), self.store.controls(record)
         resolved = resolve_record(self._scene, record)
         runs = PreparedRuns.of(self._scene, resolved)
         starts = stored_start(record, runs.prepared[0], runs.starts)

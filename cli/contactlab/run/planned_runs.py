@@ -1,7 +1,6 @@
 """From a plan to its distinct runs, to jobs, and to the models and initial states of a job."""
 
 import faulthandler
-import hashlib
 import math
 import signal
 from collections import OrderedDict
@@ -36,6 +35,7 @@ from contactlab.schema.sweep_schema import Sweep, effects_base
 from contactlab.store.control_tables import read_control_table
 from contactlab.store.controls_file import read_controls
 from contactlab.store.folder_backend import backend_at
+from contactlab.store.run_columns import hash_of_ids
 from contactlab.store.store_files import SCENES, Address
 
 # Most runs in a job; beyond the few, short runs are packed until their steps reach the last.
@@ -96,8 +96,7 @@ class RunIndex:
     @cached_property
     def hash(self) -> str:
         """A hash of all ids in order."""
-        text = self._ids[self._distinct].astype(">u8").tobytes().hex()
-        return hashlib.sha256(text.encode()).hexdigest()[:32]
+        return hash_of_ids(self._ids[self._distinct])
 
     @property
     def ids(self) -> NDArray[np.uint64]:
@@ -132,6 +131,12 @@ class RunIndex:
             and bool(self._distinct[index])
             and f"{self._ids[index]:016x}" == run_id
         )
+
+    def has_all(self, ids: NDArray[np.uint64], places: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """Return (n,) whether runs of these ids are at these places of the plan."""
+        known = (places >= 0) & (places < len(self._ids))
+        within = np.where(known, places, 0)
+        return known & self._distinct[within] & (self._ids[within] == ids)
 
     def runs(self, done: Collection[str] = ()) -> Iterator[RunSpec]:
         """Yield every run that is not done."""

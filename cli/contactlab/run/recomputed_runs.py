@@ -1,17 +1,16 @@
 """Runs of a store, recomputed: all resolved again, and a sample simulated again."""
 
 import random
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic_core import from_json, to_json
+from pydantic_core import from_json
 
 from contactlab.errors import ContactlabError
 from contactlab.measure import LABELS, METRICS, THRESHOLDS, added_labels
@@ -21,9 +20,10 @@ from contactlab.plan.sweep_file import read_sweep
 from contactlab.plugins import loaded_plugins
 from contactlab.run.evidence_record import definitions, engine, provenance
 from contactlab.run.planned_runs import RunIndex, stored_sweep_scene
-from contactlab.run.run_verdicts import judge, unmet_means, within_tolerances
+from contactlab.run.recomputed_rows import recomputed_rows
+from contactlab.run.run_verdicts import unmet_means
 from contactlab.run.shards import parse_shard, part_of, shard_of_sweep
-from contactlab.run.stored_runs import canonical_values, replay, resolve_record
+from contactlab.run.stored_runs import canonical_values, replay
 from contactlab.run.sweep_request import SweepRequest, supported
 from contactlab.run.sweep_runner import chosen_runs, identity_of
 from contactlab.run.tasks import Task
@@ -33,8 +33,10 @@ from contactlab.schema.drive import PolicyDrive, parse_drive
 from contactlab.schema.evidence import SweepIdentity
 from contactlab.schema.sweep_schema import Sweep
 from contactlab.schema.vocabulary import Vocabulary
+from contactlab.store.arrow_values import numpy_array
 from contactlab.store.finished_store import Store
 from contactlab.store.mcap.trace_reader import StoredTrace, read_trace
+from contactlab.store.run_columns import RunColumns
 from contactlab.store.store_files import IDENTITY, MANIFEST, SCENES, TABLE, is_slice, shard_of
 
 _OUTCOME = (
@@ -79,7 +81,7 @@ def recomputed_problems(store: Store, chosen: NDArray[np.bool_] | None = None) -
 
     Of settings and verdicts only those of chosen runs (runs,) can be looked at.
     """
-    identity = store.manifest.sweep
+    identity, plan = store.manifest.sweep, None
     try:
         scene = stored_sweep_scene(store.manifest.sweep, store.scene_folder)
         if scene.hash != identity.scene_hash:
@@ -90,19 +92,12 @@ def recomputed_problems(store: Store, chosen: NDArray[np.bool_] | None = None) -
             yield from _other_units(store, scene)
             plan = plan_again(identity, scene)
             yield from _other_plan(store, scene, plan)
-            yield from _other_verdicts(store, scene, plan, chosen)
+            of_all = None if is_slice(identity) else plan
+            if tuple(unmet_means(of_all, store.columns)) != store.manifest.unmet_means:
+                yield f"{MANIFEST}: its unmet means are not what the sweep expects"
+        yield from recomputed_rows(store, scene, plan, chosen)
     except ContactlabError as error:
         yield str(error).partition("\n")[0]
-        return
-    for record in store.records(chosen):
-        try:
-            values = resolve_record(scene, record).values
-        except ContactlabError as error:
-            yield str(error)
-            continue
-        again, stored = _known(values), _known(record.settings)
-        for name in sorted(name for name in again | stored if again.get(name) != stored.get(name)):
-            yield f"run {record.run_id}: {name} is {stored.get(name)}, not {again.get(name)}"
 
 
 def _foreign_scene_files(store: Store, scene: Scene) -> Iterator[str]:
@@ -140,7 +135,8 @@ def _other_plan(store: Store, scene: Scene, plan: Plan) -> Iterator[str]:
     if is_slice(identity):
         index, planned = _slice(store, plan, index, planned)
     elif chosen := chosen_runs(plan, index):
-        chosen.learn(columns.arrow(["run_id", *chosen.read_by]).to_pylist())
+        read = columns.batches(["run_id", *chosen.read_by])
+        chosen.learn(row for rows in read for row in rows.to_pylist())
         if chosen.next().any():
             yield f"{TABLE}: runs are missing that what came of the others asks for"
         _, planned = chosen.part(index, planned)
@@ -151,9 +147,12 @@ def _other_plan(store: Store, scene: Scene, plan: Plan) -> Iterator[str]:
         yield f"{TABLE}: its severity is not the order of the labels"
     if columns.shared.get("labels", {}) != added_labels():
         yield f"{TABLE}: its labels are not as the plug-ins declare them"
-    places = columns.to_pydict(["run_id", "index"])
-    if not all(map(index.has, places["run_id"], places["index"])):
+    if not index.has_all(columns.ids, _places(columns)).all():
         yield f"{TABLE}: its runs are not at their places in the plan"
+
+
+def _places(columns: RunColumns) -> NDArray[np.int64]:
+    return np.concatenate([numpy_array(rows["index"]) for rows in columns.batches(["index"])])
 
 
 def _slice(
@@ -162,27 +161,8 @@ def _slice(
     """Return the runs of a shard, or of several that were merged, and their identity."""
     if shard := shard_of(store.manifest.sweep):
         return shard_of_sweep(parse_shard(shard), plan.sweep, whole, planned)
-    ids = np.fromiter((int(run, 16) for run in store.columns.run_ids.to_pylist()), np.uint64)
-    part = whole.only(np.isin(whole.ids, ids))
+    part = whole.only(np.isin(whole.ids, store.columns.ids))
     return part, part_of(whole, part, planned)
-
-
-def _other_verdicts(
-    store: Store, scene: Scene, plan: Plan, chosen: NDArray[np.bool_] | None
-) -> Iterator[str]:
-    """Yield which runs do not meet, or miss, what the sweep expects of them as they say."""
-    of_all = None if is_slice(store.manifest.sweep) else plan
-    if tuple(unmet_means(of_all, store.columns)) != store.manifest.unmet_means:
-        yield f"{MANIFEST}: its unmet means are not what the sweep expects"
-    for record in store.records(chosen):
-        values, labels = canonical_values(scene, record), [label.label for label in record.labels]
-        selected = [expectation for match, expectation in plan.expected if match.holds(values)]
-        said = (record.expected, record.expectation_met, record.expectation_reason)
-        if judge(selected, labels, record.metrics) != said:
-            yield f"run {record.run_id}: what it says of expectations is not what the sweep expects"
-        metrics = record.metrics | (record.accuracy.model_dump() if record.accuracy else {})
-        if within_tolerances(plan.sweep.tolerances, metrics) != record.tolerances_met:
-            yield f"run {record.run_id}: tolerances_met is not what its metrics give"
 
 
 def plan_again(identity: SweepIdentity, scene: Scene) -> Plan:
@@ -226,7 +206,7 @@ def simulated_problems(store: Store, count: int, *, allow_code: bool = False) ->
                 if not (result := replay(store, record.run_id, allow_code=allow_code)).equal:
                     yield f"run {record.run_id}: simulated again, its hash is {result.hash}"
                 continue
-            values = canonical_values(scene, record)
+            values = canonical_values(scene, record.axes)
             (run,) = scene.planned(values, [record.seed], record.duration, record.index)
             (finished,) = worker.run((replace(run, run_id=record.run_id),))
             again = from_json(finished.row)
@@ -248,9 +228,3 @@ def _task(store: Store, folder: Path) -> Task:
     identity = store.manifest.sweep
     sweep = Sweep.model_validate(identity.resolved).model_copy(update={"trace": "all"})
     return Task(sweep, (), identity, folder, store.scene_folder, provenance(), loaded_plugins())
-
-
-def _known(settings: Mapping[str, Any]) -> dict[str, Any]:
-    """Return settings as they are in JSON, without those that are null."""
-    plain = from_json(to_json(dict(settings)))
-    return {name: value for name, value in plain.items() if value is not None}

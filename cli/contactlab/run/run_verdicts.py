@@ -87,10 +87,10 @@ def concluded(
 
 def unmet_means(plan: Plan | None, table: "RunColumns") -> Iterator[str]:
     """Yield which means over runs are not as a plan expects; none without one, as of a shard."""
-    if plan is None:
+    names = sorted({name for _, each in plan.expected for name in each.mean} if plan else ())
+    if plan is None or not names:
         return
-    names = sorted({name for _, expectation in plan.expected for name in expectation.mean})
-    columns = table.to_pydict(["index", *names]) if names else {"index": []}
+    columns = table.to_pydict(["index", *names])
     places = {index: row for row, index in enumerate(columns["index"])}
     known = [(run.values, places[run.index]) for run in plan.runs() if run.index in places]
     for match, expectation in plan.expected:

@@ -9,7 +9,7 @@ import gc
 import json
 import subprocess
 import sys
-from collections.abc import Generator, Iterator
+from collections.abc import Generator, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from importlib.metadata import version
@@ -101,18 +101,23 @@ def stored_run(store: Store, run: str) -> tuple[EvidenceRecord, Scene, RunSpec]:
 
 def resolve_record(scene: Scene, record: EvidenceRecord) -> RunSpec:
     """Return all that decides a stored run; raise StoreError if that does not give its id."""
-    resolved = scene.resolve(canonical_values(scene, record), record.seed, record.duration)
-    if scene.run_id(resolved) != record.run_id:
-        raise StoreError(
-            f"run {record.run_id}: the stored scene and settings give another id, "
-            f"{scene.run_id(resolved)}; the store or this version's defaults changed"
-        )
+    resolved = scene.resolve(canonical_values(scene, record.axes), record.seed, record.duration)
+    if (run_id := scene.run_id(resolved)) != record.run_id:
+        raise StoreError(another_id(record.run_id, run_id))
     return resolved
 
 
-def canonical_values(scene: Scene, record: EvidenceRecord) -> dict[str, object]:
+def another_id(stored: str, again: str) -> str:
+    """Return that a run is resolved to another id than it is stored with."""
+    return (
+        f"run {stored}: the stored scene and settings give another id, {again}; the store or this "
+        "version's defaults changed"
+    )
+
+
+def canonical_values(scene: Scene, axes: Mapping[str, object]) -> dict[str, object]:
     """Return the axis values of a stored run; raise StoreError if the scene takes no such."""
-    return {name: _parsed(scene, name, value) for name, value in record.axes.items()}
+    return {name: _parsed(scene, name, value) for name, value in axes.items()}
 
 
 def replay(store: Store, run: str, *, allow_code: bool = False) -> ReplayResult:

@@ -425,5 +425,10 @@ class StoreManifest(Model):
     )
     files: dict[InnerName, Sha256] = about("SHA-256 of every file but traces and this one.")
     records: Sha256 = about("Digest of every record in plan order, whatever the table's encoding.")
+    physics: Sha256 | None = about(
+        "The same without clocks, costs, times, machines and traces: two honest repeats have the "
+        "same one. Null in stores of 0.2.",
+        default=None,
+    )
     started: str
     finished: str

@@ -27,8 +27,8 @@ from contactlab.store.runs_table import (
     OUTCOME_COLUMNS,
     check_table_size,
     count_outcomes,
+    digests_of,
     iterate_rows,
-    physics_digest,
 )
 from contactlab.store.store_files import (
     IDENTITY,
@@ -135,8 +135,7 @@ class Store:
 
     def miscounts(self) -> Iterator[str]:
         """Yield which counts of the manifest are not those of the table."""
-        outcomes = self.columns.arrow(OUTCOME_COLUMNS, coded=("label", "status"))
-        for name, counted in count_outcomes(outcomes).items():
+        for name, counted in count_outcomes(self.columns.batches(OUTCOME_COLUMNS)).items():
             if (stated := getattr(self.manifest, name)) != counted:
                 yield f"{name} is {stated}, but {TABLE} has {counted}"
 
@@ -170,7 +169,7 @@ class Store:
     @property
     def physics(self) -> str:
         """Digest of what was computed, without clocks: two honest repeats have the same one."""
-        return physics_digest(self.file(TABLE))
+        return self.manifest.physics or digests_of(self.file(TABLE)).physics
 
     @property
     def runs(self) -> Runs:

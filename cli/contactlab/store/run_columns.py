@@ -1,9 +1,10 @@
 """The table's columns as NumPy arrays, each read on demand."""
 
+import hashlib
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 import pyarrow as pa
@@ -17,6 +18,9 @@ from contactlab.store.runs_table import compute, listed_columns, shared_fields, 
 from contactlab.store.store_files import TABLE, Address, stored_file
 from contactlab.store.table_layout import Column, column_of
 
+_ID_DIGITS = 16
+_BATCH = 1 << 12  # rows that are in memory at once
+_HASHED = 1 << 16  # ids that are written out at once
 _MOST_CATEGORIES = 64  # a bit each in a 64-bit mask
 
 
@@ -91,10 +95,38 @@ class RunColumns:
             table.validate(full=True)
             return table
 
+    def batches(
+        self, names: Sequence[str] | None = None, chosen: NDArray[np.bool_] | None = None
+    ) -> Iterator[pa.RecordBatch]:
+        """Yield some thousand rows at a time: those chosen (runs,), and some of their columns."""
+        start = 0
+        with table_errors(self.path):
+            for batch in self._file.iter_batches(_BATCH, columns=names, use_threads=False):
+                batch.validate(full=True)
+                rows = batch if chosen is None else rows_of(batch, chosen[start:][: len(batch)])
+                start += len(batch)
+                if len(rows):
+                    yield rows
+
     @cached_property
     def run_ids(self) -> pa.Array:
         """(runs,) the ids of the runs."""
         return self._read("run_id")
+
+    @cached_property
+    def ids(self) -> NDArray[np.uint64]:
+        """(runs,) the ids of the runs, as the numbers of 64 bits that they write."""
+        parts = [self._id_numbers(batch.column(0)) for batch in self.batches(["run_id"])]
+        return np.concatenate([np.empty(0, np.uint64), *parts])
+
+    def _id_numbers(self, ids: pa.Array) -> NDArray[np.uint64]:
+        places, letters = _places(ids), ids.buffers()[2]
+        if ids.null_count or (np.diff(places) != _ID_DIGITS).any():
+            raise StoreError(f"{self.path} is damaged: ids of runs have {_ID_DIGITS} digits")
+        digits = np.frombuffer(letters or b"", np.uint8)[slice(*places[[0, -1]])]
+        # In ASCII, letters are 9 more than their last four bits.
+        values = (digits & 15) + 9 * (digits >> 6)
+        return (values[0::2] << 4 | values[1::2]).view(">u8").astype(np.uint64)
 
     def run_id(self, row: int) -> str:
         """Return the id of a run."""
@@ -168,6 +200,10 @@ class RunColumns:
         """Return some columns as lists of Python values, None where null."""
         return self.arrow(names).to_pydict()
 
+    def values(self, name: str) -> set[Any]:
+        """Return what a column holds, None where it holds nothing."""
+        return {value for part in self.batches([name]) for value in part[0].unique().to_pylist()}
+
     def distinct(self, names: Sequence[str]) -> Iterator[dict[str, Any]]:
         """Yield what rows hold in some columns, a row group at a time, and in it each once."""
         with table_errors(self.path):
@@ -207,3 +243,25 @@ class RunColumns:
         with table_errors(self.path):
             column = (file or self._file).read(columns=[name]).column(0).unify_dictionaries()
         return column.combine_chunks() if column.num_chunks != 1 else column.chunk(0)
+
+
+_Rows = TypeVar("_Rows", pa.RecordBatch, pa.Array)
+
+
+def rows_of(rows: _Rows, wanted: NDArray[np.bool_]) -> _Rows:
+    """Return the rows, or entries of a column, (n,) that are wanted."""
+    return compute("take", rows, number_array(np.flatnonzero(wanted)))
+
+
+def hash_of_ids(ids: NDArray[np.uint64]) -> str:
+    """Return the hash of the ids of runs (n,) in an order, of which a plan's is one."""
+    found = hashlib.sha256()
+    for first in range(0, len(ids), _HASHED):
+        found.update(ids[first : first + _HASHED].astype(">u8").tobytes().hex().encode())
+    return found.hexdigest()[:32]
+
+
+def _places(texts: pa.Array) -> NDArray[np.int32]:
+    """Return (n + 1,) where texts begin and end in their letters."""
+    places = np.frombuffer(texts.buffers()[1] or bytes(4), np.int32)
+    return places[texts.offset : texts.offset + len(texts) + 1]

@@ -7,12 +7,12 @@ import hashlib
 import json
 import os
 import re
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
 import pyarrow as pa
@@ -49,10 +49,19 @@ _MOST_TABLE, _MOST_ROW = 1 << 30, 1 << 20
 """Bytes that a table may hold unpacked: so many, and so many for each row."""
 
 
+class Digests(NamedTuple):
+    """What binds the rows of a table, whatever its encoding."""
+
+    records: str  # digest of all
+    # Digest of what was computed, without clocks, costs, times, machines and the files of traces:
+    # the same for two honest repeats, wherever they ran.
+    physics: str
+
+
 def write_table(
     journal: Path, target: Path, own: Sequence[Column], shared: Mapping[str, Any]
-) -> str:
-    """Turn a journal, one row a line in any order, into the table; return the digest of its rows.
+) -> Digests:
+    """Turn a journal, one row a line in any order, into the table; return the digests of its rows.
 
     The table is replaced in one step. It has its own columns, of axes, metrics, settings and
     effects, beside the fixed ones. The fields that all runs share are in the file's metadata.
@@ -63,8 +72,10 @@ def write_table(
         return _written(target, schema, shared, _journal_groups(journal, lines, schema))
 
 
-def merge_tables(sources: Mapping[Address, Path], target: Path, shared: Mapping[str, Any]) -> str:
-    """Join the rows of tables, each in plan order, into one; return the digest of its rows.
+def merge_tables(
+    sources: Mapping[Address, Path], target: Path, shared: Mapping[str, Any]
+) -> Digests:
+    """Join the rows of tables, each in plan order, into one; return the digests of its rows.
 
     A few rows of each are in memory at a time. What all runs share is as in the first, but for the
     fields given. Raises a StoreError, which names the store, if a table has other columns.
@@ -87,8 +98,8 @@ def _schema_again(stored: pa.Schema) -> pa.Schema:
 
 def _written(
     target: Path, schema: pa.Schema, shared: Mapping[str, Any], groups: Iterable[pa.Table]
-) -> str:
-    """Write row groups as a table; return the digest of its rows."""
+) -> Digests:
+    """Write row groups as a table; return the digests of its rows."""
     described = {field.name: texts_of(field.metadata) for field in schema}
     meta = {_COLUMNS: json.dumps(described).encode(), _SHARED: json.dumps(dict(shared)).encode()}
     digest = RowsDigest()
@@ -114,7 +125,7 @@ def _written(
             writer.write_table(table, row_group_size=GROUP)
             for rows in table.to_batches():
                 digest.add(rows)
-    return digest.hex(pq.read_schema(target))
+    return digest.of(pq.read_schema(target))
 
 
 def _journal_groups(journal: Path, lines: BinaryIO, schema: pa.Schema) -> Iterator[pa.Table]:
@@ -326,21 +337,25 @@ def table_errors(path: object) -> Generator[None]:
         raise StoreError(f"{path} is damaged: {error}") from error
 
 
-def count_outcomes(table: pa.Table) -> dict[str, Any]:
-    """Return the manifest's counts, from a table with OUTCOME_COLUMNS."""
+def count_outcomes(parts: Iterable[pa.RecordBatch]) -> dict[str, Any]:
+    """Return the manifest's counts, from the rows of a table, which have OUTCOME_COLUMNS."""
     names = {True: "met", False: "unmet", None: "none"}
-    expectations = _value_counts(table["expectation_met"])
+    runs = traces = 0
+    labels, statuses, expectations = Counter[str](), Counter[str](), Counter[bool | None]()
+    for rows in parts:
+        runs += len(rows)
+        traces += len(rows) - rows["trace_file"].null_count
+        counters = {"label": labels, "status": statuses, "expectation_met": expectations}
+        for name, counter in counters.items():
+            counted = rows[name].value_counts()
+            counter.update({each["values"]: each["counts"] for each in counted.to_pylist()})
     return {
-        "runs": table.num_rows,
-        "labels": _value_counts(table["label"]),
-        "statuses": _value_counts(table["status"]),
-        "traces": table.num_rows - table["trace_file"].null_count,
+        "runs": runs,
+        "labels": dict(labels),
+        "statuses": dict(statuses),
+        "traces": traces,
         "expectations": {names[met]: count for met, count in expectations.items()},
     }
-
-
-def _value_counts(column: pa.ChunkedArray) -> dict[Any, int]:
-    return {entry["values"]: entry["counts"] for entry in column.value_counts().to_pylist()}
 
 
 def shared_fields(schema: pa.Schema) -> dict[str, Any]:
@@ -358,29 +373,13 @@ def compute(function: str, *arrays: object, options: pc.FunctionOptions | None =
     return pc.call_function(function, [*arrays], options)
 
 
-def rows_digest(path: Path) -> str:
-    """Return the digest of all rows of a stored table; see `RowsDigest`."""
+def digests_of(path: Path) -> Digests:
+    """Return the digests of the rows of a stored table; see `RowsDigest`."""
     with table_errors(path), pq.ParquetFile(path) as file:
         digest = RowsDigest()
         for batch in file.iter_batches(8 * _BATCH, use_threads=False):
             digest.add(batch)
-        return digest.hex(file.schema_arrow)
-
-
-def physics_digest(path: Path) -> str:
-    """Return a digest of what was computed: the same for two honest repeats, wherever they ran.
-
-    It is of the rows without clocks, costs, times, machines and the files of traces.
-    """
-    with table_errors(path), pq.ParquetFile(path) as file:
-        schema = file.schema_arrow
-        names = [name for name in schema.names if name not in COLUMNS_OF_MACHINE]
-        digest = RowsDigest()
-        for batch in file.iter_batches(8 * _BATCH, columns=names, use_threads=False):
-            digest.add(batch)
-        shared = {k: v for k, v in shared_fields(schema).items() if k not in _OF_STORE}
-        kept = pa.schema([schema.field(name) for name in names])
-        return digest.hex(kept.with_metadata({_SHARED: json.dumps(shared).encode()}))
+        return digest.of(file.schema_arrow)
 
 
 class RowsDigest:
@@ -394,19 +393,30 @@ class RowsDigest:
     """
 
     def __init__(self) -> None:
-        self._streams = defaultdict[str, Any](hashlib.sha256)
+        self._streams = defaultdict[tuple[str, str], Any](hashlib.sha256)
 
     def add(self, rows: pa.RecordBatch) -> None:
         """Add the rows that follow."""
         for name, column in zip(rows.schema.names, rows.columns, strict=True):
             for stream, data in _streams(name, column):
-                self._streams[stream].update(data)
+                self._streams[name, stream].update(data)
 
-    def hex(self, schema: pa.Schema) -> str:
-        """Return the digest of all rows that were added, given the schema of the stored table."""
-        described = [[field.name, str(field.type), texts_of(_essential(field))] for field in schema]
-        head = json.dumps([described, shared_fields(schema)], sort_keys=True)
-        digests = {name: stream.hexdigest() for name, stream in self._streams.items()}
+    def of(self, schema: pa.Schema) -> Digests:
+        """Return the digests of all rows that were added, given the schema of the stored table."""
+        shared = shared_fields(schema)
+        physics = [field for field in schema if field.name not in COLUMNS_OF_MACHINE]
+        own = {name: value for name, value in shared.items() if name not in _OF_STORE}
+        return Digests(self._hex(list(schema), shared), self._hex(physics, own))
+
+    def _hex(self, fields: Sequence[pa.Field], shared: Mapping[str, Any]) -> str:
+        described = [[field.name, str(field.type), texts_of(_essential(field))] for field in fields]
+        names = {field.name for field in fields}
+        digests = {
+            stream: digest.hexdigest()
+            for (column, stream), digest in self._streams.items()
+            if column in names
+        }
+        head = json.dumps([described, shared], sort_keys=True)
         return hashlib.sha256((head + json.dumps(digests, sort_keys=True)).encode()).hexdigest()
 
 

@@ -31,6 +31,7 @@ from contactlab.store.row_journal import (
 from contactlab.store.run_columns import RunColumns
 from contactlab.store.runs_table import (
     OUTCOME_COLUMNS,
+    Digests,
     count_outcomes,
     iterate_rows,
     merge_tables,
@@ -135,11 +136,11 @@ class StoreWriter:
         amend_journal(self.path, amendments)
         times = self.started, time_now()
         said = {**shared, **_said(provenance, times)}
-        records = write_table(self.path / JOURNAL, self.path / TABLE, own, said)
+        digests = write_table(self.path / JOURNAL, self.path / TABLE, own, said)
         if identity:
             self.identity = identity
             self._session.begin(identity)
-        return self._publish(records, provenance, times, concluded)
+        return self._publish(digests, provenance, times, concluded)
 
     def join(
         self,
@@ -151,12 +152,12 @@ class StoreWriter:
         """Publish a table of all rows of others, then the manifest; see `finish`."""
         self.close()
         said = _said(provenance, times)
-        records = merge_tables(tables, self.path / TABLE, said)
-        return self._publish(records, provenance, times, concluded)
+        digests = merge_tables(tables, self.path / TABLE, said)
+        return self._publish(digests, provenance, times, concluded)
 
     def _publish(
         self,
-        records: str,
+        digests: Digests,
         provenance: Provenance,
         times: tuple[str, str],
         concluded: Concluded,
@@ -167,10 +168,11 @@ class StoreWriter:
         manifest = StoreManifest(
             sweep=self.identity,
             provenance=provenance,
-            **count_outcomes(columns.arrow(OUTCOME_COLUMNS)),
+            **count_outcomes(columns.batches(OUTCOME_COLUMNS)),
             **concluded(columns),
             files=files | {f"{SCENES}/{name}": sha256 for name, sha256 in scenes},
-            records=records,
+            records=digests.records,
+            physics=digests.physics,
             started=times[0],
             finished=times[1],
         )

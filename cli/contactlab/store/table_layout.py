@@ -36,20 +36,21 @@ class Column:
 
 
 @dataclass(frozen=True)
-class _StoredField:
+class StoredField:
     """A field of the record, or of a part of it, and the column that has its values."""
 
     column: Column
+    info: FieldInfo
     is_json: bool = False
     is_struct: bool = False
     is_sparse: bool = False  # JSON without the entries that have their default
     is_left_out: Callable[[Any], bool] | None = None
 
     @classmethod
-    def of(cls, name: str, info: FieldInfo, prefix: str = "") -> "_StoredField":
+    def of(cls, name: str, info: FieldInfo, prefix: str = "") -> "StoredField":
         """Return a field with the column that its type and description make."""
         is_struct = InTable.STRUCT in info.metadata
-        kind = pa.struct([]) if is_struct else _type_of_field(info.annotation)
+        kind = pa.struct([]) if is_struct else type_of_field(info.annotation)
         facts = cast("dict[str, str]", info.json_schema_extra or {})
         description = info.description or ""
         column = Column(
@@ -61,7 +62,7 @@ class _StoredField:
         )
         is_sparse = InTable.WITHOUT_DEFAULTS in info.metadata
         left_out = info.exclude_if
-        return cls(column, kind is None, is_struct, is_sparse, left_out)
+        return cls(column, info, kind is None, is_struct, is_sparse, left_out)
 
     def stored(self, value: Any) -> Any:  # noqa: ANN401 - of the field's own type
         """Return a value of the field as the table has it."""
@@ -73,24 +74,24 @@ class _StoredField:
         """Return a value of the column as the field has it."""
         if self.is_json:
             return None if value is None else from_json(value)
-        if self.is_struct:
+        if self.is_struct and value is not None:
             # It has a field for each entry of any run; those of other runs are null.
             return {name: entry for name, entry in value.items() if entry is not None}
         return value
 
 
-def _type_of_field(annotation: Any) -> pa.DataType | None:  # noqa: ANN401 - any type
+def type_of_field(annotation: Any) -> pa.DataType | None:  # noqa: ANN401 - any type
     """Return the type of a field's column; None if the column holds JSON."""
     origin, inner = get_origin(annotation), get_args(annotation)
     if origin is Annotated:
-        return _type_of_field(inner[0])
+        return type_of_field(inner[0])
     if origin in {Union, UnionType}:
-        kinds = [_type_of_field(kind) for kind in inner if kind is not NoneType]
+        kinds = [type_of_field(kind) for kind in inner if kind is not NoneType]
         return kinds[0] if len(kinds) == 1 else None
     if origin is Literal:
         return _TEXT
     if origin is tuple:
-        kind = _type_of_field(inner[0])
+        kind = type_of_field(inner[0])
         return None if kind is None else pa.list_(kind)
     return {str: _TEXT, int: _WHOLE, float: REAL, bool: _TRUTH}.get(annotation)
 
@@ -108,27 +109,27 @@ _WITH_OWN_COLUMNS = {
     "labels",
     *(name for name, info in _FIELDS.items() if InTable.BY_NAME in info.metadata),
 }
-_PARTS = {
+FIELDS_OF_PARTS = {
     name: {
-        inner: _StoredField.of(inner, inner_info, mark.prefix)
+        inner: StoredField.of(inner, inner_info, mark.prefix)
         for inner, inner_info in _model_of(info.annotation).model_fields.items()
     }
     for name, info in _FIELDS.items()
     for mark in info.metadata
     if isinstance(mark, InColumns)
 }
-_PLAIN = {
-    name: _StoredField.of(name, info)
+PLAIN_FIELDS = {
+    name: StoredField.of(name, info)
     for name, info in _FIELDS.items()
-    if name not in {*SHARED_FIELDS, *_WITH_OWN_COLUMNS, *_PARTS}
+    if name not in {*SHARED_FIELDS, *_WITH_OWN_COLUMNS, *FIELDS_OF_PARTS}
 }
-# The columns of lists with an entry for each label, by the entry's field.
-_OF_LABELS = {
+OF_LABELS = {
     "labels": "label",
     "label_reasons": "reason",
     "label_steps": "step",
     "label_bodies": "bodies",
 }
+"""The columns of lists with an entry for each label, with the entry's field."""
 _LABEL_COLUMNS = (
     Column("labels", pa.list_(_TEXT), "", _FIELDS["labels"].description or ""),
     Column("label_reason", _TEXT, "", "why the worst label applies"),
@@ -137,7 +138,7 @@ _LABEL_COLUMNS = (
     Column("label_steps", pa.list_(_WHOLE), "1", "step at which each label was first met"),
     Column("label_bodies", pa.list_(pa.list_(_TEXT)), "", "the bodies that each label is of"),
 )
-_AXES_COLUMN = Column("axis_names", pa.list_(_TEXT), "", "names of the run's axis columns")
+AXES_COLUMN = Column("axis_names", pa.list_(_TEXT), "", "names of the run's axis columns")
 # The order in which a reader of the table meets the fields; others come last.
 _ORDER = (
     *("run_id", "index", "scene", "scene_hash", "seed", "duration", "drive", "label", "labels"),
@@ -150,11 +151,11 @@ _ORDER = (
 
 
 def _columns_of_field(name: str) -> Sequence[Column]:
-    if name in _PARTS:
-        return [stored.column for stored in _PARTS[name].values()]
-    if name in _PLAIN:
-        return [_PLAIN[name].column]
-    return {"labels": _LABEL_COLUMNS, "axes": (_AXES_COLUMN,)}.get(name, ())
+    if name in FIELDS_OF_PARTS:
+        return [stored.column for stored in FIELDS_OF_PARTS[name].values()]
+    if name in PLAIN_FIELDS:
+        return [PLAIN_FIELDS[name].column]
+    return {"labels": _LABEL_COLUMNS, "axes": (AXES_COLUMN,)}.get(name, ())
 
 
 FIXED_COLUMNS = tuple(
@@ -163,9 +164,9 @@ FIXED_COLUMNS = tuple(
     for column in _columns_of_field(name)
     if _FIELDS[name].exclude_if is None
 )
-PLUGINS_COLUMN = _PLAIN["plugins"].column
+PLUGINS_COLUMN = PLAIN_FIELDS["plugins"].column
 """Only in tables of sweeps with plug-ins."""
-LOOP_COLUMNS = tuple(_PLAIN[name].column for name in ("success", "total_reward", "loop"))
+LOOP_COLUMNS = tuple(PLAIN_FIELDS[name].column for name in ("success", "total_reward", "loop"))
 """Only in tables of recorded loops."""
 RESERVED_COLUMNS = frozenset(
     column.name for column in (*FIXED_COLUMNS, PLUGINS_COLUMN, *LOOP_COLUMNS)
@@ -290,10 +291,10 @@ def row_entries(fields: Mapping[str, Any]) -> list[bytes]:
 def to_row(fields: Mapping[str, Any]) -> Row:
     """Return the columns of some fields of a record."""
     row: Row = {}
-    for name, field in _PLAIN.items():
+    for name, field in PLAIN_FIELDS.items():
         if name in fields and not (field.is_left_out and field.is_left_out(fields[name])):
             row[name] = field.stored(fields[name])
-    for part, inner in _PARTS.items():
+    for part, inner in FIELDS_OF_PARTS.items():
         if part in fields:
             of_part = fields[part]
             row |= {
@@ -303,7 +304,7 @@ def to_row(fields: Mapping[str, Any]) -> Row:
     if "labels" in fields:
         row |= _columns_of_labels(fields["labels"])
     if "axes" in fields:
-        row[_AXES_COLUMN.name] = tuple(fields["axes"])
+        row[AXES_COLUMN.name] = tuple(fields["axes"])
     return row | fields.get("axes", {}) | fields.get("metrics", {})
 
 
@@ -315,7 +316,7 @@ def axes_as_written(axes: Mapping[str, object]) -> dict[str, bool | int | float 
 def _columns_of_labels(labels: Sequence[Any]) -> Row:
     row: Row = {
         column: tuple(getattr(label, field) for label in labels)
-        for column, field in _OF_LABELS.items()
+        for column, field in OF_LABELS.items()
     }
     worst = labels[0] if labels else None
     return row | {"label_reason": worst and worst.reason, "label_step": worst and worst.step}
@@ -324,21 +325,21 @@ def _columns_of_labels(labels: Sequence[Any]) -> Row:
 def row_to_record(row: Mapping[str, Any], shared: Mapping[str, Any]) -> EvidenceRecord:
     """Return the record of a row, given the fields that all runs of its store share."""
     data: Row = {name: shared[name] for name in SHARED_FIELDS}
-    data |= _restored(row, _PLAIN)
-    for part, inner in _PARTS.items():
+    data |= _restored(row, PLAIN_FIELDS)
+    for part, inner in FIELDS_OF_PARTS.items():
         found = _restored(row, inner)
         if any(value is not None for value in found.values()):
             data[part] = found
     # Stores of version 0.2 do not say of which bodies a label is.
-    kept = {column: field for column, field in _OF_LABELS.items() if column in row}
+    kept = {column: field for column, field in OF_LABELS.items() if column in row}
     labels = zip(*(row[column] for column in kept), strict=True)
     data["labels"] = [dict(zip(kept.values(), label, strict=True)) for label in labels]
-    data["axes"] = {name: row[name] for name in row[_AXES_COLUMN.name]}
+    data["axes"] = {name: row[name] for name in row[AXES_COLUMN.name]}
     data["metrics"] = {name: row[name] for name in shared["units"]}
     return EvidenceRecord.model_validate(data)
 
 
-def _restored(row: Mapping[str, Any], fields: Mapping[str, _StoredField]) -> Row:
+def _restored(row: Mapping[str, Any], fields: Mapping[str, StoredField]) -> Row:
     """Return the fields of which a row has columns; JSON that is null counts as none."""
     return {
         name: field.restored(row[field.column.name])

@@ -4,10 +4,10 @@ Its files are checked against their hashes, its content against what is recomput
 """
 
 import fcntl
-import hashlib
 import os
 import re
 import shutil
+from collections import Counter
 from collections.abc import Generator, Iterator, Mapping
 from contextlib import closing, contextmanager
 from itertools import islice, tee
@@ -19,11 +19,13 @@ from numpy.typing import NDArray
 
 from contactlab.errors import OutputError, StoreError
 from contactlab.schema.evidence import RECORD_VERSION, Cost, EvidenceRecord, SweepIdentity
+from contactlab.store.arrow_values import numpy_array
 from contactlab.store.atomic_files import exchange_folders, sha256_of, sync_filesystem, write_error
 from contactlab.store.controls_file import controls_name, read_controls
 from contactlab.store.finished_store import Store
-from contactlab.store.run_columns import RunColumns
-from contactlab.store.runs_table import iterate_rows, rows_digest, write_compact_table
+from contactlab.store.row_checks import RowChecks, is_null
+from contactlab.store.run_columns import RunColumns, hash_of_ids, rows_of
+from contactlab.store.runs_table import digests_of, write_compact_table
 from contactlab.store.store_files import (
     IDENTITY,
     LOCK,
@@ -193,11 +195,22 @@ def _check_columns(store: Store) -> Iterator[str]:
     if manifest.runs != manifest.sweep.runs_asked:
         planned = manifest.sweep.runs_asked
         yield f"{MANIFEST}: {manifest.runs} runs, but the sweep has {planned}"
-    if not (np.diff(store.columns.numbers("index").values, prepend=-1) > 0).all():
+    if not _ascends(store.columns):
         yield f"{TABLE}: its runs are not in the order of their index"
-    ids, counts = np.unique(store.columns.byte_strings("run_id"), return_counts=True)
-    for run, count in zip(ids[counts > 1].tolist(), counts[counts > 1].tolist(), strict=True):
-        yield f"{TABLE}: run {run.decode()} occurs {count} times"
+    ids = np.sort(store.columns.ids)
+    twice = ids[1:][ids[1:] == ids[:-1]]
+    for run, count in Counter(twice.tolist()).items():
+        yield f"{TABLE}: run {run:016x} occurs {count + 1} times"
+
+
+def _ascends(columns: RunColumns) -> bool:
+    last = -1
+    for part in columns.batches(["index"]):
+        places = numpy_array(part["index"])
+        if part["index"].null_count or not (np.diff(places, prepend=last) > 0).all():
+            return False
+        last = places[-1]
+    return True
 
 
 def _wrong_columns(columns: RunColumns) -> Iterator[str]:
@@ -218,7 +231,7 @@ def _wrong_columns(columns: RunColumns) -> Iterator[str]:
 def _check_sweep(store: Store) -> Iterator[str]:
     sweep, columns = store.manifest.sweep, store.columns
     for name, stated in (("scene_hash", sweep.scene_hash), ("scene", sweep.scene)):
-        if others := {*columns.coded(name).values} - {stated, None}:
+        if others := columns.values(name) - {stated, None}:
             yield f"{TABLE}: runs of scene {', '.join(sorted(others))} too"
     shared, versions = columns.shared, sweep.metric_versions
     units = {name: columns.described[name].unit for name in versions}
@@ -232,8 +245,7 @@ def _check_sweep(store: Store) -> Iterator[str]:
             yield f"{MANIFEST}: another {name} than {TABLE}"
     if f"{SCENES}/{sweep.scene_hash}/{sweep.scene_model}" not in store.manifest.files:
         yield f"{MANIFEST}: names no file of the scene's model, {sweep.scene_model}"
-    ids = columns.byte_strings("run_id")
-    if hashlib.sha256(ids.tobytes()).hexdigest()[:32] != sweep.plan_hash:
+    if hash_of_ids(columns.ids) != sweep.plan_hash:
         yield f"{TABLE}: its runs, in their order, are not those of the plan's hash"
 
 
@@ -241,7 +253,7 @@ def _check_controls(store: Store) -> Iterator[str]:
     """Yield which recorded controls are missing or changed."""
     if "controls" not in store.columns.schema.names:
         return
-    for sha256 in filter(None, store.columns.arrow(["controls"])["controls"].unique().to_pylist()):
+    for sha256 in sorted(store.columns.values("controls") - {None}):
         try:
             read_controls(store.backend, sha256)
         except StoreError as error:
@@ -255,8 +267,8 @@ def _check_records(
     from contactlab.store.mcap.trace_reader import trace_problems  # noqa: PLC0415 - takes a while
 
     problems: list[str] = []
-    files = store.columns.arrow(["trace_file"])["trace_file"].to_pylist()
-    named = set[str]() if store.manifest.traces_left_out else {*filter(None, files)}
+    left_out = store.manifest.traces_left_out
+    named = set[str]() if left_out else store.columns.values("trace_file")
     records, ahead = tee(_traced_records(store, problems, chosen))
     paths = store.backend.local_files(record.trace.file for record in ahead if record.trace)
     for record, path in zip(records, paths, strict=True):
@@ -269,28 +281,43 @@ def _check_records(
     for name in store.backend.trace_names():
         if name not in named:
             yield f"{name}: belongs to no run"
-    if store.manifest.records != rows_digest(store.path / TABLE):
+    digests = digests_of(store.path / TABLE)
+    if store.manifest.records != digests.records:
         yield f"{TABLE}: its records are not those of the manifest's digest"
+    elif store.manifest.physics not in {None, digests.physics}:
+        yield f"{MANIFEST}: its digest of the physics is not that of {TABLE}"
 
 
 def _traced_records(
     store: Store, problems: list[str], chosen: NDArray[np.bool_] | None
 ) -> Iterator[EvidenceRecord]:
     """Yield the records that have a trace, and note which are damaged."""
-    for row in iterate_rows(store.path / TABLE, chosen):
+    for row in _suspected_rows(store, chosen):
         try:
             record = row_to_record(row, store.columns.shared)
         except (LookupError, TypeError, ValueError) as error:
             problems.append(f"{TABLE}: run {row['run_id']} does not fit its schema: {error}")
             continue
-        wrong = _wrong_parts(row, record, store.manifest.sweep)
+        wrong = wrong_parts(row, record, store.manifest.sweep)
         where = f"{TABLE}: run {record.run_id}: its"
         problems += (f"{where} {name} is not what the rest of it gives" for name in wrong)
         if record.trace is not None and not store.manifest.traces_left_out:
             yield record
 
 
-def _wrong_parts(
+def _suspected_rows(store: Store, chosen: NDArray[np.bool_] | None) -> Iterator[dict[str, Any]]:
+    """Yield the rows, of those chosen, that may break a law, or whose trace is to be read."""
+    columns, left_out = store.columns, store.manifest.traces_left_out
+    checks = RowChecks(store.manifest.sweep, columns.shared)
+    for rows in columns.batches(chosen=chosen):
+        wanted = checks.suspects(rows)
+        if not left_out and "trace_file" in rows.schema.names:
+            wanted = wanted | ~is_null(rows["trace_file"])
+        if wanted.any():
+            yield from rows_of(rows, wanted).to_pylist()
+
+
+def wrong_parts(
     row: Mapping[str, Any], record: EvidenceRecord, sweep: SweepIdentity
 ) -> Iterator[str]:
     """Yield which parts of a record contradict the sweep, or the rest of it."""
@@ -306,9 +333,11 @@ def _wrong_parts(
         record.accuracy and not asked.get("accuracy")
     ):
         yield "accuracy or timing"
-    cost, timestep, budget = record.cost, record.settings["timestep"], asked.get("latency_budget")
-    assert isinstance(timestep, int | float)
-    if cost is not None and cost != Cost.of(cost.cpu_s, record.steps, timestep, budget):
+    cost, timestep = record.cost, record.settings.get("timestep")
+    budget = asked.get("latency_budget")
+    if not isinstance(timestep, int | float):
+        yield "timestep"
+    elif cost is not None and cost != Cost.of(cost.cpu_s, record.steps, timestep, budget):
         yield "cost"
 
 
@@ -370,10 +399,10 @@ def _copy_without_traces(store: Store, target: Path) -> None:
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_bytes(store.backend.read(controls_name(sha256)) or b"")
     files = {name: sha256_of(target / name) for name in store.manifest.files}
-    records = rows_digest(target / TABLE)
-    if store.manifest.records not in {None, records}:
+    digests = digests_of(target / TABLE)
+    if store.manifest.records != digests.records:
         raise StoreError(f"{store.address} is not sound: its records are not those of its manifest")
-    changes = {"files": files, "records": records, "traces_left_out": True}
+    changes = {"files": files, "physics": digests.physics, "traces_left_out": True}
     text = document_json(store.manifest.model_copy(update=changes))
     (target / MANIFEST).write_text(text, encoding="utf-8")
 

@@ -97,7 +97,7 @@ def _written(
     other = {name: pick.configuration[name] for name in changed if name not in settings}
     try:
         scene = stored_sweep_scene(store.manifest.sweep, store.scene_folder)
-        values = canonical_values(scene, store.record(pick.run_id))
+        values = canonical_values(scene, store.record(pick.run_id).axes)
         edits = ModelEdits({setting: values[setting] for setting in settings if setting in values})
         lines = write_model(scene, edits, folder).lines
     except (SceneError, StoreError) as error:

@@ -1,0 +1,292 @@
+"""Rows that may contradict the schema of a record, the sweep, or themselves, by whole columns.
+
+A record is built, and checked field by field, only of the rows that are named here. Every row that
+breaks a law is named; one that is named may yet be sound.
+"""
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from functools import cached_property, reduce
+from types import NoneType, UnionType
+from typing import Any, Union, get_args, get_origin
+
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+from pydantic import create_model
+from pydantic.fields import FieldInfo
+
+from contactlab.schema.evidence import EvidenceRecord, InTable, SweepIdentity
+from contactlab.schema.strict_model import Model
+from contactlab.store.arrow_values import number_array, numpy_array, text_scalar
+from contactlab.store.run_columns import rows_of
+from contactlab.store.runs_table import compute
+from contactlab.store.table_layout import (
+    AXES_COLUMN,
+    FIELDS_OF_PARTS,
+    OF_LABELS,
+    PLAIN_FIELDS,
+    StoredField,
+    as_made,
+    row_to_record,
+    type_of_field,
+)
+
+Columns = Mapping[str, pa.Array]
+Truths = NDArray[np.bool_]
+_TEXT, _REAL, _WHOLE, _TRUTH = pa.string(), pa.float64(), pa.int64(), pa.bool_()
+_SCALARS = frozenset({_TEXT, _REAL, _WHOLE, _TRUTH})
+_SETTINGS = _SCALARS | {pa.list_(_REAL)}
+_LISTS_OF_LABELS = {
+    "labels": pa.list_(_TEXT),
+    "label_reasons": pa.list_(_TEXT),
+    "label_steps": pa.list_(_WHOLE),
+    "label_bodies": pa.list_(pa.list_(_TEXT)),
+}
+_UNRESTRICTED = (str, int, float, bool, tuple[str, ...], tuple[float, ...])
+"""Types of fields that take whatever a column of their type can hold, but for NaN and infinity."""
+_MOST_KNOWN = 1 << 12  # texts of a column that are remembered as fitting
+
+
+class RowChecks:
+    """Names the rows of a store's table whose records have to be built.
+
+    They are rows of a sweep, with the fields that all of them share.
+    """
+
+    def __init__(self, sweep: SweepIdentity, shared: Mapping[str, Any]) -> None:
+        self._asked, self._shared = sweep.resolved, shared
+        self._fields = [_FieldCheck(field) for field in PLAIN_FIELDS.values()]
+        self._parts = {
+            part: [_FieldCheck(field) for field in inner.values()]
+            for part, inner in FIELDS_OF_PARTS.items()
+        }
+
+    def suspects(self, rows: pa.RecordBatch) -> Truths:
+        """Return (n,) which of some rows may break a law; there is at least one row."""
+        columns = dict(zip(rows.schema.names, rows.columns, strict=True))
+        try:
+            # A fault of what all rows share, or of the columns that there are, shows in each.
+            row_to_record(rows.slice(0, 1).to_pylist()[0], self._shared)
+            return reduce(np.logical_or, self._laws(columns))
+        except (LookupError, TypeError, ValueError, pa.ArrowException):
+            return np.ones(len(rows), bool)
+
+    def _laws(self, columns: Columns) -> Iterator[Truths]:
+        """Yield (n,) which rows may break each law."""
+        yield from (check(columns) for check in self._fields if check.name in columns)
+        for part, checks in self._parts.items():
+            yield _wrong_part(columns, part, checks)
+        yield _wrong_axes(columns)
+        for name in self._shared["units"]:
+            yield _wrong_values(columns[name], {_REAL, _WHOLE})
+        yield _wrong_labels(columns)
+        through = compute("equal", columns["status"], text_scalar("ok"))
+        yield numpy_array(through) != is_null(columns["status_reason"])
+        yield _misnamed_traces(columns)
+        for part in ("accuracy", "timing"):
+            if not self._asked.get(part):
+                yield _has_part(columns, self._parts[part])
+        yield _wrong_cost(columns, self._asked.get("latency_budget"))
+
+
+class _FieldCheck:
+    """Says in which rows the column of a field holds what the field does not take."""
+
+    def __init__(self, stored: StoredField) -> None:
+        self.name = stored.column.name
+        self.required = stored.info.is_required()
+        self._stored = stored
+        self._is_plain = not stored.is_json and _is_unrestricted(stored.info)
+        self._known = set[str]()
+
+    def __call__(self, columns: Columns) -> Truths:
+        """Return (n,) the rows whose value the field does not take."""
+        column, stored = columns[self.name], self._stored
+        wrong = is_null(column) & (not self._takes_null)
+        if column.null_count == len(column):
+            return wrong
+        if stored.is_struct:
+            (_, entry) = get_args(stored.info.annotation)
+            kind = type_of_field(entry)
+            return wrong | _wrong_struct(column, _SETTINGS if kind is None else {kind})
+        if as_made(column.type) != stored.column.type:
+            return np.ones(len(column), bool)
+        if self._is_plain:
+            return wrong | _wrong_values(column, {stored.column.type})
+        return wrong | self._wrong_texts(column)
+
+    @cached_property
+    def _takes_null(self) -> bool:
+        # Null instead of JSON is a field that is left out.
+        return not self.required if self._stored.is_json else self._takes(None)
+
+    @cached_property
+    def _model(self) -> type[Model]:
+        info = self._stored.info
+        field: Any = info.annotation, info
+        return create_model("Checked", __base__=Model, value=field)
+
+    def _takes(self, value: object) -> bool:
+        try:
+            self._model.model_validate({"value": self._stored.restored(value)})
+        except ValueError:
+            return False
+        return True
+
+    def _wrong_texts(self, column: pa.Array) -> Truths:
+        """Return (n,) which texts the field does not take; each different one is tried once."""
+        different = {text for text in column.unique().to_pylist() if text is not None}
+        wrong = {text for text in different - self._known if not self._takes(text)}
+        if len(self._known) < _MOST_KNOWN:
+            self._known |= different - wrong
+        if not wrong:
+            return np.zeros(len(column), bool)
+        return np.array([text in wrong for text in column.to_pylist()])
+
+
+def _is_unrestricted(info: FieldInfo) -> bool:
+    """Return whether a field takes all that a column of its type holds but NaN and infinity."""
+    annotation = info.annotation
+    optional = get_origin(annotation) in {Union, UnionType}
+    kinds = [kind for kind in get_args(annotation) if kind is not NoneType] if optional else []
+    rules = [rule for rule in info.metadata if not isinstance(rule, InTable)]
+    return not rules and all(kind in _UNRESTRICTED for kind in kinds or [annotation])
+
+
+def _wrong_values(column: pa.Array, kinds: Collection[pa.DataType]) -> Truths:
+    """Return (n,) which values are NaN or infinite, or lists with nulls; all if of another type."""
+    kind = as_made(column.type)
+    if kind not in kinds:
+        return np.ones(len(column), bool)
+    if pa.types.is_list(kind):
+        entries = compute("list_flatten", column)
+        wrong = is_null(entries) | _wrong_values(entries, {kind.value_type})
+        return _any_of_lists(column, wrong)
+    if pa.types.is_floating(kind):
+        return ~np.isfinite(numpy_array(column)) & ~is_null(column)
+    return np.zeros(len(column), bool)
+
+
+def _any_of_lists(column: pa.Array, entries: Truths) -> Truths:
+    """Return (n,) the lists of which any entry is marked, given all of them in a row."""
+    found = np.zeros(len(column), bool)
+    if entries.any():
+        found[np.repeat(np.arange(len(column)), list_lengths(column))[entries]] = True
+    return found
+
+
+def _wrong_struct(column: pa.Array, kinds: Collection[pa.DataType]) -> Truths:
+    entries = (_wrong_values(entry, kinds) for entry in column.flatten())
+    return reduce(np.logical_or, entries, np.zeros(len(column), bool))
+
+
+def _has_part(columns: Columns, checks: Sequence[_FieldCheck]) -> Truths:
+    """Return (n,) which rows have anything of a part of the record."""
+    there = (~is_null(columns[check.name]) for check in checks if check.name in columns)
+    return reduce(np.logical_or, there, np.zeros(len(columns["run_id"]), bool))
+
+
+def _wrong_part(columns: Columns, part: str, checks: Sequence[_FieldCheck]) -> Truths:
+    """Return (n,) in which rows a part of the record lacks a field, or has a wrong one."""
+    has = _has_part(columns, checks)
+    wrong = ~has & EvidenceRecord.model_fields[part].is_required()
+    for check in checks:
+        if check.name in columns:
+            wrong |= has & check(columns)
+        elif check.required:
+            wrong |= has
+    return wrong
+
+
+def _wrong_axes(columns: Columns) -> Truths:
+    names = columns[AXES_COLUMN.name]
+    wrong = is_null(names) | _wrong_values(names, {AXES_COLUMN.type})
+    for name in compute("list_flatten", names).unique().to_pylist():
+        wrong |= _wrong_values(columns[name], _SCALARS) if name is not None else True
+    return wrong
+
+
+def _wrong_labels(columns: Columns) -> Truths:
+    """Return (n,) which rows have labels that lack an entry, or another worst one than they say."""
+    names = columns["labels"]
+    lengths = list_lengths(names)
+    wrong = np.zeros(len(names), bool)
+    # Stores of version 0.2 do not say of which bodies a label is.
+    for name in (name for name in OF_LABELS if name in columns):
+        column, kind = columns[name], _LISTS_OF_LABELS[name]
+        wrong |= is_null(column) | (list_lengths(column) != lengths)
+        if name == "label_steps":
+            # A label may have none.
+            wrong |= as_made(column.type) != kind
+        elif name == "label_bodies":
+            bodies = compute("list_flatten", column)
+            unfit = is_null(bodies) | _wrong_values(bodies, {kind.value_type})
+            wrong |= _any_of_lists(column, unfit)
+        else:
+            wrong |= _wrong_values(column, {kind})
+    for one, several in (("label_reason", "label_reasons"), ("label_step", "label_steps")):
+        wrong |= ~same(columns[one], _first_of(columns[several]))
+    return wrong | ((lengths > 0) & ~same(columns["label"], _first_of(names)))
+
+
+def is_null(column: pa.Array) -> Truths:
+    """Return (n,) where a column has nothing."""
+    return numpy_array(compute("is_null", column))
+
+
+def list_lengths(lists: pa.Array) -> NDArray[np.int64]:
+    """Return (n,) the lengths of lists, 0 where there is none."""
+    lengths = compute("list_value_length", lists)
+    return np.where(is_null(lengths), 0, numpy_array(lengths)).astype(np.int64)
+
+
+def _first_of(lists: pa.Array) -> pa.Array:
+    """Return (n,) the first entry of each list, null of an empty one."""
+    lengths, entries = list_lengths(lists), compute("list_flatten", lists)
+    places = np.cumsum(lengths) - lengths
+    # One entry more, which is null.
+    ends = pa.concat_arrays([entries, pa.nulls(1, entries.type)])
+    return compute("take", ends, number_array(np.where(lengths > 0, places, len(entries))))
+
+
+def same(one: pa.Array, other: pa.Array) -> Truths:
+    """Return (n,) where two columns of one type are equal, or both null."""
+    null, also = is_null(one), is_null(other)
+    if not pa.types.is_list(one.type):
+        return np.where(null | also, null & also, numpy_array(compute("equal", one, other)))
+    equal = (null == also) & (list_lengths(one) == list_lengths(other))
+    (ours, theirs) = (compute("list_flatten", rows_of(lists, equal)) for lists in (one, other))
+    equal[equal] = ~_any_of_lists(rows_of(one, equal), ~same(ours, theirs))
+    return equal
+
+
+def _misnamed_traces(columns: Columns) -> Truths:
+    """Return (n,) which traces are not in the file that their run's id names."""
+    files = columns["trace_file"]
+    if files.null_count == len(files):
+        return np.zeros(len(files), bool)
+    pairs = zip(columns["run_id"].to_pylist(), files.to_pylist(), strict=True)
+    return np.array([file is not None and not file.endswith(f"/{run}.mcap") for run, file in pairs])
+
+
+def _wrong_cost(columns: Columns, budget: float | None) -> Truths:
+    """Return (n,) which costs are not what `Cost.of` makes of their CPU time."""
+    settings = columns["settings"]
+    timestep = settings.field(settings.type.get_field_index("timestep"))
+    if timestep.type not in {_REAL, _WHOLE}:
+        return np.ones(len(settings), bool)
+    of_sim, of_budget, used = (
+        columns[f"cost_{name}"] for name in ("cpu_per_sim_s", "latency_budget_s", "latency_used")
+    )
+    cpu, steps = (numpy_array(columns[name]).astype(float) for name in ("cost_cpu_s", "steps"))
+    with np.errstate(all="ignore"):
+        simulated = steps * numpy_array(timestep)
+        wrong = numpy_array(of_sim) != np.where(simulated != 0, cpu / simulated, 0.0)
+        if budget:
+            wrong |= is_null(of_budget) | (numpy_array(of_budget) != budget)
+            is_used = steps != 0
+            wrong |= is_used == is_null(used)
+            wrong |= is_used & (numpy_array(used) != cpu / steps / budget)
+        else:
+            wrong |= ~is_null(used) | ~is_null(of_budget)
+    return is_null(timestep) | (wrong & ~is_null(columns["cost_cpu_s"]))
