@@ -12,11 +12,12 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from contactlab.schema.evidence import StoreManifest
+from contactlab.store.arrow_values import number_array
 from contactlab.store.atomic_files import sha256_of
 from contactlab.store.finished_store import Store
 from contactlab.store.runs_table import GROUP, digests_of
 
-PART = 6 * GROUP
+PART = GROUP
 Rows = NDArray[np.int64]
 Columns = Mapping[str, pa.Array]
 
@@ -50,9 +51,7 @@ def tables(
     for index in parts:
         made = made_up(index)
         columns = [
-            made[name]
-            if name in made
-            else pa.chunked_array([[value[0].as_py()] * len(index)], value.type)
+            made[name] if name in made else value.take(number_array(np.zeros_like(index)))
             for name, value in zip(first.column_names, first.columns, strict=True)
         ]
         yield pa.Table.from_arrays(

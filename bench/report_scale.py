@@ -31,7 +31,11 @@ from contactlab.page.report_files import write_page
 from contactlab.store.finished_store import Store
 
 # Values of timestep, integrator, cone, solref, friction.slide, direction and seed.
-GRIDS = {10_000: (10, 2, 2, 5, 5, 5, 2), 1_000_000: (20, 2, 2, 10, 10, 5, 25)}
+GRIDS = {
+    10_000: (10, 2, 2, 5, 5, 5, 2),
+    1_000_000: (20, 2, 2, 10, 10, 5, 25),
+    10_000_000: (20, 2, 2, 10, 10, 5, 250),
+}
 LABELS = ("tunneling", "chatter", "oracle_miss", "stable")
 CHROMIUM = Path("/usr/bin/chromium")
 SWEEP = """

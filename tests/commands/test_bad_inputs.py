@@ -226,7 +226,7 @@ IN_FILES = {
     "formula-call": ("5:20", "the functions are abs"),
     "all-excluded": ("5:1", "exclude less"),
     "seeds": ("4:8", "write a count above 0"),
-    "trace": ("4:8", "write all, flagged, none or sample:N"),
+    "trace": ("4:8", "write all, flagged, none, sample:N or flagged+sample:N"),
     "sample": ("5:18", "did you mean 'sobol'?"),
     "include": ("5:17", "relative names start at the sweep's folder"),
     "zip": ("4:42", "give each as many values"),

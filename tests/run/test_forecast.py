@@ -18,10 +18,18 @@ TIMESTEPS, HEIGHTS = [1e-3, 2e-3, 4e-3], [0.1, 0.2, 0.3, 0.4, 0.5]
 
 @pytest.mark.parametrize("seeds", [1, 3, 5])
 @pytest.mark.parametrize(
-    ("trace", "kept"), [("all", 1.0), ("none", 0.0), ("sample:6", 6.0), ("sample:10000", 1.0)]
+    ("trace", "fewest", "most"),
+    [
+        ("all", 1.0, 1.0),
+        ("none", 0.0, 0.0),
+        ("sample:6", 6.0, 6.0),
+        ("sample:10000", 1.0, 1.0),
+        ("flagged", 0.0, 1.0),
+        ("flagged+sample:6", 6.0, 1.0),
+    ],
 )
 def test_a_forecast_is_the_sum_over_its_runs(
-    monkeypatch: pytest.MonkeyPatch, seeds: int, trace: str, kept: float
+    monkeypatch: pytest.MonkeyPatch, seeds: int, trace: str, fewest: float, most: float
 ) -> None:
     """Steps and bytes of each run, one by one; what a step costs is asked of every twelfth of n.
 
@@ -48,9 +56,10 @@ def test_a_forecast_is_the_sum_over_its_runs(
     runs = [scene.resolve(run.values, run.seed, 0.1) for run in plan.runs()]
     steps = sum(run.steps for run in runs)
     assert (told.runs, told.steps) == (15 * seeds, steps)
-    share = kept / len(runs) if kept > 1 else kept
-    size = share * sum(bytes_of_run(scene.base_of(run).model, run.steps) for run in runs)
-    assert told.bytes_by_format["messages"] == pytest.approx((0.1 * size, 0.6 * size))
+    least, all_kept = (kept / len(runs) if kept > 1 else kept for kept in (fewest, most))
+    size = sum(bytes_of_run(scene.base_of(run).model, run.steps) for run in runs)
+    expected = 0.1 * least * size, 0.6 * all_kept * size
+    assert told.bytes_by_format["messages"] == pytest.approx(expected)
     assert told.bytes == told.bytes_by_format[plan.sweep.trace_format]
     assert asked == [run.values for run in runs[:: len(runs) // 12]]
     # Recording and measures take 0.2 to 1.5 times what stepping takes.

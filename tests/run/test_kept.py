@@ -6,6 +6,10 @@ from typing import Any
 
 import pytest
 
+import contactlab
+from contactlab.plan.kept_traces import OF_MANY, KeptTraces
+from contactlab.plan.sweep_file import read_sweep
+from contactlab.run.sweep_request import SceneLoader
 from contactlab.store.finished_store import Store
 from contactlab.store.verify_store import verify
 
@@ -46,12 +50,45 @@ def test_which_traces_are_kept(sweeper: Any, rule: str, indices: Sequence[int]) 
     assert kept(rows(sweeper, f"{SWEEP}trace: {rule}\n")) == list(indices)
 
 
-def test_traces_of_flagged_runs_are_kept(sweeper: Any) -> None:
+@pytest.mark.parametrize(("rule", "indices"), [("flagged", [1]), ("flagged+sample:1", [0, 1])])
+def test_traces_of_flagged_runs_are_kept(sweeper: Any, rule: str, indices: Sequence[int]) -> None:
     """A pyramidal cone stops a box that slides across its axes too late."""
     axes = "axes: {cone: [elliptic, pyramidal], direction: [45.0]}"
-    found = rows(sweeper, f"version: 1\nscene: box_slide\n{axes}\ntrace: flagged\n")
+    found = rows(sweeper, f"version: 1\nscene: box_slide\n{axes}\ntrace: {rule}\n")
     assert [row["label"] for row in found] == ["stable", "oracle_miss"]
-    assert kept(found) == [1]
+    assert kept(found) == list(indices)
+
+
+def test_traces_of_many_runs() -> None:
+    """Above 100,000 runs those not stable and 1,000 others, unless the sweep says otherwise."""
+    for seeds, told, rule in (
+        (100_000, {}, "all"),
+        (100_001, {}, OF_MANY),
+        (100_001, {"trace": "all"}, "all"),
+    ):
+        sweep = {"version": 1, "scene": "ball_drop", "seeds": seeds, **told}
+        plan = read_sweep(sweep, SceneLoader(None).vocabulary).plan
+        assert plan.sweep.trace == rule
+    kept = KeptTraces.of(OF_MANY)
+    stable = [kept.keeps(place, "stable", 100_001) for place in range(100_001)]
+    assert sum(stable) == 1000
+    assert all(kept.keeps(place, "chatter", 100_001) for place in range(0, 100_001, 97))
+    assert kept.shares(100_001) == (1000 / 100_001, 1.0)
+
+
+def test_a_shard_keeps_the_traces_that_the_whole_sweep_does(sweeper: Any) -> None:
+    whole = kept(rows(sweeper, f"{SWEEP}trace: sample:4\n"))
+    (sweeper.folder / "sweep.yaml").write_text(f"{SWEEP}trace: sample:4\n")
+    shards = [
+        contactlab.sweep(
+            sweeper.folder / "sweep.yaml",
+            shard=f"{number}/2",
+            output=sweeper.folder / f"shard{number}",
+            workers=0,
+        )
+        for number in (1, 2)
+    ]
+    assert sorted(place for each in shards for place in kept(each.table.to_pylist())) == whole
 
 
 @pytest.mark.long

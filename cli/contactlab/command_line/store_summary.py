@@ -81,7 +81,7 @@ def summary_text(store: "Store", given: Given) -> None:
     elif axes and mixed:
         _print_values(by_importance(axes, labels), labels, share)
     echo(f"{manifest.runs:,} runs, {manifest.traces:,} traces in {path}")
-    look = str(columns.run_ids[int(labels.codes.argmin())])[:_ID_DIGITS]
+    look = columns.run_id(int(labels.codes.argmin()))[:_ID_DIGITS]
     echo(f"look closer: contactlab show {path} {look}")
     echo(f"one page: contactlab report {path}")
 

@@ -240,6 +240,8 @@ def _axes(plan: "Plan") -> list[tuple[str, str, int, str]]:
 
 
 def _print_plan(plan: "Plan", forecast: "Forecast") -> None:
+    from contactlab.plan.kept_traces import MANY_RUNS, OF_MANY
+
     print_table(("axis", "role", "values", "range"), _axes(plan))
     part, least = 1.0, ""
     if refine := plan.sweep.refining:
@@ -258,6 +260,8 @@ def _print_plan(plan: "Plan", forecast: "Forecast") -> None:
     for form, size in forecast.bytes_by_format.items():
         if form != plan.sweep.trace_format and size[1]:
             echo(f"       {_megabytes(size)} with trace_format: {form}")
+    if forecast.runs > MANY_RUNS and plan.sweep.trace == OF_MANY:
+        echo(f"traces {OF_MANY}: of runs that are not stable and 1,000 others; or set trace: all")
     for warning in forecast.warnings:
         echo(f"warning: {warning}")
 

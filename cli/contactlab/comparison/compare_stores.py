@@ -143,7 +143,7 @@ def pair_runs(baseline: Store, candidate: Store, policy: ComparePolicy) -> Pairi
         none = np.zeros(0, np.intp)
         return Pairing(none, none, none, none)
     by_axes = policy.match == "axes"
-    ids = (store.columns.byte_strings("run_id") for store in (baseline, candidate))
+    ids = (store.columns.ids for store in (baseline, candidate))
     pairing = pair_by_axes(baseline, candidate) if by_axes else pair(*ids)
     if len(pairing.baseline):
         return pairing

@@ -19,7 +19,8 @@ from contactlab.store.run_columns import NumberColumn
 
 Rows = NDArray[np.intp]
 Value = float | str | None
-Keys = NDArray[np.int64] | NDArray[np.bytes_]
+Keys = NDArray[np.int64] | NDArray[np.uint64]
+Ranks = NDArray[np.int16]
 _DIGITS = 9  # digits to which axis values must agree: computed values differ in the last ones
 
 
@@ -30,6 +31,7 @@ class Pairing(NamedTuple):
     candidate: Rows  # (n,) the partners
     missing: Rows  # rows that only the baseline has
     new: Rows  # rows that only the candidate has
+    is_in_order: bool = False  # whether the partner of each row is the same row of the candidate
 
 
 def pair_by_axes(baseline: Store, candidate: Store) -> Pairing:
@@ -63,7 +65,7 @@ def pair(baseline: Keys, candidate: Keys) -> Pairing:
     """Pair equal keys; the keys of each store are distinct."""
     if baseline.shape == candidate.shape and np.array_equal(baseline, candidate):
         rows = np.arange(len(baseline))
-        return Pairing(rows, rows, rows[:0], rows[:0])
+        return Pairing(rows, rows, rows[:0], rows[:0], is_in_order=True)
     _, old, new = np.intersect1d(baseline, candidate, assume_unique=True, return_indices=True)
     rows, others = np.arange(len(baseline)), np.arange(len(candidate))
     order = np.argsort(old)
@@ -111,8 +113,11 @@ def _refuse_repeated(store: Store, role: str, keys: NDArray[np.int64]) -> None:
 def settings_of(store: Store) -> Rows:
     """Return (runs) a code for each run of a store: equal where all axis values are."""
     names = store.columns.axis_names
-    columns = [_codes((store,), name)[0] for name in names] or [np.zeros(store.columns.runs, int)]
-    return np.unique(np.stack(columns, axis=1), axis=0, return_inverse=True)[1].reshape(-1)
+    settings = np.zeros(store.columns.runs, np.int64)
+    for name in names:
+        codes, values = _codes((store,), name)
+        settings = np.unique(settings * len(values) + codes, return_inverse=True)[1]
+    return settings
 
 
 def groups(baseline: Store, pairing: Pairing, axes: Sequence[str]) -> Iterator[tuple[str, Mask]]:
@@ -156,7 +161,8 @@ class PairedStores:
         if not excluded.any():
             return self
         kept, rows = ~excluded, self.pairing
-        rows = rows._replace(baseline=rows.baseline[kept], candidate=rows.candidate[kept])
+        before, after = rows.baseline[kept], rows.candidate[kept]
+        rows = rows._replace(baseline=before, candidate=after, is_in_order=False)
         return replace(self, pairing=rows)
 
     @property
@@ -166,13 +172,14 @@ class PairedStores:
 
     def numbers(self, name: str) -> tuple[NumberColumn, NumberColumn]:
         """Return a column of both stores, (n,) each; empty where a store has no such column."""
-        before, after = (
-            store.columns.numbers(name).at(rows)
-            if name in store.columns.schema.names
-            else NumberColumn(np.full(len(rows), np.nan), np.zeros(len(rows), dtype=np.bool_))
-            for store, rows in self.sides
-        )
+        before, after = (self._numbers(store, rows, name) for store, rows in self.sides)
         return before, after
+
+    def _numbers(self, store: Store, rows: Rows, name: str) -> NumberColumn:
+        if name not in store.columns.schema.names:
+            return NumberColumn(np.full(len(rows), np.nan), np.zeros(len(rows), dtype=np.bool_))
+        column = store.columns.numbers(name)
+        return column if self.pairing.is_in_order else column.at(rows)
 
     @cached_property
     def ranks(self) -> "tuple[str, ...]":
@@ -190,10 +197,10 @@ class PairedStores:
         order.pop("stable", None)
         return (*order, "stable")
 
-    def labels(self, store: Store) -> NDArray[np.int64]:
+    def labels(self, store: Store) -> Ranks:
         """Return (n,) the worst label of each pair's run in one store, as its index in `ranks`."""
         codes, words = store.columns.coded("label")
-        indices = np.array([self.ranks.index(word) for word in words], dtype=np.int64)
+        indices = np.array([self.ranks.index(word) for word in words], dtype=np.int16)
         return indices[codes[self._rows(store)]]
 
     def label_sets(self, store: Store) -> NDArray[np.int64]:

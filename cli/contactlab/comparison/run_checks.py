@@ -8,7 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
-from contactlab.comparison.pairing import PairedStores, Rows, difference, groups, unpaired_runs
+from contactlab.comparison.pairing import (
+    PairedStores,
+    Ranks,
+    Rows,
+    difference,
+    groups,
+    unpaired_runs,
+)
 from contactlab.errors import ContactlabError
 from contactlab.judge.subjects import (
     BETTER,
@@ -28,6 +35,7 @@ from contactlab.schema.comparison import AllowedTransition, Transition
 from contactlab.schema.finding import Finding
 from contactlab.schema.tradeoff_report import TradeoffReport
 from contactlab.store.finished_store import Store
+from contactlab.store.run_columns import equal_texts
 
 _FASTER = 0.15
 """Stored times of two sessions on one machine differ by up to this fraction for no reason."""
@@ -35,9 +43,10 @@ _FASTER = 0.15
 
 def bitwise_equal(paired: PairedStores) -> Mask:
     """Return the pairs (n,) whose trajectories are bitwise equal."""
-    before, after = (
-        store.columns.byte_strings("trajectory_hash")[rows] for store, rows in paired.sides
-    )
+    name = "trajectory_hash"
+    if paired.pairing.is_in_order:
+        return equal_texts(paired.baseline.columns, paired.candidate.columns, name)
+    before, after = (store.columns.byte_strings(name)[rows] for store, rows in paired.sides)
     return (before == after) & (before != b"")
 
 
@@ -86,9 +95,9 @@ class PairLabels:
     """The labels of all pairs; those of `ranks` are ordered worst first."""
 
     paired: PairedStores
-    before: NDArray[np.int64]
+    before: Ranks
     """(n,) index in `ranks` of the worst label in the baseline; `after` in the candidate."""
-    after: NDArray[np.int64]
+    after: Ranks
     gained: NDArray[np.int64]
     """(n,) bit i is set if label i of `ranks` is new; of `lost` if it is gone."""
     lost: NDArray[np.int64]
@@ -112,6 +121,11 @@ class PairLabels:
                 allowed |= moved
         gained, lost = new & ~old & ~stable, old & ~new & ~stable
         return cls(paired, before, after, gained, lost, allowed, notes)
+
+    @cached_property
+    def changed(self) -> int:
+        """Bit i is set if label i of `ranks` is new, or gone, in any pair."""
+        return int(np.bitwise_or.reduce(self.gained) | np.bitwise_or.reduce(self.lost))
 
     @cached_property
     def verdicts(self) -> Verdicts:
@@ -156,6 +170,9 @@ def label_checks(labels: PairLabels) -> Iterator[Finding]:
 
 def _label_check(labels: PairLabels, subject: Subject, rank: int, members: Rows) -> Finding:
     """Return whether label `rank` is new in some of the pairs with indices `members`."""
+    if not labels.changed >> rank & 1:
+        unchanged = np.full(len(members), SAME, dtype=np.int8)
+        return subject.finding(unchanged, f"none in {plural(len(members))}")
     gained = labels.gained[members] >> rank & 1 == 1
     lost = labels.lost[members] >> rank & 1 == 1
     allowed, of_pair = labels.allowed[members], labels.verdicts[members]

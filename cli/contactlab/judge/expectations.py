@@ -68,14 +68,14 @@ def _unmet_runs(store: Store) -> tuple[RunPair, ...]:
     rows = np.flatnonzero(unmet.valid & (unmet.values == 0))[:MOST_SHOWN].tolist()
     if not rows:
         return ()
-    told = columns.to_pydict(["expectation_reason", "label", *columns.axis_names])
+    names = ["run_id", "expectation_reason", "label", *columns.axis_names]
     return tuple(
         RunPair(
             baseline_run=None,
-            candidate_run=str(columns.run_ids[row]),
-            axes={name: told[name][row] for name in columns.axis_names},
+            candidate_run=told["run_id"],
+            axes={name: told[name] for name in columns.axis_names},
             baseline="",
-            candidate=f"{told['label'][row]}: {told['expectation_reason'][row]}",
+            candidate=f"{told['label']}: {told['expectation_reason']}",
         )
-        for row in rows
+        for told in columns.some(names, rows)
     )

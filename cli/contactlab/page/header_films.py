@@ -90,7 +90,7 @@ def _stable(data: ReportData) -> str | None:
     if data.tradeoff and data.tradeoff.recommendation:
         return data.tradeoff.recommendation.run_id
     rows = np.flatnonzero(~data.labels.failed)
-    return str(data.store.columns.run_ids[int(rows[0])]) if len(rows) else None
+    return data.store.columns.run_id(int(rows[0])) if len(rows) else None
 
 
 class Moment(NamedTuple):

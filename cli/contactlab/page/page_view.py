@@ -295,7 +295,7 @@ def first_look(data: ReportData) -> tuple[str, str] | None:
     if not len(candidates):
         return None
     row = int(candidates[labels.codes[candidates].argmin()])
-    return str(data.store.columns.run_ids[row]), labels.names[labels.codes[row]]
+    return data.store.columns.run_id(row), labels.names[labels.codes[row]]
 
 
 def outcome_views(data: ReportData) -> Iterator[OutcomeView]:

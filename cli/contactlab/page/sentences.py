@@ -125,7 +125,7 @@ def closest_settings(data: ReportData) -> tuple[list[str], list[list[str]], list
         means = [_mean(quantity.values[setting.rows]) for quantity in quantities]
         ticks = [axis.ticks[axis.codes[farthest]] for axis in knobs]
         rows.append(
-            [str(data.store.columns.run_ids[farthest]), *ticks, f"{len(setting.rows):,}", *means]
+            [data.store.columns.run_id(int(farthest)), *ticks, f"{len(setting.rows):,}", *means]
         )
     floors = [start_noise(data.axes, quantity.values) for quantity in quantities]
     foot = ["start noise", *("" for _ in knobs), ""]

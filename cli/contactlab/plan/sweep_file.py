@@ -15,6 +15,7 @@ from contactlab.errors import SceneError
 from contactlab.plan.diagnostics import Diagnostic, Place, SourceText, SweepMistakesError
 from contactlab.plan.grid import MOST_RUNS, Grid, Match, Plan, SweptAxis
 from contactlab.plan.included_rows import read_rows
+from contactlab.plan.kept_traces import with_default_traces
 from contactlab.plan.names import check_names, read_condition
 from contactlab.plan.overrides import Filter, Overrides, apply_settings, check_values, read_filters
 from contactlab.plan.refined_axes import check_refine, write_out_refined
@@ -144,7 +145,8 @@ def _checked(
     if count is None:
         return None
     warnings = tuple(mistake for mistake in document.mistakes if mistake.severity == "warning")
-    return Plan(draft.sweep, _axes(draft.sweep, grid), count, warnings, grid, expected)
+    sweep = with_default_traces(draft.sweep, count)
+    return Plan(sweep, _axes(sweep, grid), count, warnings, grid, expected)
 
 
 def _check_whole(context: SweepContext, filters: Sequence[Filter], limit: int | None) -> None:

@@ -166,7 +166,8 @@ def _add_value(document: Document, detail: ErrorDetails, path: KeyPath) -> None:
     wording, hint = detail["msg"].replace("a finite number", "finite"), ""
     wording = wording.replace("Input should be", "must be").replace("String should", "must")
     if kind == "string_pattern_mismatch":
-        wording, hint = f"has no choice {given!r}", "write all, flagged, none or sample:N"
+        wording = f"has no choice {given!r}"
+        hint = "write all, flagged, none, sample:N or flagged+sample:N"
     if kind == "literal_error":
         choices = str(detail.get("ctx", {}).get("expected", "")).replace("'", "")
         hint = suggestion(given, choices.replace(" or ", ", ").split(", ")) or f"write {choices}"

@@ -189,8 +189,9 @@ def in_small_units(numbers: Floats, unit: str) -> tuple[Floats, str]:
     finite = np.abs(numbers[np.isfinite(numbers)])
     if unit not in _SMALLER or not finite.size or finite.max() >= _LEAST_OF_UNIT:
         return numbers, unit
+    values, places = np.unique(numbers, return_inverse=True)
     # A thousand times 1.1e-3 is not quite 1.1.
-    return np.array([float(f"{1e3 * value:.12g}") for value in numbers]), _SMALLER[unit]
+    return np.array([float(f"{1e3 * value:.12g}") for value in values])[places], _SMALLER[unit]
 
 
 def _binned(numbers: Floats) -> tuple[tuple[str, ...], Codes]:

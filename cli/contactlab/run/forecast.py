@@ -12,6 +12,7 @@ from contactlab.contact.contact_laws import refsafe_solref, stiffness_damping
 from contactlab.engines import engine_of
 from contactlab.engines.engine import PreparedRuns, bytes_of_run
 from contactlab.plan.grid import Plan
+from contactlab.plan.kept_traces import KeptTraces
 from contactlab.run.planned_runs import RunIndex, reference_models
 from contactlab.scene.mujoco_versions import silence_mujoco
 from contactlab.scene.run_spec import RunSpec
@@ -81,8 +82,12 @@ def forecast(plan: Plan, scene: Scene, workers: int) -> Forecast:
             steps = [run.steps for run in resolved.values()]
             # What is counted is run once more by the workers, before the clock runs.
             timing = likely * share + timing_seconds(sweep.timing, steps, likely)
-    size, passes = sums.bytes * _traced(sweep.trace, len(index)), accuracy + timing
-    sizes = {form: (size * low, size * high) for form, (low, high) in _COMPRESSED.items()}
+    passes = accuracy + timing
+    fewest, all_kept = KeptTraces.of(sweep.trace).shares(len(index))
+    sizes = {
+        form: (sums.bytes * fewest * low, sums.bytes * all_kept * high)
+        for form, (low, high) in _COMPRESSED.items()
+    }
     return Forecast(
         runs=len(index),
         steps=sums.steps,
@@ -122,13 +127,6 @@ def _step_cost(scene: Scene, resolved: RunSpec) -> float:
     runs = PreparedRuns.of(scene, resolved)
     first_steps = replace(runs, steps=min(runs.steps, _SAMPLE_STEPS))
     return engine_of(resolved).seconds_per_step(first_steps)
-
-
-def _traced(rule: str, runs: int) -> float:
-    """Return the share of the runs whose traces may be kept."""
-    if rule == "none":
-        return 0.0
-    return min(1.0, int(rule.removeprefix("sample:")) / runs) if rule.startswith("sample:") else 1.0
 
 
 def _warnings(plan: Plan, runs: int, sums: _Sums) -> Iterator[str]:

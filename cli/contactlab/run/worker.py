@@ -31,6 +31,7 @@ from contactlab.engines.engine import (
 from contactlab.engines.rollout_trace import make_trace
 from contactlab.errors import OutputError
 from contactlab.measure import assess
+from contactlab.plan.kept_traces import KeptTraces
 from contactlab.plugins import require_plugins
 from contactlab.run.evidence_record import (
     Common,
@@ -98,6 +99,7 @@ class Worker:
         self.scene = self._preparer.scene
         self._buffers, self._twin_buffers = Buffers(), Buffers()
         self._store = backend_at(task.store, OutputError)
+        self._traces = KeptTraces.of(task.sweep.trace)
         self._controls: set[str] = set()  # hashes of those that this process has stored
         self._policy = task.policy and load_policy(task.policy.found_in(self.scene.drive))
         self._player = task.environment and task.environment.player(self.scene, self._policy)
@@ -304,11 +306,10 @@ class Worker:
         return own | cost_and_times(self._task, outcome), common
 
     def _keeps_trace(self, run: RunSpec, label: str) -> bool:
-        rule = self._task.sweep.trace
-        if rule.startswith("sample:"):
-            wanted = int(rule.removeprefix("sample:"))
-            return run.index * wanted % self._task.identity.runs_asked < wanted
-        return rule == "all" or (rule == "flagged" and label != "stable")
+        identity = self._task.identity
+        # Places are those in the whole grid, of a shard too.
+        runs = identity.whole.runs if identity.whole else identity.runs_asked
+        return self._traces.keeps(run.index, label, runs)
 
     def _write_controls(self, controls: RecordedControls, model: mujoco.MjModel) -> str:
         """Store what was applied to a run, unless it is there; return its hash."""

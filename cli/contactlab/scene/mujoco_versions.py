@@ -116,6 +116,7 @@ def _reaches(version: str) -> bool:
     return _parts(VERSION) >= _parts(version)
 
 
+@cache
 def _parts(version: str) -> tuple[int, ...]:
     """Return the first three numbers of a version such as 4.0.1.dev2."""
     return tuple(int(part) for part in version.split(".")[:3] if part.isdigit())

@@ -427,7 +427,7 @@ class StoreManifest(Model):
     records: Sha256 = about("Digest of every record in plan order, whatever the table's encoding.")
     physics: Sha256 | None = about(
         "The same without clocks, costs, times, machines and traces: two honest repeats have the "
-        "same one. Null in stores of 0.2.",
+        "same one. Null where an earlier contactlab wrote the store.",
         default=None,
     )
     started: str

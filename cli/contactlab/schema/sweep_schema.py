@@ -120,6 +120,7 @@ def _share(**bounds: float) -> WithJsonSchema:
 
 _Largest = Annotated[Tolerance, WithJsonSchema({**MEASURED, "minimum": 0})]
 _Amount = Annotated[Number, WithJsonSchema(MEASURED)]
+_Traces = Annotated[str, Field(pattern=r"^(all|none|flagged|(flagged\+)?sample:[1-9][0-9]*)$")]
 
 
 class Bounds(Model):
@@ -441,8 +442,10 @@ class Sweep(Model):
         "label threshold name to a value other than the scene's", default={}
     )
     expect: tuple[Expectation, ...] = about("expected outcomes; makes the sweep a test", default=())
-    trace: Annotated[str, Field(pattern=r"^(all|flagged|none|sample:[1-9][0-9]*)$")] = about(
-        "runs whose trace is kept: all, flagged, none or sample:N", default="all"
+    trace: _Traces = about(
+        "runs whose trace is kept: all, flagged, none, sample:N or flagged+sample:N; left out, "
+        "those of more than 100,000 runs by flagged+sample:1000",
+        default="all",
     )
     trace_format: TraceFormat = about(
         "messages: files that viewers open as they are; compact: 1.5 to 8 times smaller, "

@@ -19,7 +19,9 @@ from contactlab.store.store_files import TABLE, Address, stored_file
 from contactlab.store.table_layout import Column, column_of
 
 _ID_DIGITS = 16
-_BATCH = 1 << 12  # rows that are in memory at once
+_BATCH, _GROUP = 1 << 12, 1 << 16
+"""Rows that are in memory at once: with many columns, and of one."""
+_MOST_GROUPS = 8  # row groups that are kept for who asks for rows next to each other
 _HASHED = 1 << 16  # ids that are written out at once
 _MOST_CATEGORIES = 64  # a bit each in a 64-bit mask
 
@@ -54,8 +56,7 @@ class RunColumns:
         with table_errors(self.path):
             self._source = stored_file(store, TABLE) or store / TABLE
             self._file = pq.ParquetFile(self._source)
-        # Rows are read in order.
-        self._group = lru_cache(maxsize=1)(self._file.read_row_group)
+        self._group_of = lru_cache(_MOST_GROUPS)(self._read_group)
 
     @property
     def runs(self) -> int:
@@ -130,7 +131,7 @@ class RunColumns:
 
     def run_id(self, row: int) -> str:
         """Return the id of a run."""
-        return str(self.run_ids[row])
+        return str(self.some(["run_id"], [row])[0]["run_id"])
 
     def place_of(self, run: str) -> int | None:
         """Return the row of a run, given its id; None if there is none."""
@@ -155,10 +156,11 @@ class RunColumns:
 
     def numbers(self, name: str) -> NumberColumn:
         """Return a column of numbers, or of booleans as 1 and 0."""
-        column = self._read(name)
-        values = compute("cast", column, options=pc.CastOptions.safe(pa.float64()))
-        valid = numpy_array(compute("is_valid", column))
-        return NumberColumn(np.where(valid, numpy_array(values), np.nan), valid)
+        values, valid = np.empty(self.runs), np.empty(self.runs, np.bool_)
+        for rows, column in self.parts(name):
+            valid[rows] = numpy_array(compute("is_valid", column))
+            values[rows] = np.where(valid[rows], numpy_array(column), np.nan)
+        return NumberColumn(values, valid)
 
     def coded(self, name: str) -> CodedColumn:
         """Return a column by the codes that it is stored with, its text not written out."""
@@ -173,17 +175,18 @@ class RunColumns:
 
         It is (n,) a bit mask, whose bit i says whether string i is in the list.
         """
-        lists = self._read(name)
-        encoded = compute("list_flatten", lists).dictionary_encode()
-        categories = tuple(encoded.dictionary.to_pylist())
-        if len(categories) > _MOST_CATEGORIES:
-            count = len(categories)
-            raise StoreError(f"{self.path} is damaged: {count} different strings in '{name}'")
-        bits = np.int64(1) << numpy_array(encoded.indices).astype(np.int64)
-        masks = np.zeros(self.runs, dtype=np.int64)
-        rows = numpy_array(compute("list_parent_indices", lists))
-        np.bitwise_or.at(masks, rows, bits)
-        return masks, categories
+        masks, known = np.zeros(self.runs, np.int64), dict[str, int]()
+        for rows, lists in self.parts(name):
+            entries = compute("list_flatten", lists).dictionary_encode()
+            words = [known.setdefault(word, len(known)) for word in entries.dictionary.to_pylist()]
+            if len(known) > _MOST_CATEGORIES:
+                raise StoreError(
+                    f"{self.path} is damaged: {len(known)} different strings in '{name}'"
+                )
+            bits = (np.int64(1) << np.array(words, np.int64))[numpy_array(entries.indices)]
+            places = numpy_array(compute("list_parent_indices", lists))
+            np.bitwise_or.at(masks[rows], places, bits)
+        return masks, tuple(known)
 
     def byte_strings(self, name: str) -> NDArray[np.bytes_]:
         """Return (n,) strings as fixed-length bytes, for ids and hashes; empty where null."""
@@ -194,7 +197,25 @@ class RunColumns:
 
     def identify(self, rows: Sequence[int]) -> list[dict[str, Any]]:
         """Return run id, seed and axis values of some runs."""
-        return compute("take", self._identities, number_array(np.array(rows, np.int64))).to_pylist()
+        return self.some(["run_id", "seed", *self.axis_names], rows)
+
+    def some(self, names: Sequence[str], rows: Sequence[int]) -> list[dict[str, Any]]:
+        """Return what some runs have in some columns, reading no more than their row groups."""
+        found: list[dict[str, Any]] = []
+        with table_errors(self.path):
+            for row in rows:
+                group = int(np.searchsorted(self._ends, row, side="right"))
+                part = self._group_of(group, tuple(names))
+                place = row - int(self._ends[group]) + part.num_rows
+                found += part.slice(place, 1).to_pylist()
+        return found
+
+    @cached_property
+    def _ends(self) -> NDArray[np.int64]:
+        """Where each row group ends."""
+        meta = self._file.metadata
+        sizes = [meta.row_group(group).num_rows for group in range(meta.num_row_groups)]
+        return np.cumsum(np.array(sizes, np.int64))
 
     def to_pydict(self, names: Sequence[str]) -> dict[str, list[Any]]:
         """Return some columns as lists of Python values, None where null."""
@@ -222,17 +243,20 @@ class RunColumns:
 
     def row(self, index: int) -> dict[str, Any]:
         """Return one row of the table, reading no more than its row group."""
-        with table_errors(self.path):
-            for group in range(self._file.num_row_groups):
-                runs = self._file.metadata.row_group(group).num_rows
-                if index < runs:
-                    return self._group(group).slice(index, 1).to_pylist()[0]
-                index -= runs
-        raise StoreError(f"{self.path} has too few rows")
+        return self.some(self.schema.names, [index])[0]
 
-    @cached_property
-    def _identities(self) -> pa.Table:
-        return self.arrow(["run_id", "seed", *self.axis_names])
+    def parts(self, name: str) -> Iterator[tuple[slice, pa.Array]]:
+        """Yield a column a row group at a time, with the rows that each part has."""
+        if name not in self.schema.names:
+            raise StoreError(f"{self.path} has no column '{name}'")
+        stop = 0
+        with table_errors(self.path):
+            for batch in self._file.iter_batches(_GROUP, columns=[name], use_threads=False):
+                start, stop = stop, stop + len(batch)
+                yield slice(start, stop), batch.column(0)
+
+    def _read_group(self, group: int, names: tuple[str, ...]) -> pa.Table:
+        return self._file.read_row_group(group, columns=[*names], use_threads=False)
 
     def _coding(self, *names: str) -> pq.ParquetFile:
         return pq.ParquetFile(self._source, metadata=self._file.metadata, read_dictionary=[*names])
@@ -243,6 +267,15 @@ class RunColumns:
         with table_errors(self.path):
             column = (file or self._file).read(columns=[name]).column(0).unify_dictionaries()
         return column.combine_chunks() if column.num_chunks != 1 else column.chunk(0)
+
+
+def equal_texts(one: RunColumns, other: RunColumns, name: str) -> NDArray[np.bool_]:
+    """Return (runs,) where a column of texts is equal, and there, in two tables of as many runs."""
+    equal = np.zeros(one.runs, np.bool_)
+    for (rows, ours), (_, theirs) in zip(one.parts(name), other.parts(name), strict=True):
+        both = compute("and", compute("is_valid", ours), compute("is_valid", theirs))
+        equal[rows] = numpy_array(both) & numpy_array(compute("equal", ours, theirs))
+    return equal
 
 
 _Rows = TypeVar("_Rows", pa.RecordBatch, pa.Array)
