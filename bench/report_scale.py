@@ -28,6 +28,7 @@ from bench.made_up import Rows, ids_of, parts_of, real_store, tables, write_stor
 from contactlab.contact.trace_arrays import Floats
 from contactlab.measure import METRICS
 from contactlab.page.report_files import write_page
+from contactlab.schema.setting_values import as_number
 from contactlab.store.finished_store import Store
 
 # Values of timestep, integrator, cone, solref, friction.slide, direction and seed.
@@ -115,23 +116,30 @@ def make_store(path: Path, grid: Sequence[int], template: Store) -> Path:
     """Write a store of made-up runs over a grid."""
     runs = int(np.prod(grid))
     known = {name: template.columns.numbers(name).values for name in METRICS}
-    made = partial(made_up, grid=grid, known=known)
+    first = next(template.records())
+    simulated = first.steps * as_number(first.settings["timestep"])
+    made = partial(made_up, grid=grid, known=known, simulated=simulated)
     return write_store(path, runs, template, tables(parts_of(runs), template, made))
 
 
-def made_up(index: Rows, grid: Sequence[int], known: Mapping[str, Floats]) -> dict[str, pa.Array]:
+def made_up(
+    index: Rows, grid: Sequence[int], known: Mapping[str, Floats], simulated: float
+) -> dict[str, pa.Array]:
     """Return the columns of runs (n,) that differ from run to run.
 
     Args:
         index: places in the grid.
         grid: its sizes.
         known: metric to its values in a real sweep.
+        simulated: how long each run is [s].
     """
     rng = np.random.default_rng(index[0])
     step, integrator, cone, solref, friction, direction, seed = np.unravel_index(index, grid)
     # Long steps fail, and stiff contacts fail first.
     worse = rng.random(len(index)) < 0.7 * (step / grid[0]) * (0.5 + solref / grid[3])
     labels = np.where(worse, rng.choice(LABELS[:3], len(index)), "stable").tolist()
+    worst = [None if label == "stable" else label for label in labels]
+    cpu = np.exp(rng.normal(size=len(index)) * 0.1) / (1 + step)
     made: dict[str, pa.Array] = {
         "run_id": pa.array(ids_of(index)),
         "index": pa.array(index),
@@ -143,10 +151,16 @@ def made_up(index: Rows, grid: Sequence[int], known: Mapping[str, Floats]) -> di
         "friction.slide": pa.array(0.1 * (1 + friction)),
         "direction": pa.array(9.0 * direction),
         "label": pa.array(labels),
-        "labels": pa.array([[label] if label != "stable" else [] for label in labels]),
-        "label_reasons": pa.array([["why"] if label != "stable" else [] for label in labels]),
-        "label_steps": pa.array([[1] if label != "stable" else [] for label in labels]),
-        "cost_cpu_per_sim_s": pa.array(np.exp(rng.normal(size=len(index)) * 0.1) / (1 + step)),
+        "labels": pa.array([[label] if label else [] for label in worst]),
+        "label_reason": pa.array([label and "why" for label in worst]),
+        "label_reasons": pa.array([["why"] if label else [] for label in worst]),
+        "label_step": pa.array([label and 1 for label in worst], pa.int64()),
+        "label_steps": pa.array([[1] if label else [] for label in worst], pa.list_(pa.int64())),
+        "label_bodies": pa.array(
+            [[[]] if label else [] for label in worst], pa.list_(pa.list_(pa.string()))
+        ),
+        "cost_cpu_s": pa.array(cpu),
+        "cost_cpu_per_sim_s": pa.array(cpu / simulated),
     }
     for name, values in known.items():
         noisy = values[index % len(values)] * np.exp(0.5 * rng.normal(size=len(index)))
