@@ -8,6 +8,7 @@ import pytest
 from tests.grip.grippers import claw
 
 from contactlab.errors import SceneError
+from contactlab.scene.model_names import name_by_address
 from contactlab.schema.grip import GripReport
 from contactlab.studies.grip.bench import cut_free, with_object
 from contactlab.studies.grip.fingers import find_hand
@@ -180,6 +181,20 @@ def test_the_bench_has_the_hand_alone_and_filters_as_the_arm_did() -> None:
         one, other = model.body(name), rig.model.body(name)
         assert other.mass == pytest.approx(one.mass, rel=1e-12)
         assert other.inertia == pytest.approx(one.inertia, rel=1e-12)
+
+
+def test_what_looks_at_an_object_that_is_gone_looks_straight_on() -> None:
+    """Lights and cameras may aim at a free body, which the bench has not."""
+    views = '<light mode="targetbody" target="cup"/><camera mode="targetbody" target="cup"/>'
+    spec = mujoco.MjSpec.from_string(
+        arm("each finger").replace("<worldbody>", f"<worldbody>{views}")
+    )
+    name_by_address(spec)
+    model = spec.compile()
+    rig = with_object(cut_free(spec, model, find_hand(model)), USUAL)
+    assert "cup" not in [rig.model.body(body).name for body in range(rig.model.nbody)]
+    assert rig.model.light_targetbodyid.tolist() == [-1]
+    assert rig.model.cam_targetbodyid.tolist() == [-1]
 
 
 @pytest.mark.parametrize(

@@ -57,6 +57,7 @@ def cut_free(spec: mujoco.MjSpec, model: mujoco.MjModel, hand: Hand, kept: str =
         number = model.body(body.name).id
         if number in gone and int(model.body_parentid[number]) not in gone and body.name != kept:
             cut.delete(body)
+    _release_views(cut)
     colliding = {*(model.body(body).name for body in own), kept}
     for geom in cut.geoms:
         if geom.parent.name not in colliding:
@@ -67,6 +68,15 @@ def cut_free(spec: mujoco.MjSpec, model: mujoco.MjModel, hand: Hand, kept: str =
     _filter(cut, model, hand)
     names = tuple(tuple(model.body(body).name for body in finger) for finger in hand.fingers)
     return Bench(cut, model.body(hand.base).name, names)
+
+
+def _release_views(cut: mujoco.MjSpec) -> None:
+    """Fix the lights and cameras that look at a body which is gone."""
+    left = {body.name for body in cut.bodies}
+    for view in (*cut.lights, *cut.cameras):
+        if view.targetbody and view.targetbody not in left:
+            view.targetbody = ""
+            view.mode = mujoco.mjtCamLight.mjCAMLIGHT_FIXED
 
 
 def _delete_outside(cut: mujoco.MjSpec, model: mujoco.MjModel, own: set[int], base: int) -> None:
