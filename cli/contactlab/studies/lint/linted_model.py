@@ -290,7 +290,8 @@ def _laid_out(source: SceneSource) -> Generator[tuple[SceneSource, Origins]]:
 
 def _of_tag(tag: str, by_line: Mapping[int, Origin]) -> Iterator[Origin]:
     """Yield the elements of a tag in the order in which MuJoCo reads them."""
-    roots = {file: list(parse(file).iter()) for file, _ in by_line.values()}
+    files = {file for file, _ in by_line.values()}
+    roots = {file: list(parse(file).iter()) for file in files}
     for _, (file, place) in sorted(by_line.items()):
         if roots[file][place].tag == tag:
             yield file, place
