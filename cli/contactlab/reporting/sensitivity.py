@@ -129,7 +129,7 @@ def budget_lines(store: Store) -> Iterator[str]:
                 f"most of {row.body}"
             )
         if others := axes_of_starts(budget):
-            yield f"  {', '.join(others)}: no number of the model, which has no row"
+            yield f"  without a row, as they change no number of the model: {', '.join(others)}"
 
 
 def by_share(budget: ParameterBudget) -> list[ParameterRow]:

@@ -9,7 +9,7 @@ import numpy as np
 from contactlab.budget.measuring import PhaseMeasure, Settings
 from contactlab.budget.motion import motion_of_run
 from contactlab.budget.rows import Change, Row
-from contactlab.errors import ContactlabError, EngineError
+from contactlab.errors import ContactlabError
 from contactlab.mjcf import MODEL_ENGINE
 from contactlab.plan.sampled_shares import configuration_of
 from contactlab.run.passes import SweepSession
@@ -54,8 +54,8 @@ def _budget(
     scene: Scene, sweep: Sweep, run: RunSpec, shared: Mapping[str, object]
 ) -> Iterator[ParameterBudget]:
     ranges = {name: _range(axis) for name, axis in sweep.axes.items() if isinstance(axis, Sampled)}
-    middle = {name: _canonical(scene, name, values[1]) for name, values in ranges.items()}
     try:
+        middle = {name: _canonical(scene, name, values[1]) for name, values in ranges.items()}
         own, resolved = _model(scene, {**shared, **middle}, run)
         starts = scene.starts([resolved])
         rows = [
@@ -73,8 +73,8 @@ def _budget(
         ]
         motion = motion_of_run(own, starts, 0, resolved.steps)
         phase = PhaseMeasure(motion, _SETTINGS).budget(rows)
-    except EngineError:
-        return  # nothing moves that has mass
+    except (ContactlabError, ValueError):
+        return  # nothing moves that has mass, or no run may be in the middle
     rows = [
         {
             "axis": row.name,
@@ -128,7 +128,7 @@ def _ends(
         models = [
             _model(scene, {**values, name: _canonical(scene, name, end)}, run)[0] for end in ends
         ]
-    except ContactlabError:
+    except (ContactlabError, ValueError):
         return []
     before = _numbers(own)
     if any(_shapes(_numbers(model)) != _shapes(before) for model in models):
