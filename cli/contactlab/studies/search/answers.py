@@ -24,7 +24,15 @@ from contactlab.studies.examine.examination import ExamineRequest, open_model
 from contactlab.studies.search.choice import Choice, described, differing
 from contactlab.studies.search.forward import ForwardError, Watched
 from contactlab.studies.search.levers import Unsearched
-from contactlab.studies.search.searching import SAME, SAVES, Bound, Measure, Search, Tried
+from contactlab.studies.search.searching import (
+    SAME,
+    SAVES,
+    Bound,
+    Measure,
+    Search,
+    Tried,
+    share_of,
+)
 from contactlab.studies.search.sleeping import OrAsleep
 from contactlab.studies.search.subject import Subject, first_seeds
 from contactlab.studies.search.tune_request import TuneRequest
@@ -63,6 +71,27 @@ class Answer:
     tried: Tried
     written: WrittenModel
     verified: Verified
+
+
+@dataclass(frozen=True)
+class _Below:
+    """What a choice has to be after one that failed: of a smaller error, or shorter steps, too.
+
+    Attributes:
+        error: so small, it may have any step.
+        at_step: else, so small, and its step at most as long as `multiple`.
+        multiple: in fine steps.
+    """
+
+    error: float = math.inf
+    at_step: float = 0.0
+    multiple: float = 0.0
+
+    def has(self, tried: Tried) -> bool:
+        """Return whether something lies below."""
+        share = share_of(tried)
+        short = tried.choice.multiple <= self.multiple
+        return share <= self.error or (short and share <= self.at_step)
 
 
 @dataclass(frozen=True)
@@ -110,7 +139,7 @@ class Answers:
 
     def of(self, wanted: Wanted, *, first: bool) -> Answer | None:
         """Write what is best until one holds on fresh seeds; None if none is better than now."""
-        bound, limit = wanted.bound, math.inf
+        bound, below = wanted.bound, _Below()
         done = {self.known.choice.key}
         for number in range(_MOST_TRIES):
             left = self._deadline - time.monotonic()
@@ -119,7 +148,7 @@ class Answers:
                 self.kept.append(Unsearched(wanted.folder, reason))
                 break
             last = number and (number == _MOST_TRIES - 1 or left < 2 * self.to_judge)
-            tried = None if last else self._next(done, limit, bound)
+            tried = None if last else self._next(done, below, bound)
             tried = tried or self._safest(done, bound)
             if tried is None:
                 break
@@ -134,7 +163,7 @@ class Answers:
             if found.holds:
                 return Answer(tried, written, found)
             self.kept.append(Unsearched(name, f"on fresh seeds: {found.sentence}"))
-            limit = self._limit_after(tried, found, bound)
+            below = self._below(tried, found, bound)
         rmtree(self._session.folder / wanted.folder, ignore_errors=True)
         return None
 
@@ -152,19 +181,21 @@ class Answers:
             return True
         return tried.price.high < 1 and tried.price.ratio < SAVES
 
-    def _next(self, done: set[tuple[object, ...]], limit: float, bound: Bound) -> Tried | None:
-        """Return the best that was not verified yet, of such an error; or at a shorter step."""
+    def _next(self, done: set[tuple[object, ...]], below: _Below, bound: Bound) -> Tried | None:
+        """Return the best that was not verified yet and lies below; or at a shorter step."""
 
         def fits(one: Tried) -> bool:
-            small = one.error is not None and one.error.share <= limit
-            return one.choice.key not in done and small and self.is_better(one, bound)
+            new = one.choice.key not in done
+            return new and one.error is not None and below.has(one) and self.is_better(one, bound)
 
         ranked = self._search.ranked(bound)
         if found := next(filter(fits, ranked), None):
             return found
-        if self._search.dearest is not None or not ranked or math.isinf(limit):
+        if self._search.dearest is not None or not ranked or math.isinf(below.error):
             return None
         for choice in self._search.shorter(ranked[0]):
+            if below.multiple and choice.multiple > below.multiple:
+                continue
             if fits(tried := self._search.added(choice)):
                 return tried
         return None
@@ -177,17 +208,21 @@ class Answers:
             return None
         left = max(0.0, self._deadline - time.monotonic() - self.to_judge)
         for tried in self._search.safest(time.monotonic() + _SAFEST * left):
-            if tried.choice.key not in done and self.is_better(tried, bound):
+            new = tried.choice.key not in done
+            if new and share_of(tried) <= bound.accepted and self.is_better(tried, bound):
                 return tried
         return None
 
-    def _limit_after(self, tried: Tried, found: Verified, bound: Bound) -> float:
-        """Return the error in the search of what is to hold, after what does not: in proportion."""
+    def _below(self, tried: Tried, found: Verified, bound: Bound) -> _Below:
+        """Return what is to hold, after what does not: in proportion to its error on fresh seeds.
+
+        What is not sound, or labelled, may be so by its step, whatever its error.
+        """
         assert tried.error
         own = tried.error.share
         if found.word == "sound" and found.error and not found.labels:
-            return _LESS * own * min(1.0, bound.limit / found.error)
-        return _MUCH_LESS * own
+            return _Below(_LESS * own * min(1.0, bound.limit / found.error))
+        return _Below(_MUCH_LESS * own, own, _MUCH_LESS * tried.choice.multiple)
 
     def settings(self, choice: Choice) -> dict[str, object]:
         """Return what a choice sets, its step among it."""

@@ -173,33 +173,34 @@ class Search:
             self._asleep(self._step(self._without_waste(self._hulled(here))))
 
     def safest(self, until: float) -> list[Tried]:
-        """Return what costs less than the model as written and is as accurate, the cheapest first.
+        """Return what is as accurate as the model as written, the cheapest first.
 
         It is searched for at the model's own step until then, on the clock of `time.monotonic`.
+        Then comes all else that is known, the most accurate first.
         """
-        self.deadline = until
+        self.deadline, own = until, self._error(self.now)
         with suppress(OutOfTimeError):
-            own = self._error(self.now)
             here = self._without_waste(self._quick(self.now.without(self.space.start)))
             self._priced([here])
-            known = [one for one in self.tried.values() if one.price and _share(one) <= SAME * own]
-            return sorted(known, key=_ratio)
-        return []
+        known = [one for one in self.tried.values() if one.error and one.price]
+        good = [one for one in known if share_of(one) <= SAME * own]
+        rest = [one for one in known if share_of(one) > SAME * own]
+        return [*sorted(good, key=_ratio), *sorted(rest, key=share_of)]
 
     def ranked(self, bound: Bound) -> list[Tried]:
         """Return what keeps a bound, the best first; only what was measured and timed."""
         known = [one for one in self.tried.values() if one.error and one.price]
         if self.dearest is not None:
             cheap = [one for one in known if _ratio(one) <= self.dearest]
-            return sorted(cheap, key=_share)
-        safe = [one for one in known if _share(one) <= bound.accepted]
-        good = [one for one in known if _share(one) <= bound.limit]
+            return sorted(cheap, key=share_of)
+        safe = [one for one in known if share_of(one) <= bound.accepted]
+        good = [one for one in known if share_of(one) <= bound.limit]
         return sorted(safe or good, key=_ratio)
 
     def nearest(self) -> Tried | None:
         """Return what comes nearest to an aim that nothing meets."""
         known = [one for one in self.tried.values() if one.error and one.price]
-        return min(known, key=_ratio if self.dearest is not None else _share, default=None)
+        return min(known, key=_ratio if self.dearest is not None else share_of, default=None)
 
     def _left(self) -> None:
         if time.monotonic() > self.deadline:
@@ -332,7 +333,7 @@ class Search:
             if found := self._longest(choice, least, _CLOSE):
                 best, cost = found, price * choice.multiple / found.multiple
         if best is None:
-            self._priced([min(self.tried.values(), key=_share).choice])
+            self._priced([min(self.tried.values(), key=share_of).choice])
             return here
         best = self._longest(best, best.multiple, _CLOSEST) or best
         self._priced([best])
@@ -406,5 +407,6 @@ def _ratio(tried: Tried) -> float:
     return tried.price.ratio if tried.price else math.inf
 
 
-def _share(tried: Tried) -> float:
+def share_of(tried: Tried) -> float:
+    """Return the error of what was tried; infinite if it was not measured."""
     return tried.error.share if tried.error else math.inf
