@@ -43,6 +43,71 @@ def forward(request: dict[str, Any], tick: Callable[[], None]) -> dict[str, Any]
     return _told(request, _forward, tick)
 
 
+def derivative(request: dict[str, Any], tick: Callable[[], None]) -> dict[str, Any]:
+    """Tell how the end of each third run changes, by automatic differentiation in forward mode.
+
+    The two after it are the run with a parameter above and below, `spread` apart: how models,
+    starts and inputs change with it is their difference.
+    """
+    import serve
+
+    os.environ["JAX_ENABLE_X64"] = "1"
+    os.environ.setdefault("JAX_PLATFORMS", "cpu")
+    runs = range(0, len(request["models"]), 3)
+    return {"change": np.array([_changed(request, run, tick, serve) for run in runs])}
+
+
+def _changed(request: dict[str, Any], run: int, tick: Callable[[], None], serve: Any) -> np.ndarray:
+    """Return (nq + nv + na) the derivative of a run's end."""
+    import jax
+    from mujoco import mjx
+
+    def leaves(number: int) -> tuple[list[Any], Any]:
+        model = serve.model_of(request, number, *_SWITCHES)
+        model.sensor_type[serve.energy_sensors(model)] = mujoco.mjtSensor.mjSENS_CLOCK
+        data = serve.start_of(request, number, model)
+        parts = mjx.put_model(model), mjx.put_data(model, data), _inputs(request, number, model)
+        found, structure = jax.tree_util.tree_flatten(parts)
+        return [jax.numpy.asarray(each) for each in found], structure
+
+    (own, structure), (above, other), (below, _) = (leaves(run + each) for each in range(3))
+    if structure != other:
+        raise NotImplementedError("the parameter changes what is compiled here; take another")
+    smooth = [number for number, each in enumerate(own) if each.dtype.kind == "f"]
+    point = [own[number] for number in smooth]
+    slope = [(above[number] - below[number]) / request["spread"] for number in smooth]
+    rest = [None if number in smooth else each for number, each in enumerate(own)]
+    key = structure, tuple((each.shape, str(each.dtype)) for each in own)
+    if key not in _DERIVATIVES:
+
+        def end(point: list[Any], rest: list[Any]) -> Any:
+            whole, floats = list(rest), dict(zip(smooth, point, strict=True))
+            whole = [floats.get(number, each) for number, each in enumerate(whole)]
+            model, data, inputs = jax.tree_util.tree_unflatten(structure, whole)
+            last, _ = jax.lax.scan(lambda now, each: _stepped(model, now, each), data, inputs)
+            return jax.numpy.concatenate([last.qpos, last.qvel, last.act])
+
+        _DERIVATIVES[key] = jax.jit(
+            lambda point, slope, rest: jax.jvp(lambda each: end(each, rest), (point,), (slope,))
+        )
+    _, change = _DERIVATIVES[key](point, slope, rest)
+    tick()
+    return np.array(change)
+
+
+_DERIVATIVES: dict[Any, Any] = {}
+
+
+def _stepped(model: Any, data: Any, inputs: dict[str, Any]) -> tuple[Any, tuple[Any, ...]]:
+    import jax
+    from mujoco import mjx
+
+    stepped = mjx.step(model, data.replace(**inputs))
+    # A loop wants the types that it began with.
+    data = jax.tree_util.tree_map(lambda old, new: new.astype(old.dtype), data, stepped)
+    return data, (data.qpos, data.qvel, data.act, data.sensordata)
+
+
 def _told(
     request: dict[str, Any], tell: Callable[..., dict[str, Any]], tick: Callable[[], None]
 ) -> dict[str, Any]:
@@ -106,16 +171,9 @@ _SCANS: dict[Any, Any] = {}
 def _compiled(*arguments: Any) -> Any:
     """Return a compiled loop over steps, the same for models of one structure."""
     import jax
-    from mujoco import mjx
-
-    def step(model: Any, data: Any, inputs: dict[str, Any]) -> tuple[Any, tuple[Any, ...]]:
-        stepped = mjx.step(model, data.replace(**inputs))
-        # A loop wants the types that it began with.
-        data = jax.tree_util.tree_map(lambda old, new: new.astype(old.dtype), data, stepped)
-        return data, (data.qpos, data.qvel, data.act, data.sensordata)
 
     def scan(model: Any, data: Any, inputs: dict[str, Any]) -> Any:
-        return jax.lax.scan(lambda now, each: step(model, now, each), data, inputs)
+        return jax.lax.scan(lambda now, each: _stepped(model, now, each), data, inputs)
 
     leaves, structure = jax.tree_util.tree_flatten(arguments)
     key = structure, tuple((each.shape, str(each.dtype)) for each in leaves)

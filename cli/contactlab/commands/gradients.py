@@ -56,7 +56,7 @@ def gradients(
     also: Annotated[
         str | Sequence[str] | None,
         Option(
-            "MEANS", "chain, of MuJoCo's transition matrices; at one place by default.", kind=str
+            "MEANS,MEANS", "chain, of transition matrices, the default at one place; mjx.", kind=str
         ),
     ] = None,
     within: Annotated[
@@ -82,6 +82,7 @@ def gradients(
     Raises:
         SceneError: there is no such scene.
         SweepFileError: the sweep, a setting or a name is wrong.
+        EngineError: an engine that differentiates is not installed, or cannot do it.
     """
     from contactlab.studies.gradients.differentiating import GradientsRequest, run
 

@@ -6,7 +6,8 @@ this MuJoCo's version. `refusal(model)` is asked here, without the engine; `simu
 runs where it is: of n runs of N steps it returns the arrays `state` (n, N + 1, nq + nv + na),
 `sensors` (n, N, nsensordata), `cost` (n,) [s], and, if it has such, `iterations` of its solver
 (n, N), `contactfull` and `cnstrfull` (n,): that memory was short. If it has `forward(request,
-tick)`, that returns (n) quantities of the n starts, named as in MuJoCo's data. DEVICES are the
+tick)`, that returns (n) quantities of the n starts, named as in MuJoCo's data; if `derivative`,
+the derivative of ends. DEVICES are the
 words that the request's `device` may be, which is else empty. REFUSED is of one that simulates
 nothing at all, and says why; IGNORED names settings and effects that an engine leaves out, and why.
 """
@@ -161,10 +162,14 @@ class AdaptedEngine(SimulationEngine):
         return hasattr(self._adapter, "forward")
 
     def ask(
-        self, runs: PreparedRuns, watch: Watch = no_limit, operation: str = "simulate"
+        self,
+        runs: PreparedRuns,
+        watch: Watch = no_limit,
+        operation: str = "simulate",
+        **more: float,
     ) -> dict[str, Any] | str:
         """Return what the adapter's function answers of runs, or what went wrong."""
-        request = {"operation": operation, "device": self._device, **_request(runs)}
+        request = {"operation": operation, "device": self._device, **more, **_request(runs)}
         return self._process.ask(request, watch)
 
     @cached_property

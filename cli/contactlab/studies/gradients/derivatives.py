@@ -2,13 +2,15 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
 from contactlab.contact.trace_arrays import Floats
 from contactlab.engines.engine import PreparedRuns
 from contactlab.schema.gradients import Difference, GradientBy, GradientWord, LadderRung
+from contactlab.studies.gradients.automatic import ENGINE, automatic
 from contactlab.studies.gradients.chained import EPSILON, chained
 from contactlab.studies.gradients.differences import (
     ABOUT,
@@ -25,6 +27,7 @@ from contactlab.studies.gradients.differences import (
     slope,
 )
 from contactlab.studies.gradients.end_states import Parameter, Point, Subject
+from contactlab.studies.session import Values
 
 # Steps that runs make beyond a multiple of those of the scene's own: of each pair of points others,
 # so that an event falls anywhere within a step.
@@ -34,17 +37,25 @@ _SPREAD = 1e-6  # over the scale, of the two runs that a chain of steps differen
 _CONVERGED = {"tolerance": 0.0, "ls_tolerance": 1e-10, "iterations": 100}
 _EXPLODES, _VANISHES, _KNOWN = 10.0, 0.01, 0.5
 
-# Returns a derivative of a run, of three: itself, with the parameter above and below, so far apart.
-Means = Callable[[PreparedRuns, int, float], float | None]
+
+@dataclass(frozen=True)
+class Means:
+    """Another way to a run's derivative."""
+
+    # Returns it of three runs: itself, with the parameter above and below, so far apart.
+    derivative: Callable[[PreparedRuns, int, float], float | None]
+    settings: Values = field(default_factory=dict[str, object])  # that the runs are given
 
 
-def _by_chain(epsilon: float) -> Means:
-    return lambda runs, place, spread: chained(runs, place, spread, epsilon)
+def _chain(epsilon: float) -> Means:
+    """Return the chain of a run whose solver converges: else it need not move from where it was."""
+    return Means(partial(chained, epsilon=epsilon), _CONVERGED)
 
 
 MEANS: Mapping[str, Mapping[str, Means]] = {
-    # As MuJoCo's own examples call it, and with a step that stays on one side of most switches.
-    "chain": {"chain": _by_chain(EPSILON), "chain 1e-6": _by_chain(1e-6)},
+    # With a step that stays on one side of most switches, and as MuJoCo's own examples call it.
+    "chain": {"chain": _chain(EPSILON), "chain 1e-6": _chain(1e-6)},
+    ENGINE: {ENGINE: Means(automatic)},
 }
 
 
@@ -136,12 +147,14 @@ class Differentiation:
     def _told(
         self, parameter: Parameter, point: Point, value: float, spread: float
     ) -> dict[str, float | None]:
-        """Return what other means say, of runs whose solver converges: else it may not move."""
-        exact = replace(point, values={**point.values, **_CONVERGED})
-        sides = (value, value + spread, value - spread)
-        runs = self.subject.prepare([parameter.moved(exact, side) for side in sides])
-        place = self.subject.place
-        return {name: means(runs, place, 2 * spread) for name, means in self.means.items()}
+        """Return what other means say."""
+        told: dict[str, float | None] = {}
+        for name, means in self.means.items():
+            given = replace(point, values={**point.values, **means.settings})
+            sides = (value, value + spread, value - spread)
+            runs = self.subject.prepare([parameter.moved(given, side) for side in sides])
+            told[name] = means.derivative(runs, self.subject.place, 2 * spread)
+        return told
 
     def _rungs(self, parameter: Parameter, point: Point, value: float) -> tuple[LadderRung, ...]:
         points, rungs = ladder_about(value), list[LadderRung]()

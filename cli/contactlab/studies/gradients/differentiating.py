@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from contactlab.engines import ENGINES
-from contactlab.errors import SweepFileError
+from contactlab.errors import EngineError, SweepFileError
 from contactlab.mjcf import MODEL_ENGINE
 from contactlab.plan.grid import Plan
 from contactlab.plan.overrides import Overrides
@@ -26,6 +26,8 @@ from contactlab.schema.gradients import (
 )
 from contactlab.schema.setting_values import as_number, as_vector
 from contactlab.store.table_layout import as_written
+from contactlab.studies.gradients import automatic
+from contactlab.studies.gradients.automatic import ENGINE
 from contactlab.studies.gradients.derivatives import MEANS, Differentiation, influence, word
 from contactlab.studies.gradients.end_states import Parameter, Point, Subject
 from contactlab.studies.session import Session
@@ -57,8 +59,8 @@ def run(request: GradientsRequest, session: Session) -> GradientsReport:
 
     The folder receives a store with a run of each place, and `gradients.json`. Raises a
     SweepFileError if the sweep, a setting or a name is wrong; a SceneError if there is no such
-    scene; an OutputError if the folder cannot be written; a StoppedError if the session was
-    stopped.
+    scene; an EngineError if one that was asked for cannot do it; an OutputError if the folder
+    cannot be written; a StoppedError if the session was stopped.
     """
     sweep = _sweep(request, session)
     axes = _axes(sweep.plan)
@@ -70,6 +72,10 @@ def run(request: GradientsRequest, session: Session) -> GradientsReport:
     chosen = request.also if request.also is not None else ([] if is_map else ["chain"])
     for name in chosen:
         SweepFileError.unless_known(name, MEANS, f"--also {name}: no such means")
+    if differentiates := ENGINE in chosen:
+        spec = subject.resolve(points[0])
+        if why := automatic.engine().refusal(sweep.scene, spec):
+            raise EngineError(why)
     means = {name: how for group in chosen for name, how in MEANS[group].items()}
     names = list(request.by) or [*axes] or _usual(sweep.scene, subject, points[0])
     parameters = [subject.parameter(name) for name in names]
@@ -100,7 +106,7 @@ def run(request: GradientsRequest, session: Session) -> GradientsReport:
         scene=sweep.scene.name,
         scene_hash=sweep.scene.hash,
         mujoco=ENGINES[MODEL_ENGINE].version,
-        engines={},
+        engines={ENGINE: automatic.engine().version} if differentiates else {},
         of=request.of,
         duration=subject.resolve(points[0]).duration,
         steps=(timestep, timestep / finer),

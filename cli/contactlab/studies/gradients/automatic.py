@@ -1,0 +1,30 @@
+"""The derivative of a run's end by another engine's automatic differentiation."""
+
+import math
+
+from contactlab.engines import ENGINES
+from contactlab.engines.adapted_engine import AdaptedEngine
+from contactlab.engines.engine import PreparedRuns
+from contactlab.errors import EngineError
+
+ENGINE = "mjx"
+
+
+def engine() -> AdaptedEngine:
+    """Return the engine that differentiates."""
+    found = ENGINES[ENGINE]
+    assert isinstance(found, AdaptedEngine)
+    return found
+
+
+def automatic(runs: PreparedRuns, place: int, spread: float) -> float | None:
+    """Return the derivative of a coordinate's end; None where it is not finite.
+
+    The runs are one, and it with the parameter above and below, which are `spread` apart. Raises an
+    EngineError if the engine fails.
+    """
+    answer = engine().ask(runs, operation="derivative", spread=spread)
+    if isinstance(answer, str):
+        raise EngineError(f"the {ENGINE} engine: {answer}")
+    value = float(answer["change"][0][place])
+    return value if math.isfinite(value) else None
