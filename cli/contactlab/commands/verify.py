@@ -80,12 +80,6 @@ def verify(
         CommandLineError: the sample is no share.
         StoreError: there is no store to look at.
     """
-    from contactlab.run.recomputed_runs import (
-        recomputed_problems,
-        simulated_problems,
-        unplanned,
-        unresolved,
-    )
     from contactlab.store.finished_store import Store
     from contactlab.store.verify_store import MOST_PROBLEMS, unverified
     from contactlab.store.verify_store import verify as find_problems
@@ -94,6 +88,14 @@ def verify(
     opened = Store.unchecked(address)
     chosen = None if sample is None else _drawn(_share(sample), opened.columns.runs)
     problems = find_problems(address, chosen=chosen)
+    # Later, so that the engine and what reads the whole table are not in memory at once.
+    from contactlab.run.recomputed_runs import (
+        recomputed_problems,
+        simulated_problems,
+        unplanned,
+        unresolved,
+    )
+
     left = unverified(opened)
     if chosen is not None:
         seen = int(chosen.sum())
