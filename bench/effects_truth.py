@@ -105,7 +105,7 @@ class Tried:
                 change = self.parts[part.kind, part.name].without
                 found = max(share_without(motion, change) for motion in self.own)
                 self.ratios.append(found / part.share if part.share > 1e-4 else 1.0)
-                if found > MORE * part.share + 1e-4:
+                if not found <= MORE * part.share + 1e-4:
                     yield f"{part.name}: {found:.2%} for {part.share:.2%}"
 
     def _moved(self, part: PartWorth, motions: list[Motion], which: str) -> Iterator[str]:

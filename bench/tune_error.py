@@ -99,7 +99,7 @@ def shares(written: Plain, tuned: Plain, motion: Motion, seed: int, own: float) 
         real += impulses(written, np.array(speeds[begin : begin + steps + 1 : rate]), own)
         if begin == 0:
             real += np.linalg.norm(speeds[0], axis=1)
-    return phantom / np.maximum(real, 1e-6 * real.max())
+    return phantom / (np.maximum(real, 1e-6 * real.max()) + 1e-300)
 
 
 def impulses(written: Plain, way: np.ndarray, step: float) -> np.ndarray:
