@@ -280,7 +280,7 @@ def _cells(entry: Entry, others: Mapping[str, Entry], *, old: bool) -> tuple[str
         f'<a href="{page}/">{still}{html.escape(_short(name))}</a>'
         f"<small>{entry.wheel}{aged}</small>"
     )
-    rate = f"{entry.rate:.2g}" if entry.rate else _NONE
+    rate = f"{entry.rate:.0f}" if entry.rate else _NONE
     return (
         link,
         f"{dot}{shown_word(entry)}",
