@@ -228,8 +228,12 @@ def collides(model: mujoco.MjModel) -> bool:
     """Return whether contacts can arise in a model."""
     if disabled(model, "contact") or disabled(model, "constraint"):
         return False
-    types = np.bitwise_or.reduce([*model.geom_contype, *model.flex_contype], initial=0)
-    affinities = np.bitwise_or.reduce([*model.geom_conaffinity, *model.flex_conaffinity], initial=0)
+    types = np.bitwise_or.reduce(
+        np.concatenate([model.geom_contype, model.flex_contype]), initial=0
+    )
+    affinities = np.bitwise_or.reduce(
+        np.concatenate([model.geom_conaffinity, model.flex_conaffinity]), initial=0
+    )
     inside = model.flex_selfcollide.any()
     return bool(types & affinities or inside or model.npair)
 
