@@ -47,7 +47,8 @@ def examined(family: tuple[Robot, ...], folder: Path, *, whole: bool) -> Entry:
             _refuse_objects(robot.file, folder)
             return _whole(family, robot, folder) if whole else _verdict(family, robot, folder)
         except ContactlabError as error:
-            refused.append(said(error).replace(f"{robot.wheel.place}/", "")[:_LONGEST])
+            said_of = said(error).replace(f"{robot.wheel.place}/", "")
+            refused.append(said_of.replace(f"{folder}/", "")[:_LONGEST])
     return unexamined(family, refused[0])
 
 
