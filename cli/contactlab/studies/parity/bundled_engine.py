@@ -52,6 +52,7 @@ class BundledEngine(AdaptedEngine):
         runs: PreparedRuns,
         watch: Watch = no_limit,  # noqa: ARG002 - nothing is simulated
         operation: str = "simulate",
+        **more: float,  # noqa: ARG002 - as above
     ) -> dict[str, Any] | str:
         """Return the results of whole runs, at first and once more, then of single steps of one."""
         if operation != "simulate":
