@@ -129,7 +129,7 @@ def test_the_page_shows_it_without_the_plugin(store: Store, tmp_path: Path) -> N
     del LABELS["too_high"], METRICS["start_height"]
     page = report(store.path, output=tmp_path / "page.html").read_text(encoding="utf-8")
     row = page[page.index('<th scope="row">too_high') - 500 :][:1200]
-    assert f'fill="{COLOUR}"' in row
+    assert f"{COLOUR})" in row
     assert f">{LETTER}</text>" in row
     assert "A body starts higher than accepted." in row
     assert f"Change: {ADVICE}." in row
