@@ -172,7 +172,9 @@ def tasks_of(folder: Path) -> list[int]:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGUSR2])
+@pytest.mark.parametrize(
+    "number", [signal.SIGKILL, pytest.param(signal.SIGUSR2, marks=pytest.mark.night)]
+)
 def test_a_sweep_whose_tasks_die_is_that_of_one_machine(
     command: Any, tmp_path: Path, outcome: Any, until: Callable[..., None], number: int
 ) -> None:
