@@ -91,12 +91,11 @@ def wheels(folder: Path) -> list[Wheel]:
 
 
 def _source(head: Message) -> str:
-    """Return where a wheel says that it is from: its repository, home page, or own page."""
+    """Return where a wheel says that it is from: its repository or home page; "" if nowhere."""
     urls = [value.partition(", ") for value in head.get_all("Project-URL", [])]
     named = {name.lower(): url for name, _, url in urls}
     found = [named.get(name) for name in _SOURCES]
-    page = ""
-    return next(filter(None, [*found, head["Home-page"]]), page)
+    return next(filter(None, [*found, head["Home-page"]]), "")
 
 
 def families(folder: Path) -> list[tuple[Robot, ...]]:
