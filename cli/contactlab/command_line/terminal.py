@@ -31,6 +31,8 @@ from contactlab.errors import StoppedError
 from contactlab.printable import in_one_line, printable
 
 if TYPE_CHECKING:
+    from pydantic import BaseModel
+
     from contactlab.run.tasks import Finished, Stop
 
 _QUIET_SECONDS = 10.0
@@ -113,6 +115,12 @@ def print_csv(header: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
     for row in rows:
         writer.writerow([in_one_line(cell) if isinstance(cell, str) else cell for cell in row])
     echo(text.getvalue().removesuffix("\n"))
+
+
+def print_report_json(report: "BaseModel", given: object) -> None:
+    """Print a report as its schema has it; a command's format, to which options are nothing."""
+    del given
+    echo(report.model_dump_json(indent=2))
 
 
 def print_table(

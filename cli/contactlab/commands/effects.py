@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, Unpack
 from contactlab.command_line import options as opt
 from contactlab.command_line.declaration import Argument, Given, Option, command
 from contactlab.command_line.surroundings import say, study_session
-from contactlab.command_line.terminal import echo, print_table
+from contactlab.command_line.terminal import echo, print_report_json, print_table
 from contactlab.errors import ExpectationError, SweepFileError
 from contactlab.printable import percent, shortened
 
@@ -30,11 +30,6 @@ def _text(report: "EffectsReport | PartsReport", given: Given) -> None:
         _print_effects(report, folder)
 
 
-def _json(report: "EffectsReport | PartsReport", given: Given) -> None:
-    del given
-    echo(report.model_dump_json(indent=2))
-
-
 def _failure(report: "EffectsReport | PartsReport", given: Given) -> ExpectationError | None:
     from contactlab.schema.parts_report import PartsReport
 
@@ -50,7 +45,7 @@ def _failure(report: "EffectsReport | PartsReport", given: Given) -> Expectation
 @command(
     "examine",
     examples=("effects grasp_mug",),
-    formats={"text": _text, "json": _json},
+    formats={"text": _text, "json": print_report_json},
     failure=_failure,
 )
 def effects(

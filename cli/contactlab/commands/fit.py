@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 from contactlab.command_line import options as opt
 from contactlab.command_line.declaration import Argument, Given, Option, command
 from contactlab.command_line.surroundings import study_session
-from contactlab.command_line.terminal import echo, print_table
+from contactlab.command_line.terminal import echo, print_report_json, print_table
 
 if TYPE_CHECKING:
     from contactlab.schema.study_reports import FitReport, FittedSetting
@@ -33,16 +33,11 @@ def _text(report: "FitReport", given: Given) -> None:
     echo(f"wrote {folder / 'fitted' / FITTED}, after {report.runs:,} runs")
 
 
-def _json(report: "FitReport", given: Given) -> None:
-    del given
-    echo(report.model_dump_json(indent=2))
-
-
 @command(
     "examine",
     examples=("fit cube_toss", "fit scene/ --free friction.slide=0.1:1,solref --fitted 60"),
     codes="0 fitted, 2 bad input, 130 interrupted",
-    formats={"text": _text, "json": _json},
+    formats={"text": _text, "json": print_report_json},
 )
 def fit(
     scene: Annotated[str | Path, Argument("SCENE", "A scene with a recording.", kind=str)],

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 from contactlab.command_line import options as opt
 from contactlab.command_line.declaration import Argument, Given, Option, command
 from contactlab.command_line.surroundings import say, study_session
-from contactlab.command_line.terminal import echo, print_table
+from contactlab.command_line.terminal import echo, print_report_json, print_table
 
 if TYPE_CHECKING:
     from contactlab.schema.gradients import GradientsReport
@@ -27,11 +27,6 @@ def _text(report: "GradientsReport", given: Given) -> None:
     echo(f"evidence and {REPORT} in {folder}")
 
 
-def _json(report: "GradientsReport", given: Given) -> None:
-    del given
-    echo(report.model_dump_json(indent=2))
-
-
 @command(
     "examine",
     examples=(
@@ -39,7 +34,7 @@ def _json(report: "GradientsReport", given: Given) -> None:
         "gradients map.yaml --of x.v --by speed --figure map.svg",
     ),
     codes="0 measured, 2 bad input, 130 interrupted",
-    formats={"text": _text, "json": _json},
+    formats={"text": _text, "json": print_report_json},
 )
 def gradients(
     source: Annotated[

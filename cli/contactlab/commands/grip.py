@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from contactlab.command_line.declaration import Argument, Given, Option, command, flag
 from contactlab.command_line.surroundings import say
-from contactlab.command_line.terminal import echo
+from contactlab.command_line.terminal import echo, print_report_json
 from contactlab.errors import ExpectationError, OutputError
 
 if TYPE_CHECKING:
@@ -18,11 +18,6 @@ def _text(report: "GripReport", given: Given) -> None:
 
     del given
     echo("\n".join(grip_lines(report)))
-
-
-def _json(report: "GripReport", given: Given) -> None:
-    del given
-    echo(report.model_dump_json(indent=2))
 
 
 def _failure(report: "GripReport", given: Given) -> ExpectationError | None:
@@ -40,7 +35,7 @@ def _failure(report: "GripReport", given: Given) -> ExpectationError | None:
         "grip scene.xml --keyframe held",
     ),
     codes="0 holds, 1 creeps or drops, 2 bad input, 130 interrupted",
-    formats={"text": _text, "json": _json},
+    formats={"text": _text, "json": print_report_json},
     failure=_failure,
 )
 def grip(

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 from contactlab.command_line import options as opt
 from contactlab.command_line.declaration import Given, Option, command
 from contactlab.command_line.surroundings import say
-from contactlab.command_line.terminal import echo
+from contactlab.command_line.terminal import echo, print_report_json
 
 if TYPE_CHECKING:
     from contactlab.schema.shrink_report import ShrinkReport
@@ -19,15 +19,10 @@ def _text(report: "ShrinkReport", given: Given) -> None:
     echo("\n".join(shrink_lines(report)))
 
 
-def _json(report: "ShrinkReport", given: Given) -> None:
-    del given
-    echo(report.model_dump_json(indent=2))
-
-
 @command(
     "read",
     examples=("shrink results/grasp 3ead3115", "shrink results/pile 1fef82b1 -o pile-small"),
-    formats={"text": _text, "json": _json},
+    formats={"text": _text, "json": print_report_json},
 )
 def shrink(
     store: opt.StoreArgument,

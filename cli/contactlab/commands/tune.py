@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, Unpack
 from contactlab.command_line import options as opt
 from contactlab.command_line.declaration import Argument, Given, Option, command, flag
 from contactlab.command_line.surroundings import say
-from contactlab.command_line.terminal import echo, echo_bytes, print_table
+from contactlab.command_line.terminal import echo, echo_bytes, print_report_json, print_table
 from contactlab.errors import ExpectationError, SweepFileError
 from contactlab.printable import percent, shortened
 
@@ -31,11 +31,6 @@ def _text(report: "TuneReport", given: Given) -> None:
     print_search(report, folder)
 
 
-def _json(report: "TuneReport", given: Given) -> None:
-    del given
-    echo(report.model_dump_json(indent=2))
-
-
 def failure(report: "TuneReport", given: Given) -> ExpectationError | None:
     """Return the error of an aim that nothing meets."""
     del given
@@ -47,7 +42,7 @@ def failure(report: "TuneReport", given: Given) -> ExpectationError | None:
 @command(
     "examine",
     examples=("tune robot.xml",),
-    formats={"text": _text, "json": _json},
+    formats={"text": _text, "json": print_report_json},
     failure=failure,
 )
 def tune(
