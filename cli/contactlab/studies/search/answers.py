@@ -122,6 +122,7 @@ class Answers:
         self._subject, self._search, self._aim = subject, search, aim
         self._deadline, self._opening = timing
         self.kept = list[Unsearched]()
+        self._said_now = dict[tuple[int, ...], _Judgement]()
 
     @property
     def _examined(self) -> CheckedModel:
@@ -343,16 +344,18 @@ class Answers:
         found = self._said_of(examined, self._judged_task)
         if found.word != "sound":
             return self._judged_task, found
-        own = self._examined.task
-        own = own.model_copy(update={"seeds": own.seeds[: len(self._judged_task.seeds)]})
-        return own, self._said_of(examined, own)
+        return self._own_task, self._said_of(examined, self._own_task)
+
+    @cached_property
+    def _own_task(self) -> Task:
+        """The task of the search, of as many seeds as are judged."""
+        task = self._examined.task
+        return task.model_copy(update={"seeds": task.seeds[: len(self._judged_task.seeds)]})
 
     @cached_property
     def sound_now(self) -> bool:
         """Whether the judge calls the model as written sound, on the seeds of the search."""
-        task = self._examined.task
-        task = task.model_copy(update={"seeds": task.seeds[: len(self._judged_task.seeds)]})
-        return self._said_of(self._examined, task).word == "sound"
+        return self._now_on(self._own_task).word == "sound"
 
     def _is_as_now(self, task: Task, said: _Judgement) -> bool:
         """Return whether the judge says of the model as written what it says of another.
@@ -360,8 +363,14 @@ class Answers:
         The least share over that one's seeds is at most the largest over its own: what moves freely
         from the same starts goes other ways, and has another mean.
         """
-        now = self._said_of(self._examined, task)
+        now = self._now_on(task)
         return now.word == said.word and said.low <= now.high
+
+    def _now_on(self, task: Task) -> _Judgement:
+        """Return what the judge says of the model as written, asked once of the same seeds."""
+        if task.seeds not in self._said_now:
+            self._said_now[task.seeds] = self._said_of(self._examined, task)
+        return self._said_now[task.seeds]
 
     def _said_of(self, examined: CheckedModel, task: Task) -> _Judgement:
         settings = Settings(places=False, excess=False)
