@@ -29,7 +29,8 @@ test-all: test test-rest
 
 # What takes minutes each: verdicts, attacks, kernels, public robots; and what compares times.
 test-night: .venv/dev $(NODE_MODULES)
-	$(BIN)/python -m pytest -n auto --dist loadfile -m "night and not timed"
+	HYPOTHESIS_PROFILE=thorough $(BIN)/python -m pytest -n auto --dist loadfile \
+	  -m "night and not timed"
 	$(BIN)/python -m pytest -n 0 -m timed
 
 check: lint test

@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from contactlab.store.objects.client import ObjectClient
     from contactlab.store.store_files import ObjectAddress
 
-# A busy machine is no defect of the code under test. HYPOTHESIS_PROFILE=thorough, as in CI's run
-# with the lowest versions, looks at twice as many examples.
+# A busy machine is no defect of the code under test. HYPOTHESIS_PROFILE=thorough, as in `make
+# test-night`, looks at twice as many examples.
 settings.register_profile("patient", deadline=None, max_examples=50)
 settings.register_profile("thorough", deadline=None, max_examples=100)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "patient"))

@@ -96,7 +96,7 @@ def test_a_report_of_parity_is_shown_worst_first(both: Store, tmp_path: Path) ->
     assert parts is not None
     assert parts.parity == report
     assert [(each.quantity, each.worst) for each in parts.gate] == [("energy", 0.1)]
-    write_page(both, page, PageRequest(parity=file))
+    write_page(both, page, PageRequest(traces=0, parity=file))
     text = page.read_text()
     assert "✗ impulse differs." in text
     assert "contacts: count of &lt;a&gt; - b at step 4, 8 -&gt; 4" in text
@@ -121,7 +121,7 @@ def test_what_is_no_report_of_the_store_is_refused(both: Store, tmp_path: Path) 
 def test_a_store_of_one_engine_has_no_such_tab(both: Store, tmp_path: Path) -> None:
     alone = run(BOTH.replace("[mujoco, impulse]", "[mujoco]"), tmp_path)
     assert engine_parts(read_report_data(alone), None) is None
-    write_page(alone, tmp_path / "page.html")
+    write_page(alone, tmp_path / "page.html", PageRequest(traces=0))
     assert 'href="#engines"' not in (tmp_path / "page.html").read_text()
-    write_page(both, tmp_path / "page.html")
+    write_page(both, tmp_path / "page.html", PageRequest(traces=0))
     assert 'href="#engines"' in (tmp_path / "page.html").read_text()

@@ -23,11 +23,14 @@ def call(*arguments: object) -> str:
 
 
 @pytest.mark.long
-def test_the_page_is_written_beside_its_store(swept: Swept) -> None:
-    store = swept("hard").path
+def test_the_page_is_beside_its_store_with_as_many_time_series_as_asked(swept: Swept) -> None:
+    store, traces = swept("hard").path, swept("hard").manifest.traces
     page = store.with_name("store.html")
-    assert call(f"{store}/") == f"{page}\n"
-    assert page.read_text().startswith("<!doctype html>")
+    for asked, drawn in (("none", 0), ("1", 1), ("all", traces)):
+        assert call(f"{store}/", "--traces", asked) == f"{page}\n"
+        assert page.read_text().startswith("<!doctype html>")
+        assert page.read_text().count('"signals"') == drawn
+    assert traces > 1
 
 
 @pytest.mark.long
@@ -55,14 +58,3 @@ def test_invalid_options_are_refused(
 ) -> None:
     with pytest.raises(error, match=message):
         call(swept("hard").path, *options)
-
-
-@pytest.mark.long
-def test_traces_limits_the_time_series(swept: Swept, tmp_path: Path) -> None:
-    counts: dict[str, int] = {}
-    for traces in ("none", "3", "all"):
-        page = tmp_path / f"{traces}.html"
-        call(swept("bounce").path, "-o", page, "--traces", traces)
-        text = page.read_text()
-        counts[traces] = text.count('"signals"')
-    assert counts == {"none": 0, "3": 3, "all": swept("bounce").manifest.traces}

@@ -20,7 +20,7 @@ from contactlab.page.sentences import (
     reality_sentence,
     tradeoff_sentence,
 )
-from contactlab.reporting.report import ReportData, read_report_data
+from contactlab.reporting.report import PageRequest, ReportData, read_report_data
 from contactlab.reporting.report_columns import Quantity
 from contactlab.run.sweep_request import read_request
 from contactlab.run.sweep_runner import run_sweep
@@ -130,7 +130,7 @@ def test_a_page_has_a_tab_of_reality_only_where_runs_were_compared(
     compared: ReportData, swept: Swept, tmp_path: Path
 ) -> None:
     for store, has in ((compared.store, True), (swept("bounce"), False)):
-        write_page(store, tmp_path / "page.html")
+        write_page(store, tmp_path / "page.html", PageRequest(traces=0))
         assert ('href="#reality"' in (tmp_path / "page.html").read_text()) == has
 
 

@@ -10,7 +10,7 @@ from tests.planted_recordings import plant
 
 from contactlab.page.report_files import write_page
 from contactlab.page.sentences import closest_settings, compared_settings, reality_sentence
-from contactlab.reporting.report import read_report_data
+from contactlab.reporting.report import PageRequest, read_report_data
 from contactlab.reporting.start_noise import distance_to_reality, noise_floor
 from contactlab.run.sweep_request import SceneLoader, read_request
 from contactlab.run.sweep_runner import run_sweep
@@ -63,7 +63,7 @@ def test_show_and_page_tell_it_beside_the_error(tmp_path: Path) -> None:
     assert floors[header.index("mean reality")] == f"{floor:.3g}"
     turned = slow_floor(keys, [row["reality_rotation"] for row in rows])
     assert floors[header.index("mean reality_rotation [rad]")] == f"{turned:.3g}"
-    write_page(data.store, tmp_path / "page.html")
+    write_page(data.store, tmp_path / "page.html", PageRequest(traces=0))
     assert '<th scope="row">start noise</th>' in (tmp_path / "page.html").read_text()
 
 

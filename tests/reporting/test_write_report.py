@@ -22,11 +22,13 @@ from contactlab.store.finished_store import Store
 
 Swept = Callable[[str], Store]
 
-ENGINE_FREE = """
+WITHOUT_FILMS = PageRequest(traces=0)
+BARE = """
 import sys
 from pathlib import Path
 
-sys.modules["mujoco"] = None
+for absent in ("mujoco", "fontTools", "pikepdf"):
+    sys.modules[absent] = None
 from contactlab.store.finished_store import Store
 from contactlab.page.report_files import write_page
 
@@ -50,9 +52,9 @@ def test_the_same_store_gives_the_same_bytes(swept: Swept, tmp_path: Path) -> No
 
 
 @pytest.mark.long
-def test_no_engine_is_loaded(swept: Swept, tmp_path: Path) -> None:
+def test_a_page_needs_neither_engine_nor_extra(swept: Swept, tmp_path: Path) -> None:
     done = subprocess.run(
-        [sys.executable, "-c", ENGINE_FREE, str(swept("bounce").path), str(tmp_path / "page.html")],
+        [sys.executable, "-c", BARE, str(swept("bounce").path), str(tmp_path / "page.html")],
         capture_output=True,
         text=True,
         check=False,
@@ -134,7 +136,7 @@ def test_unknown_formats_are_refused(
 @pytest.mark.long
 def test_a_page_that_cannot_be_written_leaves_no_file(swept: Swept, tmp_path: Path) -> None:
     with pytest.raises(OutputError, match="cannot write"):
-        write_page(swept("bounce"), tmp_path / "missing" / "page.html")
+        write_page(swept("bounce"), tmp_path / "missing" / "page.html", WITHOUT_FILMS)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -145,19 +147,16 @@ def test_a_tolerance_of_an_unknown_metric_is_refused(swept: Swept, tmp_path: Pat
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.long
-def test_a_page_needs_no_extra(
+def test_figures_for_paper_name_their_extra_before_anything_is_written(
     swept: Swept, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Figures for paper do, and name it before anything is written."""
     for module in [name for name in sys.modules if name.startswith("contactlab.page")]:
         monkeypatch.delitem(sys.modules, module)
     for library in ("fontTools", "pikepdf"):
         monkeypatch.setitem(sys.modules, library, None)
-    write_page(swept("bounce"), tmp_path / "page.html")
     with pytest.raises(OutputError, match=r"needs .*, .* 'contactlab\[figures\]'"):
         write_figures(swept("bounce"), tmp_path / "figures", ["svg"])
-    assert [path.name for path in tmp_path.iterdir()] == ["page.html"]
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.night
@@ -189,7 +188,7 @@ def test_above_its_size_a_page_has_aggregated_cells(
 def test_a_page_compares_with_a_baseline(swept: Swept, tmp_path: Path) -> None:
     before = tmp_path / "before"
     shutil.copytree(swept("bounce").path, before)
-    request = PageRequest(baseline=Store.open(before))
+    request = PageRequest(traces=0, baseline=Store.open(before))
     write_page(swept("bounce"), tmp_path / "page.html", request)
     page = (tmp_path / "page.html").read_text()
     assert f"contactlab compare {before} {swept('bounce').path}" in page
