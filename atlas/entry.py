@@ -54,6 +54,16 @@ class Confirmation(Model):
     shown: str
 
 
+class Gripped(Model):
+    """What `contactlab grip` says of it on a bench."""
+
+    word: str
+    sentence: str
+    speed: float | None = about(
+        "Of the worst direction [m/s]; null if the object is lost, or no weight pulled at it."
+    )
+
+
 class Tuned(Model):
     """What `contactlab tune` recommends."""
 
@@ -89,6 +99,7 @@ class Entry(Model):
         default=(),
     )
     confirmation: Confirmation | None = None
+    grip: Gripped | None = about("Null where nothing closes.", default=None)
     tuned: Tuned | None = None
 
     @model_validator(mode="before")

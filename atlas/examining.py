@@ -17,7 +17,17 @@ import mujoco
 
 import contactlab
 from atlas.confirming import confirmed, questions, still_shown
-from atlas.entry import RECORDS, Changed, Entry, Tuned, film_of, judge_digest, recorded, records_of
+from atlas.entry import (
+    RECORDS,
+    Changed,
+    Entry,
+    Gripped,
+    Tuned,
+    film_of,
+    judge_digest,
+    recorded,
+    records_of,
+)
 from atlas.playing import film, moments, real_time
 from atlas.wheels import Robot, wheels
 from contactlab.errors import ContactlabError, SceneError
@@ -128,9 +138,22 @@ def _whole(family: tuple[Robot, ...], robot: Robot, folder: Path) -> Entry:
     return entry.model_copy(
         update={
             "changed": tuple(_changed(report, entry, file, folder)),
+            "grip": _gripped(file),
             "rate": _shown(family, file, folder),
         }
     )
+
+
+def _gripped(file: str) -> Gripped | None:
+    """Return how a hand holds the usual object; None for a model without one that closes."""
+    try:
+        report = contactlab.grip(file)
+    except ContactlabError:
+        return None
+    speeds = [drift.speed for drift in report.drifts]
+    known = [speed for speed in speeds if speed is not None]
+    worst = max(known) if known and len(known) == len(speeds) else None
+    return Gripped(word=report.verdict, sentence=report.sentence, speed=worst)
 
 
 def _shown(family: tuple[Robot, ...], file: str, folder: Path) -> float:

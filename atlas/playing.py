@@ -13,6 +13,7 @@ from PIL import Image
 from contactlab.budget import Motion
 from contactlab.budget.motion import INTEGRATION
 from contactlab.contact.trace_arrays import Floats
+from contactlab.view.film import draw_background, set_looks
 
 _TIMED = 0.5  # CPU that the clock tells well [s]
 _FRAMES, _HEIGHT, _WIDTH = 12, 130, 208
@@ -69,6 +70,7 @@ def film(model: mujoco.MjModel, states: Floats) -> bytes:
     Raises:
         mujoco.FatalError: nothing draws here.
     """
+    set_looks(model, (_WIDTH, _HEIGHT))
     data, camera = mujoco.MjData(model), mujoco.MjvCamera()
     mujoco.mjv_defaultFreeCamera(model, camera)
     moving = np.flatnonzero(_moves(model))
@@ -83,6 +85,7 @@ def film(model: mujoco.MjModel, states: Floats) -> bytes:
                 off = np.linalg.norm(places - camera.lookat, axis=1) + model.geom_rbound[moving]
                 camera.distance = _DISTANCE * float(off.max())
             renderer.update_scene(data, camera)
+            draw_background(model, renderer.scene)
             pictures.append(Image.fromarray(renderer.render()))
     first, *others = chain(pictures)
     first.save(

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from atlas.confirming import SCRIPT
-from atlas.entry import ROOT, Changed, Entry, entries, film_of, releases, version
+from atlas.entry import ROOT, Changed, Entry, Gripped, entries, film_of, releases, version
 from PIL import Image
 
 from contactlab.printable import percent
@@ -197,9 +197,14 @@ def _shown(entry: Entry) -> str:
 
 
 def _grip(entry: Entry) -> str:
-    facts = entry.examination.facts if entry.examination else ()
-    found = [fact for fact in facts if fact.kind == "grip"]
-    return f"{found[0].value:.3g} {found[0].unit}" if found else _NONE
+    """Return whether its hand holds, and how fast the object creeps."""
+    match entry.grip:
+        case None:
+            return _NONE
+        case Gripped(word="creeps", speed=float(speed)):
+            return f"creeps {speed * 1e3:.3g} mm/s"
+        case grip:
+            return grip.word
 
 
 def _ratio(entry: Entry) -> str:
@@ -310,6 +315,9 @@ def _page(entry: Entry, others: Mapping[str, Entry], *, old: bool) -> Iterator[s
     yield f"```text\n{chr(10).join(examination_lines(report))}\n```\n"
     yield "## What was tried\n"
     yield from _tried(entry)
+    if entry.grip is not None:
+        yield f"\n## Its grip\n\n{_plain(entry.grip.sentence)}\n"
+        yield f"```sh\n{shlex.join(['contactlab', 'grip', name])}\n```\n"
     yield from _released(entry, others)
     yield "\n## Where it is from\n"
     yield f"`{name}` of the wheel {entry.wheel} {entry.version}, whose licence is"

@@ -5,7 +5,16 @@ from pathlib import Path
 import pytest
 from atlas.__main__ import compare
 from atlas.comparing import differences
-from atlas.entry import Changed, Confirmation, Entry, entries, read_all, record_of, releases
+from atlas.entry import (
+    Changed,
+    Confirmation,
+    Entry,
+    Gripped,
+    entries,
+    read_all,
+    record_of,
+    releases,
+)
 from docs.site import atlas
 
 KNOWN = list(entries())
@@ -119,3 +128,21 @@ def test_pages_name_the_command_the_licence_and_the_files(tmp_path: Path) -> Non
         static = tmp_path / "_static/atlas"
         assert Entry.model_validate_json((static / f"{name}.json").read_bytes()) == entry
         assert atlas.shown_word(entry) in (static / f"{name}.svg").read_text()
+
+
+@pytest.mark.parametrize(
+    ("word", "speed", "cell"),
+    [("creeps", 1.256e-3, "creeps 1.26 mm/s"), ("holds", 2e-6, "holds"), ("drops", None, "drops")],
+)
+def test_a_hand_has_a_cell_and_a_part_of_its_page(
+    word: str, speed: float | None, cell: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bare, grip = JUDGED[0], Gripped(word=word, sentence=f"{word}: it goes <away>", speed=speed)
+    known = [bare.model_copy(update={"grip": grip}), JUDGED[1]]
+    monkeypatch.setattr(atlas, "entries", lambda _="": iter(known))
+    atlas.write(tmp_path)
+    assert f"<td>{cell}</td>" in (tmp_path / "atlas.md").read_text()
+    first, second = ((tmp_path / f"atlas/{atlas.slug(each)}.md").read_text() for each in known)
+    assert f"{word}: it goes \\<away\\>" in first
+    assert f"contactlab grip {bare.name}" in first
+    assert "## Its grip" not in second

@@ -105,7 +105,7 @@ def draw_pictures(
     an inset. A SceneError says that there is no OpenGL, or no camera of this name.
     """
     width, height = size
-    _set_looks(model, size)
+    set_looks(model, size)
     named = None if camera is None else _camera_of(model, camera)
     areas = [mujoco.MjrRect(0, 0, width, height)]
     if named is None and motion.followed is not None:
@@ -146,7 +146,7 @@ def _drawn(scene: mujoco.MjvScene, area: mujoco.MjrRect, context: mujoco.MjrCont
     return picture[::-1]
 
 
-def _set_looks(model: mujoco.MjModel, size: tuple[int, int]) -> None:
+def set_looks(model: mujoco.MjModel, size: tuple[int, int]) -> None:
     """Set what pictures of a size need of a model: bright, with moving bodies translucent."""
     model.vis.global_.offwidth, model.vis.global_.offheight = size
     model.vis.quality.shadowsize = _SHADOW
@@ -158,9 +158,8 @@ def _set_looks(model: mujoco.MjModel, size: tuple[int, int]) -> None:
 def _decorate(
     scene: mujoco.MjvScene, model: mujoco.MjModel, motion: BodyMotion, frame: int
 ) -> None:
-    """Add the forces and the trail of a frame, and a background where the model has no sky."""
-    if not (model.tex_type == mujoco.mjtTexture.mjTEXTURE_SKYBOX).any():
-        _draw_background(scene)
+    """Add the forces and the trail of a frame, and a background."""
+    draw_background(model, scene)
     _draw_trail(scene, motion, frame)
     _draw_forces(scene, motion, frame)
 
@@ -215,8 +214,10 @@ def _draw_ghost(
         geom.rgba[:] = _GHOST if is_geom and moved[geom.objid] else 0
 
 
-def _draw_background(scene: mujoco.MjvScene) -> None:
-    """Put a bright wall behind everything; MuJoCo would leave the background black."""
+def draw_background(model: mujoco.MjModel, scene: mujoco.MjvScene) -> None:
+    """Put a bright wall behind everything where a model has no sky: MuJoCo would leave it black."""
+    if (model.tex_type == mujoco.mjtTexture.mjTEXTURE_SKYBOX).any():
+        return
     eye = scene.camera[0]
     far = _WALL * eye.frustum_far
     half = 2 * far / eye.frustum_near * max(eye.frustum_top, eye.frustum_width, eye.frustum_near)
