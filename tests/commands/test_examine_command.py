@@ -14,7 +14,7 @@ import contactlab as package
 from contactlab.budget import Motion, error_budget, judge
 from contactlab.budget.motion import INTEGRATION
 from contactlab.contact.trace_arrays import Floats
-from contactlab.errors import EngineError, SceneError, SweepFileError
+from contactlab.errors import EngineError, OutputError, SceneError, SweepFileError
 from contactlab.run.sweep_request import SceneLoader
 from contactlab.scene.initial_states import apply_inputs
 from contactlab.schema.error_budget import BudgetRow
@@ -397,6 +397,8 @@ def test_bad_input_is_named(arm: str) -> None:
         package.examine(arm, watch=["nobody"])
     with pytest.raises(EngineError, match="impulse"):
         package.examine(arm, set={"engine": "impulse"})
+    with pytest.raises(OutputError, match="add --only labels"):
+        package.examine(arm, only=["facts"], output="page.html")
 
 
 @pytest.mark.long

@@ -82,8 +82,7 @@ def examined(
     target = None if output is None else opt.folder_of(output)
     file = target if target is not None and target.suffix in _FILES else None
     page = page if file is None else file.suffix != ".json"
-    if live:
-        _check_live(page=page)
+    _check_pages(request, page=page, live=live)
     parts = request.parts + page + live
     with (
         _folder(request.model, None if file else target, kept=file is None) as folder,
@@ -141,8 +140,12 @@ def _write(file: Path, text: str) -> None:
     say(f"wrote {file}")
 
 
-def _check_live(*, page: bool) -> None:
-    """Refuse a page that simulates which cannot be written, before minutes of measuring."""
+def _check_pages(request: "ExamineRequest", *, page: bool, live: bool) -> None:
+    """Refuse pages that cannot be written, before minutes of measuring."""
+    if page and not request.has_runs:
+        raise OutputError("a page shows the runs of a task; add --only labels, or write a .json")
+    if not live:
+        return
     from contactlab.live.browser_build import find_build
 
     if not page:

@@ -100,11 +100,16 @@ class ExamineRequest:
     begins: Callable[[str], None] = lambda _: None
 
     @property
+    def has_runs(self) -> bool:
+        """Whether a wanted section is read from stored runs, which a page needs."""
+        return bool({*self.sections} & _OF_RUNS)
+
+    @property
     def parts(self) -> int:
         """Number of parts that it has at most."""
         wanted = {*self.sections}
-        runs, measured = bool(wanted & _OF_RUNS), wanted != {"contacts"}
-        return runs + ("checks" in wanted) + measured + 2 * ("changes" in wanted)
+        measured = wanted != {"contacts"}
+        return self.has_runs + ("checks" in wanted) + measured + 2 * ("changes" in wanted)
 
 
 def run(request: ExamineRequest, session: Session) -> Examination:
@@ -131,7 +136,7 @@ def run(request: ExamineRequest, session: Session) -> Examination:
     report = Examination(
         model=request.model, mujoco=VERSION, task=task, sections=request.sections, sentence=""
     )
-    if wanted & _OF_RUNS:
+    if request.has_runs:
         request.begins("running its task")
         report = _ran(report, examined)
     if "checks" in wanted:
