@@ -117,7 +117,7 @@ def main() -> None:
         "--verdict", action="store_true", help="verdicts alone, of this release of MuJoCo"
     )
     tunes = verbs.add_parser("tune", help="add what tune recommends to records of sound models")
-    for each, seconds in ((asks, 300), (tunes, 90)):
+    for each, seconds in ((asks, 600), (tunes, 90)):
         each.add_argument("wheels", type=Path, help="folder of unpacked wheels, a folder each")
         each.add_argument("--only", default=[], nargs="*", metavar="TEXT", help="part of a name")
         each.add_argument("--most", type=int, help="how many at most")

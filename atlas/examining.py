@@ -39,7 +39,7 @@ from contactlab.studies.examine.examination import ExamineRequest, open_model
 from contactlab.studies.session import Session
 
 _VIEWS = ("labels", "budget", "facts", "checks")
-MAX_CPU = 60
+MAX_CPU = 120
 """CPU that an examination is given [s], and each of the model with a change."""
 TUNED_WITHIN = 3
 """CPU that a search may take at most, over what it is given."""
