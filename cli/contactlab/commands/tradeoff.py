@@ -34,7 +34,7 @@ def _text(report: "TradeoffReport | TuneReport", given: Given) -> None:
     if isinstance(report, TuneReport):
         from contactlab.commands.tune import print_search
 
-        print_search(report, opt.study_folder("tune", given["source"], given["output"]))
+        print_search(report, opt.study_folder("tradeoff", given["source"], given["output"]))
     else:
         _print(report)
 
@@ -91,9 +91,10 @@ def tradeoff(
 ) -> "TradeoffReport | TuneReport":
     """Weigh accuracy against time; recommend accurate, fast settings.
 
-    Of a model it is the search of `tune`, drawn: the same settings. A sweep is run into the store
-    `output`, or `results/tradeoff/NAME`; `within` has the largest acceptable values by metric, over
-    those of the sweep.
+    Of a model it is the search of `tune`, drawn: what that has answered to the same question is
+    taken from `results/tune/NAME`. It goes to `output`, or `results/tradeoff/NAME`. A sweep is run
+    into that store, and `within` has the largest acceptable values by metric, over those of the
+    sweep.
 
     Raises:
         SweepFileError: the sweep holds mistakes, or a tolerance names what it does not measure.
@@ -157,7 +158,7 @@ def _of_model(
     workers: int | None,
     allow_code: bool,
 ) -> "TuneReport":
-    """Search the settings of a model, as `tune` does."""
+    """Search the settings of a model, as `tune` does, or take what that has found."""
     import shutil
 
     from contactlab.commands.tune import error_of, searched, seconds_of
@@ -168,9 +169,10 @@ def _of_model(
         raise SweepFileError("--write is of sweeps; of a model, --model FOLDER writes the settings")
     copied = None if model is None else Path(model)
     _check_outputs(figure, None, copied)
-    folder = opt.study_folder("tune", source, None if output is None else str(output))
+    folder = opt.study_folder("tradeoff", source, None if output is None else str(output))
     request = TuneRequest(source, task, error_of(error), max_time=seconds_of(max_time))
-    report = searched(request, folder, workers, figure, allow_code=allow_code)
+    known = opt.study_folder("tune", source, None), folder
+    report = searched(request, folder, workers, figure, allow_code=allow_code, known=known)
     if copied is not None and report.recommended is not None:
         shutil.copytree(folder / FOLDER, copied, dirs_exist_ok=True)
         say(f"wrote {copied}")

@@ -1,7 +1,7 @@
 """`contactlab tune`: from a model to the settings to use, written and verified."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, Unpack
 
@@ -139,15 +139,17 @@ def searched(
     figure: str | Path | None,
     *,
     allow_code: bool,
+    known: Sequence[Path] = (),
 ) -> "TuneReport":
-    """Search, and draw what was found if a figure is asked for."""
+    """Search, unless a known folder has the answer, and draw it if a figure is asked for."""
     from contactlab.run.worker_pool import worker_count
+    from contactlab.studies.search.answered import answered
     from contactlab.studies.search.tuning import run
     from contactlab.studies.session import Session
 
     opt.check_figure(figure)
     session = Session(folder, worker_count(workers), notify=say, allow_code=allow_code)
-    report = run(request, session)
+    report = answered(request, session, known) or run(request, session)
     if figure is not None:
         from contactlab.charts import save_figure
         from contactlab.studies.search.search_chart import specification

@@ -30,6 +30,8 @@ def test_seeds_count_by_the_time_that_they_take() -> None:
     assert price.ratio == 2.5 / 4
     # Drawn seeds may all be the one or all the other, a quarter of the draws each.
     assert (price.low, price.high) == (0.5, 1.0)
+    # Of these seeds nothing is left to learn, whose turns agree.
+    assert over_seeds([3.0, 1.0], np.array([[0.5] * 3, [1.0] * 3]), seeds=False) == (2.5 / 4,) * 3
 
 
 def test_seeds_that_agree_leave_the_noise_of_turns() -> None:

@@ -48,6 +48,7 @@ class Costs:
 
     base_seconds: float = 0.01
     timed: list[int] = field(default_factory=list[int])
+    calls: int = 0
 
     def prices(
         self,
@@ -55,12 +56,14 @@ class Costs:
         turns: int = 3,
     ) -> list[Price]:
         del turns
+        self.calls += 1
         return [self._price(*each) for each in models]
 
     def compared(
         self, one: tuple[mujoco.MjModel, int], other: tuple[mujoco.MjModel, int], turns: int
     ) -> Price:
         del turns
+        self.calls += 1
         ratio = self._price(*one).ratio / self._price(*other).ratio
         return Price(ratio, ratio, ratio)
 
@@ -68,7 +71,9 @@ class Costs:
         self.timed.append(multiple)
         ratio = FINER / multiple * (4 if model.opt.integrator == RK4 else 1)
         ratio *= 0.5 if model.opt.jacobian == SPARSE else 1
-        ratio *= 0.8 if model.opt.iterations < 100 else 1
+        # A loose tolerance ends what few iterations end as well.
+        early = model.opt.iterations < 100 or model.opt.tolerance > 1e-8
+        ratio *= 0.8 if early else 1
         return Price(ratio, ratio, ratio)
 
 
@@ -80,10 +85,12 @@ def searched(
     integrators: tuple[str, ...] = ("Euler",),
     seconds: float = 60.0,
     bounds: tuple[Bound, ...] = (),
+    more: tuple[Lever, ...] = (),
 ) -> Search:
     levers = [
         Lever("jacobian", [{"jacobian": "sparse"}, {"jacobian": "dense"}]),
-        Lever("iterations", [{"iterations": 5}]),
+        Lever("iterations", [], [{"iterations": 5}]),
+        *more,
     ]
     space = Space({AS_WRITTEN: MODEL}, AS_WRITTEN, FINER, LONGEST, levers, integrators)
     deadline = time.monotonic() + seconds
@@ -148,6 +155,29 @@ def test_what_saves_time_and_misses_the_limit_is_left_out() -> None:
     best = searched(Ideal(1e-3, few=0.05), limit).ranked(Bound.of(limit))[0].choice
     assert "iterations" not in best.settings
     assert best.settings["jacobian"] == "sparse"
+
+
+def test_of_settings_that_save_the_same_time_one_is_left() -> None:
+    limit, loose = 0.02, Lever("tolerance", [{"tolerance": 1e-6}])
+    search = searched(Ideal(1e-3), limit, more=(loose,))
+    best = search.ranked(Bound.of(limit))[0].choice
+    assert best.settings == {"jacobian": "sparse", "tolerance": 1e-6}
+
+
+def test_what_is_free_is_found_before_the_step_by_few_timings() -> None:
+    """Each of three rounds times all values at once, what is added beside it, and what is left."""
+    limit = 0.02
+    search = searched(Ideal(1e-3), limit, more=(Lever("noslip", [{"noslip_iterations": 1}]),))
+    free, stepped = (
+        next(place for place, one in enumerate(search.tried.values()) if is_such(one.choice))
+        for is_such in (
+            lambda choice: choice.settings == {"jacobian": "sparse"},
+            lambda choice: choice.multiple != FINER,
+        )
+    )
+    assert free < stepped
+    assert isinstance(search.clock, Costs)
+    assert search.clock.calls < 16
 
 
 def test_at_a_price_the_most_accurate_is_found() -> None:

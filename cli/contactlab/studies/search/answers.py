@@ -44,8 +44,10 @@ from contactlab.studies.task_verdict import run_labels
 
 _JUDGED = 60  # times that two verdicts simulate the task: references, their check and RK4, itself
 _OPENINGS = 3  # times that a written model is compiled, compared and opened, in openings of the own
-_MOST_TRIES = 5
-_LESS, _MUCH_LESS = 0.95, 0.6
+_MOST_TRIES, _MOST_MEASURED = 5, 25
+"""Choices that are judged, and whose errors are looked at, on fresh seeds."""
+_WORTH_A_PROCESS = 0.3  # s that a task takes: what is shorter is over before a process has begun
+_MUCH_LESS = 0.6
 _SAFEST = 0.5  # of the time that is left, for what is safest
 
 
@@ -140,33 +142,60 @@ class Answers:
 
     def of(self, wanted: Wanted, *, first: bool) -> Answer | None:
         """Write what is best until one holds on fresh seeds; None if none is better than now."""
-        bound, below = wanted.bound, _Below()
-        done = {self.known.choice.key}
+        below, done = _Below(), {self.known.choice.key}
         for number in range(_MOST_TRIES):
             left = self._deadline - time.monotonic()
             if left < self.to_judge and (number or not first):
                 reason = "no time was left to judge what is next best"
                 self.kept.append(Unsearched(wanted.folder, reason))
                 break
-            last = number and (number == _MOST_TRIES - 1 or left < 2 * self.to_judge)
-            tried = None if last else self._next(done, below, bound)
-            tried = tried or self._safest(done, bound)
-            if tried is None:
+            last = number > 0 and (number == _MOST_TRIES - 1 or left < 2 * self.to_judge)
+            measured = self._within(wanted, done, below, last=last)
+            if measured is None:
                 break
-            done.add(tried.choice.key)
-            name = described(self.settings(tried.choice)) or "without what changes no state"
+            tried, error = measured
+            name = self._name(tried)
             try:
                 written = self._write(tried, wanted.folder)
-            except SceneError as error:
-                self.kept.append(Unsearched(name, str(error).splitlines()[0]))
+            except SceneError as refused:
+                self.kept.append(Unsearched(name, str(refused).splitlines()[0]))
                 continue
-            found = self._judged(tried, written, wanted)
+            found = self._judged(tried, error, written, wanted)
             if found.holds:
                 return Answer(tried, written, found)
             self.kept.append(Unsearched(name, f"on fresh seeds: {found.sentence}"))
-            below = self._below(tried, found, bound)
+            # What is not sound, or labelled, may be so by its step, whatever its error.
+            own = share_of(tried)
+            below = _Below(_MUCH_LESS * own, own, _MUCH_LESS * tried.choice.multiple)
         rmtree(self._session.folder / wanted.folder, ignore_errors=True)
         return None
+
+    def _within(
+        self, wanted: Wanted, done: set[tuple[object, ...]], below: _Below, *, last: bool
+    ) -> tuple[Tried, Apart] | None:
+        """Return the best that lies below, and whose error on fresh seeds is within the limit.
+
+        An error is measured in a small part of the time that a verdict takes. The last is safe.
+        """
+        first = True
+        while len(done) < _MOST_MEASURED:
+            tried = None if last else self._next(done, below, wanted.bound)
+            tried = tried or self._safest(done, wanted.bound)
+            if tried is None:
+                return None
+            done.add(tried.choice.key)
+            made = self._search.space.made(tried.choice)
+            error = self._measure.apart(made, tried.choice.multiple)
+            why = self._excess(error, wanted)
+            if not why:
+                return tried, error
+            if first:
+                self.kept.append(Unsearched(self._name(tried), f"on fresh seeds: {why}"))
+            first = False
+        return None
+
+    def _name(self, tried: Tried) -> str:
+        return described(self.settings(tried.choice)) or "without what changes no state"
 
     def is_better(self, tried: Tried, bound: Bound) -> bool:
         """Return whether something serves a bound better than the model as written."""
@@ -183,23 +212,29 @@ class Answers:
         return tried.price.high < 1 and tried.price.ratio < SAVES
 
     def _next(self, done: set[tuple[object, ...]], below: _Below, bound: Bound) -> Tried | None:
-        """Return the best that was not verified yet and lies below; or at a shorter step."""
+        """Return the best that was not verified yet and lies below: known, or at a shorter step."""
 
         def fits(one: Tried) -> bool:
             new = one.choice.key not in done
-            return new and one.error is not None and below.has(one) and self.is_better(one, bound)
+            return new and one.error is not None and below.has(one)
 
-        ranked = self._search.ranked(bound)
-        if found := next(filter(fits, ranked), None):
-            return found
-        if self._search.dearest is not None or not ranked or math.isinf(below.error):
-            return None
-        for choice in self._search.shorter(ranked[0]):
+        search = self._search
+        ranked = search.ranked(bound)
+        good = (one for one in ranked if fits(one) and self.is_better(one, bound))
+        known = next(good, None)
+        if search.dearest is not None or not ranked or known is ranked[0]:
+            return known
+        best = ranked[0]
+        assert best.price
+        for choice in search.shorter(best):
             if below.multiple and choice.multiple > below.multiple:
                 continue
-            if fits(tried := self._search.added(choice)):
-                return tried
-        return None
+            about = best.price.ratio * best.choice.multiple / choice.multiple
+            if known and known.price and about >= known.price.ratio:
+                break
+            if fits(search.measured(choice)) and self.is_better(search.added(choice), bound):
+                return search.added(choice)
+        return known
 
     def _safest(self, done: set[tuple[object, ...]], bound: Bound) -> Tried | None:
         """Return the cheapest that is as accurate as the model as written, if that is enough."""
@@ -213,17 +248,6 @@ class Answers:
             if new and share_of(tried) <= bound.accepted and self.is_better(tried, bound):
                 return tried
         return None
-
-    def _below(self, tried: Tried, found: Verified, bound: Bound) -> _Below:
-        """Return what is to hold, after what does not: in proportion to its error on fresh seeds.
-
-        What is not sound, or labelled, may be so by its step, whatever its error.
-        """
-        assert tried.error
-        own = tried.error.share
-        if found.word == "sound" and found.error and not found.labels:
-            return _Below(_LESS * own * min(1.0, bound.limit / found.error))
-        return _Below(_MUCH_LESS * own, own, _MUCH_LESS * tried.choice.multiple)
 
     def settings(self, choice: Choice) -> dict[str, object]:
         """Return what a choice sets, its step among it."""
@@ -282,22 +306,24 @@ class Answers:
         """Error of the model as written on fresh seeds."""
         return self._measure.apart(self._subject.model, self._subject.yards.finer)
 
-    def _judged(self, tried: Tried, written: WrittenModel, wanted: Wanted) -> Verified:
-        """Judge a written model, and measure it, on seeds that no choice was made by."""
-        changed = described(self.settings(tried.choice)) or "the model"
-        self._session.notify(f"verifying {changed}")
-        made, multiple = self._search.space.made(tried.choice), tried.choice.multiple
-        error = self._measure.apart(made, multiple)
+    def _excess(self, error: Apart, wanted: Wanted) -> str:
+        """Return why an error on fresh seeds is too large, or ""."""
+        limit = self._limit_of(wanted)
+        if self._search.dearest is not None or error.share <= limit:
+            return ""
+        return f"{self._text(error)} in {error.body}, limit {error_text(limit, self._aim.unit)}"
+
+    def _judged(
+        self, tried: Tried, error: Apart, written: WrittenModel, wanted: Wanted
+    ) -> Verified:
+        """Judge a written model, whose error is known, on seeds that no choice was made by."""
+        self._session.notify(f"verifying {self._name(tried)}")
         request = ExamineRequest(written.reference, task=self._request.task, sections=("budget",))
         examined = open_model(request, self._session)
         judged, said = self._worst_of(examined)
-        limit = self._limit_of(wanted)
         timely = self._search.dearest is not None
-        why = "sound, and within the limit"
-        holds = timely or error.share <= limit
-        if not holds:
-            why = f"{self._text(error)} in {error.body}, limit {error_text(limit, self._aim.unit)}"
-        elif said.word != "sound":
+        holds, why = True, "sound, and within the limit"
+        if said.word != "sound":
             holds = not wanted.sound and self._is_as_now(judged, said)
             why = f"{said.word}, as the model as written: {said.why}" if holds else said.why
         labels = sorted(self._labels(examined) - self._labels_now) if holds else ()
@@ -388,7 +414,9 @@ class Answers:
         """Return what the runs of fresh seeds are labelled."""
         task = self._judged_task
         with TemporaryDirectory(prefix="contactlab-") as folder:
-            alone = replace(examined, session=replace(self._session, folder=Path(folder)))
+            workers = self._session.workers if self._subject.one_pass > _WORTH_A_PROCESS else 0
+            session = replace(self._session, folder=Path(folder), workers=workers)
+            alone = replace(examined, session=session)
             runs = alone.run("labels", "Judged on fresh seeds", seeds=task.seeds)
             return {each.label for each in run_labels(task, [run.record for run in runs])}
 

@@ -52,6 +52,12 @@ class Choice:
         """Return it with more settings, which replace its own."""
         return replace(self, settings={**self.settings, **settings})
 
+    def undone(self, settings: Mapping[str, object], before: "Choice") -> "Choice":
+        """Return it with the settings that another choice has in the place of some."""
+        kept = {name: value for name, value in self.settings.items() if name not in settings}
+        own = {name: before.settings[name] for name in settings if name in before.settings}
+        return replace(self, settings={**kept, **own})
+
     def at(self, multiple: int) -> "Choice":
         """Return it with another step."""
         return replace(self, multiple=multiple)

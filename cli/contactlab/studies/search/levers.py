@@ -17,14 +17,16 @@ from contactlab.schema.setting_values import as_number
 from contactlab.studies.search.choice import INTEGRATOR
 
 Settings = Mapping[str, object]
-_FEWER: Mapping[str, tuple[float, ...]] = {
+_FEWER: Mapping[str, tuple[int, ...]] = {
     "iterations": (50, 20, 10, 5, 3),
     "ls_iterations": (20, 10, 5),
     "noslip_iterations": (3, 0),
     "ccd_iterations": (12,),
 }
+_TIGHT = 20
+"""Iterations of solver and line search below which longer steps may want more."""
 _LOOSER = (1e-8, 1e-6, 1e-4)
-_OFF = ("multiccd", "eulerdamp", "diagexact", "speculative")
+_OFF = ("multiccd", "diagexact", "speculative")
 ASLEEP: Settings = {"sleep": True, "island": True}
 """What sleeps is an island."""
 _DIMENSIONS = (3, 4)
@@ -46,10 +48,12 @@ class Lever:
     Attributes:
         name: as the report has it.
         values: settings by axis, each tried by itself.
+        tight: more of them, which hang on the step: tried once that is found.
     """
 
     name: str
     values: Sequence[Settings]
+    tight: Sequence[Settings] = ()
 
 
 @dataclass(frozen=True)
@@ -72,7 +76,7 @@ def levers_of(
         needs = _SHOWN.get(lever.name, ())
         if needs and not shown & {*needs}:
             kept.append(Unsearched(lever.name, "nothing in the task exercises it"))
-        elif lever.values:
+        elif lever.values or lever.tight:
             found.append(lever)
     return found, kept
 
@@ -94,7 +98,14 @@ def _proposed(model: mujoco.MjModel) -> Iterator[Lever]:
         others = [word for word in WORDS[name] if word not in (own, "auto")]
         yield Lever(name, [{name: word} for word in others])
     for name, values in _FEWER.items():
-        yield Lever(name, [{name: int(value)} for value in values if value < option(name)])
+        fewer = [value for value in values if value < option(name)]
+        hang = name in ("iterations", "ls_iterations")
+        tight = [value for value in fewer if hang and value < _TIGHT]
+        yield Lever(
+            name,
+            [{name: value} for value in fewer if value not in tight],
+            [{name: value} for value in tight],
+        )
     looser = [value for value in _LOOSER if value > option("tolerance")]
     yield Lever("tolerance", [{"tolerance": value} for value in looser])
     if option("impratio") != 1:
@@ -109,6 +120,8 @@ def _flags(model: mujoco.MjModel) -> Iterator[Lever]:
     for flag in _OFF:
         if flag in FLAGS and read_flag(model, flag):
             yield Lever(flag, [{flag: False}])
+    if read_flag(model, "eulerdamp"):
+        yield Lever("eulerdamp", (), [{"eulerdamp": False}])
     if read_flag(model, "contact") and not collides(model):
         yield Lever("contact", [{"contact": False}])
 

@@ -1,15 +1,18 @@
 """The search: which choices are tried, in which order, and which is the best of them.
 
-Integrator and step together go first, then all other settings, each with what was found before;
-for the most accurate at a price, what costs nothing goes first. Every choice that was tried is
-kept, with its error and its time, so that little time gives a small answer.
+What costs time and adds no error goes first, all together; then integrator and step, then, where
+the error may grow, what else saves time. Errors cost less to measure than times do, so that few
+choices are timed. Every choice that was tried is kept, with its error and its time, so that little
+time gives a small answer.
 """
 
 import math
 import time
+from collections import ChainMap
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
+from itertools import chain
 from typing import Protocol
 
 import mujoco
@@ -17,7 +20,7 @@ import mujoco
 from contactlab.budget.prices import Price
 from contactlab.studies.search.choice import AS_WRITTEN, INTEGRATOR, Choice, Cuts, differing
 from contactlab.studies.search.clock import Clock
-from contactlab.studies.search.levers import ASLEEP, Lever, condim_alone
+from contactlab.studies.search.levers import ASLEEP, Lever, Settings, condim_alone
 from contactlab.studies.search.yardstick import Apart
 
 SAVES = 0.97
@@ -29,7 +32,7 @@ SAFE = 0.85
 SAME = 1.02
 """Ratio of errors up to which one is no larger: of equal steps both have the same noise."""
 _ALONE = 12  # geoms whose contacts are tried one by one
-_TURNS, _COMPARED = 3, 5
+_TURNS, _COMPARED = 3, 7
 """Of the clock: to see what may save time, and to see whether it does."""
 
 
@@ -139,6 +142,7 @@ class Search:
         default_factory=dict[tuple[object, ...], "Tried"]
     )
     ended: bool = False
+    _without_waste: Choice | None = None
 
     @property
     def now(self) -> Choice:
@@ -164,13 +168,11 @@ class Search:
 
     def _searched(self) -> None:
         """Search for one bound."""
-        here = self._quick(self.now.without(self.space.start))
+        here = self._step(self._lean())
         if self.dearest is None:
-            here = self._with_losses(self._step(self._hulled(here)))
+            here = self._with_losses(here)
             self._step_again(here)
-            self._asleep(here)
-        else:
-            self._asleep(self._step(self._without_waste(self._hulled(here))))
+        self._asleep(here)
 
     def safest(self, until: float) -> list[Tried]:
         """Return what is as accurate as the model as written, the cheapest first.
@@ -180,8 +182,7 @@ class Search:
         """
         self.deadline, own = until, self._error(self.now)
         with suppress(OutOfTimeError):
-            here = self._without_waste(self._quick(self.now.without(self.space.start)))
-            self._priced([here])
+            self._priced([self._lean()])
         known = [one for one in self.tried.values() if one.error and one.price]
         good = [one for one in known if share_of(one) <= SAME * own]
         rest = [one for one in known if share_of(one) > SAME * own]
@@ -219,14 +220,19 @@ class Search:
         return entry.error.share
 
     def _priced(self, choices: Sequence[Choice]) -> list[float]:
-        """Return the prices of choices, from turns that all of them take."""
-        new = [one for one in choices if self._entry(one).price is None]
-        if new:
-            self._left()
-            prices = self.clock.prices([self._stepped(one) for one in new], _TURNS)
-            for choice, price in zip(new, prices, strict=True):
-                self._entry(choice).price = price
+        """Return the prices of choices, which are timed if they were not yet."""
+        self._timed([one for one in choices if self._entry(one).price is None])
         return [_ratio(self._entry(one)) for one in choices]
+
+    def _timed(self, choices: Sequence[Choice], turns: int = _TURNS) -> list[Price]:
+        """Return the prices of choices from turns that all of them take, so that they rank."""
+        if not choices:
+            return []
+        self._left()
+        prices = self.clock.prices([self._stepped(one) for one in choices], turns)
+        for choice, price in zip(choices, prices, strict=True):
+            self._entry(choice).price = price
+        return prices
 
     def _stepped(self, choice: Choice) -> tuple[mujoco.MjModel, int]:
         return self.space.made(choice), choice.multiple
@@ -266,47 +272,76 @@ class Search:
                 *(known.ratio * part for part in (found.ratio, found.low, found.high))
             )
 
-    def _without_waste(self, here: Choice) -> Choice:
-        """Return a choice with all that costs time and adds no error."""
-        most = self._error(here) + _LOSSLESS * self.bound.limit
-        return self._added(here, lambda choice: self._error(choice) <= most)
+    def _lean(self) -> Choice:
+        """Return the model without all that costs time and adds no error, at its own step.
+
+        All bounds begin there: the least of them says what counts as no error.
+        """
+        if self._without_waste is None:
+            here = self._hulled(self._quick(self.now.without(self.space.start)))
+            most = self._error(here) + _LOSSLESS * min(bound.limit for bound in self.bounds)
+            values = [lever.values for lever in self.space.levers]
+            self._without_waste = self._added(here, values, lambda one: self._error(one) <= most)
+        return self._without_waste
 
     def _with_losses(self, here: Choice) -> Choice:
         """Return a choice with what saves time and keeps the limit."""
-        return self._added(here, self._fits) if self._fits(here) else here
+        if not self._fits(here):
+            return here
+        values = [[*lever.values, *lever.tight] for lever in self.space.levers]
+        return self._added(here, values, self._fits)
 
-    def _added(self, here: Choice, good: Callable[[Choice], bool]) -> Choice:
-        values = [
-            here.with_settings(value)
-            for lever in self.space.levers
-            for value in lever.values
-            if differing(value, self.space.made(here))
+    def _added(
+        self, here: Choice, levers: Sequence[Sequence[Settings]], good: Callable[[Choice], bool]
+    ) -> Choice:
+        """Return a choice with the best good value of each lever that saves time.
+
+        Each value is timed and measured alone, then all are together: what is not good with the
+        rest is left out, and what saves nothing beside it.
+        """
+        made = self.space.made(here)
+        tried = [
+            [here.with_settings(value) for value in values if differing(value, made)]
+            for values in levers
         ]
-        prices = self._priced(values)
-        (own,) = self._priced([here])
-        saving = sorted(
-            (pair for pair in zip(prices, values, strict=True) if pair[0] < SAVES * own),
-            key=lambda pair: pair[0],
-        )
-        for _, value in saving:
-            added = {
-                name: setting
-                for name, setting in value.settings.items()
-                if here.settings.get(name, ...) != setting
-            }
-            if not differing(added, self.space.made(here)):
-                continue
-            both = here.with_settings(added)
-            if any(name in here.settings for name in added) and not self._saves(both, here):
-                continue
-            if good(both) and self._saves(both, here):
-                here = both
-            elif alone := condim_alone(added):
-                for one in alone[:_ALONE]:
-                    less = here.with_settings(one)
-                    if good(less) and self._saves(less, here):
-                        here = less
-        return here
+        timed = [here, *chain(*tried)]
+        price = {one.key: found.ratio for one, found in zip(timed, self._timed(timed), strict=True)}
+        worth = SAVES * price[here.key]
+        found = list[tuple[float, Settings]]()
+        for values in tried:
+            saving = [one for one in values if price[one.key] < worth]
+            for one in sorted(saving, key=lambda choice: price[choice.key]):
+                if good(one):
+                    found.append((price[one.key], _beyond(one, here)))
+                    break
+                alone = condim_alone(_beyond(one, here))[:_ALONE]
+                if kept := [each for each in alone if good(here.with_settings(each))]:
+                    found.append((price[one.key], dict(ChainMap(*map(dict, kept)))))
+                    break
+        both = here
+        for _, settings in sorted(found, key=lambda pair: pair[0]):
+            if good(more := both.with_settings(settings)):
+                both = more
+        if both == here or not self._saves(both, here):
+            return here
+        return self._needed(both, here, [settings for _, settings in found])
+
+    def _needed(self, choice: Choice, here: Choice, added: Sequence[Settings]) -> Choice:
+        """Return a choice without what was added to another and saves no time beside the rest."""
+        parts = [part for part in added if part.keys() <= choice.settings.keys()]
+        if len(parts) < 2:
+            return choice
+        without = [choice.undone(part, here) for part in parts]
+        own, *prices = self._timed([choice, *without], _COMPARED)
+        least = choice
+        for part, price in zip(parts, prices, strict=True):
+            if SAVES * price.ratio < own.ratio or price.low < own.ratio:
+                least = least.undone(part, here)
+        if least in (choice, here) or self._saves(choice, least):
+            return choice
+        self._error(least)
+        self._priced([least])
+        return least
 
     def _saves(self, choice: Choice, here: Choice) -> bool:
         """Return whether a choice is faster than another, beside it, and price it."""
@@ -323,7 +358,7 @@ class Search:
             here.with_settings({INTEGRATOR: name} if differing({INTEGRATOR: name}, model) else {})
             for name in self.space.integrators
         ]
-        prices = self._priced(choices)
+        prices = [price.ratio for price in self._timed(choices)]
         if self.dearest is not None:
             return self._most_accurate(choices, prices)
         best, cost = None, math.inf
@@ -388,19 +423,33 @@ class Search:
         self._priced(within)
         return min(within, key=self._error, default=choices[0])
 
-    def added(self, choice: Choice) -> Tried:
+    def measured(self, choice: Choice) -> Tried:
         """Return a choice that is tried after the search: it has its own time."""
         self.deadline = math.inf
         self._error(choice)
-        self._priced([choice])
         return self._entry(choice)
+
+    def added(self, choice: Choice) -> Tried:
+        """Return it with its price, too."""
+        found = self.measured(choice)
+        self._priced([choice])
+        return found
 
     def shorter(self, tried: Tried) -> Iterator[Choice]:
         """Yield a choice at ever shorter steps."""
         multiple = tried.choice.multiple
         while multiple > 1:
-            multiple = min(multiple - 1, math.floor(0.8 * multiple)) or 1
+            multiple = min(multiple - 1, math.floor(0.9 * multiple)) or 1
             yield tried.choice.at(multiple)
+
+
+def _beyond(choice: Choice, here: Choice) -> Settings:
+    """Return the settings that a choice has beyond another's."""
+    return {
+        name: setting
+        for name, setting in choice.settings.items()
+        if here.settings.get(name, ...) != setting
+    }
 
 
 def _ratio(tried: Tried) -> float:

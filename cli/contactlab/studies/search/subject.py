@@ -37,7 +37,8 @@ SEARCHING = 0.6
 """Share of the time allowed; the rest is for files, fresh seeds and the clock."""
 _FINER = (2, 4, 8, 16)
 _RESOLVED = 0.2  # share of the limit that the fine motion's own error may have
-_RESOLVING = 0.15  # of the time allowed, that the fine motions may take
+_RESOLVING, _AT_MOST = 0.15, 0.4
+"""Shares of the time allowed that fine motions may take: of all seeds, of one."""
 _PASSES = 80  # times that a search simulates the task, about
 _SPARSEST = 4  # at least one in so many windows is looked at
 _MANY_VERTICES = 32
@@ -129,6 +130,15 @@ class Subject:
                 )
             return finest, finest.uncertain()
         uncertain = coarse.uncertain()
+        finer = self._finer(coarse, uncertain)
+        fine = Yardsticks.of(self.motions, finer, self.threads, self._every)
+        return (fine, uncertain) if fine.known else (coarse, uncertain)
+
+    def _finer(self, coarse: Yardsticks, uncertain: Apart | None) -> int:
+        """Return how many fine steps one is to have, by the error; of fewer seeds if time is short.
+
+        Only where even one seed would take too long are they fewer than the error asks for.
+        """
         limit = self._limit(uncertain)
         if self._request.at is not None or self._request.real_time is not None:
             limit = LEAST_AIM
@@ -136,12 +146,17 @@ class Subject:
         one_phase = len(coarse.parts) == 1
         first = (coarse.parts[0] if one_phase else coarse).apart(self.own_model, 2)
         needed = first.share / (_RESOLVED * limit)
-        cost = self.one_pass * self.seeds
-        allowed = _RESOLVING * self._request.max_time / max(cost, 1e-6)
         finer = next((rate for rate in _FINER if rate >= needed), _FINER[-1])
-        finer = max(rate for rate in _FINER if rate <= max(_FINER[0], min(finer, allowed)))
-        fine = Yardsticks.of(self.motions, finer, self.threads, self._every)
-        return (fine, uncertain) if fine.known else (coarse, uncertain)
+        passes = self._request.max_time / max(self.one_pass, 1e-6)
+        seeds = min(self.seeds, max(1, int(_RESOLVING * passes / finer)))
+        self.motions = [first_seeds(motion, seeds) for motion in self.motions]
+        allowed = max(rate for rate in _FINER if rate <= max(_FINER[0], _AT_MOST * passes))
+        if allowed < finer:
+            reason = f"a fine one is 1/{allowed} of the own, the error asks for 1/{finer}"
+            self._keep("errors of steps", f"{reason}: --max-time allows no more")
+        if seeds < (all_seeds := len(self.examined.task.seeds)):
+            self._keep("seeds", f"{seeds} of {all_seeds} were looked at: --max-time allows no more")
+        return min(finer, allowed)
 
     def _limit(self, uncertain: Apart | None) -> float:
         within = self.examined.task.within

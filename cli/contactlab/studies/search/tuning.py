@@ -99,6 +99,7 @@ class Study:
         self._begin, opening = timing
         self._deadline = self._begin + request.max_time
         self._growth: Growth | None = None
+        self._closely = list[Tried]()
         self._aim = self._aim_of()
         self._clock = Clock(subject.yards, subject.model)
         motions = subject.motions
@@ -204,7 +205,7 @@ class Study:
                 f"{self._request.model}: {self._request.max_time:g} s are too short to measure the "
                 "model as written; give more with --max-time"
             )
-        self._timed_closely(known)
+        self._time_closely(self._candidates(known))
         for folder in (FOLDER, FOLDER_AS_NOW, FOLDER_OF_AIM):
             rmtree(self._session.folder / folder, ignore_errors=True)
         best, as_now, to_aim = self._answered()
@@ -252,17 +253,27 @@ class Study:
     def _answered(self) -> tuple[Answer | None, Answer | None, Answer | None]:
         """Return what is recommended, what is as accurate as now, and what keeps the aim beside."""
         by_folder = {wanted.folder: wanted for wanted in self._wanted}
-        best = self._answers.of(by_folder[FOLDER], first=True)
+        best = self._answer(by_folder[FOLDER], first=True)
         as_now = to_aim = None
         own = by_folder.get(FOLDER_AS_NOW)
         missed = best is None and FOLDER_OF_AIM in by_folder
         if own is None and missed and not self._answers.sound_now:
             own = Wanted(by_folder[FOLDER].bound, FOLDER_AS_NOW, sound=False)
         if own and not (best and self._is_as_good(best.tried, own.bound)):
-            as_now = self._answers.of(own, first=best is None)
+            as_now = self._answer(own, first=best is None)
         if FOLDER_OF_AIM in by_folder and not (best and best.verified.keeps_aim):
-            to_aim = self._answers.of(by_folder[FOLDER_OF_AIM], first=False)
+            to_aim = self._answer(by_folder[FOLDER_OF_AIM], first=False)
         return best, as_now, to_aim
+
+    def _answer(self, wanted: Wanted, *, first: bool) -> Answer | None:
+        """Return the best that holds, timed on whole runs; None if those show it no better."""
+        found = self._answers.of(wanted, first=first)
+        if found and found.tried not in self._closely:
+            self._time_closely([found.tried])
+            if not self._answers.is_better(found.tried, wanted.bound):
+                rmtree(self._session.folder / wanted.folder, ignore_errors=True)
+                return None
+        return found
 
     def _is_as_good(self, tried: Tried, bound: Bound) -> bool:
         """Return whether something costs no more than what keeps another bound."""
@@ -278,20 +289,25 @@ class Study:
             return self._search.dearest >= 1
         return known.error.share <= self._aim.limit
 
-    def _timed_closely(self, known: Tried) -> None:
-        """Time the best once more, on whole runs, and the model as written beside itself."""
-        timed = [known]
+    def _candidates(self, known: Tried) -> list[Tried]:
+        """Return the model as written, which takes its turns beside itself, and the best."""
+        found = [known]
         for wanted in self._wanted:
-            new = [one for one in self._search.ranked(wanted.bound) if one not in timed]
-            timed += new[:_CLOSELY]
-        models = [(self._search.space.made(one.choice), one.choice.multiple) for one in timed]
+            new = [one for one in self._search.ranked(wanted.bound) if one not in found]
+            found += new[:_CLOSELY]
+        return found
+
+    def _time_closely(self, tried: Sequence[Tried]) -> None:
+        """Time choices once more, on whole runs."""
+        models = [(self._search.space.made(one.choice), one.choice.multiple) for one in tried]
         left = self._deadline - time.monotonic()
         reserved = len(self._wanted) * self._answers.to_judge
         until = time.monotonic() + max(min(_TIMING * left, left - reserved), 0)
         own, fresh = self._subject.motions, self._answers.motions
         motions = [joined_seeds(*pair) for pair in zip(own, fresh, strict=True)]
-        for one, price in zip(timed, self._clock.whole(models, motions, until), strict=True):
+        for one, price in zip(tried, self._clock.whole(models, motions, until), strict=True):
             one.price = price
+        self._closely.extend(tried)
 
     def _file(self, answer: Answer) -> str:
         return str(answer.written.path.relative_to(self._session.folder))

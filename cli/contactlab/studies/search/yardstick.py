@@ -62,6 +62,7 @@ class Yardstick:
         self._run: Run = replay(fine, window, workers)
         self._bodies = judged_bodies(motion.model)
         self._observe = Observer(motion.model, motion.starts[0], self._bodies, workers)
+        self._last_fine = (0, np.empty(0))
         whole = self._run.begins % self._run.steps == 0
         self._which = np.array(
             [
@@ -163,6 +164,15 @@ class Yardstick:
         return ends[fits], self._which[fits]
 
     def _fine_around(self, ends: np.ndarray, which: np.ndarray, multiple: int) -> Floats:
+        """Return (M, K, B, 6) velocities of the fine motion around the ends of windows.
+
+        Choices of one step are tried one after the other, so that those of the last step are kept.
+        """
+        if multiple != self._last_fine[0]:
+            self._last_fine = multiple, self._fine_seen(ends, which, multiple)
+        return self._last_fine[1]
+
+    def _fine_seen(self, ends: np.ndarray, which: np.ndarray, multiple: int) -> Floats:
         stride = max(1, multiple // _AROUND)
         places = sorted({*range(-multiple, multiple + 1, stride), 0, multiple})
         # The end itself is in the middle, where defects look for it.

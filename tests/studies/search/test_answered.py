@@ -1,0 +1,141 @@
+"""What was asked before is not searched again, and anything else is."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from contactlab.plan.task_options import read_task_options
+from contactlab.scene.mujoco_versions import VERSION
+from contactlab.schema.tune_report import REPORT, Aim, Point, TuneReport
+from contactlab.studies.examine.examination import ExamineRequest, open_model
+from contactlab.studies.search.answered import answered
+from contactlab.studies.search.tune_request import TuneRequest
+from contactlab.studies.session import Session
+
+BALL = """<mujoco><worldbody><body><freejoint/><geom size=".1"/></body></worldbody></mujoco>"""
+TASK = read_task_options(drive="none", duration="0.1s")
+
+
+@pytest.fixture
+def asked(tmp_path: Path) -> TuneRequest:
+    """A question, whose answer lies in `before`, with the model that was written."""
+    path = tmp_path / "ball.xml"
+    path.write_text(BALL)
+    request = TuneRequest(str(path), TASK, error=0.02)
+    opened = ExamineRequest(str(path), task=TASK, sections=("budget",))
+    examined = open_model(opened, Session(tmp_path))
+    now = Point(
+        settings={},
+        timestep=0.002,
+        lighter=False,
+        apart=False,
+        hulls=False,
+        error=0.01,
+        low=0.01,
+        high=0.01,
+        body="body[1]",
+        phase="free",
+        time=0.0,
+        price=None,
+    )
+    report = TuneReport(
+        model=str(path),
+        scene_hash=examined.scene.hash,
+        mujoco=VERSION,
+        task=examined.task,
+        aim=Aim(
+            kind="error",
+            limit=0.02,
+            unit="1",
+            within=0.1,
+            uncertain=None,
+            uncertain_by="",
+            real_time=None,
+            watched=(),
+            at=None,
+            growth="",
+        ),
+        sentence="an answer",
+        met=True,
+        now=now,
+        recommended=now,
+        to_aim=None,
+        stayed_apart=None,
+        fewer_vertices=None,
+        nearest=None,
+        binds="",
+        as_accurate=None,
+        real_time=1.0,
+        fine_step=0.001,
+        points=(now,),
+        changes=(),
+        masked=(),
+        excluded=(),
+        sensors=(),
+        flags=(),
+        kept=(),
+        verified=None,
+        file="tuned/tuned.xml",
+        lines=(),
+        ended=False,
+        seconds=1.0,
+    )
+    written = tmp_path / "before" / "tuned" / "tuned.xml"
+    written.parent.mkdir(parents=True)
+    written.write_text(BALL)
+    (tmp_path / "before" / REPORT).write_text(report.model_dump_json())
+    return request
+
+
+def found(request: TuneRequest, folder: Path) -> TuneReport | None:
+    return answered(request, Session(folder / "out"), (folder / "none", folder / "before"))
+
+
+def test_the_answer_to_the_same_question_is_copied_with_its_model(
+    asked: TuneRequest, tmp_path: Path
+) -> None:
+    report = found(asked, tmp_path)
+    assert report
+    assert report.sentence == "an answer"
+    out = tmp_path / "out"
+    assert (out / "tuned" / "tuned.xml").read_text() == BALL
+    assert TuneReport.model_validate_json((out / REPORT).read_text()) == report
+    # In its own folder it stays as it is.
+    again = answered(asked, Session(out), (out,))
+    assert again == report
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"error": 0.03},
+        {"error": None},
+        {"real_time": 5.0, "error": None},
+        {"drop_sensors": True},
+        {"apart": 0.05},
+        {"hulls": 0.001},
+        {"task": read_task_options(drive="none", duration="0.2s")},
+        {"task": read_task_options(drive="none", duration="0.1s", within=["1%"])},
+    ],
+)
+def test_another_question_is_searched(
+    asked: TuneRequest, change: dict[str, object], tmp_path: Path
+) -> None:
+    assert found(replace(asked, **change), tmp_path) is None  # pyright: ignore[reportArgumentType]
+    assert not (tmp_path / "out").exists()
+
+
+def test_another_model_and_lost_files_and_short_times_are_no_answer(
+    asked: TuneRequest, tmp_path: Path
+) -> None:
+    path, before = Path(asked.model), tmp_path / "before"
+    path.write_text(BALL.replace('".1"', '".2"'))
+    assert found(asked, tmp_path) is None
+    path.write_text(BALL)
+    stored = (before / REPORT).read_text()
+    (before / REPORT).write_text(stored.replace('"ended":false', '"ended":true'))
+    assert found(asked, tmp_path) is None
+    (before / REPORT).write_text(stored)
+    (before / "tuned" / "tuned.xml").unlink()
+    assert found(asked, tmp_path) is None
