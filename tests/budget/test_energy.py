@@ -1,11 +1,13 @@
 """What a run gains or loses that its model does not, and what is no such thing."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from tests.budget_motions import motion_of
 
 from contactlab.budget import Settings, error_budget, judge
-from contactlab.budget.defects import drifts
+from contactlab.budget.defects import drift, energy_defects, settled
 
 PENDULUM = """<mujoco><option timestep="{h}" integrator="RK4"/><worldbody><body pos="0 0 2">
 <joint axis="0 1 0"/><geom type="capsule" fromto="0 0 0 .5 0 0" size=".02"/></body></worldbody>
@@ -46,8 +48,8 @@ def test_what_rk4_takes_of_a_spring_is_found(rate: float) -> None:
     xml = SPRING.format(h=h, k=(rate / h) ** 2)
     phase = error_budget([motion_of(xml, seconds, qpos=[0.1])], rows=[], settings=PLAIN).phases[0]
     kept = left ** (4 * np.arange(1, 101))
-    lost = np.asarray(np.diff(kept, prepend=1.0)[None], np.float64)
-    expected = drifts(lost, np.ones((1, 100)))[0]
+    lost = np.asarray(np.diff(kept, prepend=1.0), np.float64)
+    expected = drift(lost)
     # A window sees its peaks where a step falls: cos^2 of half a step off, at most.
     assert phase.energy_share == pytest.approx(expected, rel=np.sin(rate / 2) ** 2)
     assert phase.energy_share < -0.1
@@ -63,18 +65,36 @@ def test_a_damper_that_rk4_cannot_take_is_no_fault_of_the_run(damping: float) ->
 
 
 @pytest.mark.parametrize(
-    ("parts", "drift"),
+    ("parts", "expected"),
     [
         (np.full(90, 0.01), 0.9),
         (np.append(np.full(3, -0.1), np.zeros(87)), -0.3),
         (np.append(np.zeros(87), np.full(3, 0.1)), 0.03),
         (np.diff(0.2 * np.sin(np.arange(91))), 0.0),
         (np.diff(0.2 * np.cos(np.arange(91))), 0.0),
+        (np.append(np.zeros(43), np.append(0.3, np.zeros(46))), 0.3),
         (np.full(2, 0.1), 0.2),
     ],
-    ids=["steady", "early", "late", "swings", "swings from a peak", "of two windows"],
+    ids=["steady", "early", "late", "swings", "swings from a peak", "in the middle", "of two"],
 )
-def test_a_drift_is_what_stays(parts: np.ndarray, drift: float) -> None:
-    found = drifts(parts[None], np.ones((1, parts.size)))
+def test_a_drift_is_what_stays(parts: np.ndarray, expected: float) -> None:
     # A mean of 30 of what swings by .2, a radian a window, is at most .2 / (30 sin .5).
-    assert found == pytest.approx([drift], abs=1.5 * 2 * 0.2 / (30 * np.sin(0.5)))
+    assert drift(parts) == pytest.approx(expected, abs=1.5 * 2 * 0.2 / (30 * np.sin(0.5)))
+
+
+def test_what_slack_forgives_is_taken_off_the_next_window() -> None:
+    """An impact takes 5 J at the end of a window of the run, a step later in the reference."""
+    ends, around = np.array([5.0, 5.0]), np.array([[10.0, 10.0, 5.0], [5.0, 7.0, 7.0]])
+    found = energy_defects(ends, around)
+    np.testing.assert_array_equal(found, [[0, -5], [0, -2]])
+    np.testing.assert_array_equal(settled(np.array([[0, -5.0], [2, 0]])), [0, 0])
+    np.testing.assert_array_equal(settled(np.array([[0, -5.0], [7, 0]])), [0, 2])
+    np.testing.assert_array_equal(settled(np.array([[0, -5.0], [-2, 0]])), [0, -2])
+
+
+def test_no_gain_hides_the_loss_of_another_seed() -> None:
+    """Of seeds that drift to both sides, as hail does, the mean of amounts counts."""
+    phase = error_budget([motion_of(PENDULUM.format(h=0.01), 0.1)], rows=[]).phases[0]
+    both = replace(phase, energy=np.array([0.2, -0.1, 0.0]), energy_rk4=np.full(3, np.nan))
+    assert both.energy_share == pytest.approx(0.1)
+    assert replace(both, energy=-both.energy).energy_share == pytest.approx(-0.1)

@@ -3,6 +3,7 @@
 import json
 import os
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -440,3 +441,13 @@ def test_merges_of_merges_are_counted(mistakes: Mistakes) -> None:
     ]
     (first, *_) = mistakes("\n".join(lines))
     assert first[0] == "syntax"
+
+
+def test_what_a_scene_itself_asks_for_has_a_boundary(vocabulary: Any) -> None:
+    """`where: must` is of what the sweep asks for, or of what its scene's manifest does."""
+    text = (
+        "version: 1\nscene: ball\naxes:\n  timestep: {linspace: [1e-3, 2e-3, 5]}\n"
+        "refine: {axes: [timestep], to: 5, where: must}\n"
+    )
+    assert "not-asked" in {each.code for each in found(text, vocabulary).diagnostics}
+    read_sweep(text, lambda scene: replace(vocabulary(scene), asks=True))

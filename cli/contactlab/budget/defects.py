@@ -48,31 +48,46 @@ def paths(velocities: Floats) -> Floats:
 
 
 def energy_defects(end: Floats, around: Floats) -> Floats:
-    """Return (M,) by how much energies (M,) leave the range of (M, K), the reference's [J].
+    """Return (M, 2) by how much energies (M,) leave those of the reference [J].
 
-    What is within rounding of the energies is 0.
+    First the range of (M, K), which that has around the end; what is within rounding of the
+    energies is 0. Then what the range forgives: the distance from its middle, less that.
     """
     with np.errstate(invalid="ignore", over="ignore"):
         low, high = around.min(axis=1), around.max(axis=1)
         apart = end - np.clip(end, low, high)
         rounding = 1e-12 * np.maximum(np.abs(end), np.abs(around).max(axis=1))
-        return np.where(np.abs(apart) > rounding, apart, 0.0)
+        apart = np.where(np.abs(apart) > rounding, apart, 0.0)
+        forgiven = end - around[:, around.shape[1] // 2] - apart
+    return np.stack((apart, forgiven), axis=-1)
 
 
-def drifts(parts: Floats, scale: Floats) -> Floats:
-    """Return (S,) the drift of sums over windows, from (S, W) defects and causal scales [J].
+def settled(found: Floats) -> Floats:
+    """Return (W,) defects of energy, from (W, 2) of windows that follow upon each other.
+
+    What was forgiven to one is taken off the next, where it is of the other sign: an event that
+    the run has a step too early, or a part of it, is missing afterwards.
+    """
+    apart, forgiven = found.T
+    before = np.nan_to_num(np.append(0.0, forgiven[:-1]))
+    back = np.where(before * apart < 0, np.minimum(np.abs(before), np.abs(apart)), 0.0)
+    return apart - np.copysign(back, apart)
+
+
+def drift(shares: Floats) -> float:
+    """Return the drift of sums over windows, from (W,) defects as shares of all energy.
 
     The larger of two: the mean of the last third of the sums less that of the first, times 3/2,
-    which is the whole of a steady drift; and what no sum of the last third gives back, which is the
-    whole of one that ended early, as of what is damped to rest. What goes up and down and comes
-    back leaves little of either.
+    which is the whole of a steady drift, but no more than the sums reach in that third; and what no
+    sum of it gives back, which is the whole of one that ended early, as of what is damped to rest.
+    What goes up and down and comes back leaves little of either.
     """
-    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-        sums = np.cumsum(np.where(parts == 0, 0.0, parts / scale), axis=1)
-        third = max(1, sums.shape[1] // 3)
-        last = sums[:, -third:]
-        trend = 1.5 * (last.mean(axis=1) - sums[:, :third].mean(axis=1))
-        stays = np.maximum(last.min(axis=1), 0) + np.minimum(last.max(axis=1), 0)
-        drift = np.where(np.abs(trend) > np.abs(stays), trend, stays)
-        drift = drift if sums.shape[1] > 2 else sums[:, -1]
-    return np.where(np.isnan(drift), np.inf, drift)
+    with np.errstate(invalid="ignore", over="ignore"):
+        sums = np.cumsum(shares)
+        third = max(1, len(sums) // 3)
+        last = sums[-third:]
+        low, high = min(last.min(), 0), max(last.max(), 0)
+        trend = np.clip(1.5 * (last.mean() - sums[:third].mean()), low, high)
+        stays = max(last.min(), 0) + min(last.max(), 0)
+        found = max(trend, stays, key=abs) if len(sums) > 2 else sums[-1]
+    return float(np.inf if np.isnan(found) else found)

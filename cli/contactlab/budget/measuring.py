@@ -10,7 +10,14 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
-from contactlab.budget.defects import defects, drifts, energy_defects, paths, to_the_limit
+from contactlab.budget.defects import (
+    defects,
+    drift,
+    energy_defects,
+    paths,
+    settled,
+    to_the_limit,
+)
 from contactlab.budget.motion import Motion, forget_delays, pulls, without_delays
 from contactlab.budget.places import Stretch, place_of
 from contactlab.budget.prices import Price, prices
@@ -24,8 +31,10 @@ from contactlab.budget.rows import (
     disabled,
     go_on,
     gravity_of,
+    raises_time_constants,
 )
 from contactlab.budget.showing import shown_rows
+from contactlab.budget.stored import Stored
 from contactlab.budget.windows import (
     EngineWarning,
     Observer,
@@ -173,6 +182,7 @@ class PhaseMeasure:
         self._run: Run = replay(motion, settings.window, settings.workers, known)
         self._observer = Observer(motion.model, motion.starts[0], self._bodies, settings.workers)
         self._base = cache(self._made_base)
+        self._stored = cache(lambda name: Stored(self._base(name)))
         gravity = 0.0 if disabled(motion.model, "gravity") else 1.0
         self._pulls = pulls(motion, gravity * motion.model.opt.gravity)[..., self._bodies]
         self._usual = self._usual_changes()
@@ -248,6 +258,8 @@ class PhaseMeasure:
     def _made_base(self, name: str) -> mujoco.MjModel:
         if name == "run":
             return run_at_once(self._model)
+        if name == "RK4":
+            return self._smooth(1)
         return reference_of(self._model, 1 if name == "step" else self._settings.finer)
 
     def _variation(self, row: Row) -> Variation:
@@ -322,16 +334,32 @@ class PhaseMeasure:
             found.excess[place] = np.where(lost[:, None], 0, paths(own[:, :-1]) - paths(path))
             found.speed[place] = np.linalg.norm(own[:, :-1], axis=-1).max(axis=1)
         found.gained[place] = np.where(lost[:, None], 0, self._gained(last[:, 1], end[:, finer]))
-        total = energies.sum(axis=-1)[:, -2]
-        found.energy[place] = energy_defects(total, end_energies.sum(axis=-1))
-        whole_energy = powers.sum(axis=-1)
-        found.held[place] = np.stack((whole_energy[:, 0], whole_energy.max(axis=1)), axis=-1)
+        stored = self._storing(windows, "step", windows.own[:, -2:-1])
+        found.total[place] = energies[:, -2].sum(axis=-1) + stored[:, 1] - stored[:, 0]
+        around, path_energy = end_energies[:, ::finer].sum(axis=-1), powers.sum(axis=-1)
+        held = self._storing(windows, "reference", fine[:, -2 * finer - 1 :: finer])
+        around += held[:, 1:] - held[:, :1]
+        found.energy[place] = energy_defects(found.total[place], around)
+        start, most = path_energy[:, 0] + stored[:, 0], path_energy.max(axis=1)
+        found.held[place] = np.stack((start, most), axis=-1)
         found.lowest[place] = powers[..., 0].min(axis=1)
-        found.added[place] = np.maximum(np.diff(whole_energy, axis=1), 0).sum(axis=1)
+        found.added[place] = np.maximum(around[:, 1] - path_energy[:, 0], 0)
         found.begin[place] = np.linalg.norm(own[:, 0], axis=-1)
         if self._settings.energy and self._model.opt.integrator != _RK4:
-            found.energy_rk4[place] = self._energy_by_rk4(windows, total, _RK4_RATE)
+            found.energy_rk4[place] = self._energy_by_rk4(windows, found.total[place], _RK4_RATE)
         return {RUN.name: last, "reference": end}, lost
+
+    def _storing(self, windows: Windows, name: str, kept: Floats) -> Floats:
+        """Return (M, 1 + K) what is stored at the beginning, and in states (M, K, kept) [J].
+
+        Nothing where refsafe gives constraints of the run other springs than the reference has:
+        these would lift what the run's let sink, window by window.
+        """
+        if raises_time_constants(self._model):
+            return np.zeros((len(kept), kept.shape[1] + 1))
+        return self._stored(name)(
+            windows.states(np.concatenate([windows.own[:, :1], kept], axis=1))
+        )
 
     def _gained(self, own: Floats, reference: Floats) -> Floats:
         """Return (M, B) kinetic energies beyond the reference's [J], from (M, B, 6) velocities."""
@@ -357,13 +385,18 @@ class PhaseMeasure:
             float(self._run.begins[window] * self._model.opt.timestep),
         )
 
-    def _energy_by_rk4(self, windows: Windows, total: Floats, rate: int) -> Floats:
-        """Return (M,) energy defects against RK4 [J]; NaN where it gave up."""
+    def _smooth(self, rate: int) -> mujoco.MjModel:
         smooth = reference_of(self._model, rate)
         smooth.opt.integrator = _RK4
-        kept, gave_up = windows.roll(smooth, rate)
-        apart = energy_defects(total, self._observer(kept)[1].sum(axis=-1))
-        return np.where(gave_up, np.nan, apart)
+        return smooth
+
+    def _energy_by_rk4(self, windows: Windows, total: Floats, rate: int) -> Floats:
+        """Return (M, 2) energy defects against RK4 [J]; NaN where it gave up."""
+        kept, gave_up = windows.roll(self._smooth(rate), rate)
+        around = self._observer(kept[:, ::rate])[1].sum(axis=-1)
+        held = self._storing(windows, "RK4", kept[:, ::rate])
+        apart = energy_defects(total, around + held[:, 1:] - held[:, :1])
+        return np.where(gave_up[:, None], np.nan, apart)
 
     def _energies(self, found: "_Found") -> tuple[Floats, Floats]:
         """Return (S,) drifts of energy, against the run's own integrator and against RK4.
@@ -372,14 +405,13 @@ class PhaseMeasure:
         more, it is asked with half its step again: NaN where it then says otherwise.
         """
         own, rk4 = self._drift(found, found.energy), self._drift(found, found.energy_rk4)
-        least = max(_WORTH_A_LOOK, abs(float(own.mean())))
-        if not abs(float(rk4.mean())) > least:
+        if not np.abs(rk4).mean() > max(_WORTH_A_LOOK, np.abs(own).mean()):
             return own, rk4
         run, rate = self._run, 2 * _RK4_RATE
         for block in blocks(self._model, np.argwhere(run.valid), (run.steps + 1) * rate):
             windows = Windows(self._undelayed, run, self._settings.workers, block)
-            total = self._observer(windows.own[:, -2])[1].sum(axis=-1)
-            found.energy_rk4[tuple(block.T)] = self._energy_by_rk4(windows, total, rate)
+            place = tuple(block.T)
+            found.energy_rk4[place] = self._energy_by_rk4(windows, found.total[place], rate)
         finer = self._drift(found, found.energy_rk4)
         with np.errstate(invalid="ignore"):
             resolved = np.abs(finer - rk4) <= _ITS_OWN * np.maximum(np.abs(finer), np.abs(rk4))
@@ -494,10 +526,11 @@ class PhaseMeasure:
         return replace(warning, cause=cause)
 
     def _drift(self, found: "_Found", parts: Floats) -> Floats:
-        """Return (S,) drifts of energy over all of it that there was, up to each window.
+        """Return (S,) drifts of energy over all of it that there was.
 
-        That is what the start had above the lowest potential energy so far, and what was added to
-        the reference since; or the most that it had at once; or weight times size.
+        That is what the start had above the lowest potential energy, and what the reference added;
+        or the most that there was at once but for what the run itself had gained; or weight times
+        size.
         """
         model = self._model
         size = max(
@@ -506,17 +539,21 @@ class PhaseMeasure:
         )
         weight = self._pulls.mean(axis=1) @ model.body_mass[self._bodies] * size
         usual = GRAVITY_AS_REAL * self._usual @ model.body_mass[self._bodies] * size
-        low = np.minimum.accumulate(found.lowest, axis=1)
-        had = found.held[:, :1, 0] + np.cumsum(found.added, axis=1)
-        had = np.maximum(had, np.maximum.accumulate(found.held[..., 1], axis=1)) - low
-        scale = np.maximum(had, np.maximum(weight, usual)[:, None])
-        drift = np.full(len(parts), np.nan)
+        found_drifts = np.full(len(parts), np.nan)
         for seed, valid in enumerate(self._run.valid & ~found.lost):
-            own, whole = parts[seed][valid], scale[seed][valid]
-            # No run loses more than there is: what it lacks then, the reference gained.
-            if own.size and (own >= -whole).all():
-                drift[seed] = drifts(own[None], whole[None])[0]
-        return drift
+            if not valid.any():
+                continue
+            own, gained = settled(parts[seed][valid]), settled(found.energy[seed][valid])
+            start, most = found.held[seed][valid].T
+            with np.errstate(invalid="ignore", over="ignore"):
+                before = np.cumsum(gained) - gained
+                had = max(start[0] + found.added[seed][valid].sum(), np.nanmax(most - before))
+                had -= found.lowest[seed][valid].min()
+                scale = max(had, weight[seed], usual) + 1e-300
+                # No run loses more than there is: what it lacks then, the reference gained.
+                if (own >= -scale - np.maximum(np.cumsum(own) - own, 0)).all():
+                    found_drifts[seed] = drift(own / scale)
+        return found_drifts
 
     def _excess(self, found: "_Found", real: Floats) -> Floats:
         if not self._settings.excess:
@@ -558,11 +595,12 @@ class _Found(NamedTuple):
     checked: Floats  # (S, W, B) defects of the reference; NaN where it was not checked
     finer: Floats  # (S, W, B) defects of the run against the finer reference there
     gained: Floats  # (S, W, B) kinetic, beyond the reference's at the end [J]
-    energy: Floats  # (S, W) defects [J]
-    energy_rk4: Floats  # (S, W)
+    total: Floats  # (S, W) the run's energy at the end, less what constraints stored before [J]
+    energy: Floats  # (S, W, 2) defects, and what was forgiven [J]
+    energy_rk4: Floats  # (S, W, 2)
     held: Floats  # (S, W, 2) the reference's energy at the start, and its largest [J]
     lowest: Floats  # (S, W) least potential energy [J]
-    added: Floats  # (S, W) how much the reference's energy rose, in all its rises [J]
+    added: Floats  # (S, W) how much the reference's energy rose [J]
     lost: np.ndarray  # (S, W) whether the reference gave up
 
     @classmethod
@@ -581,8 +619,9 @@ class _Found(NamedTuple):
             checked=np.full((*shape, bodies), np.nan),
             finer=np.full((*shape, bodies), np.nan),
             gained=bodies_of(),
-            energy=np.zeros(shape),
-            energy_rk4=np.full(shape, np.nan),
+            total=np.zeros(shape),
+            energy=np.zeros((*shape, 2)),
+            energy_rk4=np.full((*shape, 2), np.nan),
             held=np.zeros((*shape, 2)),
             lowest=np.zeros(shape),
             added=np.zeros(shape),

@@ -116,9 +116,12 @@ class PhaseBudget:
 
     @property
     def energy_share(self) -> float:
-        """The larger drift of energy, the mean over seeds; its sign says gain or loss."""
+        """The larger drift of energy: the mean of what seeds gain or lose.
+
+        Its sign is that of the seed that drifts most, so that no gain hides another seed's loss.
+        """
         found = [
-            float(drift.mean())
+            float(np.copysign(np.abs(drift).mean(), drift[np.argmax(np.abs(drift))]))
             for drift in (self.energy, self.energy_rk4)
             if drift.size and not np.isnan(drift).any()
         ]

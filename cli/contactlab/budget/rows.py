@@ -180,7 +180,7 @@ def _raised(model: mujoco.MjModel, own: mujoco.MjModel) -> None:
         array[(array[:, 0] > 0) & (array[:, 0] < least), 0] = least
 
 
-def _short(model: mujoco.MjModel) -> bool:
+def raises_time_constants(model: mujoco.MjModel) -> bool:
     """Return whether refsafe raises any time constant at a model's step."""
     if disabled(model, "refsafe"):
         return False
@@ -541,7 +541,7 @@ ROWS: tuple[Row, ...] = (
         "time constants as the run's step has them raised",
         "numerics",
         (_raised,),
-        _short,
+        raises_time_constants,
         _raises,
         priced=False,
     ),

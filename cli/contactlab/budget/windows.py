@@ -152,15 +152,25 @@ def parts(model: mujoco.MjModel, rows: Floats) -> Floats:
     return np.concatenate([rows[..., place] for place in _places(model)], axis=-1)
 
 
-def _places(model: mujoco.MjModel) -> list[slice]:
+def _places(model: mujoco.MjModel, spec: int = _KEPT) -> list[slice]:
+    """Return where the parts of a state lie that the bits of a spec name."""
     found = list[slice]()
     bit = 1
-    while bit <= _KEPT:
-        if bit & _KEPT:
+    while bit <= spec:
+        if bit & spec:
             begin = mujoco.mj_stateSize(model, (bit - 1) & INTEGRATION)
             found.append(slice(begin, begin + mujoco.mj_stateSize(model, bit)))
         bit <<= 1
     return found
+
+
+def _enter(states: Floats, rows: Floats, places: Sequence[slice]) -> None:
+    """Write (..., width) rows into the parts of (..., nstate) states that they are of."""
+    begin = 0
+    for place in places:
+        end = begin + place.stop - place.start
+        states[..., place] = rows[..., begin:end]
+        begin = end
 
 
 def _warned(
@@ -213,6 +223,7 @@ class Windows:
         self.steps, self._spec, self._workers = run.steps, motion.spec, workers
         seed, window = which.T
         self.starts = run.starts[seed, window]
+        self._given, self._places = _places(motion.model, motion.spec), _places(motion.model)
         self.own = np.stack(
             [
                 run.kept[s, b : b + run.steps + 2]
@@ -247,6 +258,17 @@ class Windows:
         steps = (self.steps + 1 - first) * rate
         kept, fails = _roll(batch, begin.shape[1], steps, held, self._spec)
         return np.concatenate([begin[:, None], kept], axis=1), failed | fails
+
+    def states(self, kept: Floats) -> Floats:
+        """Return (M, K, nstate) states of mjSTATE_INTEGRATION, from (M, K, kept) parts of them.
+
+        The rest is as each window begins, but for inputs, which are those of its last step.
+        """
+        states = self.starts[:, None].repeat(kept.shape[1], axis=1)
+        if self._inputs is not None:
+            _enter(states, self._inputs[:, self.steps - 1, None], self._given)
+        _enter(states, kept, self._places)
+        return states
 
     def _held(self, first: int, last: int, rate: int) -> Floats | None:
         return None if self._inputs is None else self._inputs[:, first:last].repeat(rate, axis=1)
@@ -297,11 +319,8 @@ class Observer:
         return velocities.reshape(*kept.shape[:-1], -1, 6), energies.reshape(*kept.shape[:-1], 2)
 
     def _look(self, rows: Floats, velocities: Floats, energies: Floats) -> None:
-        place, count = 0, len(rows)
-        for part in self._places:
-            width = part.stop - part.start
-            self._batch.state[:count, part] = rows[:, place : place + width]
-            place += width
+        count = len(rows)
+        _enter(self._batch.state[:count], rows, self._places)
         self._batch.bind("time")[:] = 0
         seen = self._batch.rollout(1, record=list(_OBSERVED), ids=list(range(count)))
         twist = seen["cvel"][:, 0, self._bodies]

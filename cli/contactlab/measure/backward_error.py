@@ -41,7 +41,7 @@ def backward_error_time(context: Context) -> Floats:
     return _of(context, "time")
 
 
-@metric("1", version=2, kind="check")
+@metric("1", version=3, kind="check")
 def backward_error_energy(context: Context) -> Floats:
     """Share of energy that the run gains, if positive, and its model does not: docs/budget.md."""
     return _of(context, "energy")

@@ -84,11 +84,11 @@ def _in_si(amount: re.Match[str]) -> str:
 
 
 def check_asked(context: SweepContext, place: Place) -> None:
-    """Add a mistake unless a sweep says of any run what it must do."""
-    sweep = context.sweep
-    if not (sweep.must or any(asked.must for asked in sweep.expect)):
+    """Add a mistake unless a sweep, or its scene, says of any run what it must do."""
+    sweep, asks = context.sweep, context.vocabulary.asks
+    if not (asks or sweep.must or any(asked.must for asked in sweep.expect)):
         message, hint = (
-            "the sweep says of no run what it must do",
+            "neither the sweep nor its scene says of any run what it must do",
             "add must: [...], such as still(BODY)",
         )
         context.document.add("not-asked", place, message, hint)

@@ -174,6 +174,7 @@ class SceneLoader:
             [*THRESHOLDS],
             units={name: entry.unit for name, entry in (*METRICS.items(), *THRESHOLDS.items())},
             lacking={} if manifest and manifest.oracle else dict.fromkeys(_OF_ORACLES, _NO_ORACLE),
+            asks=bool(manifest and manifest.must),
             mistake_in_requirement=broken,
         )
 

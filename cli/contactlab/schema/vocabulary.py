@@ -62,6 +62,8 @@ class Vocabulary:
     """Units of metrics and thresholds, by name."""
     lacking: Mapping[str, str] = field(default_factory=dict[str, str])
     """Metrics that no run of the scene has, and why."""
+    asks: bool = False
+    """Whether the scene itself says what its runs must do."""
     mistake_in_requirement: Callable[[str, float | None], str | None] | None = None
     """Fault of a requirement in runs of that duration; None if there is none."""
 

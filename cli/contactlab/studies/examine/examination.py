@@ -179,13 +179,16 @@ def _measured(
         if not request.assign:
             found += grip_facts(request.model, examined.motions[0].model, task.start)
         report = report.model_copy(update={"facts": found})
-    late = bool(changes and changes.untried)
+    late, told = bool(changes and changes.untried), changes.told() if changes else ()
     sentence = _sentence(verdict, tried, task, examined.budget, late=late)
+    unlabelling = [change.name for change in told if change.removes == "labels"]
+    if verdict.reasons and unlabelling and not any(remedy.removes for remedy in tried):
+        sentence += f"; {unlabelling[0]} leaves no label"
     report = report.model_copy(
         update={
             "sentence": _whole(sentence, report),
             "budget": budget_report(examined.budget, verdict, tried),
-            "changes": changes.told() if changes else (),
+            "changes": told,
             "untried": tuple(untried),
         }
     )

@@ -1,0 +1,122 @@
+"""The energy that soft constraints store, which is not in MuJoCo's `energy`."""
+
+import copy
+from typing import NamedTuple
+
+import mujoco
+import numpy as np
+
+from contactlab.budget.motion import INTEGRATION
+from contactlab.contact.contact_laws import impedance
+from contactlab.contact.trace_arrays import Floats
+
+_EVEN, _TWICE = np.polynomial.legendre.leggauss(8)
+# Points and weights of the integral over shares of a violation, from none to all of it.
+_SHARES, _WEIGHTS = (_EVEN[:, None] + 1) / 2, _TWICE / 2
+_EQUALITY = int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
+_LIMIT_JOINT = int(mujoco.mjtConstraint.mjCNSTR_LIMIT_JOINT)
+_LIMIT_TENDON = int(mujoco.mjtConstraint.mjCNSTR_LIMIT_TENDON)
+_BY_DISTANCE = [int(mujoco.mjtEq.mjEQ_CONNECT), int(mujoco.mjtEq.mjEQ_WELD)]
+_ALONE = sum(
+    int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{name}", 0)) for name in ("WARMSTART", "ISLAND")
+)
+
+
+class _Violated(NamedTuple):
+    """K rows of constraints that are violated in a state, at rest."""
+
+    violations: Floats  # (K,) [m or rad]
+    springs: Floats  # (K,) forces that owe to violations alone [N or N m]
+    loads: Floats  # (K,) forces that owe to the load
+    depths: Floats  # (K,) by which they have their impedances
+    solimp: Floats  # (K, 5)
+
+
+class Stored:
+    """Computes what contacts, limits and equalities would give back if they were released.
+
+    It is the work of what their forces owe to positions, along a violation that shrinks to none.
+    After semi-implicit steps, whose velocities lag by half of one, what all forces that have a
+    potential do in half a step is added: docs/budget-derivation.md.
+    """
+
+    def __init__(self, model: mujoco.MjModel) -> None:
+        """Take a model whose solver goes on until it is done; refsafe is as at its step."""
+        self._model = copy.copy(model)
+        self._model.opt.disableflags |= _ALONE
+        self._data = mujoco.MjData(self._model)
+        smooth = model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4
+        self._lag = 0.0 if smooth else model.opt.timestep / 2
+
+    def __call__(self, states: Floats) -> Floats:
+        """Return (...) energies [J] of states (..., nstate) of mjSTATE_INTEGRATION."""
+        rows = states.reshape(-1, states.shape[-1])
+        energies, counts, found = np.full(len(rows), np.nan), np.zeros(len(rows), int), []
+        for place in np.flatnonzero(np.isfinite(rows).all(axis=1)):
+            power, violated = self._at(rows[place])
+            energies[place] = self._lag * power
+            if violated is not None:
+                counts[place] = len(violated.violations)
+                found.append(violated)
+        if found:
+            energies += np.bincount(
+                np.repeat(np.arange(len(rows)), counts), _work(found), len(rows)
+            )
+        return energies.reshape(states.shape[:-1])
+
+    def _at(self, state: Floats) -> tuple[float, _Violated | None]:
+        """Return the power of forces that have a potential [W], and what is violated at rest."""
+        model, data = self._model, self._data
+        mujoco.mj_setState(model, data, state, INTEGRATION)
+        velocity = data.qvel.copy()
+        data.qvel[:] = 0
+        mujoco.mj_fwdPosition(model, data)
+        mujoco.mj_fwdVelocity(model, data)
+        power = float((data.qfrc_spring - data.qfrc_bias) @ velocity)
+        violations = data.efc_pos - data.efc_margin
+        rows = violations.nonzero()[0]
+        if not rows.size:
+            return power, None
+        mujoco.mj_fwdActuation(model, data)
+        mujoco.mj_fwdAcceleration(model, data)
+        mujoco.mj_fwdConstraint(model, data)
+        forces = data.efc_force[rows]
+        mujoco.mj_mulJacVec(model, data, data.efc_vel, velocity)
+        power += float(forces @ data.efc_vel[rows])
+        data.qfrc_smooth[:] = data.qacc_smooth[:] = 0
+        mujoco.mj_fwdConstraint(model, data)
+        springs = data.efc_force[rows]
+        violations = violations[rows]
+        return power, _Violated(
+            violations, springs, forces - springs, *self._softness(violations, rows)
+        )
+
+    def _softness(self, violations: Floats, rows: np.ndarray) -> tuple[Floats, Floats]:
+        """Return (K,) depths and (K, 5) solimp by which rows of constraints have impedances."""
+        model, data = self._model, self._data
+        kinds, numbers = data.efc_type[rows], data.efc_id[rows]
+        depths, solimp = np.abs(violations), np.empty((len(rows), 5))
+        places = {
+            _EQUALITY: model.eq_solimp,
+            _LIMIT_JOINT: model.jnt_solimp,
+            _LIMIT_TENDON: model.tendon_solimp_lim,
+        }
+        for kind in set(kinds.tolist()):
+            here = kinds == kind
+            of_all = places.get(kind, data.contact.solimp)
+            solimp[here] = of_all[numbers[here]]
+        # MuJoCo takes the distance of a whole connect or weld for the depth of each of its rows.
+        here = (kinds == _EQUALITY).nonzero()[0]
+        here = here[np.isin(model.eq_type[numbers[here]], _BY_DISTANCE)]
+        if here.size:
+            squares = np.bincount(numbers[here], violations[here] ** 2)
+            depths[here] = np.sqrt(squares[numbers[here]])
+        return depths, solimp
+
+
+def _work(found: list[_Violated]) -> Floats:
+    """Return (K,) what forces on all rows do along violations that shrink in proportion [J]."""
+    violations, springs, loads, depths, solimp = map(np.concatenate, zip(*found, strict=True))
+    rise = impedance(_SHARES * depths, solimp) / impedance(depths, solimp)
+    forces = springs * (_WEIGHTS @ (_SHARES * rise**2)) + loads * (_WEIGHTS @ rise)
+    return -violations * forces
