@@ -29,7 +29,7 @@ _FREE_MOTION, _JOINTS, _CONTACTS = (
 
 def refusal(model: mujoco.MjModel) -> str | None:
     """Return why it cannot simulate a model; None if it can."""
-    if _touches(model):
+    if touches(model):
         return _CONTACTS.refusal(model)
     scalar = (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE)
     if not np.isin(model.jnt_type, [int(each) for each in scalar]).all():
@@ -43,7 +43,7 @@ def refusal(model: mujoco.MjModel) -> str | None:
     return _FREE_MOTION.refusal(model)
 
 
-def _touches(model: mujoco.MjModel) -> bool:
+def touches(model: mujoco.MjModel) -> bool:
     """Return whether there are contacts: then bodies are free, and what joints move is refused."""
     off = mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
     return not model.opt.disableflags & off and _FREE_MOTION.may_collide(model)
@@ -68,19 +68,19 @@ def _run(request: dict[str, Any], run: int, tick: Callable[[], None]) -> dict[st
 
     model = serve.model_of(request, run)
     controls, applied, _ = serve.inputs_of(request, run, model)
-    touches = _touches(model)
-    if applied.any() and not touches:
+    pressed = touches(model)
+    if applied.any() and not pressed:
         raise NotImplementedError("no forces are applied to bodies here; drive by actuators")
-    twin = _CONTACTS.Contacts(model) if touches else _Twin(model)
+    twin = (_CONTACTS.Contacts if pressed else Arm)(model, model.opt.timestep)
     qpos, qvel = request["qpos"][run], request["qvel"][run]
     states, begin = [np.concatenate([qpos, qvel])], time.process_time()
-    for driven in applied if touches else controls:
+    for driven in applied if pressed else controls:
         qpos, qvel = twin.step(qpos, qvel, driven)
         states.append(np.concatenate([qpos, qvel]))
     cost = time.process_time() - begin
     tick()
     state = np.array(states)
-    if touches:
+    if pressed:
         return {"state": state, "sensors": twin.measured(state, controls), "cost": cost}
     sensors = np.zeros((len(controls), model.nsensordata))
     serve.add_energies(model, state, sensors)
@@ -92,21 +92,27 @@ def _forward(request: dict[str, Any], run: int, tick: Callable[[], None]) -> dic
 
     model = serve.model_of(request, run)
     tick()
-    if _touches(model):
+    if touches(model):
         return {}
     control = serve.inputs_of(request, run, model)[0][0]
-    return _Twin(model).forward(request["qpos"][run], request["qvel"][run], control)
+    arm = Arm(model, model.opt.timestep)
+    return arm.forward(request["qpos"][run], request["qvel"][run], control)
 
 
-class _Twin:
-    """A model as Drake imports it; its joints are in the same order, whatever Drake's is."""
+class Arm:
+    """A model as Drake imports it; its joints are in the same order, whatever Drake's is.
 
-    def __init__(self, model: mujoco.MjModel) -> None:
+    Without a timestep it is continuous.
+    """
+
+    def __init__(self, model: mujoco.MjModel, timestep: float) -> None:
         import serve
         from pydrake.multibody.parsing import Parser
-        from pydrake.multibody.plant import MultibodyPlant
+        from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
+        from pydrake.systems.framework import DiagramBuilder
 
-        self._model, self._plant = model, MultibodyPlant(model.opt.timestep)
+        builder = DiagramBuilder()
+        self._model, (self._plant, _) = model, AddMultibodyPlantSceneGraph(builder, timestep)
         joints = [model.joint(each).name or f"joint_{each}" for each in range(model.njnt)]
         Parser(self._plant).AddModelsFromString(serve.mjcf_of(_moving(model)), "xml")
         off = model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_GRAVITY
@@ -117,15 +123,19 @@ class _Twin:
             actuator = self._plant.AddJointActuator(name, self._plant.GetJointByName(name))
             actuator.set_default_rotor_inertia(float(model.dof_armature[dof]))
             actuator.set_default_gear_ratio(1.0)
-        self._plant.SetUseSampledOutputPorts(False)
+        if timestep:
+            self._plant.SetUseSampledOutputPorts(False)
         self._plant.Finalize()
-        self._context = self._plant.CreateDefaultContext()
+        self.diagram = builder.Build()
+        self.root = self.diagram.CreateDefaultContext()
+        self._context = self._plant.GetMyMutableContextFromRoot(self.root)
         found = [self._plant.GetJointByName(name) for name in joints]
         self._places = [each.position_start() for each in found]
         self._speeds = [each.velocity_start() for each in found]
         self._plant.get_actuation_input_port().FixValue(self._context, np.zeros(model.njnt))
 
-    def _set(self, qpos: np.ndarray, qvel: np.ndarray) -> None:
+    def put(self, qpos: np.ndarray, qvel: np.ndarray) -> None:
+        """Set coordinates and velocities."""
         q, v = np.zeros(self._model.nq), np.zeros(self._model.nv)
         q[self._places], v[self._speeds] = qpos - self._model.qpos0, qvel
         self._plant.SetPositions(self._context, q)
@@ -135,18 +145,33 @@ class _Twin:
         self, qpos: np.ndarray, qvel: np.ndarray, control: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return the coordinates and velocities one step later."""
-        self._set(qpos, qvel)
+        self.put(qpos, qvel)
         forces = np.zeros(self._model.nv)
         forces[self._speeds] = _JOINTS.joint_forces(self._model, qpos, qvel, control)
         port = self._plant.get_applied_generalized_force_input_port()
         port.FixValue(self._context, forces)
         after = self._plant.EvalUniquePeriodicDiscreteUpdate(self._context).get_vector(0)
-        q, v = np.split(np.array(after.get_value()), [self._model.nq])
+        return self.take(np.array(after.get_value()), qpos)
+
+    def take(self, own: np.ndarray, _qpos: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return a state of Drake's as MuJoCo has it."""
+        q, v = np.split(own, [self._model.nq])
         return q[self._places] + self._model.qpos0, v[self._speeds]
+
+    def own(self, root: Any) -> np.ndarray:
+        """Return the state of a context as Drake has it."""
+        return self._plant.GetPositionsAndVelocities(self._plant.GetMyContextFromRoot(root)).copy()
+
+    def rates(self, own: np.ndarray) -> np.ndarray:
+        """Return how the coordinates of a state of Drake's change [1/s, or rad/s]."""
+        return own[self._model.nq :]
+
+    def apply(self, _applied: np.ndarray) -> None:
+        """Apply no forces on bodies: there are none."""
 
     def forward(self, qpos: np.ndarray, qvel: np.ndarray, control: np.ndarray) -> dict[str, Any]:
         """Return forces of motion and gravity, and the acceleration."""
-        self._set(qpos, qvel)
+        self.put(qpos, qvel)
         plant, context, order = self._plant, self._context, np.ix_(self._speeds, self._speeds)
         gravity = plant.CalcGravityGeneralizedForces(context)
         bias = (plant.CalcBiasTerm(context) - gravity)[self._speeds]

@@ -10,6 +10,7 @@ import numpy as np
 
 PACKAGE = "mujoco-mjx"
 REQUIREMENTS = ("mujoco-mjx>=3.17,<5", "mujoco=={mujoco}", "jax[cpu]", "numpy")
+OWN_LAWS = False
 _SWITCHES = ("AUTORESET", "MIDPHASE")  # which it does not have, and needs none of
 _INTEGRATORS = ("EULER", "RK4", "IMPLICITFAST")
 _SOLVERS = ("CG", "NEWTON")

@@ -11,6 +11,7 @@ import numpy as np
 
 PACKAGE = "newton"
 REQUIREMENTS = ("newton>=1.8,<2", "mujoco-warp=={mujoco}", "mujoco=={mujoco}", "numpy")
+OWN_LAWS = False
 DEVICES = ("cpu", "cuda")
 _FREE, _BALL, _SLIDE, _HINGE = range(4)
 _HEADROOM = 2  # memory over MuJoCo's own peak, as its documentation advises

@@ -9,6 +9,7 @@ import numpy as np
 
 PACKAGE = "mujoco-warp"
 REQUIREMENTS = ("mujoco-warp=={mujoco}", "mujoco=={mujoco}", "numpy")
+OWN_LAWS = False
 # What warp has no switch for: it stops at nothing, and looks at every pair.
 _SWITCHES = ("AUTORESET", "MIDPHASE")
 # What worlds may differ in: of a model's options, and of its arrays.

@@ -1,10 +1,15 @@
 """Free bodies in contact, as Drake's adapter simulates them."""
 
+import math
+from pathlib import Path
+from runpy import run_path
+from types import SimpleNamespace
 from typing import Any
 
 import mujoco
 import numpy as np
 
+_RIGID = SimpleNamespace(**run_path(str(Path(__file__).parent / "rigid_contacts.py")))
 _MODULUS = 1e6  # of boxes [Pa]: one of 10 cm and 1 kg sinks by 50 um
 _FREE, _PLANE, _SPHERE, _BOX = (
     int(mujoco.mjtJoint.mjJNT_FREE),
@@ -71,21 +76,23 @@ def _refusals(model: mujoco.MjModel) -> list[tuple[Any, str]]:
 
 
 class Contacts:
-    """Free bodies above what is fixed, as Drake has them.
+    """Free bodies above what is fixed, as Drake has them, stepped or, without a step, continuous.
 
-    A ball is a point contact by SAP, with stiffness and damping of its solref times its mass. Boxes
-    are hydroelastic, of one modulus, and lagged: by SAP what slides fast glides above the floor. On
-    both presses all of gravity, not the share that solimp leaves.
+    A ball is a point contact, with the stiffness of its solref times its mass; stepped it is by
+    SAP, with the damping of solref likewise. Continuous it is damped by Hunt and Crossley's law, so
+    that what comes at 1 m/s leaves with the restitution of its solref. Boxes are hydroelastic, of
+    one modulus, and stepped lagged: by SAP what slides fast glides above the floor. On both presses
+    all of gravity, not the share that solimp leaves.
     """
 
-    def __init__(self, model: mujoco.MjModel) -> None:
+    def __init__(self, model: mujoco.MjModel, timestep: float) -> None:
         from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlantConfig
         from pydrake.systems.framework import DiagramBuilder
 
-        self._model, self._builder = model, DiagramBuilder()
+        self._model, self._builder, self._stepped = model, DiagramBuilder(), timestep > 0
         self._ball = bool((model.geom_type == _SPHERE).any())
         config = MultibodyPlantConfig(
-            time_step=model.opt.timestep,
+            time_step=timestep,
             discrete_contact_approximation="sap" if self._ball else "lagged",
             contact_model="point" if self._ball else "hydroelastic",
             sap_near_rigid_threshold=0.0,
@@ -96,11 +103,12 @@ class Contacts:
         self._plant.mutable_gravity_field().set_gravity_vector(gravity)
         self._bodies = {int(body): self._body(int(body)) for body in model.jnt_bodyid}
         self._geoms = {self._shape(geom): geom for geom in range(model.ngeom)}
-        self._plant.SetUseSampledOutputPorts(False)
+        if self._stepped:
+            self._plant.SetUseSampledOutputPorts(False)
         self._plant.Finalize()
-        self._diagram = self._builder.Build()
-        self._root = self._diagram.CreateDefaultContext()
-        self._context = self._plant.GetMyMutableContextFromRoot(self._root)
+        self.diagram = self._builder.Build()
+        self.root = self.diagram.CreateDefaultContext()
+        self._context = self._plant.GetMyMutableContextFromRoot(self.root)
         self._forces: list[dict[tuple[int, int], np.ndarray]] = []
 
     def _body(self, body: int) -> Any:
@@ -145,15 +153,14 @@ class Contacts:
         stiffness, damping = _spring(model, geom)
         # Two in series: what does not give leaves the other's.
         given = model.body_mass[body] * stiffness if body in self._bodies else 1e30
-        geometry.AddContactMaterial(
-            properties=made,
-            friction=CoulombFriction(friction, friction),
-            **({"point_stiffness": given} if self._ball else {}),
-        )
+        point = {"point_stiffness": given} if self._ball else {}
+        if self._ball and not self._stepped:
+            point["dissipation"] = dissipation(_RIGID.restitution_of(-stiffness, -damping))
+        coulomb = CoulombFriction(friction, friction)
+        geometry.AddContactMaterial(properties=made, friction=coulomb, **point)
         if self._ball:
-            made.AddProperty(
-                "material", "relaxation_time", damping / stiffness if body in self._bodies else 0.0
-            )
+            relaxation = damping / stiffness if self._stepped and body in self._bodies else 0.0
+            made.AddProperty("material", "relaxation_time", relaxation)
         elif body in self._bodies:
             geometry.AddCompliantHydroelasticProperties(
                 float(model.geom_size[geom].min()), _MODULUS, made
@@ -169,9 +176,27 @@ class Contacts:
 
         It keeps the contact forces of the step.
         """
+        self.apply(applied)
+        self.put(qpos, qvel)
+        plant, context = self._plant, self._context
+        after = plant.EvalUniquePeriodicDiscreteUpdate(context).get_vector(0).get_value().copy()
+        self._forces.append(self._pressed())
+        plant.SetPositionsAndVelocities(context, after)
+        return self._told(qpos)
+
+    def own(self, root: Any) -> np.ndarray:
+        """Return the state of a context as Drake has it."""
+        return self._plant.GetPositionsAndVelocities(self._plant.GetMyContextFromRoot(root)).copy()
+
+    def rates(self, own: np.ndarray) -> np.ndarray:
+        """Return how the coordinates of a state of Drake's change [1/s]."""
+        self._plant.SetPositionsAndVelocities(self._context, own)
+        return self._plant.MapVelocityToQDot(self._context, own[self._plant.num_positions() :])
+
+    def put(self, qpos: np.ndarray, qvel: np.ndarray) -> None:
+        """Set coordinates and velocities."""
         from pydrake.multibody.math import SpatialVelocity
 
-        self._apply(applied)
         model, plant, context = self._model, self._plant, self._context
         for joint, body in enumerate(self._bodies.values()):
             q, v = qpos[model.jnt_qposadr[joint] :][:7], qvel[model.jnt_dofadr[joint] :][:6]
@@ -179,10 +204,20 @@ class Contacts:
             plant.SetFreeBodyPose(context, body, pose)
             spin = pose.rotation().matrix() @ v[3:]
             plant.SetFreeBodySpatialVelocity(body, SpatialVelocity(spin, v[:3]), context)
-        after = plant.EvalUniquePeriodicDiscreteUpdate(context).get_vector(0).get_value().copy()
+
+    def take(self, own: np.ndarray, qpos: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Set a state as Drake has it, keep its contact forces, and return it as MuJoCo does.
+
+        Of the two quaternions of a turn it is the one nearer to those of `qpos`.
+        """
+        self._plant.SetPositionsAndVelocities(self._context, own)
         self._forces.append(self._pressed())
-        plant.SetPositionsAndVelocities(context, after)
-        qpos, qvel = qpos.copy(), qvel.copy()
+        return self._told(qpos)
+
+    def _told(self, qpos: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return coordinates, with the quaternions nearer to these, and velocities."""
+        model, plant, context = self._model, self._plant, self._context
+        qpos, qvel = qpos.copy(), np.zeros(model.nv)
         for joint, body in enumerate(self._bodies.values()):
             place, dof = model.jnt_qposadr[joint], model.jnt_dofadr[joint]
             pose = plant.EvalBodyPoseInWorld(context, body)
@@ -194,7 +229,7 @@ class Contacts:
             qvel[dof : dof + 6] = [*velocity.translational(), *spin]
         return qpos, qvel
 
-    def _apply(self, applied: np.ndarray) -> None:
+    def apply(self, applied: np.ndarray) -> None:
         """Apply force and torque at the centre of mass of each body, in the world, as MuJoCo."""
         from pydrake.common.value import Value
         from pydrake.multibody.math import SpatialForce
@@ -236,7 +271,7 @@ class Contacts:
             pair = int(model.sensor_objid[each]), int(model.sensor_refid[each])
             first, count = model.sensor_adr[each], model.sensor_dim[each] // slot
             rows = sensors[:, first : first + count * slot].reshape(len(sensors), count, slot)
-            for row, forces in zip(rows, self._forces, strict=True):
+            for row, forces in zip(rows, self._forces[: len(rows)], strict=True):
                 acting = row[:, 0] > 0
                 share = forces.get(pair, np.zeros(3)) / max(1, acting.sum())
                 for contact in np.flatnonzero(acting):
@@ -246,6 +281,22 @@ class Contacts:
                     )
                     row[contact, 4:7] = 0
         return sensors
+
+
+def dissipation(restitution: float) -> float:
+    """Return Hunt and Crossley's [s/m] by which what comes at v = 1 m/s leaves with e of it.
+
+    A spring of any stiffness with force k x (1 + d x') takes as much of the speed as
+    d v (1 + e) = log((1 + d v) / (1 - d e v)) says.
+    """
+    if restitution >= 1:
+        return 0.0
+    low, high = 0.0, 1 / restitution
+    for _ in range(60):
+        middle = (low + high) / 2
+        loss = math.log1p(middle) - math.log1p(-middle * restitution)
+        low, high = (low, middle) if loss > middle * (1 + restitution) else (middle, high)
+    return low
 
 
 def _spring(model: mujoco.MjModel, geom: int) -> tuple[float, float]:

@@ -127,7 +127,42 @@ def test_a_fall_and_a_pendulum_keep_their_closed_forms(name: str) -> None:
 
 
 @pytest.mark.night
-@built
+@pytest.mark.parametrize("name", [installed("cenic")])
+def test_a_fall_with_error_control_is_off_by_the_root_of_its_accuracy(name: str) -> None:
+    """Steps h of first order are off by a h^2 / 2 each, which the accuracy limits.
+
+    Of a time T that is a T h / 2. Force and weight act alike: both are off by one share.
+    """
+    off: list[float] = []
+    for accuracy in ("1e-4", "1e-6"):
+        model, data = one(0.001, BALL, option=f'tolerance="{accuracy}"')
+        data.xfrc_applied[1, 0] = 4
+        data.qvel[3:] = spin = [1, 2, 3]
+        told = states(ENGINES[name], model, data, 400)
+        pushed, fallen = told[-1, 0] - 4 / 2 * 0.4**2 / 2, told[-1, 2] - 1.05 + 9.81 * 0.4**2 / 2
+        assert pushed / fallen == pytest.approx(-4 / 2 / 9.81, rel=1e-6)
+        assert told[-1, 10:13] == pytest.approx(spin, abs=1e-12)
+        off.append(abs(fallen))
+    assert off[0] / off[1] == pytest.approx(10, rel=0.1)
+    assert off[1] < 1e-3
+
+
+@pytest.mark.night
+@pytest.mark.parametrize("name", [installed("cenic")])
+def test_a_bounce_with_error_control_loses_less_the_more_accurate_it_is(name: str) -> None:
+    def left(accuracy: str) -> float:
+        option, both = f'tolerance="{accuracy}"', 'solref="-160000 0"'
+        model, data = one(0.001, BALL, option=option, both=both)
+        end = states(ENGINES[name], model, data, 700)[-1]
+        return ((end[2] - 0.05) * 9.81 + end[9] ** 2 / 2) / 9.81
+
+    # As above, of an energy: from 1e-4 to 1e-6 a tenth.
+    assert abs(left("1e-6") - 1) < 0.2 * abs(left("1e-4") - 1)
+    assert left("1e-6") == pytest.approx(1, abs=0.05)
+
+
+@pytest.mark.night
+@pytest.mark.parametrize("name", [installed("bullet"), installed("sapien"), installed("cenic")])
 @pytest.mark.parametrize("friction", [0.2, 0.5])
 def test_a_box_holds_below_the_arctangent_of_friction_and_slides_above(
     name: str, friction: float
@@ -135,7 +170,8 @@ def test_a_box_holds_below_the_arctangent_of_friction_and_slides_above(
     for off, moves in ((-0.5, False), (0.5, True)):
         tilt = math.atan(friction) + math.radians(off)
         gravity = f'gravity="{9.81 * math.sin(tilt)} 0 {-9.81 * math.cos(tilt)}"'
-        model, data = one(0.001, BOX, option=gravity, both=f'friction="{friction}"')
+        option = f'{gravity} tolerance="1e-6"'
+        model, data = one(0.001, BOX, option=option, both=f'friction="{friction}"')
         slid = states(ENGINES[name], model, data, 1000)[-1, 0]
         expected = 9.81 * (math.sin(tilt) - friction * math.cos(tilt)) / 2 * moves
         # Half a degree moves it by 43 mm in a second; what lands and rocks first, by a tenth.

@@ -1,22 +1,25 @@
 """The panel of engines: its tasks are read, and what it expects of them is what MuJoCo compiles."""
 
+from pathlib import Path
+
 import mujoco
 import numpy as np
 import pytest
-from bench.engine_panel import ITEMS, best, period, rod
-from bench.engine_panel import Point as Run
 
-from contactlab.run.sweep_request import read_request
+from contactlab.errors import EngineError, SweepFileError
+from contactlab.schema.engine_panel import EnginePanel, PanelRun
+from contactlab.studies.engine_panel.closed_forms import period, rod
+from contactlab.studies.engine_panel.engine_panel import (
+    REPORT,
+    TASKS,
+    PanelRequest,
+    better,
+    middle,
+    run,
+)
+from contactlab.studies.session import Session
 
-PENDULUM = next(path for path in ITEMS if path.stem == "pendulum").parent / "pendulum.xml"
-
-
-@pytest.mark.long
-def test_each_task_has_three_steps_of_one_engine() -> None:
-    assert len(ITEMS) == 12
-    for path in ITEMS:
-        request = read_request(path, path.stem, path.parent, folder=path.parent, workers=0)
-        assert request.plan.count == 3
+PENDULUM = TASKS["pendulum"].parent / "pendulum.xml"
 
 
 def test_the_rods_inertia_is_that_of_mujocos_capsule() -> None:
@@ -39,11 +42,68 @@ def test_the_rods_period_is_that_of_fine_steps_of_fourth_order() -> None:
     assert abs(period(np.array(angles), 0.01)) < 1e-6
 
 
-def test_who_is_better_than_mujoco_is_named() -> None:
-    def run(engine: str, error: float | None) -> Run:
-        return Run("bounce", engine, "1", 0.001, error, None, None, None, "stable")
+SHORT = """
+version: 1
+scene: SCENE
+duration: 0.6
+drive: none
+axes: {engine: [mujoco], timestep: [0.002, 0.004]}
+"""
 
-    assert best([run("mujoco", 0.1), run("sapien", 0.01), run("bullet", None)]) == [
-        "- bounce: sapien 0.01, mujoco 0.1"
-    ]
-    assert best([run("mujoco", 0.1), run("sapien", 0.2)]) == []
+
+def test_a_task_is_run_once_and_read_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A ball falls by 1 m, .45 s, and bounces, by MuJoCo and by an engine of spheres alone."""
+    for task, scene in (
+        ("bounce", "ball_drop"),
+        ("grasp", str(TASKS["grasp"].with_suffix(".xml"))),
+    ):
+        monkeypatch.setitem(TASKS, task, tmp_path / f"{task}.yaml")
+        TASKS[task].write_text(SHORT.replace("SCENE", scene))
+    begun: list[int] = []
+    session = Session(tmp_path / "out", begin=lambda _total, done: begun.append(done))
+    request = PanelRequest(["bounce", "grasp"], ["mujoco", "impulse"])
+    first = run(request, session)
+    assert [(each.task, each.engine) for each in first.runs] == (
+        [("bounce", "mujoco")] * 2 + [("bounce", "impulse")] * 2 + [("grasp", "mujoco")] * 2
+    )
+    assert all(each.error is not None and each.cost for each in first.runs)
+    (why,) = first.left_out
+    assert why.startswith("grasp: the impulse engine")
+    # The law that `impulse` computes is the closed form.
+    assert [(found.task, found.engine) for found, _ in better(first)] == [("bounce", "impulse")]
+    assert middle(first, "grasp", "impulse") is None
+    assert EnginePanel.model_validate_json((tmp_path / "out" / REPORT).read_bytes()) == first
+    assert begun == [0, 0, 0]
+    assert run(request, session) == first
+    assert begun[3:] == [2, 2, 2]
+
+
+def test_what_there_is_not_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    for request, error, said in (
+        (PanelRequest(["bounc"]), SweepFileError, "did you mean 'bounce'"),
+        (PanelRequest(engines=["nobody"]), EngineError, "no engine 'nobody'"),
+        (PanelRequest(engines=["cenic"]), EngineError, "contactlab engines add cenic"),
+    ):
+        with pytest.raises(error, match=said):
+            run(request, Session(tmp_path / "out"))
+    assert not (tmp_path / "out").exists()
+
+
+def test_who_is_better_than_mujoco_is_named() -> None:
+    def point(engine: str, error: float | None) -> PanelRun:
+        return PanelRun(
+            task="bounce", engine=engine, step=0.001, accuracy=None, error=error, energy=None,
+            depth=None, cost=None, label="stable",
+        )  # fmt: skip
+
+    def told(*points: PanelRun) -> list[tuple[str, str]]:
+        task = {"name": "bounce", "description": "", "measure": "restitution"}
+        panel = EnginePanel.model_validate(
+            {"engines": {}, "tasks": [task], "runs": points, "left_out": ()}
+        )
+        return [(found.engine, ours.engine) for found, ours in better(panel)]
+
+    ours, theirs = point("mujoco", 0.1), point("sapien", 0.01)
+    assert told(ours, theirs, point("bullet", None)) == [("sapien", "mujoco")]
+    assert told(ours, point("sapien", 0.2)) == []

@@ -85,7 +85,9 @@ def test_a_ball_against_a_wall_has_restitutions_derivative() -> None:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize(
+    "seed", [0, *(pytest.param(n, marks=pytest.mark.night) for n in range(1, 6))]
+)
 @pytest.mark.parametrize("by", ["speed", "solref.stiffness", "solref.damping"])
 def test_any_ball_has_restitutions_derivative(seed: int, by: str) -> None:
     """The bound is no more than .6 of the derivative where that is a hundredth of the speed."""

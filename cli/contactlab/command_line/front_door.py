@@ -32,7 +32,7 @@ def completed(words: Sequence[str]) -> list[str]:
         SweepFileError: the first word is neither a command nor a model.
     """
     first = words[0] if words else ""
-    if first in FORMER and not (first == "engines" and "add" in words):
+    if first in FORMER and not (first == "engines" and {"add", "panel"} & {*words[1:2]}):
         now = _as_named_now(words)
         say(f"`contactlab {first}` is `contactlab {' '.join(now[:2])}` now; the old name goes next")
         return now

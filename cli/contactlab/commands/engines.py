@@ -1,11 +1,17 @@
-"""Add engines that can simulate."""
+"""Add engines that can simulate, and hold them against closed forms."""
 
-from typing import Annotated
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
-from contactlab.command_line.declaration import Argument, Given, command
-from contactlab.command_line.surroundings import say
-from contactlab.command_line.terminal import echo
+from contactlab.command_line import options as opt
+from contactlab.command_line.declaration import Argument, Given, Option, command
+from contactlab.command_line.surroundings import say, study_session
+from contactlab.command_line.terminal import echo, print_report_json, print_table
 from contactlab.errors import EngineError
+
+if TYPE_CHECKING:
+    from contactlab.schema.engine_panel import EnginePanel
 
 
 def _text(version: str, given: Given) -> None:
@@ -34,3 +40,64 @@ def add(name: Annotated[str, Argument("NAME", "Engine to install.")]) -> str:
     advice = f"look whether this machine can have {' and '.join(engine.requirements)}"
     make_environment(engine.environment, engine.requirements, name, advice, lambda _: None)
     return engine.version
+
+
+def _panel_text(report: "EnginePanel", given: Given) -> None:
+    from contactlab.studies.engine_panel.engine_panel import REPORT
+    from contactlab.studies.engine_panel.panel_lines import notes, rows
+
+    echo(", ".join(f"{name} {version}" for name, version in report.engines.items()))
+    print_table(*rows(report))
+    for line in notes(report):
+        echo(line)
+    echo(f"every step, depths and labels: {_panel_folder(given['output']) / REPORT}")
+
+
+def _panel_folder(output: str | Path | None) -> Path:
+    from contactlab.resources import RESULTS
+
+    return RESULTS / "engines" if output is None else opt.folder_of(output)
+
+
+@command(
+    "examine",
+    name="engines panel",
+    examples=("engines panel", "engines panel bounce slide --engine mujoco,drake"),
+    codes="0 measured, 2 bad input, 130 interrupted",
+    formats={"text": _panel_text, "json": print_report_json},
+)
+def panel(
+    tasks: Annotated[
+        Sequence[str], Argument("TASK", "As bounce or stack; all by default.", kind=list[str])
+    ] = (),
+    *,
+    engine: Annotated[
+        str | Sequence[str],
+        Option("NAME,NAME", "By default all that are installed with laws of their own.", kind=str),
+    ] = (),
+    figure: opt.Figure = None,
+    output: opt.StudyFolder = None,
+) -> "EnginePanel":
+    """Hold engines against closed forms, at three steps each, with the CPU time of stepping.
+
+    Each task and engine has a store in `results/engines`, or in the folder `output`: the same
+    command resumes it.
+
+    Raises:
+        SweepFileError: there is no such task.
+        EngineError: there is no such engine, or it is not installed.
+    """
+    from contactlab.studies.engine_panel.engine_panel import PanelRequest, run
+
+    opt.check_figure(figure)
+    named = engine.split(",") if isinstance(engine, str) else engine
+    asked = PanelRequest([tasks] if isinstance(tasks, str) else list(tasks), list(named))
+    with study_session(_panel_folder(output), 0) as session:
+        report = run(asked, session)
+    if figure is not None:
+        from contactlab.charts import save_figure
+        from contactlab.studies.engine_panel.panel_chart import specification
+
+        save_figure(specification(report), Path(figure))
+        say(f"drew {figure}")
+    return report

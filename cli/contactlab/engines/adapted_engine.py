@@ -2,14 +2,15 @@
 
 An adapter is a file of the folder `adapters` that knows nothing of contactlab. Its docstring says
 what computes; PACKAGE is what has the version, REQUIREMENTS what pip installs, with `{mujoco}` for
-this MuJoCo's version. `refusal(model)` is asked here, without the engine; `simulate(request, tick)`
-runs where it is: of n runs of N steps it returns the arrays `state` (n, N + 1, nq + nv + na),
-`sensors` (n, N, nsensordata), `cost` (n,) [s], and, if it has such, `iterations` of its solver
-(n, N), `contactfull` and `cnstrfull` (n,): that memory was short. If it has `forward(request,
-tick)`, that returns (n) quantities of the n starts, named as in MuJoCo's data; if `derivative`,
-the derivative of ends. DEVICES are the
-words that the request's `device` may be, which is else empty. REFUSED is of one that simulates
-nothing at all, and says why; IGNORED names settings and effects that an engine leaves out, and why.
+this MuJoCo's version, and ENVIRONMENT the engine whose environment it shares, if it has none.
+`refusal(model)` is asked here, without the engine; `simulate(request, tick)` runs where it is: of n
+runs of N steps it returns the arrays `state` (n, N + 1, nq + nv + na), `sensors` (n, N,
+nsensordata), `cost` (n,) [s], and, if it has such, `iterations` of its solver (n, N), `contactfull`
+and `cnstrfull` (n,): that memory was short. If it has `forward(request, tick)`, that returns (n)
+quantities of the n starts, named as in MuJoCo's data; if `derivative`, the derivative of ends.
+DEVICES are the words that the request's `device` may be, which is else empty. REFUSED is of one
+that simulates nothing at all, and says why; IGNORED names settings and effects that an engine
+leaves out, and why. OWN_LAWS and CONTROLS_ERROR are an engine's `own_laws` and `controls_error`.
 """
 
 import os
@@ -68,6 +69,8 @@ class AdaptedEngine(SimulationEngine):
         self._adapter = load_adapter(file)
         self._file, self._device = file, device
         self.name, self.summary = file.stem, self._adapter.__doc__.rstrip(".")
+        self.own_laws = getattr(self._adapter, "OWN_LAWS", True)
+        self.controls_error = getattr(self._adapter, "CONTROLS_ERROR", False)
 
     @property
     def requirements(self) -> list[str]:
@@ -80,7 +83,8 @@ class AdaptedEngine(SimulationEngine):
     @property
     def environment(self) -> Path:
         """The folder of its environment, which may not be there."""
-        return user_cache() / f"{self.name}-{short_hash(self.requirements)}"
+        name = getattr(self._adapter, "ENVIRONMENT", self.name)
+        return user_cache() / f"{name}-{short_hash(self.requirements)}"
 
     @property
     def version(self) -> str:

@@ -209,6 +209,9 @@ class SimulationEngine(ABC):
             out of its models; else all that a model has stays on.
         accepts_every_run: whether it refuses nothing, so that runs need not be asked about.
         runs_policies: whether it calls `PreparedRuns.policy`; what that did drives any engine.
+        own_laws: whether it has laws of motion of its own, so that closed forms try them; else
+            it computes MuJoCo's, or what another steps.
+        controls_error: whether it chooses its own steps, by `tolerance`, its accuracy.
     """
 
     name: str
@@ -216,6 +219,8 @@ class SimulationEngine(ABC):
     omits_unused_effects: bool = False
     accepts_every_run: bool = False
     runs_policies: bool = False
+    own_laws: bool = True
+    controls_error: bool = False
 
     @property
     @abstractmethod

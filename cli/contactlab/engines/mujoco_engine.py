@@ -123,6 +123,7 @@ class LoopEngine(SimulationEngine):
     name = LOOP_ENGINE
     summary = "a loop, or an environment"
     runs_policies = True
+    own_laws = False
 
     @property
     def version(self) -> str:

@@ -10,6 +10,7 @@ from contactlab.plugins import extensions
 from contactlab.schema.check_report import Reference
 from contactlab.schema.comparison import ComparePolicy, ComparisonReport
 from contactlab.schema.diff_report import DiffReport
+from contactlab.schema.engine_panel import EnginePanel
 from contactlab.schema.error_budget import BudgetReport
 from contactlab.schema.evidence import EvidenceRecord, StoreManifest
 from contactlab.schema.examination import Examination
@@ -46,6 +47,7 @@ EMITTED: Mapping[str, type[BaseModel]] = {
     "tune.schema.json": TuneReport,
     "fit.schema.json": FitReport,
     "gradients.schema.json": GradientsReport,
+    "engine-panel.schema.json": EnginePanel,
     "grip.schema.json": GripReport,
     "shrink.schema.json": ShrinkReport,
 }

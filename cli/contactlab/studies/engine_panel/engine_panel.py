@@ -1,0 +1,156 @@
+"""The panel of engines: each task of `sweeps/engines` by every engine that is installed.
+
+A task is run by each engine into a store of its own, at three steps; by an engine that chooses its
+own steps, at three accuracies, recorded at the middle step. Stores that are complete are read, the
+rest is run or resumed.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from contactlab.engines import ENGINES, find_engine
+from contactlab.engines.engine import SimulationEngine
+from contactlab.errors import EngineError, SceneError, SweepFileError
+from contactlab.mjcf import MODEL_ENGINE
+from contactlab.plan.overrides import Overrides
+from contactlab.resources import SWEEPS
+from contactlab.run.sweep_request import SweepRequest, read_request
+from contactlab.schema.engine_panel import EnginePanel, PanelRun, PanelTask
+from contactlab.schema.evidence import EvidenceRecord
+from contactlab.schema.setting_values import as_number
+from contactlab.store.finished_store import Store
+from contactlab.studies.engine_panel.closed_forms import OWN
+from contactlab.studies.session import Session
+
+REPORT = "panel.json"
+TASKS = {path.stem: path for path in sorted((SWEEPS / "engines").glob("*.yaml"))}
+"""Sweep files by task."""
+_MEASURES = {
+    "billiards": "direction", "bounce": "restitution", "elastic": "restitution", "grasp": "fall, m",
+    "gyroscope": "time of a turn", "oblique": "velocity, m/s", "pendulum": "period",
+    "roll": "acceleration", "slide": "way", "slope": "way", "spin": "braking",
+    "stack": "load of the lowest", "stick": "way that slides, m",
+}  # fmt: skip
+_ACCURACIES = (1e-1, 1e-3, 1e-5)
+_CLOSER = 0.99  # else the same scheme is rounded otherwise
+
+
+@dataclass(frozen=True)
+class PanelRequest:
+    """Tasks and engines by name; of none, all tasks, and what is installed with laws of its own."""
+
+    tasks: Sequence[str] = ()
+    engines: Sequence[str] = ()
+
+
+def run(request: PanelRequest, session: Session) -> EnginePanel:
+    """Run what the session's folder does not have, and measure it all.
+
+    The folder receives a store of each task and engine, and `panel.json`. Raises a SweepFileError
+    if there is no such task; an EngineError if there is no such engine, or it is not installed; an
+    OutputError if the folder cannot be written; a StoppedError if the session was stopped.
+    """
+    for name in request.tasks:
+        SweepFileError.unless_known(name, TASKS, f"no task '{name}'")
+    asked = [find_engine(name) for name in request.engines]
+    for engine in asked:
+        if not engine.version:
+            raise EngineError(_absence(engine))
+    own = [engine for engine in ENGINES.values() if engine.own_laws]
+    engines = asked or [engine for engine in own if engine.version]
+    refused = dict[str, list[str]]()  # tasks by reason
+    tasks = request.tasks or list(TASKS)
+    session.claim("panel", "sweeps/engines")
+    runs: list[PanelRun] = []
+    told: list[PanelTask] = []
+    for task in tasks:
+        for engine in engines:
+            try:
+                store = session.run(_sweep(task, engine, session))
+            except SceneError as error:
+                refused.setdefault(str(error), []).append(task)
+                continue
+            runs += [_measured(task, store, record) for record in store.records()]
+        described = _sweep(task, ENGINES[MODEL_ENGINE], session).plan.sweep.description
+        told.append(PanelTask(name=task, description=described or "", measure=_MEASURES[task]))
+    absent = [] if asked else [_absence(engine) for engine in own if not engine.version]
+    left_out = [f"{', '.join(without)}: {why}" for why, without in refused.items()]
+    report = EnginePanel(
+        engines={engine.name: engine.version for engine in engines},
+        tasks=tuple(told),
+        runs=tuple(runs),
+        left_out=(*left_out, *absent),
+    )
+    session.write({REPORT: report.model_dump_json(indent=2) + "\n"})
+    return report
+
+
+def _absence(engine: SimulationEngine) -> str:
+    return getattr(engine, "absence", "") or f"the {engine.name} engine is not installed"
+
+
+def _sweep(task: str, engine: SimulationEngine, session: Session) -> SweepRequest:
+    """Return a task's sweep as it is for an engine; a SceneError says that it cannot do it."""
+    path = TASKS[task]
+
+    def read(*more: str) -> SweepRequest:
+        return read_request(
+            path, path.stem, session.folder / task / engine.name, folder=path.parent, workers=0,
+            overrides=Overrides(assign=[f"engine={engine.name}", *more]),
+        )  # fmt: skip
+
+    request = read()
+    if not engine.controls_error:
+        return request
+    (steps,) = (axis.values for axis in request.plan.axes if axis.name == "timestep")
+    accuracies = ",".join(f"{accuracy:g}" for accuracy in _ACCURACIES)
+    return read(f"timestep={steps[len(steps) // 2]}", f"tolerance={accuracies}")
+
+
+def _measured(task: str, store: Store, record: EvidenceRecord) -> PanelRun:
+    step, accuracy = as_number(record.settings["timestep"]), record.axes.get("tolerance")
+    told = PanelRun(
+        task=task,
+        engine=record.engine.name,
+        step=step,
+        accuracy=None if accuracy is None else as_number(accuracy),
+        error=None,
+        energy=None,
+        depth=None,
+        cost=None,
+        label=record.label if record.status == "ok" else record.status_reason or record.status,
+    )
+    if record.status != "ok":
+        return told
+    own, metrics = OWN.get(task), record.metrics
+    error = own(store.trace(record), record) if own else metrics["oracle_error"]
+    return told.model_copy(
+        update={
+            "error": None if error is None or not math.isfinite(error) else abs(error),
+            "energy": metrics.get("energy_drift"),
+            "depth": metrics.get("penetration_max"),
+            "cost": record.cost.cpu_s / (record.steps * step) if record.cost else None,
+        }
+    )
+
+
+def middle(panel: EnginePanel, task: str, engine: str) -> PanelRun | None:
+    """Return an engine's run at the middle step, or accuracy, of a task; None if it has none."""
+    runs = [each for each in panel.runs if (each.task, each.engine) == (task, engine)]
+    return runs[len(runs) // 2] if runs else None
+
+
+def better(panel: EnginePanel) -> Iterator[tuple[PanelRun, PanelRun]]:
+    """Yield the run with the least error of each task, and MuJoCo's, where it is not the least."""
+    for task in panel.tasks:
+        known = [each for each in panel.runs if each.task == task.name and each.error is not None]
+        ours = [each for each in known if each.engine == MODEL_ENGINE]
+        if ours:
+            first, own = (min(some, key=_error) for some in (known, ours))
+            if _error(first) < _CLOSER * _error(own):
+                yield first, own
+
+
+def _error(run: PanelRun) -> float:
+    return math.inf if run.error is None else run.error
