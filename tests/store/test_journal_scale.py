@@ -26,7 +26,7 @@ from contactlab.store.row_journal import (
     read_lines,
     sealed,
 )
-from contactlab.store.runs_table import digests_of, write_table
+from contactlab.store.runs_table import Digests, RowsDigest, digests_of, write_table
 from contactlab.store.table_layout import record_to_row, table_schema
 
 Write = Callable[[int], Path]
@@ -203,6 +203,37 @@ def test_rows_have_one_digest_as_they_are_written_and_as_they_are_read(
         digests.add(write_table(journal, target, columns_of(records), shared_part(records[0])))
         digests.add(digests_of(target))
     assert len(digests) == 1
+
+
+SAID = {
+    "same": [1.0] * 6,
+    "later": [1.0, 1.0, 1.0, 1.0, 2.0, None],
+    "nothing": [None] * 6,
+    "word": ["ab", "ab", "ab", "cd", "abab", "ab"],
+    "list": [[1.0], [1.0], [], None, [1.0], [1.0]],
+    "truth": [True, True, None, False, True, True],
+}
+
+
+def test_a_digest_is_of_every_value_however_many_are_read_at_once() -> None:
+    kinds = {name: pa.array(said).type for name, said in SAID.items()} | {"nothing": pa.string()}
+    schema = pa.schema(kinds, metadata={"contactlab.shared": "{}"})
+
+    def digest(said: Mapping[str, Any], size: int) -> Digests:
+        digest = RowsDigest()
+        for rows in pa.table({**said}, schema=schema).to_batches(size):
+            digest.add(rows)
+        return digest.of(schema)
+
+    assert len({digest(SAID, size) for size in range(1, 7)}) == 1
+    other = {"same": 3.0, "later": 3.0, "nothing": "a", "word": "ad", "list": [2.0], "truth": None}
+    changed = [
+        {**SAID, name: [*said[:place], other[name], *said[place + 1 :]]}
+        for name, said in SAID.items()
+        for place in range(6)
+        if said[place] != other[name]
+    ]
+    assert len({digest(said, 2) for said in (SAID, *changed)}) == 1 + len(changed) == 36
 
 
 def line(run: int) -> bytes:

@@ -17,6 +17,7 @@ from contactlab.scene.scene import Scene
 from contactlab.schema.evidence import Accuracy
 from contactlab.store.alike_rows import AlikeRows
 from contactlab.store.finished_store import Store
+from contactlab.store.run_columns import chosen_rows
 
 _RESOLVED = ("run_id", "seed", "duration", "axis_names", "settings")
 _JUDGED = ("labels", "expected", "expectation_met", "expectation_reason", "tolerances_met")
@@ -32,7 +33,7 @@ def recomputed_rows(
     columns = store.columns
     judged = () if plan is None else (*_JUDGED, *_measured(plan, columns.schema.names))
     names = dict.fromkeys((*_RESOLVED, *columns.axis_names, *judged))
-    for rows in columns.batches([*names], chosen):
+    for rows in chosen_rows(columns.batches([*names]), chosen):
         alike = AlikeRows(rows)
         yield from _other_runs(alike, scene)
         if plan is not None:

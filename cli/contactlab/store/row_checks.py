@@ -7,7 +7,7 @@ breaks a law is named; one that is named may yet be sound.
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from functools import cached_property, reduce
 from types import NoneType, UnionType
-from typing import Any, Union, get_args, get_origin
+from typing import Annotated, Any, Union, get_args, get_origin
 
 import numpy as np
 import pyarrow as pa
@@ -123,12 +123,14 @@ class _FieldCheck:
     @cached_property
     def _model(self) -> type[Model]:
         info = self._stored.info
-        field: Any = info.annotation, info
-        return create_model("Checked", __base__=Model, value=field)
+        kind = Annotated[info.annotation, *info.metadata] if info.metadata else info.annotation
+        field: Any = list[kind], ...
+        return create_model("Checked", __base__=Model, values=field)
 
-    def _takes(self, value: object) -> bool:
+    def _takes(self, *values: object) -> bool:
+        """Return whether the field takes each of some values."""
         try:
-            self._model.model_validate({"value": self._stored.restored(value)})
+            self._model.model_validate({"values": [*map(self._stored.restored, values)]})
         except ValueError:
             return False
         return True
@@ -136,7 +138,10 @@ class _FieldCheck:
     def _wrong_texts(self, column: pa.Array) -> Truths:
         """Return (n,) which texts the field does not take; each different one is tried once."""
         different = {text for text in column.unique().to_pylist() if text is not None}
-        wrong = {text for text in different - self._known if not self._takes(text)}
+        tried = different - self._known
+        wrong = (
+            set[str]() if self._takes(*tried) else {text for text in tried if not self._takes(text)}
+        )
         if len(self._known) < _MOST_KNOWN:
             self._known |= different - wrong
         if not wrong:

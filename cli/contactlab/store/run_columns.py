@@ -1,7 +1,7 @@
 """The table's columns as NumPy arrays, each read on demand."""
 
 import hashlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
@@ -14,13 +14,20 @@ from numpy.typing import NDArray
 
 from contactlab.errors import StoreError
 from contactlab.store.arrow_values import number_array, numpy_array, text_scalar
-from contactlab.store.runs_table import compute, listed_columns, shared_fields, table_errors
+from contactlab.store.runs_table import (
+    GROUP,
+    batches_of,
+    compute,
+    listed_columns,
+    shared_fields,
+    table_errors,
+)
 from contactlab.store.store_files import TABLE, Address, stored_file
 from contactlab.store.table_layout import Column, column_of
 
 _ID_DIGITS = 16
-_BATCH, _GROUP = 1 << 12, 1 << 16
-"""Rows that are in memory at once: with many columns, and of one."""
+_BATCH = 1 << 13
+"""Rows that are in memory at once, where all of their columns may be."""
 _MOST_GROUPS = 8  # row groups that are kept for who asks for rows next to each other
 _HASHED = 1 << 16  # ids that are written out at once
 _MOST_CATEGORIES = 64  # a bit each in a 64-bit mask
@@ -96,18 +103,11 @@ class RunColumns:
             table.validate(full=True)
             return table
 
-    def batches(
-        self, names: Sequence[str] | None = None, chosen: NDArray[np.bool_] | None = None
-    ) -> Iterator[pa.RecordBatch]:
-        """Yield some thousand rows at a time: those chosen (runs,), and some of their columns."""
-        start = 0
+    def batches(self, names: Sequence[str] | None = None) -> Iterator[pa.RecordBatch]:
+        """Yield some thousand rows at a time, or some of their columns."""
         with table_errors(self.path):
-            for batch in self._file.iter_batches(_BATCH, columns=names, use_threads=False):
-                batch.validate(full=True)
-                rows = batch if chosen is None else rows_of(batch, chosen[start:][: len(batch)])
-                start += len(batch)
-                if len(rows):
-                    yield rows
+            # Not in a loop, which would hold a batch while the next one is read.
+            yield from map(_validated, batches_of(self._file, _BATCH, names and list(names)))
 
     @cached_property
     def run_ids(self) -> pa.Array:
@@ -251,9 +251,18 @@ class RunColumns:
             raise StoreError(f"{self.path} has no column '{name}'")
         stop = 0
         with table_errors(self.path):
-            for batch in self._file.iter_batches(_GROUP, columns=[name], use_threads=False):
+            for batch in batches_of(self._file, GROUP, [name]):
                 start, stop = stop, stop + len(batch)
                 yield slice(start, stop), batch.column(0)
+
+    def between(self, name: str, rows: slice) -> pa.ChunkedArray:
+        """Return a column of the rows from one to another, reading no more than their groups."""
+        first, last = np.searchsorted(self._ends, [rows.start, rows.stop - 1], side="right")
+        groups = range(int(first), int(last) + 1)
+        with table_errors(self.path):
+            found = pa.concat_tables([self._group_of(group, (name,)) for group in groups])
+        start = rows.start - int(self._ends[groups[0] - 1] if groups[0] else 0)
+        return found.column(0).slice(start, rows.stop - rows.start)
 
     def _read_group(self, group: int, names: tuple[str, ...]) -> pa.Table:
         return self._file.read_row_group(group, columns=[*names], use_threads=False)
@@ -272,13 +281,36 @@ class RunColumns:
 def equal_texts(one: RunColumns, other: RunColumns, name: str) -> NDArray[np.bool_]:
     """Return (runs,) where a column of texts is equal, and there, in two tables of as many runs."""
     equal = np.zeros(one.runs, np.bool_)
-    for (rows, ours), (_, theirs) in zip(one.parts(name), other.parts(name), strict=True):
+    for rows, ours in one.parts(name):
+        theirs = other.between(name, rows)
         both = compute("and", compute("is_valid", ours), compute("is_valid", theirs))
         equal[rows] = numpy_array(both) & numpy_array(compute("equal", ours, theirs))
     return equal
 
 
 _Rows = TypeVar("_Rows", pa.RecordBatch, pa.Array)
+
+
+def chosen_rows(
+    batches: Iterator[pa.RecordBatch], chosen: NDArray[np.bool_] | None
+) -> Iterator[pa.RecordBatch]:
+    """Return the rows of batches, some at a time, or of them those chosen (runs,)."""
+    return batches if chosen is None else _chosen_rows(batches, chosen)
+
+
+def _chosen_rows(
+    batches: Iterable[pa.RecordBatch], chosen: NDArray[np.bool_]
+) -> Iterator[pa.RecordBatch]:
+    start = 0
+    for batch in batches:
+        if (rows := rows_of(batch, chosen[start:][: len(batch)])).num_rows:
+            yield rows
+        start += len(batch)
+
+
+def _validated(rows: pa.RecordBatch) -> pa.RecordBatch:
+    rows.validate(full=True)
+    return rows
 
 
 def rows_of(rows: _Rows, wanted: NDArray[np.bool_]) -> _Rows:

@@ -11,6 +11,7 @@ from collections import Counter, defaultdict
 from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
@@ -43,6 +44,8 @@ GROUP = 1 << 14
 """Rows of a row group, which are written at once, and read at once where one is needed."""
 _BLOCK = 8 << 20  # bytes of the journal that are parsed at once
 _BATCH = 256
+_HASHED = 1 << 20  # bytes that are hashed at once
+_MOST_REPEATED = 64  # items whose repetition is remembered as hashed
 # Shared fields that depend on the machine, the day, and how the sweep is called.
 _OF_STORE = ("started", "finished", "provenance", "sweep")
 _MOST_TABLE, _MOST_ROW = 1 << 30, 1 << 20
@@ -172,7 +175,7 @@ class _Rows:
     """Hands out the rows of a table one after the other."""
 
     def __init__(self, file: pq.ParquetFile, size: int) -> None:
-        self._batches = file.iter_batches(size, use_threads=False)
+        self._batches = batches_of(file, size)
         self._left = file.schema_arrow.empty_table()
 
     def take(self, count: int) -> pa.Table:
@@ -317,13 +320,27 @@ def iterate_rows(path: Path, chosen: NDArray[np.bool_] | None = None) -> Iterato
     """Yield every row of a table, or those chosen (runs,), batch by batch; see `table_errors`."""
     start = 0
     with table_errors(path), pq.ParquetFile(path) as file:
-        for batch in file.iter_batches(_BATCH, use_threads=False):
+        for batch in batches_of(file, _BATCH):
             stop = start + len(batch)
             if chosen is None:
                 yield from batch.to_pylist()
             elif (places := np.flatnonzero(chosen[start:stop])).size:
                 yield from batch.take(number_array(places)).to_pylist()
             start = stop
+
+
+def batches_of(
+    file: pq.ParquetFile, size: int, names: Sequence[str] | None = None
+) -> Iterator[pa.RecordBatch]:
+    """Yield the rows of a table, or some of their columns, at most so many at a time.
+
+    A reader that goes on from one row group to the next keeps texts of all that it has read.
+    """
+    for group in range(file.num_row_groups):
+        if file.metadata.row_group(group).num_rows <= size:
+            yield from file.read_row_group(group, names, use_threads=False).to_batches()
+        else:
+            yield from file.iter_batches(size, row_groups=[group], columns=names, use_threads=False)
 
 
 @contextmanager
@@ -377,7 +394,7 @@ def digests_of(path: Path) -> Digests:
     """Return the digests of the rows of a stored table; see `RowsDigest`."""
     with table_errors(path), pq.ParquetFile(path) as file:
         digest = RowsDigest()
-        for batch in file.iter_batches(8 * _BATCH, use_threads=False):
+        for batch in batches_of(file, GROUP):
             digest.add(batch)
         return digest.of(file.schema_arrow)
 
@@ -393,13 +410,32 @@ class RowsDigest:
     """
 
     def __init__(self) -> None:
-        self._streams = defaultdict[tuple[str, str], Any](hashlib.sha256)
+        self._streams = defaultdict[tuple[str, str], _Stream](_Stream)
 
-    def add(self, rows: pa.RecordBatch) -> None:
-        """Add the rows that follow."""
+    def add(self, rows: pa.RecordBatch) -> pa.RecordBatch:
+        """Add the rows that follow, and return them."""
         for name, column in zip(rows.schema.names, rows.columns, strict=True):
-            for stream, data in _streams(name, column):
-                self._streams[name, stream].update(data)
+            self._add(name, name, column)
+        return rows
+
+    def _add(self, name: str, part: str, column: pa.Array) -> None:
+        """Add what follows to the streams of a column, or of a part of it."""
+        kind, given = column.type, self._streams[name, f"{part}?"]
+        if column.null_count in {0, len(column)}:
+            given.repeat(b"\0" if column.null_count else b"\1", len(column))
+        else:
+            given.add(numpy_array(compute("is_valid", column)))
+        if pa.types.is_struct(kind):
+            for field, inner in zip(kind, column.flatten(), strict=True):
+                self._add(name, f"{part}.{field.name}", inner)
+        elif pa.types.is_list(kind):
+            self._streams[name, f"{part}#"].add(_lengths("list_value_length", column))
+            self._add(name, f"{part}[]", compute("list_flatten", column))
+        elif pa.types.is_string(kind):
+            self._streams[name, f"{part}#"].add(_lengths("binary_length", column))
+            self._streams[name, f"{part}="].add(_joined(compute("drop_null", column)))
+        else:
+            self._streams[name, f"{part}="].add(_filled_numbers(column))
 
     def of(self, schema: pa.Schema) -> Digests:
         """Return the digests of all rows that were added, given the schema of the stored table."""
@@ -420,33 +456,81 @@ class RowsDigest:
         return hashlib.sha256((head + json.dumps(digests, sort_keys=True)).encode()).hexdigest()
 
 
-def _streams(name: str, column: pa.Array) -> Iterator[tuple[str, bytes | memoryview]]:
-    """Yield the bytes of a column, each part with the name of its stream."""
-    kind = column.type
-    yield f"{name}?", numpy_array(compute("is_valid", column)).data
-    if pa.types.is_struct(kind):
-        for field, inner in zip(kind, column.flatten(), strict=True):
-            yield from _streams(f"{name}.{field.name}", inner)
-    elif pa.types.is_list(kind):
-        yield f"{name}#", _lengths(compute("list_value_length", column))
-        yield from _streams(f"{name}[]", compute("list_flatten", column))
-    elif pa.types.is_string(kind):
-        yield f"{name}#", _lengths(compute("binary_length", column))
-        yield f"{name}=", _joined(compute("drop_null", column))
-    else:
-        if column.null_count:
-            column = compute("coalesce", column, zero(kind))
-        yield f"{name}=", numpy_array(column).data
+class _Stream:
+    """The SHA-256 of a stream, whose bytes are hashed once they are not one item over and over.
+
+    Most columns say the same of all runs, or nothing: of those that repeat the same item as often,
+    the bytes are hashed once for all.
+    """
+
+    def __init__(self) -> None:
+        self._item, self._times = b"", 0
+        self._digest: Any = None
+
+    def add(self, values: NDArray[Any]) -> None:
+        """Add the bytes of values (n,)."""
+        data, width = values.view(np.uint8), values.itemsize
+        if _repeats(data, width):
+            self.repeat(data[:width].tobytes(), len(values))
+        elif len(data):
+            self._hashed().update(data)
+
+    def repeat(self, item: bytes, times: int) -> None:
+        """Add an item so many times."""
+        if self._digest is None and self._item in {b"", item}:
+            self._item = item if times else self._item
+            self._times += times
+        else:
+            self._hashed().update(item * times)
+
+    def hexdigest(self) -> str:
+        """Return the digest of what was added."""
+        return (self._digest or _repeated(self._item, self._times)).hexdigest()
+
+    def _hashed(self) -> Any:  # noqa: ANN401 - hashlib has no name for it
+        if self._digest is None:
+            self._digest = _repeated(self._item, self._times).copy()
+        return self._digest
 
 
-def _joined(texts: pa.Array) -> memoryview:
+def _repeats(data: NDArray[np.uint8], width: int) -> bool:
+    """Return whether bytes are the first so many of them over and over."""
+    alike = len(data) > width and data[:width].tobytes() == data[-width:].tobytes()
+    return alike and np.array_equal(data[width:], data[:-width])
+
+
+@lru_cache(_MOST_REPEATED)
+def _repeated(item: bytes, times: int) -> Any:  # noqa: ANN401 - hashlib has no name for it
+    """Return the SHA-256 of an item that is repeated; it is to be copied before it is updated."""
+    found, at_once = hashlib.sha256(), max(1, _HASHED // max(1, len(item)))
+    block, (blocks, rest) = item * at_once, divmod(times, at_once)
+    for _ in range(blocks):
+        found.update(block)
+    found.update(item * rest)
+    return found
+
+
+def _joined(texts: pa.Array) -> NDArray[Any]:
+    """Return the letters of texts, as one value a text where all are as long."""
     _, places, letters = texts.buffers()
     if not len(texts) or letters is None:
-        return memoryview(b"")
+        return np.empty(0, np.uint8)
     ends = np.frombuffer(places, np.int32)[texts.offset :][[0, len(texts)]]
-    return memoryview(letters)[slice(*ends.tolist())]
+    joined = np.frombuffer(letters, np.uint8)[slice(*ends.tolist())]
+    width, rest = divmod(len(joined), len(texts))
+    return joined if rest or not width else joined.view(f"V{width}")
 
 
-def _lengths(lengths: pa.Array) -> memoryview:
-    filled = compute("coalesce", lengths, zero(lengths.type))
-    return numpy_array(filled).astype(np.int64).data
+def _lengths(function: str, column: pa.Array) -> NDArray[np.int64]:
+    """Return (n,) how long texts or lists are by a function of Arrow, 0 where there is none."""
+    if column.null_count == len(column):
+        return np.zeros(len(column), np.int64)
+    return _filled_numbers(compute(function, column)).astype(np.int64)
+
+
+def _filled_numbers(column: pa.Array) -> NDArray[Any]:
+    """Return (n,) numbers or booleans, 0 where there is none."""
+    if 0 < column.null_count < len(column):
+        column = compute("coalesce", column, zero(column.type))
+    values = numpy_array(column)
+    return np.zeros_like(values) if column.null_count else values

@@ -8,13 +8,14 @@ import os
 import re
 import shutil
 from collections import Counter
-from collections.abc import Generator, Iterator, Mapping
+from collections.abc import Generator, Iterable, Iterator, Mapping
 from contextlib import closing, contextmanager
 from itertools import islice, tee
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
 from numpy.typing import NDArray
 
 from contactlab.errors import OutputError, StoreError
@@ -24,8 +25,8 @@ from contactlab.store.atomic_files import exchange_folders, sha256_of, sync_file
 from contactlab.store.controls_file import controls_name, read_controls
 from contactlab.store.finished_store import Store
 from contactlab.store.row_checks import RowChecks, is_null
-from contactlab.store.run_columns import RunColumns, hash_of_ids, rows_of
-from contactlab.store.runs_table import digests_of, write_compact_table
+from contactlab.store.run_columns import RunColumns, chosen_rows, hash_of_ids, rows_of
+from contactlab.store.runs_table import RowsDigest, digests_of, write_compact_table
 from contactlab.store.store_files import (
     IDENTITY,
     LOCK,
@@ -266,10 +267,10 @@ def _check_records(
     """Yield what is wrong with records and traces, or those chosen, a batch of rows at a time."""
     from contactlab.store.mcap.trace_reader import trace_problems  # noqa: PLC0415 - takes a while
 
-    problems: list[str] = []
+    problems, digest = list[str](), RowsDigest()
     left_out = store.manifest.traces_left_out
     named = set[str]() if left_out else store.columns.values("trace_file")
-    records, ahead = tee(_traced_records(store, problems, chosen))
+    records, ahead = tee(_traced_records(store, problems, chosen, digest))
     paths = store.backend.local_files(record.trace.file for record in ahead if record.trace)
     for record, path in zip(records, paths, strict=True):
         assert record.trace is not None
@@ -281,7 +282,7 @@ def _check_records(
     for name in store.backend.trace_names():
         if name not in named:
             yield f"{name}: belongs to no run"
-    digests = digests_of(store.path / TABLE)
+    digests = digest.of(store.columns.schema)
     if store.manifest.records != digests.records:
         yield f"{TABLE}: its records are not those of the manifest's digest"
     elif store.manifest.physics not in {None, digests.physics}:
@@ -289,10 +290,11 @@ def _check_records(
 
 
 def _traced_records(
-    store: Store, problems: list[str], chosen: NDArray[np.bool_] | None
+    store: Store, problems: list[str], chosen: NDArray[np.bool_] | None, digest: RowsDigest
 ) -> Iterator[EvidenceRecord]:
-    """Yield the records that have a trace, and note which are damaged."""
-    for row in _suspected_rows(store, chosen):
+    """Yield the records that have a trace, note which are damaged, and add all rows to a digest."""
+    batches = map(digest.add, store.columns.batches())
+    for row in _suspected_rows(store, chosen_rows(batches, chosen)):
         try:
             record = row_to_record(row, store.columns.shared)
         except (LookupError, TypeError, ValueError) as error:
@@ -305,16 +307,19 @@ def _traced_records(
             yield record
 
 
-def _suspected_rows(store: Store, chosen: NDArray[np.bool_] | None) -> Iterator[dict[str, Any]]:
-    """Yield the rows, of those chosen, that may break a law, or whose trace is to be read."""
+def _suspected_rows(store: Store, batches: Iterable[pa.RecordBatch]) -> Iterator[dict[str, Any]]:
+    """Yield the rows that may break a law, or whose trace is to be read."""
     columns, left_out = store.columns, store.manifest.traces_left_out
     checks = RowChecks(store.manifest.sweep, columns.shared)
-    for rows in columns.batches(chosen=chosen):
+    for rows in batches:
         wanted = checks.suspects(rows)
         if not left_out and "trace_file" in rows.schema.names:
             wanted = wanted | ~is_null(rows["trace_file"])
-        if wanted.any():
-            yield from rows_of(rows, wanted).to_pylist()
+        found = rows_of(rows, wanted).to_pylist() if wanted.any() else []
+        # Or they would be in memory beside those that follow, freed or not.
+        del rows
+        pa.default_memory_pool().release_unused()
+        yield from found
 
 
 def wrong_parts(
