@@ -88,6 +88,23 @@ def test_energy_with_what_is_stored_is_kept(xml: str, solimp: str) -> None:
         assert stored.max() > 0.6 * swing
 
 
+@pytest.mark.parametrize("zeta", [0.02, 1.0])
+def test_a_damped_contact_gives_back_its_restitution(zeta: float) -> None:
+    """A ball pressed in and let go, without gravity: its speed once it is off is of what counts.
+
+    Exact at zeta = 1, and off by zeta^2 where damping is weak; h w = .014 lets go a step late.
+    """
+    rate = STIFFNESS**0.5
+    damped = f'solref="{1 / (rate * zeta)} {zeta}"'
+    xml = BALL.replace('solref="-{k} 0"', damped).replace("0 0 .3", "0 0 .097")
+    model = _model(xml, CONSTANT, option='gravity="0 0 0"')
+    states, energies = _states(model, 300)
+    given = Stored(model)(states)
+    assert given[0] > 0
+    assert given[-1] == 0
+    assert energies[-1] == pytest.approx(given[0], rel=0.03)
+
+
 def test_friction_stores_nothing() -> None:
     """Its rows have no violation, however fast their regularisation lets a body creep."""
     model = _model(BALL, CONSTANT, option='gravity="3 0 -9.81" cone="elliptic"')

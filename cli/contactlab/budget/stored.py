@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 
 from contactlab.budget.motion import INTEGRATION
-from contactlab.contact.contact_laws import impedance
+from contactlab.contact.contact_laws import impedance, restitution_of
 from contactlab.contact.trace_arrays import Floats
 
 _EVEN, _TWICE = np.polynomial.legendre.leggauss(8)
@@ -28,16 +28,18 @@ class _Violated(NamedTuple):
     violations: Floats  # (K,) [m or rad]
     springs: Floats  # (K,) forces that owe to violations alone [N or N m]
     loads: Floats  # (K,) forces that owe to the load
+    powers: Floats  # (K,) of both [W]
+    zetas: Floats  # (K,) damping ratios
     depths: Floats  # (K,) by which they have their impedances
     solimp: Floats  # (K, 5)
 
 
 class Stored:
-    """Computes what contacts, limits and equalities would give back if they were released.
+    """Computes what contacts, limits and equalities would give back to motion.
 
-    It is the work of what their forces owe to positions, along a violation that shrinks to none.
-    After semi-implicit steps, whose velocities lag by half of one, what all forces that have a
-    potential do in half a step is added: docs/budget-derivation.md.
+    It is the work of what their forces owe to positions, along a violation that shrinks to none,
+    times their restitution. After semi-implicit steps, whose velocities lag by half of one, what
+    all forces that have a potential do in half a step is added: docs/budget-derivation.md.
     """
 
     def __init__(self, model: mujoco.MjModel) -> None:
@@ -52,20 +54,20 @@ class Stored:
         """Return (...) energies [J] of states (..., nstate) of mjSTATE_INTEGRATION."""
         rows = states.reshape(-1, states.shape[-1])
         energies, counts, found = np.full(len(rows), np.nan), np.zeros(len(rows), int), []
-        for place in np.flatnonzero(np.isfinite(rows).all(axis=1)):
-            power, violated = self._at(rows[place])
-            energies[place] = self._lag * power
-            if violated is not None:
-                counts[place] = len(violated.violations)
-                found.append(violated)
-        if found:
-            energies += np.bincount(
-                np.repeat(np.arange(len(rows)), counts), _work(found), len(rows)
-            )
+        with np.errstate(invalid="ignore", over="ignore"):
+            for place in np.flatnonzero(np.isfinite(rows).all(axis=1)):
+                power, violated = self._at(rows[place])
+                energies[place] = self._lag * power
+                if violated is not None:
+                    counts[place] = len(violated.violations)
+                    found.append(violated)
+            if found:
+                of = np.repeat(np.arange(len(rows)), counts)
+                energies += np.bincount(of, self._given_back(found), len(rows))
         return energies.reshape(states.shape[:-1])
 
     def _at(self, state: Floats) -> tuple[float, _Violated | None]:
-        """Return the power of forces that have a potential [W], and what is violated at rest."""
+        """Return the power of gravity and springs [W], and which constraints are violated."""
         model, data = self._model, self._data
         mujoco.mj_setState(model, data, state, INTEGRATION)
         velocity = data.qvel.copy()
@@ -82,14 +84,15 @@ class Stored:
         mujoco.mj_fwdConstraint(model, data)
         forces = data.efc_force[rows]
         mujoco.mj_mulJacVec(model, data, data.efc_vel, velocity)
-        power += float(forces @ data.efc_vel[rows])
+        powers = forces * data.efc_vel[rows]
         data.qfrc_smooth[:] = data.qacc_smooth[:] = 0
         mujoco.mj_fwdConstraint(model, data)
         springs = data.efc_force[rows]
+        stiffness, damping = data.efc_KBIP[rows, :2].T
+        zetas = damping / (2 * np.sqrt(np.maximum(stiffness, np.finfo(float).tiny)))
         violations = violations[rows]
-        return power, _Violated(
-            violations, springs, forces - springs, *self._softness(violations, rows)
-        )
+        softness = self._softness(violations, rows)
+        return power, _Violated(violations, springs, forces - springs, powers, zetas, *softness)
 
     def _softness(self, violations: Floats, rows: np.ndarray) -> tuple[Floats, Floats]:
         """Return (K,) depths and (K, 5) solimp by which rows of constraints have impedances."""
@@ -113,10 +116,11 @@ class Stored:
             depths[here] = np.sqrt(squares[numbers[here]])
         return depths, solimp
 
-
-def _work(found: list[_Violated]) -> Floats:
-    """Return (K,) what forces on all rows do along violations that shrink in proportion [J]."""
-    violations, springs, loads, depths, solimp = map(np.concatenate, zip(*found, strict=True))
-    rise = impedance(_SHARES * depths, solimp) / impedance(depths, solimp)
-    forces = springs * (_WEIGHTS @ (_SHARES * rise**2)) + loads * (_WEIGHTS @ rise)
-    return -violations * forces
+    def _given_back(self, found: list[_Violated]) -> Floats:
+        """Return (K,) what forces on all rows do along violations that shrink in proportion [J]."""
+        violations, springs, loads, powers, zetas, depths, solimp = map(
+            np.concatenate, zip(*found, strict=True)
+        )
+        rise = impedance(_SHARES * depths, solimp) / impedance(depths, solimp)
+        forces = springs * (_WEIGHTS @ (_SHARES * rise**2)) + loads * (_WEIGHTS @ rise)
+        return restitution_of(zetas) * (self._lag * powers - violations * forces)
