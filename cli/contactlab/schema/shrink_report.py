@@ -13,6 +13,7 @@ class ShrinkReport(Model):
     stored_reason: str = about("Why it applies to the stored run.")
     before: dict[str, int] = about("Parts of the run's model by kind, those that only look apart.")
     after: dict[str, int] = about("Parts of the small model.")
+    begins: float = about("When in the stored run the small model's begins.", unit="s")
     duration: float = about("Simulated time of the small model's run.", unit="s")
     stored_duration: float = about("That of the stored run.", unit="s")
     tried: int = about("Models that were run.")

@@ -13,9 +13,10 @@ import pytest
 from scipy.spatial import ConvexHull
 
 import contactlab
+from contactlab.contact.trace_arrays import RecordedControls
 from contactlab.errors import StoreError
 from contactlab.store.finished_store import Store
-from contactlab.studies.shrink.failing_model import file_hull
+from contactlab.studies.shrink.failing_model import FailingModel, Start, file_hull
 from contactlab.studies.shrink.shrinking import ShrinkRequest, run
 
 # A ball of 20 mm is thrown through a plate of 4 mm, or up: at 8 m/s it moves 80 mm in a step.
@@ -142,3 +143,39 @@ def test_a_hull_has_the_corners_of_the_file(scale: Sequence[float]) -> None:
     apart = np.linalg.norm(found[:, None] - wanted, axis=-1)
     assert len(found) == len(wanted)
     assert apart.min(axis=0).max() < 1e-5
+
+
+@pytest.mark.parametrize("steps", [1, 7, 20])
+def test_a_run_that_begins_later_ends_where_the_whole_one_does(steps: int) -> None:
+    """Nothing touches, so that no solver starts from what a keyframe cannot hold: to rounding."""
+    text = """<mujoco><worldbody><body name="upper"><joint name="hip" axis="0 1 0"/>
+      <geom name="thigh" size=".05" pos=".3 0 0"/></body></worldbody>
+      <actuator><motor name="motor" joint="hip"/></actuator></mujoco>"""
+    rows = np.random.default_rng(0).normal(size=(31, 2))
+    controls = RecordedControls(
+        np.array([0.002 * place for place in range(31)]), rows, places=(0, 1 + 6 + 2)
+    )
+    start = Start(
+        {"hip": np.array([0.3])}, {"hip": np.array([-1.0])}, {"motor": np.empty(0)},
+        {"motor": np.zeros(1)}, {}, controls, ("motor", "upper.fz"),
+    )  # fmt: skip
+    whole = FailingModel(text, start, 0.06)
+    later = whole.later(steps)
+    assert (later.begins, later.duration) == pytest.approx((steps * 0.002, 0.06 - steps * 0.002))
+    assert played(later) == pytest.approx(played(whole), abs=1e-12)
+
+
+def played(model: FailingModel) -> list[float]:
+    """Return where plain MuJoCo ends, driven as the table beside the model says."""
+    own = mujoco.MjModel.from_xml_string(model.whole_text())
+    data = mujoco.MjData(own)
+    mujoco.mj_resetDataKeyframe(own, data, 0)
+    names, *lines = model.start.table(own, model.duration).split()
+    assert names == "time,motor,upper.fz"
+    rows = np.array([[float(value) for value in line.split(",")] for line in lines])
+    for _ in range(round(model.duration / own.opt.timestep)):
+        _, data.ctrl[0], data.body("upper").xfrc_applied[2] = rows[rows[:, 0] <= data.time + 1e-9][
+            -1
+        ]
+        mujoco.mj_step(own, data)
+    return [*data.qpos, *data.qvel]

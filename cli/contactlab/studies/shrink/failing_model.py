@@ -18,12 +18,13 @@ from contactlab.scene.initial_states import InitialStates
 from contactlab.scene.mesh_hulls import hull, rotation
 from contactlab.scene.model_draft import differing_rows, fields_of
 from contactlab.scene.model_edits import is_writable
-from contactlab.scene.model_names import input_names
+from contactlab.scene.model_names import coordinates, input_names, part_starts
 from contactlab.scene.run_spec import RunSpec
 from contactlab.scene.scene import Scene
 
 START = "start"
 """Name of the keyframe in which the run begins."""
+_DIGITS = 9  # of times in seconds: what is nearer is one time
 _INERTIAS = ("body_mass", "body_inertia", "body_ipos", "body_iquat")
 # Attributes of a specification that are not called as the field is, after its prefix.
 _ATTRIBUTES = {
@@ -111,17 +112,60 @@ class Start:
             "mquat": np.hstack([np.empty(0), *(pose[3:] for pose in poses)]),
         }
 
-    def table(self, model: mujoco.MjModel, duration: float) -> str:
-        """Return as CSV what drives what is left of the model; empty if nothing does."""
+    def after(self, model: mujoco.MjModel, steps: int) -> "Start":
+        """Return the state and drive of what is left of the model, some steps on from here."""
+        data = mujoco.MjData(model)
+        mujoco.mj_resetDataKeyframe(model, data, model.key(START).id)
+        for _ in range(steps):
+            self._drive(model, data)
+            mujoco.mj_step(model, data)
+        joints = [model.joint(index).name for index in range(model.njnt)]
+        actuators = [model.actuator(index) for index in range(model.nu)]
+        return replace(
+            self,
+            qpos={name: data.joint(name).qpos.copy() for name in joints},
+            qvel={name: data.joint(name).qvel.copy() for name in joints},
+            act={each.name: data.act[_activations(model, each.id)] for each in actuators},
+            ctrl={each.name: data.ctrl[[each.id]] for each in actuators},
+            controls=self._controls_from(data.time),
+        )
+
+    def _drive(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        """Apply what drives what is left of the model at a time."""
+        kept = self._kept(model)
+        if self.controls is None or not kept:
+            return
+        known, first = coordinates(model), part_starts(model)["ctrl"]
+        named = [self.inputs[place] for place in kept]
+        places = [known[name if name in known else f"{name}.ctrl"] - first for name in named]
+        inputs = np.hstack([data.ctrl, data.xfrc_applied.ravel()])
+        inputs[places] = self.controls.levels[_row(self.controls, data.time), kept]
+        data.ctrl[:] = inputs[: model.nu]
+        data.xfrc_applied[:] = inputs[model.nu :].reshape(-1, 6)
+
+    def _controls_from(self, time: float) -> RecordedControls | None:
+        """Return what is applied from a time on [s], which is its 0."""
         if self.controls is None:
-            return ""
+            return None
+        first = _row(self.controls, time)
+        times = np.round(np.maximum(self.controls.times[first:] - time, 0), _DIGITS)
+        return replace(self.controls, times=times, levels=self.controls.levels[first:])
+
+    def _kept(self, model: mujoco.MjModel) -> list[int]:
+        """Return the places of the inputs of what is left of the model."""
         bodies = {model.body(index).name for index in range(1, model.nbody)}
         actuators = {model.actuator(index).name for index in range(model.nu)}
-        kept = [
+        return [
             place
             for place, name in enumerate(self.inputs)
             if name in actuators or name.rpartition(".")[0] in bodies
         ]
+
+    def table(self, model: mujoco.MjModel, duration: float) -> str:
+        """Return as CSV what drives what is left of the model; empty if nothing does."""
+        if self.controls is None:
+            return ""
+        kept = self._kept(model)
         levels = self.controls.levels[:, kept]
         if not levels.any():
             return ""
@@ -135,6 +179,11 @@ class Start:
 def _span(addresses: Any, index: int, end: int) -> slice:  # noqa: ANN401 - MuJoCo's array
     stop = int(addresses[index + 1]) if index + 1 < len(addresses) else end
     return slice(int(addresses[index]), stop)
+
+
+def _row(controls: RecordedControls, time: float) -> int:
+    """Return the place of the levels that are held at a time [s]."""
+    return max(int(np.searchsorted(controls.times, time + 10**-_DIGITS, "right")) - 1, 0)
 
 
 def _activations(model: mujoco.MjModel, actuator: int) -> slice:
@@ -269,12 +318,14 @@ class FailingModel:
         text: MJCF, without keyframes.
         start: where its parts begin, and what drives it.
         duration: of its run [s].
+        begins: when in the stored run it begins [s].
         pairs: that its runs monitor, if both sides are left.
     """
 
     text: str
     start: Start = field(compare=False)
     duration: float
+    begins: float = 0.0
     pairs: tuple[MonitoredPair, ...] = field(default=(), compare=False)
 
     def spec(self) -> mujoco.MjSpec:
@@ -293,6 +344,17 @@ class FailingModel:
         for name, value in values.items():
             setattr(key, name, value)
         return _text(spec)
+
+    def later(self, steps: int) -> "FailingModel":
+        """Return the model with a run that begins some steps later, and ends when it did."""
+        model = mujoco.MjModel.from_xml_string(self.whole_text())
+        passed = steps * float(model.opt.timestep)
+        return replace(
+            self,
+            start=self.start.after(model, steps),
+            begins=self.begins + passed,
+            duration=round(self.duration - passed, _DIGITS),
+        )
 
     def monitored(self) -> list[dict[str, object]]:
         """Return the pairs that are left, as a scene's manifest has them."""
@@ -356,17 +418,21 @@ class FailingModel:
                 element.remove(child)
         return self._changed(mujoco.MjSpec.from_string(ET.tostring(root, "unicode")))
 
-    def coarser(self, mesh: str, vertices: int) -> "FailingModel | None":
-        """Return the model with so many vertices of a mesh, each farthest from those before it."""
-        if mesh not in self.parts("meshes"):
-            return None
+    def coarser(self, meshes: Collection[str], vertices: int) -> "FailingModel | None":
+        """Return the model with so many vertices of meshes, each farthest from those before it.
+
+        None if none of them has more.
+        """
         spec = self.spec()
-        element = spec.mesh(mesh)
-        points = np.array(element.uservert).reshape(-1, 3)
-        if len(points) <= vertices:
-            return None
-        element.uservert = points[list(_farthest(points, vertices))].ravel()
-        return self._changed(spec)
+        finer = [
+            (mesh, points)
+            for mesh in spec.meshes
+            if mesh.name in meshes
+            if len(points := np.array(mesh.uservert).reshape(-1, 3)) > vertices
+        ]
+        for mesh, points in finer:
+            mesh.uservert = points[list(_farthest(points, vertices))].ravel()
+        return self._changed(spec) if finer else None
 
     def fused(self) -> "FailingModel | None":
         """Return the model in which bodies without joints are parts of those that carry them."""

@@ -11,9 +11,10 @@ def shrink_lines(report: ShrinkReport) -> list[str]:
         f"{before[kind]} to {after[kind]} {kind}" for kind in before if before[kind] != after[kind]
     )
     taken = ", ".join(ways) or "nothing could be taken out"
+    since = f", from {report.begins:g} s on" if report.begins else ""
     lines = [
         *wrapped(f"{report.label}: {report.reason}", ""),
-        *wrapped(f"from {taken}; {report.stored_duration:g} s to {report.duration:g} s", ""),
+        *wrapped(f"from {taken}; {report.stored_duration:g} s to {report.duration:g} s{since}", ""),
         *wrapped(f"{report.tried} models were run in {report.seconds:.0f} s", ""),
     ]
     if not report.finished:

@@ -39,6 +39,7 @@ MODEL, SCENE, CONTROLS = "model.xml", "scene.yaml", "controls.csv"
 SWEEP, ISSUE = "sweep.yaml", "issue.md"
 _PAIR = 2  # bodies
 _AFTER = (1.1, 2.0)  # times of the onset after which a run may end
+_BEFORE = (64, 16, 4)  # shares of the time to the onset that a run may keep, as 1 / each
 _VERTICES = (4, 8, 16, 32, 64)
 _KEPT = ("checks", "thresholds", "must")  # keys of the sweep by which its runs are judged
 
@@ -104,7 +105,7 @@ def run(request: ShrinkRequest, begins: Callable[[str], None] = lambda _: None) 
     runs, controls = replayed.runs, request.store.controls(record)
     start = Start.of(runs.models[0], runs.starts, controls)
     text = as_one_file(scene, runs.resolved[0], runs.starts)
-    whole = FailingModel(text, start, record.duration, runs.base.pairs)
+    whole = FailingModel(text, start, record.duration, pairs=runs.base.pairs)
     with TemporaryDirectory(prefix="contactlab-") as folder:
         begins("the model as one file")
         trials = _reproducing(whole, record, Path(folder), _judged_by(request.store, scene))
@@ -119,6 +120,7 @@ def run(request: ShrinkRequest, begins: Callable[[str], None] = lambda _: None) 
             stored_reason=record.labels[0].reason,
             before=sizes(whole.compiled()),
             after=sizes(smallest.compiled()),
+            begins=smallest.begins,
             duration=smallest.duration,
             stored_duration=record.duration,
             tried=trials.count,
@@ -252,7 +254,12 @@ def _yaml(data: Mapping[str, Any]) -> str:
 
 def _smallest(model: FailingModel, trials: _Trials, begins: Callable[[str], None]) -> FailingModel:
     """Return the model without all that can go; what went last may let go what stayed before."""
-    model = _shorter(model, trials)
+    begins("its time")
+    model = _shorter(_later(_shorter(model, trials), trials), trials)
+    # Thousands of vertices are read and hulled anew in each trial.
+    coarser = model.coarser(model.parts("meshes"), _VERTICES[-1])
+    if coarser is not None and trials.fails(coarser):
+        model = coarser
     while True:
         before = model.text
         for kind in PARTS:
@@ -282,6 +289,19 @@ def _shorter(model: FailingModel, trials: _Trials) -> FailingModel:
         shorter = replace(model, duration=duration)
         if duration < model.duration and trials.fails(shorter):
             return shorter
+    return model
+
+
+def _later(model: FailingModel, trials: _Trials) -> FailingModel:
+    """Return the model with a run that begins soon before it fails, in the state it has there.
+
+    A part that only made the motion up to there can go then, and each trial takes less time.
+    """
+    step = trials.failed[model].labels[0].step or 0
+    for share in _BEFORE:
+        steps = step - math.ceil(step / share)
+        if steps > 0 and not trials.over and trials.fails(later := model.later(steps)):
+            return later
     return model
 
 
@@ -317,4 +337,4 @@ def _plainer(model: FailingModel) -> Iterator[Callable[[FailingModel], FailingMo
     for mesh in model.parts("meshes"):
         yield partial(FailingModel.without, kind="meshes", names=[mesh])
         for vertices in reversed(_VERTICES):
-            yield partial(FailingModel.coarser, mesh=mesh, vertices=vertices)
+            yield partial(FailingModel.coarser, meshes=[mesh], vertices=vertices)
