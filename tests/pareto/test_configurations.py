@@ -47,7 +47,7 @@ def test_a_loop_over_its_runs_says_the_same(
     assert [tuple(each.values.values()) for each in found] == list(dict.fromkeys(keys))
     for each in found:
         own = [place for place, key in enumerate(keys) if key == tuple(each.values.values())]
-        assert each.rows.tolist() == own
+        assert (each.first, each.summary.outcomes.runs) == (own[0], len(own))
         assert each.cases == len({cases[place] for place in own})
         runs, seen = [rows[place] for place in own], each.summary
         labels = Counter(run["label"] for run in runs)
@@ -78,4 +78,4 @@ def test_more_combinations_than_integers_stay_apart() -> None:
     groups = group_runs(StoredRuns(knobs, {}, same, same, {}))
     expected = [[place, place + 100] for place in range(100) if place != 50]
     expected[50:50] = [[50]]
-    assert [each.tolist() for each in groups.rows] == [*expected, [150]]
+    assert [each.tolist() for each in groups.parts(groups.order)] == [*expected, [150]]

@@ -41,6 +41,7 @@ from contactlab.schema.comparison import (
     ComparisonReport,
     Difference,
     PairCounts,
+    Transition,
 )
 from contactlab.schema.finding import Change, Finding
 from contactlab.store.finished_store import Store
@@ -143,7 +144,7 @@ def pair_runs(baseline: Store, candidate: Store, policy: ComparePolicy) -> Pairi
         none = np.zeros(0, np.intp)
         return Pairing(none, none, none, none)
     by_axes = policy.match == "axes"
-    ids = (store.columns.ids for store in (baseline, candidate))
+    ids = (store.columns.ids() for store in (baseline, candidate))
     pairing = pair_by_axes(baseline, candidate) if by_axes else pair(*ids)
     if len(pairing.baseline):
         return pairing
@@ -160,7 +161,7 @@ def _report(
 ) -> ComparisonReport:
     before, after, policy = paired.baseline, paired.candidate, paired.policy
     gated = _gated(paired)
-    labels = PairLabels.of(gated)
+    of_labels, transitions = _labels(gated)
     sameness = list(_sameness_checks(before, after, policy))
     checks = [
         _COMPARABLE.single(SAME, "both are sound"),
@@ -173,7 +174,7 @@ def _report(
     else:
         checks += unpaired_checks(paired)
         checks.append(knife_edge_check(paired))
-        checks += label_checks(labels)
+        checks += of_labels
         checks += outcomes
         checks += expectation_checks(gated)
         checks += metric_checks(gated)
@@ -192,7 +193,7 @@ def _report(
         match=policy.match,
         pairs=_counts(paired),
         differences=tuple(found for _, found in sameness if found),
-        transitions=labels.transitions(),
+        transitions=transitions,
         findings=tuple(checks),
         advice=tuple(_advice(checks, before, after)),
     )
@@ -201,6 +202,12 @@ def _report(
 def _gated(paired: PairedStores) -> PairedStores:
     """Return the pairs that are judged."""
     return paired.without(knife_edge(paired) & paired.policy.knife_edge.exclude)
+
+
+def _labels(gated: PairedStores) -> tuple[list[Finding], tuple[Transition, ...]]:
+    """Return what is found of labels, and how runs changed theirs."""
+    labels = PairLabels.of(gated)
+    return list(label_checks(labels)), labels.transitions()
 
 
 def _outcomes(gated: PairedStores, control: Store | None) -> Iterator[Finding]:

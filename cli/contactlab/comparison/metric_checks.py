@@ -9,7 +9,7 @@ from typing import Protocol
 
 import numpy as np
 
-from contactlab.comparison.pairing import PairedStores, Rows, Value, difference, groups
+from contactlab.comparison.pairing import PairedStores, Value, difference, groups
 from contactlab.contact.trace_arrays import Floats
 from contactlab.judge.policies import REMEASURED, EffectiveRule, effective_rule, kind_of
 from contactlab.judge.subjects import (
@@ -42,6 +42,7 @@ _WORDS: Mapping[Verdict, str] = {
 _MOST_TOLERANCES_ORDERED = (
     1e6  # changes of more than half as many tolerances are not ordered among each other
 )
+_JUDGED_AT_ONCE = 1 << 16  # pairs: of more, what is computed on the way would fill memory
 _CONFIDENCE = 0.95
 _LEAST_SECONDS_OF_A_TIMING = 0.05  # CPU time that each timing of a run takes at least [s]
 _MOST_REPEATS_OF_A_TIMING = 200
@@ -68,10 +69,10 @@ def metric_checks(paired: PairedStores) -> Iterator[Finding]:
             if columns is None:
                 yield subject.skipped(reason or "")
             else:
-                rows = np.flatnonzero(member)
-                whole = len(rows) == len(member)
-                before, after = columns if whole else (column.at(rows) for column in columns)
-                yield MetricPairs(paired, rows, before, after, exempt[rows]).finding(subject, rule)
+                rows = slice(None) if member.all() else np.flatnonzero(member)
+                before, after = (column.at(rows) for column in columns)
+                of = range(len(member)) if isinstance(rows, slice) else rows.tolist()
+                yield MetricPairs(paired, of, before, after, exempt[rows]).finding(subject, rule)
 
 
 def _not_comparable(paired: PairedStores, metric: Column, rule: EffectiveRule) -> str | None:
@@ -97,7 +98,7 @@ class MetricPairs:
     """
 
     paired: PairedStores
-    indices: Rows
+    indices: Sequence[int]
     baseline: NumberColumn
     candidate: NumberColumn
     exempt: Mask
@@ -137,7 +138,7 @@ class MetricPairs:
         ordering = np.nan_to_num(excess / _MOST_TOLERANCES_ORDERED, nan=0, posinf=0.5).clip(0, 0.5)
         worst = shown[np.argsort(-(verdicts[shown] + ordering), kind="stable")[:MOST_SHOWN]]
         return self.paired.run_pairs(
-            self.indices[worst].tolist(),
+            [self.indices[place] for place in worst.tolist()],
             [_value(self.baseline, index) for index in worst.tolist()],
             [_value(self.candidate, index) for index in worst.tolist()],
         )
@@ -148,11 +149,14 @@ def judge(rule: EffectiveRule, baseline: Floats, candidate: Floats) -> Verdicts:
 
     A change is beyond tolerance if it is larger than `abs + rel * |baseline|`.
     """
-    change = _SIGN[rule.better] * (candidate - baseline)
-    beyond = np.abs(change) > rule.limit.allowed(baseline)
-    if rule.better == "none":
-        return np.where(beyond, CHANGED, SAME).astype(np.int8)
-    return np.where(beyond, np.where(change > 0, WORSE, BETTER), SAME).astype(np.int8)
+    verdicts = np.empty(len(baseline), np.int8)
+    for start in range(0, len(baseline), _JUDGED_AT_ONCE):
+        part = slice(start, start + _JUDGED_AT_ONCE)
+        change = _SIGN[rule.better] * (candidate[part] - baseline[part])
+        beyond = np.abs(change) > rule.limit.allowed(baseline[part])
+        worse = CHANGED if rule.better == "none" else np.where(change > 0, WORSE, BETTER)
+        verdicts[part] = np.where(beyond, worse, SAME)
+    return verdicts
 
 
 def gap_verdicts(baseline: NumberColumn, candidate: NumberColumn, exempt: Mask) -> Verdicts:

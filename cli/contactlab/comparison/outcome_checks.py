@@ -152,11 +152,9 @@ def _of_pairs(paired: PairedStores) -> tuple[_Outcomes, _Outcomes]:
     (before, rows), (after, others) = paired.sides
     good = paired.policy.outcomes.good
     (knew, was), (knows, ended) = _ended(before, good), _ended(after, good)
-    known, settings = knew[rows] & knows[others], settings_of(before)[rows]
-    return (
-        _Outcomes(ended[others][known], settings[known]),
-        _Outcomes(was[rows][known], settings[known]),
-    )
+    known = knew[rows] & knows[others]
+    settings = settings_of(before)[rows][known] if known.any() else rows[:0]
+    return _Outcomes(ended[others][known], settings), _Outcomes(was[rows][known], settings)
 
 
 def _ended(store: Store, good: str) -> tuple[Mask, Mask]:

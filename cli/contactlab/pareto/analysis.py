@@ -126,7 +126,7 @@ def _recommendation(store: Store, near: Sequence[Evaluated]) -> Recommendation |
     return Recommendation(
         **chosen.summary.model_dump(include={*Recommendation.model_fields}),
         equally_fast=tuple(other.values for other in others),
-        run_id=store.columns.run_id(int(chosen.rows[0])),
+        run_id=store.columns.run_id(chosen.first),
     )
 
 
@@ -231,16 +231,13 @@ class ToleranceTable:
 def tolerance_table(store: Store, report: TradeoffReport, names: Sequence[str]) -> ToleranceTable:
     """Return the table from which other tolerances of these metrics can be evaluated."""
     groups, columns = group_runs(read_runs(store, ())), store.columns
-    order = np.concatenate(groups.rows)
-    counts = np.array([len(row) for row in groups.rows])
-    configuration = np.empty(len(order), dtype=np.int64)
-    configuration[order] = np.repeat(np.arange(len(counts)), counts)
-    starts = np.cumsum(counts) - counts
+    configuration = np.empty(len(groups.order), dtype=np.int64)
+    configuration[groups.order] = np.repeat(np.arange(len(groups.starts)), groups.counts)
 
     def worst(name: str) -> Floats:
         names = {name, ESTIMATES.get(name, name)} & {*columns.schema.names}
         numbers = {column: columns.numbers(column).values for column in names}
-        return np.maximum.reduceat(magnitudes(numbers, order, name), starts)
+        return np.maximum.reduceat(magnitudes(numbers, groups.order, name), groups.starts)
 
     is_sound = [
         summary.time is not None and summary.outcomes.labels.keys() <= {STABLE}

@@ -1,9 +1,9 @@
 """Configurations: the stored runs of each, and how they compare with the criteria."""
 
 import math
-from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +22,7 @@ from contactlab.schema.tradeoff_report import (
 from contactlab.schema.vocabulary import Role
 from contactlab.shares import wilson
 from contactlab.store.finished_store import Store
-from contactlab.store.run_columns import CodedColumn
+from contactlab.store.run_columns import CodedColumn, RunColumns
 
 _UNCHANGED = 1.01  # ratio of errors within which a knob counts as idle
 
@@ -39,6 +39,7 @@ PASS_COLUMNS = ("step_p99", "impacts", "chaotic", "solref_clamped", *ESTIMATES.v
 _SOLREF_RULE = "solref_rule"
 _MOST_KEYS = 1 << 62
 Rows = NDArray[np.int64]
+_Value = TypeVar("_Value", bound=np.generic)
 
 
 @dataclass(frozen=True)
@@ -63,25 +64,45 @@ def read_runs(store: Store, names: Iterable[str]) -> StoredRuns:
 
     def of(kind: Role) -> dict[str, CodedColumn]:
         swept = [name for name in columns.axis_names if roles.get(name, "knob") == kind]
-        return {name: columns.coded(name) for name in swept}
+        return {name: _small(columns.coded(name)) for name in swept}
 
     first = store.manifest.sweep.baseline
     place = None if first is None else columns.place_of(first)
     return StoredRuns(
         knobs=of("knob"),
         scenarios=of("scenario"),
-        seeds=columns.coded("seed"),
-        labels=columns.coded("label"),
-        numbers={
-            name: columns.numbers(name).values
-            if name in present
-            else np.broadcast_to(np.nan, columns.runs)
-            for name in names
-        },
+        seeds=_small(columns.coded("seed")),
+        labels=_small(columns.coded("label")),
+        numbers=_StoredNumbers(columns, names),
         solref_rules=columns.coded(_SOLREF_RULE).values if _SOLREF_RULE in present else (),
         baseline=place,
         written=None if place is None else _options_of(store.record(columns.run_id(place))),
     )
+
+
+def _small(column: CodedColumn) -> CodedColumn:
+    """Return a column in as few bytes a run as its codes take."""
+    return column._replace(codes=column.codes.astype(np.min_scalar_type(len(column.values))))
+
+
+class _StoredNumbers(Mapping[str, Floats]):
+    """Some columns of a store, each read when it is asked for: of many runs, all fill memory."""
+
+    def __init__(self, columns: RunColumns, names: Iterable[str]) -> None:
+        self._columns, self._names = columns, dict.fromkeys(names)
+
+    def __getitem__(self, name: str) -> Floats:
+        if name not in self._names:
+            raise KeyError(name)
+        if name not in self._columns.schema.names:
+            return np.broadcast_to(np.nan, self._columns.runs)
+        return self._columns.numbers(name).values
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._names)
+
+    def __len__(self) -> int:
+        return len(self._names)
 
 
 def _options_of(record: EvidenceRecord) -> dict[str, Setting]:
@@ -97,11 +118,21 @@ def is_chaotic(runs: StoredRuns) -> bool:
 
 @dataclass(frozen=True)
 class GroupedRuns:
-    """The runs of c configurations, the model as written first, then in the order of the plan."""
+    """The n runs of c configurations, the model as written first, then in the order of the plan."""
 
-    rows: list[Rows]  # the runs of each
+    order: Rows  # (n,) the runs, configuration by configuration
+    starts: Rows  # (c,) where in this order those of each begin
     cases: Rows  # (c,) in how many scenarios and seeds each was run
     every: int  # in how many any of them was
+
+    @property
+    def counts(self) -> Rows:
+        """(c,) how many runs each has."""
+        return np.diff(self.starts, append=len(self.order))
+
+    def parts(self, values: NDArray[_Value]) -> list[NDArray[_Value]]:
+        """Return those of each configuration, of values (n,) in the order of its runs."""
+        return np.split(values, self.starts[1:])
 
 
 def group_runs(runs: StoredRuns) -> GroupedRuns:
@@ -112,10 +143,13 @@ def group_runs(runs: StoredRuns) -> GroupedRuns:
         member = np.where(member == now, 0, member + (member < now))
     case = _combinations([*runs.scenarios.values(), runs.seeds], len(member))
     every = int(case.max()) + 1
-    pairs = np.sort(member * every + case)
-    cases = np.bincount(pairs[np.diff(pairs, prepend=-1) > 0] // every)
-    ends = np.bincount(member).cumsum()
-    return GroupedRuns(np.split(np.argsort(member, kind="stable"), ends[:-1]), cases, every)
+    case += member * every
+    case.sort()
+    cases = np.bincount(case[np.diff(case, prepend=-1) > 0] // every)
+    counts = np.bincount(member)
+    # Few bytes are sorted by their digits.
+    order = np.argsort(member.astype(np.min_scalar_type(len(counts))), kind="stable")
+    return GroupedRuns(order, counts.cumsum() - counts, cases, every)
 
 
 def _combinations(columns: Sequence[CodedColumn], count: int) -> Rows:
@@ -125,7 +159,11 @@ def _combinations(columns: Sequence[CodedColumn], count: int) -> Rows:
         if size * len(values) > _MOST_KEYS:
             keys, size = np.unique(keys, return_inverse=True)[1], count
         keys, size = keys * len(values) + codes, size * len(values)
-    _, first, keys = np.unique(keys, return_index=True, return_inverse=True)
+    if size > count:
+        keys, size = np.unique(keys, return_inverse=True)[1], count
+    first = np.full(size, count)
+    # Of equal keys the last one that is assigned stays.
+    first[keys[::-1]] = np.arange(count)[::-1]
     return np.argsort(np.argsort(first))[keys]
 
 
@@ -143,7 +181,7 @@ class Evaluated:
     """One configuration."""
 
     summary: Configuration
-    rows: Rows  # indices of its runs in `StoredRuns`
+    first: int  # the first of its runs in `StoredRuns`
     cases: int  # in how many scenarios and seeds it was run
     estimate: float  # uncertainty of the reference of its error, in the error's unit; 0 without one
     impacts: float  # largest number of impacts in any of its runs
@@ -160,6 +198,21 @@ class Evaluated:
         return _failures(self.summary.outcomes.labels)
 
 
+class _Figures(NamedTuple):
+    """What is measured of the runs of one configuration; None where any has no value."""
+
+    labels: Mapping[str, int]
+    good: int  # runs that are stable and within all tolerances
+    worst: Mapping[str, float | None]  # metric with a tolerance to what that bounds
+    times: Floats  # of the runs that have one
+    error: float | None
+    error_spread: tuple[float, float] | None
+    estimate: float
+    solref_clamped: float | None
+    step_p99: float | None
+    impacts: float
+
+
 def evaluate(runs: StoredRuns, criteria: ResolvedCriteria) -> list[Evaluated]:
     """Evaluate every configuration, the model as written first, then in the order of the plan.
 
@@ -167,72 +220,103 @@ def evaluate(runs: StoredRuns, criteria: ResolvedCriteria) -> list[Evaluated]:
     has no failure label in any of them, meets every tolerance in the worst of them, and was timed.
     """
     groups, found = group_runs(runs), list[Evaluated]()
-    for rows, cases in zip(groups.rows, groups.cases.tolist(), strict=True):
-        values = {name: settings[codes[rows[0]]] for name, (codes, settings) in runs.knobs.items()}
+    firsts, counts = groups.order[groups.starts].tolist(), groups.counts.tolist()
+    each = zip(firsts, counts, groups.cases.tolist(), _figures(runs, criteria, groups), strict=True)
+    for first, count, cases, figures in each:
+        values = {name: settings[codes[first]] for name, (codes, settings) in runs.knobs.items()}
         if runs.written and not found:
             for name, (codes, settings) in runs.knobs.items():
                 # What others leave to the scene as well is the same there.
-                if values[name] is None and (codes == settings.index(None)).sum() == len(rows):
+                if values[name] is None and (codes == settings.index(None)).sum() == count:
                     values[name] = runs.written.get(name)
-        found.append(_evaluate_one(runs, values, rows, criteria, (cases, groups.every)))
+        found.append(_evaluated(values, first, figures, criteria, (cases, groups.every)))
     return found
 
 
-def _evaluate_one(
-    runs: StoredRuns,
+def _figures(
+    runs: StoredRuns, criteria: ResolvedCriteria, groups: GroupedRuns
+) -> Iterator[_Figures]:
+    """Yield what is measured of each configuration: one column of all runs after the other."""
+    codes, names = runs.labels
+    codes = codes[groups.order]
+    good = np.array([name == STABLE for name in names])[codes]
+    worst: dict[str, list[float | None]] = {}
+    for name, limit in criteria.tolerances.items():
+        sizes = magnitudes(runs.numbers, groups.order, name)
+        worst[name] = _sizes(name, sizes, groups)
+        # A comparison with NaN is false, as it should be.
+        good &= sizes <= limit
+    times = groups.parts(runs.numbers[criteria.time.name][groups.order])
+    error = criteria.error
+    sizes = magnitudes(runs.numbers, groups.order, error.name)
+    is_estimated = error.kind == "discretisation"
+    none = [None] * len(groups.starts)
+    estimates = _largest(runs, groups, ESTIMATES[error.name]) if is_estimated else none
+    columns = zip(
+        (_counts(part, names) for part in groups.parts(codes)),
+        np.add.reduceat(good, groups.starts, dtype=np.int64).tolist(),
+        zip(*worst.values(), strict=True) if worst else ([()] * len(none)),
+        (part[np.isfinite(part)] for part in times),
+        _sizes(error.name, sizes, groups),
+        map(_spread, groups.parts(sizes)),
+        (estimate or 0.0 for estimate in estimates),
+        _largest(runs, groups, "solref_clamped"),
+        _largest(runs, groups, "step_p99"),
+        (impacts or 0.0 for impacts in _largest(runs, groups, "impacts")),
+        strict=True,
+    )
+    for labels, number, sizes_of, *others in columns:
+        yield _Figures(labels, number, dict(zip(worst, sizes_of, strict=True)), *others)
+
+
+def _counts(codes: NDArray[np.integer], names: Sequence[str]) -> dict[str, int]:
+    """Return how many runs have each label, in the order in which they first occur."""
+    values, firsts, counts = np.unique(codes, return_index=True, return_counts=True)
+    order = np.argsort(firsts)
+    found: list[int] = values[order].tolist()
+    return {names[code]: n for code, n in zip(found, counts[order].tolist(), strict=True)}
+
+
+def _evaluated(
     values: dict[str, Setting],
-    rows: Rows,
+    first: int,
+    figures: _Figures,
     criteria: ResolvedCriteria,
     ran: tuple[int, int],
 ) -> Evaluated:
-    (cases, every), (codes, names) = ran, runs.labels
-    outcomes = codes[rows].tolist()
-    labels = {names[code]: count for code, count in Counter(outcomes).items()}
-    limits, error = criteria.tolerances, criteria.error
-    sizes = {name: magnitudes(runs.numbers, rows, name) for name in limits}
-    worst = {name: _size(name, amounts) for name, amounts in sizes.items()}
+    (cases, every), limits, worst = ran, criteria.tolerances, figures.worst
+    runs = sum(figures.labels.values())
     exceeded = tuple(
         name for name, limit in limits.items() if (value := worst[name]) is None or value > limit
     )
-    stable = np.array([names[code] == STABLE for code in outcomes])
-    # A comparison with NaN is false, as it should be.
-    good = np.logical_and.reduce(
-        [stable, *(sizes[name] <= limit for name, limit in limits.items())]
-    )
-    low, high = wilson(int(good.sum()), len(rows))
-    time = runs.numbers[criteria.time.name][rows]
-    time = time[np.isfinite(time)]
-    mean = float(np.mean(time)) if len(time) else None
+    low, high = wilson(figures.good, runs)
+    times, size = figures.times, figures.error
+    mean = float(np.mean(times)) if len(times) else None
     reasons = [
-        *(f"{n} of {len(rows)} runs are {name}" for name, n in _failures(labels).items()),
+        *(f"{n} of {runs} runs are {name}" for name, n in _failures(figures.labels).items()),
         *(_excess(name, worst[name], limits[name]) for name in exceeded),
         *([f"run in {cases} of {every} cases"] if cases < every else []),
-        *([] if len(time) else ["not timed"]),
+        *([] if len(times) else ["not timed"]),
     ]
-    is_estimated = error.kind == "discretisation"
-    estimate = (_largest(runs, rows, ESTIMATES[error.name]) or 0.0) if is_estimated else 0.0
-    errors = magnitudes(runs.numbers, rows, error.name)
-    size = _size(error.name, errors)
     summary = Configuration(
         configuration=values,
         time=mean,
-        time_worst=float(np.max(time)) if len(time) else None,
+        time_worst=float(np.max(times)) if len(times) else None,
         real_time_factor=1 / mean if mean else None,
-        error=None if size is None else max(size, error.resolution),
-        error_spread=_spread(errors),
-        below_estimate=size is not None and 0 < size <= estimate,
-        solref_clamped=(_largest(runs, rows, "solref_clamped") or 0) > 0,
-        step_p99=_largest(runs, rows, "step_p99"),
+        error=None if size is None else max(size, criteria.error.resolution),
+        error_spread=figures.error_spread,
+        below_estimate=size is not None and 0 < size <= figures.estimate,
+        solref_clamped=(figures.solref_clamped or 0) > 0,
+        step_p99=figures.step_p99,
         feasible=not reasons,
         reasons=tuple(reasons),
-        worst=worst,
+        worst=dict(worst),
         margins={name: _margin(limit, worst[name]) for name, limit in limits.items()},
         outcomes=ConfigurationOutcomes(
-            runs=len(rows), good=int(good.sum()), low=low, high=high, labels=labels
+            runs=runs, good=figures.good, low=low, high=high, labels=dict(figures.labels)
         ),
     )
-    impacts = _largest(runs, rows, "impacts") or 0.0
-    return Evaluated(summary, rows, cases, estimate, impacts, exceeded)
+    return Evaluated(summary, first, cases, figures.estimate, figures.impacts, exceeded)
 
 
 def _failures(labels: Mapping[str, int]) -> dict[str, int]:
@@ -245,25 +329,31 @@ def _margin(tolerance: float, worst: float | None) -> float | None:
     return ratio if math.isfinite(ratio) else None
 
 
-def _largest(runs: StoredRuns, rows: Rows, name: str) -> float | None:
-    """Return the largest magnitude of a column over some runs; None if any has no value."""
-    return _most(np.abs(runs.numbers[name][rows])) if name in runs.numbers else None
+def _largest(runs: StoredRuns, groups: GroupedRuns, name: str) -> list[float | None]:
+    """Return the largest magnitude of a column in each configuration; None if any has no value."""
+    if name not in runs.numbers:
+        return [None] * len(groups.starts)
+    return _most(np.abs(runs.numbers[name][groups.order]), groups)
 
 
-def _most(sizes: Floats) -> float | None:
-    return None if np.isnan(sizes).any() else float(sizes.max())
+def _most(sizes: Floats, groups: GroupedRuns) -> list[float | None]:
+    most = np.maximum.reduceat(sizes, groups.starts)
+    return [None if value != value else value for value in most.tolist()]  # noqa: PLR0124
 
 
-def _size(name: str, sizes: Floats) -> float | None:
-    """Return what counts of the sizes of a column; None if any is unknown."""
-    most = _most(sizes)
-    return most if most is None or name != REALITY else float(sizes.mean())
+def _sizes(name: str, sizes: Floats, groups: GroupedRuns) -> list[float | None]:
+    """Return what counts of the sizes of a column in each configuration; None if any is unknown."""
+    most = _most(sizes, groups)
+    if name != REALITY:
+        return most
+    pairs = zip(most, groups.parts(sizes), strict=True)
+    return [None if value is None else float(part.mean()) for value, part in pairs]
 
 
 def _spread(sizes: Floats) -> tuple[float, float] | None:
-    own = np.sort(sizes).tolist()  # what is unknown is last
-    known, middle = len(own) > 1 and own[-1] == own[-1], len(own) // 2
-    return (own[0], (own[middle] + own[-1 - middle]) / 2) if known else None
+    own, middle = np.sort(sizes), len(sizes) // 2  # what is unknown is last
+    least, upper, lower, last = own[[0, middle, -1 - middle, -1]].tolist()
+    return (least, (upper + lower) / 2) if len(own) > 1 and last == last else None  # noqa: PLR0124
 
 
 def magnitudes(numbers: Mapping[str, Floats], rows: Rows, name: str) -> Floats:

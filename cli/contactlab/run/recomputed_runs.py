@@ -147,7 +147,7 @@ def _other_plan(store: Store, scene: Scene, plan: Plan) -> Iterator[str]:
         yield f"{TABLE}: its severity is not the order of the labels"
     if columns.shared.get("labels", {}) != added_labels():
         yield f"{TABLE}: its labels are not as the plug-ins declare them"
-    if not index.has_all(columns.ids, _places(columns)).all():
+    if not index.has_all(columns.ids(), _places(columns)).all():
         yield f"{TABLE}: its runs are not at their places in the plan"
 
 
@@ -161,7 +161,7 @@ def _slice(
     """Return the runs of a shard, or of several that were merged, and their identity."""
     if shard := shard_of(store.manifest.sweep):
         return shard_of_sweep(parse_shard(shard), plan.sweep, whole, planned)
-    part = whole.only(np.isin(whole.ids, store.columns.ids))
+    part = whole.only(np.isin(whole.ids, store.columns.ids()))
     return part, part_of(whole, part, planned)
 
 

@@ -1,6 +1,7 @@
 """The table's columns as NumPy arrays, each read on demand."""
 
 import hashlib
+import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cached_property, lru_cache
 from pathlib import Path
@@ -39,7 +40,7 @@ class NumberColumn(NamedTuple):
     values: NDArray[np.float64]  # (n,) NaN where there is none
     valid: NDArray[np.bool_]  # (n,) whether there is one; a valid value may be NaN too
 
-    def at(self, rows: NDArray[np.intp]) -> "NumberColumn":
+    def at(self, rows: NDArray[np.intp] | slice) -> "NumberColumn":
         """Return the numbers of some rows."""
         return NumberColumn(self.values[rows], self.valid[rows])
 
@@ -95,10 +96,10 @@ class RunColumns:
         """The columns of measured values by name, in table order."""
         return {name: column for name, column in self.described.items() if column.better}
 
-    def arrow(self, names: Sequence[str] | None = None, coded: Sequence[str] = ()) -> pa.Table:
-        """Return the table, or some of its columns, some of these by their codes."""
+    def arrow(self, names: Sequence[str] | None = None) -> pa.Table:
+        """Return the table, or some of its columns."""
         with table_errors(self.path):
-            table = self._coding(*coded).read(names and list(names), use_threads=False)
+            table = self._file.read(names and list(names), use_threads=False)
             # Text that is no UTF-8 is damage too.
             table.validate(full=True)
             return table
@@ -112,13 +113,15 @@ class RunColumns:
     @cached_property
     def run_ids(self) -> pa.Array:
         """(runs,) the ids of the runs."""
-        return self._read("run_id")
+        parts = [ids for _, ids in self.parts("run_id")]
+        return pa.chunked_array(parts, pa.string()).combine_chunks()
 
-    @cached_property
     def ids(self) -> NDArray[np.uint64]:
-        """(runs,) the ids of the runs, as the numbers of 64 bits that they write."""
-        parts = [self._id_numbers(batch.column(0)) for batch in self.batches(["run_id"])]
-        return np.concatenate([np.empty(0, np.uint64), *parts])
+        """Return (runs,) the ids of the runs, as the numbers of 64 bits that they write."""
+        found = np.empty(self.runs, np.uint64)
+        for rows, ids in self.parts("run_id"):
+            found[rows] = self._id_numbers(ids)
+        return found
 
     def _id_numbers(self, ids: pa.Array) -> NDArray[np.uint64]:
         places, letters = _places(ids), ids.buffers()[2]
@@ -135,19 +138,27 @@ class RunColumns:
 
     def place_of(self, run: str) -> int | None:
         """Return the row of a run, given its id; None if there is none."""
-        row = self.run_ids.index(text_scalar(run)).as_py()
-        return None if row < 0 else row
+        for rows, ids in self.parts("run_id"):
+            if (place := ids.index(text_scalar(run)).as_py()) >= 0:
+                return rows.start + place
+        return None
 
     @cached_property
     def axis_names(self) -> tuple[str, ...]:
         """The names of the swept axes, in table order."""
-        used = {*compute("list_flatten", self._read("axis_names")).unique().to_pylist()}
+        used = set[str]()
+        for _, lists in self.parts("axis_names"):
+            used.update(compute("list_flatten", lists).unique().to_pylist())
         return tuple(name for name in self.schema.names if name in used)
 
     def varies(self, name: str) -> bool:
         """Return whether a column has more than one value, none being one."""
-        kinds = pc.CountOptions(mode="all")
-        return compute("count_distinct", self._read(name), options=kinds).as_py() > 1
+        found = set[Any]()
+        for _, column in self.parts(name):
+            found.update(_listed(column.unique()))
+            if len(found) > 1:
+                return True
+        return False
 
     def is_number(self, name: str) -> bool:
         """Return whether a column holds numbers or booleans."""
@@ -164,11 +175,20 @@ class RunColumns:
 
     def coded(self, name: str) -> CodedColumn:
         """Return a column by the codes that it is stored with, its text not written out."""
-        encoded = self._read(name, self._coding(name)).dictionary_encode()
-        values = [*encoded.dictionary.to_pylist(), *([None] if encoded.null_count else [])]
-        last = number_array(np.array([len(values) - 1], np.int32))[0]
-        codes = compute("coalesce", encoded.indices, last)
-        return CodedColumn(numpy_array(codes), tuple(values))
+        found, known, nulls = np.empty(self.runs, np.int32), dict[Any, int](), False
+        by_codes = pq.ParquetFile(
+            self._source, metadata=self._file.metadata, read_dictionary=[name]
+        )
+        for rows, column in self.parts(name, by_codes):
+            encoded = column.dictionary_encode()
+            words = _listed(encoded.dictionary)
+            codes = np.array([known.setdefault(word, len(known)) for word in words], np.int32)
+            given = numpy_array(compute("is_valid", encoded.indices))
+            nulls = nulls or not given.all()
+            found[rows] = -1
+            found[rows][given] = codes[numpy_array(encoded.indices)[given]]
+        found[found < 0] = len(known)
+        return CodedColumn(found, (*known, *([None] if nulls else [])))
 
     def string_sets(self, name: str) -> tuple[NDArray[np.int64], tuple[str, ...]]:
         """Return a column of lists of strings, and the strings, of which there are at most 64.
@@ -190,10 +210,14 @@ class RunColumns:
 
     def byte_strings(self, name: str) -> NDArray[np.bytes_]:
         """Return (n,) strings as fixed-length bytes, for ids and hashes; empty where null."""
-        column = compute("coalesce", self._read(name), text_scalar(""))
-        width = compute("max", compute("binary_length", column)).as_py() or 1
-        padded = compute("utf8_rpad", column, options=pc.PadOptions(width, "\0"))
-        return np.frombuffer(padded.buffers()[2], f"S{width}", len(padded))
+        lengths = (compute("binary_length", column) for _, column in self.parts(name))
+        width = max((compute("max", part).as_py() or 1 for part in lengths), default=1)
+        found = np.empty(self.runs, f"S{width}")
+        for rows, column in self.parts(name):
+            filled = compute("coalesce", column, text_scalar(""))
+            padded = compute("utf8_rpad", filled, options=pc.PadOptions(width, "\0"))
+            found[rows] = np.frombuffer(padded.buffers()[2], found.dtype, len(padded))
+        return found
 
     def identify(self, rows: Sequence[int]) -> list[dict[str, Any]]:
         """Return run id, seed and axis values of some runs."""
@@ -223,7 +247,7 @@ class RunColumns:
 
     def values(self, name: str) -> set[Any]:
         """Return what a column holds, None where it holds nothing."""
-        return {value for part in self.batches([name]) for value in part[0].unique().to_pylist()}
+        return {value for part in self.batches([name]) for value in _listed(part[0].unique())}
 
     def distinct(self, names: Sequence[str]) -> Iterator[dict[str, Any]]:
         """Yield what rows hold in some columns, a row group at a time, and in it each once."""
@@ -245,13 +269,15 @@ class RunColumns:
         """Return one row of the table, reading no more than its row group."""
         return self.some(self.schema.names, [index])[0]
 
-    def parts(self, name: str) -> Iterator[tuple[slice, pa.Array]]:
+    def parts(
+        self, name: str, file: pq.ParquetFile | None = None
+    ) -> Iterator[tuple[slice, pa.Array]]:
         """Yield a column a row group at a time, with the rows that each part has."""
         if name not in self.schema.names:
             raise StoreError(f"{self.path} has no column '{name}'")
         stop = 0
         with table_errors(self.path):
-            for batch in batches_of(self._file, GROUP, [name]):
+            for batch in batches_of(file or self._file, GROUP, [name]):
                 start, stop = stop, stop + len(batch)
                 yield slice(start, stop), batch.column(0)
 
@@ -266,16 +292,6 @@ class RunColumns:
 
     def _read_group(self, group: int, names: tuple[str, ...]) -> pa.Table:
         return self._file.read_row_group(group, columns=[*names], use_threads=False)
-
-    def _coding(self, *names: str) -> pq.ParquetFile:
-        return pq.ParquetFile(self._source, metadata=self._file.metadata, read_dictionary=[*names])
-
-    def _read(self, name: str, file: pq.ParquetFile | None = None) -> pa.Array:
-        if name not in self.schema.names:
-            raise StoreError(f"{self.path} has no column '{name}'")
-        with table_errors(self.path):
-            column = (file or self._file).read(columns=[name]).column(0).unify_dictionaries()
-        return column.combine_chunks() if column.num_chunks != 1 else column.chunk(0)
 
 
 def equal_texts(one: RunColumns, other: RunColumns, name: str) -> NDArray[np.bool_]:
@@ -306,6 +322,11 @@ def _chosen_rows(
         if (rows := rows_of(batch, chosen[start:][: len(batch)])).num_rows:
             yield rows
         start += len(batch)
+
+
+def _listed(values: pa.Array) -> list[Any]:
+    """Return values as those of Python; what is not a number, which equals no other, is one."""
+    return [math.nan if value != value else value for value in values.to_pylist()]  # noqa: PLR0124
 
 
 def _validated(rows: pa.RecordBatch) -> pa.RecordBatch:

@@ -198,7 +198,8 @@ def _check_columns(store: Store) -> Iterator[str]:
         yield f"{MANIFEST}: {manifest.runs} runs, but the sweep has {planned}"
     if not _ascends(store.columns):
         yield f"{TABLE}: its runs are not in the order of their index"
-    ids = np.sort(store.columns.ids)
+    ids = store.columns.ids()
+    ids.sort()
     twice = ids[1:][ids[1:] == ids[:-1]]
     for run, count in Counter(twice.tolist()).items():
         yield f"{TABLE}: run {run:016x} occurs {count + 1} times"
@@ -246,7 +247,7 @@ def _check_sweep(store: Store) -> Iterator[str]:
             yield f"{MANIFEST}: another {name} than {TABLE}"
     if f"{SCENES}/{sweep.scene_hash}/{sweep.scene_model}" not in store.manifest.files:
         yield f"{MANIFEST}: names no file of the scene's model, {sweep.scene_model}"
-    if hash_of_ids(columns.ids) != sweep.plan_hash:
+    if hash_of_ids(columns.ids()) != sweep.plan_hash:
         yield f"{TABLE}: its runs, in their order, are not those of the plan's hash"
 
 
