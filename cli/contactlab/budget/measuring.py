@@ -182,7 +182,8 @@ class PhaseMeasure:
         self._run: Run = replay(motion, settings.window, settings.workers, known)
         self._observer = Observer(motion.model, motion.starts[0], self._bodies, settings.workers)
         self._base = cache(self._made_base)
-        self._stored = cache(lambda name: Stored(self._base(name)))
+        alike = not raises_time_constants(motion.model)
+        self._stored = cache(lambda name: Stored(self._base(name), constraints=alike))
         gravity = 0.0 if disabled(motion.model, "gravity") else 1.0
         self._pulls = pulls(motion, gravity * motion.model.opt.gravity)[..., self._bodies]
         self._usual = self._usual_changes()
@@ -352,11 +353,9 @@ class PhaseMeasure:
     def _storing(self, windows: Windows, name: str, kept: Floats) -> Floats:
         """Return (M, 1 + K) what is stored at the beginning, and in states (M, K, kept) [J].
 
-        Nothing where refsafe gives constraints of the run other springs than the reference has:
-        these would lift what the run's let sink, window by window.
+        Not by constraints where refsafe gives the run's other springs than the reference has: these
+        would lift what the run's let sink, window by window.
         """
-        if raises_time_constants(self._model):
-            return np.zeros((len(kept), kept.shape[1] + 1))
         return self._stored(name)(
             windows.states(np.concatenate([windows.own[:, :1], kept], axis=1))
         )

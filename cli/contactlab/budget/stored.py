@@ -42,9 +42,9 @@ class Stored:
     all forces that have a potential do in half a step is added: docs/budget-derivation.md.
     """
 
-    def __init__(self, model: mujoco.MjModel) -> None:
+    def __init__(self, model: mujoco.MjModel, *, constraints: bool = True) -> None:
         """Take a model whose solver goes on until it is done; refsafe is as at its step."""
-        self._model = copy.copy(model)
+        self._model, self._constraints = copy.copy(model), constraints
         self._model.opt.disableflags |= _ALONE
         self._data = mujoco.MjData(self._model)
         smooth = model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4
@@ -77,7 +77,7 @@ class Stored:
         power = float((data.qfrc_spring - data.qfrc_bias) @ velocity)
         violations = data.efc_pos - data.efc_margin
         rows = violations.nonzero()[0]
-        if not rows.size:
+        if not (rows.size and self._constraints):
             return power, None
         mujoco.mj_fwdActuation(model, data)
         mujoco.mj_fwdAcceleration(model, data)
