@@ -226,11 +226,14 @@ class Answers:
             return known
         best = ranked[0]
         assert best.price
+        dearest = known.price.ratio if known and known.price else math.inf
+        if share_of(self.known) <= bound.limit:
+            dearest = min(dearest, 1.0)
         for choice in search.shorter(best):
             if below.multiple and choice.multiple > below.multiple:
                 continue
             about = best.price.ratio * best.choice.multiple / choice.multiple
-            if known and known.price and about >= known.price.ratio:
+            if about >= dearest:
                 break
             if fits(search.measured(choice)) and self.is_better(search.added(choice), bound):
                 return search.added(choice)
@@ -380,8 +383,9 @@ class Answers:
 
     @cached_property
     def sound_now(self) -> bool:
-        """Whether the judge calls the model as written sound, on the seeds of the search."""
-        return self._now_on(self._own_task).word == "sound"
+        """Whether the judge calls the model as written sound, on all seeds that it is asked of."""
+        tasks = (self._own_task, self._judged_task)
+        return all(self._now_on(task).word == "sound" for task in tasks)
 
     def _is_as_now(self, task: Task, said: _Judgement) -> bool:
         """Return whether the judge says of the model as written what it says of another.

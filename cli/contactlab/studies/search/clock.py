@@ -23,7 +23,7 @@ from contactlab.studies.search.yardstick import Yardsticks, at_steps
 _FEWEST_PLACES, _MOST_PLACES = 4, 12  # states of each phase that stretches begin in
 _STRETCH, _SHORTEST = 0.2, 0.04  # s of simulated time
 _TURN = 0.01  # s that the model as written is timed for in each turn, about
-_LEAST, _MOST_REPEATS = 2e-3, 100  # s that the quickest is timed for, and how often it is run
+_LEAST, _MOST_REPEATS = 5e-3, 200  # s that a model is timed for in a turn, and how often it is run
 _MOST_COMPARED, _COMPARING = 25, 0.2  # turns, and s, of two models that are compared
 _WARM = 1
 _WHOLE_TURNS = 3  # of two models that are compared by whole runs
@@ -168,20 +168,28 @@ class _Turn:
     """A model, and others that take turns with it, each for long enough to be timed."""
 
     def __init__(self, base: _Timed, timed: Sequence[_Timed]) -> None:
-        self._base, self._timed, self._repeats = base, timed, 1
+        self._base, self._timed = base, timed
+        self._repeats = {one: self._enough(one) for one in (base, *timed)}
         self._first = 0
-        least = min(one.seconds(1) * one.simulated for one in (base, *timed))
-        self._repeats = max(1, min(_MOST_REPEATS, math.ceil(_LEAST / max(least, 1e-9))))
+
+    @staticmethod
+    def _enough(one: _Timed) -> int:
+        """Return how often a model is run, so that it finds its caches most of the time."""
+        once = one.seconds(1) * one.simulated
+        return max(1, min(_MOST_REPEATS, math.ceil(_LEAST / max(once, 1e-9))))
+
+    def _seconds(self, one: _Timed) -> float:
+        return one.seconds(self._repeats[one])
 
     def taken(self) -> tuple[float, list[float]]:
         """Return the time of the model as written, before and after others, and theirs over it."""
-        before, taken = self._base.seconds(self._repeats), [0.0] * len(self._timed)
+        before, taken = self._seconds(self._base), [0.0] * len(self._timed)
         # The one that comes after the model as written finds cold caches: each of them, in turn.
         for number in range(len(taken)):
             place = (self._first + number) % len(taken)
-            taken[place] = self._timed[place].seconds(self._repeats)
+            taken[place] = self._seconds(self._timed[place])
         self._first += 1
-        base = (before + self._base.seconds(self._repeats)) / 2
+        base = (before + self._seconds(self._base)) / 2
         return base, [seconds / base for seconds in taken]
 
 

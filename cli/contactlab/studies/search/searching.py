@@ -275,11 +275,15 @@ class Search:
     def _lean(self) -> Choice:
         """Return the model without all that costs time and adds no error, at its own step.
 
-        All bounds begin there: the least of them says what counts as no error.
+        All bounds begin there: the least of them says what counts as no error, and what the model
+        as written keeps is kept.
         """
         if self._without_waste is None:
             here = self._hulled(self._quick(self.now.without(self.space.start)))
-            most = self._error(here) + _LOSSLESS * min(bound.limit for bound in self.bounds)
+            own = self._error(here)
+            kept = [bound.accepted for bound in self.bounds if own <= bound.accepted]
+            most = own + _LOSSLESS * min(bound.limit for bound in self.bounds)
+            most = min([most, *kept])
             values = [lever.values for lever in self.space.levers]
             self._without_waste = self._added(here, values, lambda one: self._error(one) <= most)
         return self._without_waste
