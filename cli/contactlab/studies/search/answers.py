@@ -216,7 +216,7 @@ class Answers:
 
         def fits(one: Tried) -> bool:
             new = one.choice.key not in done
-            return new and one.error is not None and below.has(one)
+            return new and one.error is not None and (below.has(one) or self._is_no_worse(one))
 
         search = self._search
         ranked = search.ranked(bound)
@@ -238,6 +238,14 @@ class Answers:
             if fits(search.measured(choice)) and self.is_better(search.added(choice), bound):
                 return search.added(choice)
         return known
+
+    def _is_no_worse(self, tried: Tried) -> bool:
+        """Return whether something is as accurate as the model as written, at no longer steps.
+
+        What becomes of longer ones tells nothing of it.
+        """
+        short = tried.choice.multiple <= self.known.choice.multiple
+        return short and share_of(tried) <= SAME * share_of(self.known)
 
     def _safest(self, done: set[tuple[object, ...]], bound: Bound) -> Tried | None:
         """Return the cheapest that is as accurate as the model as written, if that is enough."""
