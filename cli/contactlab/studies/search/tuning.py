@@ -256,8 +256,7 @@ class Study:
         best = self._answer(by_folder[FOLDER], first=True)
         as_now = to_aim = None
         own = by_folder.get(FOLDER_AS_NOW)
-        missed = best is None and FOLDER_OF_AIM in by_folder
-        if own is None and missed and not self._answers.sound_now:
+        if own is None and best is None and not self._answers.sound_now:
             own = Wanted(by_folder[FOLDER].bound, FOLDER_AS_NOW, sound=False)
         if own and not (best and self._is_as_good(best.tried, own.bound)):
             as_now = self._answer(own, first=best is None)

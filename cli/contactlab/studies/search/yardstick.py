@@ -254,7 +254,7 @@ def at_steps(motion: Motion, finer: int, seeds: np.ndarray, multiple: int) -> Mo
     Its model is as it was: what makes the steps is another.
     """
     own = without_delays(motion)
-    steps = max(1, round(own.steps * finer / multiple))
+    steps = max(_FEWEST_STEPS, round(own.steps * finer / multiple))
     rows = held(own, finer, seeds, np.zeros(len(seeds), int), multiple, steps)
     return replace(own, starts=own.starts[seeds], inputs=rows)
 
