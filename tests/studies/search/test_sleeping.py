@@ -1,6 +1,7 @@
 """Sleep is told by whole runs: at rest it costs nothing, and what moves must not be frozen."""
 
 import copy
+import math
 
 import mujoco
 import numpy as np
@@ -8,6 +9,8 @@ import pytest
 
 from contactlab.budget import Motion
 from contactlab.budget.motion import INTEGRATION
+from contactlab.scene.mujoco_versions import has_batch
+from contactlab.studies.search.clock import Clock
 from contactlab.studies.search.levers import may_sleep
 from contactlab.studies.search.sleeping import OrAsleep
 from contactlab.studies.search.yardstick import Yardsticks
@@ -22,11 +25,20 @@ BOX = """<mujoco>
   </worldbody>
 </mujoco>"""
 STEPS, FINER = 100, 4
+SLIDER = '<body><joint name="{}" type="slide"/><geom size=".1"/></body>'
+COUPLED = f"""<mujoco>
+  <worldbody>{SLIDER.format("one")}{SLIDER.format("two")}</worldbody>
+  <tendon>
+    <fixed name="first"><joint joint="one" coef="1"/></fixed>
+    <fixed name="second"><joint joint="two" coef="1"/></fixed>
+  </tendon>
+  <equality><tendon tendon1="first" tendon2="second"/></equality>
+</mujoco>"""
 
 
-def motion_of(tolerance: float, speed: float) -> Motion:
-    """Return a box on the floor that slides so fast at first."""
-    model = mujoco.MjModel.from_xml_string(BOX.format(tolerance=tolerance))
+def motion_of(tolerance: float, speed: float, text: str = BOX) -> Motion:
+    """Return a box on the floor that slides so fast at first; or the first of other bodies."""
+    model = mujoco.MjModel.from_xml_string(text.format(tolerance=tolerance))
     data = mujoco.MjData(model)
     data.qvel[0] = speed
     start = np.empty((1, mujoco.mj_stateSize(model, INTEGRATION)))
@@ -64,3 +76,14 @@ def test_driven_trees_stay_awake_and_what_sleeps_already_is_not_tried() -> None:
     driven = BOX.format(tolerance=1e-3).replace("<freejoint/>", '<joint name="x" type="slide"/>')
     driven = driven.replace("</mujoco>", '<actuator><motor joint="x"/></actuator></mujoco>')
     assert not may_sleep(mujoco.MjModel.from_xml_string(driven))
+
+
+@pytest.mark.skipif(not has_batch(), reason="this MuJoCo ends the process instead")
+def test_where_mujoco_refuses_sleep_it_has_no_price() -> None:
+    """Tendon equalities do not support sleep, which MuJoCo says as bodies wake."""
+    motion = motion_of(1e-3, 0.0, COUPLED)
+    asleep = copy.copy(motion.model)
+    asleep.opt.enableflags |= SLEEP
+    clock = Clock(Yardsticks.of([motion], FINER, 1), motion.model)
+    price = clock.compared_whole((asleep, FINER), (motion.model, FINER))
+    assert math.isinf(price.high)

@@ -9,6 +9,7 @@ import copy
 import math
 import time
 from collections.abc import Sequence
+from contextlib import suppress
 from statistics import median
 from typing import Any, NamedTuple
 
@@ -18,6 +19,7 @@ import numpy as np
 from contactlab.budget import Motion
 from contactlab.budget.prices import Price
 from contactlab.budget.windows import start_rows
+from contactlab.engines.older_mujoco import SimulationError
 from contactlab.studies.search.yardstick import Yardsticks, at_steps
 
 _FEWEST_PLACES, _MOST_PLACES = 4, 12  # states of each phase that stretches begin in
@@ -54,16 +56,23 @@ class _Timed:
         self.simulated = sum(
             len(each.motion.starts) * (each.steps - 1) * step for each in stretches
         )
+        self._calls = [0.0] * len(stretches)
         # What a call takes beside its steps, with one of them: few long steps are over as soon.
-        self._calls = [self._least(place, 1, _CALLS) for place in range(len(stretches))]
+        with suppress(SimulationError):
+            self._calls = [self._least(place, 1, _CALLS) for place in range(len(stretches))]
 
     def seconds(self, repeats: int) -> float:
-        """Return thread time over simulated time, the least of each stretch."""
-        spent = (
-            self._least(place, stretch.steps, repeats) - self._calls[place]
-            for place, stretch in enumerate(self._stretches)
-        )
-        return max(sum(spent), _INSTANT) / self.simulated
+        """Return thread time over simulated time, the least of each stretch.
+
+        Infinite if MuJoCo refuses the model, as it does tendon equalities of bodies that sleep.
+        """
+        spent = 0.0
+        for place, stretch in enumerate(self._stretches):
+            try:
+                spent += self._least(place, stretch.steps, repeats) - self._calls[place]
+            except SimulationError:
+                return math.inf
+        return max(spent, _INSTANT) / self.simulated
 
     def _least(self, place: int, steps: int, repeats: int) -> float:
         """Return the least thread time of the first steps of a stretch [s]."""

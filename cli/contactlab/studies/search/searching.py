@@ -231,7 +231,8 @@ class Search:
         self._left()
         prices = self.clock.prices([self._stepped(one) for one in choices], turns)
         for choice, price in zip(choices, prices, strict=True):
-            self._entry(choice).price = price
+            if math.isfinite(price.ratio):  # else MuJoCo refuses it
+                self._entry(choice).price = price
         return prices
 
     def _stepped(self, choice: Choice) -> tuple[mujoco.MjModel, int]:
