@@ -14,6 +14,7 @@ OWN_LAWS = False
 _SWITCHES = ("AUTORESET", "MIDPHASE")  # which it does not have, and needs none of
 _INTEGRATORS = ("EULER", "RK4", "IMPLICITFAST")
 _SOLVERS = ("CG", "NEWTON")
+_SHORTEST, _SAME = 1e-3, 1e-6  # substep over a step; share of a substep that is none
 
 
 def refusal(model: mujoco.MjModel) -> str | None:
@@ -48,7 +49,8 @@ def derivative(request: dict[str, Any], tick: Callable[[], None]) -> dict[str, A
     """Tell how the end of each third run changes, by automatic differentiation in forward mode.
 
     The two after it are the run with a parameter above and below, `spread` apart: how models,
-    starts and inputs change with it is their difference.
+    starts and inputs change with it is their difference. With an `accuracy` above 0 runs are
+    made by substeps, see `_controlled`.
     """
     import serve
 
@@ -63,11 +65,15 @@ def _changed(request: dict[str, Any], run: int, tick: Callable[[], None], serve:
     import jax
     from mujoco import mjx
 
+    accuracy, firsts = request["accuracy"], _firsts(request, run)
+    lengths = np.diff([*firsts, request["steps"]])
+
     def leaves(number: int) -> tuple[list[Any], Any]:
         model = serve.model_of(request, number, *_SWITCHES)
         model.sensor_type[serve.energy_sensors(model)] = mujoco.mjtSensor.mjSENS_CLOCK
         data = serve.start_of(request, number, model)
-        parts = mjx.put_model(model), mjx.put_data(model, data), _inputs(request, number, model)
+        inputs = {name: rows[firsts] for name, rows in _inputs(request, number, model).items()}
+        parts = mjx.put_model(model), mjx.put_data(model, data), (inputs, lengths)
         found, structure = jax.tree_util.tree_flatten(parts)
         return [jax.numpy.asarray(each) for each in found], structure
 
@@ -78,14 +84,14 @@ def _changed(request: dict[str, Any], run: int, tick: Callable[[], None], serve:
     point = [own[number] for number in smooth]
     slope = [(above[number] - below[number]) / request["spread"] for number in smooth]
     rest = [None if number in smooth else each for number, each in enumerate(own)]
-    key = structure, tuple((each.shape, str(each.dtype)) for each in own)
+    key = structure, tuple((each.shape, str(each.dtype)) for each in own), accuracy
     if key not in _DERIVATIVES:
 
         def end(point: list[Any], rest: list[Any]) -> Any:
             whole, floats = list(rest), dict(zip(smooth, point, strict=True))
             whole = [floats.get(number, each) for number, each in enumerate(whole)]
             model, data, inputs = jax.tree_util.tree_unflatten(structure, whole)
-            last, _ = jax.lax.scan(lambda now, each: _stepped(model, now, each), data, inputs)
+            last = _last(model, data, inputs, accuracy)
             return jax.numpy.concatenate([last.qpos, last.qvel, last.act])
 
         _DERIVATIVES[key] = jax.jit(
@@ -99,6 +105,16 @@ def _changed(request: dict[str, Any], run: int, tick: Callable[[], None], serve:
 _DERIVATIVES: dict[Any, Any] = {}
 
 
+def _firsts(request: dict[str, Any], run: int) -> np.ndarray:
+    """Return the steps from which on something else drives a run, or one of the two beside it.
+
+    Without an accuracy these are all steps.
+    """
+    levels = request["levels"][run : run + 3]
+    changed = (np.diff(levels, axis=1) != 0).any(axis=(0, 2)) | (not request["accuracy"])
+    return np.concatenate([[0], np.flatnonzero(changed) + 1])
+
+
 def _stepped(model: Any, data: Any, inputs: dict[str, Any]) -> tuple[Any, tuple[Any, ...]]:
     import jax
     from mujoco import mjx
@@ -107,6 +123,77 @@ def _stepped(model: Any, data: Any, inputs: dict[str, Any]) -> tuple[Any, tuple[
     # A loop wants the types that it began with.
     data = jax.tree_util.tree_map(lambda old, new: new.astype(old.dtype), data, stepped)
     return data, (data.qpos, data.qvel, data.act, data.sensordata)
+
+
+def _last(model: Any, data: Any, inputs: tuple[dict[str, Any], Any], accuracy: float) -> Any:
+    """Return the data at the end of a run: by its steps, or by substeps of an accuracy.
+
+    The inputs are those of stretches of so many steps each in which they stay; without an accuracy
+    a stretch is a step.
+    """
+    import jax
+
+    if not accuracy:
+        return jax.lax.scan(lambda now, each: _stepped(model, now, each), data, inputs[0])[0]
+    (last, _), _ = jax.lax.scan(
+        lambda now, each: (_controlled(model, *now, *each, accuracy), None),
+        (data, model.opt.timestep),
+        inputs,
+    )
+    return last
+
+
+def _controlled(
+    model: Any, data: Any, size: Any, inputs: dict[str, Any], steps: Any, accuracy: float
+) -> tuple[Any, Any]:
+    """Return the data some steps later, by substeps of a step at most, and the size of the next.
+
+    A substep is made at once and in two halves, which are taken. It is made again, shorter, if they
+    part by more than the accuracy, over one plus the size of each coordinate and velocity, and if a
+    contact is made before its end: then it ends there. Sizes are constants to a derivative, but for
+    this: when a contact is made changes with the parameter, and what follows is made as much later.
+    """
+    import jax
+    from mujoco import mjx
+
+    numpy, longest = jax.numpy, model.opt.timestep
+    whole, least = steps * longest, _SHORTEST * longest
+    data = data.replace(**inputs)
+
+    def by(data: Any, size: Any) -> Any:
+        stepped = mjx.step(model.tree_replace({"opt.timestep": size}), data)
+        return jax.tree_util.tree_map(lambda old, new: new.astype(old.dtype), data, stepped)
+
+    def attempt(now: tuple[Any, Any, Any]) -> tuple[Any, Any, Any]:
+        data, at, size = now
+        size = numpy.minimum(numpy.minimum(size, longest), whole - at)
+        once, twice = by(data, size), by(by(data, size / 2), size / 2)
+        parted = [
+            numpy.abs(one - other) / (1 + numpy.abs(other))
+            for one, other in ((once.qpos, twice.qpos), (once.qvel, twice.qvel))
+        ]
+        error = numpy.maximum(numpy.concatenate(parted).max() / accuracy, 1e-6)
+        after = jax.lax.stop_gradient(size * numpy.clip(0.9 * error**-0.5, 0.2, 5.0))
+        # Distances are of the states before a step: of the start, and of the half.
+        start, half = (_gaps(each) for each in (once, twice))
+        share = numpy.where((start > 0) & (2 * half < start), start / (start - half), numpy.inf)
+        touch = size / 2 * share.min(initial=numpy.inf)
+        early = (touch > least) & (touch < (1 - _SAME) * size)
+        taken = ~early & (~(error > 1) | (size <= least))  # what is no number ends the run
+        data = jax.tree_util.tree_map(lambda old, new: numpy.where(taken, new, old), data, twice)
+        after = numpy.where(early, touch, numpy.maximum(after, least))
+        return data, at + numpy.where(taken, size, 0.0), after
+
+    data, _, size = jax.lax.while_loop(
+        lambda now: now[1] < whole - _SAME * longest, attempt, (data, 0.0 * whole, size)
+    )
+    return data, size
+
+
+def _gaps(data: Any) -> Any:
+    """Return how far each contact is from where it begins to act [m]."""
+    contact = data._impl.contact
+    return contact.dist - contact.includemargin
 
 
 def _told(

@@ -51,7 +51,9 @@ def gradients(
     also: Annotated[
         str | Sequence[str] | None,
         Option(
-            "MEANS,MEANS", "chain, of transition matrices, the default at one place; mjx.", kind=str
+            "MEANS,MEANS",
+            "chain, of transition matrices, the default at one place; mjx; mjx-adaptive.",
+            kind=str,
         ),
     ] = None,
     within: Annotated[

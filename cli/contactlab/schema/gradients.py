@@ -39,7 +39,7 @@ class GradientBy(Model):
     run: Difference = about("Of the run at its own step: spans of less than a step.")
     told: dict[str, float | None] = about(
         "Of the run by other means: `chain`, MuJoCo's mjd_transitionFD step by step; `mjx`, "
-        "automatic differentiation. Null where it has none."
+        "automatic differentiation, `mjx-adaptive` by substeps. Null where it has none."
     )
     words: dict[str, GradientWord] = about("What `run` and the others are beside the model's.")
     ladder: tuple[LadderRung, ...] = about("Every difference; empty on a map.")

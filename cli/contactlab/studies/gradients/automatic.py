@@ -8,6 +8,8 @@ from contactlab.engines.engine import PreparedRuns
 from contactlab.errors import EngineError
 
 ENGINE = "mjx"
+ADAPTIVE = f"{ENGINE}-adaptive"
+"""The same, by substeps."""
 
 
 def engine() -> AdaptedEngine:
@@ -17,13 +19,14 @@ def engine() -> AdaptedEngine:
     return found
 
 
-def automatic(runs: PreparedRuns, place: int, spread: float) -> float | None:
+def automatic(runs: PreparedRuns, place: int, spread: float, accuracy: float = 0.0) -> float | None:
     """Return the derivative of a coordinate's end; None where it is not finite.
 
-    The runs are one, and it with the parameter above and below, which are `spread` apart. Raises an
-    EngineError if the engine fails.
+    The runs are one, and it with the parameter above and below, which are `spread` apart. With an
+    accuracy above 0 steps are made of substeps, so chosen that each is as accurate, and that one
+    ends where a contact is made. Raises an EngineError if the engine fails.
     """
-    answer = engine().ask(runs, operation="derivative", spread=spread)
+    answer = engine().ask(runs, operation="derivative", spread=spread, accuracy=accuracy)
     if isinstance(answer, str):
         raise EngineError(f"the {ENGINE} engine: {answer}")
     value = float(answer["change"][0][place])

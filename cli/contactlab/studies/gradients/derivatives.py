@@ -10,7 +10,7 @@ import numpy as np
 from contactlab.contact.trace_arrays import Floats
 from contactlab.engines.engine import PreparedRuns
 from contactlab.schema.gradients import Difference, GradientBy, GradientWord, LadderRung
-from contactlab.studies.gradients.automatic import ENGINE, automatic
+from contactlab.studies.gradients.automatic import ADAPTIVE, ENGINE, automatic
 from contactlab.studies.gradients.chained import EPSILON, chained
 from contactlab.studies.gradients.differences import (
     ABOUT,
@@ -35,6 +35,7 @@ _MORE_STEPS = (0, 6, 10, 18, 22, 30, 38, 42, 54, 58, 66, 74)
 _NEAR = NOISE_SPAN * NOISE_POINTS
 _SPREAD = 1e-6  # over the scale, of the two runs that a chain of steps differentiates
 _CONVERGED = {"tolerance": 0.0, "ls_tolerance": 1e-10, "iterations": 100}
+_ACCURACY = 1e-4  # of substeps
 _EXPLODES, _VANISHES, _KNOWN = 10.0, 0.01, 0.5
 
 
@@ -56,6 +57,7 @@ MEANS: Mapping[str, Mapping[str, Means]] = {
     # With a step that stays on one side of most switches, and as MuJoCo's own examples call it.
     "chain": {"chain": _chain(EPSILON), "chain 1e-6": _chain(1e-6)},
     ENGINE: {ENGINE: Means(automatic)},
+    ADAPTIVE: {ADAPTIVE: Means(partial(automatic, accuracy=_ACCURACY))},
 }
 
 

@@ -27,7 +27,7 @@ from contactlab.schema.gradients import (
 from contactlab.schema.setting_values import as_number, as_vector
 from contactlab.store.table_layout import as_written
 from contactlab.studies.gradients import automatic
-from contactlab.studies.gradients.automatic import ENGINE
+from contactlab.studies.gradients.automatic import ADAPTIVE, ENGINE
 from contactlab.studies.gradients.derivatives import MEANS, Differentiation, influence, word
 from contactlab.studies.gradients.end_states import Parameter, Point, Subject
 from contactlab.studies.session import Session
@@ -72,7 +72,7 @@ def run(request: GradientsRequest, session: Session) -> GradientsReport:
     chosen = request.also if request.also is not None else ([] if is_map else ["chain"])
     for name in chosen:
         SweepFileError.unless_known(name, MEANS, f"--also {name}: no such means")
-    if differentiates := ENGINE in chosen:
+    if differentiates := bool({ENGINE, ADAPTIVE} & {*chosen}):
         spec = subject.resolve(points[0])
         if why := automatic.engine().refusal(sweep.scene, spec):
             raise EngineError(why)
