@@ -69,6 +69,7 @@ def test_what_is_no_engine_is_named(contactlab: Any, cache: Path) -> None:
     wrong = contactlab("engines", "add", "wrap")
     assert wrong.code == 2
     assert "did you mean 'warp'?" in wrong.err
+    assert "did you mean 'panel'?" in contactlab("engines", "pannel").err
     here = contactlab("engines", "add", "mujoco")
     assert (here.code, "is here" in here.out) == (0, True)
     assert not cache.exists()

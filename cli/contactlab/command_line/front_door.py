@@ -18,6 +18,7 @@ FORMER: Mapping[str, tuple[str, ...]] = {
     "engines": ("list", "engines"),
 }
 """Names of commands up to 0.3, and the words of today."""
+_HELP = ("-h", "--help")
 _OF_STORE = "manifest.json"
 _SWEEPS = {".yaml", ".yml"}
 
@@ -32,7 +33,7 @@ def completed(words: Sequence[str]) -> list[str]:
         SweepFileError: the first word is neither a command nor a model.
     """
     first = words[0] if words else ""
-    if first in FORMER and not (first == "engines" and {"add", "panel"} & {*words[1:2]}):
+    if first in FORMER and not _is_of_today(words):
         now = _as_named_now(words)
         say(f"`contactlab {first}` is `contactlab {' '.join(now[:2])}` now; the old name goes next")
         return now
@@ -52,6 +53,12 @@ def completed(words: Sequence[str]) -> list[str]:
             f"no command, model or shipped scene '{first}'{near or '; see contactlab --help'}"
         )
     return list(words)
+
+
+def _is_of_today(words: Sequence[str]) -> bool:
+    """Return whether words are of the commands `engines add` and its like, or ask about these."""
+    first, *rest = words
+    return first in command_modules() and bool(rest) and (rest[0] in _HELP or rest[0][:1] != "-")
 
 
 def _as_named_now(words: Sequence[str]) -> list[str]:
