@@ -26,6 +26,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple, Protocol
 
 import contactlab
@@ -316,10 +317,11 @@ def tried(
     life: Life, points: Points, places: Iterator[str], stride: int
 ) -> Iterator[dict[str, Any]]:
     """Fail at points of a life, go on, and yield what came of each."""
-    first, whole = next(places), next(places)
-    # What a process does but once, as checks of functions in C, is done before it is copied.
-    if isinstance(points, CallPoints):
-        grow(first)
+    whole = next(places)
+    # What a process does but once, as checks of functions in C, is done before it is copied; in a
+    # folder, since a client of a bucket has threads, which are not copied.
+    with TemporaryDirectory() as here:
+        grow(f"{here}/first")
     how, found = in_child(lambda: undisturbed(life, points, whole))
     assert how == "done", found
     made, physics = found

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 from tests.run.spoiled_workers import spoil_workers
 
-from contactlab.errors import StoppedError
+from contactlab.errors import OutputError, StoppedError
 from contactlab.run.sweep_runner import run_sweep
 from contactlab.run.tasks import Finished, Stop
 from contactlab.store.row_journal import read_lines
@@ -25,12 +25,12 @@ MANY = """
 version: 1
 scene: ball_drop
 duration: 0.05
-seeds: 22
+seeds: 11
 axes:
   timestep: [1.0e-3, 2.0e-3, 3.0e-3]
   drop_height: [0.02, 0.1]
 """
-RUNS, LEAST_OF_JOB = 132, 16
+RUNS, LEAST_OF_JOB = 66, 16
 PASSES = """
 version: 1
 scene: ball_drop
@@ -217,9 +217,8 @@ def test_a_worker_within_a_long_call_ends_with_its_parent(slow: Slow, until: Unt
 def test_one_sweep_a_store(slow: Slow, sweeper: Any, until: Until) -> None:
     process = slow.start(1, "signal.pause()")
     until(lambda: slow.begun == 1)
-    code, out, err = slow.command.run("sweep", "small.yaml", "-o", "store")
-    assert (code, out) == (2, "")
-    assert err == "error: store is in use by another sweep; wait or use -o\n"
+    with pytest.raises(OutputError, match="store is in use by another sweep; wait or use -o"):
+        sweeper.run(MANY)
     os.killpg(process.pid, signal.SIGKILL)
     process.communicate(timeout=60)
     assert (slow.folder / "store" / ".lock").exists()

@@ -245,7 +245,10 @@ def test_stopped_anywhere_it_ends_as_if_it_were_not(
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(("workers", "executor"), [(1, "local"), (2, "local"), (2, "ray")])
+@pytest.mark.parametrize(
+    ("workers", "executor"),
+    [(1, "local"), (2, "local"), pytest.param(2, "ray", marks=pytest.mark.night)],
+)
 def test_any_number_of_workers(workers: int, executor: str, refined: Store, tmp_path: Path) -> None:
     if executor == "ray":
         pytest.importorskip("ray", reason="contactlab[ray] is not installed")

@@ -176,16 +176,15 @@ def tasks_of(folder: Path) -> list[int]:
     "number", [signal.SIGKILL, pytest.param(signal.SIGUSR2, marks=pytest.mark.night)]
 )
 def test_a_sweep_whose_tasks_die_is_that_of_one_machine(
-    command: Any, tmp_path: Path, outcome: Any, until: Callable[..., None], number: int
+    command: Any, sweeper: Any, tmp_path: Path, until: Callable[..., None], number: int
 ) -> None:
     """Killed, or told that their time is over, which has them requeued."""
-    (tmp_path / "sweep.yaml").write_text(SWEEP)
-    here = command.start("sweep", "sweep.yaml", "-o", "here", "--workers", "1")
-    assert here.wait(120) == 0
-    process = command.start("sweep", "sweep.yaml", "-o", "there", *LOCAL, "--workers", "2")
+    (tmp_path / "small.yaml").write_text(SWEEP)
+    process = command.start("sweep", "small.yaml", "-o", "there", *LOCAL, "--workers", "2")
     until(lambda: len(tasks_of(tmp_path)) >= 2)
     os.kill(tasks_of(tmp_path)[0], number)
     _, err = process.communicate(timeout=300)
     assert process.returncode == 0, err
-    assert outcome(tmp_path / "there") == outcome(tmp_path / "here")
+    sweeper.run(SWEEP, "here")
+    assert sweeper.outcome("there") == sweeper.outcome("here")
     assert not list(tmp_path.glob(".contactlab-slurm-*"))

@@ -114,7 +114,7 @@ def broken(rows: pa.RecordBatch, sweep: SweepIdentity) -> list[bool]:
 
 
 def planted(column: pa.Array, place: int) -> Iterator[pa.Array]:
-    """Yield a column with other values at a place, and as columns of other types."""
+    """Yield a column with other values at a place, and at the first as columns of other types."""
     values = column.to_pylist()
     kind = column.type
     if pa.types.is_struct(kind):
@@ -126,7 +126,7 @@ def planted(column: pa.Array, place: int) -> Iterator[pa.Array]:
         return
     for value in OTHERS[kind]:
         yield pa.array([*values[:place], value, *values[place + 1 :]], kind)
-    for other in KINDS:
+    for other in KINDS if place == 0 else ():
         if other != kind:
             yield pa.array([OTHERS[other][-1]] * len(values), other)
 

@@ -8,7 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contactlab.reporting.label_shares import ShareWords, exact_share
-from contactlab.reporting.report_columns import SEED, STABLE, GridAxis, RunLabels, number_with_unit
+from contactlab.reporting.report_columns import (
+    SEED,
+    STABLE,
+    Codes,
+    GridAxis,
+    RunLabels,
+    number_with_unit,
+)
 
 _MOST_VALUES_LISTED = 3
 _LEAST_SHARE_OF_OUTCOME = 0.5
@@ -115,7 +122,7 @@ def _sufficient(axes: Sequence[GridAxis], rare: NDArray[np.bool_], words: _Words
     return f"Every run {', or '.join(parts)} {words.run_does}: {covered}."
 
 
-def _setting(axis: GridAxis, codes: NDArray[np.int64]) -> str:
+def _setting(axis: GridAxis, codes: Codes) -> str:
     """Return an axis with values that have some codes: `a timestep of 2 ms or more`."""
     values = _values(axis, codes)
     if not axis.amount_unit or values.startswith("other"):
@@ -127,7 +134,7 @@ def _setting(axis: GridAxis, codes: NDArray[np.int64]) -> str:
     return f"{'an' if axis.name[0] in 'aeiou' else 'a'} {axis.name.replace('_', ' ')} of {amount}"
 
 
-def _values(axis: GridAxis, codes: NDArray[np.int64]) -> str:
+def _values(axis: GridAxis, codes: Codes) -> str:
     """Return the values of an axis that have some codes: `0.002 or less`, `a or b`."""
     found = _distinct(codes)
     ticks, last = axis.ticks, len(axis.ticks) - 1
@@ -145,7 +152,7 @@ def _values(axis: GridAxis, codes: NDArray[np.int64]) -> str:
     return _joined(listed if rest <= 0 else [*listed[:_MOST_VALUES_LISTED], f"{rest} others"], "or")
 
 
-def _distinct(codes: NDArray[np.int64]) -> list[int]:
+def _distinct(codes: Codes) -> list[int]:
     return np.flatnonzero(np.bincount(codes)).tolist()
 
 

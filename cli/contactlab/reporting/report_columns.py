@@ -21,7 +21,7 @@ from contactlab.store.finished_store import Store
 from contactlab.store.run_columns import RunColumns
 from contactlab.store.table_layout import Column
 
-Codes = NDArray[np.int64]
+Codes = NDArray[np.integer[Any]]
 _ADDED = TypeAdapter(dict[str, LabelFacts])
 
 SEED = "seed"
@@ -95,7 +95,7 @@ class RunLabels:
     letters: tuple[str, ...]  # one letter for each, all different; empty for `stable`
     facts: tuple[LabelFacts, ...]  # what is said and drawn of each, as far as it is known
     codes: Codes  # (n,) index into `names` of each run's worst label
-    masks: Codes  # (n,) all labels of a run as bits: bit i for `every[i]`
+    masks: NDArray[np.int64]  # (n,) all labels of a run as bits: bit i for `every[i]`
     every: tuple[str, ...]  # labels that occur at all, also beside a worse one
 
     @property
@@ -155,14 +155,14 @@ def _axis(columns: RunColumns, name: str, kind: Role, grid: Sequence[Any]) -> Gr
     if not columns.is_number(name):
         codes, values = columns.coded(name)
         ticks = tuple(SCENES_OWN if value is None else value.strip() for value in values)
-        return GridAxis(name, unit, kind, ticks, codes.astype(np.int64), None)
-    numbers = columns.numbers(name).values
-    together = np.concatenate([numbers, np.array(grid, dtype=float)])
-    together, unit = in_small_units(together, unit)
-    values, codes = np.unique(together, return_inverse=True)
-    numbers, codes = together[: len(numbers)], codes[: len(numbers)]
+        return GridAxis(name, unit, kind, ticks, codes.astype(np.int32), None)
+    numbers, places = columns.ranked(name, grid)
+    numbers, unit = in_small_units(numbers, unit)
+    # Two that differ in their last digits may be one in small units.
+    values, codes = np.unique(numbers, return_inverse=True)
     if not grid and len(values) > _MOST_VALUES_OF_AN_AXIS and np.isfinite(values).all():
-        return GridAxis(name, unit, kind, *_binned(numbers), numbers)
+        return GridAxis(name, unit, kind, *_binned(numbers[places]), numbers[places])
+    codes = codes.astype(np.int32)[places]
     if str(columns.schema.field(name).type) == "bool":
         ticks = [{0.0: "false", 1.0: "true"}.get(value, SCENES_OWN) for value in values.tolist()]
     else:
@@ -201,7 +201,7 @@ def _binned(numbers: Floats) -> tuple[tuple[str, ...], Codes]:
     edges = spaced(low, high, _BINS + 1)
     codes = np.clip(np.searchsorted(edges, numbers, side="right") - 1, 0, _BINS - 1)
     ticks = tuple(f"{first:.3g} to {last:.3g}" for first, last in pairwise(edges.tolist()))
-    return ticks, codes.astype(np.int64)
+    return ticks, codes.astype(np.int32)
 
 
 def combination_codes(axes: Sequence[GridAxis], runs: int) -> Codes:
@@ -242,7 +242,7 @@ def read_run_labels(store: Store, also: Sequence[str] = ()) -> RunLabels:
         order = [*ours, *order]
     ranks = {name: rank for rank, name in enumerate(order)}
     names = sorted(unordered, key=lambda name: (name == STABLE, ranks.get(name, -1), name))
-    placed = np.array([names.index(string) for string in strings], dtype=np.int64)[codes]
+    placed = np.array([names.index(string) for string in strings], dtype=np.int32)[codes]
     facts = {**dict.fromkeys(sorted(names), LabelFacts()), **added, **ours}
     letters: dict[str, str] = {STABLE: ""}
     for name in (*ours, *sorted(facts.keys() - ours)):

@@ -169,9 +169,22 @@ class RunColumns:
         """Return a column of numbers, or of booleans as 1 and 0."""
         values, valid = np.empty(self.runs), np.empty(self.runs, np.bool_)
         for rows, column in self.parts(name):
-            valid[rows] = numpy_array(compute("is_valid", column))
-            values[rows] = np.where(valid[rows], numpy_array(column), np.nan)
+            values[rows], valid[rows] = _numbers_of(column)
         return NumberColumn(values, valid)
+
+    def ranked(
+        self, name: str, also: Sequence[float] = ()
+    ) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+        """Return the different numbers of a column and some others, and the place of each run's.
+
+        They ascend, and end with NaN if any run (n,) has none.
+        """
+        different = [np.unique(_numbers_of(column).values) for _, column in self.parts(name)]
+        values = np.unique(np.concatenate([np.array(also, float), *different]))
+        places = np.empty(self.runs, np.int32)
+        for rows, column in self.parts(name):
+            places[rows] = np.searchsorted(values, _numbers_of(column).values)
+        return values, places
 
     def coded(self, name: str) -> CodedColumn:
         """Return a column by the codes that it is stored with, its text not written out."""
@@ -322,6 +335,11 @@ def _chosen_rows(
         if (rows := rows_of(batch, chosen[start:][: len(batch)])).num_rows:
             yield rows
         start += len(batch)
+
+
+def _numbers_of(column: pa.Array) -> NumberColumn:
+    valid = numpy_array(compute("is_valid", column))
+    return NumberColumn(np.where(valid, numpy_array(column), np.nan), valid)
 
 
 def _listed(values: pa.Array) -> list[Any]:
