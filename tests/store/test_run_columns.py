@@ -26,6 +26,12 @@ def test_columns_are_the_rows(store: Path) -> None:
     nothing = columns.numbers("gain")
     assert np.isnan(nothing.values).all()
     assert not nothing.valid.any()
+    values, places = columns.ranked("depth", [-1.0, 0.5])
+    assert values[places].tolist() == numbers.values.tolist()
+    assert values.tolist() == sorted({-1.0, 0.5, *numbers.values.tolist()})
+    values, places = columns.ranked("gain", [2.0])
+    assert np.isnan(values).tolist() == [False, True]
+    assert places.tolist() == [1, 1, 1]
     for name in ("label", "timestep", "status_reason"):
         codes, values = columns.coded(name)
         assert [values[code] for code in codes] == [row[name] for row in rows]
