@@ -176,7 +176,7 @@ def _changed(report: Examination, entry: Entry, file: str, folder: Path) -> Iter
     cause = _named(report)
     for place, change in enumerate(sorted(report.changes, key=lambda change: change.physics)):
         try:
-            written = write_model(scene, edits_of(change), folder / f"changed{place}", "")
+            written = write_model(scene, edits_of(change, scene), folder / f"changed{place}", "")
         except SceneError:  # the change says that it has no lines, and why
             continue
         after = contactlab.examine(

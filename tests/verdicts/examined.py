@@ -108,7 +108,7 @@ def _named(report: Examination) -> tuple[str, ...]:
 def _mended(path: Path, change: ModelChange, case: Case) -> float | None:
     with tempfile.TemporaryDirectory() as folder:
         scene = SceneLoader(Path(), "none").open(str(path))
-        made = write_model(scene, edits_of(change), Path(folder) / "changed")
+        made = write_model(scene, edits_of(change, scene), Path(folder) / "changed")
         motion = watch(made.path.read_text(encoding="utf-8"), case.duration)
     return case.truth.measure(motion) / case.limit
 

@@ -55,10 +55,17 @@ def fresh(task: Task) -> Task:
     return task.model_copy(update={"seeds": tuple(seed + count for seed in task.seeds)})
 
 
-def edits_of(change: ModelChange) -> ModelEdits:
-    """Return how a change is written."""
+def edits_of(change: ModelChange, scene: Scene) -> ModelEdits:
+    """Return how a change that a report tells of is written into a scene's model."""
+    axes = {name: scene.catalogue.find(name) for name in change.settings}
     return ModelEdits(
-        change.settings, excluded=change.excluded, freed=change.freed, fitted=change.fitted
+        {
+            name: axis.parse(change.settings[name]) if axis else change.settings[name]
+            for name, axis in axes.items()
+        },
+        excluded=change.excluded,
+        freed=change.freed,
+        fitted=change.fitted,
     )
 
 
