@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import resources
-from itertools import accumulate, islice
+from itertools import accumulate
 from pathlib import Path
 
 import numpy as np
@@ -403,15 +403,15 @@ def reality_view(data: ReportData) -> RealityView | None:
 def listed_runs(data: ReportData) -> Table:
     """Return a table of some runs, the worst first."""
     quantities = data.quantities_named(*listed_metrics(data))
-    ids = data.store.columns.run_ids
+    worst = np.argsort(data.labels.codes, kind="stable")[:_MOST_LISTED].tolist()
     rows = [
         [
-            str(ids[row]),
+            str(identity["run_id"]),
             data.labels.names[data.labels.codes[row]],
             *(axis.ticks[axis.codes[row]] for axis in data.axes),
             *(f"{quantity.values[row]:.4g}" for quantity in quantities),
         ]
-        for row in np.argsort(data.labels.codes, kind="stable")[:_MOST_LISTED].tolist()
+        for row, identity in zip(worst, data.store.columns.some(["run_id"], worst), strict=True)
     ]
     titles = (column.title for column in (*data.axes, *quantities))
     return Table(["run", "label", *titles], rows)
@@ -463,10 +463,10 @@ def _unexpected_runs(store: Store) -> list[tuple[str, str, str]]:
     """Return id, label and unmet expectation of the first runs that are not as expected."""
     if not store.manifest.expectations.get("unmet", 0):
         return []
-    columns = store.columns.to_pydict(["run_id", "label", "expectation_met", "expectation_reason"])
-    rows = zip(*columns.values(), strict=True)
-    unmet = ((run, label, reason or "") for run, label, met, reason in rows if met is False)
-    return list(islice(unmet, _MOST_UNEXPECTED))
+    met = store.columns.numbers("expectation_met").values
+    unmet = np.flatnonzero(met == 0)[:_MOST_UNEXPECTED].tolist()
+    rows = store.columns.some(["run_id", "label", "expectation_reason"], unmet)
+    return [(row["run_id"], row["label"], row["expectation_reason"] or "") for row in rows]
 
 
 def engines_view(data: ReportData, request: PageRequest) -> EnginesView | None:

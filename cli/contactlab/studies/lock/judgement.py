@@ -173,12 +173,12 @@ def change_by_chance(old: tuple[float, int], new: tuple[float, int], alpha: floa
 
 def judge(lock: Lock, name: str, store: Store, policy: ComparePolicy) -> ComparisonReport:
     """Return the comparison of a lock, by its name for people, and a store."""
-    columns, ids = metric_columns(store), store.columns.run_ids
+    columns = metric_columns(store)
     metrics = dict.fromkeys(metric for group in lock.groups for metric in group.metrics)
     new = lock_of(store, [metric for metric in metrics if metric in columns])
     same_seeds = lock.seeds == new.seeds and not is_recorded(store)
     repeated = not lock.chaotic and (lock.starts == new.starts or same_seeds)
-    runs = {key: str(ids[rows[0]]) for key, (_, rows) in members(store).items()}
+    runs = {key: store.columns.run_id(rows[0]) for key, (_, rows) in members(store).items()}
     judge = _Judge(lock, new, repeated, policy, runs)
     checks = tuple(judge.checks(columns))
     verdict, exit_code, headline = conclusion(checks)
