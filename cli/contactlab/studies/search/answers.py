@@ -224,15 +224,15 @@ class Answers:
         known = next(good, None)
         if search.dearest is not None or not ranked or known is ranked[0]:
             return known
-        best = ranked[0]
-        assert best.price
         dearest = known.price.ratio if known and known.price else math.inf
         if share_of(self.known) <= bound.limit:
             dearest = min(dearest, 1.0)
-        for choice in search.shorter(best):
-            if below.multiple and choice.multiple > below.multiple:
-                continue
-            about = best.price.ratio * best.choice.multiple / choice.multiple
+        best = ranked[0]
+        assert best.price
+        once = best.price.ratio * best.choice.multiple
+        near = [(about, one.choice) for about, one in search.likely(bound)]
+        near += [(once / choice.multiple, choice) for choice in search.shorter(best)]
+        for about, choice in sorted(near, key=lambda pair: pair[0]):
             if about >= dearest:
                 break
             if fits(search.measured(choice)) and self.is_better(search.added(choice), bound):

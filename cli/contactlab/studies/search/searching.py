@@ -198,6 +198,20 @@ class Search:
         good = [one for one in known if share_of(one) <= bound.limit]
         return sorted(safe or good, key=_ratio)
 
+    def likely(self, bound: Bound) -> list[tuple[float, Tried]]:
+        """Return what keeps a bound by about its price: what was not timed, from other steps."""
+        steps = {
+            one.choice.key[1:]: _ratio(one) * one.choice.multiple
+            for one in self.tried.values()
+            if one.price
+        }
+        found = [
+            (steps[one.choice.key[1:]] / one.choice.multiple, one)
+            for one in self.tried.values()
+            if one.choice.key[1:] in steps and share_of(one) <= bound.accepted
+        ]
+        return sorted(found, key=lambda pair: pair[0])
+
     def nearest(self) -> Tried | None:
         """Return what comes nearest to an aim that nothing meets."""
         known = [one for one in self.tried.values() if one.error and one.price]
@@ -342,7 +356,11 @@ class Search:
         for part, price in zip(parts, prices, strict=True):
             if SAVES * price.ratio < own.ratio or price.low < own.ratio:
                 least = least.undone(part, here)
-        if least in (choice, here) or self._saves(choice, least):
+        if least in (choice, here):
+            return choice
+        self._left()
+        beside = self.clock.compared(self._stepped(choice), self._stepped(least), _COMPARED)
+        if beside.high < SAVES:
             return choice
         self._error(least)
         self._priced([least])
