@@ -71,8 +71,11 @@ def test_what_a_pressed_limit_stores() -> None:
     assert _stored(model, qpos=0.1 + depth) == pytest.approx(expected, rel=1e-9)
 
 
-@pytest.mark.parametrize("solimp", [CONSTANT, WIDE, ".5 .9 .03 .3 3"])
-@pytest.mark.parametrize("xml", [BALL, TIED], ids=["bounces", "tied"])
+@pytest.mark.parametrize(
+    ("xml", "solimp"),
+    [(BALL, CONSTANT), (BALL, WIDE), (BALL, ".5 .9 .03 .3 3"), (TIED, WIDE)],
+    ids=["bounces", "on a wide layer", "on a steep one", "tied"],
+)
 def test_energy_with_what_is_stored_is_kept(xml: str, solimp: str) -> None:
     """Nothing is damped, and steps are fine: what is missing of the energy is stored.
 
@@ -112,7 +115,7 @@ def test_friction_stores_nothing() -> None:
     assert _stored(model, qpos=0.097) == pytest.approx(_stored(smooth, qpos=0.097), rel=1e-9)
 
 
-@pytest.mark.parametrize("window", [0.03, 0.04, 0.07])
+@pytest.mark.parametrize("window", [0.04, 0.07])
 def test_a_bounce_that_a_window_cuts_loses_what_the_run_does(window: float) -> None:
     """A contact of w h = .5 takes six steps, in which half of all energy is in no `energy`.
 
