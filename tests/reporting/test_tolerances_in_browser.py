@@ -136,8 +136,8 @@ def test_random_configurations_are_evaluated_as_tradeoff_does(browser: Any) -> N
         expected.append(
             [
                 [each.summary.feasible for each in found],
-                *([int(each.rows[0]) for each in chosen] for chosen in best),
-                [int(each.rows[0]) for each in feasible_front(found)],
+                *([each.first for each in chosen] for chosen in best),
+                [each.first for each in feasible_front(found)],
             ]
         )
     page = browser.new_page()
