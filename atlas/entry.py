@@ -57,7 +57,7 @@ class Confirmation(Model):
 class Gripped(Model):
     """What `contactlab grip` says of it on a bench."""
 
-    word: str
+    word: Literal["holds", "creeps"]
     sentence: str
     speed: float | None = about(
         "Of the worst direction [m/s]; null if the object is lost, or no weight pulled at it."
@@ -99,7 +99,7 @@ class Entry(Model):
         default=(),
     )
     confirmation: Confirmation | None = None
-    grip: Gripped | None = about("Null where nothing closes.", default=None)
+    grip: Gripped | None = about("Null where nothing closes, or holds the object.", default=None)
     tuned: Tuned | None = None
 
     @model_validator(mode="before")

@@ -145,10 +145,15 @@ def _whole(family: tuple[Robot, ...], robot: Robot, folder: Path) -> Entry:
 
 
 def _gripped(file: str) -> Gripped | None:
-    """Return how a hand holds the usual object; None for a model without one that closes."""
+    """Return how a hand holds the usual object; None where nothing closes, or holds it.
+
+    Two legs that close on it drop it, and are no hand.
+    """
     try:
         report = contactlab.grip(file)
     except ContactlabError:
+        return None
+    if report.verdict == "drops":
         return None
     speeds = [drift.speed for drift in report.drifts]
     known = [speed for speed in speeds if speed is not None]

@@ -50,8 +50,9 @@ examined.
 {silent}{older}A change was judged again on fresh seeds, and, written into the model, by the same
 command; a dash says that none was found, or none is needed. Causes are looked for in plain MuJoCo
 by `{script}`, whose controls are drawn anew: where it does not show them, the row says no. "Times
-real time" is that of plain steps on one core, while others were busy. Licences are those of wheels,
-and single models may have others.
+real time" is that of plain steps on one core, while others were busy. A hand has a cell if it holds
+the usual box, creeping or not: two legs that close on it drop it, as a weak hand does. Licences are
+those of wheels, and single models may have others.
 """
 _SILENT = "Of {names} there was no answer within the limit of CPU. "
 _OLDER = "{count} are by an older judge, and say so. "
