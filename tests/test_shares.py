@@ -135,7 +135,9 @@ def test_wilsons_interval(counts: tuple[int, int]) -> None:
     """Against SciPy's."""
     good, runs = counts
     exact = binomtest(good, runs).proportion_ci(method="wilson")
-    assert wilson(good, runs) == pytest.approx((exact.low, exact.high), abs=1e-9)
+    low, high = wilson(good, runs)
+    assert (low, high) == pytest.approx((exact.low, exact.high), abs=1e-9)
+    assert (low == 0, high == 1) == (good == 0, good == runs)
 
 
 @pytest.mark.parametrize(("share", "before"), [(0.6, 0.5), (0.8, 0.6), (0.3, 0.3)])

@@ -20,7 +20,8 @@ def wilson(good: int, runs: int) -> tuple[float, float]:
     share, weight = good / runs, _Z * _Z / runs
     centre = (share + weight / 2) / (1 + weight)
     reach = _Z * math.sqrt(share * (1 - share) / runs + weight / (4 * runs)) / (1 + weight)
-    return max(0.0, centre - reach), min(1.0, centre + reach)
+    # Of none and of all they are ends, which rounding would miss.
+    return centre - reach if good else 0.0, centre + reach if good < runs else 1.0
 
 
 def anytime(good: int, runs: int, sure: float = SURE) -> tuple[float, float]:
