@@ -116,8 +116,13 @@ class Start:
         """Return the state and drive of what is left of the model, some steps on from here."""
         data = mujoco.MjData(model)
         mujoco.mj_resetDataKeyframe(model, data, model.key(START).id)
+        kept, places = self._kept(model), self._places(model)
+        inputs = np.hstack([data.ctrl, data.xfrc_applied.ravel()])
         for _ in range(steps):
-            self._drive(model, data)
+            if self.controls is not None and kept:
+                inputs[places] = self.controls.levels[_row(self.controls, data.time), kept]
+                data.ctrl[:] = inputs[: model.nu]
+                data.xfrc_applied[:] = inputs[model.nu :].reshape(-1, 6)
             mujoco.mj_step(model, data)
         joints = [model.joint(index).name for index in range(model.njnt)]
         actuators = [model.actuator(index) for index in range(model.nu)]
@@ -130,18 +135,11 @@ class Start:
             controls=self._controls_from(data.time),
         )
 
-    def _drive(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        """Apply what drives what is left of the model at a time."""
-        kept = self._kept(model)
-        if self.controls is None or not kept:
-            return
+    def _places(self, model: mujoco.MjModel) -> list[int]:
+        """Return the places of what is left of the inputs among controls and then forces."""
         known, first = coordinates(model), part_starts(model)["ctrl"]
-        named = [self.inputs[place] for place in kept]
-        places = [known[name if name in known else f"{name}.ctrl"] - first for name in named]
-        inputs = np.hstack([data.ctrl, data.xfrc_applied.ravel()])
-        inputs[places] = self.controls.levels[_row(self.controls, data.time), kept]
-        data.ctrl[:] = inputs[: model.nu]
-        data.xfrc_applied[:] = inputs[model.nu :].reshape(-1, 6)
+        named = [self.inputs[place] for place in self._kept(model)]
+        return [known[name if name in known else f"{name}.ctrl"] - first for name in named]
 
     def _controls_from(self, time: float) -> RecordedControls | None:
         """Return what is applied from a time on [s], which is its 0."""
