@@ -20,7 +20,8 @@ from contactlab.studies.shrink.failing_model import FailingModel, Start, file_hu
 from contactlab.studies.shrink.shrinking import ShrinkRequest, run
 
 # A ball of 20 mm is thrown through a plate of 4 mm, or up: at 8 m/s it moves 80 mm in a step.
-# Around it are a motor's arm, a hinged flap of a mesh, and boxes in free fall.
+# Around it are a motor's arm, a hinged flap of a mesh, and boxes in free fall, of which one touches
+# nothing, and a cord slides over a drum that touches nothing either.
 SCENE = """<mujoco>
   <option timestep="0.01"/>
   <default><default class="parts"><geom rgba="1 0 0 1"/><default class="thin"><geom margin=".001"/>
@@ -39,16 +40,21 @@ SCENE = """<mujoco>
     <body name="flap" pos="-1 0 0"><joint name="hinge" damping="1"/>
       <geom type="mesh" mesh="wedge"/></body>
     {boxes}
+    <geom name="drum" type="cylinder" size=".02 .1" pos="0 1 .5" contype="0" conaffinity="0"/>
+    <site name="hook" pos="-.2 1 .5"/>
   </worldbody>
+  <tendon><spatial name="cord"><site site="hook"/><geom geom="drum"/><site site="eye"/></spatial>
+  </tendon>
   <actuator><motor name="motor" joint="elbow"/></actuator>
   <sensor><jointpos joint="elbow"/></sensor>
   <keyframe><key name="down" qvel="0 0 -8 {rest}"/><key name="up" qvel="0 0 3 {rest}"/></keyframe>
 </mujoco>""".format(
     rest=" ".join("0" * (3 + 3 + 6 * 6)),
     boxes="".join(
-        f'<body name="box{n}" pos="{n / 5} 1 0"><freejoint/><geom type="box" size=".05 .05 .05"/>'
-        "</body>"
+        f'<body name="box{n}" pos="{n / 5} 1 0"><freejoint/>'
+        f'<geom type="box" size=".05 .05 .05"{more}</body>'
         for n in range(6)
+        for more in ["/>" if n else ' contype="0" conaffinity="0"/><site name="eye"/>']
     ),
 )
 
@@ -121,6 +127,10 @@ def test_without_time_the_whole_model_is_written(store: Store, tmp_path: Path) -
     assert not report.finished
     assert report.after == report.before
     assert report.before["bodies"] == 11
+    written = mujoco.MjModel.from_xml_path(str(tmp_path / "new" / "model.xml"))
+    meant = mujoco.MjModel.from_xml_string(SCENE)
+    assert written.ngeom == meant.ngeom - 1  # the box that touches nothing; the drum leads the cord
+    assert written.body_mass.tolist() == meant.body_mass.tolist()
 
 
 def test_a_stable_run_is_refused(store: Store, tmp_path: Path) -> None:

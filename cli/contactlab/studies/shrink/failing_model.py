@@ -209,22 +209,38 @@ def as_one_file(scene: Scene, run: RunSpec, start: InitialStates) -> str:
     meant = scene.prepare(run, start, compiled).model
     spec = mujoco.MjSpec.from_string(texts[0])
     _set_fields(spec, meant)
-    for geom in [geom for geom in spec.geoms if not (geom.contype or geom.conaffinity)]:
-        if not any(geom.name in (pair.geomname1, pair.geomname2) for pair in spec.pairs):
-            spec.delete(geom)
-    have = spec.compile()
-    for body in spec.bodies:
+    looks = [geom for geom in spec.geoms if geom.name in _looks(meant)]
+    _weigh(spec, meant, {geom.parent.name for geom in looks})
+    for geom in looks:
+        spec.delete(geom)
+    have, want = fields_of(spec.compile()), fields_of(meant)
+    others = {int(row) for name in _INERTIAS for row in differing_rows(have[name], want[name])}
+    _weigh(spec, meant, {meant.body(body).name for body in others})
+    return _text(spec)
+
+
+def _looks(model: mujoco.MjModel) -> set[str]:
+    """Return the names of geoms that touch nothing, and that no tendon, sensor or fluid meets."""
+    met = (model.geom_contype | model.geom_conaffinity).astype(bool) | (model.geom_fluid[:, 0] > 0)
+    met[np.concatenate([model.pair_geom1, model.pair_geom2])] = True
+    wraps = [int(mujoco.mjtWrap.mjWRAP_SPHERE), int(mujoco.mjtWrap.mjWRAP_CYLINDER)]
+    met[model.wrap_objid[np.isin(model.wrap_type, wraps)]] = True
+    for kinds, parts in (
+        (model.sensor_objtype, model.sensor_objid),
+        (model.sensor_reftype, model.sensor_refid),
+    ):
+        met[parts[kinds == mujoco.mjtObj.mjOBJ_GEOM]] = True
+    return {model.geom(int(geom)).name for geom in np.flatnonzero(~met)}
+
+
+def _weigh(spec: mujoco.MjSpec, meant: mujoco.MjModel, bodies: Collection[str]) -> None:
+    """Write the inertia of bodies, which their geoms do not give."""
+    for body in [body for body in spec.bodies if body.name in bodies and body.name != "world"]:
         place = meant.body(body.name).id
-        if all(
-            getattr(have, name)[place].tolist() == getattr(meant, name)[place].tolist()
-            for name in _INERTIAS
-        ):
-            continue
         body.explicitinertial = True
         body.mass = float(meant.body_mass[place])
         body.ipos, body.iquat = meant.body_ipos[place], meant.body_iquat[place]
         body.inertia = meant.body_inertia[place]
-    return _text(spec)
 
 
 def _text(spec: mujoco.MjSpec) -> str:
