@@ -13,7 +13,7 @@ from contactlab.errors import ExpectationError, SweepFileError
 from contactlab.printable import percent, shortened
 
 if TYPE_CHECKING:
-    from contactlab.schema.tune_report import Point, StayedApart, TuneReport
+    from contactlab.schema.tune_report import Judged, Point, StayedApart, TuneReport
     from contactlab.studies.search.tune_request import TuneRequest
 
 _TIME = "a time, such as 90s, 5min or 1h"
@@ -233,11 +233,25 @@ def _head(report: "TuneReport") -> Iterator[str]:
             yield f"  aim      the least error at {aim.real_time:g} times real time"
         case _:
             yield f"  aim      error at most {limit}, as asked"
+    if report.judged:
+        yield f"  judged   {_judged(report.judged, report)}"
+    if aim.unit == "1":
+        yield (
+            f"  errors   beside the motion of the model as written at {report.fine_step:g} s, in "
+            "windows that begin in its states"
+        )
     if aim.growth:
         yield f"  motion   {aim.growth}"
     ended = "; the time was over before all was tried" if report.ended else ""
     yield f"  search   {len(report.points)} choices measured in {report.seconds:.0f} s{ended}"
     yield f"  speed    as written {report.real_time:.3g} times real time on one core"
+
+
+def _judged(judged: "Judged", report: "TuneReport") -> str:
+    share = "MuJoCo gave up" if judged.share is None else f"{percent(judged.share)} as written"
+    few = len(judged.seeds) < len(report.task.seeds)
+    seeds = f" on {len(judged.seeds)} of {len(report.task.seeds)} seeds" if few else ""
+    return f"{judged.word}, {share}{seeds}, along its own motion: that of `contactlab MODEL`"
 
 
 def _row(standing: str, point: "Point", report: "TuneReport") -> tuple[object, ...]:

@@ -71,6 +71,17 @@ class Verified(Model):
     sentence: str = about("Why it does not hold, or that it does.")
 
 
+class Judged(Model):
+    """What `contactlab MODEL` says of the numerics of the model as written."""
+
+    seeds: tuple[int, ...] = about("Of the task: all, or as many as time was left for.")
+    word: str
+    share: float | None = about(
+        "Its own backward error, in windows that begin where the model itself is: an error of the "
+        "search is measured where its finer motion is."
+    )
+
+
 class Changed(Model):
     """A setting that is recommended, and what it was."""
 
@@ -137,6 +148,7 @@ class TuneReport(Model):
     sentence: str = about("The answer.")
     met: bool = about("Whether the aim is met: as written, as recommended, or by `to_aim`.")
     now: Point
+    judged: Judged | None = about("The model as written; null if no time was left to ask.")
     recommended: Point | None = about(
         "The fastest within the aim, and sound; where a sound model misses the default aim as "
         "written, the fastest whose error is no larger than now; where it is not sound, the "

@@ -59,6 +59,7 @@ def asked(tmp_path: Path) -> TuneRequest:
         sentence="an answer",
         met=True,
         now=now,
+        judged=None,
         recommended=now,
         to_aim=None,
         stayed_apart=None,

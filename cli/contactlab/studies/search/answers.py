@@ -17,7 +17,7 @@ from contactlab.errors import SceneError
 from contactlab.scene.model_names import name_of
 from contactlab.scene.model_writer import WrittenModel, write_model
 from contactlab.schema.task import Task
-from contactlab.schema.tune_report import MODEL, Aim, Verified
+from contactlab.schema.tune_report import MODEL, Aim, Judged, Verified
 from contactlab.studies.check.checked_model import CheckedModel
 from contactlab.studies.examine.changes import fresh
 from contactlab.studies.examine.examination import ExamineRequest, open_model
@@ -394,6 +394,20 @@ class Answers:
         """Whether the judge calls the model as written sound, on all seeds that it is asked of."""
         tasks = (self._own_task, self._judged_task)
         return all(self._now_on(task).word == "sound" for task in tasks)
+
+    def judged_now(self) -> Judged | None:
+        """Return what `contactlab MODEL` says of the model as written; None without time for it.
+
+        Of fewer seeds where those were asked for, and there is no time for all.
+        """
+        task = self._examined.task
+        takes = _JUDGED / 2 * len(task.seeds) * self._subject.one_pass
+        if self._deadline - time.monotonic() < takes:
+            task = self._own_task
+            if task.seeds not in self._said_now:
+                return None
+        said = self._now_on(task)
+        return Judged(seeds=task.seeds, word=said.word, share=finite(said.share))
 
     def _is_as_now(self, task: Task, said: _Judgement) -> bool:
         """Return whether the judge says of the model as written what it says of another.

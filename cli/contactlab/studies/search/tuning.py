@@ -224,6 +224,7 @@ class Study:
             sentence="",
             met=met,
             now=self._point(known),
+            judged=answers.judged_now(),
             recommended=self._point(best.tried) if best else None,
             to_aim=self._other(to_aim),
             stayed_apart=self._stayed_apart([answer.tried for answer in made]),

@@ -34,7 +34,7 @@ def sentence_of(report: TuneReport) -> str:
         saved = f"{best.price.ratio:.2f} of the time"
         if _beyond(report):
             within = percent(report.aim.within)
-            saved = f"as written it is beyond the tolerance of {within}; what keeps that: {saved}"
+            saved = f"as written its error is beyond the tolerance of {within}; what keeps that: {saved}"
         seen = f"{error_text(verified.error, report.aim.unit)} on fresh seeds"
         error = f"error {error_text(best.error, report.aim.unit)}, {seen} (now {now})"
         return "; ".join((f"{saved}, {error}", *rest))
