@@ -8,10 +8,12 @@ from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import mujoco
 
 from atlas.comparing import differences
+from atlas.confirming import nearer as nearer_of
 from atlas.confirming import write_inputs
 from atlas.entry import RECORDS, ROOT, Entry, judge_digest, read_all, recorded, records_of
 from atlas.examining import unexamined
@@ -69,6 +71,21 @@ def tune(asked: argparse.Namespace) -> None:
         print(f"{family[0].name}: {said}", flush=True)
 
 
+def nearer(asked: argparse.Namespace) -> bool:
+    """Print whether changes come nearer to what is meant, in plain MuJoCo; return whether all."""
+    whole = True
+    for family in named(asked.wheels, asked.only):
+        entry = recorded(family[0].name)
+        if entry is None or not is_current(family, entry):
+            continue
+        with TemporaryDirectory(prefix="atlas-") as folder:
+            for name, near, text in nearer_of(entry, asked.wheels / entry.name, Path(folder)):
+                whole &= near
+                word = "nearer" if near else "NOT nearer"
+                print(f"{word:10} {entry.name}, {name}: {text}", flush=True)
+    return whole
+
+
 def _process(
     folder: Path, kind: str, seconds: int, family: Family
 ) -> subprocess.CompletedProcess[str]:
@@ -108,8 +125,7 @@ def compare(before: Path, changelog: Path) -> bool:
     return not untold
 
 
-def main() -> None:
-    """Run what is asked for."""
+def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m atlas", description=__doc__)
     verbs = parser.add_subparsers(dest="verb", required=True)
     asks = verbs.add_parser("run", help="examine what has no current record")
@@ -122,6 +138,11 @@ def main() -> None:
         each.add_argument("--only", default=[], nargs="*", metavar="TEXT", help="part of a name")
         each.add_argument("--most", type=int, help="how many at most")
         each.add_argument("--seconds", type=int, default=seconds, help="of CPU for each")
+    nears = verbs.add_parser(
+        "nearer", help="ask plain MuJoCo whether changes of current records come nearer"
+    )
+    nears.add_argument("wheels", type=Path, help="folder of unpacked wheels, a folder each")
+    nears.add_argument("--only", default=[], nargs="*", metavar="TEXT", help="part of a name")
     asks.add_argument("--jobs", type=int, default=1, help="how many at once")
     compares = verbs.add_parser("compare", help="say which verdicts changed, and fail if untold")
     compares.add_argument("before", type=Path, help="folder of the records of another release")
@@ -130,13 +151,20 @@ def main() -> None:
     writes.add_argument("model", type=Path)
     writes.add_argument("file", type=Path, help="FILE.npz")
     writes.add_argument("--seed", type=int, default=0, help="place among those of the task")
-    asked = parser.parse_args()
+    return parser
+
+
+def main() -> None:
+    """Run what is asked for."""
+    asked = _parser().parse_args()
     if asked.verb == "inputs":
         write_inputs(asked.model, asked.file, asked.seed)
     elif asked.verb == "run":
         run(asked)
     elif asked.verb == "tune":
         tune(asked)
+    elif asked.verb == "nearer":
+        sys.exit(not nearer(asked))
     elif not compare(asked.before, asked.changelog):
         sys.exit(1)
 

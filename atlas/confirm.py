@@ -13,6 +13,10 @@ of its steps: `cone`, `impratio`, `noslip`, `solver`, `contact softness`, `limit
 Beside these, `limit` is the joint or tendon that goes farthest beyond its range, by half of it or
 more, and `depth` the deepest contact, beyond the middle of the thinner geom; they need no body.
 
+`--against CHANGED` asks something else: whether a changed model is nearer than the model to what is
+meant, the model at a sixteenth of its step with what ROW names changed, if that is of the model.
+Windows begin where that fine motion is, and the worst body of each counts. It ends with 0 if it is.
+
 Controls are drawn anew from a seed. `--inputs FILE.npz` replays others, from `start`, a state of
 mjSTATE_INTEGRATION: `rows`, one for each step, set what the bits `spec` of mjtState name.
 """
@@ -33,6 +37,7 @@ Change = Callable[[mujoco.MjModel], None]
 
 WINDOW, REST, DRIVEN, HELD, PUSH = 0.04, 1.0, 2.0, 0.02, (1.3, 1.35)  # s
 WITHIN = 0.1
+_FINEST = 16  # steps in one
 _EARTH = 9.81  # m/s^2, of pushes where there is no gravity
 STRAINS = ("limit", "depth")
 _STATE = mujoco.mjtState.mjSTATE_INTEGRATION
@@ -144,8 +149,18 @@ def variants(path: Path, row: str) -> tuple[mujoco.MjModel, mujoco.MjModel]:
         CHANGES[row](other)
         own.opt.timestep = other.opt.timestep = own.opt.timestep / 4
     elif row != "solver":
-        other.opt.timestep /= 16
+        other.opt.timestep /= _FINEST
     return own, other
+
+
+def meant(path: Path, row: str) -> mujoco.MjModel:
+    """Return a model at its finest step, with what a row changes if that is of the model."""
+    model = load(path)
+    _done(model)
+    if row in CHANGES:
+        CHANGES[row](model)
+    model.opt.timestep /= _FINEST
+    return model
 
 
 class Drive:
@@ -262,6 +277,13 @@ def _between(three: Floats, parts: int) -> Floats:
     return three[low] + (place - low)[:, None, None] * (three[low + 1] - three[low])
 
 
+def _parted(own: Side, mine: Floats, other: Side, fine: Floats) -> Floats:
+    """Return (nbody,) how far ends of a window are apart, but for a step of slack [m/s]."""
+    three = mine[[own.end - own.rate, own.end, own.end + own.rate]]
+    around = _between(three, max(own.rate, other.rate))
+    return np.maximum(_nearest(mine[own.end], fine[other.near]), _nearest(fine[other.end], around))
+
+
 class Sums:
     """What the windows of a phase come to, for one body."""
 
@@ -278,11 +300,7 @@ class Sums:
     def add(self, state: Floats, drive: Drive | Replay, own: Side, other: Side) -> None:
         """Run a window by both models from a state, and compare them."""
         (mine, energy), (fine, reference) = own.run(state, drive), other.run(state, drive)
-        three = mine[[own.end - own.rate, own.end, own.end + own.rate]]
-        around = _between(three, max(own.rate, other.rate))
-        apart = np.maximum(
-            _nearest(mine[own.end], fine[other.near]), _nearest(fine[other.end], around)
-        )
+        apart = _parted(own, mine, other, fine)
         path = mine[own.whole, self._body]
         self._real += float(np.linalg.norm(np.diff(path, axis=0), axis=-1).sum()) + self._fall
         self._real += 0.0 if self._gains else float(np.linalg.norm(path[0]))
@@ -334,6 +352,44 @@ def phases(path: Path, case: Case) -> Iterator[Found]:
                 drive(data, data.time)
                 mujoco.mj_step(model, data)
         yield sums.found()
+
+
+def nearer(path: Path, changed: Path, case: Case) -> tuple[bool, str]:
+    """Return whether a changed model is nearer to what is meant than the model, and how near."""
+    model, other, fine = load(path), load(changed), meant(path, case.row)
+    if mujoco.mj_stateSize(other, _STATE) != mujoco.mj_stateSize(model, _STATE):
+        return False, "it has other states"
+    begun, drive = started(model, case)
+    data, h = mujoco.MjData(fine), model.opt.timestep
+    steps = max(1, round(WINDOW / h))
+    target, *rivals = (Side(each, h, steps) for each in (fine, model, other))
+    state = np.empty(mujoco.mj_stateSize(model, _STATE))
+    mujoco.mj_getState(model, begun, state, _STATE)
+    mujoco.mj_setState(fine, data, state, _STATE)
+    shares = np.zeros((2, model.nbody))
+    fall = 0.1 * gravity_of(model) * steps * h
+    for seconds in (REST, DRIVEN):
+        parted, real = np.zeros((2, model.nbody)), np.zeros(model.nbody)
+        for window in range(int(seconds / (steps * h) + 1e-9)):
+            mujoco.mj_getState(fine, data, state, _STATE)
+            seen = target.run(state, drive)[0]
+            path_of = seen[target.whole]
+            real += np.linalg.norm(np.diff(path_of, axis=0), axis=-1).sum(axis=0) + fall
+            real += 0.0 if window else np.linalg.norm(path_of[0], axis=-1)
+            for number, rival in enumerate(rivals):
+                parted[number] += _parted(rival, rival.run(state, drive)[0], target, seen)
+            begin = data.time
+            for step in range(target.end):
+                drive(data, begin + step // target.rate * h)
+                mujoco.mj_step(fine, data)
+        counted = (model.body_weldid > 0) & (model.body_mass > 1e-9 * model.body_mass.max())
+        real = np.maximum(real, 1e-6 * real.max()) + 1e-300
+        shares = np.maximum(shares, np.where(counted, parted / real, 0.0))
+    worst = shares.argmax(axis=1)
+    before, after = shares.max(axis=1)
+    names = [model.body(body).name or f"body[{body}]" for body in worst]
+    text = f"{100 * before:.2g} % ({names[0]}) before, {100 * after:.2g} % ({names[1]}) after"
+    return bool(after < before), text
 
 
 def body_of(model: mujoco.MjModel, name: str) -> int:
@@ -427,7 +483,16 @@ def main() -> None:
     parser.add_argument("--held", action="store_true", help="keep the keyframe's controls")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--inputs", type=Path, help="controls to replay")
+    parser.add_argument("--against", type=Path, help="a changed model: is it nearer?")
     asked = parser.parse_args()
+    if asked.against:
+        near, text = nearer(
+            asked.model,
+            asked.against,
+            Case(asked.of, "", asked.start, asked.held, asked.seed, asked.inputs),
+        )
+        print(f"{'nearer' if near else 'not nearer'}: {text}")
+        sys.exit(not near)
     if not asked.body and asked.of not in {"warning", *STRAINS}:
         parser.error("name a body: --body NAME, or --body 'body[3]'")
     holds, text = shown(

@@ -3,7 +3,7 @@
 import shlex
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -11,6 +11,8 @@ import numpy as np
 
 from atlas.entry import ROOT, Confirmation, Entry
 from contactlab.run.sweep_request import SceneLoader
+from contactlab.scene.model_writer import write_model
+from contactlab.studies.examine.changes import edits_of, fresh
 from contactlab.studies.examine.task_motions import task_motions
 
 SCRIPT = "atlas/confirm.py"
@@ -63,6 +65,28 @@ def confirmed(entry: Entry, file: Path, asked: Sequence[str]) -> Confirmation:
     return shown
 
 
+def nearer(entry: Entry, file: Path, folder: Path) -> Iterator[tuple[str, bool, str]]:
+    """Yield, of each change that was judged, its name, whether it is nearer, and what is shown.
+
+    The model with it is written into the folder from the record's own words, and compared with the
+    original over the original's task, by inputs of a seed that no change was chosen by.
+    """
+    report = entry.examination
+    if report is None:
+        return
+    scene = SceneLoader(Path()).open(str(file)).with_effects("all")
+    reasons = report.budget.reasons if report.budget else ()
+    row = reasons[0].row if reasons and reasons[0].row not in _STEPS else "run"
+    options = ["--of", "run" if row == "solver" else row, "--inputs", str(folder / "inputs.npz")]
+    write_inputs(file, folder / "inputs.npz", unseen=True)
+    by_name = {change.name: change for change in report.changes}
+    for place, changed in enumerate(entry.changed):
+        edits = edits_of(by_name[changed.name], scene)
+        written = write_model(scene, edits, folder / str(place), "")
+        code, text = _run(file, [*options, "--against", str(written.path)])
+        yield changed.name, code == 0, text
+
+
 def still_shown(before: Confirmation, file: Path) -> bool | None:
     """Return whether plain MuJoCo shows in a changed model what it shows in the original.
 
@@ -72,10 +96,14 @@ def still_shown(before: Confirmation, file: Path) -> bool | None:
     return None if "\n" in before.command else _run(file, options)[0] == 0
 
 
-def write_inputs(model: Path, file: Path, seed: int = 0) -> None:
-    """Write the start and the inputs of a seed of a model's own task, by its place."""
+def write_inputs(model: Path, file: Path, seed: int = 0, *, unseen: bool = False) -> None:
+    """Write the start and the inputs of a seed of a model's own task, by its place.
+
+    Or of a seed that changes are judged by, and none was chosen by.
+    """
     scene = SceneLoader(Path()).open(str(model)).with_effects("all")
-    motions = task_motions(scene, {}, scene.task({}, None))
+    task = scene.task({}, None)
+    motions = task_motions(scene, {}, fresh(task) if unseen else task)
     rows = np.concatenate([motion.inputs[seed] for motion in motions])
     np.savez(file, start=motions[0].starts[seed], rows=rows, spec=motions[0].spec)
 

@@ -1,10 +1,11 @@
 """Plain MuJoCo shows a planted cause in its row, and no cause where there is none."""
 
+import re
 from pathlib import Path
 
 import mujoco
 import numpy as np
-from atlas.confirm import REST, Case, load, shown, started
+from atlas.confirm import REST, Case, load, nearer, shown, started
 from atlas.confirming import write_inputs
 
 from contactlab.budget.motion import INTEGRATION
@@ -86,3 +87,16 @@ def test_the_limit_that_gives_way_and_the_deepest_contact_are_named(tmp_path: Pa
     holds, text = found(tmp_path, beyond, "limit", "")
     assert holds
     assert text.startswith("joint 0")
+
+
+def test_a_finer_step_is_nearer_to_the_finest_and_a_coarser_one_is_not(tmp_path: Path) -> None:
+    """Euler's error of a window is of first order: half the step has half, within a fifth."""
+    files = {step: tmp_path / f"{step}.xml" for step in (0.02, 0.01)}
+    for step, file in files.items():
+        file.write_text(SPRING.format(step=step, integrator="Euler"))
+    case = Case("run", "", "qpos0", held=False, seed=0)
+    holds, text = nearer(files[0.02], files[0.01], case)
+    before, after = (float(word) for word in re.findall(r"[\d.]+(?= %)", text))
+    assert holds
+    assert 0.4 < after / before < 0.6
+    assert not nearer(files[0.02], files[0.02], case)[0]

@@ -13,7 +13,7 @@ import pytest
 from tests.run.bare_runs import bare_run
 from tests.run.spoiled_workers import spoil_workers
 
-from contactlab.run import fork_server
+from contactlab.run import fork_server, worker_pool
 from contactlab.run.tasks import Crashed, Finished, Job, Stop
 from contactlab.run.worker_pool import WorkerHandle, WorkerPool
 from contactlab.store.verify_store import verify
@@ -38,6 +38,17 @@ Worker.run = deadly
 COUNT_THREADS = """import numpy
         numpy.ones((999, 999)) @ numpy.ones((999, 999))
         os._exit(len(os.listdir("/proc/self/task")))"""
+
+
+@pytest.mark.night
+def test_spawned_workers_leave_the_evidence_of_forked_ones(
+    sweeper: Any, ball: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As they start where nothing may be forked."""
+    sweeper.run(ball, "forked", workers=2)
+    monkeypatch.setattr(worker_pool, "CONTEXT", multiprocessing.get_context("spawn"))
+    sweeper.run(ball, workers=2)
+    assert sweeper.outcome() == sweeper.outcome("forked")
 
 
 @pytest.mark.night

@@ -65,7 +65,6 @@ def _without_contacts(
         accept="exclude",
         edits=edits,
         compiled=made,
-        nearer=False,
     )
 
 
@@ -92,7 +91,7 @@ def _floating(
         lambda _: None,
         accept="freejoint",
         edits=ModelEdits(freed=tuple(roots)),
-        nearer=False,
+        nearer=word == "model",  # its states are others: it is no cure of softness
     )
 
 

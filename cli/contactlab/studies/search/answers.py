@@ -43,6 +43,7 @@ from contactlab.studies.session import Session
 from contactlab.studies.task_verdict import run_labels
 
 _JUDGED = 60  # times that two verdicts simulate the task: references, their check and RK4, itself
+_JUDGING = 0.1  # of the time allowed, for what the judge says of the model as written
 _OPENINGS = 3  # times that a written model is compiled, compared and opened, in openings of the own
 _MOST_TRIES, _MOST_MEASURED = 5, 25
 """Choices that are judged, and whose errors are looked at, on fresh seeds."""
@@ -395,19 +396,23 @@ class Answers:
         tasks = (self._own_task, self._judged_task)
         return all(self._now_on(task).word == "sound" for task in tasks)
 
-    def judged_now(self) -> Judged | None:
-        """Return what `contactlab MODEL` says of the model as written; None without time for it.
-
-        Of fewer seeds where those were asked for, and there is no time for all.
-        """
+    def judge_now(self) -> None:
+        """Ask the judge of the model as written, of as many seeds as a tenth of the time allows."""
         task = self._examined.task
-        takes = _JUDGED / 2 * len(task.seeds) * self._subject.one_pass
-        if self._deadline - time.monotonic() < takes:
-            task = self._own_task
-            if task.seeds not in self._said_now:
-                return None
-        said = self._now_on(task)
-        return Judged(seeds=task.seeds, word=said.word, share=finite(said.share))
+        takes = _JUDGED / 2 * self._subject.one_pass
+        seeds = min(len(task.seeds), int(_JUDGING * self._request.max_time / takes))
+        if seeds:
+            self._now_on(task.model_copy(update={"seeds": task.seeds[:seeds]}))
+
+    def judged_now(self) -> Judged | None:
+        """Return what the judge says of the model as written, of the most seeds that it knows."""
+        task = self._examined.task
+        known = [seeds for seeds in self._said_now if seeds == task.seeds[: len(seeds)]]
+        if not known:
+            return None
+        seeds = max(known, key=len)
+        said = self._said_now[seeds]
+        return Judged(seeds=seeds, word=said.word, share=finite(said.share))
 
     def _is_as_now(self, task: Task, said: _Judgement) -> bool:
         """Return whether the judge says of the model as written what it says of another.

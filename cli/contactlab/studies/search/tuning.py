@@ -198,6 +198,7 @@ class Study:
     def report(self) -> TuneReport:
         """Search, write and verify what is found, and tell."""
         search, answers = self._search, self._answers
+        answers.judge_now()
         search.run()
         known = answers.known
         if known.error is None or known.price is None:

@@ -33,8 +33,8 @@ def sentence_of(report: TuneReport) -> str:
     if best and best.price and verified:
         saved = f"{best.price.ratio:.2f} of the time"
         if _beyond(report):
-            within = percent(report.aim.within)
-            saved = f"as written its error is beyond the tolerance of {within}; what keeps that: {saved}"
+            beyond = f"its error as written is beyond {percent(report.aim.within)}"
+            saved = f"{beyond}; what keeps that: {saved}"
         seen = f"{error_text(verified.error, report.aim.unit)} on fresh seeds"
         error = f"error {error_text(best.error, report.aim.unit)}, {seen} (now {now})"
         return "; ".join((f"{saved}, {error}", *rest))
