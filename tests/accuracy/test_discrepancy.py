@@ -89,7 +89,7 @@ def test_final_mean_and_peak() -> None:
 
 
 def conserved(energy: list[float], kinetic: list[float], lift: float) -> Invariants:
-    return Invariants(np.array(energy), np.array(kinetic), None, None, 2.0, lift)
+    return Invariants(np.array(energy), np.array(kinetic), None, None, 2.0, lift, 1e-3)
 
 
 def test_energy_is_a_share_of_what_moves() -> None:

@@ -222,17 +222,18 @@ def test_what_slides_hops_and_does_not_switch(
 @pytest.mark.parametrize(
     ("depth", "expected"),
     [
-        (0.9e-3, set()),
-        (2.9e-3, set()),
-        (3.1e-3, {"exploited"}),
-        (5.1e-3, {"exploited", "broken", "deep_penetration"}),
+        (1.9, set()),
+        (2.1, {"exploited", "deep_penetration"}),
+        (4.1, {"exploited", "broken", "deep_penetration", "tunneling"}),
     ],
 )
 def test_bands_of_depth(
     depth: float, expected: set[str], trace_of: Make, setup_of: Make, pair_of: Make
 ) -> None:
+    """A grip may be half as deep as what rests, whose half extent is 4 in any unit."""
     trace = trace_of(pairs=(pair_of(1, 100, normal=1.0, distance=-depth),))
-    labels = assess(trace, held_setup(setup_of, trace, 0.1, 0.2)).labels[0]
+    setup = held_setup(setup_of, trace, 0.1, 0.2, thickness=np.array([4.0]))
+    labels = assess(trace, setup).labels[0]
     assert {each.label for each in labels} - {"stable"} == expected
 
 

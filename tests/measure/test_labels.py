@@ -60,7 +60,7 @@ def test_the_worst_label_is_first_and_all_are_kept(
     pair = pair_of(2, 100, normal=1.0, distance=-0.02)
     trace = trace_of(2, 100, pairs=(pair,))
     trace.qvel[1, 40, 0] = np.nan
-    found = assess(trace, setup_of(trace)).labels
+    found = assess(trace, setup_of(trace, thickness=np.full(1, 0.03))).labels
     assert [each.label for each in found[0]] == ["deep_penetration"]
     assert [each.label for each in found[1]] == ["diverged", "deep_penetration"]
 
@@ -154,7 +154,7 @@ def test_what_a_solver_leaves_is_held_against_the_tolerance(
         geometry_steps=np.zeros(1, np.intp),
         squeeze=np.empty((1, 0)),
         repeats=np.ones(1, np.bool_),
-        backward=() if known is None else (BackwardError(known, "b", 0.0, 0.0),),
+        backward=() if known is None else (BackwardError(known, "b", 0.0, 0.0, "b", 0.0),),
     )
     (found,) = assess(trace, setup, checks).labels[0]
     assert found.label == label
@@ -238,10 +238,15 @@ class TestDepth:
     @pytest.mark.parametrize(
         ("depth", "accepted", "label"),
         [
-            (4.9e-3, {}, "stable"),
-            (5.1e-3, {}, "deep_penetration"),
-            (2.1e-3, {"thickness": np.array([4e-3])}, "deep_penetration"),
             (1.9e-3, {"thickness": np.array([4e-3])}, "stable"),
+            (2.1e-3, {"thickness": np.array([4e-3])}, "deep_penetration"),
+            (2.6e-3, {"thickness": np.array([4e-3]), "widths": np.array([2e-3])}, "stable"),
+            (
+                2.7e-3,
+                {"thickness": np.array([4e-3]), "widths": np.array([2e-3])},
+                "deep_penetration",
+            ),
+            (8e-3, {"thickness": np.array([4.0])}, "stable"),
             (2e-4, {"thresholds": {"penetration_steady": 1e-4}}, "deep_penetration"),
             (
                 2.1e-3,

@@ -87,7 +87,7 @@ class TestConservation:
         assert gain == pytest.approx(0.03)
         assert np.isnan(value(trace, setup_of(trace, passive=False), "energy_gain"))
 
-    def test_gain_of_a_scene_at_rest_counts_from_a_millimetre(
+    def test_gain_of_a_scene_at_rest_counts_from_a_hundredth_of_a_body(
         self, trace_of: Any, setup_of: Any
     ) -> None:
         trace = trace_of(1, 50)

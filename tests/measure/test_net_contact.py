@@ -11,6 +11,7 @@ from contactlab.contact.trace_arrays import Floats, PairTrace
 from contactlab.measure import context_of
 from contactlab.measure.net_contact import net_contact
 
+PULL = np.array([9.81])
 ELLIPTIC, PYRAMIDAL = np.array([True]), np.array([False])
 STEP = np.array([1e-3])
 
@@ -66,7 +67,7 @@ def test_equal_to_the_sum_over_contacts(
     seed: int, slots: int, common: bool, elliptic: bool, stretched: bool
 ) -> None:
     pair = random_pair(seed, slots, common=common, stretch=1.7 if stretched else 1)
-    folded = net_contact([pair], np.array([elliptic]), STEP, pair.slots.shape[1])
+    folded = net_contact([pair], PULL, np.array([elliptic]), STEP, pair.slots.shape[1])
     for step in range(pair.slots.shape[1]):
         for name, value in slow_fold(pair, step, elliptic=elliptic).items():
             # A dozen sums and products of numbers of order 1 to 10.
@@ -77,17 +78,17 @@ def test_equal_to_the_sum_over_contacts(
 def test_opposite_pads_do_not_cancel(pair_of: Any) -> None:
     pair = pair_of(1, 1, slots=2, normal=1.0, tangential=(0.3, 0.0))
     pair.slots[0, 0, 1, 11:14] *= -1
-    folded = net_contact([pair], ELLIPTIC, STEP, pair.slots.shape[1])
+    folded = net_contact([pair], PULL, ELLIPTIC, STEP, pair.slots.shape[1])
     assert folded.series.normal[0, 0, 0] == 2
     assert folded.series.tangential[0, 0, 0] == pytest.approx(0.6)
 
 
 def test_the_cone_has_its_own_norm(pair_of: Any) -> None:
     pair = pair_of(1, 1, normal=1.0, tangential=(0.25, 0.25), friction=0.5)
-    assert net_contact([pair], PYRAMIDAL, STEP, pair.slots.shape[1]).series.usage[
+    assert net_contact([pair], PULL, PYRAMIDAL, STEP, pair.slots.shape[1]).series.usage[
         0, 0, 0
     ] == pytest.approx(1)
-    assert net_contact([pair], ELLIPTIC, STEP, pair.slots.shape[1]).series.usage[
+    assert net_contact([pair], PULL, ELLIPTIC, STEP, pair.slots.shape[1]).series.usage[
         0, 0, 0
     ] == pytest.approx(np.sqrt(0.5))
 
@@ -95,32 +96,32 @@ def test_the_cone_has_its_own_norm(pair_of: Any) -> None:
 @pytest.mark.parametrize("slots", [1, 3])
 def test_excess_is_of_the_worst_contact_with_force(pair_of: Any, slots: int) -> None:
     pair = pair_of(1, 4, slots=slots, normal=1.0, tangential=(0.4, 0.0), friction=0.5)
-    assert net_contact([pair], ELLIPTIC, STEP, pair.slots.shape[1]).excess[0, 0] == 0
+    assert net_contact([pair], PULL, ELLIPTIC, STEP, pair.slots.shape[1]).excess[0, 0] == 0
     pair.slots[0, 2, -1, 2] = 0.55
-    assert net_contact([pair], ELLIPTIC, STEP, pair.slots.shape[1]).excess[0, 0] == pytest.approx(
-        0.1
-    )
+    assert net_contact([pair], PULL, ELLIPTIC, STEP, pair.slots.shape[1]).excess[
+        0, 0
+    ] == pytest.approx(0.1)
     pair.slots[0, 3, 0, 1:3] = 1e-12, 1
-    assert net_contact([pair], ELLIPTIC, STEP, pair.slots.shape[1]).excess[0, 0] == pytest.approx(
-        0.1
-    )
+    assert net_contact([pair], PULL, ELLIPTIC, STEP, pair.slots.shape[1]).excess[
+        0, 0
+    ] == pytest.approx(0.1)
 
 
 def test_force_without_touch_is_detached_work(pair_of: Any) -> None:
     pair = pair_of(1, 3, slots=2, normal=2.0, distance=-1e-3)
-    assert net_contact([pair], ELLIPTIC, STEP, pair.slots.shape[1]).detached[0, 0] == 0
+    assert net_contact([pair], PULL, ELLIPTIC, STEP, pair.slots.shape[1]).detached[0, 0] == 0
     pair.slots[0, 1, 1, 7] = 1e-3
-    assert net_contact([pair], ELLIPTIC, STEP, pair.slots.shape[1]).detached[0, 0] == pytest.approx(
-        2e-3
-    )
+    assert net_contact([pair], PULL, ELLIPTIC, STEP, pair.slots.shape[1]).detached[
+        0, 0
+    ] == pytest.approx(2e-3)
 
 
 def test_slots_that_lie_apart_in_memory_are_read_alike() -> None:
     pair = random_pair(3, 2, common=False)
     scattered = PairTrace(pair.name, np.asfortranarray(pair.slots), pair.friction)
     assert (
-        net_contact([scattered], ELLIPTIC, STEP, scattered.slots.shape[1]).series.usage
-        == net_contact([pair], ELLIPTIC, STEP, pair.slots.shape[1]).series.usage
+        net_contact([scattered], PULL, ELLIPTIC, STEP, scattered.slots.shape[1]).series.usage
+        == net_contact([pair], PULL, ELLIPTIC, STEP, pair.slots.shape[1]).series.usage
     ).all()
 
 

@@ -11,7 +11,7 @@ from contactlab.contact.trace_arrays import NO_CONTACT, SLIDE, STICK, Floats
 from contactlab.measure.stick_slip import modes, spans
 
 LEVELS_USAGE = st.sampled_from([0.0, 0.979, 0.98, 0.99, 0.999, 1.0, np.nan])
-LEVELS_SLIP = st.sampled_from([0.0, 0.0024, 0.0025, 0.004, 0.005, 1.0, np.nan])
+LEVELS_SLIP = st.sampled_from([0.0, 2.4e-4, 2.5e-4, 4e-4, 5e-4, 1.0, np.nan])
 
 
 def switches(mode: NDArray[np.int8]) -> int:
@@ -33,9 +33,9 @@ def slow_modes(
         else:
             found[k - gap : k] = [last] * gap
         gap = 0
-        if last == STICK and usage[k] >= 0.999 and slip[k] >= 5e-3:
+        if last == STICK and usage[k] >= 0.999 and slip[k] >= 5e-4:
             last = SLIDE
-        elif last == SLIDE and (grip[k] < 0.98 or slip[k] < 2.5e-3):
+        elif last == SLIDE and (grip[k] < 0.98 or slip[k] < 2.5e-4):
             last = STICK
         found[k] = last
     if gap <= longest:
@@ -84,8 +84,8 @@ def test_a_slide_with_micro_hops_that_stops_is_one_switch(contact_share: float) 
 
 
 def test_a_pad_that_alternates_switches_at_every_change() -> None:
-    slip = np.where(np.arange(200) // 20 % 2, 0.01, 0.0)
-    touching, usage = np.ones((1, 200), dtype=np.bool_), slip[None] * 100
+    slip = np.where(np.arange(200) // 20 % 2, 1e-3, 0.0)
+    touching, usage = np.ones((1, 200), dtype=np.bool_), slip[None] * 1e3
     mode = modes(touching, usage, usage, slip[None], np.array([2e-3]))
     assert switches(mode) == 9
 

@@ -124,7 +124,8 @@ def test_it_is_the_number_of_the_runs_own_budget(tmp_path: Path) -> None:
     settings = Settings(check=False, energy=False)
     (phase,) = error_budget([motion], rows=["solver"], settings=settings, workers=2).phases
     found = backward_error(runs, 0)
-    assert found == (phase.run.share, "body[1]", phase.run.time, phase.energy_share)
+    run, energy = phase.run, phase.energy_from
+    assert found == (run.share, "body[1]", run.time, phase.energy_share, "body[1]", energy.time)
 
 
 @pytest.mark.parametrize("text", [SERVO.format(gain=10_000), SHOVED])

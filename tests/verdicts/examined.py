@@ -5,6 +5,7 @@ MuJoCo: what is true of the failing model must no longer be above its limit.
 """
 
 import json
+import re
 import sys
 import tempfile
 from collections.abc import Iterable, Iterator
@@ -24,6 +25,7 @@ from contactlab.schema.examination import Examination, ModelChange
 from contactlab.studies.examine.changes import edits_of
 
 _JUDGED = ("labels", "budget", "facts")
+_MOST_IN = re.compile(r", most in (.+?) \(limit")
 
 
 @dataclass(frozen=True)
@@ -102,6 +104,8 @@ def examine(path: Path, case: Case, *, healthy: bool) -> Examined:
 def _named(report: Examination) -> tuple[str, ...]:
     reasons = report.budget.reasons if report.budget else ()
     bodies = tuple(body for label in report.labels for body in label.bodies)
+    said = (_MOST_IN.search(label.reason) for label in report.labels)
+    bodies += tuple(found[1] for found in said if found)
     return (reasons[0].body, reasons[0].place, *bodies) if reasons else bodies
 
 

@@ -34,7 +34,7 @@ from contactlab.scene.run_spec import RunSpec
 from contactlab.scene.scene import Scene
 from contactlab.schema.setting_values import Settings
 
-_LENGTH = 1e-3
+_HAIR = 0.01  # Share of a body's mean size that what hardly moves rises by, or has as an arm
 
 
 class Discrepancy(NamedTuple):
@@ -72,8 +72,8 @@ def drifts(run: Invariants, reference: Invariants) -> Floats:
     """Return (T,) largest relative deviation of a run's energy and momenta from the reference's.
 
     Energy is taken as a share of the reference's peak kinetic energy K, which counts as at least
-    what lifts everything by 1 mm; momentum as a share of sqrt(2 m K); angular momentum as a share
-    of its largest magnitude, which counts as at least 1 mm times sqrt(2 m K).
+    what lifts everything by 1 % of a body; momentum as a share of sqrt(2 m K); angular momentum as
+    a share of its largest magnitude, which counts as at least 1 % of a body times sqrt(2 m K).
     """
     scale = max(float(reference.kinetic.max()), reference.lift, float(np.finfo(float).tiny))
     parts = [np.abs(run.energy - reference.energy) / scale]
@@ -84,7 +84,7 @@ def drifts(run: Invariants, reference: Invariants) -> Floats:
         most = float(np.linalg.norm(reference.angular_momentum, axis=1).max())
         parts.append(
             np.linalg.norm(run.angular_momentum - reference.angular_momentum, axis=1)
-            / max(most, _LENGTH * push)
+            / max(most, reference.arm * push)
         )
     return np.maximum.reduce(parts)
 
@@ -130,7 +130,6 @@ def with_reference_numerics(run: RunSpec, integrator: str, timestep: float) -> R
 # smooth; being explicit it may be unstable, and then the other one is used. It need not fail: what
 # parts by more than the model's size from itself at half the step is as good as unstable.
 _INTEGRATORS = ("RK4", "implicitfast")
-_FALL = 1e-3  # height [m] of the fall whose energy is the least scale of energy drifts
 
 Rows = NDArray[np.intp] | slice
 
@@ -287,14 +286,15 @@ def invariants(model: mujoco.MjModel, qpos: Floats, qvel: Floats, *, free: bool)
     rows = np.array([_row(model, data, *state) for state in zip(qpos, qvel, strict=True)])
     mass = float(model.body_subtreemass[0])
     weight = mass * float(np.linalg.norm(model.opt.gravity)) * read_flag(model, "gravity")
-    conserved = free and not weight
+    conserved, arm = free and not weight, _HAIR * float(model.stat.meansize)
     return Invariants(
         energy=rows[:, 0] + rows[:, 1],
         kinetic=rows[:, 1],
         momentum=mass * rows[:, 2:5] if conserved else None,
         angular_momentum=rows[:, 5:8] if conserved else None,
         mass=mass,
-        lift=weight * _FALL,
+        lift=weight * arm,
+        arm=arm,
     )
 
 

@@ -7,7 +7,8 @@ from contactlab.engines.engine import PreparedRuns
 from contactlab.errors import EngineError
 
 _ALONE = Settings(check=False, energy=False, places=False, excess=False)
-_NOTHING_MOVES = BackwardError(float("nan"), "", float("nan"), float("nan"))
+_NAN = float("nan")
+_NOTHING_MOVES = BackwardError(_NAN, "", _NAN, _NAN, "", _NAN)
 
 
 def backward_error(runs: PreparedRuns, run: int, states: Floats | None = None) -> BackwardError:
@@ -23,5 +24,6 @@ def backward_error(runs: PreparedRuns, run: int, states: Floats | None = None) -
         phase = PhaseMeasure(motion, _ALONE, known).budget(())
     except EngineError:
         return _NOTHING_MOVES
-    worst = phase.run
-    return BackwardError(worst.share, phase.bodies[worst.body], worst.time, phase.energy_share)
+    worst, energy = phase.run, phase.energy_from
+    where = phase.bodies[worst.body], worst.time
+    return BackwardError(worst.share, *where, phase.energy_share, energy.body, energy.time)

@@ -13,13 +13,13 @@ fastest motion of the joint has at least about four steps.
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
 
 from contactlab.budget.motion import INTEGRATION, Motion
-from contactlab.budget.rows import disabled, stiffened
+from contactlab.budget.rows import disabled, stiffened, used
 from contactlab.budget.verdict import Reason, Verdict
 from contactlab.budget.windows import joint_name
 from contactlab.contact.trace_arrays import Floats
@@ -257,16 +257,10 @@ def _own(model: mujoco.MjModel, kind: str, index: int) -> str:
 
 def _used_rows(model: mujoco.MjModel, field: str) -> list[int]:
     """Return the rows of a field of solref that anything uses; those of a joint are one."""
-    used: dict[str, Any] = {
-        "geom_solref": model.geom_contype | model.geom_conaffinity,
-        "pair_solref": np.ones(model.npair, int),
-        "jnt_solref": model.jnt_limited,
-        "tendon_solref_lim": model.tendon_limited,
-        "dof_solref": model.dof_frictionloss,
-        "tendon_solref_fri": model.tendon_frictionloss,
-        "eq_solref": model.eq_active0 & ~hauled(model),
-    }
-    rows = np.flatnonzero(used[field])
+    rows = used(model, field)
+    if field == "eq_solref":
+        rows &= (model.eq_active0 != 0) & ~hauled(model)
+    rows = np.flatnonzero(rows)
     if field == "dof_solref":
         rows = rows[[int(model.jnt_dofadr[model.dof_jntid[row]]) == row for row in rows]]
     return [int(row) for row in rows]

@@ -10,6 +10,7 @@ from typing import Literal
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import Floats
 from contactlab.scene.part_bodies import hauled
@@ -184,8 +185,21 @@ def raises_time_constants(model: mujoco.MjModel) -> bool:
     """Return whether refsafe raises any time constant at a model's step."""
     if disabled(model, "refsafe"):
         return False
-    times = np.concatenate([getattr(model, field)[:, 0] for field in _SOLREF])
-    return bool(((times > 0) & (times < 2 * model.opt.timestep)).any())
+    least = 2 * model.opt.timestep
+    times = (getattr(model, field)[used(model, field), 0] for field in _SOLREF)
+    return any(bool(((short > 0) & (short < least)).any()) for short in times)
+
+
+def used(model: mujoco.MjModel, field: str) -> NDArray[np.bool_]:
+    """Return which rows of a field of solref anything may use."""
+    used = {
+        "geom_solref": model.geom_contype | model.geom_conaffinity,
+        "jnt_solref": model.jnt_limited,
+        "dof_solref": model.dof_frictionloss,
+        "tendon_solref_lim": model.tendon_limited,
+        "tendon_solref_fri": model.tendon_frictionloss,
+    }
+    return np.asarray(used.get(field, np.ones(len(getattr(model, field))))) != 0
 
 
 def _scaled_friction(factor: float) -> Change:

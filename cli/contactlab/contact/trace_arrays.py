@@ -257,6 +257,8 @@ class BackwardError(NamedTuple):
     body: str  # that body
     time: float  # when the window begins in which it is farthest off [s]
     energy: float  # the share of energy that the run gains, or loses, and its model does not
+    energy_body: str  # whose kinetic energy the run changes most
+    energy_time: float  # when the window begins in which it does so most [s]
 
 
 @dataclass(frozen=True)
@@ -306,7 +308,8 @@ class Invariants(NamedTuple):
     momentum: Floats | None  # (T, 3) linear momentum [kg m/s], or None where the system is not free
     angular_momentum: Floats | None  # (T, 3) about the centre of mass [kg m^2/s], or None likewise
     mass: float  # total mass [kg]
-    lift: float  # energy that lifts everything by 1 mm [J]
+    lift: float  # energy that lifts everything by `arm` [J]
+    arm: float  # 1 % of the mean size of a body [m]
 
 
 @dataclass(frozen=True)

@@ -112,8 +112,6 @@ class Mechanism:
     """(tendons, 2) lengths between which a tendon's spring is slack; NaN without a spring."""
     forces: Floats  # (actuators, 2) least and greatest force of each; infinite without
     equalities: tuple[Equality, ...]
-    weight: float  # of the whole model at 9.81 m/s^2 [N]
-    size: float = 1.0  # mean size of a body [m]
 
 
 @dataclass(frozen=True)
@@ -155,6 +153,18 @@ class RecordedMotion:
         )
 
 
+_AT_ONCE = 0.1  # Time in which what nothing pulls would move by its own size [s]
+
+
+def pull_of(gravity: Floats, size: float) -> Floats:
+    """Return (n,) the magnitude of gravity (n, 3) [m/s^2].
+
+    Without gravity it is what moves a body by a mean `size` [m] in a tenth of a second squared.
+    """
+    strength = np.linalg.norm(gravity, axis=1)
+    return np.where(strength > 0, strength, size / _AT_ONCE**2)
+
+
 @dataclass(frozen=True)
 class Setup:
     """Facts about n runs in addition to their trace."""
@@ -165,6 +175,8 @@ class Setup:
     iterations: NDArray[np.int32]  # (n,) the solver's iteration limit
     gravity: Floats  # (n, 3) gravity [m/s^2, world]
     moving_mass: Floats  # (n,) mass of all that is not fixed to the world [kg]
+    size: float  # mean size of a body [m]
+    exact: float  # to which the engine's collisions are exact [m]
     steered: bool  # whether a drive keeps changing the controls
     passive: bool  # whether nothing but gravity and contact acts, so that energy cannot grow
     conservative: bool  # whether it is passive, and loses energy in contacts only
@@ -176,7 +188,7 @@ class Setup:
     """(P,) half the smallest extent [m] of each pair's thinnest geom; inf for planes."""
     reaches: Floats  # (P,) greatest extent of each pair's smallest geom [m]; inf for planes
     widths: Floats  # (P,) width of each pair's solimp, over which its impedance rises [m]
-    weights: Floats  # (P,) weight at 9.81 m/s^2 of the lighter of what each pair presses on [N]
+    masses: Floats  # (P,) mass of the lighter of what each pair presses on [kg]
     slots: NDArray[np.int32]  # (P,) contact slots recorded for each pair
     duration: Floats  # (n,) requested simulated time [s]
     expected: tuple[ExpectedContact | ExpectedMotion, ...] = ()
@@ -198,6 +210,11 @@ class Setup:
     springs: bool = False  # whether joints or tendons have springs
     sides: tuple[tuple[str, ...], ...] = ()  # (P,) of each pair the bodies that can move
     recorded: RecordedMotion | None = None  # what the runs are compared with, if that was recorded
+
+    @property
+    def pull(self) -> Floats:
+        """(n,) acceleration that weights and speeds are measured by [m/s^2]; see `pull_of`."""
+        return pull_of(self.gravity, self.size)
 
     def select(self, runs: Sequence[int]) -> "Setup":
         """Return the setup of the given runs."""

@@ -27,13 +27,12 @@ from contactlab.scene.compiled_scene import CompiledScene
 from contactlab.scene.contact_pairs import colliding, may_touch
 from contactlab.scene.initial_states import InitialStates, apply_inputs
 from contactlab.scene.model_edits import read_flag
-from contactlab.scene.run_setup import lighter_weight
+from contactlab.scene.run_setup import lighter_mass
 
 _JACOBIAN_SAMPLES = 16
 _GEOMETRY_SAMPLES = 128
 # Forces and accelerations below this share of the run's largest may be rounding.
 _LEAST_SHARE_OF_LARGEST = 1e-3
-_NO_ACCELERATION = 1e-2  # m/s^2 or rad/s^2: a thousandth of gravity.
 _TIGHT = 1e-12
 _MOST_SOLVER_ITERATIONS = 1000
 _WHOLE = int(mujoco.mjtState.mjSTATE_INTEGRATION)
@@ -126,7 +125,7 @@ def _residual(model: mujoco.MjModel, again: dict[Any, Floats]) -> Floats:
     force = np.linalg.norm(again["qfrc_constraint"], axis=1)
     least = max(
         _LEAST_SHARE_OF_LARGEST * force.max(initial=0),
-        _NO_ACCELERATION * np.linalg.norm(model.dof_M0),
+        _LEAST_SHARE_OF_LARGEST * np.linalg.norm(model.opt.gravity) * np.linalg.norm(model.dof_M0),
     )
     return gap / np.maximum(force, max(least, np.finfo(float).tiny))
 
@@ -213,7 +212,7 @@ def _squeeze(base: CompiledScene, model: mujoco.MjModel, qpos: Floats) -> Floats
         own = np.isin(owners, [geom for side in pair.geoms for geom in side]).all(axis=1)
         mujoco.mj_mulJacTVec(alone, data, generalized, data.efc_force * own)
         mujoco.mj_solveM(alone, data, moved, generalized[None])
-        mass = lighter_weight(model, pair) / 9.81
+        mass = lighter_mass(model, pair)
         if mass * float(moved[0] @ generalized) < _MOVES * borne[index] ** 2:
             borne[index] = np.nan
     return borne

@@ -83,7 +83,20 @@ def energy_drifts(runs: MeasuredRuns, sign: int) -> Found:
     for run in runs_where(sign * drifts > within):
         part = part_of(abs(drifts[run]))
         reason = f"the run {verb} {part} the energy of its motion, which its model does not"
-        yield run, Onset(f"{reason} (limit {within:g})", 0)
+        where, step = most_in(runs.context, run)
+        yield run, Onset(f"{reason}{where} (limit {within:g})", step)
+
+
+def most_in(context: Context, run: int) -> tuple[str, int]:
+    """Say in which body a run changes energy most, and return the step at which it does.
+
+    An energy is of the whole run, whatever is watched: the body is named, and filters nothing.
+    """
+    backward = context.checks.backward if context.checks else ()
+    if not backward or not backward[run].energy_body:
+        return "", 0
+    step = round(backward[run].energy_time / context.trace.timestep[run])
+    return f", most in {backward[run].energy_body}", step
 
 
 @label(

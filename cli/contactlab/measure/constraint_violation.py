@@ -63,7 +63,7 @@ def _of_brakes(context: Context, mechanism: Mechanism) -> Iterator[_Violation]:
     for place in np.flatnonzero(moved.any(axis=0)).tolist():
         part, crept = braked[place], moved[:, place]
         turns = part.kind in {"ball", "hinge"}
-        scale, unit = (QUARTER_TURN, "rad") if turns else (part.reach or mechanism.size, "m")
+        scale, unit = (QUARTER_TURN, "rad") if turns else (part.reach or context.setup.size, "m")
         name, peak = f"the friction loss of {part.name}", crept * np.nan
         yield _Violation(name, unit, scale, peak, crept, bodies=part.bodies)
 

@@ -23,6 +23,9 @@ Cached = TypeVar("Cached")
 _OF_SERIES = [entry.name for entry in fields(PairSeries)][1:]
 _ROWS = 1 << 11  # of states that go through together, and so fit into the cache
 _ROUNDING = 1e-6  # Share of a step by which a time may miss a whole number of steps
+HAIR = 0.01  # Share of a body's mean size that what hardly moves rises by
+_SLOW = 0.1
+"""How many of its sizes a second what hardly moves goes, which is in any unit of length."""
 
 
 @dataclass(frozen=True)
@@ -121,7 +124,7 @@ def context_of(trace: Trace, setup: Setup, checks: SelfChecks | None = None) -> 
     places, rows = rows_of(trace)
     pairs, names = [trace.pairs[place] for place in places], [pair.name for pair in trace.pairs]
     with np.errstate(all="ignore"):
-        net = net_contact(pairs, setup.elliptic, trace.timestep, trace.steps)
+        net = net_contact(pairs, setup.pull, setup.elliptic, trace.timestep, trace.steps)
     return Context(trace, setup, StackedPairs(names, places, rows, net), checks)
 
 
@@ -225,8 +228,10 @@ def free_mass(context: Context) -> Floats:
 
 @cached
 def least_energy(context: Context) -> Floats:
-    """Return (n,) the least energy [J] that counts: it lifts free bodies by 1 mm at 1 cm/s."""
-    return np.maximum(free_mass(context) * (gravity(context) * 1e-3 + 0.5 * 1e-4), 1e-12)
+    """Return (n,) the least energy [J] that counts: all rises by 1 % of a body, at 0.1 a second."""
+    size = context.setup.size
+    least = gravity(context) * HAIR * size + 0.5 * (_SLOW * size) ** 2
+    return np.maximum(context.setup.moving_mass * least, np.finfo(float).tiny)
 
 
 @cached

@@ -52,7 +52,8 @@ def coverages(context: Context) -> tuple[Coverage, ...] | None:
         touched = [trace.pairs[place] for place in context.pairs.places]
         pairs = _rows(touched, _pairs(context), n)
     loads = np.zeros((n, 0)) if trace.equality_loads is None else trace.equality_loads
-    loads = np.where(loads < _LEAST_LOAD_SHARE * mechanism.weight, 0, loads)
+    weight = context.setup.moving_mass * context.setup.pull
+    loads = np.where(loads < _LEAST_LOAD_SHARE * weight[:, None], 0, loads)
     names = [equality.name for equality in mechanism.equalities]
     contacts = share(trace.contacts > 0)
     covered = (

@@ -9,6 +9,8 @@ from contactlab.measure.context import (
     Context,
     cached,
     energy,
+    gravity,
+    least_energy,
     peak_kinetic,
     semi_implicit,
 )
@@ -19,11 +21,9 @@ _LIFT = 0.04  # Share of a body's mean size; a gain that counts lifts all by 1.2
 
 @cached
 def _scale(context: Context) -> Floats:
-    """Return (n,) peak kinetic energy [J], at least what lifts all by 4 % of a body or by 1 mm."""
-    fall, mechanism = np.linalg.norm(context.setup.gravity, axis=1), context.setup.mechanism
-    lift = max(1e-3, _LIFT * mechanism.size if mechanism else 0)
-    least = context.setup.moving_mass * (fall * lift + 0.5e-4)
-    return np.maximum(peak_kinetic(context), np.maximum(least, 1e-12))
+    """Return (n,) peak kinetic energy [J], at least what lifts all by 4 % of a body."""
+    lift = context.setup.moving_mass * gravity(context) * _LIFT * context.setup.size
+    return np.maximum(peak_kinetic(context), np.maximum(lift, least_energy(context)))
 
 
 @cached

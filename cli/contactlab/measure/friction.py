@@ -36,7 +36,7 @@ from contactlab.measure.context import (
     worst_pair,
 )
 from contactlab.measure.entries import Found, MeasuredRuns, Onset, Threshold, label, metric
-from contactlab.measure.stick_slip import HELD_USAGE, Spans, changes, spans
+from contactlab.measure.stick_slip import HELD_USAGE, IMPACT, Spans, changes, spans
 
 _CREEP_SPEED = Threshold("creep_speed", None, "m/s", "Set where what sticks should stay.")
 _MODE_SWITCHES = Threshold(
@@ -50,7 +50,6 @@ _ENDS = 0.01  # Share of a range of force that is as good as its end
 _OF_SCENES = {"creep_speed", "drift", "rest_speed"}  # Thresholds that say how still is still
 _STEADILY = 0.2  # Share by which the speed of what creeps steadily may change
 _FRICTIONAL = slice(FORCE.start + 1, TORQUE.stop)  # Two forces, torsion and two rolling torques
-_IMPACT = 0.05  # Speed [m/s] from which contacts are impacts; slower ones are hops at rest
 _AS_HARD = 0.99  # Share of the last peak force that the next contact must have; bounces lose more
 _SLIPS = 0.02  # Half extents between two switches of what chatters as it hops; trembling, 0.003
 _BEARS = 0.9  # Share of the time in contact, below which it hops
@@ -211,8 +210,8 @@ def contact_losses(context: Context) -> Floats:
     """How often a sticking pair loses all contact and regains it, over simulated time; worst pair.
 
     Gaps no longer than the contact before, with less than 0.9 of the friction bound in use on both
-    sides, after which it meets as hard as before, at 5 cm/s or faster. A pad with more than 5 a
-    second chatters.
+    sides, after which it meets as hard as before, as fast as after a fall of 5 ms. A pad with
+    more than 5 a second chatters.
     """
     counts = np.zeros((len(context.pairs.places), context.trace.runs))
     for row, gaps in _all_losses(context).items():
@@ -271,7 +270,8 @@ def lost_contacts(context: Context, row: int) -> Spans:
 
     A gap counts if it is at most as long as the contact before it, if on both of its sides every
     contact uses less than 0.9 of its bound on force, torsion and rolling together, and if the pair
-    then meets at 5 cm/s or faster and at least as hard, by peak force to within 1 %, as before.
+    then meets as fast as after a fall of 5 ms, and at least as hard, by peak force to within 1 %,
+    as before.
     """
     bears, series = bearing(context)[row], context.net.series
     touch, gap = spans(bears), spans(~bears)
@@ -287,7 +287,7 @@ def lost_contacts(context: Context, row: int) -> Spans:
     pair = context.trace.pairs[context.pairs.places[row]]
     meeting = pair.slots[found.run[kept], found.stop[kept]]
     speed = np.abs(meeting[..., LINEAR_VELOCITY.start]).max(axis=1, initial=0)
-    kept[kept] &= speed >= _IMPACT
+    kept[kept] &= speed >= IMPACT * context.setup.pull[found.run[kept]]
     forces, ends = series.normal[row], (before[kept], before[kept] + 1)
     peaks = [_peak(forces, touch, places) for places in ends]
     kept[kept] = peaks[1] >= _AS_HARD * peaks[0]

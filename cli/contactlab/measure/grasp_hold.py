@@ -3,6 +3,8 @@
 Runs that end over a step before their hold window does are not measured.
 """
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from contactlab.contact.rotations import rotate
@@ -16,10 +18,11 @@ from contactlab.contact.trace_arrays import (
     PairTrace,
     sum_of_slots,
 )
+from contactlab.measure.backward_error import TOLERANCE
 from contactlab.measure.context import (
     Context,
     bearing,
-    bodies_beyond,
+    bodies_of_pair,
     cached,
     contact_depths,
     count,
@@ -27,7 +30,6 @@ from contactlab.measure.context import (
     first_step,
     hold_seconds,
     hold_window,
-    name_of_worst,
     runs_where,
     worst_pair,
 )
@@ -35,10 +37,17 @@ from contactlab.measure.entries import Found, MeasuredRuns, Onset, Threshold, la
 from contactlab.measure.friction import hold_switch_masks
 from contactlab.measure.penetration import mean_depths
 
-_EXPLOITED = Threshold("exploited", 3e-3, "m", "On hold_penetration, by the guideline.")
-_BROKEN = Threshold("broken", 5e-3, "m", "On hold_penetration, by the guideline.")
+_EXPLOITED = Threshold(
+    "exploited",
+    None,
+    "m",
+    "On hold_penetration. Unless set, half of the thinner geom's half extent, as at rest.",
+)
+_BROKEN = Threshold(
+    "broken", None, "m", "On hold_penetration. Unless set, the thinner geom's half extent."
+)
 _HOLD_SLIP = Threshold(
-    "hold_slip", 2e-3, "m", "Less than the depth at which a grip counts as `exploited`, 3 mm."
+    "hold_slip", None, "m", "Unless set, the tolerance of the smaller geom's greatest extent."
 )
 _HOLD_OFFSET = Threshold("hold_offset", None, "m", "Set where the subject begins in its grip.")
 _HOLD_CONTACT = Threshold(
@@ -130,7 +139,7 @@ def hold_contact(context: Context) -> Floats:
 )
 def exploited(runs: MeasuredRuns) -> Found:
     """The grip relies on penetration, as no solid body could."""
-    return _deep(runs, "exploited")
+    return _deep(runs, "exploited", 2)
 
 
 @label(
@@ -147,13 +156,13 @@ def exploited(runs: MeasuredRuns) -> Found:
 )
 def broken(runs: MeasuredRuns) -> Found:
     """The penetration of a grip is so deep that its contact means nothing."""
-    return _deep(runs, "broken")
+    return _deep(runs, "broken", 1)
 
 
 @label(
     "poor",
     rank=3,
-    thresholds=(_HOLD_SLIP, _HOLD_OFFSET, _HOLD_CONTACT),
+    thresholds=(_HOLD_SLIP, _HOLD_OFFSET, _HOLD_CONTACT, TOLERANCE),
     letter="S",
     colour="#2c077d",
     advice="more friction or grip; if it creeps, an elliptic cone with impratio 10",
@@ -171,21 +180,43 @@ def slipping(runs: MeasuredRuns) -> Found:
         reason = f"it was {offset:.3g} m from its place in the grip when it should be held"
         step = first_step(_offsets(held)[run] > limit)
         yield run, Onset(f"{reason} (limit {limit:g} m)", step)
-    for run, slip, limit in runs.over("hold_slip"):
-        name = name_of_worst(runs.context, _slips(runs.context), run)
-        reason = f"{name} slipped {slip:.3g} m in {seconds[run]:.3g} s (limit {limit:g} m)"
-        bodies = bodies_beyond(runs.context, _slips(runs.context), run, limit)
-        yield run, Onset(reason, first_step(window[run]), bodies)
+    reaches = runs.context.setup.reaches[runs.context.pairs.places]
+    limits = _limits(runs, _HOLD_SLIP.name, runs.limits[TOLERANCE.name] * reaches)
+    for run, row, slip in _beyond(_slips(runs.context), limits):
+        name, bodies = _pair(runs.context, row)
+        reason = f"{name} slipped {slip:.3g} m in {seconds[run]:.3g} s"
+        yield run, Onset(f"{reason} (limit {limits[row]:.3g} m)", first_step(window[run]), bodies)
 
 
-def _deep(runs: MeasuredRuns, threshold: str) -> Found:
-    inside, (_, depths) = hold_window(runs.context), contact_depths(runs.context)
-    for run, depth, limit in runs.over("hold_penetration", threshold):
-        step = max(first_step((pair_depth[run] > limit) & inside[run]) for pair_depth in depths)
-        deep = mean_depths(runs.context, inside)
-        reason = f"{name_of_worst(runs.context, deep, run)} is {depth:.3g} m deep on average"
-        bodies = bodies_beyond(runs.context, deep, run, limit)
-        yield run, Onset(f"{reason} (limit {limit:g} m)", step, bodies)
+def _deep(runs: MeasuredRuns, threshold: str, parts: int) -> Found:
+    """Find pairs that are deeper while they hold than a limit, or than part of a half extent."""
+    context, inside = runs.context, hold_window(runs.context)
+    limits = _limits(runs, threshold, context.setup.thickness[context.pairs.places] / parts)
+    for run, row, depth in _beyond(mean_depths(context, inside), limits):
+        name, bodies = _pair(context, row)
+        step = first_step((contact_depths(context)[1][row, run] > limits[row]) & inside[run])
+        reason = f"{name} is {depth:.3g} m deep on average (limit {limits[row]:.3g} m)"
+        yield run, Onset(reason, step, bodies)
+
+
+def _limits(runs: MeasuredRuns, threshold: str, shares: Floats) -> Floats:
+    """Return (R,) the limit of each row of pairs: what was set, or a share of its size."""
+    return np.broadcast_to(runs.limits.get(threshold, shares), shares.shape)
+
+
+def _beyond(amounts: Floats, limits: Floats) -> Iterator[tuple[int, int, float]]:
+    """Yield runs, rows and amounts (R, n) beyond limits (R,), of each run the farthest first."""
+    parts = amounts / limits[:, None] if len(amounts) else amounts
+    for run in range(amounts.shape[1]):
+        for row in np.argsort(-parts[:, run]).tolist():
+            if parts[row, run] > 1:
+                yield run, row, float(amounts[row, run])
+
+
+def _pair(context: Context, row: int) -> tuple[str, tuple[str, ...]]:
+    """Return the name and the bodies of a row of pairs."""
+    place = context.pairs.places[row]
+    return context.pairs.names[place], bodies_of_pair(context, place)
 
 
 def _offsets(held: HeldPose) -> Floats:

@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 from contactlab.contact.trace_arrays import DISTANCE, FORCE, Floats, squared_lengths, sum_of_slots
 from contactlab.contact.trace_setup import FreeBody
 from contactlab.measure.amounts import part_of
-from contactlab.measure.backward_error import TOLERANCE, energy_drifts
+from contactlab.measure.backward_error import TOLERANCE, energy_drifts, most_in
 from contactlab.measure.context import (
+    HAIR,
     Context,
     cached,
     down,
@@ -41,8 +42,6 @@ _DRIFT = Threshold("drift", None, "m", "Set where bodies should stay.")
 _REST_SPEED = Threshold("rest_speed", None, "m/s", "Set where bodies should come to rest.")
 _SETTLED = 1e-6
 _HAIR = 0.1  # Share of the thinner body's half extent that a start may be deep
-_LENGTH = 1e-3
-_SPEED = 1e-3
 
 
 @cached
@@ -56,7 +55,7 @@ def energy_gain(context: Context) -> Floats:
     """Largest mechanical energy over that at the start, less 1, in a passive scene.
 
     The datum is the lowest potential energy of the run; the energy at the start counts as at least
-    what lifts every free body by 1 mm, with what a start a hair deep, or outside of limits, has
+    what lifts all by 1 % of a mean body, with what a start a hair deep, or outside of limits, has
     stored. The swing that semi-implicit steps give springs does not count.
     """
     if not context.setup.passive:
@@ -109,13 +108,14 @@ def momentum_drift(context: Context) -> Floats:
 def spin_drift(context: Context) -> Floats:
     """Largest change of angular momentum about the centre of mass in a free system.
 
-    As a share of its largest magnitude, which counts as at least 1 mm times sqrt(2 m K).
+    As a share of its largest magnitude, which counts as at least 1 % of a body times sqrt(2 m K).
     """
     momentum = context.trace.angular_momentum
     if momentum is None:
         return context.undefined()
     largest = np.sqrt(squared_lengths(momentum).max(axis=1))
-    return _largest_change(momentum) / np.maximum(largest, _momentum_scale(context) * _LENGTH)
+    arm = HAIR * context.setup.size
+    return _largest_change(momentum) / np.maximum(largest, arm * _momentum_scale(context))
 
 
 @metric("s", "lower", requires="energy")
@@ -208,7 +208,8 @@ def energy_injection(runs: MeasuredRuns) -> Found:
         values = _level_energy(context)[run]
         given = values[0] + _stored_at_start(context)[run]
         risen = values - given > limit * energy_scale(context)[run]
-        reason = f"energy rose by {part_of(gain)} that at the start (limit {limit:.3g})"
+        where, _ = most_in(context, run)
+        reason = f"energy rose by {part_of(gain)} that at the start{where} (limit {limit:.3g})"
         yield run, Onset(reason, first_step(risen))
     limit = np.sqrt(1 + runs.limits[TOLERANCE.name])  # Energy goes with the square of speed.
     for run in runs_where(runs.metrics["speed_ratio"] > limit):
@@ -341,8 +342,8 @@ def _first_of(masks: list[NDArray[np.bool_]]) -> int:
 
 def _speed_bound(context: Context, body: FreeBody) -> Floats:
     """Return (n,) the most [m/s] that a body's frame can move at with all of the energy budget."""
-    energies = energy_budget(context) + _stored_at_start(context)
-    return np.maximum(np.sqrt(2 * energies / (body.share * body.mass)), _SPEED)
+    energies = np.maximum(energy_budget(context) + _stored_at_start(context), least_energy(context))
+    return np.sqrt(2 * energies / (body.share * body.mass))
 
 
 def _momentum_scale(context: Context) -> Floats:

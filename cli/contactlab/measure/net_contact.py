@@ -83,12 +83,16 @@ class _SlotColumns:
 
 
 def net_contact(
-    pairs: Sequence[PairTrace], elliptic: NDArray[np.bool_], timestep: Floats, steps: int
+    pairs: Sequence[PairTrace],
+    pull: Floats,
+    elliptic: NDArray[np.bool_],
+    timestep: Floats,
+    steps: int,
 ) -> NetContact:
     """Reduce the slots of pairs, run by run, so that what is gathered stays in the cache.
 
-    Slots that a run never fills, which come last, are left out. `elliptic` (n,) is the cone's form
-    and `timestep` (n,) [s] the length of a step.
+    Slots that a run never fills, which come last, are left out. `pull` (n,) is gravity [m/s^2],
+    `elliptic` (n,) the cone's form, and `timestep` (n,) [s] the length of a step.
     """
     shape = len(pairs), len(timestep), steps
     series, worst = np.zeros((shape[0], 9, *shape[1:])), np.zeros((shape[0], 4, shape[1]))
@@ -106,7 +110,7 @@ def net_contact(
             series[row, :, run], worst[row, :, run] = reduced
     normal, tangential, usage, slip, distance, *others = np.moveaxis(series, 1, 0)
     hardest, grip, rolling, spinning = others
-    mode = modes(normal > 0, usage, grip, slip, timestep)
+    mode = modes(normal > 0, usage, grip, slip / pull[:, None], timestep)
     shown = PairSeries("", contacts, normal, tangential, usage, slip, distance, mode)
     return NetContact(shown, found, hardest, grip, rolling, spinning, *np.moveaxis(worst, 1, 0))
 

@@ -32,11 +32,11 @@ _PIERCED = Threshold(
 )
 _STEADY = Threshold(
     "penetration_steady",
-    5e-3,
+    None,
     "m",
-    "Grasps over 5 mm count as broken. Unless set, contacts may be as deep as the width of their "
-    "solimp, but at most a quarter of the smallest extent of the pair's thinnest geom, or down to "
-    "a sixth of it where one bears one to two times `weights_borne`.",
+    "Unless set, contacts may be as deep as half of the half extent of the pair's thinnest geom; "
+    "down to a third of it where one bears one to two times `weights_borne`, and up to two thirds "
+    "where their solimp is as wide as that half.",
 )
 _STANDOFF = Threshold(
     "standoff",
@@ -48,6 +48,7 @@ _RESTING = 0.9  # Share of the last half in which a pair must touch to count as 
 _LASTING = 0.5  # Share of the last fifth in which a steady pair must touch; sliding ones hop
 _DRIVEN = 0.75  # Share of it in which a pair under a drive must be deep to count as resting
 _SOFT = 1.5  # Part of the half extent that what is soft by a solimp as wide as that may be deep
+_FELT = 1e-6  # Share of the weight from which a force counts
 _EDGEWAYS = 1.1  # Half extents that a geom may dip wherever it comes out: it may be thin across
 _BRIEF = 2  # Steps in which it then has to turn back; what pads sink in by lasts
 _SAME = 0.9  # Share of its depth at which such a pair was from the start
@@ -64,8 +65,8 @@ def penetration_max(context: Context) -> Floats:
 def penetration_mean(context: Context) -> Floats:
     """Penetration of a pair's deepest contact, averaged over the steps in which it touches.
 
-    The worst pair counts. Bands for grasps: under 1 mm plausible, over 3 mm exploited, over 5 mm
-    broken.
+    The worst pair counts. Bands for grasps that can be held in a hand: under 1 mm plausible, over
+    3 mm exploited, over 5 mm broken.
     """
     return worst_pair(context, mean_depths(context, np.True_))
 
@@ -136,8 +137,8 @@ def _gains(context: Context) -> Floats:
 def standoff(context: Context) -> Floats:
     """Distance at which a pair's contacts bear, over half the extent of the thinner geom.
 
-    Mean positive distance, weighted by normal force; worst pair. Forces below 1e-5 N for each kg
-    that moves do not count. Not defined for speculative contacts.
+    Mean positive distance, weighted by normal force; worst pair. Forces below a millionth of
+    the weight do not count. Not defined for speculative contacts.
     """
     worst, speculative = worst_pair(context, _standoffs(context)), context.setup.speculative
     return worst if speculative is None else np.where(speculative, np.nan, worst)
@@ -147,7 +148,7 @@ def _standoffs(context: Context) -> Floats:
     """Return (R, n) distances at which contacts bear, over half the extent of the thinner geom."""
     force, places = context.net.series.normal.mean(axis=-1), context.pairs.places
     shares = context.net.standoff / context.setup.thickness[places, None]
-    return np.where(force >= 1e-5 * context.setup.moving_mass, shares, 0)
+    return np.where(force >= _FELT * context.setup.moving_mass * context.setup.pull, shares, 0)
 
 
 @metric("m", "higher", 1e-9, requires="depth")
@@ -238,16 +239,16 @@ def sinking(runs: MeasuredRuns) -> Found:
 )
 def deep_penetration(runs: MeasuredRuns) -> Found:
     """The resting penetration of a pair exceeds the limit."""
-    context, setup, limit = runs.context, runs.context.setup, runs.limits["penetration_steady"]
+    context, setup, given = runs.context, runs.context.setup, runs.limits.get(_STEADY.name)
     if context.trace.steps == 0:
         return
     steady, places = steady_depths(context), context.pairs.places
-    accepted = np.full(steady.shape, limit)
-    if "penetration_steady" not in setup.thresholds and places:
+    accepted = np.full(steady.shape, setup.size / 2 if given is None else given)
+    if given is None and places:
         loads = _borne(context)[places] / runs.limits[PRESSED.name]
         width, thickness = setup.widths[places, None], setup.thickness[places, None]
-        parts = np.where(width < limit, 2 + np.log2(np.clip(loads, 1, 2)), _SOFT)
-        accepted = np.minimum(np.maximum(limit, width), thickness / parts)
+        parts = np.where(width < thickness / 2, 2 + np.log2(np.clip(loads, 1, 2)), _SOFT)
+        accepted = thickness / parts
     deep = steady > accepted
     for row in reversed(runs_where(np.asarray(deep.any(axis=1)))):
         depth = contact_depths(context)[1][row, :, context.last_fifth]
@@ -345,11 +346,16 @@ _ALONE = 0.5
 _NO_MASS = 1e9  # Weights that only a contact bears along which no joint moves
 
 
+def _weights(context: Context) -> Floats:
+    """Return (P, n) the weight of the lighter of what each pair presses on [N]."""
+    return context.setup.masses[:, None] * context.setup.pull
+
+
 @cached
 def _borne(context: Context) -> Floats:
     """Return (P, n) the median of each pair's normal force in the last fifth, in weights."""
     forces = median(context.net.series.normal[..., context.last_fifth])
-    borne = forces[context.pairs.rows] / context.setup.weights[:, None]
+    borne = forces[context.pairs.rows] / _weights(context)
     return borne * (borne < _NO_MASS)
 
 
@@ -357,8 +363,9 @@ def _borne(context: Context) -> Floats:
 def weights_borne(context: Context) -> Floats:
     """Median normal force of a pair in the last fifth over the weight of the lighter side, worst.
 
-    Weights are those at 9.81 m/s^2 of the trees of bodies that the pair's sides belong to. Not
-    defined under a drive that keeps changing the controls.
+    Weights are those of the trees of bodies that the pair's sides belong to; without gravity, what
+    moves them by a mean size in a tenth of a second squared. Not defined under a drive that keeps
+    changing the controls.
     """
     return context.undefined() if context.setup.steered else worst_pair(context, _borne(context))
 
@@ -378,7 +385,7 @@ def squeezed(runs: MeasuredRuns) -> Found:
         return
     for run, _, limit in runs.over(PRESSED.name):
         borne = _borne(context)[:, run]
-        alone = checks.squeeze[run] / context.setup.weights >= _ALONE * borne
+        alone = checks.squeeze[run] / _weights(context)[:, run] >= _ALONE * borne
         for pair in runs_where(alone & (borne > limit)):
             amount = f"{borne[pair]:.3g} times the weight of the lighter (limit {limit:g})"
             reason = f"{context.pairs.names[pair]} is squeezed by {amount}"

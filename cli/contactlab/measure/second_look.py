@@ -19,7 +19,6 @@ from contactlab.measure.solver_work import stuck_share
 
 _TO_AND_FRO = 0.15  # Amplitude of what alternates from step to step over speed
 _FEWEST = 3  # Speeds that can go to and fro
-_GRAVITY = 9.81  # m/s^2
 _MOVING = 0.1  # Least speed of what does not come to rest [rad/s, or mean body sizes a second]
 _MOSTLY = 0.5  # Share of steps
 _RATTLES = 0.1  # Share of the first half's steps in which the number of contacts changes
@@ -33,7 +32,7 @@ def _late_speeds(context: Context) -> Floats:
     if mechanism is None:
         return late
     along = [moves for joint in mechanism.joints for moves in _ALONG[joint.kind]]
-    return late / np.where(along, mechanism.size, 1.0)
+    return late / np.where(along, context.setup.size, 1.0)
 
 
 def _shakes(context: Context, late: Floats) -> NDArray[np.bool_]:
@@ -42,7 +41,7 @@ def _shakes(context: Context, late: Floats) -> NDArray[np.bool_]:
     Those of free joints only where nothing touches, since bodies hop as they slide.
     """
     mechanism = context.setup.mechanism
-    size, joints = (mechanism.size, mechanism.joints) if mechanism else (1.0, ())
+    size, joints = context.setup.size, mechanism.joints if mechanism else ()
     hinged = [joint.kind != "free" for joint in joints for _ in _ALONG[joint.kind]] or [True]
     aloft = context.trace.contacts.max(axis=1, initial=0)[:, None] == 0
     if late.shape[1] < _FEWEST:
@@ -50,7 +49,7 @@ def _shakes(context: Context, late: Floats) -> NDArray[np.bool_]:
     swing = median(np.swapaxes(np.abs(np.diff(late, n=2, axis=1)) / 4, 1, 2))
     swing *= (swing >= _TO_AND_FRO * np.sqrt((late**2).mean(axis=1))) & (np.array(hinged) | aloft)
     acceleration = 2 * size * swing.max(axis=1, initial=0) / context.trace.timestep
-    return acceleration > limits(context.setup.thresholds)[TOLERANCE.name] * _GRAVITY
+    return acceleration > limits(context.setup.thresholds)[TOLERANCE.name] * context.setup.pull
 
 
 def suspects(context: Context) -> NDArray[np.bool_]:
@@ -61,7 +60,6 @@ def suspects(context: Context) -> NDArray[np.bool_]:
     rest under constant controls, or has a body that moved far from where it rested or rattled.
     """
     trace, ranges = context.trace, context.trace.control_ranges
-    size = context.setup.mechanism.size if context.setup.mechanism else np.inf
     most = limits(context.setup.thresholds)
     late = _late_speeds(context)
     found = _shakes(context, late)
@@ -82,6 +80,6 @@ def suspects(context: Context) -> NDArray[np.bool_]:
     first, fastest = (np.sqrt(speeds.max(axis=2)) for speeds in (early, squares))
     for body, rested in zip(context.setup.free_bodies, first < 0.01 * fastest, strict=True):
         # What falls or rolls from the start was not at rest.
-        far = np.sqrt(squared_lengths(context.displacement(body))) > size
+        far = np.sqrt(squared_lengths(context.displacement(body))) > context.setup.size
         found |= (rested | rattles) & far & (trace.contacts[:, :1] > 0).any(axis=1)
     return found

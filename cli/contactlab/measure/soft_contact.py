@@ -19,12 +19,11 @@ from contactlab.contact.trace_setup import Barrier
 from contactlab.measure.context import Context, cached, contact_depths, friction, gravity
 from contactlab.measure.entries import metric, oracle
 from contactlab.measure.penetration import steady_depths
-from contactlab.measure.stick_slip import Rows, Spans, spans
+from contactlab.measure.stick_slip import IMPACT, Rows, Spans, spans
 from contactlab.mjcf import AT_REST
 
 _IMPACTS = 5
 _WEAKEST = 0.3
-_SLOWEST = 0.05  # Approach speed [m/s] below which a contact is rest or a hop, not an impact
 _OFF_CENTRE = 0.1  # Share of a lever arm that may lie across the surface in a central impact
 _CORNERS = 4  # Contacts between two boxes, or a box and the floor, that meet face to face
 _RESTING = 0.9  # Share of the last fifth in which a pair at rest touches
@@ -38,7 +37,7 @@ def restitution_measured(context: Context) -> Floats:
     """Normal speed after an impact over that before, of a free body on a fixed surface.
 
     In the free flight next to the contact. Mean over those of the first five impacts that are
-    central, at 5 cm/s or faster, and at least 0.3 times as fast as the first.
+    central, as fast as after a fall of 5 ms, and at least 0.3 times as fast as the first.
     """
     runs = context.trace.runs
     total, count = np.zeros(runs), np.zeros(runs)
@@ -57,7 +56,9 @@ def _bounces(context: Context, barrier: Barrier) -> tuple[Rows, Floats]:
     approach, rebound = _speeds(context, barrier, touches)
     first = np.zeros(context.trace.runs)
     first[touches.run[rank == 0]] = np.nan_to_num(approach[rank == 0])
-    counts = (approach >= _SLOWEST) & (approach >= _WEAKEST * first[touches.run])
+    counts = (approach >= IMPACT * context.setup.pull[touches.run]) & (
+        approach >= _WEAKEST * first[touches.run]
+    )
     counts &= np.isfinite(rebound) & _central(context, barrier, touches)
     return touches.run[counts], rebound[counts] / approach[counts]
 

@@ -12,10 +12,12 @@ from contactlab.schema.comparison import MetricRule
 
 _DISTANCE = Threshold(
     "distance_error",
-    1e-4,
+    None,
     "m",
-    "On overlap_missed and distance_phantom; MuJoCo's tolerance of collisions is 100 times finer.",
+    "On overlap_missed and distance_phantom. Unless set, a hundred times ccd_tolerance, to which "
+    "the model's collisions are exact.",
 )
+_EXACT = 100  # How many times coarser than collisions are what is wrong of them is
 _SUSTAINED = 0.99  # Quantile of the residual in contact: a single hard step is no failure
 
 
@@ -152,7 +154,7 @@ def solver_residual(context: Context) -> Floats:
 
     By the flag fwdinv, in constraint space; 99th percentile of the steps with constraints. Not
     defined with noslip, which changes forces after the solver. The largest force counts as at least
-    what accelerates the model by 0.01 m/s^2 or rad/s^2.
+    what accelerates the model by a thousandth of gravity.
     """
     return sustained_residual(context, np.ones(context.trace.contacts.shape, dtype=np.bool_))
 
@@ -250,7 +252,8 @@ def phantom_contact(runs: MeasuredRuns) -> Found:
 
 
 def _misjudged(runs: MeasuredRuns, amounts: Floats, what: str) -> Found:
-    limit, checks = runs.limits[_DISTANCE.name], runs.context.checks
+    limit = runs.limits.get(_DISTANCE.name, _EXACT * runs.context.setup.exact)
+    checks = runs.context.checks
     for run in runs_where(amounts.max(axis=1) > limit):
         first = first_step(amounts[run] > limit)
         reason = f"{what}, by {amounts[run].max():.3g} m (limit {limit:g} m)"

@@ -3,10 +3,11 @@
 The rule, with hysteresis, for samples that bear force:
 
 * slide from the sample where the friction bound is in full use (usage >= .999) and the pair slips
-  at 5 mm/s or more; stick from the sample where usage is below .98 or slip below 2.5 mm/s; between
-  the two nothing changes. For entering, usage is that of the net force, since single contacts of
-  a body at rest may be at their bound; for leaving, it is that of the contacts one by one, since
-  those of a body that turns as it slides pull in different directions;
+  as fast as gravity makes what falls for 0.5 ms, 4.9 mm/s on Earth, or faster; stick from the
+  sample where usage is below .98 or slip below half of that; between the two nothing changes. For
+  entering, usage is that of the net force, since single contacts of a body at rest may be at their
+  bound; for leaving, it is that of the contacts one by one, since those of a body that turns as it
+  slides pull in different directions;
 * a contact that begins, or begins again after more than 100 ms, sticks unless it meets the rule
   for sliding;
 * a gap between contacts of up to 100 ms holds the last mode: sliding bodies hop by micrometres,
@@ -21,8 +22,10 @@ from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import NO_CONTACT, SLIDE, STICK, Floats
 
-ENTER_USAGE, ENTER_SLIP = 0.999, 5e-3
-LEAVE_USAGE, LEAVE_SLIP = 0.98, 2.5e-3
+ENTER_USAGE, LEAVE_USAGE = 0.999, 0.98
+ENTER_SLIP, LEAVE_SLIP = 5e-4, 2.5e-4  # Times in which gravity gives as much speed [s]
+IMPACT = 10 * ENTER_SLIP
+"""Time in which gravity gives the least speed of an impact [s]; hops of what rests are slower."""
 HELD_USAGE = 0.9  # Share of the friction bound below which a sticking pair holds
 LONGEST_GAP = 0.1  # Longest gap between contacts [s] that holds the mode
 Modes = NDArray[np.int8]
@@ -57,7 +60,8 @@ def modes(
     """Return the modes (..., n, N) of pairs by the rule of this module.
 
     (..., n, N) each: whether they carry a normal force, the share of the friction bound that the
-    net force uses and that the contacts use by themselves, and slip [m/s]; and timesteps (n,) [s].
+    net force uses and that the contacts use by themselves, and slip over gravity [s]; and timesteps
+    (n,) [s].
     """
     *shape, steps = bearing.shape
     longest = np.broadcast_to(np.floor(LONGEST_GAP / timestep + 1e-6), shape).ravel()

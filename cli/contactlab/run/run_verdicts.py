@@ -15,7 +15,9 @@ from contactlab.contact.trace_arrays import (
     Trace,
     squared_lengths,
 )
+from contactlab.contact.trace_setup import pull_of
 from contactlab.measure.entries import labels_with
+from contactlab.measure.stick_slip import ENTER_SLIP
 from contactlab.plan.grid import Plan
 from contactlab.scene.model_names import name_of
 from contactlab.schema.evidence import ParameterBudget
@@ -101,9 +103,7 @@ def unmet_means(plan: Plan | None, table: "RunColumns") -> Iterator[str]:
             yield from _outside(f"a mean {name}", mean, bounds)
 
 
-# Slower motion is the creep and the rocking of soft contact.
-_SLIDE = 5e-3
-_TURN = 0.1
+_TURN = 0.1  # Slower motion is the rocking of soft contact
 _SLIDE_JOINT = 2  # as the engine numbers kinds of joints: free, ball, slide, hinge
 
 
@@ -115,15 +115,20 @@ def missing_effects(
     Only some effects are considered, those that the model has and that were turned off: friction
     that would oppose motion in contacts, and limits that joints exceed. The trace is of a group.
     """
-    seen = {name: _motion(trace, run, name) for name in _MOTIONS if name in effects}
+    pull = float(pull_of(model.opt.gravity[None], float(model.stat.meansize))[0])
+    seen = {name: _motion(trace, run, name, pull) for name in _MOTIONS if name in effects}
     if "limit" in effects:
         seen["limit"] = _limit(trace, run, model)
     return {name: text for name, text in seen.items() if text is not None}
 
 
-def _motion(trace: Trace, run: int, name: str) -> str | None:
-    """Return the first motion in a contact that a friction effect would oppose."""
+def _motion(trace: Trace, run: int, name: str, pull: float) -> str | None:
+    """Return the first motion in a contact that a friction effect would oppose.
+
+    `pull` is gravity [m/s^2].
+    """
     word, unit, least, *_ = _MOTIONS[name]
+    least *= pull if unit == "m/s" else 1
     found: list[tuple[int, str, float]] = []
     for pair in (monitored for monitored in trace.pairs if monitored.touched[run]):
         speed = _speed(pair.slots[run], name)
@@ -142,9 +147,10 @@ def _speed(slots: Floats, name: str) -> Floats:
     return np.where(slots[..., FORCE.start] > 0, speeds, 0.0).max(axis=-1, initial=0.0)
 
 
-# What moves how, in which unit, from which speed on: which velocities, and which parts of them.
+# What moves how, in which unit, from which speed on [rad/s, or s of a fall]: which velocities,
+# and which parts of them.
 _MOTIONS = {
-    "tangential_friction": ("slides", "m/s", _SLIDE, LINEAR_VELOCITY, slice(1, 3)),
+    "tangential_friction": ("slides", "m/s", ENTER_SLIP, LINEAR_VELOCITY, slice(1, 3)),
     "torsional_friction": ("spins", "rad/s", _TURN, ANGULAR_VELOCITY, slice(0, 1)),
     "rolling_friction": ("rolls", "rad/s", _TURN, ANGULAR_VELOCITY, slice(1, 3)),
 }

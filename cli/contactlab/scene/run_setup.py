@@ -93,6 +93,8 @@ def make_setup(
         iterations=np.array([model.opt.iterations for model in models], np.int32),
         gravity=np.array([model.opt.gravity * read_flag(model, "gravity") for model in models]),
         moving_mass=np.array([model.body_mass[model.body_weldid != 0].sum() for model in models]),
+        size=float(base.model.stat.meansize),
+        exact=float(base.model.opt.ccd_tolerance),
         steered=any(drive_word(run.drive) not in _STEADY for run in runs),
         conveying=any(map(has_moving_surfaces, distinct)),
         passive=passive,
@@ -127,7 +129,7 @@ def _of_pairs(base: CompiledScene, model: mujoco.MjModel) -> Mapping[str, Any]:
         "thickness": _thicknesses(base),
         "reaches": np.array([_reach(base.model, pair) for pair in base.pairs]),
         "widths": np.array([effective_parameters(model, pair).solimp[2] for pair in base.pairs]),
-        "weights": np.array([lighter_weight(base.model, pair) for pair in base.pairs]),
+        "masses": np.array([lighter_mass(base.model, pair) for pair in base.pairs]),
         "sides": tuple(_sides(base.model, pair) for pair in base.pairs),
     }
 
@@ -272,11 +274,11 @@ def _reach(model: mujoco.MjModel, pair: MonitoredPair) -> float:
     return 2 * float(bounds.min(where=bounds > 0, initial=np.inf))
 
 
-def lighter_weight(model: mujoco.MjModel, pair: MonitoredPair) -> float:
-    """Return the weight of the lighter of the trees of bodies that a pair's sides are of [N]."""
+def lighter_mass(model: mujoco.MjModel, pair: MonitoredPair) -> float:
+    """Return the mass of the lighter of the trees of bodies that a pair's sides are of [kg]."""
     bodies = np.asarray(model.geom_bodyid)[[side[0] for side in pair.geoms]]
     masses = model.body_subtreemass[model.body_rootid[bodies]]
-    return float(np.where(model.body_weldid[bodies] > 0, masses, np.inf).min() * 9.81)
+    return float(np.where(model.body_weldid[bodies] > 0, masses, np.inf).min())
 
 
 def joints_of(model: mujoco.MjModel) -> Joints:
@@ -298,7 +300,6 @@ def joints_of(model: mujoco.MjModel) -> Joints:
 _EQUALITY = mujoco.mjtEq
 _JOINT = mujoco.mjtJoint
 _KINDS: tuple[PartKind, ...] = ("free", "ball", "slide", "hinge")
-_STANDARD_GRAVITY = 9.81
 AT_JOINT = [int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT)]
 """Transmissions of actuators that act on one joint."""
 
@@ -343,8 +344,6 @@ def find_mechanism(model: mujoco.MjModel) -> Mechanism:
         equalities=tuple(
             _equality(model, index, places, reach, float(ends[index])) for index in range(model.neq)
         ),
-        weight=float(model.body_mass.sum()) * _STANDARD_GRAVITY,
-        size=float(model.stat.meansize),
     )
 
 

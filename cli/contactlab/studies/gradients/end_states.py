@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 
 from contactlab.contact.trace_arrays import SLIDE, STICK, Floats
+from contactlab.contact.trace_setup import pull_of
 from contactlab.engines import ENGINES
 from contactlab.engines.engine import Buffers, PreparedRuns, bytes_of_run
 from contactlab.engines.mujoco_batch import last_states
@@ -104,8 +105,10 @@ class Subject:
         for places, runs in self._groups(points):
             rollout = ENGINES[MODEL_ENGINE].roll_out(runs, buffers)
             trace = make_trace(runs.base, runs.prepared, rollout)
+            size = float(runs.base.model.stat.meansize)
             elliptic = np.array([bool(model.opt.cone) for model in runs.models])
-            net = net_contact(trace.pairs, elliptic, trace.timestep, runs.steps)
+            pull = pull_of(np.array([model.opt.gravity for model in runs.models]), size)
+            net = net_contact(trace.pairs, pull, elliptic, trace.timestep, runs.steps)
             for row, place in enumerate(places):
                 words[place] = "; ".join(
                     f"{pair.name}: {_in_order(net.series.mode[number, row])}"
