@@ -97,9 +97,31 @@ def _changed(request: dict[str, Any], run: int, tick: Callable[[], None], serve:
         _DERIVATIVES[key] = jax.jit(
             lambda point, slope, rest: jax.jvp(lambda each: end(each, rest), (point,), (slope,))
         )
+    _flatten_roots()
     _, change = _DERIVATIVES[key](point, slope, rest)
     tick()
     return np.array(change)
+
+
+def _flatten_roots() -> None:
+    """Let a square root have the derivative 0 at 0, where it has none.
+
+    MJX takes the root of a contact's force along its plane squared, which is 0 of what rests or
+    meets it head-on, and multiplies what depends on it by 0 there: infinity times 0 is no number.
+    """
+    import jax
+    from jax.interpreters import ad
+
+    numpy, root = jax.numpy, jax.lax.sqrt_p
+
+    def rule(values: Any, changes: Any, **how: Any) -> Any:
+        (value,), (change,) = values, changes
+        answer = root.bind(value, **how)
+        if isinstance(change, ad.Zero):
+            return answer, change
+        return answer, numpy.where(answer > 0, change * 0.5 / numpy.where(answer > 0, answer, 1), 0)
+
+    ad.primitive_jvps[root] = rule
 
 
 _DERIVATIVES: dict[Any, Any] = {}

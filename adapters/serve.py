@@ -2,7 +2,7 @@
 
 It reads requests from its input and answers on what was its output, both pickled: None whenever
 part of the work is done, and in the end a dictionary of arrays, or a sentence that says what went
-wrong. It knows nothing of contactlab, and ends with the process that started it.
+wrong. It knows nothing of contactlab, and ends with the process that started it, at once.
 
 Adapters import it as `serve`, where they run, for what every engine needs of a request.
 """
@@ -13,6 +13,8 @@ import pickle
 import re
 import sys
 from collections.abc import Callable
+from queue import SimpleQueue
+from threading import Thread
 from typing import Any
 
 import mujoco
@@ -260,6 +262,18 @@ def add_energies(model: mujoco.MjModel, state: np.ndarray, sensors: np.ndarray) 
             sensors[row, model.sensor_adr[each]] = data.energy[_ENERGIES[model.sensor_type[each]]]
 
 
+def _pass_on(requests: SimpleQueue[dict[str, Any]]) -> None:
+    """Pass on what is asked until the input ends, then end this process, whatever it computes.
+
+    The input ends with the process that started this one, however that ended.
+    """
+    try:
+        while True:
+            requests.put(pickle.load(sys.stdin.buffer))  # noqa: S301 - from who started this
+    finally:
+        os._exit(0)
+
+
 def main(adapter: str) -> None:
     """Simulate what is asked until the input ends."""
     answers = os.fdopen(os.dup(1), "wb")
@@ -275,11 +289,10 @@ def main(adapter: str) -> None:
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
+    requests = SimpleQueue[dict[str, Any]]()
+    Thread(target=_pass_on, args=(requests,), daemon=True).start()
     while True:
-        try:
-            request = pickle.load(sys.stdin.buffer)  # noqa: S301 - from the process that started it
-        except EOFError:
-            return
+        request = requests.get()
         try:
             answer(getattr(module, request["operation"])(request, lambda: answer(None)))
         except BrokenPipeError:

@@ -69,6 +69,14 @@ class StoreError(ContactlabError):
     exit_code = 3
 
 
+class OtherSweepError(StoreError):
+    """A place holds a store of another sweep, or of the same one by other code: `held` says so."""
+
+    def __init__(self, held: str, remedy: str) -> None:
+        super().__init__(f"{held}; {remedy}")
+        self.held = held
+
+
 class ExpectationError(ContactlabError):
     """Evidence was written, but it does not meet the expectations."""
 

@@ -15,6 +15,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.metadata import Distribution, EntryPoint, distributions, entry_points
 from importlib.util import find_spec
+from itertools import chain
 from pathlib import Path
 from types import ModuleType
 
@@ -106,13 +107,12 @@ def _describe(distribution: Distribution) -> Plugin:
     return Plugin(distribution.name, distribution.version, hash_of_packages(names))
 
 
-def hash_of_packages(names: Iterable[str]) -> str:
-    """Return a SHA-256 of all files of packages or modules."""
+def hash_of_packages(names: Iterable[str], *folders: Path) -> str:
+    """Return a SHA-256 of all files of packages or modules, and of folders of code beside them."""
     digest = hashlib.sha256()
-    for name in sorted(names):
-        for label, path in _files(name):
-            data = path.read_bytes()
-            digest.update(f"{label}\0{len(data)}\0".encode() + data)
+    for label, path in chain(*map(_files, sorted(names)), *map(_files_in, folders)):
+        data = path.read_bytes()
+        digest.update(f"{label}\0{len(data)}\0".encode() + data)
     return digest.hexdigest()
 
 
@@ -123,10 +123,13 @@ def _files(package: str) -> list[tuple[str, Path]]:
         return []
     if not spec.submodule_search_locations:
         return [(package, Path(spec.origin))] if spec.origin else []
+    return sorted(chain(*map(_files_in, map(Path, spec.submodule_search_locations))))
+
+
+def _files_in(folder: Path) -> list[tuple[str, Path]]:
     return sorted(
         (path.relative_to(folder).as_posix(), path)
-        for folder in spec.submodule_search_locations
-        for path in Path(folder).rglob("*")
+        for path in folder.rglob("*")
         if path.is_file() and path.suffix != ".pyc"
     )
 

@@ -3,6 +3,8 @@
 The engine is MuJoCo itself, in another process: its trajectories are ours bit for bit.
 """
 
+import pickle
+import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -11,7 +13,7 @@ from typing import Any
 import pytest
 
 from contactlab.engines import ENGINES
-from contactlab.engines.adapted_engine import AdaptedEngine
+from contactlab.engines.adapted_engine import SERVER, AdaptedEngine
 from contactlab.errors import SceneError
 from contactlab.run.sweep_request import read_request
 from contactlab.run.sweep_runner import run_sweep
@@ -156,6 +158,24 @@ def test_a_process_that_dies_costs_its_job(install: Install, tmp_path: Path) -> 
     for _, theirs in pairs(swept(tmp_path)):
         assert theirs.status_reason == "the twin process failed: exit code 3"
     assert engine.version == "7.1"
+
+
+def test_it_ends_with_the_process_that_started_it_while_it_computes(tmp_path: Path) -> None:
+    """A process that is killed closes its pipes, and does nothing else."""
+    adapter = tmp_path / "endless.py"
+    adapter.write_text("from time import sleep\ndef simulate(request, tick): tick(); sleep(3600)\n")
+    command = [sys.executable, "-P", str(SERVER), str(adapter)]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
+        assert process.stdin is not None
+        assert process.stdout is not None
+        pickle.dump({"operation": "simulate"}, process.stdin)
+        process.stdin.flush()
+        assert pickle.load(process.stdout) is None  # noqa: S301 - it computes
+        process.stdin.close()
+        try:
+            assert process.wait(60) == 0
+        finally:
+            process.kill()
 
 
 @pytest.mark.long

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from contactlab.errors import EngineError, SweepFileError
+from contactlab.errors import EngineError, OtherSweepError, SweepFileError
 from contactlab.schema.engine_panel import EnginePanel, PanelRun
 from contactlab.studies.engine_panel.closed_forms import period, rod
 from contactlab.studies.engine_panel.engine_panel import (
@@ -76,6 +76,14 @@ def test_a_task_is_run_once_and_read_again(tmp_path: Path, monkeypatch: pytest.M
     assert begun == [0, 0, 0]
     assert run(request, session) == first
     assert begun[3:] == [2, 2, 2]
+    for name, value, held in (
+        ("contactlab.run.sweep_runner.definitions", lambda: "0" * 64, "of another contactlab"),
+        ("contactlab.engines.impulse.ImpulseEngine.version", "9", "impulse .+, and 9 is"),
+    ):
+        with monkeypatch.context() as patch:
+            patch.setattr(name, value)
+            with pytest.raises(OtherSweepError, match=f"{held}.*; remove it, or .* -o$"):
+                run(request, session)
 
 
 def test_what_there_is_not_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

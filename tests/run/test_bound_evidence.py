@@ -353,10 +353,18 @@ def test_definitions_are_the_code_that_makes_rows(tmp_path: Path, monkeypatch: A
     (tmp_path / "judged").mkdir()
     (tmp_path / "judged" / "labels.py").write_text("LIMIT = 1\n")
     monkeypatch.syspath_prepend(tmp_path)
-    before = hash_of_packages(["judged"])
-    assert hash_of_packages(["judged"]) == before
+    (tmp_path / "beside").mkdir()
+    (tmp_path / "beside" / "adapter.py").write_text("STEP = 1\n")
+
+    def found() -> str:
+        return hash_of_packages(["judged"], tmp_path / "beside")
+
+    before = found()
+    assert found() == before
     (tmp_path / "judged" / "labels.py").write_text("LIMIT = 2\n")
-    assert hash_of_packages(["judged"]) != before
+    judged_otherwise = found()
+    (tmp_path / "beside" / "adapter.py").write_text("STEP = 2\n")
+    assert len({before, judged_otherwise, found()}) == 3
 
 
 class StopError(Exception):

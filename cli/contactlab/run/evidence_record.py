@@ -24,6 +24,7 @@ from contactlab.engines.engine import Rollout
 from contactlab.engines.rollout_trace import trajectory_hash
 from contactlab.measure import METRICS, AppliedLabel, Assessment
 from contactlab.plugins import hash_of_packages
+from contactlab.resources import ADAPTERS
 from contactlab.run.run_verdicts import judge, missing_effects, within_tolerances
 from contactlab.run.tasks import Finished, Task
 from contactlab.scene.effects.effect import NOT_IN_MODEL, EffectState
@@ -50,7 +51,7 @@ _UNSAID = {name for name, field in EvidenceRecord.model_fields.items() if field.
 def definitions() -> str:
     """Return a hash of the code that prepares runs, rolls them out, measures and labels them."""
     packages = ("accuracy", "contact", "engines", "measure", "scene")
-    return hash_of_packages(f"contactlab.{name}" for name in packages)
+    return hash_of_packages((f"contactlab.{name}" for name in packages), ADAPTERS)
 
 
 class Common:

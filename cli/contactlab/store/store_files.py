@@ -18,7 +18,7 @@ from typing import Any, TypeVar
 from pydantic import BaseModel, ValidationError
 from pydantic_core import to_json
 
-from contactlab.errors import OutputError, StoreError
+from contactlab.errors import OtherSweepError, OutputError, StoreError
 from contactlab.plugins import extensions
 from contactlab.schema.evidence import STORE_VERSION, StoreManifest, SweepIdentity
 from contactlab.schema.strict_model import is_inner_name
@@ -200,7 +200,10 @@ def most_common(identities: Sequence[SweepIdentity]) -> int:
 
 
 def check_same_sweep(store: Address, stored: SweepIdentity, requested: SweepIdentity) -> None:
-    """Raise a StoreError unless a store is of the requested sweep, by the same definitions."""
+    """Raise an OtherSweepError unless a store is of the requested sweep, by the same definitions.
+
+    A StoreError says that it is another part of it.
+    """
     differing = other_parts(stored, requested)
     if not differing:
         if (wanted := shard_of(requested)) not in {None, (held := shard_of(stored))}:
@@ -212,7 +215,9 @@ def check_same_sweep(store: Address, stored: SweepIdentity, requested: SweepIden
     held = f"another sweep (other {', '.join(differing)}{_other_plugins(stored, requested)})"
     if differing == ["definitions"]:
         held = "runs of another contactlab, which prepares, measures or labels them otherwise"
-    raise StoreError(f"{store} holds {held}; write elsewhere with -o, or replace it with --fresh")
+    raise OtherSweepError(
+        f"{store} holds {held}", "write elsewhere with -o, or replace it with --fresh"
+    )
 
 
 # Keys of a sweep that say which of its runs to make; whichever they are, the grid is the same.

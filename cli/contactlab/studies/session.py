@@ -9,7 +9,7 @@ from typing import TypeVar
 
 from pydantic import TypeAdapter, ValidationError
 
-from contactlab.errors import OutputError, StoreError, SweepFileError
+from contactlab.errors import OtherSweepError, OutputError, StoreError, SweepFileError
 from contactlab.plan.overrides import Overrides
 from contactlab.plan.sweep_file import read_sweep
 from contactlab.run.sweep_request import SceneLoader, SweepRequest
@@ -21,6 +21,8 @@ from contactlab.store.finished_store import Store
 from contactlab.store.store_files import read_stored
 
 CLAIMS = "sources.json"  # whose results a folder of studies has
+REMOVE = "remove it, or write elsewhere with -o"
+"""What helps where a folder of studies has a store that cannot be resumed."""
 Values = Mapping[str, object]  # canonical values by axis
 _Kind = TypeVar("_Kind")
 
@@ -63,10 +65,14 @@ class Session:
     def run(self, sweep: SweepRequest) -> Store:
         """Run a sweep and open its store.
 
-        Raises an OutputError if it cannot be written; a StoppedError if `stop` was set: resume it.
+        Raises an OutputError if it cannot be written; an OtherSweepError if it is another's; a
+        StoppedError if `stop` was set: resume it.
         """
         sweep = replace(sweep, allow_code=self.allow_code)
-        run_sweep(sweep, self.begin, self.progress, self.stop)
+        try:
+            run_sweep(sweep, self.begin, self.progress, self.stop)
+        except OtherSweepError as error:
+            raise OtherSweepError(error.held, REMOVE) from error
         return Store.open(sweep.store)
 
     def run_derived(

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 from contactlab.engines import ENGINES, find_engine
 from contactlab.engines.engine import SimulationEngine
-from contactlab.errors import EngineError, SceneError, SweepFileError
+from contactlab.errors import EngineError, OtherSweepError, SceneError, SweepFileError
 from contactlab.mjcf import MODEL_ENGINE
 from contactlab.plan.overrides import Overrides
 from contactlab.resources import SWEEPS
@@ -21,7 +21,7 @@ from contactlab.schema.evidence import EvidenceRecord
 from contactlab.schema.setting_values import as_number
 from contactlab.store.finished_store import Store
 from contactlab.studies.engine_panel.closed_forms import OWN
-from contactlab.studies.session import Session
+from contactlab.studies.session import REMOVE, Session
 
 REPORT = "panel.json"
 TASKS = {path.stem: path for path in sorted((SWEEPS / "engines").glob("*.yaml"))}
@@ -49,7 +49,8 @@ def run(request: PanelRequest, session: Session) -> EnginePanel:
 
     The folder receives a store of each task and engine, and `panel.json`. Raises a SweepFileError
     if there is no such task; an EngineError if there is no such engine, or it is not installed; an
-    OutputError if the folder cannot be written; a StoppedError if the session was stopped.
+    OtherSweepError if a store is of other code, or of another version of an engine; an OutputError
+    if the folder cannot be written; a StoppedError if the session was stopped.
     """
     for name in request.tasks:
         SweepFileError.unless_known(name, TASKS, f"no task '{name}'")
@@ -71,7 +72,14 @@ def run(request: PanelRequest, session: Session) -> EnginePanel:
             except SceneError as error:
                 refused.setdefault(str(error), []).append(task)
                 continue
-            runs += [_measured(task, store, record) for record in store.records()]
+            records = list(store.records())
+            if held := {record.engine.version for record in records} - {engine.version}:
+                raise OtherSweepError(
+                    f"{session.folder / task / engine.name} holds runs of {engine.name} "
+                    f"{', '.join(sorted(held))}, and {engine.version} is installed",
+                    REMOVE,
+                )
+            runs += [_measured(task, store, record) for record in records]
         described = _sweep(task, ENGINES[MODEL_ENGINE], session).plan.sweep.description
         told.append(PanelTask(name=task, description=described or "", measure=_MEASURES[task]))
     absent = [] if asked else [_absence(engine) for engine in own if not engine.version]

@@ -29,7 +29,9 @@ from contactlab.store.table_layout import as_written
 from contactlab.studies.gradients import automatic
 from contactlab.studies.gradients.automatic import ADAPTIVE, ENGINE
 from contactlab.studies.gradients.derivatives import MEANS, Differentiation, influence, word
+from contactlab.studies.gradients.differences import WIDE_SPANS, scale_of
 from contactlab.studies.gradients.end_states import Parameter, Point, Subject
+from contactlab.studies.gradients.kept_derivatives import KeptDerivatives
 from contactlab.studies.session import Session
 
 REPORT, STORE = "gradients.json", "places"
@@ -57,7 +59,8 @@ class GradientsRequest:
 def run(request: GradientsRequest, session: Session) -> GradientsReport:
     """Differentiate, and say where that can be used.
 
-    The folder receives a store with a run of each place, and `gradients.json`. Raises a
+    The folder receives a store with a run of each place, derivatives as they are made, from which
+    the same question goes on, and `gradients.json`. Raises a
     SweepFileError if the sweep, a setting or a name is wrong; a SceneError if there is no such
     scene; an EngineError if one that was asked for cannot do it; an OutputError if the folder
     cannot be written; a StoppedError if the session was stopped.
@@ -79,13 +82,23 @@ def run(request: GradientsRequest, session: Session) -> GradientsReport:
     means = {name: how for group in chosen for name, how in MEANS[group].items()}
     names = list(request.by) or [*axes] or _usual(sweep.scene, subject, points[0])
     parameters = [subject.parameter(name) for name in names]
-    for parameter in parameters:
-        parameter.at(subject, points[0])  # which says what is wrong with it, before anything runs
+    for parameter, point in product(parameters, points):
+        value = parameter.at(subject, point)  # which says what is wrong, before anything runs
+        for reach in (-WIDE_SPANS[0], WIDE_SPANS[0]):
+            parameter.moved(point, value + float(reach) * scale_of(value))
     session.claim("gradients", request.source)
     store = session.run(sweep)
     finer = request.finer or (2 if is_map else 4)
     how = Differentiation(subject, finer, means, ladder=not is_map)
-    derivatives = {each.name: _by(how, each, points) for each in parameters}
+    kept = KeptDerivatives.of(
+        session,
+        {
+            "runs": [sweep.scene.run_id(subject.resolve(point)) for point in points],
+            "of": (request.of, finer, is_map, *means),
+            "by": (ENGINES[MODEL_ENGINE].version, automatic.engine().version),
+        },
+    )
+    derivatives = {each.name: _by(how, each, points, kept) for each in parameters}
     ends, modes = subject.end(points), subject.modes(points)
     most = max(influence(by) for found in derivatives.values() for by in found)
     places = tuple(
@@ -173,10 +186,18 @@ def _usual(scene: Scene, subject: Subject, point: Point) -> list[str]:
     return own
 
 
-def _by(how: Differentiation, parameter: Parameter, points: Sequence[Point]) -> list[GradientBy]:
+def _by(
+    how: Differentiation, parameter: Parameter, points: Sequence[Point], kept: KeptDerivatives
+) -> list[GradientBy]:
     found: list[GradientBy] = []
     for first in range(0, len(points), _TOGETHER):
-        found += how.by(parameter, points[first : first + _TOGETHER])
+        some = kept.get(parameter.name, first)
+        if some is None:
+            some = how.by(parameter, points[first : first + _TOGETHER])
+            kept.add(parameter.name, first, some)
+        found += some
+        if len(points) > 1:
+            kept.session.notify(f"{parameter.name}: {len(found)} of {len(points)} places")
     return found
 
 

@@ -166,10 +166,16 @@ class Parameter:
             ) from None
 
     def moved(self, point: Point, value: float) -> Point:
-        """Return a run with another value of the parameter."""
+        """Return a run with another value; a SweepFileError says that the parameter takes none."""
         if self.place is not None:
             return replace(point, moved={**point.moved, self.place: value})
-        return replace(point, values={**point.values, self.name: self.parse(value)})
+        try:
+            parsed = self.parse(value)
+        except ValueError as error:
+            raise SweepFileError(
+                f"--by {self.name}: {error}; take a place farther from its end"
+            ) from error
+        return replace(point, values={**point.values, self.name: parsed})
 
 
 def _row(starts: InitialStates) -> Floats:
