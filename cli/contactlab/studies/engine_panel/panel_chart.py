@@ -6,7 +6,7 @@ from contactlab.charts import layer_of
 from contactlab.schema.engine_panel import EnginePanel
 
 _LEAST = 1e-9  # error that the picture shows
-_COLUMNS = 4
+_COLUMNS = 3
 
 
 def specification(panel: EnginePanel) -> alt.TopLevelMixin:
