@@ -15,9 +15,8 @@ from contactlab.schema.evidence import StoreManifest
 from contactlab.store.arrow_values import number_array
 from contactlab.store.atomic_files import sha256_of
 from contactlab.store.finished_store import Store
-from contactlab.store.runs_table import GROUP, digests_of
+from contactlab.store.runs_table import digests_of, rows_of_group
 
-PART = GROUP
 Rows = NDArray[np.int64]
 Columns = Mapping[str, pa.Array]
 
@@ -78,7 +77,7 @@ def write_store(path: Path, runs: int, template: Store, parts: Iterable[pa.Table
     )
     with writer:
         for part in parts:
-            writer.write_table(part, row_group_size=GROUP)
+            writer.write_table(part, row_group_size=len(part))
     identity = template.manifest.sweep.model_copy(update={"runs_asked": runs})
     (path / "sweep.json").write_text(identity.model_dump_json())
     labels = pq.read_table(path / "runs.parquet", columns=["label"])["label"].value_counts()
@@ -101,5 +100,6 @@ def write_store(path: Path, runs: int, template: Store, parts: Iterable[pa.Table
 
 
 def parts_of(runs: int) -> list[Rows]:
-    """Return the places 0..runs in parts of a bounded size."""
-    return [np.arange(start, min(start + PART, runs)) for start in range(0, runs, PART)]
+    """Return the places 0..runs in parts of a row group each."""
+    size = rows_of_group(runs)
+    return [np.arange(start, min(start + size, runs)) for start in range(0, runs, size)]

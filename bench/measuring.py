@@ -3,6 +3,7 @@
 import json
 import shutil
 import sys
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -74,10 +75,10 @@ class Bench:
         for count in (*case.part, *case.runs):
             save(runs[:: len(runs) // count][:count], self._part(count))
 
-    def round(self) -> Round:
-        """Measure everything once, one after the other."""
+    def round(self, harnesses: Sequence[str] = HARNESSES) -> Round:
+        """Measure everything once, or of the harnesses these, one after the other."""
         found = {"stepping": self._stepping()} | {name: self._swept(name) for name in SWEEPS}
-        return found | {name: self._harness(name) for name in HARNESSES}
+        return found | {name: self._harness(name) for name in harnesses}
 
     def check(self) -> None:
         """Check that the stepping ended where the sweep with traces did, bit for bit."""

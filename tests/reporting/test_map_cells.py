@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from contactlab.contact.trace_arrays import Floats
+from contactlab.page import map_cells
 from contactlab.page.heatmap import label_rows
 from contactlab.page.map_cells import (
     STATISTICS,
@@ -104,6 +105,32 @@ def test_aggregated_cells_are_those_of_each_map(rows: Runs, better: str) -> None
             np.testing.assert_allclose(found[f"{name}:q:{kind}"], one, rtol=2.0**-23, atol=1e-9)
 
 
+@pytest.mark.parametrize("better", ["lower", "higher"])
+def test_many_values_are_looked_through_in_parts(
+    better: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With ties across the ends of parts, empty cells, one of a single value, and one of half."""
+    monkeypatch.setattr(map_cells, "_PART", 16)
+    rng = np.random.default_rng(39)
+    xs, ys = rng.integers(0, 3, 4000), rng.integers(0, 2, 4000)
+    xs[::2], ys[::2], ys[0] = 0, 1, 2
+    values = rng.normal(size=4000).round(2)
+    axes = axis("x", xs.tolist(), 3), axis("y", ys.tolist(), 3)
+    measured = quantity(values.tolist(), better)
+    found = aggregated_columns(axes, run_labels([0] * 4000), [measured])
+    for (y, x), worst in np.ndenumerate(cell_statistic(MapAxes(*axes), measured, "worst")):
+        own, cell = values[(xs == x) & (ys == y)], 3 * y + x
+        told = [found[f"cells:0:1:q:{kind}"][cell] for kind in STATISTICS]
+        if not len(own):
+            assert np.isnan([worst, *told]).all()
+            continue
+        extreme = own.min() if better == "higher" else np.abs(own).max()
+        assert worst == extreme
+        expected = [extreme, np.median(own), own.mean()]
+        # In single precision; a sum of 4,000 numbers of one is right to 1e-12.
+        np.testing.assert_allclose(told, expected, rtol=2.0**-23, atol=1e-12)
+
+
 def test_the_worst_value_is_the_least_where_higher_is_better() -> None:
     drawn = MapAxes(axis("x", [0, 0, 1], 2), None)
     assert cell_statistic(drawn, quantity([3.0, -1.0, 2.0], "higher"), "worst").tolist() == [
@@ -146,7 +173,7 @@ def test_changes_are_of_pairs_that_differ_in_nothing_else() -> None:
     knob, world = [0, 0, 0, 1, 1, 1, 1], [0, 1, 2, 0, 1, 2, 3]
     axes = axis("k", knob, 2), axis("w", world, 4, "scenario")
     values = [1.0, 3.0, 5.0, 2.0, 6.0, 99.0, 7.0]
-    (found,) = knob_changes(axes, run_labels([2, 2, 2, 2, 2, 0, 2]), [quantity(values)])
+    (found,) = knob_changes(axes, run_labels([2, 2, 2, 2, 2, 0, 2]), [quantity(values)], 1)
     assert (found.axis, found.pairs, found.failed) == ("k", 3, (0.0, pytest.approx(1 / 3)))
     assert found.ratios["q"] == pytest.approx(2.0)
 

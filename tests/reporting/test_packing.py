@@ -81,7 +81,8 @@ def test_nan_and_infinities_stay_what_they_are() -> None:
 
 def test_ids_come_back() -> None:
     runs = ["0123456789abcdef", "ffffffffffffffff", "0000000000000001"]
-    halves = run_id_halves(np.array(runs, dtype="S")).reshape(-1, 2).tolist()
+    numbers = np.array([int(run, 16) for run in runs], np.uint64)
+    halves = run_id_halves(numbers).reshape(-1, 2).tolist()
     assert [f"{high:08x}{low:08x}" for high, low in halves] == runs
 
 

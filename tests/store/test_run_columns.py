@@ -1,17 +1,21 @@
 """The table as arrays says the same as the table as rows."""
 
 from collections.abc import Callable
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 
 from contactlab.errors import StoreError
+from contactlab.store import run_columns, runs_table
 from contactlab.store.finished_store import Store
 from contactlab.store.row_journal import write_journal
 from contactlab.store.run_columns import RunColumns
-from contactlab.store.runs_table import write_table
+from contactlab.store.runs_table import GROUP, iterate_rows, rows_of_group, write_table
 from contactlab.store.table_layout import record_to_row
 
 
@@ -75,6 +79,37 @@ def test_word_sets_are_masks(
     masks, words = RunColumns(tmp_path).string_sets("labels")
     found = [[word for bit, word in enumerate(words) if mask >> bit & 1] for mask in masks]
     assert [sorted(each) for each in found] == [sorted(each) for each in labels]
+
+
+def test_rows_are_found_in_parts_of_row_groups(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A group of seven rows is read in parts of three, of which the last is one row."""
+    table = pa.table({"run_id": [f"{row:016x}" for row in range(17)], "seed": range(17)})
+    pq.write_table(table, tmp_path / "runs.parquet", row_group_size=7)
+    for module in (runs_table, run_columns):
+        monkeypatch.setattr(module, "GROUP", 3)
+    columns = RunColumns(tmp_path)
+    for rows in ([16, 0, 6, 7, 13, 3], [*range(17)]):
+        assert columns.some(["seed"], rows) == [{"seed": row} for row in rows]
+    for start, stop in combinations(range(18), 2):
+        found = columns.between("seed", slice(start, stop))
+        assert found.to_pylist() == [*range(start, stop)]
+    assert columns.numbers("seed").values.tolist() == [*range(17)]
+    assert columns.given("seed").all()
+    chosen = np.isin(np.arange(17), [2, 15])
+    rows = iterate_rows(tmp_path / "runs.parquet", chosen)
+    assert [row["seed"] for row in rows] == [2, 15]
+
+
+def test_large_tables_have_no_more_row_groups_than_small_ones() -> None:
+    """Whoever opens a table unpacks what it says of each: a group is 16,384 rows times 2^k."""
+    assert [rows_of_group(runs) for runs in (0, 1, 256 * GROUP)] == [GROUP] * 3
+    for runs in (256 * GROUP + 1, 10**7, 10**9):
+        size = rows_of_group(runs)
+        assert runs <= 256 * size
+        assert runs > 128 * size
+        assert np.log2(size / GROUP) % 1 == 0
 
 
 def test_only_what_is_measured_says_which_way_is_better(store: Path) -> None:

@@ -32,9 +32,9 @@ from contactlab.reporting.map_axes import MapAxes
 from contactlab.reporting.report import ReportData
 from contactlab.reporting.report_columns import (
     Codes,
+    Quantities,
     Quantity,
     RunLabels,
-    read_quantities,
     read_run_labels,
     summary_metrics,
 )
@@ -320,16 +320,12 @@ def _maps(data: ReportData, baseline: Store, pairing: Pairing) -> Iterator[tuple
     names = (*baseline.manifest.labels, *data.store.manifest.labels)
     old, new = _labels_of(baseline, names, before), _labels_of(data.store, names, after)
     yield "labels", _label_maps(axes, old, new)
-    quantities = {quantity.name: quantity for quantity in read_quantities(baseline)}
     name = data.tradeoff.error.name if data.tradeoff else summary_metrics()[0]
     for quantity in data.quantities_named(name):
-        if quantity.name in quantities:
-            earlier = quantities[quantity.name]
-            earlier = replace(earlier, values=earlier.values[before])
-            yield (
-                quantity.name,
-                _number_maps(axes, earlier, replace(quantity, values=quantity.values[after])),
-            )
+        for earlier in Quantities.of(baseline.columns).named([name]):
+            old_values = replace(earlier, values=earlier.values[before])
+            new_values = replace(quantity, values=quantity.values[after])
+            yield name, _number_maps(axes, old_values, new_values)
 
 
 def _labels_of(store: Store, names: Sequence[str], rows: NDArray[np.intp]) -> RunLabels:

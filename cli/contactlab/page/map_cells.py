@@ -1,7 +1,8 @@
 """Cells of a map, with labels or one number in each."""
 
-from collections.abc import Sequence
-from itertools import combinations
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations, pairwise
 from typing import Any, Literal
 
 import numpy as np
@@ -9,27 +10,37 @@ from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import Floats
 from contactlab.page.packing import packed_integers, rounded_floats
-from contactlab.reporting.map_axes import MapAxes
-from contactlab.reporting.report_columns import SEED, STABLE, GridAxis, Quantity, RunLabels
+from contactlab.reporting.map_axes import MapAxes, blocks
+from contactlab.reporting.report_columns import (
+    SEED,
+    STABLE,
+    Codes,
+    GridAxis,
+    Quantity,
+    RunLabels,
+)
 
 Statistic = Literal["worst", "median", "mean"]
 STATISTICS: tuple[Statistic, ...] = ("worst", "median", "mean")
 _MOST_AXES = 8
+_PART, _MOST_PARTS = 4096, 1024
+"""Values that a part has at least, beside four for each cell, and how many parts there are."""
+_RUNS_OF_A_SUM = 8  # runs for each place of a grid of sums, or maps are summed by themselves
 
 
 def label_counts(axes: MapAxes, labels: RunLabels) -> NDArray[np.int64]:
     """Return (rows, columns, labels) how many runs have which worst label."""
     count = len(labels.names)
-    combined = axes.cells * count + labels.codes
-    return np.bincount(combined, minlength=axes.size * count).reshape(*axes.shape, count)
+    return axes.counts(labels.codes, count).reshape(*axes.shape, count)
 
 
 def cell_statistic(axes: MapAxes, quantity: Quantity, kind: Statistic) -> Floats:
     """Return (rows, columns) one statistic of a quantity over the runs of each cell."""
     ascending = ascending_runs(quantity)
-    own, values = axes.cells[ascending], quantity.values[ascending]
-    counts = np.bincount(own, minlength=axes.size)
-    statistics = cell_statistics(own, values, counts, quantity.column.better)
+    cells = axes.cells.astype(np.min_scalar_type(axes.size))
+    own, values = cells[ascending], quantity.values[ascending]
+    sums = _sums(own, values, axes.size)
+    statistics = cell_statistics(own, values, sums, quantity.column.better)
     return statistics[STATISTICS.index(kind)].reshape(axes.shape)
 
 
@@ -38,41 +49,62 @@ def ascending_runs(quantity: Quantity) -> NDArray[np.intp]:
     return np.argsort(quantity.values)[: int(np.isfinite(quantity.values).sum())]
 
 
-def cell_statistics(
-    own: NDArray[np.integer], values: Floats, counts: NDArray[np.int64], better: str
-) -> Floats:
+def cell_statistics(own: NDArray[np.integer], values: Floats, sums: Floats, better: str) -> Floats:
     """Return (3, cells) worst, median and mean of values in each cell, NaN where it has none.
 
     The worst is the largest magnitude, or the least value of a quantity of which more is better.
-    One sort of the values serves every pair of axes: a stable sort of these by cell, which is
-    linear in time for small integers, leaves each cell's values in order. Values (m,) are the least
-    first; `own` (m,) is the cell of each, and `counts` (cells,) how many a cell has.
+    Values (m,) are the least first, for all maps alike; `own` (m,) is the cell of each, and `sums`
+    (cells,) the sum of each cell's values.
     """
-    size = len(counts)
-    grouped, sums = _grouped(own, values, size)
-    filled = counts > 0
-    number = counts[filled]
-    ends = counts.cumsum()[filled]
-    starts = ends - number
-    low, high = grouped[starts], grouped[ends - 1]
-    worst = low if better == "higher" else np.maximum(np.abs(low), np.abs(high))
-    middle = grouped[starts + (number - 1) // 2], grouped[starts + number // 2]
-    median = (middle[0] + middle[1]) / 2
-    mean = sums[filled] / number
+    size = len(sums)
+    parts = int(np.clip(len(own) // (_PART + 4 * size), 1, _MOST_PARTS))
+    ends = np.linspace(0, len(own), parts + 1).astype(np.intp)
+    counts = np.stack([np.bincount(own[a:b], minlength=size) for a, b in pairwise(ends)])
+    runs = counts.sum(axis=0)
+    filled = np.flatnonzero(runs)
     statistics = np.full((3, size), np.nan)
-    statistics[:, filled] = worst, median, mean
+    if not len(filled):
+        return statistics
+    number = runs[filled]
+    places = np.stack([0 * number, (number - 1) // 2, number // 2, number - 1])
+    low, *middle, high = _placed(own, values, ends, counts, filled, places)
+    worst = low if better == "higher" else np.maximum(np.abs(low), np.abs(high))
+    statistics[:, filled] = worst, (middle[0] + middle[1]) / 2, sums[filled] / number
     return statistics
 
 
-def _grouped(own: NDArray[np.integer], values: Floats, size: int) -> tuple[Floats, Floats]:
-    """Return values (m,) cell by cell, in order in each, and the sum of each cell (size,)."""
-    grouped = values[np.argsort(own, kind="stable")] if _differ(values) else values
-    return grouped, np.bincount(own, values, minlength=size).astype(np.float64)
+def _placed(
+    own: NDArray[np.integer],
+    values: Floats,
+    ends: NDArray[np.intp],
+    counts: NDArray[np.intp],
+    filled: NDArray[np.intp],
+    places: NDArray[np.intp],
+) -> Floats:
+    """Return (k, f) which values are at these places (k, f) of those of each filled cell (f,).
 
-
-def _differ(values: Floats) -> bool:
-    """Return whether values in order differ; equal ones, as of what never happens, need no sort."""
-    return len(values) > 0 and bool(values[0] < values[-1])
+    Values (m,) ascend, and are in parts with these ends (p + 1,). How many each cell has in each
+    part (p, cells) says in which part a place is; only such parts are looked at, and only what
+    their cells have there.
+    """
+    if not values[0] < values[-1]:
+        return np.full(places.shape, values[0])
+    before = np.vstack([np.zeros_like(counts[:1]), counts.cumsum(axis=0)])
+    part = np.stack([(before[1:, filled] <= place).sum(axis=0) for place in places])
+    found = np.empty(places.shape)
+    for each in np.unique(part).tolist():
+        kinds, cells = np.nonzero(part == each)
+        is_wanted = np.zeros(counts.shape[1], np.bool_)
+        is_wanted[filled[cells]] = True
+        inside = own[ends[each] : ends[each + 1]]
+        rows = np.flatnonzero(is_wanted[inside])
+        # Stable, and linear in time for small integers: each cell's values stay in order.
+        rows = rows[np.argsort(inside[rows], kind="stable")]
+        starts = np.where(is_wanted, counts[each], 0)
+        starts = starts.cumsum() - starts - before[each]
+        chosen = rows[starts[filled[cells]] + places[kinds, cells]]
+        found[kinds, cells] = values[ends[each] + chosen]
+    return found
 
 
 def most_frequent_failure(counts: NDArray[np.int64], labels: RunLabels) -> NDArray[np.int64]:
@@ -93,7 +125,7 @@ def aggregated_axes(axes: Sequence[GridAxis]) -> tuple[GridAxis, ...]:
 
 
 def aggregated_columns(
-    axes: Sequence[GridAxis], labels: RunLabels, quantities: Sequence[Quantity]
+    axes: Sequence[GridAxis], labels: RunLabels, quantities: Iterable[Quantity]
 ) -> dict[str, NDArray[Any]]:
     """Return the cells of every map that a page can show, in place of too many runs.
 
@@ -103,28 +135,68 @@ def aggregated_columns(
     maps = {f"cells:{index}:": MapAxes(axis, None) for index, axis in enumerate(axes)}
     for (first, x), (second, y) in combinations(enumerate(axes), 2):
         maps[f"cells:{first}:{second}"] = MapAxes(x, y)
-    columns: dict[str, NDArray[Any]] = {}
-    runs: dict[str, NDArray[np.int64]] = {}
-    for name, codes_of_map in maps.items():
-        counts = label_counts(codes_of_map, labels)
-        columns[f"{name}:labels"] = packed_integers(counts.ravel())
-        runs[name] = counts.sum(axis=-1).ravel()
-    codes = {axis.name: packed_integers(axis.codes) for axis in axes}
+    columns = {
+        f"{name}:labels": packed_integers(label_counts(drawn, labels).ravel())
+        for name, drawn in maps.items()
+    }
     for quantity in quantities:
         ascending = ascending_runs(quantity)
         values = quantity.values[ascending]
-        own = {name: code[ascending] for name, code in codes.items()}
-        for name, codes_of_map in maps.items():
-            # The smaller the numbers, the sooner they are sorted.
-            kind = np.min_scalar_type(codes_of_map.size)
-            cells = own[codes_of_map.x.name].astype(kind)
-            if codes_of_map.y is not None:
-                cells += np.multiply(
-                    own[codes_of_map.y.name], len(codes_of_map.x.ticks), dtype=kind
-                )
-            is_whole = len(values) == len(quantity.values)
-            counts = runs[name] if is_whole else np.bincount(cells, minlength=codes_of_map.size)
-            found = cell_statistics(cells, values, counts, quantity.column.better)
+        own = {axis.name: axis.codes[ascending] for axis in axes}
+        del ascending
+        sums = _Sums.of(axes, own, values)
+        for name, drawn in maps.items():
+            # The smaller the numbers, the sooner they are counted and sorted.
+            kind = np.min_scalar_type(drawn.size)
+            cells = own[drawn.x.name].astype(kind)
+            if drawn.y is not None:
+                cells += own[drawn.y.name].astype(kind) * kind.type(len(drawn.x.ticks))
+            of_cells = sums.of_map(drawn, cells)
+            found = cell_statistics(cells, values, of_cells, quantity.column.better)
             for statistic, numbers in zip(STATISTICS, found, strict=True):
                 columns[f"{name}:{quantity.name}:{statistic}"] = rounded_floats(numbers)
     return columns
+
+
+def _sums(places: NDArray[np.integer], values: Floats, size: int) -> Floats:
+    """Return (size,) the sum of the values (m,) at each place (m,)."""
+    found = np.zeros(size)
+    for part in blocks(len(values)):
+        found += np.bincount(places[part], values[part], minlength=size)
+    return found
+
+
+@dataclass(frozen=True)
+class _Sums:
+    """Sums of values over the grid of the smallest axes, which those of most maps are sums of."""
+
+    values: Floats
+    axes: tuple[GridAxis, ...]
+    grid: Floats  # (ticks of each axis, ...)
+
+    @classmethod
+    def of(cls, axes: Sequence[GridAxis], own: Mapping[str, Codes], values: Floats) -> "_Sums":
+        """Return those of values (m,), whose codes (m,) are given by axis."""
+        used, size = list[GridAxis](), 1
+        for axis in sorted(axes, key=lambda axis: len(axis.ticks)):
+            size *= len(axis.ticks)
+            if _RUNS_OF_A_SUM * size > len(values):
+                break
+            used.append(axis)
+        shape = [len(axis.ticks) for axis in used]
+        places = np.zeros(len(values), np.int32)
+        for axis in used:
+            places *= np.int32(len(axis.ticks))
+            places += own[axis.name].astype(np.int32)
+        return cls(values, tuple(used), _sums(places, values, int(np.prod(shape))).reshape(shape))
+
+    def of_map(self, drawn: MapAxes, cells: NDArray[np.integer]) -> Floats:
+        """Return (cells,) those of a map, of which the cell of each value is given."""
+        shown = [axis for axis in (drawn.y, drawn.x) if axis is not None]
+        names = [axis.name for axis in self.axes]
+        if any(axis.name not in names for axis in shown):
+            return _sums(cells, self.values, drawn.size)
+        kept = [names.index(axis.name) for axis in shown]
+        rest = tuple(place for place in range(len(names)) if place not in kept)
+        sums = self.grid.sum(axis=rest)
+        return (sums.T if kept != sorted(kept) else sums).ravel()

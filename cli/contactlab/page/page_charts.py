@@ -1,6 +1,6 @@
 """The charts of a page beside its map: labels, accuracy and time, a run, what a knob changes."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import altair as alt
@@ -20,6 +20,7 @@ from contactlab.pareto.convergence import MethodKey, method_key
 from contactlab.pareto.tradeoff_chart import specification
 from contactlab.reporting.report import ReportData
 from contactlab.reporting.report_columns import (
+    Codes,
     GridAxis,
     Quantity,
     RunLabels,
@@ -94,16 +95,30 @@ class KnobChange:
 
 
 def knob_changes(
-    axes: Sequence[GridAxis], labels: RunLabels, quantities: Sequence[Quantity]
+    axes: Sequence[GridAxis], labels: RunLabels, quantities: Iterable[Quantity], most: int
 ) -> list[KnobChange]:
-    """Return every knob's values against its first, where runs can be matched."""
+    """Return every knob's values against its first, where runs can be matched.
+
+    Ratios are of the first quantities, at most so many, that any change has one of.
+    """
     knobs = [axis for axis in axes if axis.role == "knob" and len(axis.ticks) <= _MOST_VALUES]
-    return [change for axis in knobs for change in _changes_of(axis, axes, labels, quantities)]
+    pairs = [found for axis in knobs for found in _changes_of(axis, axes, labels)]
+    told = 0
+    for quantity in quantities if pairs else ():
+        ratios = [_mean_ratio(*(quantity.values[rows] for rows in fine)) for _, fine in pairs]
+        if any(ratio is not None for ratio in ratios):
+            for (change, _), ratio in zip(pairs, ratios, strict=True):
+                change.ratios[quantity.name] = ratio
+            told += 1
+        if told == most:
+            break
+    return [change for change, _ in pairs]
 
 
 def _changes_of(
-    axis: GridAxis, axes: Sequence[GridAxis], labels: RunLabels, quantities: Sequence[Quantity]
-) -> Iterator[KnobChange]:
+    axis: GridAxis, axes: Sequence[GridAxis], labels: RunLabels
+) -> Iterator[tuple[KnobChange, tuple[Codes, Codes]]]:
+    """Yield changes, each with the rows (m,), before and after, of pairs of which none failed."""
     others = combination_codes([other for other in axes if other is not axis], len(axis.codes))
     base = np.flatnonzero(axis.codes == 0)
     failed = labels.failed
@@ -114,14 +129,9 @@ def _changes_of(
         if len(before):
             fine = ~(failed[before] | failed[after])
             shares = float(failed[before].mean()), float(failed[after].mean())
-            ratios = {
-                quantity.name: _mean_ratio(
-                    quantity.values[before[fine]], quantity.values[after[fine]]
-                )
-                for quantity in quantities
-            }
             ticks = axis.ticks[0], axis.ticks[code]
-            yield KnobChange(axis.name, *ticks, len(before), shares, ratios)
+            change = KnobChange(axis.name, *ticks, len(before), shares, {})
+            yield change, (before[fine].astype(np.int32), after[fine].astype(np.int32))
 
 
 def _mean_ratio(before: Floats, after: Floats) -> float | None:

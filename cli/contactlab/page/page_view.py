@@ -419,19 +419,12 @@ def listed_runs(data: ReportData) -> Table:
 
 def effects_view(data: ReportData) -> EffectsView | None:
     """Return the effect of each knob; None where no two runs differ in one alone."""
-    changes = knob_changes(data.axes, data.labels, data.quantities)
-    return EffectsView(changes, _ratio_names(data, changes)) if changes else None
-
-
-def _ratio_names(data: ReportData, changes: Sequence[KnobChange]) -> list[str]:
-    """Return five quantities that changes have ratios of: time, error, and the summary's."""
     report = data.tradeoff
     first = (report.time.name, report.error.name, *report.tolerances) if report else (RECORDED,)
-    known = {
-        name for change in changes for name, ratio in change.ratios.items() if ratio is not None
-    }
     wanted = dict.fromkeys((*first, *summary_metrics()))
-    return [name for name in wanted if name in known][:_MOST_RATIOS]
+    quantities = (quantity for name in wanted for quantity in data.quantities.named([name]))
+    changes = knob_changes(data.axes, data.labels, quantities, _MOST_RATIOS)
+    return EffectsView(changes, list(changes[0].ratios)) if changes else None
 
 
 def expectations_view(store: Store) -> ExpectationsView | None:

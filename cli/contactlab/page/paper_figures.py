@@ -13,12 +13,14 @@ from contactlab.contact.trace_arrays import LINEAR_VELOCITY, STICK, Floats
 from contactlab.errors import optional
 from contactlab.measure import labels_with
 from contactlab.page.heatmap import Layered, default_map, metric_map
+from contactlab.page.map_cells import cell_statistic
 from contactlab.page.page_charts import change_panels, knob_changes, tradeoff_chart
 from contactlab.page.run_series import decimated, is_single_body, qpos_entries
 from contactlab.page.stick_or_slip import slope_runs, stick_slip_panel
 from contactlab.palette import COLOURS, INK, SHAPES
+from contactlab.reporting.map_axes import MapAxes
 from contactlab.reporting.report import ReportData
-from contactlab.reporting.report_columns import GridAxis
+from contactlab.reporting.report_columns import GridAxis, Quantity
 from contactlab.schema.evidence import EvidenceRecord
 from contactlab.store.finished_store import Store
 from contactlab.store.mcap.trace_reader import StoredPair, StoredTrace
@@ -78,12 +80,11 @@ def bouncing_runs(store: Store, axes: Sequence[GridAxis], stable: np.ndarray) ->
     """Return `stable` (n,) runs that bounce at least once, one for each value of one axis."""
     axis = _axis_of_restitution(store, axes, stable)
     by_setting: dict[str, BouncingRun] = {}
-    for row in np.flatnonzero(stable)[:_MOST_BOUNCING_RECORDS_READ].tolist():
+    traced = stable & store.columns.given("trace_file")
+    for row in np.flatnonzero(traced)[:_MOST_BOUNCING_RECORDS_READ].tolist():
         setting = f"{axis.name} {axis.ticks[axis.codes[row]]}" if axis else "the scene's own"
         if setting not in by_setting and len(by_setting) < _MOST_BOUNCING_RUNS:
-            record = store.record(store.columns.identify([row])[0]["run_id"])
-            if record.trace is None:
-                continue
+            record = store.record_at(row)
             run = _bouncing_run(store.trace(record), record, setting)
             if run is not None:
                 by_setting[setting] = run
@@ -97,14 +98,14 @@ def _axis_of_restitution(
     if not axes or "restitution_measured" not in store.columns.schema.names:
         return None
     values = store.columns.numbers("restitution_measured").values
-    values = np.where(stable, values, np.nan)
+    measured = Quantity(
+        store.columns.described["restitution_measured"], np.where(stable, values, np.nan)
+    )
 
     def spread(axis: GridAxis) -> float:
-        groups = (
-            values[(axis.codes == code) & np.isfinite(values)] for code in range(len(axis.ticks))
-        )
-        means = [float(np.median(group)) for group in groups if len(group)]
-        return max(means, default=0.0) - min(means, default=0.0)
+        means = cell_statistic(MapAxes(axis, None), measured, "median")
+        known = means[np.isfinite(means)].tolist()
+        return max(known, default=0.0) - min(known, default=0.0)
 
     return max(axes, key=spread)
 
@@ -143,8 +144,8 @@ def first_impacts(store: Store) -> Rows:
     without = labels_with("no impact")
     records = (
         record
-        for record in store.records()
-        if record.trace is not None and record.label not in without
+        for record in store.records(store.columns.given("trace_file"))
+        if record.label not in without
     )
     impacts: Rows = []
     for record in islice(records, _MOST_IMPACTS_READ):
@@ -311,6 +312,7 @@ def physical_figures(data: ReportData) -> dict[str, Spec | None]:
 def _effects(data: ReportData) -> Spec | None:
     report = data.tradeoff
     names = [report.time.name, report.error.name] if report else ["cost_cpu_per_sim_s"]
-    changes = knob_changes(data.axes, data.labels, data.quantities_named(*names))
+    quantities = data.quantities.named(names)
+    changes = knob_changes(data.axes, data.labels, quantities, len(names))
     changes = [change for change in changes if any(change.ratios.values())]
     return themed(change_panels(changes, names)) if changes else None

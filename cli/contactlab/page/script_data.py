@@ -37,7 +37,6 @@ from contactlab.reporting.report_columns import Codes, GridAxis, RunLabels, summ
 from contactlab.schema.evidence import EvidenceRecord
 from contactlab.schema.tradeoff_report import TradeoffReport
 from contactlab.store.finished_store import Store
-from contactlab.store.table_layout import row_to_record
 
 # Series of at most so many runs of a label come first, and so many in the order of the plan last.
 _SERIES_PER_LABEL = 3
@@ -108,16 +107,14 @@ def script_data(data: ReportData, request: PageRequest, chart: Spec | None) -> S
 
 
 def _selection(data: ReportData, request: PageRequest) -> _Selection:
-    width = _BYTES_PER_RUN + _BYTES_PER_VALUE * len(data.quantities)
+    width = _BYTES_PER_RUN + _BYTES_PER_VALUE * len(data.quantities.columns)
     stored = data.store.columns
     is_aggregated = 4 / 3 * width * stored.runs > request.most_bytes
     traces = min(request.traces, _SERIES_IF_AGGREGATED) if is_aggregated else request.traces
     with_series = list(dict.fromkeys(_by_interest(data)))[:traces] if traces else []
     rows = _selected_runs(data, with_series) if is_aggregated else np.arange(stored.runs)
     places = {row: place for place, row in enumerate(rows.tolist())}
-    records = {
-        places[row]: row_to_record(stored.row(row), stored.shared) for row in sorted(with_series)
-    }
+    records = {places[row]: data.store.record_at(row) for row in sorted(with_series)}
     axes = aggregated_axes(data.axes) if is_aggregated else data.axes
     return _Selection(rows, records, is_aggregated, axes)
 
@@ -149,9 +146,8 @@ def _names(data: ReportData, axes: Sequence[GridAxis]) -> dict[str, Any]:
         "modes": [[name, mode_colour(mode)] for mode, name in MODE_NAMES.items()],
         "listed": listed_metrics(data),
         "quantities": [
-            [quantity.name, column.unit, column.better, column.resolution, column.description]
-            for quantity in data.quantities
-            for column in [quantity.column]
+            [column.name, column.unit, column.better, column.resolution, column.description]
+            for column in data.quantities.columns
         ],
         "inferred": [
             {"shared": part.shared, "codes": part.codes.tolist()} for part in inferred_labels(data)
@@ -170,7 +166,7 @@ def listed_metrics(data: ReportData) -> list[str]:
     """Return the metrics that lists of runs show: the error, the time, and what is summarized."""
     report = data.tradeoff
     first = (report.error.name, report.time.name, *report.tolerances) if report else ()
-    known = {quantity.name for quantity in data.quantities}
+    known = {column.name for column in data.quantities.columns}
     wanted = dict.fromkeys((*first, *summary_metrics()))
     return [name for name in wanted if name in known][:_MOST_LISTED]
 
@@ -181,7 +177,7 @@ def _selected_runs(data: ReportData, with_series: Sequence[int]) -> Codes:
     codes = range(len(labels.names))
     selected = [np.flatnonzero(labels.codes == code)[:_RUNS_PER_LABEL] for code in codes]
     if data.map_axes is not None:
-        selected.append(np.unique(data.map_axes.cells, return_index=True)[1])
+        selected.append(data.map_axes.firsts)
     return np.unique(np.concatenate([np.array(with_series, dtype=np.int64), *selected]))
 
 
@@ -191,35 +187,33 @@ def _by_interest(data: ReportData) -> Iterator[int]:
     The recommended ones come first, then a few of each label, the worst first, then one of each
     cell of the default map, then the others in the order of the plan.
     """
-    ids = data.store.columns.byte_strings("run_id")
-    report = data.tradeoff
+    columns, report = data.store.columns, data.tradeoff
     for run in (report.recommendation, report.robust) if report else ():
         if run is not None:
-            yield from np.flatnonzero(ids == run.run_id.encode()).tolist()
+            place = columns.place_of(run.run_id)
+            yield from () if place is None else (place,)
     for code in range(len(data.labels.names)):
         yield from np.flatnonzero(data.labels.codes == code)[:_SERIES_PER_LABEL].tolist()
     if data.map_axes is not None:
-        yield from np.sort(np.unique(data.map_axes.cells, return_index=True)[1]).tolist()
-    yield from range(min(len(ids), _SERIES_OF_OTHERS))
+        yield from np.sort(data.map_axes.firsts).tolist()
+    yield from range(min(columns.runs, _SERIES_OF_OTHERS))
 
 
 def _columns(
     data: ReportData, selection: _Selection, table: ToleranceTable | None
 ) -> dict[str, NDArray[Any]]:
-    rows, labels, (met, given) = (
-        selection.rows,
-        data.labels,
-        data.store.columns.numbers("expectation_met"),
-    )
+    rows, labels = selection.rows, data.labels
+    met, given = data.store.columns.numbers("expectation_met").at(rows)
+    masks = labels.masks[rows].astype(np.uint64)
     # 2 for a run as expected, 1 for one that is not, 0 without an expectation.
     expected = np.where(given, np.nan_to_num(met) + 1, 0).astype(np.int64)
     bits = _ALL_BITS if len(rows) <= _MOST_RUNS_IN_FULL_PRECISION else _FEW_BITS
     columns: dict[str, NDArray[Any]] = {
-        "id": run_id_halves(data.store.columns.byte_strings("run_id")[rows]),
+        "id": run_id_halves(data.store.columns.ids()[rows]),
         "label": packed_integers(labels.codes[rows]),
-        "labels": (labels.masks[rows] & 0xFFFFFFFF).astype("u4"),
-        "labels:high": (labels.masks[rows] >> 32).astype("u4"),
-        "expected": packed_integers(expected[rows]),
+        "labels": (masks & 0xFFFFFFFF).astype("u4"),
+        "labels:high": (masks >> 32).astype("u4"),
+        "expected": packed_integers(expected),
     }
     for axis in selection.axes:
         columns[f"axis:{axis.name}"] = packed_integers(axis.codes[rows])

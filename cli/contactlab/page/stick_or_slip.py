@@ -36,9 +36,7 @@ def slope_runs(store: Store) -> Rows:
     """
     if store.manifest.traces_left_out or store.manifest.traces < _LEAST_RUNS:
         return []
-    records = (
-        record for record in store.records() if record.trace is not None and _is_still(record)
-    )
+    records = filter(_is_still, store.records(store.columns.given("trace_file")))
     found = (
         _slope_run(store.trace(record), record) for record in islice(records, _MOST_RECORDS_READ)
     )

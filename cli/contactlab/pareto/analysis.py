@@ -220,7 +220,7 @@ def _edge_notes(chosen: Mapping[str, Setting], runs: StoredRuns) -> Iterator[str
 class ToleranceTable:
     """The c configurations of n runs without their tolerances."""
 
-    configuration: NDArray[np.int64]  # (n,) the configuration of each run
+    configuration: NDArray[np.integer]  # (n,) the configuration of each run
     # Metric to (c,) what tolerances are compared with: its largest magnitude over a configuration's
     # runs; NaN if a run has no value.
     worst: Mapping[str, Floats]
@@ -231,8 +231,10 @@ class ToleranceTable:
 def tolerance_table(store: Store, report: TradeoffReport, names: Sequence[str]) -> ToleranceTable:
     """Return the table from which other tolerances of these metrics can be evaluated."""
     groups, columns = group_runs(read_runs(store, ())), store.columns
-    configuration = np.empty(len(groups.order), dtype=np.int64)
-    configuration[groups.order] = np.repeat(np.arange(len(groups.starts)), groups.counts)
+    count = len(groups.starts)
+    kind = np.min_scalar_type(count)
+    configuration = np.empty(len(groups.order), kind)
+    configuration[groups.order] = np.repeat(np.arange(count, dtype=kind), groups.counts)
 
     def worst(name: str) -> Floats:
         names = {name, ESTIMATES.get(name, name)} & {*columns.schema.names}

@@ -1,12 +1,21 @@
 """The axes of maps, and which of them show most."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from contactlab.reporting.report_columns import SEED, Codes, GridAxis, RunLabels
+
+_BLOCK = 1 << 20  # runs whose cells are in memory at once
+
+
+def blocks(runs: int) -> Iterator[slice]:
+    """Yield the places of so many runs, some at a time."""
+    for first in range(0, runs, _BLOCK):
+        yield slice(first, min(runs, first + _BLOCK))
 
 
 @dataclass(frozen=True)
@@ -29,8 +38,30 @@ class MapAxes:
     @property
     def cells(self) -> Codes:
         """(n,) the cell of each run, row by row."""
-        rows = 0 if self.y is None else self.y.codes
-        return rows * len(self.x.ticks) + self.x.codes
+        return self.cells_of(slice(None))
+
+    def cells_of(self, runs: slice) -> Codes:
+        """Return (m,) the cells of some runs."""
+        x = self.x.codes[runs].astype(np.int64)
+        return x if self.y is None else x + self.y.codes[runs].astype(np.int64) * len(self.x.ticks)
+
+    def counts(self, codes: Codes | NDArray[np.bool_], count: int) -> NDArray[np.int64]:
+        """Return (cells, count) how many runs of each cell have which of codes (n,)."""
+        found = np.zeros(self.size * count, np.int64)
+        for runs in blocks(len(codes)):
+            combined = self.cells_of(runs) * count + codes[runs]
+            found += np.bincount(combined, minlength=len(found))
+        return found.reshape(self.size, count)
+
+    @property
+    def firsts(self) -> NDArray[np.int64]:
+        """The first run of each cell that has any."""
+        found = np.full(self.size, -1)
+        for runs in blocks(len(self.x.codes)):
+            cells, places = np.unique(self.cells_of(runs), return_index=True)
+            is_new = found[cells] < 0
+            found[cells[is_new]] = runs.start + places[is_new]
+        return found[found >= 0]
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -68,14 +99,13 @@ def by_importance(axes: Sequence[GridAxis], labels: RunLabels) -> list[GridAxis]
 
 def _separation(axes: MapAxes, labels: RunLabels) -> float:
     """Return how much of which runs fail, and of which label they get, cells explain."""
-    failed = _explained_variance(axes, labels.failed.astype(np.int64), 2)
+    failed = _explained_variance(axes, labels.failed, 2)
     return round(failed + _explained_variance(axes, labels.codes, len(labels.names)), 6)
 
 
-def _explained_variance(axes: MapAxes, codes: Codes, count: int) -> float:
+def _explained_variance(axes: MapAxes, codes: Codes | NDArray[np.bool_], count: int) -> float:
     """Return the share of the variance of codes below a count, adjusted for the number of cells."""
-    counts = np.bincount(axes.cells * count + codes, minlength=axes.size * count)
-    counts = counts.reshape(-1, count)
+    counts = axes.counts(codes, count)
     counts = counts[counts.any(axis=1)]
     runs = counts.sum(axis=1)
     within = len(codes) - float((counts**2 / runs[:, None]).sum())

@@ -10,10 +10,10 @@ from contactlab.reporting.boundaries import Boundaries, boundaries
 from contactlab.reporting.map_axes import MapAxes, axes_named, most_informative_axes
 from contactlab.reporting.report_columns import (
     GridAxis,
+    Quantities,
     Quantity,
     RunLabels,
     read_axes,
-    read_quantities,
     read_run_labels,
 )
 from contactlab.schema.examination import Examination
@@ -52,7 +52,7 @@ class ReportData:
     store: Store
     axes: tuple[GridAxis, ...]
     labels: RunLabels
-    quantities: tuple[Quantity, ...]
+    quantities: Quantities
     map_axes: MapAxes | None
     tradeoff: TradeoffReport | None
     no_tradeoff: str
@@ -60,14 +60,14 @@ class ReportData:
 
     def quantities_named(self, *names: str) -> list[Quantity]:
         """Return the quantities of these names, as far as the store has them."""
-        return [quantity for quantity in self.quantities if quantity.name in names]
+        return [*self.quantities.named(names)]
 
     def tolerance_table(self) -> ToleranceTable | None:
         """Return what the page evaluates other tolerances from; None without a trade-off."""
         if self.tradeoff is None:
             return None
         names = dict.fromkeys(
-            (*(quantity.name for quantity in self.quantities), *self.tradeoff.tolerances)
+            (*(column.name for column in self.quantities.columns), *self.tradeoff.tolerances)
         )
         return tolerance_table(self.store, self.tradeoff, tuple(names))
 
@@ -86,7 +86,7 @@ def read_report_data(store: Store, criteria: Criteria = DEFAULT_CRITERIA) -> Rep
         if criteria.error is not None:
             raise
         reason = str(error)
-    map_axes, quantities = most_informative_axes(axes, labels), read_quantities(store)
+    map_axes, quantities = most_informative_axes(axes, labels), Quantities.of(store.columns)
     found = boundaries(store)
     if found is not None:
         map_axes = axes_named(axes, tuple(found.grid.axes)[:2]) or map_axes

@@ -1,7 +1,7 @@
 """Columns of a report: axes, measured quantities and labels of a table of runs."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -88,6 +88,34 @@ class Quantity:
 
 
 @dataclass(frozen=True)
+class Quantities:
+    """The measured columns in which any run has a value, each read where it is asked for."""
+
+    stored: RunColumns
+    columns: tuple[Column, ...]
+
+    @classmethod
+    def of(cls, stored: RunColumns) -> "Quantities":
+        """Return those of a table."""
+        measured = stored.measured.items()
+        return cls(stored, tuple(column for name, column in measured if stored.has_finite(name)))
+
+    def __iter__(self) -> Iterator[Quantity]:
+        """Yield them in the order of the table, of which one at a time is in memory."""
+        return self._read(self.columns)
+
+    def named(self, names: Sequence[str]) -> Iterator[Quantity]:
+        """Yield those of these names, in the order of the table."""
+        return self._read([column for column in self.columns if column.name in names])
+
+    def _read(self, columns: Sequence[Column]) -> Iterator[Quantity]:
+        for column in columns:
+            values = self.stored.numbers(column.name).values
+            values[~np.isfinite(values)] = np.nan
+            yield Quantity(column, values)
+
+
+@dataclass(frozen=True)
 class RunLabels:
     """The labels of n runs."""
 
@@ -95,7 +123,7 @@ class RunLabels:
     letters: tuple[str, ...]  # one letter for each, all different; empty for `stable`
     facts: tuple[LabelFacts, ...]  # what is said and drawn of each, as far as it is known
     codes: Codes  # (n,) index into `names` of each run's worst label
-    masks: NDArray[np.int64]  # (n,) all labels of a run as bits: bit i for `every[i]`
+    masks: Codes  # (n,) all labels of a run as bits: bit i for `every[i]`
     every: tuple[str, ...]  # labels that occur at all, also beside a worse one
 
     @property
@@ -155,14 +183,14 @@ def _axis(columns: RunColumns, name: str, kind: Role, grid: Sequence[Any]) -> Gr
     if not columns.is_number(name):
         codes, values = columns.coded(name)
         ticks = tuple(SCENES_OWN if value is None else value.strip() for value in values)
-        return GridAxis(name, unit, kind, ticks, codes.astype(np.int32), None)
+        return GridAxis(name, unit, kind, ticks, _in_few_bytes(codes, len(ticks)), None)
     numbers, places = columns.ranked(name, grid)
     numbers, unit = in_small_units(numbers, unit)
     # Two that differ in their last digits may be one in small units.
     values, codes = np.unique(numbers, return_inverse=True)
     if not grid and len(values) > _MOST_VALUES_OF_AN_AXIS and np.isfinite(values).all():
         return GridAxis(name, unit, kind, *_binned(numbers[places]), numbers[places])
-    codes = codes.astype(np.int32)[places]
+    codes = _in_few_bytes(codes, len(values))[places]
     if str(columns.schema.field(name).type) == "bool":
         ticks = [{0.0: "false", 1.0: "true"}.get(value, SCENES_OWN) for value in values.tolist()]
     else:
@@ -201,7 +229,12 @@ def _binned(numbers: Floats) -> tuple[tuple[str, ...], Codes]:
     edges = spaced(low, high, _BINS + 1)
     codes = np.clip(np.searchsorted(edges, numbers, side="right") - 1, 0, _BINS - 1)
     ticks = tuple(f"{first:.3g} to {last:.3g}" for first, last in pairwise(edges.tolist()))
-    return ticks, codes.astype(np.int32)
+    return ticks, _in_few_bytes(codes, _BINS)
+
+
+def _in_few_bytes(codes: Codes, count: int) -> Codes:
+    """Return codes below a count in as few bytes as hold them; sums of them need wider ones."""
+    return codes.astype(np.min_scalar_type(max(0, count - 1)))
 
 
 def combination_codes(axes: Sequence[GridAxis], runs: int) -> Codes:
@@ -221,17 +254,6 @@ def summary_metrics() -> list[str]:
     ]
 
 
-def read_quantities(store: Store) -> tuple[Quantity, ...]:
-    """Return the measured columns in which any run has a value."""
-    quantities: list[Quantity] = []
-    for column in store.columns.measured.values():
-        values = store.columns.numbers(column.name).values
-        finite = np.isfinite(values)
-        if finite.any():
-            quantities.append(Quantity(column, np.where(finite, values, np.nan)))
-    return tuple(quantities)
-
-
 def read_run_labels(store: Store, also: Sequence[str] = ()) -> RunLabels:
     """Return the labels of a store's runs; `also` lists labels beside those that occur."""
     codes, strings = store.columns.coded("label")
@@ -242,7 +264,8 @@ def read_run_labels(store: Store, also: Sequence[str] = ()) -> RunLabels:
         order = [*ours, *order]
     ranks = {name: rank for rank, name in enumerate(order)}
     names = sorted(unordered, key=lambda name: (name == STABLE, ranks.get(name, -1), name))
-    placed = np.array([names.index(string) for string in strings], dtype=np.int32)[codes]
+    placed = _in_few_bytes(np.array([names.index(string) for string in strings]), len(names))
+    masks, every = store.columns.string_sets("labels")
     facts = {**dict.fromkeys(sorted(names), LabelFacts()), **added, **ours}
     letters: dict[str, str] = {STABLE: ""}
     for name in (*ours, *sorted(facts.keys() - ours)):
@@ -254,8 +277,9 @@ def read_run_labels(store: Store, also: Sequence[str] = ()) -> RunLabels:
         tuple(names),
         tuple(letters[name] for name in names),
         tuple(facts[name] for name in names),
-        placed,
-        *store.columns.string_sets("labels"),
+        placed[codes],
+        masks.astype(np.min_scalar_type((1 << len(every)) - 1)),
+        every,
     )
 
 

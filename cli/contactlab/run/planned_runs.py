@@ -163,24 +163,26 @@ class RunIndex:
             if count:
                 yield self._scene.resolve(row.values, row.seeds[0], duration), int(count)
 
-    def _planned(self) -> Iterator[RunSpec]:
-        duration = self._plan.sweep.duration
-        for row in self._plan.rows():
-            yield from self._scene.planned(row.values, row.seeds, duration, row.first)
-
     def _checked_ids(self) -> Iterator[int]:
-        check, checked = _Check(self._scene), None
-        for run in self._planned():
-            if not run.is_sibling(checked):
-                shape = _shape(run)
-                check(run, shape)
-                self.firsts.setdefault(shape, run)
-                checked = run
-            if self._kept is not None:
-                self._kept.append(run)
-                if len(self._kept) > MAX_KEPT:
-                    self._kept = None
-            yield int(run.run_id, 16)
+        check, duration = _Check(self._scene), self._plan.sweep.duration
+        for row in self._plan.rows():
+            resolved, ids = self._scene.identified(row.values, row.seeds, duration)
+            for index, (seed, run_id) in enumerate(zip(row.seeds, ids, strict=True), row.first):
+                # Of a large plan only the first run of each row is made.
+                if index == row.first or self._kept is not None:
+                    self._note(resolved.planned(row.values, seed, run_id, index), row.first, check)
+                yield int(run_id, 16)
+
+    def _note(self, run: RunSpec, first: int, check: "_Check") -> None:
+        """Check a run if it is the first of its row, and keep it while runs are few."""
+        if run.index == first:
+            shape = _shape(run)
+            check(run, shape)
+            self.firsts.setdefault(shape, run)
+        if self._kept is not None:
+            self._kept.append(run)
+            if len(self._kept) > MAX_KEPT:
+                self._kept = None
 
 
 def _shape(run: RunSpec) -> Hashable:

@@ -184,9 +184,10 @@ def run_ids(base: CompiledScene, run: RunSpec, scene: str, seeds: Iterable[int])
     over = run.changed & base.nonuniform
     written_over = _json(sorted(over)) if over else "[]"
     tail = f'"settings":{{{settings}}},"written_over":{written_over}}}'
+    before, after = f'{head[:-1]},"seed":'.encode(), f",{tail}".encode()
     for seed in seeds:
-        text = f'{head[:-1]},"seed":{seed},{tail}'
-        yield hashlib.sha256(text.encode()).hexdigest()[:_ID_DIGITS]
+        text = b"%b%d%b" % (before, seed, after)
+        yield hashlib.sha256(text).hexdigest()[:_ID_DIGITS]
 
 
 def other_effects(base: CompiledScene, run: RunSpec) -> dict[str, bool]:

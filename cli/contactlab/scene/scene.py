@@ -300,10 +300,16 @@ class Scene:
 
         The first has the place `first` in the plan. Equal runs of a plan have equal ids.
         """
-        run = self.resolve(values, seeds[0], duration)
-        ids = run_ids(self.base(run.structure), run, self.hash, seeds)
+        run, ids = self.identified(values, seeds, duration)
         for index, (seed, run_id) in enumerate(zip(seeds, ids, strict=True), first):
             yield run.planned(values, seed, run_id, index)
+
+    def identified(
+        self, values: Mapping[str, object], seeds: Sequence[int], duration: float | None
+    ) -> tuple[RunSpec, Iterator[str]]:
+        """Return what the runs of `planned` share, and their ids, of which no run is made."""
+        run = self.resolve(values, seeds[0], duration)
+        return run, run_ids(self.base(run.structure), run, self.hash, seeds)
 
     def starts(self, runs: Sequence[RunSpec]) -> InitialStates:
         """Return the initial states of runs of one structure; a SceneError if a drive is wrong."""

@@ -205,6 +205,10 @@ class Store:
         for row in iterate_rows(self.file(TABLE), chosen):
             yield self._record_of(row)
 
+    def record_at(self, row: int) -> EvidenceRecord:
+        """Return the record of a run, given its row; see `records`."""
+        return self._record_of(self.columns.row(row))
+
     def _record_of(self, row: Mapping[str, Any]) -> EvidenceRecord:
         try:
             return row_to_record(row, self.columns.shared)
@@ -227,7 +231,7 @@ class Store:
                 f"{len(matches)} runs in {self.address} have ids that start with '{run}' "
                 f"({some}, ...); write more of it"
             )
-        return self._record_of(self.columns.row(int(matches[0])))
+        return self.record_at(int(matches[0]))
 
     def controls(self, record: EvidenceRecord) -> RecordedControls | None:
         """Return what a run's policy did, None without one; raise StoreError if it is lost."""

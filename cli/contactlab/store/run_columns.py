@@ -4,6 +4,7 @@ import hashlib
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cached_property, lru_cache
+from itertools import islice
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
@@ -29,7 +30,7 @@ from contactlab.store.table_layout import Column, column_of
 _ID_DIGITS = 16
 _BATCH = 1 << 13
 """Rows that are in memory at once, where all of their columns may be."""
-_MOST_GROUPS = 8  # row groups that are kept for who asks for rows next to each other
+_MOST_PARTS = 4  # parts of rows that are kept for who asks for rows next to each other
 _HASHED = 1 << 16  # ids that are written out at once
 _MOST_CATEGORIES = 64  # a bit each in a 64-bit mask
 
@@ -40,7 +41,7 @@ class NumberColumn(NamedTuple):
     values: NDArray[np.float64]  # (n,) NaN where there is none
     valid: NDArray[np.bool_]  # (n,) whether there is one; a valid value may be NaN too
 
-    def at(self, rows: NDArray[np.intp] | slice) -> "NumberColumn":
+    def at(self, rows: NDArray[np.integer[Any]] | slice) -> "NumberColumn":
         """Return the numbers of some rows."""
         return NumberColumn(self.values[rows], self.valid[rows])
 
@@ -64,7 +65,7 @@ class RunColumns:
         with table_errors(self.path):
             self._source = stored_file(store, TABLE) or store / TABLE
             self._file = pq.ParquetFile(self._source)
-        self._group_of = lru_cache(_MOST_GROUPS)(self._read_group)
+        self._part_of = lru_cache(_MOST_PARTS)(self._read_part)
 
     @property
     def runs(self) -> int:
@@ -165,6 +166,17 @@ class RunColumns:
         kind = self.schema.field(name).type
         return pa.types.is_floating(kind) or pa.types.is_integer(kind) or pa.types.is_boolean(kind)
 
+    def given(self, name: str) -> NDArray[np.bool_]:
+        """Return (runs,) whether a column holds anything."""
+        found = np.empty(self.runs, np.bool_)
+        for rows, column in self.parts(name):
+            found[rows] = numpy_array(compute("is_valid", column))
+        return found
+
+    def has_finite(self, name: str) -> bool:
+        """Return whether a column of numbers holds any that is finite."""
+        return any(np.isfinite(_numbers_of(part).values).any() for _, part in self.parts(name))
+
     def numbers(self, name: str) -> NumberColumn:
         """Return a column of numbers, or of booleans as 1 and 0."""
         values, valid = np.empty(self.runs), np.empty(self.runs, np.bool_)
@@ -241,11 +253,16 @@ class RunColumns:
         found: list[dict[str, Any]] = []
         with table_errors(self.path):
             for row in rows:
-                group = int(np.searchsorted(self._ends, row, side="right"))
-                part = self._group_of(group, tuple(names))
-                place = row - int(self._ends[group]) + part.num_rows
-                found += part.slice(place, 1).to_pylist()
+                start, part = self._holding(row, tuple(names))
+                found += part.slice(row - start, 1).to_pylist()
         return found
+
+    def _holding(self, row: int, names: tuple[str, ...]) -> tuple[int, pa.RecordBatch]:
+        """Return the part of a row group that has a row, and its first row."""
+        group = int(np.searchsorted(self._ends, row, side="right"))
+        first = int(self._ends[group - 1]) if group else 0
+        number = (row - first) // GROUP
+        return first + number * GROUP, self._part_of(group, number, names)
 
     @cached_property
     def _ends(self) -> NDArray[np.int64]:
@@ -263,18 +280,18 @@ class RunColumns:
         return {value for part in self.batches([name]) for value in _listed(part[0].unique())}
 
     def distinct(self, names: Sequence[str]) -> Iterator[dict[str, Any]]:
-        """Yield what rows hold in some columns, a row group at a time, and in it each once."""
+        """Yield what rows hold in some columns, some rows at a time, and of these each once."""
         with table_errors(self.path):
-            for group in range(self._file.num_row_groups):
-                columns = self._file.read_row_group(group, columns=[*names]).to_pydict()
+            for rows in batches_of(self._file, GROUP, [*names]):
+                columns = rows.to_pydict()
                 for values in dict.fromkeys(zip(*columns.values(), strict=True)):
                     yield dict(zip(columns, values, strict=True))
 
     def present(self, names: Sequence[str]) -> Iterator[dict[str, Any]]:
         """Yield what rows hold in some columns where the first is not null, likewise."""
         with table_errors(self.path):
-            for group in range(self._file.num_row_groups):
-                part = self._file.read_row_group(group, columns=[*names]).select([*names])
+            for rows in batches_of(self._file, GROUP, [*names]):
+                part = rows.select([*names])
                 is_there = compute("is_valid", part.column(0))
                 yield from compute("filter", part, is_there).to_pylist()
 
@@ -285,7 +302,7 @@ class RunColumns:
     def parts(
         self, name: str, file: pq.ParquetFile | None = None
     ) -> Iterator[tuple[slice, pa.Array]]:
-        """Yield a column a row group at a time, with the rows that each part has."""
+        """Yield a column some rows at a time, with the rows that each part has."""
         if name not in self.schema.names:
             raise StoreError(f"{self.path} has no column '{name}'")
         stop = 0
@@ -296,15 +313,17 @@ class RunColumns:
 
     def between(self, name: str, rows: slice) -> pa.ChunkedArray:
         """Return a column of the rows from one to another, reading no more than their groups."""
-        first, last = np.searchsorted(self._ends, [rows.start, rows.stop - 1], side="right")
-        groups = range(int(first), int(last) + 1)
+        parts, at = list[pa.Array](), rows.start
         with table_errors(self.path):
-            found = pa.concat_tables([self._group_of(group, (name,)) for group in groups])
-        start = rows.start - int(self._ends[groups[0] - 1] if groups[0] else 0)
-        return found.column(0).slice(start, rows.stop - rows.start)
+            while at < rows.stop:
+                start, part = self._holding(at, (name,))
+                parts.append(part.column(0).slice(at - start, rows.stop - at))
+                at = start + len(part)
+        return pa.chunked_array(parts)
 
-    def _read_group(self, group: int, names: tuple[str, ...]) -> pa.Table:
-        return self._file.read_row_group(group, columns=[*names], use_threads=False)
+    def _read_part(self, group: int, number: int, names: tuple[str, ...]) -> pa.RecordBatch:
+        parts = batches_of(self._file, GROUP, names, groups=[group])
+        return next(islice(parts, number, None))
 
 
 def equal_texts(one: RunColumns, other: RunColumns, name: str) -> NDArray[np.bool_]:

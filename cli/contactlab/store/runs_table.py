@@ -41,7 +41,9 @@ OUTCOME_COLUMNS = ["label", "status", "trace_file", "expectation_met"]
 _COLUMNS = b"contactlab.columns"
 _SHARED = b"contactlab.shared"
 GROUP = 1 << 14
-"""Rows of a row group, which are written at once, and read at once where one is needed."""
+"""Rows that are written at once, and read at once where some are needed: a row group's, or a part
+of one."""
+_MOST_GROUPS = 256  # of a table: whoever opens it unpacks what it says of each of their columns
 _BLOCK = 8 << 20  # bytes of the journal that are parsed at once
 _BATCH = 256
 _HASHED = 1 << 20  # bytes that are hashed at once
@@ -125,10 +127,18 @@ def _written(
             # In one piece: where pieces end would decide where pages do.
             table = pa.Table.from_arrays(group.combine_chunks().columns, schema=schema)
             table = table.replace_schema_metadata(meta)
-            writer.write_table(table, row_group_size=GROUP)
+            writer.write_table(table, row_group_size=len(table))
             for rows in table.to_batches():
                 digest.add(rows)
     return digest.of(pq.read_schema(target))
+
+
+def rows_of_group(runs: int) -> int:
+    """Return how many rows each row group of a table of so many has, the last perhaps fewer."""
+    size = GROUP
+    while runs > _MOST_GROUPS * size:
+        size *= 2
+    return size
 
 
 def _journal_groups(journal: Path, lines: BinaryIO, schema: pa.Schema) -> Iterator[pa.Table]:
@@ -149,13 +159,13 @@ def _merged_groups(sources: Mapping[Address, Path]) -> Iterator[pa.Table]:
     places = [_indices(path) for path in sources.values()]
     order = np.argsort(np.concatenate(places), kind="stable")
     of_source = np.repeat(np.arange(len(places)), [len(part) for part in places])[order]
-    size = max(_BATCH, GROUP // len(places))
+    group, size = rows_of_group(len(order)), max(_BATCH, GROUP // len(places))
     with ExitStack() as opened:
         readers = [
             _Rows(opened.enter_context(pq.ParquetFile(path)), size) for path in sources.values()
         ]
-        for first in range(0, len(of_source), GROUP):
-            taken = of_source[first : first + GROUP]
+        for first in range(0, len(of_source), group):
+            taken = of_source[first : first + group]
             counts = np.bincount(taken, minlength=len(readers)).tolist()
             rows = pa.concat_tables(
                 [reader.take(count) for reader, count in zip(readers, counts, strict=True) if count]
@@ -255,8 +265,9 @@ def _row_groups(lines: BinaryIO) -> Iterator[NDArray[np.void]]:
     """Yield where the lines of each row group are in a journal, in plan order."""
     spans = np.fromiter(_line_spans(lines), _LINE_SPAN)
     spans = spans[np.argsort(spans["index"], kind="stable")]
-    for first in range(0, len(spans), GROUP):
-        yield spans[first : first + GROUP]
+    size = rows_of_group(len(spans))
+    for first in range(0, len(spans), size):
+        yield spans[first : first + size]
 
 
 def _line_spans(lines: BinaryIO) -> Iterator[tuple[int, int, int, int, int]]:
@@ -318,25 +329,31 @@ def check_table_size(path: Path, runs: int) -> None:
 
 def iterate_rows(path: Path, chosen: NDArray[np.bool_] | None = None) -> Iterator[dict[str, Any]]:
     """Yield every row of a table, or those chosen (runs,), batch by batch; see `table_errors`."""
-    start = 0
     with table_errors(path), pq.ParquetFile(path) as file:
-        for batch in batches_of(file, _BATCH):
-            stop = start + len(batch)
-            if chosen is None:
-                yield from batch.to_pylist()
-            elif (places := np.flatnonzero(chosen[start:stop])).size:
-                yield from batch.take(number_array(places)).to_pylist()
-            start = stop
+        sizes = [file.metadata.row_group(group).num_rows for group in range(file.num_row_groups)]
+        for group, stop in enumerate(np.cumsum(np.array(sizes, np.int64)).tolist()):
+            start = stop - sizes[group]
+            if chosen is not None and not chosen[start:stop].any():
+                continue
+            for batch in batches_of(file, _BATCH, groups=[group]):
+                if chosen is None:
+                    yield from batch.to_pylist()
+                elif (places := np.flatnonzero(chosen[start : start + len(batch)])).size:
+                    yield from batch.take(number_array(places)).to_pylist()
+                start += len(batch)
 
 
 def batches_of(
-    file: pq.ParquetFile, size: int, names: Sequence[str] | None = None
+    file: pq.ParquetFile,
+    size: int,
+    names: Sequence[str] | None = None,
+    groups: Iterable[int] | None = None,
 ) -> Iterator[pa.RecordBatch]:
-    """Yield the rows of a table, or some of their columns, at most so many at a time.
+    """Yield the rows of a table, or of some groups or columns, at most so many at a time.
 
     A reader that goes on from one row group to the next keeps texts of all that it has read.
     """
-    for group in range(file.num_row_groups):
+    for group in range(file.num_row_groups) if groups is None else groups:
         if file.metadata.row_group(group).num_rows <= size:
             yield from file.read_row_group(group, names, use_threads=False).to_batches()
         else:
