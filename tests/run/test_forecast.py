@@ -64,3 +64,16 @@ def test_a_forecast_is_the_sum_over_its_runs(
     assert asked == [run.values for run in runs[:: len(runs) // 12]]
     # Recording and measures take 0.2 to 1.5 times what stepping takes.
     assert told.seconds == pytest.approx((1.2e-6 * steps, 2.5e-6 * steps))
+
+
+def test_checks_of_all_runs_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each takes what it takes beside its steps, and eight times these."""
+    monkeypatch.setattr(forecasts, "_step_cost", lambda *_: 1e-6)
+    monkeypatch.setattr(forecasts, "_check_cost", lambda *_: 1e-2)
+    sweep = {"version": 1, "scene": "ball_drop", "duration": 0.1, "seeds": 3}
+    told = dict[str, forecasts.Forecast]()
+    for checks in ("all", "none"):
+        plan = read_sweep({**sweep, "checks": checks}, SceneLoader(None).vocabulary).plan
+        told[checks] = forecasts.forecast(plan, Scene.open("ball_drop"), 1)
+    more = told["all"].seconds[0] - told["none"].seconds[0]
+    assert more == told["all"].checks_seconds == pytest.approx(3e-2 + 8e-6 * told["all"].steps)

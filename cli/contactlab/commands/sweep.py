@@ -252,7 +252,11 @@ def _print_plan(plan: "Plan", forecast: "Forecast") -> None:
     echo(f"runs   {least}{forecast.runs:,} (seeds {len(plan.sweep.seed_values)})")
     echo(f"steps  {f'{part * forecast.steps:,.0f} to ' if least else ''}{forecast.steps:,}")
     echo(f"time   {_seconds(part * forecast.seconds[0])} to {_seconds(forecast.seconds[1])}")
-    passes = {"accuracy": forecast.accuracy_seconds, "timing": forecast.timing_seconds}
+    passes = {
+        "accuracy": forecast.accuracy_seconds,
+        "timing": forecast.timing_seconds,
+        "checks of all runs, or more": forecast.checks_seconds,
+    }
     for name, seconds in passes.items():
         if seconds:
             echo(f"       {_seconds(seconds)} of it for {name}")

@@ -1,5 +1,6 @@
 """Forecast of a sweep before it runs: runs, time, disk; and settings that look wrong."""
 
+import time
 from collections.abc import Hashable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
@@ -8,9 +9,10 @@ import numpy as np
 
 from contactlab.accuracy.discretization import reference_steps
 from contactlab.accuracy.timing import timing_seconds
+from contactlab.budget import backward_error
 from contactlab.contact.contact_laws import refsafe_solref, stiffness_damping
 from contactlab.engines import engine_of
-from contactlab.engines.engine import PreparedRuns, bytes_of_run
+from contactlab.engines.engine import ChecksRuns, PreparedRuns, bytes_of_run
 from contactlab.plan.grid import Plan
 from contactlab.plan.kept_traces import KeptTraces
 from contactlab.run.planned_runs import RunIndex, reference_models
@@ -23,6 +25,8 @@ _FASTEST = 0.8
 _SAMPLES = 12
 _SAMPLE_STEPS = 200
 _MAX_CACHED = 1 << 12
+# Steps of a run in one that is checked: once more, and in windows by itself and by references.
+_CHECKED, _CHECKED_STEPS = 8, 2
 # Recording, metrics and traces take so many times what stepping takes, least and most.
 _OVERHEAD = (1.2, 2.5)
 # Size of a trace, least and most, as a share of the recorded arrays.
@@ -34,8 +38,8 @@ class Forecast:
     """The expected cost of a sweep of distinct runs, and warnings of settings that look wrong.
 
     Wall time [s] and size of the traces are estimated from below and above; of the time, some is
-    for references and errors, some for times and work. The size is told for every `trace_format`
-    too, and is 0 where no trace is kept.
+    for references and errors, some for times and work, some at least for checks of all runs. The
+    size is told for every `trace_format` too, and is 0 where no trace is kept.
     """
 
     runs: int
@@ -43,6 +47,7 @@ class Forecast:
     seconds: tuple[float, float]
     accuracy_seconds: float
     timing_seconds: float
+    checks_seconds: float
     bytes: tuple[float, float]
     bytes_by_format: Mapping[str, tuple[float, float]]
     warnings: tuple[str, ...]
@@ -82,6 +87,10 @@ def forecast(plan: Plan, scene: Scene, workers: int) -> Forecast:
             steps = [run.steps for run in resolved.values()]
             # What is counted is run once more by the workers, before the clock runs.
             timing = likely * share + timing_seconds(sweep.timing, steps, likely)
+    checks = 0.0
+    if sweep.checks == "all" and sums.sampled:
+        alone = _check_cost(scene, sums.sampled[0])
+        checks = (alone * len(index) + _CHECKED * likely * sums.steps) / workers
     passes = accuracy + timing
     fewest, all_kept = KeptTraces.of(sweep.trace).shares(len(index))
     sizes = {
@@ -91,9 +100,13 @@ def forecast(plan: Plan, scene: Scene, workers: int) -> Forecast:
     return Forecast(
         runs=len(index),
         steps=sums.steps,
-        seconds=(least * share * _OVERHEAD[0] + passes, most * share * _OVERHEAD[1] + passes),
+        seconds=(
+            least * share * _OVERHEAD[0] + checks + passes,
+            (most * share + checks) * _OVERHEAD[1] + passes,
+        ),
         accuracy_seconds=accuracy,
         timing_seconds=timing,
+        checks_seconds=checks,
         bytes=sizes[sweep.trace_format],
         bytes_by_format=sizes,
         warnings=tuple(_warnings(plan, len(index), sums)),
@@ -127,6 +140,16 @@ def _step_cost(scene: Scene, resolved: RunSpec) -> float:
     runs = PreparedRuns.of(scene, resolved)
     first_steps = replace(runs, steps=min(runs.steps, _SAMPLE_STEPS))
     return engine_of(resolved).seconds_per_step(first_steps)
+
+
+def _check_cost(scene: Scene, resolved: RunSpec) -> float:
+    """Return the CPU time that the check of a run takes beside its steps [s]."""
+    if not isinstance(engine_of(resolved), ChecksRuns):
+        return 0.0
+    runs = PreparedRuns.of(scene, resolved)
+    begin = time.thread_time()
+    backward_error(replace(runs, steps=min(runs.steps, _CHECKED_STEPS)), 0)
+    return time.thread_time() - begin
 
 
 def _warnings(plan: Plan, runs: int, sums: _Sums) -> Iterator[str]:
