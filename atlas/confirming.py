@@ -24,6 +24,13 @@ _OF_LABELS = {
     "diverged": ["--of", "warning"],
     "energy_injection": ["--of", "energy", "--body", "world"],  # that of the whole model
 }
+# Of labels that stiffer contacts or limits remove: the row whose change is meant then.
+_STIFFER = {
+    "deep_penetration": "contact softness",
+    "tunneling": "contact softness",
+    "broken": "contact softness",
+    "constraint_violated": "limit softness",
+}
 _SEEDS = range(3)
 _SECONDS = 60
 
@@ -77,12 +84,16 @@ def nearer(entry: Entry, file: Path, folder: Path) -> Iterator[tuple[str, bool, 
     scene = SceneLoader(Path()).open(str(file)).with_effects("all")
     reasons = report.budget.reasons if report.budget else ()
     row = reasons[0].row if reasons and reasons[0].row not in _STEPS else "run"
-    options = ["--of", "run" if row == "solver" else row, "--inputs", str(folder / "inputs.npz")]
+    row = "run" if row == "solver" else row
+    softness = next((_STIFFER[each.label] for each in report.labels if each.label in _STIFFER), row)
     write_inputs(file, folder / "inputs.npz", unseen=True)
     by_name = {change.name: change for change in report.changes}
     for place, changed in enumerate(entry.changed):
-        edits = edits_of(by_name[changed.name], scene)
+        change = by_name[changed.name]
+        edits = edits_of(change, scene)
         written = write_model(scene, edits, folder / str(place), "")
+        of = softness if change.physics and change.removes == "labels" else row
+        options = ["--of", of, "--inputs", str(folder / "inputs.npz")]
         code, text = _run(file, [*options, "--against", str(written.path)])
         yield changed.name, code == 0, text
 

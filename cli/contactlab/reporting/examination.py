@@ -43,7 +43,7 @@ def change_line(number: int, change: ModelChange) -> str:
     if change.removes == "labels":
         left = ", leaves no label"
     elif change.removes == "overlap":
-        left = ", without what is absurd at the start; the verdict stays"
+        left = ", without what is absurd at the start; its verdict is no worse"
     return f"{number}. {change.name}: {kind}{left}{cost}"
 
 
