@@ -10,7 +10,13 @@ PARTS_VERSION = 1
 REPORT = "parts.json"
 
 PartKind = Literal["feature", "geom", "pair", "limit", "tendon", "actuator"]
-Worth = Literal["provably unused", "unused in this task, kept", "below the tolerance", "needed"]
+Worth = Literal[
+    "provably unused",
+    "unused in this task, kept",
+    "below the tolerance",
+    "needed",
+    "not measured, kept",
+]
 
 
 class PartWorth(Model):

@@ -138,7 +138,7 @@ def _worth(part: Part, apart: Apart | None, price: Price | None, within: float) 
         worth = "below the tolerance"
     reason = part.proof or ("a safeguard, kept" if part.safeguard else "")
     if part.exercised and not part.proof and apart is None:
-        worth, reason = "needed", "not measured: the time was over"
+        worth, reason = "not measured, kept", "the time was over"
     return PartWorth(
         kind=part.kind,
         name=part.name,

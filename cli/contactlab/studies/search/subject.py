@@ -241,7 +241,8 @@ class Subject:
         if within is None:
             sizes = [len(hull(model, mesh)) for mesh in colliding(model)]
             if large := [size for size in sizes if size > _MANY_VERTICES]:
-                reason = f"{len(large)} have {min(large)} to {max(large)} vertices"
+                most = f"{min(large)} to {max(large)}" if len(large) > 1 else f"{large[0]}"
+                reason = f"{len(large)} of {len(sizes)}: {most} vertices"
                 self._keep("hulls", f"{reason}; --hulls 1mm tries fewer, within that distance")
             return None
         base = self.edits_of(self.start)
