@@ -76,6 +76,4 @@ def test_inputs_of_a_longer_step_are_the_mean_of_those_that_it_covers() -> None:
     # A whole run takes every input once: 100 steps are 200 fine ones, or 50 of four.
     whole = whole_run(moved, 2, 0, 4)
     assert whole.steps == 50
-    assert whole.motion.inputs[0, :, 0] == pytest.approx(
-        inputs[0, :, 0].reshape(50, 2).mean(axis=1)
-    )
+    assert whole.inputs[0, :, 0] == pytest.approx(inputs[0, :, 0].reshape(50, 2).mean(axis=1))

@@ -4,6 +4,7 @@ What fails there is not told. The next best takes its place, and, before the tim
 over, the safest that is known.
 """
 
+import gc
 import math
 import time
 from dataclasses import dataclass, replace
@@ -435,6 +436,7 @@ class Answers:
         budget = error_budget(motions, rows=(), settings=settings, workers=self._subject.threads)
         verdict = judge(budget, task.within)
         reason = verdict.reasons[0].sentence if verdict.reasons else "sound"
+        gc.collect()  # what has measured refers to itself, and to models of megabytes
         return _Judgement(verdict.word, budget.share, *_spread(budget), reason)
 
     @cached_property

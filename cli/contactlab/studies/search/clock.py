@@ -11,7 +11,7 @@ import time
 from collections.abc import Sequence
 from contextlib import suppress
 from statistics import median
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import mujoco
 import numpy as np
@@ -19,15 +19,23 @@ import numpy as np
 from contactlab.budget import Motion
 from contactlab.budget.prices import Price
 from contactlab.budget.windows import start_rows
+from contactlab.contact.trace_arrays import Floats
+from contactlab.engines.mujoco_batch import PERSISTENT
 from contactlab.engines.older_mujoco import SimulationError
+from contactlab.scene.mujoco_versions import has_batch
 from contactlab.studies.search.yardstick import Yardsticks, at_steps
+
+if TYPE_CHECKING or has_batch():
+    from mujoco.batch import Batch
+else:
+    from contactlab.engines.older_mujoco import StepLoop as Batch
 
 _FEWEST_PLACES, _MOST_PLACES = 4, 12  # states of each phase that stretches begin in
 _STRETCH, _SHORTEST = 0.2, 0.04  # s of simulated time
 _TURN = 0.01  # s that the model as written is timed for in each turn, about
 _LEAST, _MOST_REPEATS = 5e-3, 200  # s that a model is timed for in a turn, and how often it is run
 _MOST_COMPARED, _COMPARING = 25, 0.2  # turns, and s, of two models that are compared
-_CALLS, _INSTANT = 5, 1e-7  # calls of one step, and s that nothing is timed to take less than
+_INSTANT = 1e-7  # s that nothing is timed to take less than
 _WARM = 1
 _WHOLE_TURNS = 3  # of two models that are compared by whole runs
 _FEWEST, _MOST = 2, 60
@@ -39,54 +47,70 @@ _RESAMPLED = 400
 
 
 class _Stretch(NamedTuple):
-    """Parts of a phase: motions from several states, and how many steps each has."""
+    """Parts of a phase: (M, nstate) states that they begin in, and (M, steps, width) inputs."""
 
-    motion: Motion
+    starts: Floats
+    inputs: Floats
+    spec: int
     steps: int
 
 
-class _Timed:
-    """A model with a step, ready to be run through stretches again and again."""
+class _Batches:
+    """Batches that models of one layout take turns in: one MjData serves all that are timed."""
 
-    def __init__(self, model: mujoco.MjModel, step: float, stretches: Sequence[_Stretch]) -> None:
-        own = copy.copy(model)
-        own.opt.timestep = step
-        self._stretches = stretches
-        self._batches = [start_rows(own, stretch.motion.starts, 1) for stretch in stretches]
-        self.simulated = sum(
-            len(each.motion.starts) * (each.steps - 1) * step for each in stretches
-        )
-        self._calls = [0.0] * len(stretches)
-        # What a call takes beside its steps, with one of them: few long steps are over as soon.
-        with suppress(SimulationError):
-            self._calls = [self._least(place, 1, _CALLS) for place in range(len(stretches))]
+    def __init__(self) -> None:
+        self._known: dict[tuple[bool, int], list[Batch]] = {}
+
+    def of(self, model: mujoco.MjModel, starts: Floats) -> Batch:
+        """Return a batch of as many simulations as there are states, all of which run a model."""
+        known = self._known.setdefault((bool(model.opt.enableflags & PERSISTENT), len(starts)), [])
+        for batch in known:
+            with suppress(mujoco.FatalError):  # of another layout
+                batch.set_models([model] * len(starts))
+                return batch
+        known.append(start_rows(model, starts, 1))
+        return known[-1]
+
+
+class _Timed:
+    """A model that is ready to be run through stretches again and again."""
+
+    def __init__(
+        self, model: mujoco.MjModel, stretches: Sequence[_Stretch], batches: _Batches
+    ) -> None:
+        self._model, self._stretches, self._batches = model, stretches, batches
+        steps = sum(len(each.starts) * (each.steps - 1) for each in stretches)
+        self.simulated = steps * float(model.opt.timestep)
 
     def seconds(self, repeats: int) -> float:
         """Return thread time over simulated time, the least of each stretch.
 
         Infinite if MuJoCo refuses the model, as it does tendon equalities of bodies that sleep.
         """
-        spent = 0.0
-        for place, stretch in enumerate(self._stretches):
-            try:
-                spent += self._least(place, stretch.steps, repeats) - self._calls[place]
-            except SimulationError:
-                return math.inf
+        try:
+            spent = sum(self._spent(stretch, repeats) for stretch in self._stretches)
+        except SimulationError:
+            return math.inf
         return max(spent, _INSTANT) / self.simulated
 
-    def _least(self, place: int, steps: int, repeats: int) -> float:
-        """Return the least thread time of the first steps of a stretch [s]."""
-        motion, batch = self._stretches[place].motion, self._batches[place]
-        given: dict[str, Any] = {}
-        if motion.inputs.shape[2]:
-            given = {"control": motion.inputs[:, :steps], "control_spec": motion.spec}
-        least = math.inf
+    def _spent(self, stretch: _Stretch, repeats: int) -> float:
+        """Return the thread time of all steps of a stretch but the first [s].
+
+        A call takes time beside its steps, as much with one of them: few long ones are over as
+        soon. Of both the least counts, of as many calls.
+        """
+        batch = self._batches.of(self._model, stretch.starts)
+        least = {stretch.steps: math.inf, 1: math.inf}
         for _ in range(repeats):
-            batch.state[:] = motion.starts
-            begin = time.thread_time()
-            batch.rollout(steps, record=[], **given)
-            least = min(least, time.thread_time() - begin)
-        return least
+            for steps, known in least.items():
+                given: dict[str, Any] = {}
+                if stretch.inputs.shape[2]:
+                    given = {"control": stretch.inputs[:, :steps], "control_spec": stretch.spec}
+                batch.state[:] = stretch.starts
+                begin = time.thread_time()
+                batch.rollout(steps, record=[], **given)
+                least[steps] = min(known, time.thread_time() - begin)
+        return least[stretch.steps] - least[1]
 
 
 Stepped = tuple[mujoco.MjModel, int]
@@ -98,7 +122,7 @@ class Clock:
 
     def __init__(self, yards: Yardsticks, base: mujoco.MjModel) -> None:
         """Take the model as written, as its files make it."""
-        self._yards, self._written = yards, base
+        self._yards, self._written, self._batches = yards, base, _Batches()
         # Stretches that begin at rest or in flight would tell nothing of contacts.
         self._places, self._stretch = _MOST_PLACES // 2, _SHORTEST
         first = self._timed(base, yards.finer)
@@ -135,7 +159,7 @@ class Clock:
     def compared_whole(self, one: Stepped, other: Stepped) -> Price:
         """Return the time of one model over that of another, for whole runs of one seed."""
         motions = [part.motion for part in self._yards.parts]
-        turn = self._turn(other, [one], motions, 0)
+        turn = self._turn(self._all_stepped([other, one]), motions, 0)
         return interval([turn.taken()[1][0] for _ in range(_WARM + _WHOLE_TURNS)][_WARM:])
 
     def whole(
@@ -146,8 +170,8 @@ class Clock:
         Turns go on while they leave an interval wider than wanted, until then on the clock of
         `time.monotonic`. By how much seeds differ, no turn makes narrower.
         """
-        written = self._written, self._yards.finer
-        turns = [self._turn(written, models, motions, seed) for seed in range(motions[0].seeds)]
+        made = self._all_stepped([(self._written, self._yards.finer), *models])
+        turns = [self._turn(made, motions, seed) for seed in range(motions[0].seeds)]
         bases: list[list[float]] = [[] for _ in turns]
         ratios: list[list[list[float]]] = [[] for _ in turns]
         for number in range(_MOST):
@@ -162,28 +186,34 @@ class Clock:
         self.base_seconds = float(np.mean([median(each) for each in bases]))
         return _told(bases, ratios)
 
-    def _turn(
-        self, base: Stepped, models: Sequence[Stepped], motions: Sequence[Motion], seed: int
-    ) -> "_Turn":
+    def _turn(self, made: Sequence[Stepped], motions: Sequence[Motion], seed: int) -> "_Turn":
         """Return whole runs of a seed of motions by a model, and by others beside it."""
-        finer, fine = self._yards.finer, self._yards.step
+        finer = self._yards.finer
         first, *timed = (
             _Timed(
-                model, multiple * fine, [whole_run(each, finer, seed, multiple) for each in motions]
+                model, [whole_run(each, finer, seed, multiple) for each in motions], self._batches
             )
-            for model, multiple in [base, *models]
+            for model, multiple in made
         )
         return _Turn(first, timed)
 
+    def _all_stepped(self, models: Sequence[Stepped]) -> list[Stepped]:
+        return [(self._stepped(*each), each[1]) for each in models]
+
+    def _stepped(self, model: mujoco.MjModel, multiple: int) -> mujoco.MjModel:
+        own = copy.copy(model)
+        own.opt.timestep = multiple * self._yards.step
+        return own
+
     def _timed(self, model: mujoco.MjModel, multiple: int) -> _Timed:
-        step = multiple * self._yards.step
-        steps = max(2, round(self._stretch / step))
+        steps = max(2, round(self._stretch / (multiple * self._yards.step)))
         stretches = list[_Stretch]()
         for yard in self._yards.parts:
             which = yard.starts
             places = np.linspace(0, len(which) - 1, min(self._places, len(which))).astype(int)
-            stretches.append(_Stretch(yard.motion_of(model, multiple, which[places], steps), steps))
-        return _Timed(model, step, stretches)
+            begun = yard.begun(multiple, which[places], steps)
+            stretches.append(_Stretch(*begun, yard.motion.spec, steps))
+        return _Timed(self._stepped(model, multiple), stretches, self._batches)
 
 
 class _Turn:
@@ -218,7 +248,7 @@ class _Turn:
 def whole_run(motion: Motion, finer: int, seed: int, multiple: int) -> _Stretch:
     """Return a seed of a motion from its start to its end, by steps of so many fine ones."""
     run = at_steps(motion, finer, np.array([seed]), multiple)
-    return _Stretch(run, run.steps)
+    return _Stretch(run.starts, run.inputs, run.spec, run.steps)
 
 
 def over_seeds(bases: Sequence[float], ratios: np.ndarray, *, seeds: bool = True) -> Price:

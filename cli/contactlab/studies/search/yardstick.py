@@ -197,16 +197,20 @@ class Yardstick:
     def motion_of(
         self, model: mujoco.MjModel, multiple: int, which: np.ndarray, steps: int
     ) -> Motion:
-        """Return M motions, as seeds of one, that begin where (M, 2) windows do.
+        """Return M motions, as seeds of one, that begin where (M, 2) windows do."""
+        own = run_at_once(model)
+        own.opt.timestep = multiple * self.step
+        starts, inputs = self.begun(multiple, which, steps)
+        return replace(self._motion, model=own, starts=starts, inputs=inputs)
+
+    def begun(self, multiple: int, which: np.ndarray, steps: int) -> tuple[Floats, Floats]:
+        """Return states (M, nstate) that (M, 2) windows begin in, and (M, steps, width) inputs.
 
         A step that covers several of the run's has the mean of their inputs.
         """
-        own = run_at_once(model)
-        own.opt.timestep = multiple * self.step
         begins = self._run.begins[which[:, 1]]
-        starts = self._run.starts[which[:, 0], which[:, 1]]
         inputs = held(self._motion, self._finer, which[:, 0], begins, multiple, steps)
-        return replace(self._motion, model=own, starts=starts, inputs=inputs)
+        return self._run.starts[which[:, 0], which[:, 1]], inputs
 
     @property
     def starts(self) -> np.ndarray:
