@@ -9,11 +9,10 @@ from contactlab.command_line.declaration import Argument, Given, Option, command
 from contactlab.command_line.surroundings import say, study_session
 from contactlab.command_line.terminal import echo, print_report_json, print_table
 from contactlab.errors import ExpectationError, SweepFileError
-from contactlab.printable import percent, shortened
+from contactlab.printable import percent, shortened, wrapped
 
 if TYPE_CHECKING:
     from contactlab.plan.task_options import TaskOptions
-    from contactlab.schema.error_budget import BudgetPrice
     from contactlab.schema.parts_report import PartsReport, PartWorth
     from contactlab.schema.study_reports import EffectFinding, EffectsReport, Ratio
 
@@ -127,21 +126,23 @@ def _of_model(
 
 
 def _print_parts(report: "PartsReport", target: Path) -> None:
-    echo(report.task.line)
-    echo(
+    from contactlab.studies.search.wording import price_text
+
+    head = (
         f"{report.model}: each feature and part left out by itself, in its task, with gravity "
         f"tilted by {report.tilt:g} degrees, and by twice its controls and pushes"
     )
+    echo("\n".join([*wrapped(report.task.line), *wrapped(head)]))
     shown = [part for part in report.parts if part.worth != "provably unused"]
     twin = report.twin
     rows = [_part_row(part, report) for part in shown]
     if twin:
-        rows.append(("", "the model beside itself", "", "", "", _ratio_of(twin)))
+        rows.append(("", "the model beside itself", "", "", "", price_text(twin)))
     print_table(("", "left out", "verdict", "share", "in", "time without"), rows)
     unused = [part for part in report.parts if part.worth == "provably unused"]
     for reason in dict.fromkeys(part.reason for part in unused):
         names = ", ".join(part.name for part in unused if part.reason == reason)
-        echo(f"provably unused: {names} ({reason})")
+        echo("\n".join(wrapped(f"provably unused: {names} ({reason})")))
     if unused:
         echo(f"next: contactlab tune {report.model}, which leaves out what is provably unused")
     if report.ended:
@@ -150,20 +151,18 @@ def _print_parts(report: "PartsReport", target: Path) -> None:
 
 
 def _part_row(part: "PartWorth", report: "PartsReport") -> tuple[object, ...]:
+    from contactlab.studies.search.wording import is_faster, price_text
+
     share = "" if part.share is None else percent(part.share)
     where = f"{part.body}, {part.phase}" if part.body else ""
     verdict: str = part.worth
     price, twin = part.price, report.twin
-    saves = bool(price and twin and price.high < min(1.0, twin.low))
+    saves = bool(price and twin and is_faster(price, twin))
     if part.worth == "below the tolerance" and not part.reason:
         verdict += f", saves {percent(1 - price.ratio)}" if saves and price else ", saves nothing"
     elif part.reason:
         verdict += f" ({part.reason})"
-    return part.kind, part.name, verdict, share, where, "" if price is None else _ratio_of(price)
-
-
-def _ratio_of(price: "BudgetPrice") -> str:
-    return f"x{price.ratio:.2f} ({price.low:.2f} to {price.high:.2f})"
+    return part.kind, part.name, verdict, share, where, "" if price is None else price_text(price)
 
 
 def _print_effects(report: "EffectsReport", target: Path) -> None:

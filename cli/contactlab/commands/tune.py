@@ -10,7 +10,7 @@ from contactlab.command_line.declaration import Argument, Given, Option, command
 from contactlab.command_line.surroundings import say
 from contactlab.command_line.terminal import echo, echo_bytes, print_report_json, print_table
 from contactlab.errors import ExpectationError, SweepFileError
-from contactlab.printable import percent, shortened
+from contactlab.printable import percent, shortened, wrapped
 
 if TYPE_CHECKING:
     from contactlab.schema.tune_report import Judged, Point, StayedApart, TuneReport
@@ -218,8 +218,8 @@ def print_search(report: "TuneReport", folder: Path) -> None:
 
 def _head(report: "TuneReport") -> Iterator[str]:
     aim = report.aim
-    yield report.task.line
-    yield f"{report.model}: {report.sentence}"
+    yield from wrapped(report.task.line)
+    yield from wrapped(f"{report.model}: {report.sentence}")
     limit = _number(aim.limit, report)
     match aim.kind:
         case "uncertainty":
@@ -228,7 +228,7 @@ def _head(report: "TuneReport") -> Iterator[str]:
                 source = "the model is uncertain by less"
             elif aim.uncertain > aim.limit:
                 source = "the tolerance"
-            yield f"  aim      error at most {limit} ({source})"
+            yield from wrapped(f"aim      error at most {limit} ({source})", "  ")
         case "real time":
             yield f"  aim      the least error at {aim.real_time:g} times real time"
         case _:
@@ -241,9 +241,10 @@ def _head(report: "TuneReport") -> Iterator[str]:
             "windows that begin in its states"
         )
     if aim.growth:
-        yield f"  motion   {aim.growth}"
+        yield from wrapped(f"motion   {aim.growth}", "  ")
     ended = "; the time was over before all was tried" if report.ended else ""
-    yield f"  search   {len(report.points)} choices measured in {report.seconds:.0f} s{ended}"
+    measured = f"{len(report.points)} choices measured in {report.seconds:.0f} s{ended}"
+    yield from wrapped(f"search   {measured}", "  ")
     yield f"  speed    as written {report.real_time:.3g} times real time on one core"
 
 
@@ -256,9 +257,9 @@ def _judged(judged: "Judged", report: "TuneReport") -> str:
 
 def _row(standing: str, point: "Point", report: "TuneReport") -> tuple[object, ...]:
     from contactlab.studies.search.choice import described
+    from contactlab.studies.search.wording import price_text
 
-    price = point.price
-    time = "" if price is None else f"x{price.ratio:.2f} ({price.low:.2f} to {price.high:.2f})"
+    time = "" if point.price is None else price_text(point.price)
     spread = f"{_number(point.low, report)} to {_number(point.high, report)}"
     settings = described(point.settings) or ("as written" if standing == "now" else "")
     error = _number(point.error, report)
@@ -275,29 +276,38 @@ def _details(report: "TuneReport", folder: Path) -> Iterator[str]:
     from contactlab.schema.tune_report import PATCH, REPORT
 
     if report.masked or report.excluded:
-        yield (
+        yield from wrapped(
             f"exact: {len(report.masked)} geoms and {len(report.excluded)} pairs of bodies cannot "
             "touch, by proof: the motion is the same without their collisions, bit for bit"
         )
     if report.flags:
         yield f"exact: no state depends on {' and '.join(report.flags)}; they are off now"
-    yield from _assumed(report)
+    for assumed in _assumed(report):
+        yield from wrapped(assumed)
     if report.verified:
         seeds = ", ".join(map(str, report.verified.seeds))
-        yield f"verified on seeds {seeds}: {report.verified.sentence}"
+        yield from wrapped(f"verified on seeds {seeds}: {report.verified.sentence}")
     lines = [f"{each.file}:{each.line}: {each.element or 'removed'}" for each in report.lines]
     yield from shortened(lines, 12, PATCH)
     kept = [f"{each.name}: {each.reason}" for each in report.kept]
-    yield from (f"kept: {each}" for each in shortened(kept, 6, REPORT))
+    for each in shortened(kept, 6, REPORT):
+        yield from wrapped(f"kept: {each}")
+    yield from _written(report, folder)
+
+
+def _written(report: "TuneReport", folder: Path) -> Iterator[str]:
+    from contactlab.schema.tune_report import PATCH, REPORT
+
     for what, other in (
         ("is as accurate as now", report.as_accurate),
         ("keeps the aim", report.to_aim),
     ):
         if other:
-            yield f"wrote {folder / other.file}, which {what}: {other.verified.sentence}"
+            wrote = f"wrote {folder / other.file}, which {what}: {other.verified.sentence}"
+            yield from wrapped(wrote)
     if report.file:
         patch = f", {PATCH}" if (folder / PATCH).is_file() else ""
-        yield f"wrote {folder / report.file}{patch} and {REPORT}"
+        yield from wrapped(f"wrote {folder / report.file}{patch} and {REPORT}")
         yield f"next: contactlab {folder / report.file}"
     else:
         yield f"{REPORT} in {folder}"
@@ -315,15 +325,12 @@ def _assumed(report: "TuneReport") -> Iterator[str]:
 
 
 def _apart(apart: "StayedApart") -> str:
+    from contactlab.studies.search.wording import price_text
+
     what = f"{len(apart.geoms)} geoms and {len(apart.bodies)} pairs of bodies"
     margin = f"{1e3 * apart.margin:g} mm"
     run = f"stayed {margin} apart in all that was run (the task, tilted, and twice its inputs)"
     if apart.left_out:
         return f"assumed: {what} {run}: what brings them together passes through"
-    price = apart.price
-    saves = (
-        f", at x{price.ratio:.2f} ({price.low:.2f} to {price.high:.2f}) of that time"
-        if price
-        else ""
-    )
+    saves = f", at {price_text(apart.price)} of that time" if apart.price else ""
     return f"offered: {what} {run}: --apart {margin.replace(' ', '')} leaves them out{saves}"

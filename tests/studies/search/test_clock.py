@@ -2,9 +2,18 @@
 
 import math
 
+import mujoco
 import numpy as np
 
-from contactlab.studies.search.clock import half_width, interval, over_seeds
+from contactlab.budget import Motion
+from contactlab.budget.motion import INTEGRATION
+from contactlab.budget.prices import Price
+from contactlab.studies.search.clock import Clock, half_width, interval, over_seeds
+from contactlab.studies.search.wording import is_faster, price_text
+from contactlab.studies.search.yardstick import Yardsticks
+
+SWING = """<mujoco><option timestep="0.002"/><worldbody><body><joint axis="0 1 0"/>
+<geom type="capsule" size=".02" fromto="0 0 0 1 0 0"/></body></worldbody></mujoco>"""
 
 
 def test_an_interval_has_the_ranks_of_the_binomial_distribution() -> None:
@@ -40,3 +49,25 @@ def test_seeds_that_agree_leave_the_noise_of_turns() -> None:
     assert price.low < 0.5 < price.high
     # The median of 54 turns scatters by 1.25 sigma / sqrt(54) = .0017, so 95 % within .0034.
     assert half_width(price) * price.ratio < 3 * 0.0034
+
+
+def test_without_time_one_seed_tells_of_whole_runs() -> None:
+    """A model takes a turn beside itself, whatever the time, and no second one."""
+    model = mujoco.MjModel.from_xml_string(SWING)
+    starts = np.empty((3, mujoco.mj_stateSize(model, INTEGRATION)))
+    mujoco.mj_getState(model, mujoco.MjData(model), starts[0], INTEGRATION)
+    starts[1:] = starts[0]
+    motion = Motion(model, starts, np.empty((3, 40, 0)), name="whole")
+    clock = Clock(Yardsticks.of([motion], 2, 1), model)
+    (price,) = clock.whole([(model, 2)], [motion], -math.inf)
+    assert price.low == price.ratio == price.high > 0
+
+
+def test_what_a_twin_takes_as_well_is_no_saving() -> None:
+    noise = Price(0.99, 0.94, 1.03)
+    assert is_faster(Price(0.9, 0.88, 0.93), noise)
+    assert not is_faster(Price(0.9, 0.86, 0.95), noise)
+    # A twin that looks slow makes nothing fast that is not.
+    assert not is_faster(Price(1.01, 1.0, 1.02), Price(1.05, 1.03, 1.07))
+    assert price_text(Price(0.0183, 0.0179, 0.0191)) == "x0.018 (0.018 to 0.019)"
+    assert price_text(Price(0.95, 0.9, 1.0)) == "x0.95 (0.90 to 1.00)"

@@ -38,7 +38,7 @@ from contactlab.studies.search.sleeping import OrAsleep
 from contactlab.studies.search.subject import Subject, first_seeds
 from contactlab.studies.search.tune_request import TuneRequest
 from contactlab.studies.search.unused_pairs import pairs_within
-from contactlab.studies.search.wording import error_text, finite
+from contactlab.studies.search.wording import error_text, finite, is_faster, price_text
 from contactlab.studies.search.yardstick import Apart, Yardsticks
 from contactlab.studies.session import Session
 from contactlab.studies.task_verdict import run_labels
@@ -51,6 +51,7 @@ _MOST_TRIES, _MOST_MEASURED = 5, 25
 _WORTH_A_PROCESS = 0.3  # s that a task takes: what is shorter is over before a process has begun
 _MUCH_LESS = 0.6
 _SAFEST = 0.5  # of the time that is left, for what is safest
+_JUDGING = 0.5  # of the time that is left, for verdicts: other work may slow them down
 
 
 @dataclass(frozen=True)
@@ -79,23 +80,19 @@ class Answer:
 
 @dataclass(frozen=True)
 class _Below:
-    """What a choice has to be after one that failed: of a smaller error, or shorter steps, too.
+    """What a choice has to be after one that failed: of a smaller error, or of shorter steps.
 
     Attributes:
         error: so small, it may have any step.
-        at_step: else, so small, and its step at most as long as `multiple`.
-        multiple: in fine steps.
+        multiple: in fine steps; so short, it may have any error that the bound allows.
     """
 
     error: float = math.inf
-    at_step: float = 0.0
     multiple: float = 0.0
 
     def has(self, tried: Tried) -> bool:
         """Return whether something lies below."""
-        share = share_of(tried)
-        short = tried.choice.multiple <= self.multiple
-        return share <= self.error or (short and share <= self.at_step)
+        return share_of(tried) <= self.error or tried.choice.multiple <= self.multiple
 
 
 @dataclass(frozen=True)
@@ -127,6 +124,7 @@ class Answers:
         self._deadline, self._opening = timing
         self.kept = list[Unsearched]()
         self._said_now = dict[tuple[int, ...], _Judgement]()
+        self._judging_took = 0.0
 
     @property
     def _examined(self) -> CheckedModel:
@@ -139,19 +137,22 @@ class Answers:
 
     @property
     def to_judge(self) -> float:
-        """How long it takes to write a model and judge it on one seed, about [s]."""
-        return time_to_judge(self._subject, self._opening)
+        """How long it takes to write a model and judge it, about [s]: on one seed, or as before."""
+        return self._judging_took or time_to_judge(self._subject, self._opening)
+
+    @property
+    def _left(self) -> float:
+        return self._deadline - time.monotonic()
 
     def of(self, wanted: Wanted, *, first: bool) -> Answer | None:
         """Write what is best until one holds on fresh seeds; None if none is better than now."""
         below, done = _Below(), {self.known.choice.key}
         for number in range(_MOST_TRIES):
-            left = self._deadline - time.monotonic()
-            if left < self.to_judge and (number or not first):
+            if self._left < self.to_judge and (number or not first):
                 reason = "no time was left to judge what is next best"
                 self.kept.append(Unsearched(wanted.folder, reason))
                 break
-            last = number > 0 and (number == _MOST_TRIES - 1 or left < 2 * self.to_judge)
+            last = number > 0 and (number == _MOST_TRIES - 1 or self._left < 2 * self.to_judge)
             measured = self._within(wanted, done, below, last=last)
             if measured is None:
                 break
@@ -167,10 +168,25 @@ class Answers:
                 return Answer(tried, written, found)
             self.kept.append(Unsearched(name, f"on fresh seeds: {found.sentence}"))
             # What is not sound, or labelled, may be so by its step, whatever its error.
-            own = share_of(tried)
-            below = _Below(_MUCH_LESS * own, own, _MUCH_LESS * tried.choice.multiple)
-        rmtree(self._session.folder / wanted.folder, ignore_errors=True)
+            below = _Below(_MUCH_LESS * share_of(tried), _MUCH_LESS * tried.choice.multiple)
+        self.drop(wanted)
         return None
+
+    def drop(self, wanted: Wanted) -> None:
+        """Remove what was written, and tell of what may be faster, but for noise."""
+        rmtree(self._session.folder / wanted.folder, ignore_errors=True)
+        if self._search.dearest is not None or share_of(self.known) > wanted.bound.limit:
+            return
+        for tried in self._search.ranked(wanted.bound):
+            if tried.price and tried.price.ratio < SAVES and not self._saves(tried):
+                twin = self.known.price
+                assert twin
+                reason = (
+                    f"{price_text(tried.price)} of the time, not to be told from as written, "
+                    f"{price_text(twin)}"
+                )
+                self.kept.append(Unsearched(self._name(tried), reason))
+                break
 
     def _within(
         self, wanted: Wanted, done: set[tuple[object, ...]], below: _Below, *, last: bool
@@ -181,6 +197,7 @@ class Answers:
         """
         first = True
         while len(done) < _MOST_MEASURED:
+            last = last or (not first and self._left < 2 * self.to_judge)
             tried = None if last else self._next(done, below, wanted.bound)
             tried = tried or self._safest(done, wanted.bound)
             if tried is None:
@@ -209,18 +226,24 @@ class Answers:
             if self._search.dearest < 1:
                 return True
             return tried.error.share < SAVES * known.error.share
-        if known.error.share > bound.limit:
-            return True
-        return tried.price.high < 1 and tried.price.ratio < SAVES
+        return known.error.share > bound.limit or self._saves(tried)
+
+    def _saves(self, tried: Tried) -> bool:
+        """Return whether something takes less time than the model as written, beyond noise."""
+        price, twin = tried.price, self.known.price
+        assert price
+        assert twin
+        return price.ratio < SAVES and is_faster(price, twin)
 
     def _next(self, done: set[tuple[object, ...]], below: _Below, bound: Bound) -> Tried | None:
         """Return the best that was not verified yet and lies below: known, or at a shorter step."""
+        search = self._search
 
         def fits(one: Tried) -> bool:
             new = one.choice.key not in done
-            return new and one.error is not None and (below.has(one) or self._is_no_worse(one))
+            keeps = search.dearest is not None or share_of(one) <= bound.accepted
+            return new and keeps and (below.has(one) or self._is_no_worse(one))
 
-        search = self._search
         ranked = search.ranked(bound)
         good = (one for one in ranked if fits(one) and self.is_better(one, bound))
         known = next(good, None)
@@ -255,7 +278,7 @@ class Answers:
         assert known.error
         if self._search.dearest is not None or known.error.share > bound.limit:
             return None
-        left = max(0.0, self._deadline - time.monotonic() - self.to_judge)
+        left = max(0.0, self._left - self.to_judge)
         for tried in self._search.safest(time.monotonic() + _SAFEST * left):
             new = tried.choice.key not in done
             if new and share_of(tried) <= bound.accepted and self.is_better(tried, bound):
@@ -292,8 +315,8 @@ class Answers:
     def _judging(self) -> list[Motion]:
         """Fresh motions of as many seeds as the time allows to judge."""
         passes = self._subject.yards.finer + _JUDGED
-        left = max(0.0, self._deadline - time.monotonic() - _OPENINGS * self._opening)
-        left /= len(self._search.bounds)
+        left = max(0.0, self._left - _OPENINGS * self._opening)
+        left *= _JUDGING / len(self._search.bounds)
         seeds = min(self._subject.seeds, max(1, int(left / (passes * self._subject.one_pass))))
         return [first_seeds(motion, seeds) for motion in self.motions]
 
@@ -331,6 +354,7 @@ class Answers:
     ) -> Verified:
         """Judge a written model, whose error is known, on seeds that no choice was made by."""
         self._session.notify(f"verifying {self._name(tried)}")
+        begin = time.monotonic()
         request = ExamineRequest(written.reference, task=self._request.task, sections=("budget",))
         examined = open_model(request, self._session)
         judged, said = self._worst_of(examined)
@@ -344,6 +368,7 @@ class Answers:
             holds, why = False, f"labelled {' and '.join(labels)}, as the model as written is not"
         if holds and "apart" in tried.choice.cuts and (touched := self._touched()):
             holds, why = False, f"{touched} touch, which stayed apart before"
+        self._judging_took = time.monotonic() - begin
         return Verified(
             seeds=self._judged_task.seeds,
             holds=holds,

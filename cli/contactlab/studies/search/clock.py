@@ -168,23 +168,24 @@ class Clock:
         """Return the time of models over that of the model as written, for whole runs of phases.
 
         Turns go on while they leave an interval wider than wanted, until then on the clock of
-        `time.monotonic`. By how much seeds differ, no turn makes narrower.
+        `time.monotonic`, which seeds that were not begun by then are left out for. By how much
+        seeds differ, no turn makes narrower.
         """
         made = self._all_stepped([(self._written, self._yards.finer), *models])
-        turns = [self._turn(made, motions, seed) for seed in range(motions[0].seeds)]
-        bases: list[list[float]] = [[] for _ in turns]
-        ratios: list[list[list[float]]] = [[] for _ in turns]
-        for number in range(_MOST):
-            for seed, turn in enumerate(turns):
-                base, found = turn.taken()
-                bases[seed].append(base)
-                ratios[seed].append(found)
+        turns = [self._turn(made, motions, 0)]
+        rounds = [[turns[0].taken()]]
+        for seed in range(1, motions[0].seeds):
             if time.monotonic() > until:
                 break
-            if number >= _FEWEST - 1 and _all_narrow(_told(bases, ratios, seeds=False)):
+            turns.append(self._turn(made, motions, seed))
+            rounds[0].append(turns[-1].taken())
+        while len(rounds) < _MOST and time.monotonic() < until:
+            if len(rounds) >= _FEWEST and _all_narrow(_told(rounds, seeds=False)):
                 break
-        self.base_seconds = float(np.mean([median(each) for each in bases]))
-        return _told(bases, ratios)
+            rounds.append([turn.taken() for turn in turns])
+        bases = np.array([[base for base, _ in each] for each in rounds])
+        self.base_seconds = float(np.median(bases, axis=0).mean())
+        return _told(rounds)
 
     def _turn(self, made: Sequence[Stepped], motions: Sequence[Motion], seed: int) -> "_Turn":
         """Return whole runs of a seed of motions by a model, and by others beside it."""
@@ -273,14 +274,14 @@ def over_seeds(bases: Sequence[float], ratios: np.ndarray, *, seeds: bool = True
 
 
 def _told(
-    bases: Sequence[Sequence[float]],
-    ratios: Sequence[Sequence[Sequence[float]]],
-    *,
-    seeds: bool = True,
+    rounds: Sequence[Sequence[tuple[float, list[float]]]], *, seeds: bool = True
 ) -> list[Price]:
-    """Return the price of each model, of (S, T) times as written and (S, T, M) ratios."""
-    weights, found = [median(each) for each in bases], np.array(ratios)
-    return [over_seeds(weights, found[..., model], seeds=seeds) for model in range(found.shape[2])]
+    """Return the price of each model, of rounds in which each seed took its turn."""
+    weights = [median(base for base, _ in seed) for seed in zip(*rounds, strict=True)]
+    found = np.array([[ratios for _, ratios in each] for each in rounds])
+    return [
+        over_seeds(weights, found[..., model].T, seeds=seeds) for model in range(found.shape[2])
+    ]
 
 
 def _all_narrow(prices: Sequence[Price]) -> bool:

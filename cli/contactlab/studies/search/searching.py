@@ -27,8 +27,6 @@ SAVES = 0.97
 """Ratio of times below which a setting saves any."""
 _LOSSLESS = 0.05  # of the limit, that what counts as free may add to the error of the model
 _CLOSE, _CLOSEST = 1.15, 1.03  # ratios of steps that are told apart: of integrators, of the best
-SAFE = 0.85
-"""Share of the limit that the search aims at: on other seeds the error is another."""
 SAME = 1.02
 """Ratio of errors up to which one is no larger: of equal steps both have the same noise."""
 _ALONE = 12  # geoms whose contacts are tried one by one
@@ -52,6 +50,9 @@ class Measure(Protocol):
 class Bound:
     """The largest error that is asked for, and that which the search takes for it.
 
+    There is no margin between them: fresh seeds tell by how much seeds differ, and what they show
+    beyond the limit is followed by shorter steps.
+
     Attributes:
         limit: what is to hold on fresh seeds.
         accepted: largest error in the search.
@@ -63,7 +64,7 @@ class Bound:
     @classmethod
     def of(cls, limit: float) -> "Bound":
         """Return the bound of a limit that hangs on nothing that the search measures."""
-        return cls(limit, SAFE * limit)
+        return cls(limit, limit)
 
     @classmethod
     def as_now(cls, now: float) -> "Bound":
@@ -194,9 +195,7 @@ class Search:
         if self.dearest is not None:
             cheap = [one for one in known if _ratio(one) <= self.dearest]
             return sorted(cheap, key=share_of)
-        safe = [one for one in known if share_of(one) <= bound.accepted]
-        good = [one for one in known if share_of(one) <= bound.limit]
-        return sorted(safe or good, key=_ratio)
+        return sorted((one for one in known if share_of(one) <= bound.accepted), key=_ratio)
 
     def likely(self, bound: Bound) -> list[tuple[float, Tried]]:
         """Return what keeps a bound by about its price: what was not timed, from other steps."""

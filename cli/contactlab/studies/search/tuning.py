@@ -272,7 +272,7 @@ class Study:
         if found and found.tried not in self._closely:
             self._time_closely([found.tried])
             if not self._answers.is_better(found.tried, wanted.bound):
-                rmtree(self._session.folder / wanted.folder, ignore_errors=True)
+                self._answers.drop(wanted)
                 return None
         return found
 

@@ -3,9 +3,13 @@
 import math
 from collections.abc import Iterator
 
+from contactlab.budget.prices import Price
 from contactlab.printable import percent
+from contactlab.schema.error_budget import BudgetPrice
 from contactlab.schema.tune_report import Point, TuneReport
 from contactlab.studies.search.choice import described
+
+_TWO_DIGITS = 0.1  # ratios from which on two digits after the point are two
 
 
 def error_text(error: float | None, unit: str) -> str:
@@ -13,6 +17,23 @@ def error_text(error: float | None, unit: str) -> str:
     if error is None:
         return "unknown"
     return percent(error) if unit == "1" else f"{error:.2e} {unit}"
+
+
+def price_text(price: Price | BudgetPrice) -> str:
+    """Return a ratio of times, with its interval."""
+    ratio, low, high = (
+        f"{part:.2f}" if part >= _TWO_DIGITS else f"{part:.2g}"
+        for part in (price.ratio, price.low, price.high)
+    )
+    return f"x{ratio} ({low} to {high})"
+
+
+def is_faster(price: Price | BudgetPrice, twin: Price | BudgetPrice) -> bool:
+    """Return whether something takes less time than a model, beyond what its twin does beside it.
+
+    A twin is the model once more, which takes turns with itself: its interval is noise.
+    """
+    return price.high < min(1.0, twin.low)
 
 
 def finite(number: float) -> float | None:
@@ -31,7 +52,7 @@ def sentence_of(report: TuneReport) -> str:
     best, verified = report.recommended, report.verified
     now, rest = error_text(report.now.error, report.aim.unit), list(_beside(report))
     if best and best.price and verified:
-        saved = f"{best.price.ratio:.2f} of the time"
+        saved = f"{price_text(best.price)} of the time"
         if _beyond(report):
             beyond = f"its error as written is beyond {percent(report.aim.within)}"
             saved = f"{beyond}; what keeps that: {saved}"
@@ -40,7 +61,7 @@ def sentence_of(report: TuneReport) -> str:
         return "; ".join((f"{saved}, {error}", *rest))
     if rest:
         return "; ".join((f"nothing sound is faster at no larger error than now, {now}", *rest))
-    return f"keep it as it is: error {now}, and nothing within the limit is faster"
+    return f"keep it as it is: error {now}, and nothing within the limit is measurably faster"
 
 
 def _beyond(report: TuneReport) -> bool:
@@ -52,15 +73,15 @@ def _beside(report: TuneReport) -> Iterator[str]:
     """Yield what stands beside what is recommended."""
     aim = report.aim
     if report.as_accurate and report.as_accurate.point.price:
-        ratio = report.as_accurate.point.price.ratio
-        yield f"what is as accurate as now, and no sounder: {ratio:.2f}"
+        price = price_text(report.as_accurate.point.price)
+        yield f"what is as accurate as now, and no sounder: {price}"
     if report.to_aim and report.to_aim.point.price:
-        ratio = report.to_aim.point.price.ratio
+        price = price_text(report.to_aim.point.price)
         limit = error_text(aim.limit, aim.unit)
         why = _hardly(report)
-        yield f"as written it misses the aim of {limit}{why}; what keeps it: {ratio:.2f}"
+        yield f"as written it misses the aim of {limit}{why}; what keeps it: {price}"
     elif (near := report.nearest) and near.price:
-        got = f"{error_text(near.error, aim.unit)} at {near.price.ratio:.2f} of the time"
+        got = f"{error_text(near.error, aim.unit)} at {price_text(near.price)} of the time"
         limit = error_text(aim.limit, aim.unit)
         if aim.real_time is not None:
             limit = f"{aim.real_time:g} times real time"
