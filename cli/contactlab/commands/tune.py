@@ -1,6 +1,7 @@
 """`contactlab tune`: from a model to the settings to use, written and verified."""
 
 import math
+import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, Unpack
@@ -142,6 +143,7 @@ def searched(
     known: Sequence[Path] = (),
 ) -> "TuneReport":
     """Search, unless a known folder has the answer, and draw it if a figure is asked for."""
+    begin = time.monotonic()  # what is loaded now takes its part of the time allowed
     from contactlab.run.worker_pool import worker_count
     from contactlab.studies.search.answered import answered
     from contactlab.studies.search.tuning import run
@@ -149,7 +151,7 @@ def searched(
 
     opt.check_figure(figure)
     session = Session(folder, worker_count(workers), notify=say, allow_code=allow_code)
-    report = answered(request, session, known) or run(request, session)
+    report = answered(request, session, known) or run(request, session, begin)
     if figure is not None:
         from contactlab.charts import save_figure
         from contactlab.studies.search.search_chart import specification
@@ -234,11 +236,12 @@ def _head(report: "TuneReport") -> Iterator[str]:
         case _:
             yield f"  aim      error at most {limit}, as asked"
     if report.judged:
-        yield f"  judged   {_judged(report.judged, report)}"
+        yield from wrapped(f"judged   {_judged(report.judged, report)}", "  ")
     if aim.unit == "1":
-        yield (
-            f"  errors   beside the motion of the model as written at {report.fine_step:g} s, in "
-            "windows that begin in its states"
+        yield from wrapped(
+            f"errors   beside the motion of the model as written at {report.fine_step:g} s, in "
+            "windows that begin in its states",
+            "  ",
         )
     if aim.growth:
         yield from wrapped(f"motion   {aim.growth}", "  ")

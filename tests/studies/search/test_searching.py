@@ -127,7 +127,7 @@ def test_what_nothing_meets_has_a_nearest() -> None:
     limit = 0.01
     search = searched(Ideal(1.0), limit)
     assert not search.ranked(Bound.of(limit))
-    nearest = search.nearest()
+    nearest = search.nearest(limit)
     assert nearest
     assert nearest.choice.multiple == 2
 
@@ -195,7 +195,7 @@ def test_little_time_gives_a_small_answer() -> None:
     search = searched(Ideal(1e-3, seconds=0.05), limit, seconds=0.2)
     assert search.ended
     assert time.monotonic() - begin < 0.4
-    assert search.ranked(Bound.of(limit)) or search.nearest()
+    assert search.ranked(Bound.of(limit)) or search.nearest(limit)
 
 
 def test_a_choice_says_what_it_changes() -> None:

@@ -22,6 +22,7 @@ from contactlab.schema.tune_report import MODEL, Aim, Judged, Verified
 from contactlab.studies.check.checked_model import CheckedModel
 from contactlab.studies.examine.changes import fresh
 from contactlab.studies.examine.examination import ExamineRequest, open_model
+from contactlab.studies.search.allowed_time import AllowedTime
 from contactlab.studies.search.choice import Choice, described, differing
 from contactlab.studies.search.forward import ForwardError, Watched
 from contactlab.studies.search.levers import Unsearched
@@ -45,13 +46,13 @@ from contactlab.studies.task_verdict import run_labels
 
 _JUDGED = 60  # times that two verdicts simulate the task: references, their check and RK4, itself
 _JUDGING = 0.1  # of the time allowed, for what the judge says of the model as written
-_OPENINGS = 3  # times that a written model is compiled, compared and opened, in openings of the own
+_WRITTEN = 1.5  # s of CPU time that a model takes to be written, compared, opened and labelled
 _MOST_TRIES, _MOST_MEASURED = 5, 25
 """Choices that are judged, and whose errors are looked at, on fresh seeds."""
 _WORTH_A_PROCESS = 0.3  # s that a task takes: what is shorter is over before a process has begun
 _MUCH_LESS = 0.6
 _SAFEST = 0.5  # of the time that is left, for what is safest
-_JUDGING = 0.5  # of the time that is left, for verdicts: other work may slow them down
+_VERDICTS = 0.5  # of the time that is left, for verdicts: other work may slow them down
 
 
 @dataclass(frozen=True)
@@ -116,12 +117,12 @@ class Answers:
         subject: Subject,
         search: Search,
         aim: Aim,
-        timing: "tuple[float, float]",
+        allowed: AllowedTime,
     ) -> None:
-        """Take what was searched; `timing` has the deadline, and how long a model takes to open."""
+        """Take what was searched."""
         self._request, self._session = request, session
         self._subject, self._search, self._aim = subject, search, aim
-        self._deadline, self._opening = timing
+        self._allowed = allowed
         self.kept = list[Unsearched]()
         self._said_now = dict[tuple[int, ...], _Judgement]()
         self._judging_took = 0.0
@@ -138,21 +139,19 @@ class Answers:
     @property
     def to_judge(self) -> float:
         """How long it takes to write a model and judge it, about [s]: on one seed, or as before."""
-        return self._judging_took or time_to_judge(self._subject, self._opening)
-
-    @property
-    def _left(self) -> float:
-        return self._deadline - time.monotonic()
+        return self._judging_took or time_to_judge(self._subject, self._allowed)
 
     def of(self, wanted: Wanted, *, first: bool) -> Answer | None:
         """Write what is best until one holds on fresh seeds; None if none is better than now."""
         below, done = _Below(), {self.known.choice.key}
         for number in range(_MOST_TRIES):
-            if self._left < self.to_judge and (number or not first):
+            if self._allowed.left < self.to_judge and (number or not first):
                 reason = "no time was left to judge what is next best"
                 self.kept.append(Unsearched(wanted.folder, reason))
                 break
-            last = number > 0 and (number == _MOST_TRIES - 1 or self._left < 2 * self.to_judge)
+            last = number > 0 and (
+                number == _MOST_TRIES - 1 or self._allowed.left < 2 * self.to_judge
+            )
             measured = self._within(wanted, done, below, last=last)
             if measured is None:
                 break
@@ -185,7 +184,8 @@ class Answers:
                     f"{price_text(tried.price)} of the time, not to be told from as written, "
                     f"{price_text(twin)}"
                 )
-                self.kept.append(Unsearched(self._name(tried), reason))
+                told = Unsearched(self._name(tried), reason)
+                self.kept += [] if told in self.kept else [told]
                 break
 
     def _within(
@@ -197,7 +197,7 @@ class Answers:
         """
         first = True
         while len(done) < _MOST_MEASURED:
-            last = last or (not first and self._left < 2 * self.to_judge)
+            last = last or (not first and self._allowed.left < 2 * self.to_judge)
             tried = None if last else self._next(done, below, wanted.bound)
             tried = tried or self._safest(done, wanted.bound)
             if tried is None:
@@ -278,7 +278,7 @@ class Answers:
         assert known.error
         if self._search.dearest is not None or known.error.share > bound.limit:
             return None
-        left = max(0.0, self._left - self.to_judge)
+        left = max(0.0, self._allowed.left - self.to_judge)
         for tried in self._search.safest(time.monotonic() + _SAFEST * left):
             new = tried.choice.key not in done
             if new and share_of(tried) <= bound.accepted and self.is_better(tried, bound):
@@ -315,8 +315,8 @@ class Answers:
     def _judging(self) -> list[Motion]:
         """Fresh motions of as many seeds as the time allows to judge."""
         passes = self._subject.yards.finer + _JUDGED
-        left = max(0.0, self._left - _OPENINGS * self._opening)
-        left *= _JUDGING / len(self._search.bounds)
+        left = max(0.0, self._allowed.left - _WRITTEN * self._allowed.stretch)
+        left *= _VERDICTS / len(self._search.bounds)
         seeds = min(self._subject.seeds, max(1, int(left / (passes * self._subject.one_pass))))
         return [first_seeds(motion, seeds) for motion in self.motions]
 
@@ -493,6 +493,7 @@ def _spread(budget: ErrorBudget) -> tuple[float, float]:
     return float(seeds.min()), float(seeds.max())
 
 
-def time_to_judge(subject: Subject, opening: float) -> float:
+def time_to_judge(subject: Subject, allowed: AllowedTime) -> float:
     """Return how long it takes to write a model and judge it on one seed, about [s]."""
-    return (subject.yards.finer + _JUDGED) * subject.one_pass + _OPENINGS * opening
+    simulated = (subject.yards.finer + _JUDGED) * subject.one_pass
+    return simulated + _WRITTEN * allowed.stretch

@@ -34,16 +34,17 @@ _FEWEST_PLACES, _MOST_PLACES = 4, 12  # states of each phase that stretches begi
 _STRETCH, _SHORTEST = 0.2, 0.04  # s of simulated time
 _TURN = 0.01  # s that the model as written is timed for in each turn, about
 _LEAST, _MOST_REPEATS = 5e-3, 200  # s that a model is timed for in a turn, and how often it is run
+_PIECE, _MOST_PIECES = 5e-4, 200  # s that a piece of a run takes: others seldom share so few
 _MOST_COMPARED, _COMPARING = 25, 0.2  # turns, and s, of two models that are compared
 _INSTANT = 1e-7  # s that nothing is timed to take less than
 _WARM = 1
 _WHOLE_TURNS = 3  # of two models that are compared by whole runs
-_FEWEST, _MOST = 2, 60
+_FEWEST, _MOST = 3, 60
 """Turns of each seed."""
 NARROW = 0.07
 """Half-width of intervals that are wanted, as a share."""
 _OUTSIDE = 0.05
-_RESAMPLED = 400
+_RESAMPLED = 200
 
 
 class _Stretch(NamedTuple):
@@ -73,7 +74,11 @@ class _Batches:
 
 
 class _Timed:
-    """A model that is ready to be run through stretches again and again."""
+    """A model that is ready to be run through stretches again and again.
+
+    Attributes:
+        simulated: how long all of them are [s].
+    """
 
     def __init__(
         self, model: mujoco.MjModel, stretches: Sequence[_Stretch], batches: _Batches
@@ -81,36 +86,51 @@ class _Timed:
         self._model, self._stretches, self._batches = model, stretches, batches
         steps = sum(len(each.starts) * (each.steps - 1) for each in stretches)
         self.simulated = steps * float(model.opt.timestep)
+        self._repeats, self._pieces = 1, [1] * len(stretches)
+        once = self.taken() * self.simulated
+        if math.isfinite(whole := float(once.sum())):
+            self._repeats = max(1, min(_MOST_REPEATS, math.ceil(_LEAST / whole)))
+            self._pieces = [
+                max(1, min(_MOST_PIECES, stretch.steps, round(spent / _PIECE)))
+                for stretch, spent in zip(stretches, once, strict=True)
+            ]
 
-    def seconds(self, repeats: int) -> float:
-        """Return thread time over simulated time, the least of each stretch.
+    def taken(self) -> Floats:
+        """Return (P,) thread time of the pieces of all stretches, over their simulated time.
 
-        Infinite if MuJoCo refuses the model, as it does tendon equalities of bodies that sleep.
+        Of each piece the least of several runs: what disturbs one only adds, and a piece is short
+        enough to be left alone now and then. Infinite if MuJoCo refuses the model, as it does
+        tendon equalities of bodies that sleep.
         """
+        each = zip(self._stretches, self._pieces, strict=True)
         try:
-            spent = sum(self._spent(stretch, repeats) for stretch in self._stretches)
+            spent = np.concatenate([self._spent(stretch, pieces) for stretch, pieces in each])
         except SimulationError:
-            return math.inf
-        return max(spent, _INSTANT) / self.simulated
+            return np.full(1, np.inf)
+        return np.maximum(spent, _INSTANT) / self.simulated
 
-    def _spent(self, stretch: _Stretch, repeats: int) -> float:
-        """Return the thread time of all steps of a stretch but the first [s].
+    def _spent(self, stretch: _Stretch, pieces: int) -> Floats:
+        """Return (pieces,) thread time of all steps of a stretch but the first [s].
 
         A call takes time beside its steps, as much with one of them: few long ones are over as
-        soon. Of both the least counts, of as many calls.
+        soon.
         """
         batch = self._batches.of(self._model, stretch.starts)
-        least = {stretch.steps: math.inf, 1: math.inf}
-        for _ in range(repeats):
-            for steps, known in least.items():
+        ends = np.linspace(0, stretch.steps, pieces + 1).astype(int)
+        spans = [slice(0, 1), *(slice(*ends[place : place + 2]) for place in range(pieces))]
+        least = np.full(len(spans), np.inf)
+        for _ in range(self._repeats):
+            for place, span in enumerate(spans):
                 given: dict[str, Any] = {}
                 if stretch.inputs.shape[2]:
-                    given = {"control": stretch.inputs[:, :steps], "control_spec": stretch.spec}
-                batch.state[:] = stretch.starts
+                    given = {"control": stretch.inputs[:, span], "control_spec": stretch.spec}
+                if not span.start:
+                    batch.state[:] = stretch.starts
                 begin = time.thread_time()
-                batch.rollout(steps, record=[], **given)
-                least[steps] = min(known, time.thread_time() - begin)
-        return least[stretch.steps] - least[1]
+                batch.rollout(span.stop - span.start, record=[], **given)
+                least[place] = min(least[place], time.thread_time() - begin)
+        least[1] -= least[0]
+        return least[1:]
 
 
 Stepped = tuple[mujoco.MjModel, int]
@@ -125,9 +145,7 @@ class Clock:
         self._yards, self._written, self._batches = yards, base, _Batches()
         # Stretches that begin at rest or in flight would tell nothing of contacts.
         self._places, self._stretch = _MOST_PLACES // 2, _SHORTEST
-        first = self._timed(base, yards.finer)
-        first.seconds(1)
-        self.base_seconds = first.seconds(1)
+        self.base_seconds = float(self._timed(base, yards.finer).taken().sum())
         """Time of the model as written over simulated time."""
         wanted = _TURN / self.base_seconds / len(yards.parts)
         self._places = max(_FEWEST_PLACES, min(_MOST_PLACES, math.ceil(wanted / _STRETCH)))
@@ -135,12 +153,10 @@ class Clock:
 
     def prices(self, models: Sequence[Stepped], turns: int = 3) -> list[Price]:
         """Return the time of models over that of the model as written, for the same motion."""
-        timed = [self._timed(*each) for each in models]
-        base = self._timed(self._written, self._yards.finer)
-        turn = _Turn(base, timed)
-        found = [turn.taken() for _ in range(_WARM + turns)][_WARM:]
-        self.base_seconds = median(seconds for seconds, _ in found)
-        return [interval(ratios) for ratios in zip(*(each for _, each in found), strict=True)]
+        turn = _Turn([self._timed(*each) for each in [(self._written, self._yards.finer), *models]])
+        found = np.array([turn.sums() for _ in range(_WARM + turns)][_WARM:])
+        self.base_seconds = float(np.median(found[:, 0]))
+        return [interval((each / found[:, 0]).tolist()) for each in found[:, 1:].T]
 
     def compared(self, one: Stepped, other: Stepped, turns: int) -> Price:
         """Return the time of one model over that of another, for the same motion.
@@ -149,18 +165,18 @@ class Clock:
         then.
         """
         begin, found = time.thread_time(), list[float]()
-        turn = _Turn(self._timed(*other), [self._timed(*one)])
+        turn = _Turn([self._timed(*other), self._timed(*one)])
         while len(found) < _WARM + turns or (
             len(found) < _WARM + _MOST_COMPARED and time.thread_time() < begin + _COMPARING
         ):
-            found += turn.taken()[1]
+            found.append(turn.ratio())
         return interval(found[_WARM:])
 
     def compared_whole(self, one: Stepped, other: Stepped) -> Price:
         """Return the time of one model over that of another, for whole runs of one seed."""
         motions = [part.motion for part in self._yards.parts]
         turn = self._turn(self._all_stepped([other, one]), motions, 0)
-        return interval([turn.taken()[1][0] for _ in range(_WARM + _WHOLE_TURNS)][_WARM:])
+        return interval([turn.ratio() for _ in range(_WARM + _WHOLE_TURNS)][_WARM:])
 
     def whole(
         self, models: Sequence[Stepped], motions: Sequence[Motion], until: float
@@ -168,35 +184,41 @@ class Clock:
         """Return the time of models over that of the model as written, for whole runs of phases.
 
         Turns go on while they leave an interval wider than wanted, until then on the clock of
-        `time.monotonic`, which seeds that were not begun by then are left out for. By how much
-        seeds differ, no turn makes narrower.
+        `time.monotonic`; seeds that were not begun by then are left out. By how much seeds differ,
+        no turn makes narrower.
         """
         made = self._all_stepped([(self._written, self._yards.finer), *models])
         turns = [self._turn(made, motions, 0)]
-        rounds = [[turns[0].taken()]]
+        taken = [[turns[0].taken()]]
         for seed in range(1, motions[0].seeds):
             if time.monotonic() > until:
                 break
             turns.append(self._turn(made, motions, seed))
-            rounds[0].append(turns[-1].taken())
-        while len(rounds) < _MOST and time.monotonic() < until:
-            if len(rounds) >= _FEWEST and _all_narrow(_told(rounds, seeds=False)):
-                break
-            rounds.append([turn.taken() for turn in turns])
-        bases = np.array([[base for base, _ in each] for each in rounds])
-        self.base_seconds = float(np.median(bases, axis=0).mean())
-        return _told(rounds)
+            taken.append([turns[-1].taken()])
+        while len(taken[0]) < _FEWEST or (
+            len(taken[0]) < _MOST
+            and time.monotonic() < until
+            and not _all_narrow(_told(taken, seeds=False))
+        ):
+            for seed, turn in enumerate(turns):
+                taken[seed].append(turn.taken())
+        bases = [np.min([turn[0] for turn in each], axis=0).sum() for each in taken]
+        self.base_seconds = float(np.mean(bases))
+        return _told(taken)
 
     def _turn(self, made: Sequence[Stepped], motions: Sequence[Motion], seed: int) -> "_Turn":
         """Return whole runs of a seed of motions by a model, and by others beside it."""
         finer = self._yards.finer
-        first, *timed = (
-            _Timed(
-                model, [whole_run(each, finer, seed, multiple) for each in motions], self._batches
-            )
-            for model, multiple in made
+        return _Turn(
+            [
+                _Timed(
+                    model,
+                    [whole_run(each, finer, seed, multiple) for each in motions],
+                    self._batches,
+                )
+                for model, multiple in made
+            ]
         )
-        return _Turn(first, timed)
 
     def _all_stepped(self, models: Sequence[Stepped]) -> list[Stepped]:
         return [(self._stepped(*each), each[1]) for each in models]
@@ -218,32 +240,28 @@ class Clock:
 
 
 class _Turn:
-    """A model, and others that take turns with it, each for long enough to be timed."""
+    """Models that take turns, from the first to the last and back again."""
 
-    def __init__(self, base: _Timed, timed: Sequence[_Timed]) -> None:
-        self._base, self._timed = base, timed
-        self._repeats = {one: self._enough(one) for one in (base, *timed)}
-        self._first = 0
+    def __init__(self, timed: Sequence[_Timed]) -> None:
+        self._timed, self._backwards = timed, False
 
-    @staticmethod
-    def _enough(one: _Timed) -> int:
-        """Return how often a model is run, so that it finds its caches most of the time."""
-        once = one.seconds(1) * one.simulated
-        return max(1, min(_MOST_REPEATS, math.ceil(_LEAST / max(once, 1e-9))))
+    def taken(self) -> list[Floats]:
+        """Return the times of each model's pieces, as `_Timed` has them."""
+        found = [np.empty(0)] * len(self._timed)
+        places = range(len(found))
+        for place in reversed(places) if self._backwards else places:
+            found[place] = self._timed[place].taken()
+        self._backwards = not self._backwards
+        return found
 
-    def _seconds(self, one: _Timed) -> float:
-        return one.seconds(self._repeats[one])
+    def sums(self) -> list[float]:
+        """Return the time of each model over simulated time."""
+        return [float(pieces.sum()) for pieces in self.taken()]
 
-    def taken(self) -> tuple[float, list[float]]:
-        """Return the time of the model as written, before and after others, and theirs over it."""
-        before, taken = self._seconds(self._base), [0.0] * len(self._timed)
-        # The one that comes after the model as written finds cold caches: each of them, in turn.
-        for number in range(len(taken)):
-            place = (self._first + number) % len(taken)
-            taken[place] = self._seconds(self._timed[place])
-        self._first += 1
-        base = (before + self._seconds(self._base)) / 2
-        return base, [seconds / base for seconds in taken]
+    def ratio(self) -> float:
+        """Return the time of the second model over that of the first."""
+        first, second = self.sums()
+        return second / first
 
 
 def whole_run(motion: Motion, finer: int, seed: int, multiple: int) -> _Stretch:
@@ -252,36 +270,40 @@ def whole_run(motion: Motion, finer: int, seed: int, multiple: int) -> _Stretch:
     return _Stretch(run.starts, run.inputs, run.spec, run.steps)
 
 
-def over_seeds(bases: Sequence[float], ratios: np.ndarray, *, seeds: bool = True) -> Price:
-    """Return the ratio of times that all seeds take, and an interval by resampling.
+def over_seeds(base: Sequence[Floats], model: Sequence[Floats], *, seeds: bool = True) -> Price:
+    """Return the ratio of the least times that all seeds take, and an interval by resampling.
 
     Args:
-        bases: (S,) time that each seed takes as written.
-        ratios: (S, T) of turns, which are drawn with replacement within each seed.
+        base: for each seed, (T, P) times of pieces in turns, of the model as written.
+        model: for each seed, (T, Q) of another model, in the same turns, which are drawn with
+            replacement.
         seeds: whether seeds are drawn, too; else the interval is of these seeds.
     """
-    generator, (count, turns) = np.random.default_rng(0), ratios.shape
-    weights = np.asarray(bases)
+    generator, count = np.random.default_rng(0), len(base)
+    turns = len(base[0])
+    drawn = generator.integers(turns, size=(_RESAMPLED, turns))
     which = np.tile(np.arange(count), (_RESAMPLED, 1))
     if seeds:
         which = generator.integers(count, size=which.shape)
-    drawn = generator.integers(turns, size=(_RESAMPLED, count, turns))
-    medians = np.median(ratios[which[..., None], drawn], axis=2)
-    found = (medians * weights[which]).sum(axis=1) / weights[which].sum(axis=1)
+    row = np.arange(_RESAMPLED)[:, None]
+    below, above = (
+        np.stack([each[drawn].min(axis=1).sum(axis=1) for each in times], axis=1)[row, which]
+        for times in (base, model)
+    )
+    found = above.sum(axis=1) / below.sum(axis=1)
     low, high = np.quantile(found, [_OUTSIDE / 2, 1 - _OUTSIDE / 2])
-    ratio = float(np.median(ratios, axis=1) @ weights / weights.sum())
+    whole, other = (sum(each.min(axis=0).sum() for each in times) for times in (base, model))
+    ratio = float(other / whole)
     return Price(ratio, float(min(low, ratio)), float(max(high, ratio)))
 
 
-def _told(
-    rounds: Sequence[Sequence[tuple[float, list[float]]]], *, seeds: bool = True
-) -> list[Price]:
-    """Return the price of each model, of rounds in which each seed took its turn."""
-    weights = [median(base for base, _ in seed) for seed in zip(*rounds, strict=True)]
-    found = np.array([[ratios for _, ratios in each] for each in rounds])
-    return [
-        over_seeds(weights, found[..., model].T, seeds=seeds) for model in range(found.shape[2])
-    ]
+def _told(taken: Sequence[Sequence[Sequence[Floats]]], *, seeds: bool = True) -> list[Price]:
+    """Return the price of each model but the first, of its times by seed and turn."""
+    base, *models = (
+        [np.array([turn[place] for turn in turns]) for turns in taken]
+        for place in range(len(taken[0][0]))
+    )
+    return [over_seeds(base, model, seeds=seeds) for model in models]
 
 
 def _all_narrow(prices: Sequence[Price]) -> bool:

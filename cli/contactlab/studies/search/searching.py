@@ -211,10 +211,19 @@ class Search:
         ]
         return sorted(found, key=lambda pair: pair[0])
 
-    def nearest(self) -> Tried | None:
-        """Return what comes nearest to an aim that nothing meets."""
-        known = [one for one in self.tried.values() if one.error and one.price]
-        return min(known, key=_ratio if self.dearest is not None else share_of, default=None)
+    def nearest(self, limit: float) -> Tried | None:
+        """Return what comes nearest to an aim that nothing was seen to meet.
+
+        Of errors, the longest step within the limit, which time did not allow to judge, or else
+        what has the least error.
+        """
+        known = [one for one in self.tried.values() if one.error]
+        if self.dearest is not None:
+            return min((one for one in known if one.price), key=_ratio, default=None)
+        within = [one for one in known if self.ended and share_of(one) <= limit]
+        if within:
+            return max(within, key=lambda one: one.choice.multiple)
+        return min(known, key=share_of, default=None)
 
     def _left(self) -> None:
         if time.monotonic() > self.deadline:

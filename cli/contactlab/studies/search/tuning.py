@@ -32,6 +32,7 @@ from contactlab.schema.tune_report import (
 )
 from contactlab.store.table_layout import as_written
 from contactlab.studies.examine.examination import ExamineRequest, open_model
+from contactlab.studies.search.allowed_time import AllowedTime
 from contactlab.studies.search.answers import Answer, Answers, Wanted, time_to_judge
 from contactlab.studies.search.choice import differing
 from contactlab.studies.search.clock import Clock
@@ -57,10 +58,11 @@ _TIMING = 0.3  # of the time that is left, for the clock
 _TURNS_APART = 5
 
 
-def run(request: TuneRequest, session: Session) -> TuneReport:
+def run(request: TuneRequest, session: Session, begin: float | None = None) -> TuneReport:
     """Search for the settings that meet an aim, write the model with them, and verify it.
 
-    The folder receives `tune.json`, and the model if something is recommended.
+    The folder receives `tune.json`, and the model if something is recommended. The time allowed
+    began at `begin` on the clock of `time.monotonic`, by default now.
 
     Raises:
         SceneError: there is no such model, it does not compile, or nothing is called as watched.
@@ -69,17 +71,16 @@ def run(request: TuneRequest, session: Session) -> TuneReport:
         ExpectationError: a forward error is asked for of a chaotic motion.
         OutputError: the folder cannot be written, or has another model's results.
     """
-    begin = time.monotonic()
+    allowed = AllowedTime(time.monotonic() if begin is None else begin, request.max_time)
     refuse_contradictions(request)
     session = replace(session, folder=session.folder.resolve())
     examined = open_model(
         ExamineRequest(request.model, task=request.task, sections=("budget",)), session
     )
     session.claim("tune", request.model)
-    opening = time.monotonic() - begin
     session.notify(f"tuning {request.model}: {examined.task.line}")
     subject = Subject(request, examined, max(1, session.workers))
-    report = Study(request, session, subject, (begin, opening)).report()
+    report = Study(request, session, subject, allowed).report()
     session.write({REPORT: report.model_dump_json(indent=2) + "\n"})
     return report
 
@@ -92,12 +93,11 @@ class Study:
         request: TuneRequest,
         session: Session,
         subject: Subject,
-        timing: tuple[float, float],
+        allowed: AllowedTime,
     ) -> None:
-        """Set up the search; `timing` has when the study began, and how long opening took."""
+        """Set up the search."""
         self._request, self._session, self._subject = request, session, subject
-        self._begin, opening = timing
-        self._deadline = self._begin + request.max_time
+        self._allowed = allowed
         self._growth: Growth | None = None
         self._closely = list[Tried]()
         self._aim = self._aim_of()
@@ -122,13 +122,11 @@ class Study:
         search.tried[search.now.key] = known
         search.bounds = tuple(wanted.bound for wanted in self._wanted)
         search.deadline = min(
-            self._begin + SEARCHING * request.max_time,
-            self._deadline - len(self._wanted) * time_to_judge(subject, opening),
+            allowed.begin + SEARCHING * request.max_time,
+            allowed.deadline - len(self._wanted) * time_to_judge(subject, allowed),
         )
         self._search = search
-        self._answers = Answers(
-            request, session, subject, search, self._aim, (self._deadline, opening)
-        )
+        self._answers = Answers(request, session, subject, search, self._aim, allowed)
 
     def _aim_of(self) -> Aim:
         request, subject, unit = self._request, self._subject, "1"
@@ -212,7 +210,7 @@ class Study:
         best, as_now, to_aim = self._answered()
         keeps = best is not None and best.verified.keeps_aim
         met = keeps or to_aim is not None or self._is_met(known)
-        nearest = None if met else search.nearest()
+        nearest = None if met else search.nearest(self._aim.limit)
         made = [answer for answer in (best, to_aim, as_now) if answer]
         used = any("unused" in answer.tried.choice.cuts for answer in made)
         edits = self._subject.exact if used else ModelEdits()
@@ -248,7 +246,7 @@ class Study:
             file=self._file(best) if best else None,
             lines=tuple(Line(**vars(change)) for change in best.written.changes) if best else (),
             ended=search.ended,
-            seconds=time.monotonic() - self._begin,
+            seconds=time.monotonic() - self._allowed.begin,
         )
         return report.model_copy(update={"sentence": sentence_of(report)})
 
@@ -301,7 +299,7 @@ class Study:
     def _time_closely(self, tried: Sequence[Tried]) -> None:
         """Time choices once more, on whole runs."""
         models = [(self._search.space.made(one.choice), one.choice.multiple) for one in tried]
-        left = self._deadline - time.monotonic()
+        left = self._allowed.left
         reserved = len(self._wanted) * self._answers.to_judge
         until = time.monotonic() + max(min(_TIMING * left, left - reserved), 0)
         own, fresh = self._subject.motions, self._answers.motions
@@ -329,7 +327,7 @@ class Study:
         if sparser is None or (asked and not any("apart" in one.choice.cuts for one in made)):
             return None
         if not asked:
-            if time.monotonic() > self._deadline:
+            if self._allowed.left < 0:
                 return None
             choice = made[0].choice if made else self._search.now
             before = self._search.space.made(choice)

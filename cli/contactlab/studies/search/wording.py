@@ -80,13 +80,17 @@ def _beside(report: TuneReport) -> Iterator[str]:
         limit = error_text(aim.limit, aim.unit)
         why = _hardly(report)
         yield f"as written it misses the aim of {limit}{why}; what keeps it: {price}"
-    elif (near := report.nearest) and near.price:
-        got = f"{error_text(near.error, aim.unit)} at {price_text(near.price)} of the time"
+    elif near := report.nearest:
+        got = error_text(near.error, aim.unit)
+        got += f" at {price_text(near.price)} of the time" if near.price else ", not timed"
         limit = error_text(aim.limit, aim.unit)
+        which = f"{settings_text(near, report.now)}, {got}"
         if aim.real_time is not None:
             limit = f"{aim.real_time:g} times real time"
-        which = settings_text(near, report.now)
-        yield f"nothing keeps {limit}: nearest is {which}, {got}; it binds {report.binds}"
+        elif near.error is not None and near.error <= aim.limit:
+            yield f"no time was left to judge what may keep {limit}: {which}"
+            return
+        yield f"nothing keeps {limit}: nearest is {which}; it binds {report.binds}"
 
 
 def _hardly(report: TuneReport) -> str:
