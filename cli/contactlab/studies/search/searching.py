@@ -152,7 +152,7 @@ class Search:
 
     def run(self) -> None:
         """Search until nothing is left to try, or the time is over: a share of it a bound."""
-        whole = self.deadline
+        whole, self.deadline = self.deadline, math.inf
         try:
             self._error(self.now)
             self._priced([self.now])

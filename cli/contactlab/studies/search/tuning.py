@@ -55,6 +55,7 @@ from contactlab.studies.session import Session
 _LONGEST = 0.04  # s: steps of a window's length
 _CLOSELY = 2
 _TIMING = 0.3  # of the time that is left, for the clock
+_SEARCHED = 0.3  # of the time that is left, for a search at least, if verdicts may take the rest
 _TURNS_APART = 5
 
 
@@ -121,9 +122,10 @@ class Study:
         self._wanted = self._all_wanted(known)
         search.tried[search.now.key] = known
         search.bounds = tuple(wanted.bound for wanted in self._wanted)
+        judging = len(self._wanted) * time_to_judge(subject, allowed)
         search.deadline = min(
             allowed.begin + SEARCHING * request.max_time,
-            allowed.deadline - len(self._wanted) * time_to_judge(subject, allowed),
+            time.monotonic() + max(_SEARCHED * allowed.left, allowed.left - judging),
         )
         self._search = search
         self._answers = Answers(request, session, subject, search, self._aim, allowed)
