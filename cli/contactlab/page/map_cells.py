@@ -1,6 +1,6 @@
 """Cells of a map, with labels or one number in each."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations, pairwise
 from typing import Any, Literal
@@ -135,27 +135,45 @@ def aggregated_columns(
     maps = {f"cells:{index}:": MapAxes(axis, None) for index, axis in enumerate(axes)}
     for (first, x), (second, y) in combinations(enumerate(axes), 2):
         maps[f"cells:{first}:{second}"] = MapAxes(x, y)
-    columns = {
-        f"{name}:labels": packed_integers(label_counts(drawn, labels).ravel())
-        for name, drawn in maps.items()
-    }
+    counts = {name: label_counts(drawn, labels) for name, drawn in maps.items()}
+    columns = {f"{name}:labels": packed_integers(each.ravel()) for name, each in counts.items()}
     for quantity in quantities:
-        ascending = ascending_runs(quantity)
-        values = quantity.values[ascending]
-        own = {axis.name: axis.codes[ascending] for axis in axes}
-        del ascending
-        sums = _Sums.of(axes, own, values)
-        for name, drawn in maps.items():
-            # The smaller the numbers, the sooner they are counted and sorted.
-            kind = np.min_scalar_type(drawn.size)
-            cells = own[drawn.x.name].astype(kind)
-            if drawn.y is not None:
-                cells += own[drawn.y.name].astype(kind) * kind.type(len(drawn.x.ticks))
-            of_cells = sums.of_map(drawn, cells)
-            found = cell_statistics(cells, values, of_cells, quantity.column.better)
-            for statistic, numbers in zip(STATISTICS, found, strict=True):
+        values, better = quantity.values, quantity.column.better
+        # NaN, which equals nothing, where some run has no value.
+        if values.min() == values.max():
+            runs = ((name, each.sum(axis=-1).ravel()) for name, each in counts.items())
+            found = ((name, _of_one_value(own, values[0], better)) for name, own in runs)
+        else:
+            found = _of_maps(maps, axes, quantity)
+        for name, statistics in found:
+            for statistic, numbers in zip(STATISTICS, statistics, strict=True):
                 columns[f"{name}:{quantity.name}:{statistic}"] = rounded_floats(numbers)
     return columns
+
+
+def _of_one_value(runs: NDArray[np.int64], value: np.float64, better: str) -> Floats:
+    """Return (3, cells) what `cell_statistics` does where all of the runs (cells,) have a value."""
+    worst = value if better == "higher" else abs(value)
+    return np.where(runs > 0, np.array([[worst], [value], [value]]), np.nan)
+
+
+def _of_maps(
+    maps: Mapping[str, MapAxes], axes: Sequence[GridAxis], quantity: Quantity
+) -> Iterator[tuple[str, Floats]]:
+    """Yield the statistics (3, cells) of each map."""
+    ascending = ascending_runs(quantity)
+    values = quantity.values[ascending]
+    codes = {axis.name: axis.codes[ascending] for axis in axes}
+    del ascending
+    sums = _Sums.of(axes, codes, values)
+    for name, drawn in maps.items():
+        # The smaller the numbers, the sooner they are counted and sorted.
+        kind = np.min_scalar_type(drawn.size)
+        cells = codes[drawn.x.name].astype(kind)
+        if drawn.y is not None:
+            cells += codes[drawn.y.name].astype(kind) * kind.type(len(drawn.x.ticks))
+        of_cells = sums.of_map(drawn, cells)
+        yield name, cell_statistics(cells, values, of_cells, quantity.column.better)
 
 
 def _sums(places: NDArray[np.integer], values: Floats, size: int) -> Floats:

@@ -17,7 +17,7 @@ from contactlab.contact.trace_arrays import RecordedControls
 from contactlab.errors import StoreError, did_you_mean, optional
 from contactlab.schema.drive import PolicyDrive
 from contactlab.schema.evidence import EvidenceRecord, StoreManifest, TraceFile
-from contactlab.store.arrow_values import number_array, numpy_array
+from contactlab.store.arrow_values import numpy_array
 from contactlab.store.atomic_files import sha256_of
 from contactlab.store.backend import Backend
 from contactlab.store.controls_file import read_controls
@@ -220,18 +220,21 @@ class Store:
 
         Raises a StoreError if no run or more than one has this id.
         """
-        ids = self.columns.run_ids
-        matches = np.flatnonzero(numpy_array(_matches(ids, "starts_with", run)))
+        matches = [
+            rows.start + place
+            for rows, ids in self.columns.parts("run_id")
+            for place in np.flatnonzero(numpy_array(_matches(ids, "starts_with", run))).tolist()
+        ]
         if len(matches) == 0:
-            hint = did_you_mean(run, similar_ids(run, ids))
+            hint = did_you_mean(run, similar_ids(run, self.columns.run_ids))
             raise StoreError(f"no run in {self.address} has an id that starts with '{run}'{hint}")
         if len(matches) > 1:
-            some = ", ".join(ids.take(number_array(matches[:3])).to_pylist())
+            some = ", ".join(map(self.columns.run_id, matches[:3]))
             raise StoreError(
                 f"{len(matches)} runs in {self.address} have ids that start with '{run}' "
                 f"({some}, ...); write more of it"
             )
-        return self.record_at(int(matches[0]))
+        return self.record_at(matches[0])
 
     def controls(self, record: EvidenceRecord) -> RecordedControls | None:
         """Return what a run's policy did, None without one; raise StoreError if it is lost."""
