@@ -1,6 +1,7 @@
 """Changes of physics: closed forms of what a step can hold, and which parts they change."""
 
 import copy
+from dataclasses import replace
 
 import mujoco
 import numpy as np
@@ -101,22 +102,40 @@ def test_each_holds_the_servo_and_comes_nearer(word: str) -> None:
     assert found.edits.settings
 
 
-def test_half_the_solref_is_of_the_named_joint_alone() -> None:
+def test_a_quarter_of_the_solref_is_of_the_named_joint_alone() -> None:
+    """What gives goes with its square: of five times the tolerance a sixteenth is left."""
     motion = walker(seconds=0.1)
     found = against(motion, "joint knee", "model", "limit softness")
     model = made(motion, found["solref"])
     changed = np.flatnonzero((model.jnt_solref != motion.model.jnt_solref).any(axis=1))
     assert changed.tolist() == [int(motion.model.joint("knee").id)]
-    assert model.joint("knee").solref[0] == motion.model.joint("knee").solref[0] / 2
+    assert model.joint("knee").solref[0] == motion.model.joint("knee").solref[0] / 4
     every = made(motion, found["solref-all"])
     limited = motion.model.jnt_limited > 0
     np.testing.assert_array_equal(
-        every.jnt_solref[limited, 0], motion.model.jnt_solref[limited, 0] / 2
+        every.jnt_solref[limited, 0], motion.model.jnt_solref[limited, 0] / 4
     )
     np.testing.assert_array_equal(every.jnt_solref[~limited], motion.model.jnt_solref[~limited])
 
 
-def test_half_the_solref_of_a_contact_is_of_its_geoms() -> None:
+def test_the_step_holds_a_shorter_time_constant() -> None:
+    """A constant of three steps, a quarter of it, is two steps long at a quarter of the step.
+
+    A change that is enough alone has none of its harder ones beside it.
+    """
+    motion = walker(seconds=0.1)
+    model = copy.copy(motion.model)
+    model.jnt_solref[:, 0] = 3 * model.opt.timestep
+    found = against(replace(motion, model=model), "joint knee", "model", "limit softness")
+    assert found["solref"].rate == 4
+    assert found["solref"].values[0].value == (0.75 * model.opt.timestep, 1)
+    assert found["solref"].after == ()
+    model.jnt_solref[:, 0] = 100 * model.opt.timestep
+    longer = against(replace(motion, model=model), "joint knee", "model", "limit softness")
+    assert longer["solref-16"].after == (longer["solref"].phrase,)
+
+
+def test_the_solref_of_a_contact_is_of_its_geoms() -> None:
     motion = walker(seconds=0.1)
     found = against(motion, "contact world - leg", "model", "contact softness")
     names = {value.axis for value in found["solref"].values}

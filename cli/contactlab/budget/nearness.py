@@ -25,7 +25,8 @@ from contactlab.budget.windows import (
 )
 from contactlab.contact.trace_arrays import Floats
 
-FINEST = 8  # steps of the finest motion in one of the run's
+FINEST = 8
+"""Steps of the finest motion in one of the run's, at least."""
 
 
 @dataclass(frozen=True)
@@ -42,32 +43,34 @@ def nearness(
     *,
     settings: Settings,
     target: Callable[[mujoco.MjModel], None] = lambda _model: None,
+    finest: int = FINEST,
 ) -> list[float]:
     """Return by what share each rival is apart from a motion at its finest step: its worst body's.
 
     Shares are those of the run's own backward error. `target` changes the finest motion's model
-    first, in place. Bodies that the motion does not watch do not count. A rival that the
-    engine gives up, and any where the finest motion itself is given up, are infinitely far.
+    first, in place; it has `finest` steps in one of the run's. Bodies that no motion watches
+    do not count. A rival that the engine gives up, and any where the finest motion is itself given
+    up, are infinitely far.
     """
-    undelayed, finest = without_delays(motion), reference_of(motion.model, FINEST)
-    target(finest)
-    run = _finest_run(replace(undelayed, model=finest), settings)
+    undelayed, fine_model = without_delays(motion), reference_of(motion.model, finest)
+    target(fine_model)
+    run = _finest_run(replace(undelayed, model=fine_model), settings, finest)
     bodies = judged_bodies(motion.model)
     observer = Observer(motion.model, motion.starts[0], bodies, settings.workers)
     models = [(run_at_once(rival.model), rival.rate) for rival in rivals]
     apart = np.zeros((len(rivals), motion.seeds, len(bodies)))
     real = np.zeros((motion.seeds, len(bodies)))
-    most = (run.steps + 1) * max(FINEST, *(rate for _, rate in models), 1)
-    for block in blocks(finest, np.argwhere(run.valid), most):
+    most = (run.steps + 1) * max(finest, *(rate for _, rate in models), 1)
+    for block in blocks(fine_model, np.argwhere(run.valid), most):
         windows = Windows(undelayed, run, settings.workers, block)
-        fine, lost = windows.roll(finest, FINEST, whole=True)
+        fine, lost = windows.roll(fine_model, finest, whole=True)
         seen = observer(fine)[0]
-        path = np.where(lost[:, None], 0, paths(seen[:, : run.steps * FINEST + 1 : FINEST]))
+        path = np.where(lost[:, None], 0, paths(seen[:, : run.steps * finest + 1 : finest]))
         speed = np.linalg.norm(seen[:, 0], axis=-1) * (block[:, 1] == 0)[:, None]
         np.add.at(real, block[:, 0], path + speed)
         for number, (model, rate) in enumerate(models):
             kept, failed = windows.roll(model, rate)
-            own = defects(observer(kept)[0], seen[:, (run.steps - 1) * FINEST :])
+            own = defects(observer(kept)[0], seen[:, (run.steps - 1) * finest :])
             own[failed] = np.inf
             np.add.at(apart[number], block[:, 0], np.where(lost[:, None], 0, own))
     if not run.valid.any():
@@ -91,12 +94,12 @@ def _shares(apart: Floats, real: Floats) -> Floats:
     return (apart / scale)[:, begun].mean(axis=1)
 
 
-def _finest_run(motion: Motion, settings: Settings) -> Run:
+def _finest_run(motion: Motion, settings: Settings, finest: int) -> Run:
     """Return the finest motion, cut into windows of the run's whole steps."""
-    step = motion.model.opt.timestep * FINEST
+    step = motion.model.opt.timestep * finest
     steps = min(motion.steps, max(1, round(settings.window / step)))
-    inputs = motion.inputs.repeat(FINEST, axis=1)
+    inputs = motion.inputs.repeat(finest, axis=1)
     fine = replay(replace(motion, inputs=inputs), steps * step, settings.workers)
-    kept = fine.kept[:, ::FINEST]
+    kept = fine.kept[:, ::finest]
     kept = np.concatenate([kept, kept[:, -1:]], axis=1)
-    return Run(steps, fine.begins // FINEST, fine.starts, kept, fine.valid, ())
+    return Run(steps, fine.begins // finest, fine.starts, kept, fine.valid, ())

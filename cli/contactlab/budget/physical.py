@@ -11,8 +11,8 @@ fastest motion of the joint has at least about four steps.
 """
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import mujoco
@@ -49,11 +49,15 @@ class FieldChange:
         word: as `--accept` has it.
         phrase: as a sentence has it.
         values: of fields.
+        rate: how many steps in one of the run's they take.
+        after: phrases of changes that are enough where they help.
     """
 
     word: str
     phrase: str
     values: tuple[FieldValue, ...]
+    rate: int = 1
+    after: tuple[str, ...] = ()
 
     def make(self, model: mujoco.MjModel) -> None:
         """Make the change in a model, in place."""
@@ -70,7 +74,7 @@ def field_changes(motions: Sequence[Motion], verdict: Verdict) -> tuple[FieldCha
         return ()
     reasons = [reason for reason in verdict.reasons if reason.word == verdict.reasons[0].word]
     if word == "model":
-        return tuple(_softer(motion.model, reasons))
+        return tuple(_stiffer(motion.model, reasons, verdict.within))
     joints = [joint for reason in reasons for joint in _joints(motion.model, reason)]
     found = [change for joint in dict.fromkeys(joints) for change in _servo(motion, joint)]
     return tuple({change.word: change for change in reversed(found)}.values())[::-1]
@@ -180,6 +184,8 @@ def _rounded(number: float, *, up: bool = True) -> float:
     return float(f"{whole * unit:.{_DIGITS}g}")
 
 
+_MORE, _COARSEST = (1, 4, 16), 4  # how much shorter time constants get, and steps at most with them
+PARTS_OF_A_STEP = {2: "half", 4: "a quarter of", 8: "an eighth of", 16: "a sixteenth of"}
 # The fields that a row of softness is of, by kind.
 _SOFT: Mapping[str, Sequence[str]] = {
     "contact softness": ("geom_solref", "pair_solref"),
@@ -189,33 +195,54 @@ _SOFT: Mapping[str, Sequence[str]] = {
 }
 
 
-def _softer(model: mujoco.MjModel, reasons: Sequence[Reason]) -> Iterator[FieldChange]:
-    """Yield half the solref of the parts that are named, and of all of their kind."""
+def _stiffer(
+    model: mujoco.MjModel, reasons: Sequence[Reason], within: float
+) -> Iterator[FieldChange]:
+    """Yield a shorter solref of the parts that are named, and of all of their kind.
+
+    What gives under a load goes with the square of a time constant, and so does what a row reads of
+    it: the constant is divided by a power of two, of which the square is at least the row's share
+    over the tolerance; or by more, since what gives so much that it only swings then sways first.
+    Where the step would not hold it, the step is divided, too.
+    """
     soft = [reason for reason in reasons if reason.row in _SOFT]
     if not soft:
         return
-    parts = dict.fromkeys(part for reason in soft for part in _named_parts(model, reason))
-    named = _halved(model, parts)
-    places = ", ".join(dict.fromkeys(reason.place for reason in soft if reason.place))
-    if named:
-        yield FieldChange("solref", f"solref / 2 of {places}", named)
+    excess = max(reason.share for reason in soft) / within
+    times = 2 ** max(1, math.ceil(math.log2(excess) / 2)) if math.isfinite(excess) else 2
+    parts = list(dict.fromkeys(part for reason in soft for part in _named_parts(model, reason)))
     kinds = list(dict.fromkeys(reason.row.removesuffix(" softness") for reason in soft))
     fields = [field for kind in kinds for field in _SOFT[f"{kind} softness"]]
-    every = _halved(model, [(field, row) for field in fields for row in _used_rows(model, field)])
-    if every != named:
-        yield FieldChange("solref-all", f"solref / 2 of every {' and '.join(kinds)}", every)
+    every = [(field, row) for field in fields for row in _used_rows(model, field)]
+    places = ", ".join(dict.fromkeys(reason.place for reason in soft if reason.place))
+    every_one = f"every {' and '.join(kinds)}"
+    for some, word, what in ((parts, "solref", places), (every, "solref-all", every_one)):
+        if some and (word == "solref" or every != parts):
+            before = tuple[str, ...]()
+            for more in _MORE:
+                own = word if more == 1 else f"{word}-{more * times}"
+                change = _of_solref(model, some, more * times, own, what)
+                if more == 1 or change.rate <= _COARSEST:
+                    yield replace(change, after=before)
+                    before = (*before, change.phrase)
 
 
-def _halved(model: mujoco.MjModel, parts: Iterable[tuple[str, int]]) -> tuple[FieldValue, ...]:
-    """Return half the solref of rows of fields."""
-    found = list[FieldValue]()
+def _of_solref(
+    model: mujoco.MjModel, parts: Sequence[tuple[str, int]], times: int, word: str, what: str
+) -> FieldChange:
+    """Return a solref of so many times the frequency of rows of fields, at a step that holds it."""
+    found, rate = list[FieldValue](), 1
     for field, row in parts:
         kind = FIELD_KINDS[field.partition("_")[0]]
         index = int(model.dof_jntid[row]) if field.startswith("dof_") else row
-        half: Floats = stiffened(getattr(model, field)[[row]])[0]
+        own: Floats = stiffened(getattr(model, field)[[row]], times)[0]
+        # A time constant is at least two steps long, whether or not refsafe sees to it.
+        if own[0] > 0:
+            rate = max(rate, 2 ** math.ceil(math.log2(2 * model.opt.timestep / own[0])))
         axis = f"{field}[{name_of(model, kind, index)}]"
-        found.append(FieldValue(field, (row,), axis, tuple(map(float, half))))
-    return tuple(found)
+        found.append(FieldValue(field, (row,), axis, tuple(map(float, own))))
+    at = "" if rate == 1 else f" at {PARTS_OF_A_STEP.get(rate, f'1/{rate} of')} the step"
+    return FieldChange(word, f"solref / {times} of {what}{at}", tuple(found), rate)
 
 
 def _named_parts(model: mujoco.MjModel, reason: Reason) -> Iterator[tuple[str, int]]:

@@ -18,7 +18,13 @@ from contactlab.budget.nearness import FINEST, Rival, nearness
 from contactlab.budget.physical import field_changes
 from contactlab.budget.prices import Price, prices
 from contactlab.budget.readings import ErrorBudget
-from contactlab.budget.rows import ROWS, go_on, has_no_flex
+from contactlab.budget.rows import (
+    ROWS,
+    go_on,
+    has_no_flex,
+    raises_time_constants,
+    shortest_time_constant,
+)
 from contactlab.budget.showing import shown_rows
 from contactlab.budget.verdict import Reason, Verdict, Word, judge
 from contactlab.budget.windows import replay
@@ -30,6 +36,7 @@ _EULER = int(mujoco.mjtIntegrator.mjINT_EULER)
 _RK4 = int(mujoco.mjtIntegrator.mjINT_RK4)
 _IMPLICITFAST = int(mujoco.mjtIntegrator.mjINT_IMPLICITFAST)
 _ELLIPTIC = int(mujoco.mjtCone.mjCONE_ELLIPTIC)
+_FINER = 64  # most steps in one of the run's that are tried
 _COARSE = 2  # steps in one of the run's that are tried whatever else helps
 _ALIKE = 1.1  # ratio of costs that are equal
 _SAME = 1e-6  # relative, of shares of motions that differ by rounding
@@ -183,13 +190,30 @@ def candidates_against(motions: Sequence[Motion], verdict: Verdict) -> tuple[Can
             change.phrase,
             word,
             change.make,
+            change.rate,
             accept=change.word,
             edits=ModelEdits({value.axis: value.value for value in change.values}),
+            within=change.after,
             nearer=word == "unresolved",  # softness of several rows is nearer to none of them
         )
         for change in field_changes(motions, verdict)
     ]
-    return (*CANDIDATES, *physical)
+    return (*CANDIDATES, *_finer(motions[0].model, verdict), *physical)
+
+
+def _finer(model: mujoco.MjModel, verdict: Verdict) -> Iterator[Candidate]:
+    """Yield the step that is called for where an eighth is too long.
+
+    Of time constants that refsafe raises it is half of the shortest; else what a share calls for,
+    which goes with the step.
+    """
+    shares = [abs(reason.share) for reason in verdict.reasons if reason.word == "unresolved"]
+    needed = max(filter(math.isfinite, shares), default=0.0) / verdict.within
+    if raises_time_constants(model):
+        needed = 2 * float(model.opt.timestep) / shortest_time_constant(model)
+    if verdict.word == "unresolved" and FINEST < needed <= _FINER:
+        rate = math.ceil(needed)
+        yield Candidate(f"1/{rate} of the step", "unresolved", _nothing, rate)
 
 
 def joined(candidates: Sequence[Candidate]) -> Candidate:
@@ -276,10 +300,9 @@ def remedies(
         return ()
     judged = _Judged(motions, verdict, word, rows if word == "model" else (), trial, pace(motions))
     comparable = [candidate for candidate in possible if candidate.same_states]
-    if (apart := judged.nearness(comparable)) is None:
+    if (compared := judged.compared(comparable)) is None:
         return tuple(judged.not_ended(candidate) for candidate in possible)
-    before, *others = apart
-    apart_of = {candidate.name: own for candidate, own in zip(comparable, others, strict=True)}
+    before, apart_of = compared
     tried, moved = list[Remedy](), [(1, before)]
     for candidate in possible:
         own = apart_of.get(candidate.name, math.nan)
@@ -289,16 +312,21 @@ def remedies(
             continue
         removing = [remedy for remedy in tried if remedy.removes]
         enough = trial.most is not None and len(removing) >= trial.most
-        alike = not candidate.physics and any(
-            candidate.rate == rate and math.isclose(own, each, rel_tol=_SAME)
-            for rate, each in moved
-            if math.isfinite(each)
-        )
+        alike = _is_alike(candidate, own, moved)
         if enough or alike or _is_idle(candidate, word, removing):
             continue
         moved.append((candidate.rate, own))
         tried.append(judged.remedy(candidate, before, own))
     return tuple(sorted(tried, key=by_use))
+
+
+def _is_alike(candidate: Candidate, apart: float, moved: Sequence[tuple[int, float]]) -> bool:
+    """Return whether a change moves the model as another of the same step does."""
+    return not candidate.physics and any(
+        candidate.rate == rate and math.isclose(apart, each, rel_tol=_SAME)
+        for rate, each in moved
+        if math.isfinite(each)
+    )
 
 
 def _is_idle(candidate: Candidate, word: Word, removing: Sequence[Remedy]) -> bool:
@@ -374,12 +402,26 @@ class _Judged(NamedTuple):
             candidate.name, False, word, nothing, None, edits, accept, nothing, nothing, False
         )
 
+    def compared(self, candidates: Sequence[Candidate]) -> tuple[float, dict[str, float]] | None:
+        """Return how far the model is from what is meant, and changed ones by name.
+
+        The last are left out for which there is no time. None if there is none at all.
+        """
+        some = [*candidates]
+        while (apart := self.nearness(some)) is None:
+            if not some:
+                return None
+            some.pop()
+        before, *others = apart
+        return before, {one.name: own for one, own in zip(some, others, strict=True)}
+
     def nearness(self, candidates: Sequence[Candidate]) -> list[float] | None:
         """Return how far the model is from what is meant, then each changed one, at worst.
 
         None if there is no time for it, and nothing is wanted.
         """
-        rates = 2 * FINEST + 1 + sum(candidate.rate for candidate in candidates)
+        finest = max(FINEST, *(candidate.rate for candidate in candidates), 1)
+        rates = 2 * finest + 1 + sum(candidate.rate for candidate in candidates)
         if not self.trial.wanted and not self._affords(rates * steps_of(self._wrong)):
             return None
         found = np.zeros(1 + len(candidates))
@@ -392,6 +434,7 @@ class _Judged(NamedTuple):
                 rivals,
                 settings=self._settings,
                 target=target,
+                finest=finest,
             )
             found = np.maximum(found, apart)
         return found.tolist()
@@ -407,6 +450,8 @@ class _Judged(NamedTuple):
 
     def remedy(self, candidate: Candidate, before: float, apart: float) -> Remedy:
         """Judge a change: by the phases in which something is wrong, by all, and by fresh seeds."""
+        if candidate.nearer and candidate.same_states and math.isnan(apart):
+            return self.not_ended(candidate)  # no time was left to compare it
         row = self.verdict.reasons[0].row if self.word == "model" else "run"
         enough = before if candidate.physics else min(before, self.verdict.within)
         word, shares, removes = self.verdict.word, list[float](), False

@@ -123,14 +123,14 @@ def _option(name: str, value: Callable[[mujoco.MjModel], float]) -> Change:
     return change
 
 
-def stiffened(solref: Floats) -> Floats:
-    """Return (n, 2) solref of twice the natural frequency and the same damping ratio.
+def stiffened(solref: Floats, times: float = 2) -> Floats:
+    """Return (n, 2) solref of so many times the natural frequency and the same damping ratio.
 
     Positive ones are a time constant and a damping ratio; others are minus stiffness and damping,
     where the frequency is the root of the first.
     """
     standard = solref[:, :1] > 0
-    return np.where(standard, solref * [0.5, 1], solref * [4, 2])
+    return np.where(standard, solref * [1 / times, 1], solref * [times**2, times])
 
 
 def _stiffer(*fields: str) -> Change:
@@ -185,9 +185,13 @@ def raises_time_constants(model: mujoco.MjModel) -> bool:
     """Return whether refsafe raises any time constant at a model's step."""
     if disabled(model, "refsafe"):
         return False
-    least = 2 * model.opt.timestep
-    times = (getattr(model, field)[used(model, field), 0] for field in _SOLREF)
-    return any(bool(((short > 0) & (short < least)).any()) for short in times)
+    return shortest_time_constant(model) < 2 * model.opt.timestep
+
+
+def shortest_time_constant(model: mujoco.MjModel) -> float:
+    """Return the shortest of a solref that anything may use [s]; infinite if there is none."""
+    times = np.concatenate([getattr(model, field)[used(model, field), 0] for field in _SOLREF])
+    return float(times.min(where=times > 0, initial=np.inf))
 
 
 def used(model: mujoco.MjModel, field: str) -> NDArray[np.bool_]:

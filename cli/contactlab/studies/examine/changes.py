@@ -40,12 +40,14 @@ from contactlab.studies.examine.task_motions import Change, as_it_is
 from contactlab.studies.session import Values
 
 Removes = Literal["verdict", "labels", "overlap"]
-# Labels of what is too soft, and the row of the budget that its changes are of.
+_PYRAMIDAL = int(mujoco.mjtCone.mjCONE_PYRAMIDAL)
+_STIFF_FRICTION = "elliptic cones with impratio 10"
+# Labels of what is too soft, and the rows of the budget that its changes are of.
 _SOFT_ROWS = {
-    "deep_penetration": "contact softness",
-    "tunneling": "contact softness",
-    "broken": "contact softness",
-    "constraint_violated": "limit softness",
+    "deep_penetration": ("contact softness",),
+    "tunneling": ("contact softness",),
+    "broken": ("contact softness",),
+    "constraint_violated": ("limit softness", "equality softness"),
 }
 
 
@@ -301,8 +303,9 @@ def candidates_against_labels(
 ) -> tuple[Candidate, ...]:
     """Return changes that may keep labels from a run that is numerically sound.
 
-    Finer steps, then stiffer contacts or limits of what labels name, and of all. There are none
-    where the numerics are at fault: those come first.
+    Elliptic cones where forces differ and friction has pyramids, which costs no time, then finer
+    steps; then stiffer contacts or limits of what labels name, and of all. There are none where the
+    numerics are at fault: those come first.
     """
     named = [label for label in labels if label.label in _SOFT_ROWS]
     if verdict.word not in ("sound", "model") or not labels:
@@ -312,18 +315,24 @@ def candidates_against_labels(
         for candidate in CANDIDATES
         if candidate.name in ("half the step", "a quarter of the step")
     ]
+    pyramids = all(motion.model.opt.cone == _PYRAMIDAL for motion in motions)
+    if pyramids and any(label.label == "step_dependent" for label in labels):
+        (elliptic,) = (one for one in CANDIDATES if one.name == _STIFF_FRICTION)
+        finer.insert(0, replace(elliptic, word=verdict.word))
+    shares = {reason.row: reason.share for reason in reversed(verdict.reasons)}
     reasons = tuple(
         Reason(
             word="model",
             phase=label.phase,
-            row=_SOFT_ROWS[label.label],
-            share=math.inf,
+            row=row,
+            share=shares.get(row, math.inf),
             body=next(iter(label.bodies), ""),
             place=f"contact {' - '.join(('world', *label.bodies)[-2:])}" if label.bodies else "",
             time=label.time or 0.0,
             sentence=label.reason,
         )
         for label in named
+        for row in _SOFT_ROWS[label.label]
     )
     stiffer = field_changes(motions, Verdict("model", verdict.within, reasons)) if reasons else ()
     return (
@@ -333,6 +342,7 @@ def candidates_against_labels(
                 change.phrase,
                 verdict.word,
                 change.make,
+                change.rate,
                 accept=change.word,
                 edits=ModelEdits({value.axis: value.value for value in change.values}),
                 nearer=False,
