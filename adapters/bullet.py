@@ -11,9 +11,9 @@ import numpy as np
 
 PACKAGE = "pybullet"
 REQUIREMENTS = ("pybullet>=3.2.7,<4", "mujoco=={mujoco}", "numpy", "scipy")
-_JOINTS, _CONTACTS, _POSES = (
+_JOINTS, _CONTACTS, _POSES, _ARRIVALS = (
     SimpleNamespace(**run_path(str(Path(__file__).parent / "beside" / name)))
-    for name in ("joints.py", "rigid_contacts.py", "poses.py")
+    for name in ("joints.py", "rigid_contacts.py", "poses.py", "arrivals.py")
 )
 IGNORED = _CONTACTS.IGNORED
 _NOWHERE, _UNTURNED = [0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]
@@ -251,7 +251,7 @@ class World:
 
     def _check_arrived(self) -> None:
         """Compare what Bullet has with the model: bodies, shapes, frictions, where links are."""
-        bullet, model, compare = self._bullet, self._model, _CONTACTS.compare
+        bullet, model, compare = self._bullet, self._model, _ARRIVALS.compare
         bodies = [body for body in self._bodies if body]
         names = [f"body '{model.body(body).name or body}'" for body in bodies]
         told = [bullet.getDynamicsInfo(*self._bodies[body]) for body in bodies]
@@ -293,9 +293,9 @@ class World:
         places = [self._centre(body) for body in bodies]
         names = [f"body '{model.body(body).name or body}'" for body in bodies]
         scale = max(1.0, float(np.abs(data.xipos).max(initial=0)))
-        _CONTACTS.compare("the place", data.xipos[bodies], places, names, scale)
+        _ARRIVALS.compare("the place", data.xipos[bodies], places, names, scale)
         sent = np.concatenate([data.qpos, data.qvel])
-        _CONTACTS.compare("the state", sent, self.state(), ["the model"], scale)
+        _ARRIVALS.compare("the state", sent, self.state(), ["the model"], scale)
 
     def _centre(self, body: int) -> Any:
         made, link = self._bodies[body]

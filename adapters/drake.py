@@ -21,9 +21,14 @@ IGNORED = dict.fromkeys(
 
 
 _BESIDE = Path(__file__).parent
-_FREE_MOTION, _JOINTS, _CONTACTS = (
+_FREE_MOTION, _JOINTS, _CONTACTS, _ARRIVALS = (
     SimpleNamespace(**run_path(str(_BESIDE / name)))
-    for name in ("pinocchio.py", "beside/joints.py", "beside/drake_contacts.py")
+    for name in (
+        "pinocchio.py",
+        "beside/joints.py",
+        "beside/drake_contacts.py",
+        "beside/arrivals.py",
+    )
 )
 
 
@@ -133,6 +138,7 @@ class Arm:
         self._places = [each.position_start() for each in found]
         self._speeds = [each.velocity_start() for each in found]
         self._plant.get_actuation_input_port().FixValue(self._context, np.zeros(model.njnt))
+        _ARRIVALS.check_dynamics(model, self._dynamics)
 
     def put(self, qpos: np.ndarray, qvel: np.ndarray) -> None:
         """Set coordinates and velocities."""
@@ -171,15 +177,19 @@ class Arm:
 
     def forward(self, qpos: np.ndarray, qvel: np.ndarray, control: np.ndarray) -> dict[str, Any]:
         """Return forces of motion and gravity, and the acceleration."""
-        self.put(qpos, qvel)
-        plant, context, order = self._plant, self._context, np.ix_(self._speeds, self._speeds)
-        gravity = plant.CalcGravityGeneralizedForces(context)
-        bias = (plant.CalcBiasTerm(context) - gravity)[self._speeds]
+        inertia, bias = self._dynamics(qpos, qvel)
         off = self._model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_DAMPER
         damping = self._model.dof_damping * (not off)
         force = _JOINTS.joint_forces(self._model, qpos, qvel, control) - damping * qvel - bias
-        inertia = plant.CalcMassMatrix(context)[order]
         return {"qfrc_bias": bias, "qacc_smooth": np.linalg.solve(inertia, force)}
+
+    def _dynamics(self, qpos: np.ndarray, qvel: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the inertia, with armatures, and the forces of motion and gravity."""
+        self.put(qpos, qvel)
+        plant, context = self._plant, self._context
+        gravity = plant.CalcGravityGeneralizedForces(context)
+        bias = (plant.CalcBiasTerm(context) - gravity)[self._speeds]
+        return plant.CalcMassMatrix(context)[np.ix_(self._speeds, self._speeds)], bias
 
 
 def _moving(model: mujoco.MjModel) -> mujoco.MjModel:

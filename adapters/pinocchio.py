@@ -12,7 +12,10 @@ import numpy as np
 
 PACKAGE = "pin"
 REQUIREMENTS = ("pin>=4.1,<5", "mujoco=={mujoco}", "numpy")
-_JOINTS = SimpleNamespace(**run_path(str(Path(__file__).parent / "beside" / "joints.py")))
+_JOINTS, _ARRIVALS = (
+    SimpleNamespace(**run_path(str(Path(__file__).parent / "beside" / name)))
+    for name in ("joints.py", "arrivals.py")
+)
 _FREE, _BALL, _SLIDE, _OFF = _JOINTS.FREE, _JOINTS.BALL, _JOINTS.SLIDE, _JOINTS.OFF
 
 
@@ -83,6 +86,7 @@ class _Dynamics:
         self._data = self._twin.createData()
         off = model.opt.disableflags & _OFF.mjDSBL_DAMPER
         self.damping = np.zeros(model.nv) if off else model.dof_damping.copy()
+        _ARRIVALS.check_dynamics(model, self.of)
 
     def of(self, qpos: np.ndarray, qvel: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         own = _coordinates(self._model, qpos)

@@ -12,9 +12,9 @@ import numpy as np
 
 PACKAGE = "sapien"
 REQUIREMENTS = ("sapien>=3.0.3,<4", "mujoco=={mujoco}", "numpy", "scipy")
-_JOINTS, _CONTACTS, _POSES = (
+_JOINTS, _CONTACTS, _POSES, _ARRIVALS = (
     SimpleNamespace(**run_path(str(Path(__file__).parent / "beside" / name)))
-    for name in ("joints.py", "rigid_contacts.py", "poses.py")
+    for name in ("joints.py", "rigid_contacts.py", "poses.py", "arrivals.py")
 )
 IGNORED = _CONTACTS.IGNORED
 _UNLIMITED = 1e12  # speeds [m/s, rad/s], which PhysX cuts at 100 rad/s by itself
@@ -239,7 +239,7 @@ class World:
 
     def _check_arrived(self) -> None:
         """Compare what SAPIEN has with the model: bodies, shapes, materials, where bodies are."""
-        model, compare = self._model, _CONTACTS.compare
+        model, compare = self._model, _ARRIVALS.compare
         bodies = [body for body in self._bodies if model.body_weldid[body]]
         told = [self._bodies[body] for body in bodies]
         names = [f"body '{model.body(body).name or body}'" for body in bodies]
@@ -290,10 +290,10 @@ class World:
             )[0]
             for pose, body in zip(poses, bodies, strict=True)
         ]
-        _CONTACTS.compare("the place", data.xipos[bodies], centres, names, scale)
+        _ARRIVALS.compare("the place", data.xipos[bodies], centres, names, scale)
         self._last = data.qpos
         sent = np.concatenate([data.qpos, data.qvel])
-        _CONTACTS.compare("the state", sent, self.state(), ["the model"], scale)
+        _ARRIVALS.compare("the state", sent, self.state(), ["the model"], scale)
 
     def _dofs(self, tree: Any) -> list[tuple[int, int]]:
         """Return MuJoCo's joints of an articulation in its order: place and degree of freedom."""

@@ -3,11 +3,12 @@
 Run: python -m bench.engine_budget ENGINE,ENGINE [TASK ...]
 
 Of each task of `sweeps/engines`, at its middle step and for half a second at most: from the state
-at the start of every window of 40 ms the engine itself goes on at a quarter of its step, and what
-it parts by is the phantom impulse over the real one, of the worst body, as docs/budget.md has it.
-An engine that chooses its own steps goes on at a sixteenth of an accuracy of .001, which has steps
-of a quarter where it is of first order. Told beside it is how far the engine parts from its own run
-when it goes on as it did: 0 where a state is all that it knows, so that it can restart.
+at the start of every window, of 40 ms or a quarter of what is shorter, the engine itself goes on at
+a quarter of its step, and what it parts by is the phantom impulse over the real one, of the worst
+body, as docs/budget.md has it. An engine that chooses its own steps goes on at a sixteenth of an
+accuracy of .001, which has steps of a quarter where it is of first order. Told beside it is how far
+the engine parts from its own run when it goes on as it did: 0 where a state is all that it knows,
+so that it can restart.
 """
 
 import sys
@@ -31,7 +32,7 @@ from contactlab.schema.setting_values import as_number
 from contactlab.studies.parity.panel import from_states, roll_out
 from contactlab.studies.session import Values
 
-_WINDOW, _FINER, _LONGEST = 0.04, 4, 0.5
+_WINDOW, _FEWEST, _FINER, _LONGEST = 0.04, 4, 4, 0.5
 _ACCURACY = 0.001  # of an engine that chooses its own steps
 _GRAVITY_SHARE = 0.1
 
@@ -58,7 +59,7 @@ def budget(scene: Scene, values: Values, duration: float, engine: str) -> tuple[
     by, spec = ENGINES[engine], scene.resolve(values, 0, duration)
     runs = PreparedRuns.of(scene, spec)
     own = roll_out(by, runs).state[0].copy()
-    each = round(_WINDOW / spec.timestep)
+    each = round(min(_WINDOW, spec.duration / _FEWEST) / spec.timestep)
     starts = np.arange(0, spec.steps - each, each)
     again = roll_out(by, replace(from_states(runs, 0, own[starts], starts), steps=each)).state
     parted = max(
@@ -75,7 +76,8 @@ def budget(scene: Scene, values: Values, duration: float, engine: str) -> tuple[
     other = velocities(model, states)
     mine = velocities(model, np.stack([own[at + each - 1 : at + each + 2] for at in starts]))
     apart = defects(mine, other[:, _FINER * (each - 1) :]).sum(axis=0)
-    pull = _GRAVITY_SHARE * float(np.linalg.norm(model.opt.gravity)) * len(starts) * _WINDOW
+    watched = len(starts) * each * spec.timestep
+    pull = _GRAVITY_SHARE * float(np.linalg.norm(model.opt.gravity)) * watched
     real = np.linalg.norm(other[0, 0], axis=-1) + pull
     real += paths(other[:, : _FINER * each + 1]).sum(axis=0)
     return float((apart / real).max()), parted

@@ -1,6 +1,7 @@
 """Free bodies in contact, as Drake's adapter simulates them."""
 
 import math
+from itertools import combinations
 from pathlib import Path
 from runpy import run_path
 from types import SimpleNamespace
@@ -9,7 +10,10 @@ from typing import Any
 import mujoco
 import numpy as np
 
-_RIGID = SimpleNamespace(**run_path(str(Path(__file__).parent / "rigid_contacts.py")))
+_RIGID, _ARRIVALS = (
+    SimpleNamespace(**run_path(str(Path(__file__).parent / name)))
+    for name in ("rigid_contacts.py", "arrivals.py")
+)
 _MODULUS = 1e6  # of boxes [Pa]: one of 10 cm and 1 kg sinks by 50 um
 _FREE, _PLANE, _SPHERE, _BOX = (
     int(mujoco.mjtJoint.mjJNT_FREE),
@@ -97,7 +101,7 @@ class Contacts:
             contact_model="point" if self._ball else "hydroelastic",
             sap_near_rigid_threshold=0.0,
         )
-        self._plant, _ = AddMultibodyPlant(config, self._builder)
+        self._plant, scene_graph = AddMultibodyPlant(config, self._builder)
         off = model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_GRAVITY
         gravity = np.zeros(3) if off else np.array(model.opt.gravity)
         self._plant.mutable_gravity_field().set_gravity_vector(gravity)
@@ -110,6 +114,8 @@ class Contacts:
         self.root = self.diagram.CreateDefaultContext()
         self._context = self._plant.GetMyMutableContextFromRoot(self.root)
         self._forces: list[dict[tuple[int, int], np.ndarray]] = []
+        self._check_bodies()
+        self._check_shapes(scene_graph.model_inspector())
 
     def _body(self, body: int) -> Any:
         from pydrake.multibody.tree import RotationalInertia, SpatialInertia
@@ -168,6 +174,58 @@ class Contacts:
         else:
             geometry.AddRigidHydroelasticProperties(float(model.geom_size[geom].max() or 1), made)
         return made
+
+    def _check_bodies(self) -> None:
+        """Raise a ValueError unless masses, inertias and gravity arrived as they were sent."""
+        model, data = self._model, mujoco.MjData(self._model)
+        data.qpos[model.jnt_qposadr[:, None] + np.arange(3, 7)] = (1, 0, 0, 0)
+        mujoco.mj_forward(model, data)
+        whole = np.zeros((model.nv, model.nv))
+        mujoco.mj_fullM(model, data, whole)
+        sent = [whole[dof : dof + 6, dof : dof + 6] for dof in model.jnt_dofadr]
+        told = [each.CalcSpatialInertiaInBodyFrame(self._context) for each in self._bodies.values()]
+        # Drake's has turns first, MuJoCo's places.
+        arrived = [np.roll(each.CopyToFullMatrix6(), 3, (0, 1)) for each in told]
+        names = [f"body '{model.body(body).name or body}'" for body in self._bodies]
+        masses = [each.get_mass() for each in told]
+        _ARRIVALS.compare("the mass", model.body_mass[[*self._bodies]], masses, names)
+        _ARRIVALS.compare("the inertia", sent, arrived, names)
+        gravity = self._plant.gravity_field().gravity_vector()
+        off = model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_GRAVITY
+        meant = np.zeros(3) if off else model.opt.gravity
+        _ARRIVALS.compare("the acceleration", meant, gravity, ["gravity"])
+
+    def _check_shapes(self, inspector: Any) -> None:
+        """Raise a ValueError unless sizes, frictions and what may touch arrived as they were sent.
+
+        Of two frictions Drake takes the harmonic mean.
+        """
+        model, ids = self._model, {geom: each for each, geom in self._geoms.items()}
+        names = {geom: f"geom '{model.geom(geom).name or geom}'" for geom in ids}
+        solid = [geom for geom in ids if model.geom_type[geom] != _PLANE]
+        shapes = [inspector.GetShape(ids[geom]) for geom in solid]
+        sizes = [
+            [each.radius(), 0, 0] if hasattr(each, "radius") else each.size() / 2 for each in shapes
+        ]
+        solid_names = [names[geom] for geom in solid]
+        _ARRIVALS.compare("the size", model.geom_size[solid], sizes, solid_names)
+        pairs = _RIGID.pairs_of(model)
+        for one, other in combinations(sorted(ids), 2):
+            if inspector.CollisionFiltered(ids[one], ids[other]) == ((one, other) in pairs):
+                raise ValueError(f"{names[one]} and {names[other]} are filtered otherwise")
+        surfaces = {
+            geom: inspector.GetProximityProperties(each)
+            .GetProperty("material", "coulomb_friction")
+            .static_friction()
+            for geom, each in ids.items()
+        }
+        means = [
+            2 * surfaces[one] * surfaces[other] / ((surfaces[one] + surfaces[other]) or 1)
+            for one, other in pairs
+        ]
+        between = [f"{names[one]} and {names[other]}" for one, other in pairs]
+        sent = [pair.friction for pair in pairs.values()]
+        _ARRIVALS.compare("the friction", sent, means, between)
 
     def step(
         self, qpos: np.ndarray, qvel: np.ndarray, applied: np.ndarray

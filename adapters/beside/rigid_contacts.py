@@ -33,7 +33,6 @@ _OFF = mujoco.mjtDisableBit
 _LEAST = 1e-15  # mixing weight, as in MuJoCo
 _EXACT = 1e-9  # of a friction, that numbers of the geoms are to give
 _NO_NUMBERS = "it combines what two geoms have, and no numbers of theirs give what these pairs mix"
-_PRECISION = 1e-6  # of what arrives, which an engine may keep in single precision
 _OVERLOOKED = 1e-3  # overlap [m] in which an engine cannot but find a contact
 
 
@@ -213,22 +212,6 @@ def _incidence(pairs: Sequence[tuple[int, int]]) -> tuple[list[int], np.ndarray]
     """Return the geoms of pairs, and (pairs, geoms) which of them each has."""
     geoms = sorted({geom for pair in pairs for geom in pair})
     return geoms, np.array([[float(geom in pair) for geom in geoms] for pair in pairs])
-
-
-def compare(
-    what: str, sent: Any, arrived: Any, names: Sequence[str], scale: float | None = None
-) -> None:
-    """Raise a ValueError that names the first of some rows that did not arrive as it was sent.
-
-    They are compared relative to each row's largest number, or to a scale.
-    """
-    shape = len(names), -1 if len(names) else 0
-    sent, arrived = (np.asarray(each, dtype=float).reshape(shape) for each in (sent, arrived))
-    largest = np.abs(sent).max(axis=1, initial=_LEAST, keepdims=True) if scale is None else scale
-    wrong = ~(np.abs(arrived - sent) <= _PRECISION * largest).all(axis=1)
-    for row in np.flatnonzero(wrong)[:1]:
-        was, found = (" ".join(f"{value:.7g}" for value in each[row]) for each in (sent, arrived))
-        raise ValueError(f"{what} of {names[row]} was sent as {was} and arrived as {found}")
 
 
 def check_contacts(

@@ -273,6 +273,53 @@ def test_what_is_changed_on_the_way_is_found(
     assert told in found
 
 
+PLANTED_IN_DYNAMICS = [
+    ("drake", "beside/drake_contacts.py", "mass, centre = float(", "mass, centre = 1.01 * float(",
+     "the mass of body 'one' was sent as 2 and arrived as 2.02"),
+    ("drake", "beside/drake_contacts.py", "np.diag(model.body_inertia[body])",
+     "np.diag(model.body_inertia[body][::-1])", "the inertia of body 'one'"),
+    ("drake", "beside/drake_contacts.py", "CoulombFriction(friction, friction)",
+     "CoulombFriction(friction + body / 10, friction)",
+     "the friction of geom 'floor' and geom 'one'"),
+    ("drake", "beside/drake_contacts.py", "_BOX: 2 * size}", "_BOX: 2.02 * size}",
+     "the size of geom 'one'"),
+    ("pinocchio", "pinocchio.py", "float(model.body_mass[body])",
+     "1.01 * float(model.body_mass[body])", "the inertia of joint"),
+    ("pinocchio", "pinocchio.py", "np.diag(model.body_inertia[body])",
+     "np.diag(model.body_inertia[body][::-1])", "the inertia of joint"),
+]  # fmt: skip
+PUSHED = """
+<mujoco><option timestep=".002"/>
+  <worldbody><geom name="floor" type="plane" size="1 1 .1" friction=".5"/>
+    <body name="one" pos="0 0 .05"><freejoint/><geom name="one" type="box" size=".1 .12 .05"
+      pos=".01 0 0" euler="0 0 20" mass="2" friction=".5"/></body>
+  </worldbody>
+</mujoco>"""
+
+
+@pytest.mark.night
+@pytest.mark.parametrize(
+    ("name", "part", "code", "planted", "told"),
+    [installed(name, *rest) for name, *rest in PLANTED_IN_DYNAMICS],
+)
+def test_what_is_changed_on_the_way_to_free_bodies_and_arms_is_found(
+    tmp_path: Path, name: str, part: str, code: str, planted: str, told: str
+) -> None:
+    shutil.copytree(ADAPTERS, tmp_path / "adapters")
+    file, changed = tmp_path / "adapters" / f"{name}.py", tmp_path / "adapters" / part
+    text = changed.read_text(encoding="utf-8")
+    model = mujoco.MjModel.from_xml_string(
+        PUSHED if name == "drake" else (ADAPTED / "tree.xml").read_text(encoding="utf-8")
+    )
+    data = mujoco.MjData(model)
+    assert not isinstance(simulated(AdaptedEngine(file), model, data, 2), str)
+    assert text.count(code) == 1
+    changed.write_text(text.replace(code, planted), encoding="utf-8")
+    found = simulated(AdaptedEngine(file), model, data, 2)
+    assert isinstance(found, str)
+    assert told in found
+
+
 @pytest.mark.night
 @pytest.mark.parametrize("name", [installed("sapien")])
 @pytest.mark.parametrize("step", [0.001, 0.004])

@@ -1,6 +1,7 @@
 """Rigid contacts are what MuJoCo mixes, and what arrives in an engine is what was sent."""
 
 import math
+import re
 from pathlib import Path
 from runpy import run_path
 from types import SimpleNamespace
@@ -13,7 +14,10 @@ import pytest
 from contactlab.contact.contact_laws import damping_ratio, restitution_of
 from contactlab.resources import ADAPTERS
 
-RIGID = SimpleNamespace(**run_path(str(ADAPTERS / "beside" / "rigid_contacts.py")))
+RIGID, ARRIVALS = (
+    SimpleNamespace(**run_path(str(ADAPTERS / "beside" / f"{name}.py")))
+    for name in ("rigid_contacts", "arrivals")
+)
 # All shapes overlap, so that MuJoCo itself says which pairs touch, and what it mixes for them.
 HEAP = """
 <mujoco>
@@ -97,12 +101,45 @@ def test_numbers_of_geoms_combine_to_what_pairs_want() -> None:
 
 def test_what_arrives_otherwise_is_named() -> None:
     sent, names = np.array([[1.0, 2.0], [3.0, 0.0]]), ["body 'a'", "body 'b'"]
-    RIGID.compare("the inertia", sent, sent * (1 + 5e-7), names)
+    ARRIVALS.compare("the inertia", sent, sent * (1 + 5e-7), names)
     with pytest.raises(ValueError, match="the inertia of body 'b' was sent as 3 0 and arrived as"):
-        RIGID.compare("the inertia", sent, sent + np.diag([0, 1e-5]), names)
+        ARRIVALS.compare("the inertia", sent, sent + np.diag([0, 1e-5]), names)
     with pytest.raises(ValueError, match="body 'a'"):
-        RIGID.compare("the inertia", sent, np.full((2, 2), np.nan), names)
-    RIGID.compare("the mass", [], [], [])
+        ARRIVALS.compare("the inertia", sent, np.full((2, 2), np.nan), names)
+    ARRIVALS.compare("the mass", [], [], [])
+
+
+def test_dynamics_that_arrive_otherwise_are_named() -> None:
+    """A joint farther along an axis, a heavier body and less gravity each tell in them."""
+    text = """
+    <mujoco><option gravity="0 0 GRAVITY"/><worldbody><body><joint name="swing" axis="0 1 .2"/>
+      <geom size=".1" mass="1"/><body pos="PLACE"><joint name="turn" armature=".1"/>
+        <geom type="box" size=".1 .2 .3" mass="MASS"/></body></body></worldbody></mujoco>"""
+    sent = {"GRAVITY": "-9.81", "PLACE": ".5 0 .1", "MASS": "2"}
+
+    def made(words: dict[str, str]) -> mujoco.MjModel:
+        return mujoco.MjModel.from_xml_string(
+            re.sub("GRAVITY|PLACE|MASS", lambda word: words[word[0]], text)
+        )
+
+    def check(arrived: mujoco.MjModel) -> None:
+        def dynamics(qpos: np.ndarray, qvel: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            data, inertia = mujoco.MjData(arrived), np.zeros((2, 2))
+            data.qpos[:], data.qvel[:] = qpos, qvel
+            mujoco.mj_forward(arrived, data)
+            mujoco.mj_fullM(arrived, data, inertia)
+            return inertia, data.qfrc_bias
+
+        ARRIVALS.check_dynamics(made(sent), dynamics)
+
+    check(made(sent))
+    for other, told in (
+        ({"GRAVITY": "-9.8"}, "the bias of joint 'swing', dof 0,"),
+        ({"PLACE": ".5 0 .101"}, "the inertia of joint 'swing'"),
+        ({"MASS": "2.001"}, "the inertia of joint 'swing'"),
+    ):
+        with pytest.raises(ValueError, match=told):
+            check(made(sent | other))
 
 
 PRESSED = """
