@@ -4,7 +4,6 @@ A process of somebody else's, where contactlab is a library, is left as it is.
 """
 
 import atexit
-import ctypes
 import gc
 import os
 
@@ -16,8 +15,3 @@ atexit.register(gc.freeze)
 os.environ["OPENBLAS_NUM_THREADS"] = "1"
 # Pydantic would look through all that is installed for what watches it.
 os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
-# A model and its data are blocks of megabytes, which glibc keeps once some were freed: given back,
-# they make no room of gigabytes between what stays. Elsewhere there is no such setting.
-_MMAP_THRESHOLD, _BLOCK = -3, 4 << 20
-if mallopt := getattr(ctypes.CDLL(None), "mallopt", None):
-    mallopt(_MMAP_THRESHOLD, _BLOCK)
