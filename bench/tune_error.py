@@ -104,7 +104,9 @@ def shares(written: Plain, tuned: Plain, motion: Motion, seed: int, own: float) 
 
 def impulses(written: Plain, way: np.ndarray, step: float) -> np.ndarray:
     """Return (B,) real impulses over mass along velocities (K, B, 6) of steps [m/s]."""
-    fall = WEIGHT * float(np.linalg.norm(written.model.opt.gravity)) * step * (len(way) - 1)
+    weightless = int(written.model.opt.disableflags) & int(mujoco.mjtDisableBit.mjDSBL_GRAVITY)
+    gravity = 0.0 if weightless else float(np.linalg.norm(written.model.opt.gravity))
+    fall = WEIGHT * gravity * step * (len(way) - 1)
     return np.linalg.norm(np.diff(way, axis=0), axis=2).sum(axis=0) + fall
 
 
