@@ -1,6 +1,6 @@
 """Sixty-four shards, five of them killed and run again, against the store of one machine.
 
-Run: python -m bench.many_shards WAY FOLDER, where WAY is `here`, `slurm` or `ray`
+Run: python -m bench.many_shards WAY FOLDER [SHARDS], where WAY is `here`, `slurm` or `ray`
 
 Shards run in random order, each in a process group of its own, through the workers of this machine,
 through submitit's local executor, or on the Ray cluster that RAY_ADDRESS names. A doomed shard is
@@ -25,7 +25,8 @@ from contactlab.store.store_files import MANIFEST, TABLE
 from contactlab.store.table_layout import COLUMNS_OF_MACHINE
 from contactlab.store.verify_store import verify
 
-SHARDS, KILLED = 64, 5
+SHARDS, EVERY = 64, 13
+"""Shards, and of how many one is killed."""
 SWEEP: dict[str, Any] = {
     "version": 1,
     "scene": "ball_drop",
@@ -43,43 +44,44 @@ _LATEST = 0.5  # how long a doomed shard lives after its first rows at most [s]
 
 def main() -> None:
     """Run the shards, merge them, and print how many columns and traces equal one machine's."""
-    way, folder = sys.argv[1], Path(sys.argv[2])
+    way, folder, shards = sys.argv[1], Path(sys.argv[2]), int([*sys.argv, SHARDS][3])
     one, merged = folder / "one", folder / "merged"
     contactlab.sweep(SWEEP, output=one, workers=0)
-    rng = np.random.default_rng(SHARDS)
-    order = (1 + rng.permutation(SHARDS)).tolist()
-    doomed, killed = {*order[:: 1 + SHARDS // KILLED]}, 0
+    rng = np.random.default_rng(shards)
+    order = (1 + rng.permutation(shards)).tolist()
+    doomed, killed = {*order[::EVERY]}, 0
     for number in order:
         place = folder / f"shard-{number}"
         if number in doomed and not place.exists():
-            killed += _killed(way, place, number, float(rng.uniform(0, _LATEST)))
+            killed += _killed(way, place, f"{number}/{shards}", float(rng.uniform(0, _LATEST)))
         if not (place / MANIFEST).exists():
-            child = _started(way, place, number)
+            child = _started(way, place, f"{number}/{shards}")
             assert os.waitpid(child, 0)[1] == 0, f"shard {number} failed"
-    places = [folder / f"shard-{number}" for number in (1 + rng.permutation(SHARDS)).tolist()]
+    places = [folder / f"shard-{number}" for number in (1 + rng.permutation(shards)).tolist()]
     if not (merged / MANIFEST).exists():
         contactlab.merge(places, output=merged)
-    print(f"{way}: {SHARDS} shards, {killed} killed as they wrote; {_likeness(one, merged)}")
+    print(f"{way}: {shards} shards, {killed} killed as they wrote; {_likeness(one, merged)}")
 
 
-def _started(way: str, place: Path, number: int) -> int:
+def _started(way: str, place: Path, shard: str) -> int:
     """Run a shard in a process group of its own; return its id."""
     child = os.fork()
     if child:
         return child
     os.setsid()
     try:
-        contactlab.sweep(SWEEP, output=place, shard=f"{number}/{SHARDS}", **WAYS[way])
+        contactlab.sweep(SWEEP, output=place, shard=shard, **WAYS[way])
     except BaseException as error:  # noqa: BLE001 - said, and told to the parent
-        print(f"shard {number}: {error}", file=sys.stderr, flush=True)
+        print(f"shard {shard}: {error}", file=sys.stderr, flush=True)
         os._exit(1)
     os._exit(0)
 
 
-def _killed(way: str, place: Path, number: int, after: float) -> bool:
+def _killed(way: str, place: Path, shard: str, after: float) -> bool:
     """Kill a shard some time after its first rows; return whether it was unfinished then."""
-    child, journal = _started(way, place, number), place / "journal.jsonl"
+    child, journal = _started(way, place, shard), place / "journal.jsonl"
     while not (journal.exists() and journal.stat().st_size) and not (place / MANIFEST).exists():
+        assert os.waitpid(child, os.WNOHANG) == (0, 0), f"shard {shard} failed"
         time.sleep(0.002)
     time.sleep(after)
     was_finished = (place / MANIFEST).exists()
