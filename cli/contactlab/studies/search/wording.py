@@ -59,9 +59,12 @@ def sentence_of(report: TuneReport) -> str:
         seen = f"{error_text(verified.error, report.aim.unit)} on fresh seeds"
         error = f"error {error_text(best.error, report.aim.unit)}, {seen} (now {now})"
         return "; ".join((f"{saved}, {error}", *rest))
+    found = "was found in time that is" if report.ended else "is"
     if rest:
-        return "; ".join((f"nothing sound is faster at no larger error than now, {now}", *rest))
-    return f"keep it as it is: error {now}, and nothing within the limit is measurably faster"
+        return "; ".join(
+            (f"nothing sound {found} faster at no larger error than now, {now}", *rest)
+        )
+    return f"keep it as it is: error {now}, and nothing within the limit {found} measurably faster"
 
 
 def _beyond(report: TuneReport) -> bool:
@@ -90,7 +93,8 @@ def _beside(report: TuneReport) -> Iterator[str]:
         elif near.error is not None and near.error <= aim.limit:
             yield f"no time was left to judge what may keep {limit}: {which}"
             return
-        yield f"nothing keeps {limit}: nearest is {which}; it binds {report.binds}"
+        nothing = "nothing was found in time that keeps" if report.ended else "nothing keeps"
+        yield f"{nothing} {limit}: nearest is {which}; it binds {report.binds}"
 
 
 def _hardly(report: TuneReport) -> str:
