@@ -75,9 +75,8 @@ def views_agree(model: str, folder: Path, **task: Any) -> Examination:
         assert view.labels == whole.labels
     # The budget's own run is that share; its other rows are the budget's alone.
     assert whole.budget
-    assert {phase.name: phase.run.share for phase in whole.budget.phases} == {
-        name: share for name, share in (answer.shares or {}).items() if share is not None
-    }
+    own = {phase.name: phase.run.share for phase in whole.budget.phases}
+    assert own == {name: (answer.shares or {})[name] for name in own}
     assert checked.findings == whole.findings
     assert checked.sound == whole.sound
     assert of_sweep(model, whole.task, folder) == answer._replace(shares=None)
@@ -97,7 +96,8 @@ def searches_agree(model: str, whole: Examination, folder: Path, **options: Any)
     What they say of the model as written is what its examination says.
 
     Time ends each search elsewhere, so that they tried the model as written and some more alike,
-    and errors are alike where the motions are as fine that they are distances from.
+    and errors are alike where the motions are as fine that they are distances from, of as many
+    seeds.
     """
     known: dict[tuple[Any, ...], tuple[Any, ...]] = {}
     for search in (contactlab.tune, contactlab.tradeoff):
@@ -109,10 +109,14 @@ def searches_agree(model: str, whole: Examination, folder: Path, **options: Any)
             assert report.judged.share == max(
                 phase.run.share or 0.0 for phase in whole.budget.phases
             )
+        seeds = [kept.reason for kept in report.kept if kept.name == "seeds"]
         for point in (report.now, *report.points):
             tried = (str(point.settings), point.timestep, point.lighter, point.apart)
-            found = (point.error, point.low, point.high, point.body, point.phase)
-            assert known.setdefault((*tried, report.fine_step), found) == found
+            errors = (point.error, point.low, point.high)
+            found = known.setdefault((*tried, report.fine_step, *seeds), (*errors, point.body))
+            # What no step adds is rounding, of which no body is the worst.
+            assert found[:-1] == pytest.approx(errors, abs=1e-12)
+            assert found[-1] == point.body or (point.error or 0.0) < 1e-12
 
 
 @pytest.mark.long
