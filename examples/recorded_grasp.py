@@ -42,7 +42,11 @@ def grasp(pads: str, store: str) -> None:
     """Close the hand, lift, and hold; record all of it."""
     model = mujoco.MjModel.from_xml_string(HAND.format(solref=PADS[pads]))
     data = mujoco.MjData(model)
-    hold = {"subject": "block", "hold": {"from": 1.2, "relative_to": "hand"}}
+    hold = {
+        "subject": "block",
+        "hold": {"from": 1.2, "relative_to": "hand"},
+        "thresholds": {"exploited": 3e-3},  # m, by the guideline of grasps in a hand
+    }
     with contactlab.record(
         model, data, store, monitor=["block"], scene=hold, fresh=True
     ) as recording:
