@@ -76,7 +76,7 @@ OF_MODELS = [
     Bad("no-joint.xml", "moves 'knee'", "add it"),
     Bad("nothing.xml", "nothing.xml", "give a body a <joint/> or <freejoint/>"),
     Bad("static.xml", "static.xml", "give a body a <joint/> or <freejoint/>"),
-    Bad("no-links.urdf", "no-links.urdf", "give a body a <joint/> or <freejoint/>"),
+    Bad("no-links.urdf", "no-links.urdf", "a floating joint to a link named world"),
     Bad("check nothing.xml", "nothing.xml", "give a body a <joint/>"),
     Bad("stability nothing.xml", "nothing.xml", "give a body a <joint/>"),
     Bad("tradeoff nothing.xml", "nothing.xml", "give a body a <joint/>"),

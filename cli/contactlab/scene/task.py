@@ -51,8 +51,8 @@ def check_motion(model: mujoco.MjModel) -> None:
     """Check that something moves; a SceneError says what to add."""
     if not model.nv or not np.any(model.body_mass[model.body_weldid > 0] > 0):
         raise SceneError(
-            "nothing in it moves that has mass, so there is nothing to judge; give a body a geom "
-            "and a <joint/> or <freejoint/>, in a URDF a floating joint to a link named world"
+            "nothing in it moves that has mass, so there is nothing to judge; give a body a "
+            "<joint/> or <freejoint/> and a geom, in a URDF a floating joint to a link named world"
         )
 
 
