@@ -148,7 +148,7 @@ LOOKALIKES = {
     ),
     "a mat as soft as its solimp is wide": (
         world(MAT.format(solref=0.04, solimp=".3 .6 .02")),
-        world(MAT.format(solref=0.09, solimp=".59 .6 .001")),
+        world(MAT.format(solref=0.15, solimp=".59 .6 .001")),
         "deep_penetration",
     ),
     "a start outside of a limit": (

@@ -32,7 +32,7 @@ RAMP = """<mujoco><worldbody>
 """
 HOSTILE = "<img src=x onerror='window.hit=1'>"
 HOSTILE_MODEL = """<mujoco><worldbody><geom name="floor" type="plane" size="1 1 .1"/>
-  <body name="b" pos="0 0 .09"><freejoint/><geom name="{name}" size=".1"/></body></worldbody>
+  <body name="b" pos="0 0 .03"><freejoint/><geom name="{name}" size=".1"/></body></worldbody>
 </mujoco>
 """
 
