@@ -12,7 +12,7 @@ import numpy as np
 from atlas.entry import ROOT, Confirmation, Entry
 from contactlab.run.sweep_request import SceneLoader
 from contactlab.scene.model_writer import write_model
-from contactlab.studies.examine.changes import edits_of, fresh
+from contactlab.studies.examine.changes import SOFT_ROWS, edits_of, fresh
 from contactlab.studies.examine.task_motions import task_motions
 
 SCRIPT = "atlas/confirm.py"
@@ -23,13 +23,6 @@ _OF_LABELS = {
     "broken": ["--of", "depth"],
     "diverged": ["--of", "warning"],
     "energy_injection": ["--of", "energy", "--body", "world"],  # that of the whole model
-}
-# Of labels that stiffer contacts or limits remove: the row whose change is meant then.
-_STIFFER = {
-    "deep_penetration": "contact softness",
-    "tunneling": "contact softness",
-    "broken": "contact softness",
-    "constraint_violated": "limit softness",
 }
 _SEEDS = range(3)
 _SECONDS = 60
@@ -85,7 +78,9 @@ def nearer(entry: Entry, file: Path, folder: Path) -> Iterator[tuple[str, bool, 
     reasons = report.budget.reasons if report.budget else ()
     row = reasons[0].row if reasons and reasons[0].row not in _STEPS else "run"
     row = "run" if row == "solver" else row
-    softness = next((_STIFFER[each.label] for each in report.labels if each.label in _STIFFER), row)
+    # Of labels that stiffer parts remove: the first row whose change is meant then.
+    soft = (SOFT_ROWS[each.label][0] for each in report.labels if each.label in SOFT_ROWS)
+    softness = next(soft, row)
     write_inputs(file, folder / "inputs.npz", unseen=True)
     by_name = {change.name: change for change in report.changes}
     for place, changed in enumerate(entry.changed):

@@ -252,6 +252,26 @@ SEEN = """
 </mujoco>"""
 
 
+def said_of_planted(
+    folder: Path,
+    name: str,
+    part: str,
+    change: tuple[str, str],
+    model: mujoco.MjModel,
+    steps: int,
+) -> str:
+    """Return what an adapter says of a model, which it simulates, once its code is changed."""
+    shutil.copytree(ADAPTERS, folder / "adapters")
+    engine, changed = folder / "adapters" / f"{name}.py", folder / "adapters" / part
+    text, data = changed.read_text(encoding="utf-8"), mujoco.MjData(model)
+    assert not isinstance(simulated(AdaptedEngine(engine), model, data, steps), str)
+    assert text.count(change[0]) == 1
+    changed.write_text(text.replace(*change), encoding="utf-8")
+    found = simulated(AdaptedEngine(engine), model, data, steps)
+    assert isinstance(found, str)
+    return found
+
+
 @pytest.mark.night
 @pytest.mark.parametrize(
     ("name", "code", "planted", "told"),
@@ -260,17 +280,8 @@ SEEN = """
 def test_what_is_changed_on_the_way_is_found(
     tmp_path: Path, name: str, code: str, planted: str, told: str
 ) -> None:
-    shutil.copytree(ADAPTERS, tmp_path / "adapters")
-    file = tmp_path / "adapters" / f"{name}.py"
-    text = file.read_text(encoding="utf-8")
     model = mujoco.MjModel.from_xml_string(SEEN)
-    data = mujoco.MjData(model)
-    assert not isinstance(simulated(AdaptedEngine(file), model, data, 20), str)
-    assert text.count(code) == 1
-    file.write_text(text.replace(code, planted), encoding="utf-8")
-    found = simulated(AdaptedEngine(file), model, data, 20)
-    assert isinstance(found, str)
-    assert told in found
+    assert told in said_of_planted(tmp_path, name, f"{name}.py", (code, planted), model, 20)
 
 
 PLANTED_IN_DYNAMICS = [
@@ -305,19 +316,10 @@ PUSHED = """
 def test_what_is_changed_on_the_way_to_free_bodies_and_arms_is_found(
     tmp_path: Path, name: str, part: str, code: str, planted: str, told: str
 ) -> None:
-    shutil.copytree(ADAPTERS, tmp_path / "adapters")
-    file, changed = tmp_path / "adapters" / f"{name}.py", tmp_path / "adapters" / part
-    text = changed.read_text(encoding="utf-8")
     model = mujoco.MjModel.from_xml_string(
         PUSHED if name == "drake" else (ADAPTED / "tree.xml").read_text(encoding="utf-8")
     )
-    data = mujoco.MjData(model)
-    assert not isinstance(simulated(AdaptedEngine(file), model, data, 2), str)
-    assert text.count(code) == 1
-    changed.write_text(text.replace(code, planted), encoding="utf-8")
-    found = simulated(AdaptedEngine(file), model, data, 2)
-    assert isinstance(found, str)
-    assert told in found
+    assert told in said_of_planted(tmp_path, name, part, (code, planted), model, 2)
 
 
 @pytest.mark.night

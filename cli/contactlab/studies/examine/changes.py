@@ -42,13 +42,13 @@ from contactlab.studies.session import Values
 Removes = Literal["verdict", "labels", "overlap"]
 _PYRAMIDAL = int(mujoco.mjtCone.mjCONE_PYRAMIDAL)
 _STIFF_FRICTION = "elliptic cones with impratio 10"
-# Labels of what is too soft, and the rows of the budget that its changes are of.
-_SOFT_ROWS = {
+SOFT_ROWS = {
     "deep_penetration": ("contact softness",),
     "tunneling": ("contact softness",),
     "broken": ("contact softness",),
     "constraint_violated": ("limit softness", "equality softness"),
 }
+"""Labels of what is too soft, and the rows of the budget that its changes are of."""
 
 
 def fresh(task: Task) -> Task:
@@ -307,7 +307,7 @@ def candidates_against_labels(
     steps; then stiffer contacts or limits of what labels name, and of all. There are none where the
     numerics are at fault: those come first.
     """
-    named = [label for label in labels if label.label in _SOFT_ROWS]
+    named = [label for label in labels if label.label in SOFT_ROWS]
     if verdict.word not in ("sound", "model") or not labels:
         return ()
     finer = [
@@ -332,7 +332,7 @@ def candidates_against_labels(
             sentence=label.reason,
         )
         for label in named
-        for row in _SOFT_ROWS[label.label]
+        for row in SOFT_ROWS[label.label]
     )
     stiffer = field_changes(motions, Verdict("model", verdict.within, reasons)) if reasons else ()
     return (
