@@ -93,6 +93,29 @@ def test_an_exercise_rests_and_then_moves_all(scene: Scene, tmp_path: Path) -> N
     assert (np.abs(inputs[1200:] - middle).max(axis=0) > 0.99 * reach).all()
 
 
+POSTURE = """<mujoco><compiler angle="radian"/><option gravity="0 0 0"/><worldbody>
+<body><joint name="a"/><geom size=".1" mass="1"/></body>
+<body pos="1 0 0"><joint name="b" type="slide"/><geom size=".1" mass="1"/></body>
+<body pos="2 0 0"><joint name="c"/><geom size=".1" mass="1"/></body></worldbody>
+<tendon><fixed name="t"><joint joint="b" coef="-2"/></fixed></tendon><actuator>
+<position joint="a" gear="3" kp="5" kv="1"/><position tendon="t" kp="50" kv="4" timeconst=".02"/>
+<general joint="c" biastype="affine" gainprm="2" biasprm="1 -4 -1" ctrlrange="0 .5"
+  ctrllimited="true"/><motor joint="a"/><velocity joint="a" kv="1"/></actuator>
+<keyframe><key name="posture" qpos=".7 .3 .1"/></keyframe></mujoco>"""
+
+
+def test_servos_hold_a_posture_that_has_no_controls(tmp_path: Path) -> None:
+    """At rest no servo pulls, but one whose range ends before; of the model's own, all are 0."""
+    path = tmp_path / "posture.xml"
+    path.write_text(POSTURE)
+    scene = Scene.open(str(path)).with_drive("exercise", tmp_path)
+    runs = [scene.resolve({"keyframe": name}, 0, 1.0) for name in ("posture", "qpos0")]
+    held, reference = (scene.starts([run]).ctrl[0] for run in runs)
+    # Lengths are 3 x .7, -2 x .3 and .1; of the third, (4 x .1 - 1) / 2 is below its range.
+    assert held == pytest.approx([2.1, -0.6, 0, 0, 0])
+    assert not reference.any()
+
+
 def test_all_timesteps_see_the_same_controls(scene: Scene, tmp_path: Path) -> None:
     """Where steps and changes coincide, to the bit; a step between two has that of the first."""
     exercised = scene.with_drive("exercise", tmp_path)

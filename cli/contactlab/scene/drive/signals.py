@@ -64,7 +64,7 @@ def _unlimited(model: mujoco.MjModel, actuator: int) -> tuple[float, float]:
     elif dynamics == _INTEGRATOR or (affine and bias[2] and not bias[1]):
         ends = -_SPEED, _SPEED
     elif affine and bias[1]:
-        ends = (-bias[1] * _lengths(model, actuator) - bias[0]) / gain
+        ends = _servo_control(model, actuator, _lengths(model, actuator))
     elif model.actuator_forcelimited[actuator]:
         ends = model.actuator_forcerange[actuator] / gain
     else:
@@ -81,11 +81,39 @@ def _lengths(model: mujoco.MjModel, actuator: int) -> Floats:
     return np.array([-_WAY, _WAY]) + model.actuator_length0[actuator]
 
 
-def neutral_controls(model: mujoco.MjModel) -> Floats:
-    """Return (nu,) zero, or the middle of the range of a control that excludes zero."""
+def _servo_control(model: mujoco.MjModel, actuator: int, lengths: Floats) -> Floats:
+    """Return the controls at which a position servo's force is zero at rest at some lengths."""
+    bias = model.actuator_biasprm[actuator]
+    return (-bias[1] * lengths - bias[0]) / model.actuator_gainprm[actuator, 0]
+
+
+def neutral_controls(model: mujoco.MjModel, qpos: Floats) -> Floats:
+    """Return (nu,) the controls of a posture, (nq,), that comes without any.
+
+    They are zero, or the middle of a range that excludes zero. A position servo holds a posture
+    that is another than the model's reference: it is there that its author wants it.
+    """
     low, high = np.asarray(model.actuator_ctrlrange, dtype=np.float64).reshape(-1, 2).T
-    outside = np.asarray(model.actuator_ctrllimited).astype(bool) & ((low > 0) | (high < 0))
-    return np.where(outside, (low + high) / 2, 0.0)
+    limited = np.asarray(model.actuator_ctrllimited).astype(bool)
+    outside = limited & ((low > 0) | (high < 0))
+    controls = np.where(outside, (low + high) / 2, 0.0)
+    if np.array_equal(qpos, model.qpos0):
+        return controls
+    held = np.flatnonzero(
+        (np.asarray(model.actuator_gaintype) == _FIXED)
+        & (np.asarray(model.actuator_biastype) == _AFFINE)
+        & (np.asarray(model.actuator_dyntype) != _INTEGRATOR)
+        & (np.asarray(model.actuator_biasprm)[:, 1] < 0)
+        & (np.asarray(model.actuator_gainprm)[:, 0] > 0)
+    )
+    data = mujoco.MjData(model)
+    data.qpos[:] = qpos
+    mujoco.mj_fwdPosition(model, data)
+    for actuator in held:
+        control = _servo_control(model, int(actuator), data.actuator_length[actuator])
+        ends = (low[actuator], high[actuator]) if limited[actuator] else (-np.inf, np.inf)
+        controls[actuator] = np.clip(control, *ends)
+    return controls
 
 
 def pushed_bodies(model: mujoco.MjModel) -> NDArray[np.intp]:
