@@ -2,18 +2,21 @@
 
 Run: python -m bench.many_shards WAY FOLDER [SHARDS], where WAY is `here`, `slurm` or `ray`
 
-Shards run in random order, each in a process group of its own, through the workers of this machine,
-through submitit's local executor, or on the Ray cluster that RAY_ADDRESS names. A doomed shard is
-killed with all that it started, soon after its first rows are in its journal. What no clock decides
-is compared: the digest of the physics, the table without costs and times, the bytes of
-traces. A call that was interrupted goes on where it was.
+Shards run in random order, each in a process group of its own, forked from one that has loaded all
+but the workers: with a worker of this machine, through submitit's local executor, or on the Ray
+cluster that RAY_ADDRESS names. A doomed shard is killed with all of its group, at a random moment
+of the time that the shard before it took to write its store. What no clock decides is compared: the
+digest of the physics, the table without costs and times, the bytes of traces. A call that was
+interrupted goes on where it was.
 """
 
 import os
+import shutil
 import signal
 import sys
 import time
 from pathlib import Path
+from statistics import median
 from typing import Any
 
 import numpy as np
@@ -21,7 +24,7 @@ import pyarrow.parquet as pq
 
 import contactlab
 from contactlab.store.finished_store import Store
-from contactlab.store.store_files import MANIFEST, TABLE
+from contactlab.store.store_files import IDENTITY, MANIFEST, TABLE
 from contactlab.store.table_layout import COLUMNS_OF_MACHINE
 from contactlab.store.verify_store import verify
 
@@ -35,11 +38,10 @@ SWEEP: dict[str, Any] = {
     "axes": {"timestep": [1e-3, 2e-3], "drop_height": [0.1, 0.2]},
 }
 WAYS: dict[str, dict[str, Any]] = {
-    "here": {"workers": 1},
-    "slurm": {"executor": "slurm", "address": "cluster=local,timeout_min=5", "workers": 1},
-    "ray": {"executor": "ray", "address": os.environ.get("RAY_ADDRESS"), "workers": 1},
+    "here": {},
+    "slurm": {"executor": "slurm", "address": "cluster=local,timeout_min=5"},
+    "ray": {"executor": "ray", "address": os.environ.get("RAY_ADDRESS")},
 }
-_LATEST = 0.5  # how long a doomed shard lives after its first rows at most [s]
 
 
 def main() -> None:
@@ -47,50 +49,71 @@ def main() -> None:
     way, folder, shards = sys.argv[1], Path(sys.argv[2]), int([*sys.argv, SHARDS][3])
     one, merged = folder / "one", folder / "merged"
     contactlab.sweep(SWEEP, output=one, workers=0)
-    rng = np.random.default_rng(shards)
-    order = (1 + rng.permutation(shards)).tolist()
-    doomed, killed = {*order[::EVERY]}, 0
-    for number in order:
-        place = folder / f"shard-{number}"
-        if number in doomed and not place.exists():
-            killed += _killed(way, place, f"{number}/{shards}", float(rng.uniform(0, _LATEST)))
-        if not (place / MANIFEST).exists():
-            child = _started(way, place, f"{number}/{shards}")
-            assert os.waitpid(child, 0)[1] == 0, f"shard {number} failed"
-    places = [folder / f"shard-{number}" for number in (1 + rng.permutation(shards)).tolist()]
+    run_all(way, folder, shards)
+    places = [folder / f"shard-{number}" for number in range(1, shards + 1)]
     if not (merged / MANIFEST).exists():
-        contactlab.merge(places, output=merged)
-    print(f"{way}: {shards} shards, {killed} killed as they wrote; {_likeness(one, merged)}")
+        shuffled = np.random.default_rng(shards + 1).permutation(shards)
+        contactlab.merge([places[number] for number in shuffled], output=merged)
+    killed = (folder / "killed").read_text().splitlines() if (folder / "killed").exists() else []
+    took = median(written_in(place) for place in places)
+    print(f"{way}: {shards} shards, {len(killed)} killed; {likeness(one, merged)}")
+    print(f"  a shard writes its store within {took:.2f} s (median)")
 
 
-def _started(way: str, place: Path, shard: str) -> int:
+def run_all(way: str, folder: Path, shards: int) -> None:
+    """Run every shard that is not finished, in random order, and kill some of them first."""
+    rng = np.random.default_rng(shards)
+    order, longest = (1 + rng.permutation(shards)).tolist(), 1.0
+    doomed = {*order[EVERY // 2 :: EVERY]}
+    for number in order:
+        place, after = folder / f"shard-{number}", float(rng.uniform(0, 1))
+        while number in doomed and not place.exists():
+            kill_once(started(way, place, f"{number}/{shards}"), place, longest * after)
+            after /= 2
+        if not (place / MANIFEST).exists():
+            begin = time.time()
+            child = started(way, place, f"{number}/{shards}")
+            assert os.waitpid(child, 0)[1] == 0, f"shard {number} failed"
+            print(f"shard {number}: {time.time() - begin:.1f} s", flush=True)
+        longest = written_in(place)
+
+
+def started(way: str, place: Path, shard: str) -> int:
     """Run a shard in a process group of its own; return its id."""
     child = os.fork()
     if child:
         return child
     os.setsid()
     try:
-        contactlab.sweep(SWEEP, output=place, shard=shard, **WAYS[way])
+        contactlab.sweep(SWEEP, output=place, shard=shard, workers=1, **WAYS[way])
     except BaseException as error:  # noqa: BLE001 - said, and told to the parent
         print(f"shard {shard}: {error}", file=sys.stderr, flush=True)
         os._exit(1)
     os._exit(0)
 
 
-def _killed(way: str, place: Path, shard: str, after: float) -> bool:
-    """Kill a shard some time after its first rows; return whether it was unfinished then."""
-    child, journal = _started(way, place, shard), place / "journal.jsonl"
-    while not (journal.exists() and journal.stat().st_size) and not (place / MANIFEST).exists():
-        assert os.waitpid(child, os.WNOHANG) == (0, 0), f"shard {shard} failed"
+def kill_once(child: int, place: Path, after: float) -> None:
+    """Kill a shard so long after its store began [s]; remove the store if it was whole by then."""
+    while not (place / IDENTITY).exists():
+        assert os.waitpid(child, os.WNOHANG) == (0, 0), f"{place.name} failed"
         time.sleep(0.002)
     time.sleep(after)
-    was_finished = (place / MANIFEST).exists()
     os.killpg(child, signal.SIGKILL)
     os.waitpid(child, 0)
-    return not was_finished
+    if (place / MANIFEST).exists():
+        shutil.rmtree(place)
+    else:
+        with (place.parent / "killed").open("a") as told:
+            told.write(f"{place.name}, {after:.3f} s after its store began\n")
 
 
-def _likeness(one: Path, merged: Path) -> str:
+def written_in(place: Path) -> float:
+    """Return how long a store took from its first file to its last [s]."""
+    return (place / MANIFEST).stat().st_mtime - (place / IDENTITY).stat().st_mtime
+
+
+def likeness(one: Path, merged: Path) -> str:
+    """Return in words what is equal in two stores."""
     tables = [pq.read_table(folder / TABLE) for folder in (one, merged)]
     names = [name for name in tables[0].column_names if name not in COLUMNS_OF_MACHINE]
     equal = sum(tables[0][name].equals(tables[1][name]) for name in names)

@@ -354,7 +354,8 @@ def redo(store: Path, level: int) -> None:
             manifest["expectations"] = manifest.get("expectations", {})
             manifest["sweep"]["runs_asked"] = manifest["runs"]
             manifest |= digests_of(store / TABLE)._asdict()
-            manifest["sweep"]["plan_hash"] = _plan_hash(store)
+            seeds = manifest["sweep"]["resolved"]["seeds"]
+            manifest["sweep"]["plan_hash"] = _plan_hash(store, seeds)
             _write(store / IDENTITY, manifest["sweep"])
             manifest["files"][IDENTITY] = hashlib.sha256(
                 (store / IDENTITY).read_bytes()
@@ -365,9 +366,11 @@ def redo(store: Path, level: int) -> None:
         return
 
 
-def _plan_hash(store: Path) -> str:
-    ids: list[str] = pq.read_table(store / TABLE)["run_id"].to_pylist()
-    return hashlib.sha256("".join(ids).encode()).hexdigest()[:32]
+def _plan_hash(store: Path, seeds: Any) -> str:
+    rows = pq.read_table(store / TABLE, columns=["run_id", "index"]).to_pylist()
+    each = seeds if isinstance(seeds, int) else len(seeds)
+    firsts = "".join(row["run_id"] for row in rows if row["index"] % each == 0)
+    return hashlib.sha256(firsts.encode()).hexdigest()[:32]
 
 
 def _write_changed(path: Path, chance: random.Random) -> int:

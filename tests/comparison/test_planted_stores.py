@@ -112,9 +112,9 @@ BROKEN: dict[str, tuple[Callable[[Any, Path], object], str]] = {
     ),
     "another schema version": (
         lambda by, store: by.substitute(
-            store / "manifest.json", '"store_version": 3', '"store_version": 4'
+            store / "manifest.json", '"store_version": 4', '"store_version": 5'
         ),
-        "cannot be read: .*is of store version 4; this contactlab reads version 3",
+        "cannot be read: .*is of store version 5; this contactlab reads version 4",
     ),
     "another record version": (
         lambda by, store: by.reshare(store, "schema_version", 9),

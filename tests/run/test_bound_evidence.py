@@ -6,6 +6,7 @@ import shutil
 import struct
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -29,13 +30,14 @@ from contactlab.store.store_files import document_json
 from contactlab.store.verify_store import unverified, verify
 
 Attack = Callable[[Path], None]
+SEEDS = 2
 
 
 @pytest.fixture(scope="module")
 def sound(make_sweeper: Callable[[Path], Any], tmp_path_factory: pytest.TempPathFactory) -> Path:
     sweeper = make_sweeper(tmp_path_factory.mktemp("sound"))
     sweeper.run(
-        "{version: 1, scene: ball_drop, duration: 0.1, seeds: 2, "
+        f"{{version: 1, scene: ball_drop, duration: 0.1, seeds: {SEEDS}, "
         "axes: {timestep: [1.0e-3, 2.0e-3], drop_height: [0.02, 0.1]}}"
     )
     return sweeper.folder / "store"
@@ -127,14 +129,15 @@ def edit_shared(name: str, change: Callable[[Any], Any]) -> Attack:
     return attack
 
 
-def exchange_runs(store: Path) -> None:
+def exchange_runs(store: Path, other: int) -> None:
     """Exchange two runs, their places in the plan too, and state the hash of the new order."""
     table = pq.read_table(store / "runs.parquet")
-    place = table.schema.get_field_index("index")
-    order, indices = [1, 0, *range(2, table.num_rows)], table.column("index")
+    place, indices = table.schema.get_field_index("index"), table.column("index")
+    order = [*range(table.num_rows)]
+    order[0], order[other] = other, 0
     table = table.take(order).set_column(place, table.schema.field("index"), indices)
-    ids = "".join(table["run_id"].to_pylist())
-    in_manifest("sweep", "plan_hash", value=hashlib.sha256(ids.encode()).hexdigest()[:32])(store)
+    firsts = "".join(table["run_id"].to_pylist()[::SEEDS])
+    in_manifest("sweep", "plan_hash", value=hashlib.sha256(firsts.encode()).hexdigest()[:32])(store)
     rewrite(store, table)
 
 
@@ -240,7 +243,8 @@ def drop_traces(store: Path) -> None:
         (edited("tolerances_met", lambda _: True), "tolerances_met is not what its metrics give"),
         (edited("status_reason", lambda _: "all is well"), "its status_reason is not what the"),
         (edit_model, "its files have the hash"),
-        (exchange_runs, "plan_hash is not what the sweep"),
+        (partial(exchange_runs, other=SEEDS), "plan_hash is not what the sweep"),
+        (partial(exchange_runs, other=1), "its runs are not at their places in the plan"),
         (edited("index", lambda _: 1, 0), "not in the order of their index"),
         (edited("index", lambda _: 9, -1), "its runs are not at their places in the plan"),
         (

@@ -118,7 +118,7 @@ def test_three_axes_are_told_by_layers() -> None:
     x, _, z = np.mgrid[:5, :5, :5]
     codes = (x + z > 6).astype(np.int32)
     axes = {name: tuple(map(float, range(5))) for name in "xyz"}
-    grid = WholeGrid(runs=125, plan_hash="0", axes=axes)
+    grid = WholeGrid(runs=125, axes=axes)
     sides = Sides({"seed": 0}, ("holds", "slips"), codes, np.ones_like(codes, bool))
     assert [*boundary_lines(Boundaries("label", grid, ("m", "1", "kg"), (sides,)))] == [
         "for z of 2 kg or less:",
@@ -134,7 +134,7 @@ def limited(
     codes: list[list[int]], seeds: list[int], scenarios: list[float], sought: str
 ) -> list[str]:
     """Return what is told of the last sound step of 1 to 5 ms; 1 of each code is sound."""
-    grid = WholeGrid(runs=9, plan_hash="0", axes={"timestep": (1e-3, 2e-3, 3e-3, 4e-3, 5e-3)})
+    grid = WholeGrid(runs=9, axes={"timestep": (1e-3, 2e-3, 3e-3, 4e-3, 5e-3)})
     limit = Limit.model_validate({sought: "timestep", "to": 5})
     sides = tuple(
         Sides(

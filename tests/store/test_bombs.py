@@ -66,7 +66,7 @@ def test_a_row_is_of_bounded_size(store: Path, monkeypatch: pytest.MonkeyPatch) 
 
 @pytest.mark.parametrize("name", ["manifest.json", "sweep.json"])
 def test_deep_nesting_is_damage(store: Path, name: str) -> None:
-    (store / name).write_text('{"store_version": 3, "x": ' + "[" * 200_000)
+    (store / name).write_text('{"store_version": 4, "x": ' + "[" * 200_000)
     try:
         problems = verify(store)
     except StoreError as error:

@@ -143,7 +143,7 @@ def test_no_store(tmp_path: Path) -> None:
         verify(tmp_path)
 
 
-@pytest.mark.parametrize("text", ["", "{", "[]", "{}", '{"store_version": 3}'])
+@pytest.mark.parametrize("text", ["", "{", "[]", "{}", '{"store_version": 4}'])
 def test_a_damaged_manifest(store: Path, text: str) -> None:
     (store / "manifest.json").write_text(text)
     with pytest.raises(StoreError, match=r"manifest\.json is (damaged|of store version None)"):

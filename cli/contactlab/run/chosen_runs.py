@@ -56,11 +56,11 @@ class ChosenRuns(ABC):
 
     def whole(self, index: RunIndex) -> WholeGrid:
         """Return what is known of the whole grid."""
-        return WholeGrid(runs=len(index), plan_hash=index.hash)
+        return WholeGrid(runs=len(index))
 
     def part(self, index: RunIndex, identity: SweepIdentity) -> tuple[RunIndex, SweepIdentity]:
         """Return the index of the runs that were made, and the identity of a store of those."""
         made = np.fromiter(self.known, np.uint64, len(self.known))
         part = index.only(np.isin(index.ids, made))
-        own = {"runs_asked": len(part), "plan_hash": part.hash, "whole": self.whole(index)}
+        own = {"runs_asked": len(part), "whole": self.whole(index)}
         return part, identity.model_copy(update=own)

@@ -1,6 +1,5 @@
 """Shards of a sweep, joined into the store that one machine would have written."""
 
-import hashlib
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass
@@ -10,7 +9,6 @@ from pathlib import Path
 from shutil import copytree
 
 import numpy as np
-from numpy.typing import NDArray
 
 from contactlab.errors import OutputError, StoreError
 from contactlab.run.planned_runs import stored_sweep_scene
@@ -51,9 +49,9 @@ def merge_stores(
         raise OutputError(f"{target} is one of the shards; name another place with -o")
     stores, lacking = _opened(places, may_lack=may_lack)
     _check_same(stores)
-    ids = _ids(stores)
-    identity = _identity(stores, ids)
-    gaps = _gaps(stores, len(ids), lacking) if identity.whole else ""
+    runs = _runs(stores)
+    identity = _identity(stores, runs)
+    gaps = _gaps(stores, runs, lacking) if identity.whole else ""
     if gaps and not may_lack:
         raise StoreError(f"{gaps}; run what is missing, or add --partial to merge what there is")
     if not fresh and _is_merged(target, identity):
@@ -132,34 +130,29 @@ class _Scene:
         copytree(self.source, folder, dirs_exist_ok=True)
 
 
-def _ids(stores: Sequence[Store]) -> NDArray[np.bytes_]:
-    """Return (runs,) the ids of all runs in plan order, none of which two stores have."""
+def _runs(stores: Sequence[Store]) -> int:
+    """Return how many runs all have; a StoreError names one that two of them have."""
     places = [store.columns.numbers("index").values for store in stores]
     joined = np.concatenate(places)
     order = np.argsort(joined, kind="stable")
     of_store = np.repeat(np.arange(len(stores)), [len(part) for part in places])[order]
-    ids = np.concatenate([store.columns.byte_strings("run_id") for store in stores])[order]
     twice = np.flatnonzero(np.diff(joined[order]) == 0)
     if len(twice):
-        two = of_store[twice[0] : twice[0] + 2].tolist()
-        one, other = (stores[store].address for store in two)
+        one, other = (stores[store] for store in of_store[twice[0] : twice[0] + 2])
+        (row,) = np.flatnonzero(one.columns.numbers("index").values == joined[order[twice[0]]])
+        both = f"{one.address} and {other.address} both have run {one.columns.run_id(row)}"
         more = f" and {len(twice) - 1:,} others" if len(twice) > 1 else ""
-        run = ids.tolist()[twice[0]].decode()
-        raise StoreError(f"{one} and {other} both have run {run}{more}; leave one out")
-    return ids
+        raise StoreError(f"{both}{more}; leave one out")
+    return len(joined)
 
 
-def _identity(stores: Sequence[Store], ids: NDArray[np.bytes_]) -> SweepIdentity:
+def _identity(stores: Sequence[Store], runs: int) -> SweepIdentity:
     """Return the identity of all runs together: of the whole sweep, or of a part of it."""
     sweep = stores[0].manifest.sweep
-    asked, plan_hash = len(ids), hashlib.sha256(ids.tobytes()).hexdigest()[:32]
     if (whole := sweep.whole) is None:
         return sweep
-    grid = None
-    if (whole.runs, whole.plan_hash) != (asked, plan_hash):
-        grid = whole.model_copy(update={"shard": None})
-    own = {"runs_asked": asked, "plan_hash": plan_hash, "whole": grid}
-    return sweep.model_copy(update=own)
+    grid = None if whole.runs == runs else whole.model_copy(update={"shard": None})
+    return sweep.model_copy(update={"runs_asked": runs, "whole": grid})
 
 
 def _gaps(stores: Sequence[Store], runs: int, lacking: Sequence[str]) -> str:

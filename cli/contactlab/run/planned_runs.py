@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from copy import copy
 from functools import cached_property, partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +19,7 @@ from contactlab.engines import ENGINES, engine_of
 from contactlab.engines.engine import Watch, bytes_of_run, no_limit
 from contactlab.errors import OutputError, SceneError, StoreError, SweepFileError
 from contactlab.mjcf import AT_REST
-from contactlab.plan.grid import Plan
+from contactlab.plan.grid import Plan, Row
 from contactlab.run.tasks import Job, Task
 from contactlab.scene.compiled_scene import CompiledScene, PreparedModel
 from contactlab.scene.drive.located_drive import LocatedDrive
@@ -70,8 +71,9 @@ def reference_models(scene: Scene, sweep: Sweep, runs: Iterable[RunSpec]) -> dic
 class RunIndex:
     """The distinct runs of a plan, in its order; of equal runs, the first counts.
 
-    Each is resolved once if they are few. Of a large plan only the ids are kept, as numbers of 64
-    bits, and runs are resolved again, one after the other, when they are handed out.
+    Each is resolved once if they are few. Of a large plan only the first run of each row is, and
+    its id is kept: rows that begin with equal runs are equal, since all have the same seeds. The
+    others are resolved, and have their ids, when they are handed out.
     """
 
     def __init__(self, plan: Plan, scene: Scene) -> None:
@@ -84,36 +86,34 @@ class RunIndex:
         self._plan, self._scene = plan, scene
         # For each shape of runs, in order of appearance, the first of them.
         self.firsts: dict[Hashable, RunSpec] = {}
-        self._kept: list[RunSpec] | None = []
-        self._ids = np.fromiter(self._checked_ids(), np.uint64)
-        self._distinct = np.zeros(len(self._ids), bool)
-        self._distinct[np.unique(self._ids, return_index=True)[1]] = True
+        self._kept: list[RunSpec] | None = [] if plan.count <= MAX_KEPT else None
+        rows = np.fromiter(self._checked_rows(), np.uint64)
+        new, seeds = _firsts(rows), _firsts(np.array(plan.sweep.seed_values))
+        self.hash = hash_of_ids(rows[new])
+        """A hash of the id of the first run of each row, which no part of the runs changes."""
+        self._distinct = np.outer(new, seeds).ravel()[: plan.count]
 
     def __len__(self) -> int:
         """Return the number of distinct runs."""
         return int(np.count_nonzero(self._distinct))
 
     @cached_property
-    def hash(self) -> str:
-        """A hash of all ids in order."""
-        return hash_of_ids(self._ids[self._distinct])
-
-    @property
     def ids(self) -> NDArray[np.uint64]:
         """(runs of the plan) the ids in order, those of equal runs too."""
-        return self._ids
+        if self._kept is not None:
+            return np.array([int(run.run_id, 16) for run in self._kept], np.uint64)
+        rows = (ids for _, _, ids in self._identified())
+        return np.fromiter((int(run_id, 16) for ids in rows for run_id in ids), np.uint64)
 
     def only(self, wanted: NDArray[np.bool_]) -> "RunIndex":
         """Return the index of some (runs of the plan) of them."""
         part = copy(self)
-        vars(part).pop("hash", None)
         part._distinct = self._distinct & wanted
         return part
 
     def shard(self, number: int, shards: int) -> "RunIndex":
         """Return the index of every so many-th of the runs, from the given one on."""
         part = copy(self)
-        vars(part).pop("hash", None)
         places = np.flatnonzero(self._distinct)[number - 1 :: shards]
         part._distinct = np.zeros_like(self._distinct)
         part._distinct[places] = True
@@ -121,38 +121,31 @@ class RunIndex:
 
     def count(self, done: Collection[str]) -> int:
         """Return how many of the runs are among those that are done."""
-        ids = self._ids[self._distinct].tolist() if done else []
-        return sum(f"{number:016x}" in done for number in ids)
+        return len(self) - int(np.count_nonzero(self._left(done)))
 
     def has(self, run_id: str, index: int) -> bool:
         """Return whether a run of this id is at this place of the plan."""
         return (
             index < len(self._distinct)
             and bool(self._distinct[index])
-            and f"{self._ids[index]:016x}" == run_id
+            and f"{self.ids[index]:016x}" == run_id
         )
 
     def has_all(self, ids: NDArray[np.uint64], places: NDArray[np.int64]) -> NDArray[np.bool_]:
         """Return (n,) whether runs of these ids are at these places of the plan."""
-        known = (places >= 0) & (places < len(self._ids))
+        known = (places >= 0) & (places < len(self._distinct))
         within = np.where(known, places, 0)
-        return known & self._distinct[within] & (self._ids[within] == ids)
+        return known & self._distinct[within] & (self.ids[within] == ids)
 
     def runs(self, done: Collection[str] = ()) -> Iterator[RunSpec]:
         """Yield every run that is not done."""
-        distinct = self._distinct.tobytes()
+        left = self._left(done).tobytes()
         if self._kept is not None:
-            for run in self._kept:
-                if distinct[run.index] and run.run_id not in done:
-                    yield run
+            yield from (run for run in self._kept if left[run.index])
             return
-        duration = self._plan.sweep.duration
-        for row in self._plan.rows():
-            resolved: RunSpec | None = None
-            for index, seed in enumerate(row.seeds, row.first):
-                run_id = f"{self._ids[index]:016x}"
-                if distinct[index] and run_id not in done:
-                    resolved = resolved or self._scene.resolve(row.values, seed, duration)
+        for row, resolved, ids in self._identified(left):
+            for index, (seed, run_id) in enumerate(zip(row.seeds, ids, strict=True), row.first):
+                if left[index]:
                     yield resolved.planned(row.values, seed, run_id, index)
 
     def rows(self) -> Iterator[tuple[RunSpec, int]]:
@@ -163,26 +156,42 @@ class RunIndex:
             if count:
                 yield self._scene.resolve(row.values, row.seeds[0], duration), int(count)
 
-    def _checked_ids(self) -> Iterator[int]:
-        check, duration = _Check(self._scene), self._plan.sweep.duration
-        for row in self._plan.rows():
-            resolved, ids = self._scene.identified(row.values, row.seeds, duration)
-            for index, (seed, run_id) in enumerate(zip(row.seeds, ids, strict=True), row.first):
-                # Of a large plan only the first run of each row is made.
-                if index == row.first or self._kept is not None:
-                    self._note(resolved.planned(row.values, seed, run_id, index), row.first, check)
-                yield int(run_id, 16)
+    def _left(self, done: Collection[str]) -> NDArray[np.bool_]:
+        """Return (runs of the plan) which of the runs are not done."""
+        if not done:
+            return self._distinct
+        made = np.fromiter((int(run_id, 16) for run_id in done), np.uint64, len(done))
+        return self._distinct & ~np.isin(self.ids, made)
 
-    def _note(self, run: RunSpec, first: int, check: "_Check") -> None:
-        """Check a run if it is the first of its row, and keep it while runs are few."""
-        if run.index == first:
+    def _identified(
+        self, wanted: bytes | None = None
+    ) -> Iterator[tuple[Row, RunSpec, Iterator[str]]]:
+        """Yield each row that has a wanted run, what its runs share, and the ids of those."""
+        duration = self._plan.sweep.duration
+        for row in self._plan.rows():
+            if wanted is None or any(wanted[row.first : row.first + len(row.seeds)]):
+                yield row, *self._scene.identified(row.values, row.seeds, duration)
+
+    def _checked_rows(self) -> Iterator[int]:
+        """Yield the id of each row's first run, which is checked; keep all runs if they are few."""
+        check = _Check(self._scene)
+        for row, resolved, ids in self._identified():
+            run = resolved.planned(row.values, row.seeds[0], next(ids), row.first)
             shape = _shape(run)
             check(run, shape)
             self.firsts.setdefault(shape, run)
-        if self._kept is not None:
-            self._kept.append(run)
-            if len(self._kept) > MAX_KEPT:
-                self._kept = None
+            if self._kept is not None:
+                others = enumerate(zip(row.seeds[1:], ids, strict=True), row.first + 1)
+                more = (resolved.planned(row.values, seed, own, at) for at, (seed, own) in others)
+                self._kept += [run, *more]
+            yield int(run.run_id, 16)
+
+
+def _firsts(values: NDArray[Any]) -> NDArray[np.bool_]:
+    """Return (n,) which values (n,) are the first of their kind."""
+    first = np.zeros(len(values), bool)
+    first[np.unique(values, return_index=True)[1]] = True
+    return first
 
 
 def _shape(run: RunSpec) -> Hashable:

@@ -48,6 +48,5 @@ def part_of(
     whole: RunIndex, part: RunIndex, identity: SweepIdentity, shard: str | None = None
 ) -> SweepIdentity:
     """Return the identity of a store of a part of a grid's runs, which may be a shard."""
-    grid = WholeGrid(shard=shard, runs=len(whole), plan_hash=whole.hash)
-    own = {"runs_asked": len(part), "plan_hash": part.hash, "whole": grid}
+    own = {"runs_asked": len(part), "whole": WholeGrid(shard=shard, runs=len(whole))}
     return identity.model_copy(update=own)

@@ -322,7 +322,7 @@ class EvidenceRecord(Model):
     )
 
 
-STORE_VERSION = 3
+STORE_VERSION = 4
 Shard = Annotated[str, Field(pattern="^[1-9][0-9]*/[1-9][0-9]*$")]
 
 
@@ -335,7 +335,6 @@ class WholeGrid(Model):
         exclude_if=lambda shard: shard is None,
     )
     runs: int = about("Runs of the full grid.")
-    plan_hash: Hash = about("Hash of every run id of the full grid, in plan order.")
     axes: dict[str, tuple[Any, ...]] = about(
         "Values of each refined axis in the full grid.", default={}
     )
@@ -346,7 +345,7 @@ class WholeGrid(Model):
 class SweepIdentity(Model):
     """The definition of a store's runs; a resumed sweep must match it (`sweep.json`)."""
 
-    store_version: Literal[3] = STORE_VERSION
+    store_version: Literal[4] = STORE_VERSION
     name: str
     source: str = about("The sweep file's text.")
     overrides: tuple[str, ...] = about("--set, --only and --limit, as given.")
@@ -367,7 +366,10 @@ class SweepIdentity(Model):
     baseline: Hash | None = about(
         "Id of the first run of the scene as written, where the sweep asks for them.", default=None
     )
-    plan_hash: Hash = about("Hash of every run id in plan order.")
+    plan_hash: Hash = about(
+        "Hash of the id of each row's first run in plan order, a row being the runs that differ in "
+        "their seed alone; of the full grid, whichever part of it ran."
+    )
     whole: WholeGrid | None = about(
         "The grid that these runs are a part of, where not all of it ran; the counts above are "
         "then of the runs that were made.",
@@ -404,7 +406,7 @@ class ParameterBudget(Model):
 class StoreManifest(Model):
     """Contents of a finished store (`manifest.json`)."""
 
-    store_version: Literal[3] = STORE_VERSION
+    store_version: Literal[4] = STORE_VERSION
     sweep: SweepIdentity
     provenance: Provenance
     runs: int

@@ -124,6 +124,14 @@ class RunColumns:
             found[rows] = self._id_numbers(ids)
         return found
 
+    def plan_hash(self, seeds: int) -> str:
+        """Return the hash of the plan whose runs these are all, where a row has so many seeds."""
+        firsts = [
+            self._id_numbers(rows["run_id"])[numpy_array(rows["index"]) % seeds == 0]
+            for rows in self.batches(["run_id", "index"])
+        ]
+        return hash_of_ids(np.concatenate([np.empty(0, np.uint64), *firsts]))
+
     def _id_numbers(self, ids: pa.Array) -> NDArray[np.uint64]:
         places, letters = _places(ids), ids.buffers()[2]
         if ids.null_count or (np.diff(places) != _ID_DIGITS).any():
@@ -377,7 +385,7 @@ def rows_of(rows: _Rows, wanted: NDArray[np.bool_]) -> _Rows:
 
 
 def hash_of_ids(ids: NDArray[np.uint64]) -> str:
-    """Return the hash of the ids of runs (n,) in an order, of which a plan's is one."""
+    """Return the hash of the ids of runs (n,) in an order; of the first of each row, a plan's."""
     found = hashlib.sha256()
     for first in range(0, len(ids), _HASHED):
         found.update(ids[first : first + _HASHED].astype(">u8").tobytes().hex().encode())

@@ -229,7 +229,7 @@ def _whole(identity: SweepIdentity) -> dict[str, Any]:
     whole = identity.model_dump(exclude={"whole"})
     whole["resolved"] = {**identity.resolved, **dict.fromkeys(_CHOICES)}
     if grid := identity.whole:
-        whole |= {"runs_asked": grid.runs, "plan_hash": grid.plan_hash}
+        whole["runs_asked"] = grid.runs
     return whole
 
 

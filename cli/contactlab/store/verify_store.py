@@ -25,7 +25,7 @@ from contactlab.store.atomic_files import exchange_folders, sha256_of, sync_file
 from contactlab.store.controls_file import controls_name, read_controls
 from contactlab.store.finished_store import Store
 from contactlab.store.row_checks import RowChecks, is_null
-from contactlab.store.run_columns import RunColumns, chosen_rows, hash_of_ids, rows_of
+from contactlab.store.run_columns import RunColumns, chosen_rows, rows_of
 from contactlab.store.runs_table import RowsDigest, digests_of, write_compact_table
 from contactlab.store.store_files import (
     IDENTITY,
@@ -247,8 +247,13 @@ def _check_sweep(store: Store) -> Iterator[str]:
             yield f"{MANIFEST}: another {name} than {TABLE}"
     if f"{SCENES}/{sweep.scene_hash}/{sweep.scene_model}" not in store.manifest.files:
         yield f"{MANIFEST}: names no file of the scene's model, {sweep.scene_model}"
-    if hash_of_ids(columns.ids()) != sweep.plan_hash:
+    if sweep.whole is None and columns.plan_hash(_seeds(sweep)) != sweep.plan_hash:
         yield f"{TABLE}: its runs, in their order, are not those of the plan's hash"
+
+
+def _seeds(sweep: SweepIdentity) -> int:
+    seeds = sweep.resolved.get("seeds", 1)
+    return seeds if isinstance(seeds, int) else len(seeds)
 
 
 def _check_controls(store: Store) -> Iterator[str]:
