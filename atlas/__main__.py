@@ -13,10 +13,11 @@ from tempfile import TemporaryDirectory
 import mujoco
 
 from atlas.comparing import differences
+from atlas.confirming import asked_again, write_inputs
 from atlas.confirming import nearer as nearer_of
-from atlas.confirming import write_inputs
 from atlas.entry import RECORDS, ROOT, Entry, judge_digest, read_all, recorded, records_of
 from atlas.examining import unexamined
+from atlas.views import apart, contradictions, of_report, of_views
 from atlas.wheels import Robot, families
 
 Family = tuple[Robot, ...]
@@ -71,13 +72,51 @@ def tune(asked: argparse.Namespace) -> None:
         print(f"{family[0].name}: {said}", flush=True)
 
 
+def current(asked: argparse.Namespace) -> Iterator[Entry]:
+    """Yield the records that are current, of the families that are asked for."""
+    for family in named(asked.wheels, asked.only):
+        entry = recorded(family[0].name)
+        if entry is not None and is_current(family, entry):
+            yield entry
+
+
+def confirm(asked: argparse.Namespace) -> bool:
+    """Ask plain MuJoCo again for causes of current records; return whether it shows them all."""
+    whole = True
+    flagged = [entry for entry in current(asked) if entry.flagged]
+    for entry in flagged[: asked.most]:
+        with TemporaryDirectory(prefix="atlas-") as folder:
+            again = asked_again(entry, asked.wheels / entry.name, Path(folder))
+        again.save(RECORDS)
+        shown = again.confirmation
+        holds = shown is not None and shown.holds
+        whole &= holds
+        text = shown.shown if shown else "there is no question for what it names"
+        print(f"{'shown' if holds else 'NOT shown':9} {entry.name}: {text}", flush=True)
+    return whole
+
+
+def views(asked: argparse.Namespace) -> bool:
+    """Ask each view of models for what current records say; return whether none contradicts."""
+    whole = True
+    found = sorted(current(asked), key=lambda entry: entry.cpu or 0.0)
+    for entry in [entry for entry in found if entry.examination][: asked.most]:
+        report = entry.examination
+        assert report is not None
+        said = list(contradictions(report))
+        with TemporaryDirectory(prefix="atlas-") as folder:
+            file = str(asked.wheels / entry.name)
+            for view, answer in of_views(file, report.task, Path(folder)):
+                said += [f"{view}: {other}" for other in apart(of_report(report), answer)]
+        whole &= not said
+        print(f"{'; '.join(said) or 'one answer'}: {entry.name}", flush=True)
+    return whole
+
+
 def nearer(asked: argparse.Namespace) -> bool:
     """Print whether changes come nearer to what is meant, in plain MuJoCo; return whether all."""
     whole = True
-    for family in named(asked.wheels, asked.only):
-        entry = recorded(family[0].name)
-        if entry is None or not is_current(family, entry):
-            continue
+    for entry in list(current(asked))[: asked.most]:
         with TemporaryDirectory(prefix="atlas-") as folder:
             for name, near, text in nearer_of(entry, asked.wheels / entry.name, Path(folder)):
                 whole &= near
@@ -125,6 +164,19 @@ def compare(before: Path, changelog: Path) -> bool:
     return not untold
 
 
+_OF_CURRENT = {
+    "confirm": (confirm, "ask plain MuJoCo again for the causes that current records name"),
+    "nearer": (nearer, "ask plain MuJoCo whether changes of current records come nearer"),
+    "views": (views, "ask stability, check and sweep for what they say, the cheapest first"),
+}
+
+
+def _name_families(verb: argparse.ArgumentParser) -> None:
+    verb.add_argument("wheels", type=Path, help="folder of unpacked wheels, a folder each")
+    verb.add_argument("--only", default=[], nargs="*", metavar="TEXT", help="part of a name")
+    verb.add_argument("--most", type=int, help="how many at most")
+
+
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m atlas", description=__doc__)
     verbs = parser.add_subparsers(dest="verb", required=True)
@@ -134,15 +186,10 @@ def _parser() -> argparse.ArgumentParser:
     )
     tunes = verbs.add_parser("tune", help="add what tune recommends to records of sound models")
     for each, seconds in ((asks, 600), (tunes, 90)):
-        each.add_argument("wheels", type=Path, help="folder of unpacked wheels, a folder each")
-        each.add_argument("--only", default=[], nargs="*", metavar="TEXT", help="part of a name")
-        each.add_argument("--most", type=int, help="how many at most")
+        _name_families(each)
         each.add_argument("--seconds", type=int, default=seconds, help="of CPU for each")
-    nears = verbs.add_parser(
-        "nearer", help="ask plain MuJoCo whether changes of current records come nearer"
-    )
-    nears.add_argument("wheels", type=Path, help="folder of unpacked wheels, a folder each")
-    nears.add_argument("--only", default=[], nargs="*", metavar="TEXT", help="part of a name")
+    for verb, (_, does) in _OF_CURRENT.items():
+        _name_families(verbs.add_parser(verb, help=does))
     asks.add_argument("--jobs", type=int, default=1, help="how many at once")
     compares = verbs.add_parser("compare", help="say which verdicts changed, and fail if untold")
     compares.add_argument("before", type=Path, help="folder of the records of another release")
@@ -163,8 +210,9 @@ def main() -> None:
         run(asked)
     elif asked.verb == "tune":
         tune(asked)
-    elif asked.verb == "nearer":
-        sys.exit(not nearer(asked))
+    elif asked.verb in _OF_CURRENT:
+        ask, _ = _OF_CURRENT[asked.verb]
+        sys.exit(not ask(asked))
     elif not compare(asked.before, asked.changelog):
         sys.exit(1)
 

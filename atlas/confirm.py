@@ -6,12 +6,14 @@ the run's own states with what ROW names changed, and the velocities of the body
 windows are compared, where one step of slack, both ways, forgives when an impact happens. What they
 differ by, over what accelerated the body, is a share of phantom forces.
 
-ROW is `run` (the steps, against a sixteenth of them), `energy` (what the run gains or loses that
-fine steps do not), `warning` (what MuJoCo warns of), or what is changed in the model, at a quarter
-of its steps: `cone`, `impratio`, `noslip`, `solver`, `contact softness`, `limit softness`,
-`friction loss softness` or `equality softness`. It ends with 0 if it is 10 % or more, else with 1.
+ROW is `run` (the steps, against a sixteenth of them), `gain` or `loss` (of energy, that fine steps
+do not have; `energy` is either), `warning` (what MuJoCo warns of), or what is changed in the model,
+at a quarter of its steps: `cone`, `impratio`, `noslip`, `solver`, `contact softness`,
+`limit softness`, `friction loss softness` or `equality softness`. It ends with 0 if it is 10 % or
+more, else with 1.
 Beside these, `limit` is the joint or tendon that goes farthest beyond its range, by half of it or
-more, and `depth` the deepest contact, beyond the middle of the thinner geom; they need no body.
+more, `depth` the deepest contact, beyond the middle of the thinner geom, and `iterations` how far
+forces and accelerations still differ where the solver used all that it may; they need no body.
 
 `--against CHANGED` asks something else: whether a changed model is nearer than the model to what is
 meant, the model at a sixteenth of its step with what ROW names changed, if that is of the model.
@@ -25,6 +27,7 @@ import argparse
 import re
 import sys
 from collections.abc import Callable, Iterator
+from operator import neg
 from pathlib import Path
 from typing import NamedTuple
 
@@ -40,6 +43,9 @@ WITHIN = 0.1
 _FINEST = 16  # steps in one
 _EARTH = 9.81  # m/s^2, of pushes where there is no gravity
 STRAINS = ("limit", "depth")
+BODILESS = ("warning", "iterations", *STRAINS)
+SIGNS: dict[str, Callable[[float], float]] = {"gain": float, "loss": neg, "energy": abs}
+_LEAST = 1e-3  # of the largest force: below it, one is no scale
 _STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 
 
@@ -301,7 +307,7 @@ class Sums:
         """Run a window by both models from a state, and compare them."""
         (mine, energy), (fine, reference) = own.run(state, drive), other.run(state, drive)
         apart = _parted(own, mine, other, fine)
-        path = mine[own.whole, self._body]
+        path = fine[other.whole, self._body]
         self._real += float(np.linalg.norm(np.diff(path, axis=0), axis=-1).sum()) + self._fall
         self._real += 0.0 if self._gains else float(np.linalg.norm(path[0]))
         self._parted += float(apart[self._body])
@@ -453,17 +459,41 @@ def _depths(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[tuple[str, f
         yield f"contact {' - '.join(names)}", float(max(0.0, -contact.dist) / thin)
 
 
+def unsolved(path: Path, case: Case) -> tuple[bool, str]:
+    """Return whether forces and accelerations differ where the solver used all its iterations.
+
+    MuJoCo measures by its flag fwdinv how far; it is a share of the constraints' force there, in
+    the 99th percentile of these steps.
+    """
+    model = load(path)
+    model.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_FWDINV)
+    data, drive = started(model, case)
+    steps = round((REST + DRIVEN) / model.opt.timestep)
+    used, gap, force = np.zeros(steps, bool), np.zeros(steps), np.zeros(steps)
+    for step in range(steps):
+        drive(data, data.time)
+        mujoco.mj_step(model, data)
+        used[step] = data.solver_niter.max(initial=0) >= model.opt.iterations
+        gap[step], force[step] = data.solver_fwdinv[1], np.linalg.norm(data.qfrc_constraint)
+    share = gap / np.maximum(force, _LEAST * force.max(initial=0) + 1e-300)
+    worst = float(np.quantile(share[used], 0.99)) if used.any() else 0.0
+    often = f"all {model.opt.iterations} iterations used in {100 * used.mean():.3g} % of the steps"
+    return worst >= WITHIN, f"{often}, where forces are off by {100 * worst:.3g} %"
+
+
 def shown(path: Path, case: Case) -> tuple[bool, str]:
     """Return whether plain MuJoCo shows what is asked for, and what it shows."""
     if case.row in STRAINS:
         return strained(path, case)
+    if case.row == "iterations":
+        return unsolved(path, case)
     if case.row == "warning":
         said = warned(path, case)
         return bool(said), "; ".join(said) or "no warning"
     found = list(phases(path, case))
-    if case.row == "energy":
-        worst = max((phase.energy for phase in found), key=abs)
-        return abs(worst) >= WITHIN, f"energy: {100 * worst:+.2g} %"
+    if case.row in SIGNS:
+        worst = max((phase.energy for phase in found), key=SIGNS[case.row])
+        return SIGNS[case.row](worst) >= WITHIN, f"energy: {100 * worst:+.3g} %"
     worst = max(found)
     text = f"{case.body}: {100 * worst.share:.2g} %, {1e3 * worst.speed:.3g} mm/s a window"
     return worst.share >= WITHIN or not np.isfinite(worst.share), text
@@ -476,7 +506,7 @@ def main() -> None:
     )
     parser.add_argument("model", type=Path)
     parser.add_argument(
-        "--of", default="run", choices=["run", "energy", "warning", "solver", *CHANGES, *STRAINS]
+        "--of", default="run", choices=["run", "solver", *SIGNS, *CHANGES, *BODILESS]
     )
     parser.add_argument("--body", default="", help="which is judged")
     parser.add_argument("--start", default="qpos0", help="a keyframe, or key[NUMBER]")
@@ -493,7 +523,7 @@ def main() -> None:
         )
         print(f"{'nearer' if near else 'not nearer'}: {text}")
         sys.exit(not near)
-    if not asked.body and asked.of not in {"warning", *STRAINS}:
+    if not asked.body and asked.of not in BODILESS:
         parser.error("name a body: --body NAME, or --body 'body[3]'")
     holds, text = shown(
         asked.model, Case(asked.of, asked.body, asked.start, asked.held, asked.seed, asked.inputs)

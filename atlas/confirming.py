@@ -12,17 +12,20 @@ import numpy as np
 from atlas.entry import ROOT, Confirmation, Entry
 from contactlab.run.sweep_request import SceneLoader
 from contactlab.scene.model_writer import write_model
+from contactlab.schema.examination import ModelChange
 from contactlab.studies.examine.changes import SOFT_ROWS, edits_of, fresh
 from contactlab.studies.examine.task_motions import task_motions
 
 SCRIPT = "atlas/confirm.py"
-_STEPS = {"run", "reference"}  # rows that are of the steps
+_STEPS = ("run", "reference")  # rows that are of the steps
 _OF_LABELS = {
     "constraint_violated": ["--of", "limit"],
     "tunneling": ["--of", "depth"],
     "broken": ["--of", "depth"],
     "diverged": ["--of", "warning"],
-    "energy_injection": ["--of", "energy", "--body", "world"],  # that of the whole model
+    "solver_nonconvergence": ["--of", "iterations"],
+    "energy_injection": ["--of", "gain", "--body", "world"],  # of the whole model
+    "energy_loss": ["--of", "loss", "--body", "world"],
 }
 _SEEDS = range(3)
 _SECONDS = 60
@@ -74,7 +77,6 @@ def nearer(entry: Entry, file: Path, folder: Path) -> Iterator[tuple[str, bool, 
     report = entry.examination
     if report is None:
         return
-    scene = SceneLoader(Path()).open(str(file)).with_effects("all")
     reasons = report.budget.reasons if report.budget else ()
     row = reasons[0].row if reasons and reasons[0].row not in _STEPS else "run"
     row = "run" if row == "solver" else row
@@ -82,15 +84,36 @@ def nearer(entry: Entry, file: Path, folder: Path) -> Iterator[tuple[str, bool, 
     soft = (SOFT_ROWS[each.label][0] for each in report.labels if each.label in SOFT_ROWS)
     softness = next(soft, row)
     write_inputs(file, folder / "inputs.npz", unseen=True)
-    by_name = {change.name: change for change in report.changes}
-    for place, changed in enumerate(entry.changed):
-        change = by_name[changed.name]
-        edits = edits_of(change, scene)
-        written = write_model(scene, edits, folder / str(place), "")
+    for change, written in _written(entry, file, folder):
         of = softness if change.physics and change.removes == "labels" else row
         options = ["--of", of, "--inputs", str(folder / "inputs.npz")]
-        code, text = _run(file, [*options, "--against", str(written.path)])
-        yield changed.name, code == 0, text
+        code, text = _run(file, [*options, "--against", str(written)])
+        yield change.name, code == 0, text
+
+
+def asked_again(entry: Entry, file: Path, folder: Path) -> Entry:
+    """Return a record with what plain MuJoCo shows now of its cause, and with its changes."""
+    options = questions(entry)
+    confirmation = confirmed(entry, file, options) if options else None
+    shown = {
+        change.name: still_shown(confirmation, written)
+        for change, written in _written(entry, file, folder)
+        if confirmation and confirmation.holds
+    }
+    changed = tuple(
+        each.model_copy(update={"shown": shown.get(each.name)}) for each in entry.changed
+    )
+    return entry.model_copy(update={"confirmation": confirmation, "changed": changed})
+
+
+def _written(entry: Entry, file: Path, folder: Path) -> Iterator[tuple[ModelChange, Path]]:
+    """Yield the changes that an entry has judged, and the model with each, from its own words."""
+    scene = SceneLoader(Path()).open(str(file)).with_effects("all")
+    changes = entry.examination.changes if entry.examination else ()
+    by_name = {change.name: change for change in changes}
+    for place, changed in enumerate(entry.changed):
+        change = by_name[changed.name]
+        yield change, write_model(scene, edits_of(change, scene), folder / str(place), "").path
 
 
 def still_shown(before: Confirmation, file: Path) -> bool | None:
@@ -123,7 +146,9 @@ def _cause(entry: Entry) -> list[str]:
     if entry.word == "not sound" and labels:
         return [*labels[0]]
     for reason in report.budget.reasons if report.budget else ():
-        return ["--of", "run" if reason.row in _STEPS else reason.row, "--body", reason.body]
+        drift = "loss" if (reason.share or 0.0) < 0 else "gain"
+        of = {**dict.fromkeys(_STEPS, "run"), "energy": drift}.get(reason.row, reason.row)
+        return ["--of", of, "--body", reason.body]
     return []
 
 

@@ -54,6 +54,27 @@ def test_a_warning_of_the_engine_is_shown(tmp_path: Path) -> None:
     assert "QACC" in text
 
 
+def test_a_loss_is_no_gain(tmp_path: Path) -> None:
+    """RK4 at an angle of 1 a step keeps 1 - 1/72 + 1/576 of the energy in each."""
+    text = SPRING.format(step=0.05, integrator="RK4")
+    assert found(tmp_path, text, "loss", "bob", held=True)[0]
+    assert not found(tmp_path, text, "gain", "bob", held=True)[0]
+
+
+def test_a_solver_that_may_not_go_on_leaves_forces_and_accelerations_apart(tmp_path: Path) -> None:
+    def text(iterations: int) -> str:
+        bodies = "".join(
+            f"""<body pos="0 0 {0.1 * height + 0.05}"><freejoint/>
+            <geom type="box" size=".05 .05 .05"/></body>"""
+            for height in range(4)
+        )
+        return f"""<mujoco><option solver="PGS" iterations="{iterations}" timestep=".01"/>
+        <worldbody><geom type="plane" size="5 5 1"/>{bodies}</worldbody></mujoco>"""
+
+    assert found(tmp_path, text(1), "iterations", "")[0]
+    assert not found(tmp_path, text(2000), "iterations", "")[0]
+
+
 def test_a_body_without_a_name_is_asked_for_by_its_number(tmp_path: Path) -> None:
     text = SPRING.format(step=0.04, integrator="Euler")
     named = found(tmp_path, text, "run", "bob")[1].partition(": ")[2]

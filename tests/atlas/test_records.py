@@ -16,6 +16,7 @@ from atlas.entry import (
     record_of,
     releases,
 )
+from atlas.views import contradictions
 from docs.site import atlas
 
 KNOWN = list(entries())
@@ -36,6 +37,22 @@ def test_records_hold_nothing_of_the_machine_that_made_them() -> None:
 def test_each_record_says_why_there_is_no_verdict_or_has_one() -> None:
     for entry in KNOWN:
         assert bool(entry.refused) != bool(entry.examination), entry.name
+
+
+def test_no_part_of_an_examination_contradicts_another() -> None:
+    reports = [entry.examination for entry in JUDGED if entry.examination]
+    found = {report.model: [*contradictions(report)] for report in reports}
+    assert not {name: said for name, said in found.items() if said}
+
+
+def test_what_is_planted_into_a_record_is_told() -> None:
+    (report, *_) = (entry.examination for entry in JUDGED if entry.sound)
+    assert report
+    assert report.budget
+    lies = {"sentence": f"unresolved: {report.sentence}", "labels": ()}
+    budget = report.budget.model_copy(update={"verdict": "unresolved"})
+    said = [*contradictions(report.model_copy(update={**lies, "budget": budget}))]
+    assert [each.split()[0] for each in said] == ["numerics", "it"]
 
 
 def _said(before: Entry, after: Entry | None) -> list[str]:

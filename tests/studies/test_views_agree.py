@@ -6,18 +6,15 @@ and for the same settings the same shares to the bit.
 
 import importlib.util
 import os
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import pytest
+from atlas.views import apart, contradictions, of_report, of_views
 
 import contactlab
 from contactlab.schema.examination import Examination
-from contactlab.schema.task import Task
-from contactlab.schema.task_verdict import TaskVerdict
 from contactlab.schema.tune_report import TuneReport
-from contactlab.studies.task_verdict import run_labels
 
 PUBLIC = (
     "brax/test_data/triple_pendulum_motor.xml",
@@ -33,56 +30,16 @@ PUBLIC = (
 )
 
 
-class Answer(NamedTuple):
-    """What a command says of a model's task."""
-
-    line: str
-    labels: Mapping[str, Mapping[str, int]]  # runs by label, by phase
-    shares: Mapping[str, float | None] | None = None  # phantom forces over real ones, by phase
-
-
-def of_verdict(task: Task | None, verdict: TaskVerdict | None) -> Answer:
-    assert task
-    assert verdict
-    return Answer(
-        task.line,
-        {phase.name: phase.labels for phase in verdict.phases},
-        {phase.name: phase.share for phase in verdict.phases},
-    )
-
-
-def of_sweep(model: str, task: Task, folder: Path, **values: Any) -> Answer:
-    """Return what a sweep of the model says: a run for each seed, labelled."""
-    sweep = {"version": 1, "scene": model, "axes": {}, "seeds": list(task.seeds), "checks": "all"}
-    sweep |= {"duration": task.duration, "trace": "none", **values}
-    store = contactlab.sweep(sweep, output=folder / "sweep", workers=0)
-    labels: dict[str, dict[str, int]] = {phase.name: {} for phase in task.phases}
-    for label in run_labels(task, store.records()):
-        labels[label.phase][label.label] = label.runs
-    return Answer(task.line, labels)
-
-
-def views_agree(model: str, folder: Path, **task: Any) -> Examination:
+def views_agree(model: str, folder: Path, duration: str) -> Examination:
     """Assert that all views of an examination have one answer, which a sweep has too."""
-    options: dict[str, Any] = {"workers": 0, "output": folder / "examined", **task}
+    options: dict[str, Any] = {"workers": 0, "output": folder / "examined", "duration": duration}
     whole = contactlab.examine(model, only=["labels", "budget", "facts", "checks"], **options)
-    answer = of_verdict(whole.task, whole.verdict)
-    stable = contactlab.stability([model], **options)
-    checked = contactlab.check(model, **options)
-    assert isinstance(stable, Examination)
-    for view in (stable, checked):
-        assert of_verdict(view.task, view.verdict) == answer
-        assert view.labels == whole.labels
-    # The budget's own run is that share; its other rows are the budget's alone.
-    assert whole.budget
-    own = {phase.name: phase.run.share for phase in whole.budget.phases}
-    assert own == {name: (answer.shares or {})[name] for name in own}
-    assert checked.findings == whole.findings
-    assert checked.sound == whole.sound
-    assert of_sweep(model, whole.task, folder) == answer._replace(shares=None)
+    assert not list(contradictions(whole))
+    for view, answer in of_views(model, whole.task, folder, duration):
+        assert not [f"{view}: {other}" for other in apart(of_report(whole), answer)]
     contacts = contactlab.examine(model, only=["contacts"], **options)
     assert contacts.task == whole.task
-    explained = contactlab.explain(model, **task) if contacts.contacts else None
+    explained = contactlab.explain(model, duration=duration) if contacts.contacts else None
     if explained is not None:
         assert explained.text.splitlines()[0] == whole.task.line
         for contact in contacts.contacts:
@@ -135,7 +92,7 @@ def test_searches_of_a_small_model_have_one_answer(tmp_path: Path) -> None:
 
 @pytest.mark.long
 def test_a_shipped_scene_has_one_answer(tmp_path: Path) -> None:
-    views_agree("box_slide", tmp_path, duration="0.2s")
+    views_agree("box_slide", tmp_path, "0.2s")
 
 
 def test_a_small_model_has_one_answer(tmp_path: Path) -> None:
@@ -146,12 +103,10 @@ def test_a_small_model_has_one_answer(tmp_path: Path) -> None:
         </worldbody></mujoco>"""
     )
     options: dict[str, Any] = {"workers": 0, "output": tmp_path / "out", "duration": "0.1s"}
-    stable = contactlab.stability([path], **options)
-    checked = contactlab.check(path, only=["task"], **options)
-    assert isinstance(stable, Examination)
-    answer = of_verdict(stable.task, stable.verdict)
-    assert of_verdict(checked.task, checked.verdict) == answer
-    assert of_sweep(str(path), stable.task, tmp_path) == answer._replace(shares=None)
+    whole = contactlab.examine(path, only=["labels", "budget"], **options)
+    assert not list(contradictions(whole))
+    for view, answer in of_views(str(path), whole.task, tmp_path, "0.1s"):
+        assert not [f"{view}: {other}" for other in apart(of_report(whole), answer)]
 
 
 def public(robot: str) -> str:
@@ -173,6 +128,5 @@ def public(robot: str) -> str:
 @pytest.mark.parametrize("robot", PUBLIC)
 def test_a_public_model_has_one_answer(robot: str, tmp_path: Path) -> None:
     model = public(robot)
-    task: dict[str, Any] = {"duration": "0.6s"}
-    whole = views_agree(model, tmp_path, **task)
-    searches_agree(model, whole, tmp_path, max_time="20s", **task)
+    whole = views_agree(model, tmp_path, "0.6s")
+    searches_agree(model, whole, tmp_path, max_time="20s", duration="0.6s")
