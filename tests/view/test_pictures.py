@@ -21,6 +21,7 @@ from contactlab.view.film import (
     draw_pictures,
     force_bar,
     recorded_poses,
+    set_looks,
     side_by_side,
 )
 from contactlab.view.render import PictureOptions, render
@@ -159,6 +160,19 @@ def test_runs_beside_each_other_are_seen_from_one_place(drawn: Draw, target: Tar
         sheet = np.asarray(image)
     assert sheet.shape[1] == 2 * SIZE[0]
     np.testing.assert_array_equal(sheet[:, : SIZE[0]], sheet[:, SIZE[0] :])
+
+
+@pytest.mark.parametrize(("geoms", "shaded"), [(9, True), (10, False)])
+def test_shadows_of_many_triangles_are_left_out(geoms: int, *, shaded: bool) -> None:
+    """A ball of four subdivisions has 5,120 triangles, each time that it is drawn."""
+    balls = '<geom type="mesh" mesh="ball"/>' * geoms
+    model = mujoco.MjModel.from_xml_string(
+        '<mujoco><asset><mesh name="ball" builtin="sphere" params="4"/></asset><worldbody>'
+        f"<light/>{balls}</worldbody></mujoco>"
+    )
+    set_looks(model, SIZE)
+    assert bool(model.light_castshadow[0]) is shaded
+    assert (model.vis.quality.offsamples > 0) is shaded
 
 
 def test_the_shorter_of_two_films_keeps_its_last_picture() -> None:
