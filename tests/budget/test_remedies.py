@@ -61,6 +61,33 @@ def test_a_finer_step_is_named_where_it_alone_helps() -> None:
     assert "; half the step removes it" in sentence(verdict.reasons[0], [only])
 
 
+def test_what_sleeps_in_its_glide_is_woken() -> None:
+    """What glides slower than the tolerance stops within ten steps, however fine they are."""
+    xml = """<mujoco><option timestep=".002" gravity="0 0 0" sleep_tolerance=".1">
+        <flag sleep="enable"/></option><worldbody><body name="puck"><joint type="slide"/>
+        <geom type="cylinder" size=".04 .01"/></body></worldbody></mujoco>"""
+    motion = motion_of(xml, 0.2, qvel=[0.05])
+    verdict = judge(error_budget([motion], rows=[], settings=FAST))
+    assert verdict.word == "unresolved"
+    tried = {one.name: one for one in remedies([motion], verdict, trial=Trial(FAST))}
+    assert tried["no sleep"].removes
+    assert tried["no sleep"].edits.settings == {"sleep": False}
+    assert not tried["half the step"].removes
+
+
+def test_a_light_part_holds_a_heavy_load_by_its_impedance() -> None:
+    """A shackle of grams under a hundredweight: at rest it gives (1 - d) / d A f, d being .95."""
+    xml = """<mujoco><worldbody><body name="hook"><joint type="slide" axis="0 0 1"/>
+        <geom size=".01" mass=".005"/></body><body name="load"><joint type="slide" axis="0 0 1"/>
+        <geom size=".1" mass="50" contype="0" conaffinity="0"/></body></worldbody>
+        <equality><weld body1="hook"/><weld body1="load" body2="hook"/></equality></mujoco>"""
+    motion = motion_of(xml, 0.3)
+    verdict = judge(error_budget([motion], rows=["equality softness"], settings=FAST))
+    assert verdict.word == "model"
+    tried = remedies([motion], verdict, trial=Trial(FAST))
+    assert any(one.removes and "solimp" in one.name for one in tried), [t.name for t in tried]
+
+
 def test_a_solver_is_tried_where_contacts_need_it() -> None:
     """One sweep of Gauss and Seidel leaves a tower's base without the load above it."""
     boxes = "".join(

@@ -8,7 +8,7 @@ from typing import Any
 import mujoco
 import pytest
 
-from contactlab.budget import Motion, Trial, Verdict
+from contactlab.budget import Motion, Settings, Trial, Verdict, error_budget, judge
 from contactlab.run.sweep_request import SceneLoader
 from contactlab.schema.examination import RunLabel
 from contactlab.studies.examine.changes import Again, Changes
@@ -26,11 +26,16 @@ DEEP = RunLabel(
 
 
 def changes_of(
-    folder: Path, keeps: Sequence[str], wanted: Sequence[str] = (), word: str = "sound"
+    folder: Path,
+    keeps: Sequence[str],
+    wanted: Sequence[str] = (),
+    word: str = "sound",
+    label: RunLabel = DEEP,
+    text: str = BOX,
 ) -> Changes:
     """Return what is told where runs keep their label without a setting that begins so."""
     file = folder / "box.xml"
-    file.write_text(BOX)
+    file.write_text(text)
     scene = SceneLoader(Path()).open(str(file)).with_effects("all")
     task = scene.task({}, 0.02)
     motions = task_motions(scene, {}, task)
@@ -39,11 +44,11 @@ def changes_of(
         yield task_motions(scene, values, task, change=change)
 
     def labelled(values: Any) -> Sequence[RunLabel]:
-        return () if any(name.startswith(tuple(keeps)) for name in values) else (DEEP,)
+        return () if any(name.startswith(tuple(keeps)) for name in values) else (label,)
 
     trial = Trial(wanted=wanted, workers=1)
     verdict: Any = Verdict(word, 100.0, ())  # pyright: ignore[reportArgumentType]
-    return Changes(scene, {}, motions, verdict, trial, Again(moved, labelled, (DEEP,)))
+    return Changes(scene, {}, motions, verdict, trial, Again(moved, labelled, (label,)))
 
 
 def test_a_finer_step_comes_before_another_model(tmp_path: Path) -> None:
@@ -73,3 +78,45 @@ def test_what_leaves_no_label_is_written(tmp_path: Path, wanted: list[str], half
     assert model.opt.timestep == pytest.approx(0.002 * half)
     stiff = 0.02 if wanted else 0.04
     assert math.isclose(model.geom("box").solref[0], stiff)
+
+
+def test_contacts_that_bear_at_a_distance_lose_their_margins(tmp_path: Path) -> None:
+    margined = BOX.replace('size=".05"/>', 'size=".05" margin=".01" gap=".002"/>')
+    afar = DEEP.model_copy(update={"label": "contact_at_distance", "bodies": ("ball",)})
+    (told,) = changes_of(tmp_path, ["geom_margin"], label=afar, text=margined).told()
+    assert (told.accept, told.removes) == ("margin", "labels")
+    assert told.settings == {"geom_margin[ball]": 0.0, "geom_gap[ball]": 0.0}
+
+
+SERVO = """<mujoco><option timestep=".01"/><worldbody><body name="arm"><joint name="elbow"/>
+  <geom size=".05" pos=".2 0 0" mass=".1"/></body></worldbody>
+  <actuator><position joint="elbow" kp="100" kv="1"/></actuator>
+  <keyframe><key qpos=".3"/></keyframe></mujoco>"""
+CHATTER = DEEP.model_copy(update={"label": "chatter", "bodies": ("arm",)})
+
+
+def test_a_joint_that_chatters_gets_gains_that_the_step_holds(tmp_path: Path) -> None:
+    (told,) = changes_of(tmp_path, ["actuator_gainprm"], label=CHATTER, text=SERVO).told()
+    assert told.accept == "gains"
+
+
+def test_what_leaves_no_label_leads(tmp_path: Path) -> None:
+    """RK4 and implicitfast hold the servo, but here its runs lose their label at a finer step."""
+    file = tmp_path / "arm.xml"
+    file.write_text(SERVO)
+    scene = SceneLoader(Path()).open(str(file)).with_effects("all")
+    task, settings = scene.task({}, 0.1), Settings(energy=False)
+    motions = task_motions(scene, {}, task)
+    verdict = judge(error_budget(motions, rows=[], settings=settings))
+
+    def moved(values: Any, change: Any, _other: Path | None) -> Iterator[list[Motion]]:
+        yield task_motions(scene, values, task, change=change)
+
+    def labelled(values: Any) -> Sequence[RunLabel]:
+        return () if {"timestep", "integrator"} <= {*values} else (CHATTER,)
+
+    trial = Trial(settings, most=1, workers=1)
+    changes = Changes(scene, {}, motions, verdict, trial, Again(moved, labelled, (CHATTER,)))
+    first, second = [change.name for change in changes.told()][:2]
+    assert first == f"{second} at half the step"
+    assert changes.write(tmp_path / "new" / "arm.xml")[0]

@@ -158,3 +158,22 @@ def test_armature_is_written_with_what_follows_from_it(tmp_path: Path) -> None:
     assert made.lines == (
         'arm.xml:6: <joint name="elbow" axis="0 1 0" damping="1" armature="0.25"/>',
     )
+
+
+CART = """<mujoco><worldbody><body name="cart"><joint type="slide" axis="1 0 0"/><geom size=".1"/>
+  <site name="eye" pos=".2 0 0"/></body><site name="pin" pos=".7 0 0"/></worldbody>
+  <equality><connect site1="eye" site2="pin"/></equality>{}</mujoco>"""
+
+
+@pytest.mark.parametrize("keyframes", ["", '<keyframe><key qvel="1"/></keyframe>'])
+def test_a_run_may_begin_where_its_equality_holds(tmp_path: Path, keyframes: str) -> None:
+    """The keyframe that it starts from is written, or one is added; its speeds stay."""
+    scene = scene_of(CART.format(keyframes), tmp_path)
+    motions = task_motions(scene, {}, scene.task({}, 0.01))
+    (start,) = separated(scene, {}, motions, verdict_of("equality"))
+    assert (start.accept, start.same_states) == ("start", False)
+    made = write_model(scene, start.edits, tmp_path / "new")
+    model = mujoco.MjModel.from_xml_path(str(made.path))
+    assert model.nkey == 1
+    assert model.key_qpos[0] == pytest.approx([0.5], abs=1e-5)
+    assert model.key_qvel[0] == [bool(keyframes)]

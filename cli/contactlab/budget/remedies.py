@@ -15,7 +15,12 @@ from contactlab.budget.error_budget import SETTINGS, error_budget
 from contactlab.budget.measuring import Settings, evaluations, pace, steps_of
 from contactlab.budget.motion import Motion
 from contactlab.budget.nearness import FINEST, Rival, nearness
-from contactlab.budget.physical import field_changes
+from contactlab.budget.physical import (
+    PARTS_OF_A_STEP,
+    FieldChange,
+    FieldValue,
+    field_changes,
+)
 from contactlab.budget.prices import Price, prices
 from contactlab.budget.readings import ErrorBudget
 from contactlab.budget.rows import (
@@ -30,16 +35,19 @@ from contactlab.budget.verdict import Reason, Verdict, Word, judge
 from contactlab.budget.windows import replay
 from contactlab.mjcf import OPTIONS
 from contactlab.scene.model_draft import ModelEdits
-from contactlab.scene.model_edits import read_option
+from contactlab.scene.model_edits import FLAGS, read_flag, read_option
 
 _EULER = int(mujoco.mjtIntegrator.mjINT_EULER)
 _RK4 = int(mujoco.mjtIntegrator.mjINT_RK4)
 _IMPLICITFAST = int(mujoco.mjtIntegrator.mjINT_IMPLICITFAST)
 _ELLIPTIC = int(mujoco.mjtCone.mjCONE_ELLIPTIC)
+_SLEEP = int(getattr(mujoco.mjtEnableBit, "mjENBL_SLEEP", 0))
 _FINER = 64  # most steps in one of the run's that are tried
 _COARSE = 2  # steps in one of the run's that are tried whatever else helps
 _ALIKE = 1.1  # ratio of costs that are equal
 _SAME = 1e-6  # relative, of shares of motions that differ by rounding
+_HARDEST = 0.9999  # the largest impedance that MuJoCo allows
+_SAFE = 0.5  # part of the tolerance that a change is within, with which it is not at its edge
 NO_EDITS = ModelEdits()
 
 
@@ -84,7 +92,7 @@ class Candidate:
     @property
     def same_states(self) -> bool:
         """Whether the changed model can begin in the states of the one that it is of."""
-        return not self.edits.freed
+        return not (self.edits.freed or self.edits.posed)
 
 
 @dataclass(frozen=True)
@@ -105,6 +113,7 @@ class Remedy:
             the model, of the model with that row's change; NaN where it has other states.
         before: the same of the model as it is.
         ended: whether it was tried to its end; not where the time for trials ran out before.
+        safely: whether it removes the verdict under half of the tolerance, too.
     """
 
     name: str
@@ -117,6 +126,7 @@ class Remedy:
     apart: float
     before: float
     ended: bool = True
+    safely: bool = False
 
     @property
     def physics(self) -> bool:
@@ -140,6 +150,10 @@ def _is_not(kind: int) -> Callable[[mujoco.MjModel], bool]:
     return lambda model: int(model.opt.integrator) != kind and has_no_flex(model)
 
 
+def _awake(model: mujoco.MjModel) -> None:
+    model.opt.enableflags &= ~_SLEEP
+
+
 def _noslip(model: mujoco.MjModel) -> None:
     model.opt.noslip_iterations = 10
 
@@ -155,6 +169,12 @@ def _both(model: mujoco.MjModel) -> None:
 
 
 CANDIDATES: tuple[Candidate, ...] = (
+    Candidate(
+        "no sleep",
+        "unresolved",
+        _awake,
+        new=lambda model: bool(model.opt.enableflags & _SLEEP),
+    ),
     Candidate("Newton with 100 iterations", "unresolved", go_on, exercised="solver"),
     Candidate("implicitfast", "unresolved", _integrator(_IMPLICITFAST), new=_is_not(_IMPLICITFAST)),
     Candidate("Euler", "unresolved", _integrator(_EULER), new=_is_not(_EULER)),
@@ -185,20 +205,66 @@ CANDIDATES: tuple[Candidate, ...] = (
 def candidates_against(motions: Sequence[Motion], verdict: Verdict) -> tuple[Candidate, ...]:
     """Return changes that may help: of computation first, then of the fields of named parts."""
     word: Word = "model" if verdict.word == "model" else "unresolved"
-    physical = [
-        Candidate(
-            change.phrase,
-            word,
-            change.make,
-            change.rate,
-            accept=change.word,
-            edits=ModelEdits({value.axis: value.value for value in change.values}),
-            within=change.after,
-            nearer=word == "unresolved",  # softness of several rows is nearer to none of them
+    model, changes = motions[0].model, field_changes(motions, verdict)
+    harder = _harder(model, changes) if word == "model" else ()
+    # Softness of several rows is nearer to none of them.
+    physical = [of_fields(change, word, nearer=word == "unresolved") for change in changes]
+    return (
+        *CANDIDATES,
+        *_finer(model, verdict),
+        *physical,
+        *(of_fields(change, word, nearer=False) for change in harder),
+    )
+
+
+def of_fields(change: FieldChange, word: Word, *, nearer: bool) -> Candidate:
+    """Return a change of fields as one that may be tried."""
+    return Candidate(
+        change.phrase,
+        word,
+        change.make,
+        change.rate,
+        accept=change.word,
+        edits=ModelEdits({value.axis: value.value for value in change.values}),
+        within=change.after,
+        nearer=nearer,
+    )
+
+
+def _harder(model: mujoco.MjModel, stiffer: Sequence[FieldChange]) -> Iterator[FieldChange]:
+    """Yield the impedance that a light part needs under a heavy load, alone and with each solref.
+
+    Under a force f a constraint gives by what goes with (1 - d) / d A f, A being the inverse
+    inertia of what it is of alone: where that bears a thousand times its weight, it is d that has
+    to come near to 1.
+    """
+    alone = {
+        change.word: FieldChange(
+            change.word.replace("solref", "solimp"),
+            f"solimp {_HARDEST:g} of {change.phrase.partition(' of ')[2].partition(' at ')[0]}",
+            tuple(_hard(model, value) for value in change.values),
         )
-        for change in field_changes(motions, verdict)
-    ]
-    return (*CANDIDATES, *_finer(motions[0].model, verdict), *physical)
+        for change in stiffer
+        if change.word in ("solref", "solref-all")
+    }
+    yield from alone.values()
+    for change in stiffer:
+        hard = alone.get("solref-all" if change.word.startswith("solref-all") else "solref")
+        if hard is not None:
+            yield FieldChange(
+                f"{hard.word}-{change.word}",
+                f"{hard.phrase} and {change.phrase.partition(' of ')[0]}",
+                (*hard.values, *change.values),
+                change.rate,
+                (hard.phrase,),
+            )
+
+
+def _hard(model: mujoco.MjModel, value: FieldValue) -> FieldValue:
+    """Return the hardest solimp of what a solref is of."""
+    field, axis = (name.replace("solref", "solimp") for name in (value.field, value.axis))
+    own = getattr(model, field)[value.place].tolist()
+    return FieldValue(field, value.place, axis, (_HARDEST, _HARDEST, *own[2:]))
 
 
 def _finer(model: mujoco.MjModel, verdict: Verdict) -> Iterator[Candidate]:
@@ -214,6 +280,15 @@ def _finer(model: mujoco.MjModel, verdict: Verdict) -> Iterator[Candidate]:
     if verdict.word == "unresolved" and FINEST < needed <= _FINER:
         rate = math.ceil(needed)
         yield Candidate(f"1/{rate} of the step", "unresolved", _nothing, rate)
+
+
+def finer(candidate: Candidate, times: int) -> Candidate:
+    """Return a change at so many times as many steps."""
+    rate = candidate.rate * times
+    step = f"{PARTS_OF_A_STEP.get(rate, f'1/{rate} of')} the step"
+    alone = candidate.change is _nothing and candidate.edits == NO_EDITS
+    name = step if alone else f"{candidate.name.partition(' at ')[0]} at {step}"
+    return replace(candidate, name=name, rate=rate, within=())
 
 
 def joined(candidates: Sequence[Candidate]) -> Candidate:
@@ -234,6 +309,7 @@ def joined(candidates: Sequence[Candidate]) -> Candidate:
             excluded=tuple(pair for one in candidates for pair in one.edits.excluded),
             freed=tuple(body for one in candidates for body in one.edits.freed),
             fitted=tuple(geom for one in candidates for geom in one.edits.fitted),
+            posed=tuple(key for one in candidates for key in one.edits.posed),
         ),
         compiled=next((one.compiled for one in candidates if one.compiled), None),
         nearer=all(candidate.nearer for candidate in candidates),
@@ -283,8 +359,8 @@ def remedies(
 
     Not tried is what moves the model as it moves without, or with a change that was tried; what
     makes a change that is enough alone, and more; a finer step where a coarser one removes the
-    verdict, or that links in each other no longer touch; other softness where another computation
-    of the same model removes the verdict.
+    verdict under half of the tolerance, too, or that links in each other no longer touch; other
+    softness where another computation of the same model removes the verdict.
     """
     if verdict.word == "sound":
         return ()
@@ -311,7 +387,8 @@ def remedies(
             tried.append(untimed.remedy(candidate, before, own))
             continue
         removing = [remedy for remedy in tried if remedy.removes]
-        enough = trial.most is not None and len(removing) >= trial.most
+        safely = any(remedy.safely for remedy in removing)
+        enough = trial.most is not None and len(removing) >= trial.most and safely
         alike = _is_alike(candidate, own, moved)
         if enough or alike or _is_idle(candidate, word, removing):
             continue
@@ -331,24 +408,26 @@ def _is_alike(candidate: Candidate, apart: float, moved: Sequence[tuple[int, flo
 
 def _is_idle(candidate: Candidate, word: Word, removing: Sequence[Remedy]) -> bool:
     """Return whether nobody would make a change beside those that remove the verdict."""
-    names, computed = {remedy.name for remedy in removing}, [not one.physics for one in removing]
-    parted = any(remedy.edits.parts for remedy in removing)
+    computed = [remedy for remedy in removing if not remedy.physics]
+    parted = any(remedy.edits.mends_start for remedy in removing)
     return (
-        not names.isdisjoint(candidate.within)
-        or (candidate.rate > _COARSE and (any(computed) or parted))
-        or (candidate.physics and word == "model" and any(computed))
+        any(remedy.name in candidate.within and remedy.safely for remedy in removing)
+        or (candidate.rate > _COARSE and (any(one.safely for one in computed) or parted))
+        or (candidate.physics and word == "model" and bool(computed))
     )
 
 
-def by_use(remedy: Remedy) -> tuple[bool, bool, bool, float]:
+def by_use(remedy: Remedy) -> tuple[bool, bool, bool, bool, float]:
     """Return the place of a remedy: what removes, computes the same model, and is cheap, is first.
 
-    Where links that are in each other are the cause, what parts them comes before what computes
-    their jam otherwise. Costs within a tenth are equal: the clock tells no more. What was tried
-    first is simpler.
+    Where a start that no joint, contact or equality allows is the cause, what mends it comes before
+    what computes the jam otherwise, and what leaves less than half of the tolerance before what is
+    at its edge. Costs within a tenth are equal: the clock tells no more. What was tried first is
+    simpler.
     """
     cost = round(math.log(remedy.price.ratio, _ALIKE)) if remedy.price else math.inf
-    return not remedy.removes, not remedy.edits.parts, remedy.physics, cost
+    mends_start = remedy.edits.mends_start
+    return not remedy.removes, not mends_start, remedy.physics, not remedy.safely, cost
 
 
 def _is_possible(
@@ -454,7 +533,7 @@ class _Judged(NamedTuple):
             return self.not_ended(candidate)  # no time was left to compare it
         row = self.verdict.reasons[0].row if self.word == "model" else "run"
         enough = before if candidate.physics else min(before, self.verdict.within)
-        word, shares, removes = self.verdict.word, list[float](), False
+        word, shares, removes, safely = self.verdict.word, list[float](), False, True
         if not candidate.nearer or math.isinf(before) or apart < enough:
             steps = steps_of(self.motions) * candidate.rate * (2 if self.trial.moved else 1)
             for motions in self._parts(candidate):
@@ -466,6 +545,7 @@ class _Judged(NamedTuple):
                 worst = budget.worst(row)
                 shares += [worst[1].share] if worst and worst[1].exercised else []
                 word, removes = found.word, self._removes(found)
+                safely &= self._removes(judge(budget, _SAFE * self.verdict.within))
                 if not removes:
                     break
         # A row that the changed model no longer has leaves what it is apart from it.
@@ -476,7 +556,16 @@ class _Judged(NamedTuple):
         timed = removes and candidate.same_states
         price = _price(first, candidate, self._settings) if timed else None
         return Remedy(
-            candidate.name, removes, word, share, price, edits, candidate.accept, apart, before
+            name=candidate.name,
+            removes=removes,
+            word=word,
+            share=share,
+            price=price,
+            edits=edits,
+            accept=candidate.accept,
+            apart=apart,
+            before=before,
+            safely=removes and safely,
         )
 
     def _parts(self, candidate: Candidate) -> Iterator[Sequence[Motion]]:
@@ -537,9 +626,11 @@ def drifts(verdict: Verdict) -> bool:
 
 
 def options_changed(model: mujoco.MjModel, changed: mujoco.MjModel) -> dict[str, object]:
-    """Return the options of a changed model that differ from those of another."""
+    """Return the options and flags of a changed model that differ from those of another."""
     values = {name: read_option(changed, name) for name in OPTIONS}
-    return {name: value for name, value in values.items() if value != read_option(model, name)}
+    options = {name: value for name, value in values.items() if value != read_option(model, name)}
+    flags = {name: read_flag(changed, name) for name in FLAGS}
+    return options | {name: on for name, on in flags.items() if on != read_flag(model, name)}
 
 
 def _exercised(name: str, motions: Sequence[Motion]) -> bool:

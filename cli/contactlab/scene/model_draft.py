@@ -6,7 +6,7 @@ defaults and classes.
 
 import re
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
 from pathlib import Path
@@ -60,6 +60,8 @@ class ModelEdits:
     freed: tuple[str, ...] = ()
     # Geoms of meshes, each with the primitive that MuJoCo fits to its mesh in place of the hull.
     fitted: tuple[tuple[str, str], ...] = ()
+    # Keyframes and the configuration that each then has; one of another name is added.
+    posed: tuple[tuple[str, tuple[float, ...]], ...] = ()
     # Names of sensors that are left out; one without a name is `sensor[3]`.
     sensors: tuple[str, ...] = ()
     # Most vertices of the convex hulls of meshes, by name.
@@ -71,6 +73,11 @@ class ModelEdits:
     def parts(self) -> bool:
         """Whether links that are in each other no longer touch."""
         return bool(self.excluded or self.freed)
+
+    @property
+    def mends_start(self) -> bool:
+        """Whether a start that joints, contacts or equalities do not allow is mended."""
+        return self.parts or bool(self.posed)
 
 
 @dataclass(frozen=True)
@@ -162,10 +169,18 @@ def edit_spec(spec: mujoco.MjSpec, edits: ModelEdits) -> None:
         _part(spec, "body", name).add_freejoint()
     for name, primitive in edits.fitted:
         _part(spec, "geom", name).type = PRIMITIVES[primitive]
+    _pose(spec, edits.posed)
     for name, count in edits.hulls.items():
         _part(spec, "mesh", name).maxhullvert = count
     for name in edits.sensors:
         spec.delete(_part(spec, "sensor", name))
+
+
+def _pose(spec: mujoco.MjSpec, posed: Sequence[tuple[str, Sequence[float]]]) -> None:
+    """Give keyframes their positions; those that a specification lacks are added."""
+    for name, qpos in posed:
+        key = _parts(spec, "key").get(name) or spec.add_key(name=name)
+        key.qpos = qpos
 
 
 # Attributes that are not called as the field is, after its prefix.
@@ -214,6 +229,9 @@ class Draft:
 
     def _origin(self, kind: str, name: str) -> Origin:
         origin = self.origins.by_line.get(self.now.lines[kind].get(name, 0))
+        own, places = self.origins.keyframes, [*self.now.lines["key"]]
+        if kind == "key" and len(own) == len(places):
+            origin = own[places.index(name)]
         if origin is None:
             raise SceneError(f"cannot write {kind} '{name}', which no element has for itself")
         return origin
@@ -282,11 +300,21 @@ class Draft:
             self.added.append(f"<contact><exclude{pair}/></contact>")
         for name in edits.freed:
             self.inserted[self._origin("body", name)] = "<freejoint/>"
+        self._set_keys(edits.posed)
         if edits.unflagged:
             self._set_last("flag", dict.fromkeys(edits.unflagged, "disable"))
         for kind, lines in self.now.lines.items():
             for name in lines.keys() - meant.lines[kind].keys():
                 self.removed.add(self._origin(kind, name))
+
+    def _set_keys(self, posed: Sequence[tuple[str, Sequence[float]]]) -> None:
+        for name, qpos in posed:
+            text = mjcf_text(list(qpos))
+            if name in self.now.lines["key"]:
+                self._set("key", name, "qpos", text)
+            else:
+                key = attributes({"name": name, "qpos": text})
+                self.added.append(f"<keyframe><key{key}/></keyframe>")
 
     def _replacements(self) -> Iterator[tuple[Path, list[Replacement]]]:
         for path, data in self.before.items():

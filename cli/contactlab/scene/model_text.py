@@ -113,6 +113,8 @@ class Origins:
     by_line: dict[int, Origin] = field(default_factory=dict[int, Origin])
     # Of the main file's last element of each tag, in what was laid out.
     last: dict[str, Origin] = field(default_factory=dict[str, Origin])
+    # Of the main file's keyframes, of which MuJoCo keeps no line.
+    keyframes: list[Origin] = field(default_factory=list[Origin])
 
     @classmethod
     def lay_out(cls, main: Path, copy: Path) -> "Origins":
@@ -127,6 +129,8 @@ class Origins:
                 found.by_line[line_of(data, text.start)] = origins[element]
                 if path == main:
                     found.last[element.tag] = origins[element]
+                    if element.tag == "key":
+                        found.keyframes.append(origins[element])
         return found
 
     def _documents(

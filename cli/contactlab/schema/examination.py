@@ -52,6 +52,9 @@ class ModelChange(Model):
     fitted: tuple[tuple[str, str], ...] = about(
         "Geoms of meshes that get the primitive which MuJoCo fits to the mesh.", default=()
     )
+    posed: tuple[tuple[str, tuple[float, ...]], ...] = about(
+        "Keyframes, and the configuration that each then has.", default=()
+    )
     share: float | None = about("What is left of the reason's share; null if infinite.")
     apart: float | None = about(
         "Share by which it is apart from the model's motion at its finest step, or, against a row "
@@ -64,8 +67,8 @@ class ModelChange(Model):
 
     @property
     def is_structural(self) -> bool:
-        """Whether it changes joints, shapes, or which pairs touch, not numbers alone."""
-        return bool(self.excluded or self.freed or self.fitted)
+        """Whether it changes joints, shapes, the start, or which pairs touch."""
+        return bool(self.excluded or self.freed or self.fitted or self.posed)
 
 
 class RunLabel(Model):

@@ -11,10 +11,11 @@ from tempfile import TemporaryDirectory, mkdtemp
 from typing import Literal, NamedTuple
 
 import mujoco
+import numpy as np
 
 from contactlab.budget import Motion, Remedy, Trial, Verdict, error_budget, judge, remedies
 from contactlab.budget.measuring import evaluations, pace, steps_of
-from contactlab.budget.physical import field_changes
+from contactlab.budget.physical import FieldChange, FieldValue, field_changes
 from contactlab.budget.remedies import (
     CANDIDATES,
     NO_EDITS,
@@ -22,13 +23,17 @@ from contactlab.budget.remedies import (
     candidates_against,
     changed_model,
     drifts,
+    finer,
     joined,
+    of_fields,
     options_changed,
 )
 from contactlab.budget.report import remedy_report
 from contactlab.budget.verdict import Reason, Word
+from contactlab.budget.windows import joint_name
 from contactlab.errors import SceneError
 from contactlab.scene.model_draft import ModelEdits
+from contactlab.scene.model_names import name_of
 from contactlab.scene.model_writer import WrittenModel, write_model
 from contactlab.scene.scene import Scene
 from contactlab.schema.examination import MOST_CHANGES, ModelChange, RunLabel
@@ -40,6 +45,12 @@ from contactlab.studies.examine.task_motions import Change, as_it_is
 from contactlab.studies.session import Values
 
 Removes = Literal["verdict", "labels", "overlap"]
+_MARGIN = "margin"
+_OF_MARGINS = ("contact_at_distance",)
+_RUNS = 3  # a run, and one of half its step beside it
+_FINEST = 64  # most steps in one of the run's that are tried
+_HALF = "half the step"
+_FINER_STEPS = (_HALF, "a quarter of the step", "an eighth of the step")
 _PYRAMIDAL = int(mujoco.mjtCone.mjCONE_PYRAMIDAL)
 _STIFF_FRICTION = "elliptic cones with impratio 10"
 SOFT_ROWS = {
@@ -68,6 +79,7 @@ def edits_of(change: ModelChange, scene: Scene) -> ModelEdits:
         excluded=change.excluded,
         freed=change.freed,
         fitted=change.fitted,
+        posed=change.posed,
     )
 
 
@@ -115,11 +127,11 @@ class Changes:
         physical = [*filter(self._can_begin, others)]
         self._candidates = (*candidates_against(motions, verdict), *physical)
         found = remedies(motions, verdict, candidates=self._candidates, trial=self._trial)
-        self.tried = [remedy for remedy in found if remedy.ended]
+        ended = [remedy for remedy in found if remedy.ended]
         self.untried = [remedy.name for remedy in found if not remedy.ended]
-        self.helping = [remedy for remedy in self.tried if remedy.removes]
-        self._against_labels = candidates_against_labels(motions, verdict, again.labels)
-        self.unlabelling = [*self._unlabelling()]
+        self.helping = self._by_labels([remedy for remedy in ended if remedy.removes])
+        self.tried = [*self.helping, *(remedy for remedy in ended if not remedy.removes)]
+        self.unlabelling = [] if self.helping else [*self._unlabelling()]
         known = {remedy.name for remedy in self.helping} | {*self.untried}
         self._parting = [
             candidate
@@ -127,10 +139,74 @@ class Changes:
             if candidate.edits.parts and candidate.name not in known and self._parts(candidate)
         ]
 
+    def _by_labels(self, helping: Sequence[Remedy]) -> list[Remedy]:
+        """Return what helps, led by a change that leaves no label either, if there is one.
+
+        Where all leave some, it is the first at a finer step, or with what its labels call for.
+        """
+        if not self._again.labels or (helping and helping[0].edits.mends_start):
+            return [*helping]
+        base, left = None, self._again.labels
+        for remedy in helping:
+            candidate = self._named(remedy.name)
+            if (labels := self._labels_with(remedy, candidate.rate)) is None:
+                continue
+            if not labels:
+                return [remedy, *(other for other in helping if other is not remedy)]
+            if base is None:
+                base, left = candidate, labels
+        for candidate in self._further(base, left) if base or not helping else ():
+            trial = replace(self._trial, most=None)
+            tried = remedies(self._motions, self._verdict, candidates=[candidate], trial=trial)
+            if any(self._labels_with(one, candidate.rate) == () for one in tried if one.removes):
+                self._candidates = (*self._candidates, candidate)
+                return [*tried, *helping]
+        return [*helping]
+
+    def _labels_with(self, remedy: Remedy, rate: int) -> Sequence[RunLabel] | None:
+        """Return the labels of both groups of seeds with a change.
+
+        None where settings do not make it, or where there is no time for the runs, each beside one
+        of half its step.
+        """
+        steps = 2 * _RUNS * rate * steps_of(self._motions)
+        if remedy.edits.fitted or steps * pace(self._motions) > self._trial.left():
+            return None
+        return tuple(self._again.labelled({**self._values, **remedy.edits.settings}))
+
+    def _named(self, name: str) -> Candidate:
+        return next(candidate for candidate in self._candidates if candidate.name == name)
+
+    def _further(self, base: Candidate | None, labels: Sequence[RunLabel]) -> Iterator[Candidate]:
+        """Yield changes that go further than one that leaves labels, or than none."""
+        verdict, word = self._verdict, self._verdict.word
+        if base is None and word != "unresolved":
+            return
+        wanted: Word = "model" if word == "model" else "unresolved"
+        physical = [
+            replace(candidate, word=wanted)
+            for candidate in candidates_against_labels(self._motions, verdict, labels)
+            if candidate.physics
+        ]
+        if base is None:
+            (half,) = (one for one in CANDIDATES if one.name == _HALF)
+            yield from (finer(half, times) for times in (8, 16, 32))
+            yield from (joined([finer(half, times), one]) for times in (2, 8) for one in physical)
+            return
+        if not {label.label for label in labels} <= {*SOFT_ROWS, *_OF_MARGINS}:
+            yield from (finer(base, times) for times in (2, 4) if base.rate * times <= _FINEST)
+        for candidate in physical:
+            if candidate.accept == _MARGIN:
+                yield candidate
+            yield joined([base, candidate])
+
     def _unlabelling(self) -> Iterator[Remedy]:
         """Yield the first changes of computation and of physics by which no run has a label."""
+        if self._verdict.word not in ("sound", "model"):
+            return
         kinds = set[bool]()
-        for candidate in self._against_labels:
+        candidates = candidates_against_labels(self._motions, self._verdict, self._again.labels)
+        for candidate in candidates:
             if candidate.physics in kinds:
                 continue
             if not self._affords(self._motions):
@@ -233,6 +309,7 @@ class Changes:
             excluded=remedy.edits.excluded,
             freed=remedy.edits.freed,
             fitted=remedy.edits.fitted,
+            posed=remedy.edits.posed,
             share=tried.share,
             apart=tried.apart,
             before=tried.before,
@@ -301,55 +378,67 @@ class Changes:
 def candidates_against_labels(
     motions: Sequence[Motion], verdict: Verdict, labels: Sequence[RunLabel]
 ) -> tuple[Candidate, ...]:
-    """Return changes that may keep labels from a run that is numerically sound.
+    """Return changes that may keep labels from runs, which are tried in their order.
 
     Elliptic cones where forces differ and friction has pyramids, which costs no time, then finer
-    steps; then stiffer contacts or limits of what labels name, and of all. There are none where the
-    numerics are at fault: those come first.
+    steps. Then those that make another model: contacts that bear at no distance; stiffer contacts,
+    limits and equalities of what labels name, and of all; servos that the step holds.
     """
-    named = [label for label in labels if label.label in SOFT_ROWS]
-    if verdict.word not in ("sound", "model") or not labels:
+    if not labels:
         return ()
-    finer = [
-        replace(candidate, word=verdict.word)
-        for candidate in CANDIDATES
-        if candidate.name in ("half the step", "a quarter of the step")
-    ]
+    model, word, kinds = motions[0].model, verdict.word, {label.label for label in labels}
+    computed = [candidate for candidate in CANDIDATES if candidate.name in _FINER_STEPS]
     pyramids = all(motion.model.opt.cone == _PYRAMIDAL for motion in motions)
-    if pyramids and any(label.label == "step_dependent" for label in labels):
+    if pyramids and "step_dependent" in kinds:
         (elliptic,) = (one for one in CANDIDATES if one.name == _STIFF_FRICTION)
-        finer.insert(0, replace(elliptic, word=verdict.word))
-    shares = {reason.row: reason.share for reason in reversed(verdict.reasons)}
-    reasons = tuple(
-        Reason(
-            word="model",
-            phase=label.phase,
-            row=row,
-            share=shares.get(row, math.inf),
-            body=next(iter(label.bodies), ""),
-            place=f"contact {' - '.join(('world', *label.bodies)[-2:])}" if label.bodies else "",
-            time=label.time or 0.0,
-            sentence=label.reason,
-        )
-        for label in named
-        for row in SOFT_ROWS[label.label]
-    )
-    stiffer = field_changes(motions, Verdict("model", verdict.within, reasons)) if reasons else ()
+        computed.insert(0, elliptic)
+    soft = tuple(_softness(verdict, labels))
+    stiffer = field_changes(motions, Verdict("model", verdict.within, soft)) if soft else ()
+    driven = tuple(_of_joints(model, labels))
+    slower = field_changes(motions, Verdict("unresolved", verdict.within, driven)) if driven else ()
+    margins = _without_margins(model) if kinds & {*_OF_MARGINS} else ()
     return (
-        *finer,
-        *(
-            Candidate(
-                change.phrase,
-                verdict.word,
-                change.make,
-                change.rate,
-                accept=change.word,
-                edits=ModelEdits({value.axis: value.value for value in change.values}),
-                nearer=False,
-            )
-            for change in stiffer
-        ),
+        *(replace(candidate, word=word) for candidate in computed),
+        *(of_fields(change, word, nearer=False) for change in (*margins, *stiffer, *slower)),
     )
+
+
+def _softness(verdict: Verdict, labels: Sequence[RunLabel]) -> Iterator[Reason]:
+    """Yield a reason for each row of the model that a label of softness is of."""
+    shares = {reason.row: reason.share for reason in reversed(verdict.reasons)}
+    for label in labels:
+        for row in SOFT_ROWS.get(label.label, ()):
+            bodies = ("world", *label.bodies)[-2:] if label.bodies else ()
+            place = f"contact {' - '.join(bodies)}" if bodies else ""
+            yield _reason("model", label, row, shares.get(row, math.inf), place)
+
+
+def _of_joints(model: mujoco.MjModel, labels: Sequence[RunLabel]) -> Iterator[Reason]:
+    """Yield a reason for each joint of a body that labels of numerics name."""
+    for label in labels:
+        if label.label in SOFT_ROWS or label.label in _OF_MARGINS:
+            continue
+        for body in label.bodies:
+            first, count = model.body(body).jntadr[0], model.body(body).jntnum[0]
+            for joint in range(int(first), int(first) + int(count)):
+                yield _reason("unresolved", label, "run", math.inf, joint_name(model, joint))
+
+
+def _reason(word: Word, label: RunLabel, row: str, share: float, place: str) -> Reason:
+    body, time = next(iter(label.bodies), ""), label.time or 0.0
+    return Reason(word, label.phase, row, share, body, place, time, label.reason)
+
+
+def _without_margins(model: mujoco.MjModel) -> Iterator[FieldChange]:
+    """Yield the change by which no contact bears before its geoms touch."""
+    values = [
+        FieldValue(f"{kind}_{part}", (row,), f"{kind}_{part}[{name_of(model, kind, row)}]", 0.0)
+        for kind in ("geom", "pair")
+        for part in ("margin", "gap")
+        for row in map(int, np.flatnonzero(getattr(model, f"{kind}_{part}")))
+    ]
+    if values:
+        yield FieldChange(_MARGIN, "no margin of any contact", tuple(values))
 
 
 def _untimed(candidate: Candidate, word: Word, edits: ModelEdits, *, removes: bool) -> Remedy:

@@ -1,8 +1,9 @@
-"""Pairs of bodies that a model presses into each other, and the model in which they do not touch.
+"""Starts that a model does not allow, and the model without: bodies apart, or moved elsewhere.
 
 Links that a joint holds in each other's geoms push with what the joint bears. MuJoCo leaves out
 contacts of parent and child, but not where the parent is the world: so it is with a robot whose
-base is welded to it, as that of a URDF. Its pairs may be excluded, or its base set free.
+base is welded to it, as that of a URDF. Its pairs may be excluded, or its base set free. What is
+beyond its limits, in another body, or off its equalities where a run begins may begin elsewhere.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -14,33 +15,55 @@ from contactlab.budget.motion import INTEGRATION
 from contactlab.budget.remedies import Candidate
 from contactlab.budget.verdict import Word
 from contactlab.errors import SceneError
+from contactlab.scene.closed_start import closed_start
 from contactlab.scene.model_draft import CompiledFiles, ModelEdits, edit_spec
 from contactlab.scene.model_names import name_of
 from contactlab.scene.scene import Scene
+from contactlab.schema.task import QPOS0
 from contactlab.studies.session import Values
 
 _ENDLESS = (int(mujoco.mjtGeom.mjGEOM_PLANE), int(mujoco.mjtGeom.mjGEOM_HFIELD))
+_HELD = "allowed"  # keyframe of a model that has none
 _NEAR = 2  # joints between links of one robot that touch by how it is built
 
 
 def separated(
     scene: Scene, values: Values, motions: Sequence[Motion], verdict: Verdict
 ) -> tuple[Candidate, ...]:
-    """Return changes by which links in each other no longer touch: no contacts, or a free base.
+    """Return changes by which links in each other no longer touch, or the run begins elsewhere.
 
-    Only links of one robot, few joints apart, that are in each other at the start: that a body no
-    longer touches what it stands on, holds or runs into is not mended by forgetting it. Floors are
-    never excluded.
+    No contacts, or a free base, only of links of one robot, few joints apart, that are in each
+    other at the start: that a body no longer touches what it stands on, holds or runs into is not
+    mended by forgetting it. Floors are never excluded.
     """
     model = motions[0].model
+    word: Word = "model" if verdict.word == "model" else "unresolved"
+    moved = tuple(_moved(scene, values, motions[0], word))
     pairs = dict.fromkeys(overlapping(motions[0]))
     if not pairs:
-        return ()
-    word: Word = "model" if verdict.word == "model" else "unresolved"
+        return moved
     names = tuple((name_of(model, "body", one), name_of(model, "body", two)) for one, two in pairs)
     return (
         *_without_contacts(scene, values, model, names, word),
         *_floating(scene, values, names, word),
+        *moved,
+    )
+
+
+def _moved(scene: Scene, values: Values, motion: Motion, word: Word) -> Iterator[Candidate]:
+    """Yield the change by which a run begins where limits, contacts and equalities allow it."""
+    positions = closed_start(motion.model, motion.starts[0], INTEGRATION)
+    if positions is None:
+        return
+    keyframe = scene.resolve(values, 0, None).keyframe
+    written = _HELD if keyframe == QPOS0 else keyframe
+    yield Candidate(
+        "a start that its limits, contacts and equalities allow",
+        word,
+        lambda _: None,
+        accept="start",
+        edits=ModelEdits(posed=((written, tuple(positions.tolist())),)),
+        nearer=False,  # its states are others
     )
 
 
