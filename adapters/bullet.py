@@ -85,8 +85,7 @@ class World:
 
         self._model, self._names = model, pybullet
         self._bullet = BulletClient(pybullet.DIRECT)
-        off = model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_GRAVITY
-        self._bullet.setGravity(*(np.zeros(3) if off else model.opt.gravity))
+        self._bullet.setGravity(*_JOINTS.gravity_of(model))
         self._bullet.setPhysicsEngineParameter(
             fixedTimeStep=float(model.opt.timestep),
             restitutionVelocityThreshold=_CONTACTS.BOUNCES_FROM,
@@ -268,8 +267,7 @@ class World:
         compare("the size", [self._size(geom) for geom in geoms], sizes, names)
         set_up = bullet.getPhysicsEngineParameters()
         gravity = [set_up[f"gravityAcceleration{axis}"] for axis in "XYZ"]
-        off = model.opt.disableflags & _JOINTS.OFF.mjDSBL_GRAVITY
-        compare("the acceleration", np.zeros(3) if off else model.opt.gravity, gravity, ["gravity"])
+        compare("the acceleration", _JOINTS.gravity_of(model), gravity, ["gravity"])
         compare("the timestep", model.opt.timestep, set_up["fixedTimeStep"], ["the model"])
         self._check_places()
 

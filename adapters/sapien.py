@@ -111,8 +111,7 @@ class World:
         from sapien import physx
 
         self._model, self._sapien, self._physx = model, sapien, physx
-        off = model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_GRAVITY
-        gravity = np.zeros(3) if off else np.array(model.opt.gravity)
+        gravity = _JOINTS.gravity_of(model)
         physx.set_scene_config(gravity=gravity, bounce_threshold=_CONTACTS.BOUNCES_FROM)
         self._system = physx.PhysxCpuSystem()
         self._scene = sapien.Scene([self._system])
@@ -255,8 +254,7 @@ class World:
         compare("the mask", sent, [shape.collision_groups for shape in shapes], names)
         sizes = [self._size(geom, shape) for geom, shape in self._shapes]
         compare("the size", [each[0] for each in sizes], [each[1] for each in sizes], names)
-        off = model.opt.disableflags & _JOINTS.OFF.mjDSBL_GRAVITY
-        gravity = np.zeros(3) if off else model.opt.gravity
+        gravity = _JOINTS.gravity_of(model)
         compare("the acceleration", gravity, self._system.config.gravity, ["gravity"])
         compare("the timestep", model.opt.timestep, self._scene.timestep, ["the model"])
         self._check_places(bodies)

@@ -10,9 +10,9 @@ from typing import Any
 import mujoco
 import numpy as np
 
-_RIGID, _ARRIVALS = (
+_RIGID, _JOINTS, _ARRIVALS = (
     SimpleNamespace(**run_path(str(Path(__file__).parent / name)))
-    for name in ("rigid_contacts.py", "arrivals.py")
+    for name in ("rigid_contacts.py", "joints.py", "arrivals.py")
 )
 _MODULUS = 1e6  # of boxes [Pa]: one of 10 cm and 1 kg sinks by 50 um
 _FREE, _PLANE, _SPHERE, _BOX = (
@@ -102,9 +102,7 @@ class Contacts:
             sap_near_rigid_threshold=0.0,
         )
         self._plant, scene_graph = AddMultibodyPlant(config, self._builder)
-        off = model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_GRAVITY
-        gravity = np.zeros(3) if off else np.array(model.opt.gravity)
-        self._plant.mutable_gravity_field().set_gravity_vector(gravity)
+        self._plant.mutable_gravity_field().set_gravity_vector(_JOINTS.gravity_of(model))
         self._bodies = {int(body): self._body(int(body)) for body in model.jnt_bodyid}
         self._geoms = {self._shape(geom): geom for geom in range(model.ngeom)}
         if self._stepped:
@@ -191,9 +189,7 @@ class Contacts:
         _ARRIVALS.compare("the mass", model.body_mass[[*self._bodies]], masses, names)
         _ARRIVALS.compare("the inertia", sent, arrived, names)
         gravity = self._plant.gravity_field().gravity_vector()
-        off = model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_GRAVITY
-        meant = np.zeros(3) if off else model.opt.gravity
-        _ARRIVALS.compare("the acceleration", meant, gravity, ["gravity"])
+        _ARRIVALS.compare("the acceleration", _JOINTS.gravity_of(model), gravity, ["gravity"])
 
     def _check_shapes(self, inspector: Any) -> None:
         """Raise a ValueError unless sizes, frictions and what may touch arrived as they were sent.

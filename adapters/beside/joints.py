@@ -51,6 +51,11 @@ def refusals(model: mujoco.MjModel) -> list[tuple[Any, str]]:
     ]
 
 
+def gravity_of(model: mujoco.MjModel) -> np.ndarray:
+    """Return (3,) the gravity that acts [m/s^2]."""
+    return np.array(model.opt.gravity) * (not model.opt.disableflags & OFF.mjDSBL_GRAVITY)
+
+
 def joint_forces(
     model: mujoco.MjModel, qpos: np.ndarray, qvel: np.ndarray, control: np.ndarray
 ) -> np.ndarray:

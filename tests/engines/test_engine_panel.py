@@ -90,7 +90,7 @@ def test_what_there_is_not_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     for request, error, said in (
         (PanelRequest(["bounc"]), SweepFileError, "did you mean 'bounce'"),
-        (PanelRequest(engines=["nobody"]), EngineError, "no engine 'nobody'"),
+        (PanelRequest(engines=["nobody"]), EngineError, "no engine 'nobody'; there are mujoco, "),
         (PanelRequest(engines=["cenic"]), EngineError, "contactlab engines add cenic"),
     ):
         with pytest.raises(error, match=said):
