@@ -4,7 +4,7 @@ from pathlib import Path
 
 import mujoco
 import pytest
-from tests.grip.grippers import claw_with_bar
+from tests.grip.grippers import claw, claw_with_bar
 from tests.grip.test_fingers import arm
 
 from contactlab.errors import SceneError
@@ -61,5 +61,11 @@ def test_a_film_of_no_grip_is_refused(tmp_path: Path) -> None:
         film_grip(saved(tmp_path, cup)[0], QPOS0, lambda _: None)
 
 
-def test_legs_are_no_hand(tmp_path: Path) -> None:
-    assert grip_facts(*saved(tmp_path, DOG), QPOS0) == ()
+@pytest.mark.parametrize("dog", [DOG, DOG.replace("<freejoint/>", "")])
+def test_legs_are_no_hand(dog: str, tmp_path: Path) -> None:
+    assert grip_facts(*saved(tmp_path, dog), QPOS0) == ()
+
+
+def test_a_hand_that_stands_alone_is_judged(tmp_path: Path) -> None:
+    (fact,) = grip_facts(*saved(tmp_path, claw()), QPOS0)
+    assert fact.sentence.startswith("its hand (claw) creeps")

@@ -71,6 +71,14 @@ class ExaminationView:
     untried: str
     contacts: Sequence[Sequence[str]]
 
+    @property
+    def verdict(self) -> str:
+        """The class of its headline: sound, decided by softness, or neither."""
+        if not self.report.sound:
+            return "unmet"
+        soft = self.report.budget is not None and self.report.budget.verdict == "model"
+        return "softly" if soft else "met"
+
 
 def examination_view(
     store: Store, report: Examination | None, grip: Path | None = None

@@ -88,7 +88,7 @@ function metricLists(columns, row) {
 // it has instead.
 function nearestStable(columns, row) {
   const stable = metadata.labels.names.indexOf("stable");
-  if (metadata.aggregated || columns.label[row] === stable) return null;
+  if (metadata.aggregated || !metadata.axes.some((axis) => axis.role !== "scenario") || columns.label[row] === stable) return null;
   const codes = metadata.axes.map((axis) => axisCodes(columns, axis.name));
   let [best, least] = [null, Infinity];
   const most = 1 + metadata.axes.reduce((sum, axis) => sum + axis.ticks.length, 0);

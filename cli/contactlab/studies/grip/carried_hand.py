@@ -1,4 +1,4 @@
-"""A robot's grip as a fact of its examination: of what a keyframe holds, or of a hand on an arm."""
+"""A robot's grip as a fact of its examination: of what a keyframe holds, or of its hand."""
 
 import math
 from collections.abc import Callable, Iterator
@@ -20,13 +20,19 @@ _HAND = 0.2
 
 
 def grip_facts(reference: str, model: mujoco.MjModel, start: str) -> tuple[Fact, ...]:
-    """Return whether what the start holds, or else the robot's hand, holds an object; if any."""
+    """Return whether what the start holds, or else the robot's hand, holds an object; if any.
+
+    Of what is fixed to the world and closes, it is told only if the object stays: legs drop it.
+    """
     for request in _requests(reference, start):
         try:
-            if request.keyframe is not None or _is_carried(model):
-                return (_fact(run(request)),)
+            carried = request.keyframe is not None or _is_carried(model)
+            if not carried and not _is_fixed(model):
+                continue
+            report = run(request)
         except SceneError:
             continue  # nothing is held there, or there is no hand
+        return (_fact(report),) if carried or report.verdict != "drops" else ()
     return ()
 
 
@@ -58,6 +64,11 @@ def _is_carried(model: mujoco.MjModel) -> bool:
     base = find_hand(model).base
     robot = int(model.body_rootid[base])
     return bool(model.body_subtreemass[base] <= _HAND * model.body_subtreemass[robot])
+
+
+def _is_fixed(model: mujoco.MjModel) -> bool:
+    """Return whether the robot of a hand is joined to the world without a joint."""
+    return bool(model.body_weldid[model.body_rootid[find_hand(model).base]] == 0)
 
 
 def _fact(report: GripReport) -> Fact:
