@@ -47,7 +47,7 @@ def run(asked: argparse.Namespace) -> None:
     kind, wanted = "verdict" if asked.verdict else "whole", named(asked.wheels, asked.only)
     if asked.verdict:
         wanted = [one for one in wanted if (entry := recorded(one[0].name)) and entry.examination]
-    wanted = [*to_examine(wanted, records_of(kind))][: asked.most]
+    wanted = [*(wanted if asked.again else to_examine(wanted, records_of(kind)))][: asked.most]
     with ThreadPoolExecutor(asked.jobs) as pool:
         work = partial(_examined, asked.wheels, kind, asked.seconds)
         for entry in pool.map(work, wanted):
@@ -184,6 +184,7 @@ def _parser() -> argparse.ArgumentParser:
     asks.add_argument(
         "--verdict", action="store_true", help="verdicts alone, of this release of MuJoCo"
     )
+    asks.add_argument("--again", action="store_true", help="also what has a current record")
     tunes = verbs.add_parser("tune", help="add what tune recommends to records of sound models")
     for each, seconds in ((asks, 600), (tunes, 90)):
         _name_families(each)

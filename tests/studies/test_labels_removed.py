@@ -61,6 +61,14 @@ def test_a_finer_step_comes_before_another_model(tmp_path: Path) -> None:
     assert set(told[1].settings) == {"geom_solref[floor]", "geom_solref[box]"}
 
 
+def test_a_solver_that_was_not_done_goes_on(tmp_path: Path) -> None:
+    stuck = DEEP.model_copy(update={"label": "solver_nonconvergence", "bodies": ()})
+    coarse = BOX.replace("<option ", '<option iterations="2" ')
+    (told,) = changes_of(tmp_path, ["iterations", "timestep"], label=stuck, text=coarse).told()
+    assert told.name == "Newton with 100 iterations"
+    assert told.settings["iterations"] == 100
+
+
 def test_what_keeps_the_label_is_not_told(tmp_path: Path) -> None:
     assert changes_of(tmp_path, ["impratio"]).told() == ()
 

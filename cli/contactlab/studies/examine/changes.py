@@ -51,6 +51,8 @@ _RUNS = 3  # a run, and one of half its step beside it
 _FINEST = 64  # most steps in one of the run's that are tried
 _HALF = "half the step"
 _FINER_STEPS = (_HALF, "a quarter of the step", "an eighth of the step")
+_OF_SOLVERS = ("solver_nonconvergence", "solver_inconsistent")
+(_SOLVED,) = (one for one in CANDIDATES if one.name == "Newton with 100 iterations")
 _PYRAMIDAL = int(mujoco.mjtCone.mjCONE_PYRAMIDAL)
 _STIFF_FRICTION = "elliptic cones with impratio 10"
 SOFT_ROWS = {
@@ -193,7 +195,10 @@ class Changes:
             yield from (finer(half, times) for times in (8, 16, 32))
             yield from (joined([finer(half, times), one]) for times in (2, 8) for one in physical)
             return
-        if not {label.label for label in labels} <= {*SOFT_ROWS, *_OF_MARGINS}:
+        kinds = {label.label for label in labels}
+        if kinds & {*_OF_SOLVERS} and base is not _SOLVED:
+            yield joined([base, _SOLVED])
+        if not kinds <= {*SOFT_ROWS, *_OF_MARGINS}:
             yield from (finer(base, times) for times in (2, 4) if base.rate * times <= _FINEST)
         for candidate in physical:
             if candidate.accept == _MARGIN:
@@ -380,9 +385,10 @@ def candidates_against_labels(
 ) -> tuple[Candidate, ...]:
     """Return changes that may keep labels from runs, which are tried in their order.
 
-    Elliptic cones where forces differ and friction has pyramids, which costs no time, then finer
-    steps. Then those that make another model: contacts that bear at no distance; stiffer contacts,
-    limits and equalities of what labels name, and of all; servos that the step holds.
+    A solver that goes on where it was not done, and elliptic cones where forces differ and friction
+    has pyramids, which cost little time, then finer steps. Then those that make another model:
+    contacts that bear at no distance; stiffer contacts, limits and equalities of what labels name,
+    and of all; servos that the step holds.
     """
     if not labels:
         return ()
@@ -392,6 +398,8 @@ def candidates_against_labels(
     if pyramids and "step_dependent" in kinds:
         (elliptic,) = (one for one in CANDIDATES if one.name == _STIFF_FRICTION)
         computed.insert(0, elliptic)
+    if kinds & {*_OF_SOLVERS}:
+        computed.insert(0, _SOLVED)
     soft = tuple(_softness(verdict, labels))
     stiffer = field_changes(motions, Verdict("model", verdict.within, soft)) if soft else ()
     driven = tuple(_of_joints(model, labels))
