@@ -34,6 +34,8 @@ hide-toc: true
 What `contactlab MODEL` says of {judged} robots and scenes as public wheels carry them, with MuJoCo
 {mujoco}. Each page has its film and error budget, the change that mends it as a patch, the command
 that says it again, and a script in plain MuJoCo that shows the cause.
+
+{counted}
 {changed}
 """
 _NOTES = """
@@ -232,6 +234,7 @@ def _index(
     yield _INTRODUCTION.format(
         judged=len(judged),
         mujoco=", ".join(sorted({entry.mujoco for entry in judged})),
+        counted=_counted_verdicts(judged),
         changed=_between(judged, others),
     )
     yield '```{raw} html\n<p class="atlas-filter"><input type="search" aria-label="filter" '
@@ -255,6 +258,18 @@ def _index(
     )
     yield "## Without a verdict\n"
     yield from (f"- `{entry.name}`: {_plain(entry.refused)}" for entry in refused)
+
+
+def _counted_verdicts(judged: Sequence[Entry]) -> str:
+    """Return how many have each verdict, a cause that plain MuJoCo shows, and a change."""
+    words = Counter(map(shown_word, judged)).most_common()
+    red = [entry for entry in judged if not entry.sound]
+    asked = [shown.holds for entry in judged if (shown := entry.confirmation)]
+    return (
+        f"{', '.join(f'{count} {word}' for word, count in words)}. A change makes "
+        f"{sum(entry.mending is not None for entry in red)} of the {len(red)} that are not sound "
+        f"so; plain MuJoCo shows the cause of {sum(asked)} of {len(asked)}."
+    )
 
 
 def _between(judged: Sequence[Entry], others: Mapping[str, Mapping[str, Entry]]) -> str:
