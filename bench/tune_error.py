@@ -137,7 +137,8 @@ def measured(report: TuneReport, motions: Sequence[Motion], point: Point, file: 
         each = [shares(written, tuned, motion, seed, own) for seed in range(motion.seeds)]
         worst = max(worst, float(np.mean(each, axis=0).max()))
     multiple = round(point.timestep / fine)
-    is_rk4 = tuned.model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4
+    both = [written.model.opt.integrator, tuned.model.opt.integrator]
+    is_rk4 = mujoco.mjtIntegrator.mjINT_RK4 in both
     return worst * (1.0 if is_rk4 or multiple < 2 else multiple / (multiple - 1))
 
 

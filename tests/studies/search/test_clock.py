@@ -62,15 +62,15 @@ def test_what_disturbs_a_piece_in_some_turns_disturbs_no_ratio() -> None:
     assert half_width(price) < 0.05
 
 
-def test_without_time_one_seed_tells_of_whole_runs() -> None:
-    """A model takes a few turns beside itself, whatever the time."""
+def test_whole_runs_are_timed_by_enough_turns_or_not_at_all() -> None:
+    """A model beside itself: from few turns an interval would look narrower than it is."""
     model = mujoco.MjModel.from_xml_string(SWING)
-    starts = np.empty((3, mujoco.mj_stateSize(model, INTEGRATION)))
-    mujoco.mj_getState(model, mujoco.MjData(model), starts[0], INTEGRATION)
-    starts[1:] = starts[0]
-    motion = Motion(model, starts, np.empty((3, 40, 0)), name="whole")
+    start = np.empty((1, mujoco.mj_stateSize(model, INTEGRATION)))
+    mujoco.mj_getState(model, mujoco.MjData(model), start[0], INTEGRATION)
+    motion = Motion(model, start, np.empty((1, 40, 0)), name="whole")
     clock = Clock(Yardsticks.of([motion], 2, 1), model)
-    (price,) = clock.whole([(model, 2)], [motion], -math.inf)
+    assert not clock.whole([(model, 2)], [motion], -math.inf)
+    (price,) = clock.whole([(model, 2)], [motion], math.inf)
     assert 0 < price.low <= price.ratio <= price.high < math.inf
 
 

@@ -88,7 +88,7 @@ def searched(
     more: tuple[Lever, ...] = (),
 ) -> Search:
     levers = [
-        Lever("jacobian", [{"jacobian": "sparse"}, {"jacobian": "dense"}]),
+        Lever("jacobian", [{"jacobian": "sparse"}, {"jacobian": "dense"}], falls=False),
         Lever("iterations", [], [{"iterations": 5}]),
         *more,
     ]

@@ -52,6 +52,10 @@ def test_errors_grow_with_the_step_as_the_order_of_the_method_says() -> None:
     smooth = Choice({"integrator": "RK4"}).made(swinging.model)
     fine = Yardsticks.of([motion(SWING.replace("<option", '<option integrator="RK4"'), 0.8)], 4, 1)
     assert fine.apart(smooth, 8).share < 1e-6
+    # Nothing of first order is left in that motion: shares are as steps, up to the second order.
+    euler = Choice({"integrator": "Euler"}).made(swinging.model)
+    shares = [fine.apart(euler, multiple).share for multiple in (2, 8)]
+    assert shares[1] / shares[0] == pytest.approx(4, rel=0.1)
 
 
 def test_what_is_unknown_is_what_masses_and_friction_are_worth() -> None:

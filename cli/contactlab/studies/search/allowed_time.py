@@ -1,9 +1,11 @@
-"""The wall time that a study may take, and by how much other work stretches it."""
+"""The wall time that a study may take, and how long work takes beside all else that runs."""
 
 import time
+from collections import deque
 from dataclasses import dataclass, field
 
-_TOLD = 0.5  # s of CPU time, before which wall over CPU time tells little
+_LATELY = 2.0  # s of CPU time, of which the last tell how long such work takes now
+_TOLD = 0.2  # s of CPU time that tell something
 
 
 @dataclass(frozen=True)
@@ -17,8 +19,7 @@ class AllowedTime:
 
     begin: float
     seconds: float
-    _since: float = field(default_factory=time.monotonic)
-    _cpu: float = field(default_factory=time.process_time)
+    _marks: deque[tuple[float, float]] = field(default_factory=lambda: deque([_now()]))
 
     @property
     def deadline(self) -> float:
@@ -30,8 +31,18 @@ class AllowedTime:
         """What is left of it [s]; negative once it is over."""
         return self.deadline - time.monotonic()
 
-    @property
-    def stretch(self) -> float:
-        """Wall time over CPU time so far, at least 1: what waits for a core takes as much more."""
-        spent = time.process_time() - self._cpu
-        return max(1.0, (time.monotonic() - self._since) / spent) if spent > _TOLD else 1.0
+    def takes(self, spent: float) -> float:
+        """Return how long work of so much CPU time takes [s], as the work before it did lately."""
+        marks, (wall, cpu) = self._marks, _now()
+        while len(marks) > 1 and cpu - marks[1][1] > _LATELY:
+            marks.popleft()
+        since, before = marks[0]
+        if cpu - before < _TOLD:
+            return spent
+        marks.append((wall, cpu))
+        return spent * (wall - since) / (cpu - before)
+
+
+def _now() -> tuple[float, float]:
+    """Return wall time and CPU time of the process, of all its threads [s]."""
+    return time.monotonic(), time.process_time()

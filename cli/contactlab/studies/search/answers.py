@@ -44,9 +44,10 @@ from contactlab.studies.search.yardstick import Apart, Yardsticks
 from contactlab.studies.session import Session
 from contactlab.studies.task_verdict import run_labels
 
-_JUDGED = 60  # times that two verdicts simulate the task: references, their check and RK4, itself
+_JUDGED = 30  # times that a verdict simulates the task: references, their check and RK4, itself
 _JUDGING = 0.1  # of the time allowed, for what the judge says of the model as written
 _WRITTEN = 1.5  # s of CPU time that a model takes to be written, compared, opened and labelled
+_LATE = 0.1  # of the time allowed, that the first verdict may end after it
 _MOST_TRIES, _MOST_MEASURED = 5, 25
 """Choices that are judged, and whose errors are looked at, on fresh seeds."""
 _WORTH_A_PROCESS = 0.3  # s that a task takes: what is shorter is over before a process has begun
@@ -125,6 +126,7 @@ class Answers:
         self._allowed = allowed
         self.kept = list[Unsearched]()
         self._said_now = dict[tuple[int, ...], _Judgement]()
+        self._seed_took = _JUDGED * subject.one_pass
         self._judging_took = 0.0
 
     @property
@@ -139,13 +141,19 @@ class Answers:
     @property
     def to_judge(self) -> float:
         """How long it takes to write a model and judge it, about [s]: on one seed, or as before."""
-        return self._judging_took or time_to_judge(self._subject, self._allowed)
+        return self._allowed.takes(self._judging_took or _WRITTEN + self._per_seed)
+
+    @property
+    def _per_seed(self) -> float:
+        """CPU time of two verdicts on a seed, and of the fine motion that errors are held to."""
+        return 2 * self._seed_took + self._subject.yards.finer * self._subject.one_pass
 
     def of(self, wanted: Wanted, *, first: bool) -> Answer | None:
         """Write what is best until one holds on fresh seeds; None if none is better than now."""
         below, done = _Below(), {self.known.choice.key}
         for number in range(_MOST_TRIES):
-            if self._allowed.left < self.to_judge and (number or not first):
+            late = _LATE * self._allowed.seconds if first and not number else 0.0
+            if self._allowed.left + late < self.to_judge:
                 reason = "no time was left to judge what is next best"
                 self.kept.append(Unsearched(wanted.folder, reason))
                 break
@@ -314,10 +322,10 @@ class Answers:
     @cached_property
     def _judging(self) -> list[Motion]:
         """Fresh motions of as many seeds as the time allows to judge."""
-        passes = self._subject.yards.finer + _JUDGED
-        left = max(0.0, self._allowed.left - _WRITTEN * self._allowed.stretch)
+        left = max(0.0, self._allowed.left - self._allowed.takes(_WRITTEN))
         left *= _VERDICTS / len(self._search.bounds)
-        seeds = min(self._subject.seeds, max(1, int(left / (passes * self._subject.one_pass))))
+        takes = self._allowed.takes(self._per_seed)
+        seeds = min(self._subject.seeds, max(1, int(left / takes)))
         return [first_seeds(motion, seeds) for motion in self.motions]
 
     @cached_property
@@ -354,7 +362,7 @@ class Answers:
     ) -> Verified:
         """Judge a written model, whose error is known, on seeds that no choice was made by."""
         self._session.notify(f"verifying {self._name(tried)}")
-        begin = time.monotonic()
+        begin = time.process_time()
         request = ExamineRequest(written.reference, task=self._request.task, sections=("budget",))
         examined = open_model(request, self._session)
         judged, said = self._worst_of(examined)
@@ -368,7 +376,7 @@ class Answers:
             holds, why = False, f"labelled {' and '.join(labels)}, as the model as written is not"
         if holds and "apart" in tried.choice.cuts and (touched := self._touched()):
             holds, why = False, f"{touched} touch, which stayed apart before"
-        self._judging_took = time.monotonic() - begin
+        self._judging_took = time.process_time() - begin
         return Verified(
             seeds=self._judged_task.seeds,
             holds=holds,
@@ -425,7 +433,7 @@ class Answers:
     def judge_now(self) -> None:
         """Ask the judge of the model as written, of as many seeds as a tenth of the time allows."""
         task = self._examined.task
-        takes = _JUDGED / 2 * self._subject.one_pass
+        takes = self._allowed.takes(self._seed_took)
         seeds = min(len(task.seeds), int(_JUDGING * self._request.max_time / takes))
         if seeds:
             self._now_on(task.model_copy(update={"seeds": task.seeds[:seeds]}))
@@ -457,8 +465,9 @@ class Answers:
 
     def _said_of(self, examined: CheckedModel, task: Task) -> _Judgement:
         settings = Settings(places=False, excess=False)
-        motions = examined.motions_of(task)
+        motions, begin = examined.motions_of(task), time.process_time()
         budget = error_budget(motions, rows=(), settings=settings, workers=self._subject.threads)
+        self._seed_took = (time.process_time() - begin) / len(task.seeds)
         verdict = judge(budget, task.within)
         reason = verdict.reasons[0].sentence if verdict.reasons else "sound"
         gc.collect()  # what has measured refers to itself, and to models of megabytes
@@ -491,9 +500,3 @@ def _spread(budget: ErrorBudget) -> tuple[float, float]:
     """Return the least and largest share over seeds, of the worst phase."""
     seeds = max(budget.phases, key=lambda phase: phase.run.share).run.seeds
     return float(seeds.min()), float(seeds.max())
-
-
-def time_to_judge(subject: Subject, allowed: AllowedTime) -> float:
-    """Return how long it takes to write a model and judge it on one seed, about [s]."""
-    simulated = (subject.yards.finer + _JUDGED) * subject.one_pass
-    return simulated + _WRITTEN * allowed.stretch

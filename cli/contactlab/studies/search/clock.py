@@ -184,9 +184,11 @@ class Clock:
         """Return the time of models over that of the model as written, for whole runs of phases.
 
         Turns go on while they leave an interval wider than wanted, until then on the clock of
-        `time.monotonic`; seeds that were not begun by then are left out. By how much seeds differ,
-        no turn makes narrower.
+        `time.monotonic`; seeds that were not begun by then are left out, and so is all if turns are
+        too few. By how much seeds differ, no turn makes narrower.
         """
+        if time.monotonic() > until:
+            return []
         made = self._all_stepped([(self._written, self._yards.finer), *models])
         turns = [self._turn(made, motions, 0)]
         taken = [[turns[0].taken()]]
@@ -196,10 +198,12 @@ class Clock:
             turns.append(self._turn(made, motions, seed))
             taken.append([turns[-1].taken()])
         while len(taken[0]) < _FEWEST or (
-            len(taken[0]) < _MOST
-            and time.monotonic() < until
-            and not _all_narrow(_told(taken, seeds=False))
+            len(taken[0]) < _MOST and not _all_narrow(_told(taken, seeds=False))
         ):
+            if time.monotonic() > until:
+                if len(taken[0]) < _FEWEST:
+                    return []
+                break
             for seed, turn in enumerate(turns):
                 taken[seed].append(turn.taken())
         bases = [np.min([turn[0] for turn in each], axis=0).sum() for each in taken]

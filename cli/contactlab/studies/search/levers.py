@@ -43,17 +43,20 @@ _SHOWN = {
 
 @dataclass(frozen=True)
 class Lever:
-    """A setting, and the values that are tried, the cheapest last.
+    """A setting, and the values that are tried.
 
     Attributes:
         name: as the report has it.
         values: settings by axis, each tried by itself.
         tight: more of them, which hang on the step: tried once that is found.
+        falls: whether each value costs no more than those before it: where the last saves nothing,
+            none does.
     """
 
     name: str
     values: Sequence[Settings]
     tight: Sequence[Settings] = ()
+    falls: bool = True
 
 
 @dataclass(frozen=True)
@@ -96,7 +99,7 @@ def _proposed(model: mujoco.MjModel) -> Iterator[Lever]:
     for name in ("solver", "jacobian", "cone"):
         own = read_option(model, name)
         others = [word for word in WORDS[name] if word not in (own, "auto")]
-        yield Lever(name, [{name: word} for word in others])
+        yield Lever(name, [{name: word} for word in others], falls=False)
     for name, values in _FEWER.items():
         fewer = [value for value in values if value < option(name)]
         hang = name in ("iterations", "ls_iterations")

@@ -11,7 +11,7 @@ import time
 from collections import ChainMap
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import chain
 from typing import Protocol
 
@@ -26,6 +26,7 @@ from contactlab.studies.search.yardstick import Apart
 SAVES = 0.97
 """Ratio of times below which a setting saves any."""
 _LOSSLESS = 0.05  # of the limit, that what counts as free may add to the error of the model
+_WASTE = 0.4  # of the time that is left, for what adds no error: steps are to follow
 _CLOSE, _CLOSEST = 1.15, 1.03  # ratios of steps that are told apart: of integrators, of the best
 SAME = 1.02
 """Ratio of errors up to which one is no larger: of equal steps both have the same noise."""
@@ -257,6 +258,11 @@ class Search:
                 self._entry(choice).price = price
         return prices
 
+    def _ratios(self, choices: Sequence[Choice]) -> dict[tuple[object, ...], float]:
+        """Return what choices cost in the same turns, by key."""
+        timed = self._timed(choices)
+        return {one.key: price.ratio for one, price in zip(choices, timed, strict=True)}
+
     def _stepped(self, choice: Choice) -> tuple[mujoco.MjModel, int]:
         return self.space.made(choice), choice.multiple
 
@@ -307,19 +313,27 @@ class Search:
             kept = [bound.accepted for bound in self.bounds if own <= bound.accepted]
             most = own + _LOSSLESS * min(bound.limit for bound in self.bounds)
             most = min([most, *kept])
-            values = [lever.values for lever in self.space.levers]
-            self._without_waste = self._added(here, values, lambda one: self._error(one) <= most)
+            whole = self.deadline
+            self.deadline = time.monotonic() + _WASTE * max(0.0, whole - time.monotonic())
+            self._without_waste = here
+            with suppress(OutOfTimeError):
+                self._without_waste = self._added(
+                    here, self.space.levers, lambda one: self._error(one) <= most
+                )
+            self.deadline = whole
         return self._without_waste
 
     def _with_losses(self, here: Choice) -> Choice:
         """Return a choice with what saves time and keeps the limit."""
         if not self._fits(here):
             return here
-        values = [[*lever.values, *lever.tight] for lever in self.space.levers]
-        return self._added(here, values, self._fits)
+        levers = [
+            replace(lever, values=[*lever.values, *lever.tight]) for lever in self.space.levers
+        ]
+        return self._added(here, levers, self._fits)
 
     def _added(
-        self, here: Choice, levers: Sequence[Sequence[Settings]], good: Callable[[Choice], bool]
+        self, here: Choice, levers: Sequence[Lever], good: Callable[[Choice], bool]
     ) -> Choice:
         """Return a choice with the best good value of each lever that saves time.
 
@@ -328,14 +342,23 @@ class Search:
         """
         made = self.space.made(here)
         tried = [
-            [here.with_settings(value) for value in values if differing(value, made)]
-            for values in levers
+            [here.with_settings(value) for value in lever.values if differing(value, made)]
+            for lever in levers
         ]
-        timed = [here, *chain(*tried)]
-        price = {one.key: found.ratio for one, found in zip(timed, self._timed(timed), strict=True)}
+        last = [
+            values[-1:] if lever.falls else values
+            for lever, values in zip(levers, tried, strict=True)
+        ]
+        price = self._ratios([here, *chain(*last)])
         worth = SAVES * price[here.key]
+        less = [
+            values
+            for values, ends in zip(tried, last, strict=True)
+            if any(price[one.key] < worth for one in ends)
+        ]
+        price |= self._ratios([one for one in chain(*less) if one.key not in price])
         found = list[tuple[float, Settings]]()
-        for values in tried:
+        for values in less:
             saving = [one for one in values if price[one.key] < worth]
             for one in sorted(saving, key=lambda choice: price[choice.key]):
                 if good(one):

@@ -14,6 +14,7 @@ from contactlab.errors import EngineError, SceneError
 from contactlab.scene.model_draft import CompiledFiles, ModelEdits, edit_spec
 from contactlab.scene.unreachable import GeomPair, filtered_pairs
 from contactlab.studies.check.checked_model import CheckedModel
+from contactlab.studies.search.allowed_time import AllowedTime
 from contactlab.studies.search.choice import AS_WRITTEN, Cuts
 from contactlab.studies.search.exercise import doubled, positions_of, tilted
 from contactlab.studies.search.hulls import colliding, fewer_vertices, hull
@@ -50,7 +51,7 @@ class Subject:
 
     Attributes:
         motions: phases of the task, of as many seeds as the time allows.
-        one_pass: wall time that the task takes, of one seed [s].
+        one_pass: CPU time that the task takes, of one seed [s].
         model: as its files make it, without what records runs.
         yards: what tells how far candidates are from the model as written.
         uncertain: what friction 10 % and masses 5 % are worth.
@@ -60,9 +61,12 @@ class Subject:
         hull_vertices: most vertices of hulls within the distance that is asked for, by mesh.
     """
 
-    def __init__(self, request: TuneRequest, examined: CheckedModel, threads: int) -> None:
+    def __init__(
+        self, request: TuneRequest, examined: CheckedModel, threads: int, allowed: AllowedTime
+    ) -> None:
         """Measure how long the model takes, what it is uncertain by, and what changes no state."""
         self._request, self.examined, self.threads = request, examined, threads
+        self._allowed = allowed
         task = examined.task
         if request.at is not None:
             task = task.model_copy(update={"watched": ()})
@@ -98,13 +102,14 @@ class Subject:
 
     def _affordable(self, motions: Sequence[Motion]) -> list[Motion]:
         """Return motions of as many seeds as the time allows to simulate, all windows or fewer."""
-        begin = time.monotonic()
+        begin = time.process_time()
         for motion in motions:
             replay(motion, 1.0, self.threads)
-        self.one_pass = (time.monotonic() - begin) / motions[0].seeds
+        self.one_pass = (time.process_time() - begin) / motions[0].seeds
+        takes = self._allowed.takes(self.one_pass)
         allowed = SEARCHING * self._request.max_time / _PASSES
-        seeds = min(motions[0].seeds, max(1, int(_SPARSEST * allowed / self.one_pass)))
-        self._every = min(_SPARSEST, max(1, math.ceil(seeds * self.one_pass / allowed)))
+        seeds = min(motions[0].seeds, max(1, int(_SPARSEST * allowed / takes)))
+        self._every = min(_SPARSEST, max(1, math.ceil(seeds * takes / allowed)))
         return [first_seeds(motion, seeds) for motion in motions]
 
     def _compiled(self, edits: ModelEdits) -> mujoco.MjModel:
@@ -143,11 +148,9 @@ class Subject:
         if self._request.at is not None or self._request.real_time is not None:
             limit = LEAST_AIM
         # Between one and two steps lies what one step is from the limit, in first order.
-        one_phase = len(coarse.parts) == 1
-        first = (coarse.parts[0] if one_phase else coarse).apart(self.own_model, 2)
-        needed = first.share / (_RESOLVED * limit)
+        needed = coarse.seen_apart(self.own_model, 2).share / (_RESOLVED * limit)
         finer = next((rate for rate in _FINER if rate >= needed), _FINER[-1])
-        passes = self._request.max_time / max(self.one_pass, 1e-6)
+        passes = self._request.max_time / max(self._allowed.takes(self.one_pass), 1e-6)
         seeds = min(self.seeds, max(1, int(_RESOLVING * passes / finer)))
         self.motions = [first_seeds(motion, seeds) for motion in self.motions]
         allowed = max(rate for rate in _FINER if rate <= max(_FINER[0], _AT_MOST * passes))

@@ -33,7 +33,7 @@ from contactlab.schema.tune_report import (
 from contactlab.store.table_layout import as_written
 from contactlab.studies.examine.examination import ExamineRequest, open_model
 from contactlab.studies.search.allowed_time import AllowedTime
-from contactlab.studies.search.answers import Answer, Answers, Wanted, time_to_judge
+from contactlab.studies.search.answers import Answer, Answers, Wanted
 from contactlab.studies.search.choice import differing
 from contactlab.studies.search.clock import Clock
 from contactlab.studies.search.exercise import joined_seeds
@@ -55,7 +55,8 @@ from contactlab.studies.session import Session
 _LONGEST = 0.04  # s: steps of a window's length
 _CLOSELY = 2
 _TIMING = 0.3  # of the time that is left, for the clock
-_SEARCHED = 0.3  # of the time that is left, for a search at least, if verdicts may take the rest
+_SEARCHED = 0.3  # of the time that is left, for a search at least, if a verdict may take the rest
+_LOOKED = 0.1  # of it, in any case
 _TURNS_APART = 5
 
 
@@ -80,7 +81,7 @@ def run(request: TuneRequest, session: Session, begin: float | None = None) -> T
     )
     session.claim("tune", request.model)
     session.notify(f"tuning {request.model}: {examined.task.line}")
-    subject = Subject(request, examined, max(1, session.workers))
+    subject = Subject(request, examined, max(1, session.workers), allowed)
     report = Study(request, session, subject, allowed).report()
     session.write({REPORT: report.model_dump_json(indent=2) + "\n"})
     return report
@@ -122,11 +123,6 @@ class Study:
         self._wanted = self._all_wanted(known)
         search.tried[search.now.key] = known
         search.bounds = tuple(wanted.bound for wanted in self._wanted)
-        judging = len(self._wanted) * time_to_judge(subject, allowed)
-        search.deadline = min(
-            allowed.begin + SEARCHING * request.max_time,
-            time.monotonic() + max(_SEARCHED * allowed.left, allowed.left - judging),
-        )
         self._search = search
         self._answers = Answers(request, session, subject, search, self._aim, allowed)
 
@@ -199,6 +195,7 @@ class Study:
         """Search, write and verify what is found, and tell."""
         search, answers = self._search, self._answers
         answers.judge_now()
+        search.deadline = self._end_of_search()
         search.run()
         known = answers.known
         if known.error is None or known.price is None:
@@ -251,6 +248,13 @@ class Study:
             seconds=time.monotonic() - self._allowed.begin,
         )
         return report.model_copy(update={"sentence": sentence_of(report)})
+
+    def _end_of_search(self) -> float:
+        """Return when the search ends, on the clock of `time.monotonic`: verdicts are to follow."""
+        allowed, one = self._allowed, self._answers.to_judge
+        left, own = allowed.left, allowed.begin + SEARCHING * allowed.seconds
+        least = max(min(_SEARCHED * left, left - one), _LOOKED * left)
+        return min(own, time.monotonic() + max(least, left - len(self._wanted) * one))
 
     def _answered(self) -> tuple[Answer | None, Answer | None, Answer | None]:
         """Return what is recommended, what is as accurate as now, and what keeps the aim beside."""
@@ -306,7 +310,7 @@ class Study:
         until = time.monotonic() + max(min(_TIMING * left, left - reserved), 0)
         own, fresh = self._subject.motions, self._answers.motions
         motions = [joined_seeds(*pair) for pair in zip(own, fresh, strict=True)]
-        for one, price in zip(tried, self._clock.whole(models, motions, until), strict=True):
+        for one, price in zip(tried, self._clock.whole(models, motions, until), strict=False):
             one.price = price
         self._closely.extend(tried)
 
@@ -325,12 +329,12 @@ class Study:
         """Return what stayed apart, and what leaving it out saves of the first that was made."""
         asked, price = self._request.apart is not None, None
         subject = self._subject
+        if not asked and self._allowed.left < 0:
+            return None
         sparser = subject.sparser()
         if sparser is None or (asked and not any("apart" in one.choice.cuts for one in made)):
             return None
         if not asked:
-            if self._allowed.left < 0:
-                return None
             choice = made[0].choice if made else self._search.now
             before = self._search.space.made(choice)
             own, without = self._clock.prices(

@@ -296,16 +296,20 @@ class Yardsticks:
         """Return the largest distance of a model from the fine motion, over phases.
 
         The fine motion is a step of its own from the limit of fine steps: in first order, that is
-        what is left to add.
+        what is left to add, unless either is made by RK4.
         """
-        found = [part.apart(model, multiple) for part in self.parts]
-        worst = max(found, key=lambda apart: apart.share)
+        worst = self.seen_apart(model, multiple)
         rest = 1.0
-        if multiple > 1 and model.opt.integrator != _RK4:
+        if multiple > 1 and _RK4 not in (model.opt.integrator, self.parts[0].model.opt.integrator):
             rest = multiple / (multiple - 1)
         return replace(
             worst, share=worst.share * rest, low=worst.low * rest, high=worst.high * rest
         )
+
+    def seen_apart(self, model: mujoco.MjModel, multiple: int) -> Apart:
+        """Return the same of the fine motion as it is, whose step is left in it."""
+        found = [part.apart(model, multiple) for part in self.parts]
+        return max(found, key=lambda apart: apart.share)
 
     def around(self, made: Callable[[mujoco.MjModel, int], mujoco.MjModel]) -> list[Floats]:
         """Return, of each phase, velocities around windows' ends at the run's own step."""
