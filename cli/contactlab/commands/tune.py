@@ -245,10 +245,18 @@ def _head(report: "TuneReport") -> Iterator[str]:
         )
     if aim.growth:
         yield from wrapped(f"motion   {aim.growth}", "  ")
+    yield from _searching(report)
+
+
+def _searching(report: "TuneReport") -> Iterator[str]:
+    from contactlab.studies.search.wording import unsaved
+
     ended = "; the time was over before all was tried" if report.ended else ""
     measured = f"{len(report.points)} choices measured in {report.seconds:.0f} s{ended}"
     yield from wrapped(f"search   {measured}", "  ")
     yield f"  speed    as written {report.real_time:.3g} times real time on one core"
+    if why := unsaved(report):
+        yield from wrapped(f"steps    {why}", "  ")
 
 
 def _judged(judged: "Judged", report: "TuneReport") -> str:

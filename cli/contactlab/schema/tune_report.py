@@ -159,6 +159,10 @@ class TuneReport(Model):
     fewer_vertices: FewerVertices | None = about("Null if no written model has them.")
     nearest: Point | None = about("If nothing meets the aim: what comes nearest.")
     binds: str = about("Then what binds: body, time and row; else empty.")
+    bare: BudgetPrice | None = about(
+        "Where nothing saves a fifth: time of the model without contacts and other constraints, at "
+        "its own step, over that as written: what no solver and no pair costs. Null without."
+    )
     as_accurate: OtherAnswer | None = about(
         "Where the model as written is beyond the tolerance, or what was asked for: the fastest "
         "that is no less accurate, and need be no sounder; null without, or if what is recommended "

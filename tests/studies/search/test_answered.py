@@ -7,10 +7,12 @@ import pytest
 
 from contactlab.plan.task_options import read_task_options
 from contactlab.scene.mujoco_versions import VERSION
+from contactlab.schema.error_budget import BudgetPrice
 from contactlab.schema.tune_report import REPORT, Aim, Point, TuneReport
 from contactlab.studies.examine.examination import ExamineRequest, open_model
 from contactlab.studies.search.answered import answered
 from contactlab.studies.search.tune_request import TuneRequest
+from contactlab.studies.search.wording import unsaved
 from contactlab.studies.session import Session
 
 BALL = """<mujoco><worldbody><body><freejoint/><geom size=".1"/></body></worldbody></mujoco>"""
@@ -66,6 +68,7 @@ def asked(tmp_path: Path) -> TuneRequest:
         fewer_vertices=None,
         nearest=None,
         binds="",
+        bare=None,
         as_accurate=None,
         real_time=1.0,
         fine_step=0.001,
@@ -140,3 +143,22 @@ def test_another_model_and_lost_files_and_short_times_are_no_answer(
     (before / REPORT).write_text(stored)
     (before / "tuned" / "tuned.xml").unlink()
     assert found(asked, tmp_path) is None
+
+
+def test_what_saves_no_fifth_is_told_with_what_there_is_to_save(
+    asked: TuneRequest, tmp_path: Path
+) -> None:
+    """The cheapest as accurate at the own step, and the longer step that is not."""
+    report = found(asked, tmp_path)
+    assert report
+    assert not unsaved(report)
+    price = BudgetPrice(ratio=0.5, low=0.4, high=0.6)
+    off = BudgetPrice(ratio=0.93, low=0.9, high=0.95)
+    own = report.now.model_copy(update={"settings": {"island": False}, "price": off})
+    rough = own.model_copy(update={"settings": {"cone": "elliptic"}, "error": 0.03, "price": price})
+    longer = report.now.model_copy(update={"timestep": 0.003, "error": 0.04})
+    points = (report.now, own, rough, longer)
+    assert unsaved(report.model_copy(update={"bare": price, "points": points})) == (
+        "at its own step x0.50 without contacts and all other constraints, x0.93 at best "
+        "(island False), the next longer that was tried, 0.003 s, has 4 %"
+    )

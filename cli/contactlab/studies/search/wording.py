@@ -8,6 +8,7 @@ from contactlab.printable import percent
 from contactlab.schema.error_budget import BudgetPrice
 from contactlab.schema.tune_report import Point, TuneReport
 from contactlab.studies.search.choice import described
+from contactlab.studies.search.searching import SAME
 
 _TWO_DIGITS = 0.1  # ratios from which on two digits after the point are two
 
@@ -45,6 +46,27 @@ def settings_text(point: Point, now: Point) -> str:
     """Return the settings of a point in a line, its step among them where it is another."""
     step = {} if point.timestep == now.timestep else {"timestep": point.timestep}
     return described({**step, **point.settings}) or "the model as written"
+
+
+def unsaved(report: TuneReport) -> str:
+    """Return why nothing saves a fifth, of what was tried; empty where something does."""
+    now, bare = report.now, report.bare
+    if bare is None or now.error is None:
+        return ""
+    limit = SAME * now.error if now.error > report.aim.limit else report.aim.limit
+    known = [one for one in report.points if one.error is not None]
+    own = [one for one in known if one.timestep == now.timestep and one.price]
+    good = [(one.price.ratio, one) for one in own if one.price and (one.error or 0.0) <= limit]
+    parts = [f"x{bare.ratio:.2f} without contacts and all other constraints"]
+    if good:
+        ratio, best = min(good, key=lambda pair: pair[0])
+        parts.append(f"x{min(ratio, 1.0):.2f} at best ({settings_text(best, now)})")
+    longer = [one for one in known if one.timestep > now.timestep and (one.error or 0.0) > limit]
+    if longer:
+        next_one = min(longer, key=lambda one: (one.timestep, one.error))
+        error = error_text(next_one.error, report.aim.unit)
+        parts.append(f"the next longer that was tried, {next_one.timestep:g} s, has {error}")
+    return f"at its own step {', '.join(parts)}"
 
 
 def sentence_of(report: TuneReport) -> str:
