@@ -31,6 +31,7 @@ _CLOSE, _CLOSEST = 1.15, 1.03  # ratios of steps that are told apart: of integra
 SAME = 1.02
 """Ratio of errors up to which one is no larger: of equal steps both have the same noise."""
 _ALONE = 12  # geoms whose contacts are tried one by one
+_SHORTER = 3  # choices that are tried at shorter steps
 _TURNS, _COMPARED = 3, 7
 """Of the clock: to see what may save time, and to see whether it does."""
 
@@ -174,6 +175,7 @@ class Search:
         if self.dearest is None:
             here = self._with_losses(here)
             self._step_again(here)
+            self._at_shorter_steps()
         self._asleep(here)
 
     def safest(self, until: float) -> list[Tried]:
@@ -258,10 +260,9 @@ class Search:
                 self._entry(choice).price = price
         return prices
 
-    def _ratios(self, choices: Sequence[Choice]) -> dict[tuple[object, ...], float]:
+    def _in_turns(self, choices: Sequence[Choice]) -> dict[tuple[object, ...], Price]:
         """Return what choices cost in the same turns, by key."""
-        timed = self._timed(choices)
-        return {one.key: price.ratio for one, price in zip(choices, timed, strict=True)}
+        return {one.key: price for one, price in zip(choices, self._timed(choices), strict=True)}
 
     def _stepped(self, choice: Choice) -> tuple[mujoco.MjModel, int]:
         return self.space.made(choice), choice.multiple
@@ -340,6 +341,31 @@ class Search:
         Each value is timed and measured alone, then all are together: what is not good with the
         rest is left out, and what saves nothing beside it.
         """
+        found = list[tuple[float, Settings]]()
+        for saving in self._saving(here, levers):
+            for ratio, one in saving:
+                if good(one):
+                    found.append((ratio, _beyond(one, here)))
+                    break
+                alone = condim_alone(_beyond(one, here))[:_ALONE]
+                if kept := [each for each in alone if good(here.with_settings(each))]:
+                    found.append((ratio, dict(ChainMap(*map(dict, kept)))))
+                    break
+        both = here
+        for _, settings in sorted(found, key=lambda pair: pair[0]):
+            if good(more := both.with_settings(settings)):
+                both = more
+        if both == here or not self._saves(both, here):
+            return here
+        return self._needed(both, here, [settings for _, settings in found])
+
+    def _saving(
+        self, here: Choice, levers: Sequence[Lever]
+    ) -> Iterator[list[tuple[float, Choice]]]:
+        """Yield what saves time of each lever beside a choice, with its price, the cheapest first.
+
+        It does so in all turns: one that was disturbed decides nothing.
+        """
         made = self.space.made(here)
         tried = [
             [here.with_settings(value) for value in lever.values if differing(value, made)]
@@ -349,32 +375,17 @@ class Search:
             values[-1:] if lever.falls else values
             for lever, values in zip(levers, tried, strict=True)
         ]
-        price = self._ratios([here, *chain(*last)])
-        worth = SAVES * price[here.key]
-        less = [
-            values
-            for values, ends in zip(tried, last, strict=True)
-            if any(price[one.key] < worth for one in ends)
-        ]
-        price |= self._ratios([one for one in chain(*less) if one.key not in price])
-        found = list[tuple[float, Settings]]()
-        for values in less:
-            saving = [one for one in values if price[one.key] < worth]
-            for one in sorted(saving, key=lambda choice: price[choice.key]):
-                if good(one):
-                    found.append((price[one.key], _beyond(one, here)))
-                    break
-                alone = condim_alone(_beyond(one, here))[:_ALONE]
-                if kept := [each for each in alone if good(here.with_settings(each))]:
-                    found.append((price[one.key], dict(ChainMap(*map(dict, kept)))))
-                    break
-        both = here
-        for _, settings in sorted(found, key=lambda pair: pair[0]):
-            if good(more := both.with_settings(settings)):
-                both = more
-        if both == here or not self._saves(both, here):
-            return here
-        return self._needed(both, here, [settings for _, settings in found])
+        prices = self._in_turns([here, *chain(*last)])
+        own = prices[here.key].ratio
+
+        def saving(choices: Sequence[Choice]) -> list[tuple[float, Choice]]:
+            timed = [(prices[one.key], one) for one in choices]
+            found = [(p.ratio, one) for p, one in timed if p.ratio < SAVES * own and p.high < own]
+            return sorted(found, key=lambda pair: pair[0])
+
+        less = [values for values, ends in zip(tried, last, strict=True) if saving(ends)]
+        prices |= self._in_turns([one for one in chain(*less) if one.key not in prices])
+        yield from map(saving, less)
 
     def _needed(self, choice: Choice, here: Choice, added: Sequence[Settings]) -> Choice:
         """Return a choice without what was added to another and saves no time beside the rest."""
@@ -462,6 +473,20 @@ class Search:
         shorter = here.at(max(1, min(here.multiple - 1, round(0.8 * here.multiple))))
         self._error(shorter)
         self._priced([shorter])
+
+    def _at_shorter_steps(self) -> None:
+        """Try what saves more than its error costs in steps, if that falls with them."""
+        best = min(map(_ratio, self.ranked(self.bound)), default=math.inf)
+        found = list[tuple[float, Choice]]()
+        for one in self.tried.values():
+            if one.price and self.bound.accepted < share_of(one) < math.inf:
+                multiple = math.floor(one.choice.multiple * self.bound.accepted / share_of(one))
+                if multiple >= min(self.space.finer, 2):
+                    about = _ratio(one) * one.choice.multiple / multiple
+                    found.append((about, one.choice.at(multiple)))
+        for about, choice in sorted(found, key=lambda pair: pair[0])[:_SHORTER]:
+            if about < SAVES * best and self._fits(choice):
+                self._priced([choice])
 
     def _most_accurate(self, choices: Sequence[Choice], prices: Sequence[float]) -> Choice:
         """Return the most accurate of choices at the shortest step that their price allows."""
