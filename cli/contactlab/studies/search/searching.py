@@ -260,9 +260,10 @@ class Search:
                 self._entry(choice).price = price
         return prices
 
-    def _in_turns(self, choices: Sequence[Choice]) -> dict[tuple[object, ...], Price]:
+    def _ratios(self, choices: Sequence[Choice]) -> dict[tuple[object, ...], float]:
         """Return what choices cost in the same turns, by key."""
-        return {one.key: price for one, price in zip(choices, self._timed(choices), strict=True)}
+        timed = self._timed(choices)
+        return {one.key: price.ratio for one, price in zip(choices, timed, strict=True)}
 
     def _stepped(self, choice: Choice) -> tuple[mujoco.MjModel, int]:
         return self.space.made(choice), choice.multiple
@@ -362,10 +363,7 @@ class Search:
     def _saving(
         self, here: Choice, levers: Sequence[Lever]
     ) -> Iterator[list[tuple[float, Choice]]]:
-        """Yield what saves time of each lever beside a choice, with its price, the cheapest first.
-
-        It does so in all turns: one that was disturbed decides nothing.
-        """
+        """Yield what of each lever saves time beside a choice, with prices, the cheapest first."""
         made = self.space.made(here)
         tried = [
             [here.with_settings(value) for value in lever.values if differing(value, made)]
@@ -375,16 +373,15 @@ class Search:
             values[-1:] if lever.falls else values
             for lever, values in zip(levers, tried, strict=True)
         ]
-        prices = self._in_turns([here, *chain(*last)])
-        own = prices[here.key].ratio
+        ratios = self._ratios([here, *chain(*last)])
+        worth = SAVES * ratios[here.key]
 
         def saving(choices: Sequence[Choice]) -> list[tuple[float, Choice]]:
-            timed = [(prices[one.key], one) for one in choices]
-            found = [(p.ratio, one) for p, one in timed if p.ratio < SAVES * own and p.high < own]
+            found = [(ratios[one.key], one) for one in choices if ratios[one.key] < worth]
             return sorted(found, key=lambda pair: pair[0])
 
         less = [values for values, ends in zip(tried, last, strict=True) if saving(ends)]
-        prices |= self._in_turns([one for one in chain(*less) if one.key not in prices])
+        ratios |= self._ratios([one for one in chain(*less) if one.key not in ratios])
         yield from map(saving, less)
 
     def _needed(self, choice: Choice, here: Choice, added: Sequence[Settings]) -> Choice:
