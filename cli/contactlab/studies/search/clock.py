@@ -10,7 +10,6 @@ import math
 import time
 from collections.abc import Sequence
 from contextlib import suppress
-from statistics import median
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import mujoco
@@ -37,8 +36,7 @@ _LEAST, _MOST_REPEATS = 5e-3, 200  # s that a model is timed for in a turn, and 
 _PIECE, _MOST_PIECES = 5e-4, 200  # s that a piece of a run takes: others seldom share so few
 _MOST_COMPARED, _COMPARING = 25, 0.2  # turns, and s, of two models that are compared
 _INSTANT = 1e-7  # s that nothing is timed to take less than
-_WARM = 1
-_WHOLE_TURNS = 3  # of two models that are compared by whole runs
+_WHOLE_TURNS = 4  # of two models that are compared by whole runs
 _FEWEST, _MOST = 3, 60
 """Turns of each seed."""
 NARROW = 0.07
@@ -106,7 +104,7 @@ class _Timed:
         try:
             spent = np.concatenate([self._spent(stretch, pieces) for stretch, pieces in each])
         except SimulationError:
-            return np.full(1, np.inf)
+            return np.full(sum(self._pieces), np.inf)
         return np.maximum(spent, _INSTANT) / self.simulated
 
     def _spent(self, stretch: _Stretch, pieces: int) -> Floats:
@@ -151,32 +149,31 @@ class Clock:
         self._places = max(_FEWEST_PLACES, min(_MOST_PLACES, math.ceil(wanted / _STRETCH)))
         self._stretch = min(_STRETCH, max(_SHORTEST, wanted / self._places))
 
-    def prices(self, models: Sequence[Stepped], turns: int = 3) -> list[Price]:
+    def prices(self, models: Sequence[Stepped], turns: int = 4) -> list[Price]:
         """Return the time of models over that of the model as written, for the same motion."""
         turn = _Turn([self._timed(*each) for each in [(self._written, self._yards.finer), *models]])
-        found = np.array([turn.sums() for _ in range(_WARM + turns)][_WARM:])
-        self.base_seconds = float(np.median(found[:, 0]))
-        return [interval((each / found[:, 0]).tolist()) for each in found[:, 1:].T]
+        taken = [turn.taken() for _ in range(turns)]
+        self.base_seconds = float(np.min([each[0] for each in taken], axis=0).sum())
+        return _told([taken], seeds=False)
 
     def compared(self, one: Stepped, other: Stepped, turns: int) -> Price:
         """Return the time of one model over that of another, for the same motion.
 
-        From so many turns, or more where they cost little: one that was disturbed decides nothing
-        then.
+        From so many turns, or more where they cost little.
         """
-        begin, found = time.thread_time(), list[float]()
+        begin, taken = time.thread_time(), list[list[Floats]]()
         turn = _Turn([self._timed(*other), self._timed(*one)])
-        while len(found) < _WARM + turns or (
-            len(found) < _WARM + _MOST_COMPARED and time.thread_time() < begin + _COMPARING
+        while len(taken) < turns or (
+            len(taken) < _MOST_COMPARED and time.thread_time() < begin + _COMPARING
         ):
-            found.append(turn.ratio())
-        return interval(found[_WARM:])
+            taken.append(turn.taken())
+        return _told([taken], seeds=False)[0]
 
     def compared_whole(self, one: Stepped, other: Stepped) -> Price:
         """Return the time of one model over that of another, for whole runs of one seed."""
         motions = [part.motion for part in self._yards.parts]
         turn = self._turn(self._all_stepped([other, one]), motions, 0)
-        return interval([turn.ratio() for _ in range(_WARM + _WHOLE_TURNS)][_WARM:])
+        return _told([[turn.taken() for _ in range(_WHOLE_TURNS)]], seeds=False)[0]
 
     def whole(
         self, models: Sequence[Stepped], motions: Sequence[Motion], until: float
@@ -258,15 +255,6 @@ class _Turn:
         self._backwards = not self._backwards
         return found
 
-    def sums(self) -> list[float]:
-        """Return the time of each model over simulated time."""
-        return [float(pieces.sum()) for pieces in self.taken()]
-
-    def ratio(self) -> float:
-        """Return the time of the second model over that of the first."""
-        first, second = self.sums()
-        return second / first
-
 
 def whole_run(motion: Motion, finer: int, seed: int, multiple: int) -> _Stretch:
     """Return a seed of a motion from its start to its end, by steps of so many fine ones."""
@@ -307,27 +295,15 @@ def _told(taken: Sequence[Sequence[Sequence[Floats]]], *, seeds: bool = True) ->
         [np.array([turn[place] for turn in turns]) for turns in taken]
         for place in range(len(taken[0][0]))
     )
-    return [over_seeds(base, model, seeds=seeds) for model in models]
+    refused = Price(math.inf, math.inf, math.inf)
+    return [
+        over_seeds(base, model, seeds=seeds) if np.isfinite(model[0]).all() else refused
+        for model in models
+    ]
 
 
 def _all_narrow(prices: Sequence[Price]) -> bool:
     return all(half_width(price) <= NARROW for price in prices)
-
-
-def interval(ratios: Sequence[float]) -> Price:
-    """Return the median, and order statistics that have the median of all turns with 95 %."""
-    ordered, count = sorted(ratios), len(ratios)
-    if not count:
-        return Price(math.nan, 0.0, math.inf)
-    rank, outside = 0, 2.0**-count
-    while 2 * (outside + _binomial(count, rank + 1)) <= _OUTSIDE and rank + 1 < count // 2:
-        rank += 1
-        outside += _binomial(count, rank)
-    return Price(median(ordered), ordered[rank], ordered[count - 1 - rank])
-
-
-def _binomial(count: int, successes: int) -> float:
-    return math.comb(count, successes) * 2.0**-count
 
 
 def half_width(price: Price) -> float:

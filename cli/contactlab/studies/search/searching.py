@@ -32,7 +32,7 @@ SAME = 1.02
 """Ratio of errors up to which one is no larger: of equal steps both have the same noise."""
 _ALONE = 12  # geoms whose contacts are tried one by one
 _SHORTER = 3  # choices that are tried at shorter steps
-_TURNS, _COMPARED = 3, 7
+_TURNS, _COMPARED = 4, 8
 """Of the clock: to see what may save time, and to see whether it does."""
 
 
