@@ -218,6 +218,17 @@ def test_what_sleeps_is_left_to_sensors(monkeypatch: pytest.MonkeyPatch) -> None
     assert_same_bits(runs, monkeypatch, read=False)
 
 
+@pytest.mark.usefixtures("kernel")
+def test_a_run_may_be_awake_whose_scene_sleeps(
+    make_scene: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    model = """<mujoco><option><flag sleep="enable"/></option><worldbody>
+    <geom name="floor" type="plane" size="1 1 .1"/><body pos="0 0 .05"><freejoint/>
+    <geom name="ball" size=".05"/></body></worldbody></mujoco>"""
+    scene = make_scene(model, "pairs: [{geoms: [floor, ball]}]\n")
+    assert_same_bits(runs_of(scene, {"sleep": False}), monkeypatch)
+
+
 def test_without_a_compiler_sensors_record(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     monkeypatch.setenv("PATH", str(tmp_path))

@@ -99,7 +99,9 @@ class KernelStepper(BatchStepper):
         # Of the first run, and how far those of the next are; looked up once for all runs.
         self._addresses = [(row.ctypes.data, row.strides[0]) for row in self._rows]
         sizes = self._pairs, len(self._models), runs.steps
-        self._handle = library.open_recording(model._address, first, *sizes)
+        # A run's own model, since the scene's may have flags that a run turns off: what sleeps has
+        # no batch.
+        self._handle = library.open_recording(self._models[0]._address, first, *sizes)
         if not self._handle:
             raise MemoryError
 
