@@ -33,8 +33,8 @@ settle()
 
 def find_engine(name: str) -> SimulationEngine:
     """Return the engine of this name; an EngineError if there is none here."""
-    known, rest = f"; there are {', '.join(ENGINES)}", "; if a plug-in adds it, load that"
-    EngineError.unless_known(name, ENGINES, f"no engine '{name}'", known, rest)
+    known = f"; there are {', '.join(ENGINES)}; if a plug-in adds it, load that"
+    EngineError.unless_known(name, ENGINES, f"no engine '{name}'", known)
     return ENGINES[name]
 
 
