@@ -1,4 +1,4 @@
 """Genesis."""
 
 PACKAGE, REQUIREMENTS = "genesis-world", ()
-REFUSED = "it takes 8.6 GB, and a minute to compile before its first step"
+REFUSED = "it takes 8.6 GB, and minutes to compile before its first step"
