@@ -2,9 +2,9 @@
 
 Run: python -m bench.many_shards WAY FOLDER [SHARDS], where WAY is `here`, `slurm` or `ray`
 
-Shards run in random order, each in a process group of its own, forked from one that has loaded all
-but the workers: with a worker of this machine, through submitit's local executor, or on the Ray
-cluster that RAY_ADDRESS names. A doomed shard is killed with all of its group, at a random moment
+Shards run in random order, each in a process group of its own, forked from one that has loaded what
+it needs: in that process, through submitit's local executor, or on the Ray cluster that RAY_ADDRESS
+names. A doomed shard is killed with all of its group, at a random moment
 of the time that the shard before it took to write its store. What no clock decides is compared: the
 digest of the physics, the table without costs and times, the bytes of traces. A call that was
 interrupted goes on where it was.
@@ -38,9 +38,9 @@ SWEEP: dict[str, Any] = {
     "axes": {"timestep": [1e-3, 2e-3], "drop_height": [0.1, 0.2]},
 }
 WAYS: dict[str, dict[str, Any]] = {
-    "here": {},
-    "slurm": {"executor": "slurm", "address": "cluster=local,timeout_min=5"},
-    "ray": {"executor": "ray", "address": os.environ.get("RAY_ADDRESS")},
+    "here": {"workers": 0},
+    "slurm": {"executor": "slurm", "address": "cluster=local,timeout_min=5", "workers": 1},
+    "ray": {"executor": "ray", "address": os.environ.get("RAY_ADDRESS"), "workers": 1},
 }
 
 
@@ -85,7 +85,7 @@ def started(way: str, place: Path, shard: str) -> int:
         return child
     os.setsid()
     try:
-        contactlab.sweep(SWEEP, output=place, shard=shard, workers=1, **WAYS[way])
+        contactlab.sweep(SWEEP, output=place, shard=shard, **WAYS[way])
     except BaseException as error:  # noqa: BLE001 - said, and told to the parent
         print(f"shard {shard}: {error}", file=sys.stderr, flush=True)
         os._exit(1)

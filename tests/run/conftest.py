@@ -15,6 +15,7 @@ from typing import Any
 import pytest
 from tests.run.spoiled_workers import spoil_workers
 
+MODULES = ("selectors", "signal", "numpy", "mujoco", "socket", "contactlab", "struct")
 SLIDE = """
 version: 1
 scene: box_slide
@@ -142,6 +143,14 @@ def command(tmp_path: Path) -> Iterator[Command]:
     command = Command(tmp_path)
     yield command
     command.stop()
+
+
+@pytest.fixture
+def hostile_folder(tmp_path: Path) -> Callable[[], list[Path]]:
+    """Modules of a stranger's in the current folder; return which of them were run."""
+    for name in MODULES:
+        (tmp_path / f"{name}.py").write_text(f"open('{tmp_path}/ran-{name}', 'w').close()\n")
+    return lambda: list(tmp_path.glob("ran-*"))
 
 
 @pytest.fixture(scope="session")

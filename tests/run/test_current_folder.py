@@ -4,6 +4,7 @@ import multiprocessing
 import os
 import signal
 import time
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,29 +13,40 @@ import pytest
 from tests.run.bare_runs import bare_run
 
 from contactlab.run import worker_pool
+from contactlab.run.ray.connection import ray_cluster
 from contactlab.run.tasks import Crashed, Job, Stop
 from contactlab.run.worker_pool import WorkerHandle, WorkerPool, end_halted
 
 JOB: Job = (bare_run(0, "first"),)
-MODULES = ("selectors", "signal", "numpy", "mujoco", "socket", "contactlab", "struct")
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("executor", ["local", "ray", "slurm"])
+@pytest.mark.parametrize("executor", ["local", pytest.param("ray", marks=pytest.mark.night)])
 def test_modules_of_the_current_folder_are_not_run(
-    command: Any, tmp_path: Path, executor: str
+    command: Any, tmp_path: Path, hostile_folder: Callable[[], list[Path]], executor: str
 ) -> None:
+    """Tasks of SLURM neither: see `test_slurm.py`."""
     if executor != "local":
-        pytest.importorskip({"ray": "ray", "slurm": "submitit"}[executor])
-    for name in MODULES:
-        (tmp_path / f"{name}.py").write_text(f"open('{tmp_path}/ran-{name}', 'w').close()\n")
+        pytest.importorskip(executor)
     (tmp_path / "one.yaml").write_text("version: 1\nscene: ball_drop\nduration: 0.01\n")
-    words = ["sweep", "one.yaml", "-o", "store", "--workers", "1", "--executor", executor]
-    words += ["--address", "cluster=local"] if executor == "slurm" else []
+    words = "sweep", "one.yaml", "-o", "store", "--workers", "1", "--executor", executor
     process = command.start(*words)
     _, err = process.communicate()
     assert process.returncode == 0, err
-    assert not list(tmp_path.glob("ran-*"))
+    assert not hostile_folder()
+
+
+@pytest.mark.long
+@pytest.mark.usefixtures("hostile_folder")
+def test_ray_is_started_in_an_empty_folder(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its workers import modules of the folder that it is started in."""
+    ray = pytest.importorskip("ray")
+    seen: list[list[Path]] = []
+    monkeypatch.setattr(ray, "init", lambda *_, **__: seen.append([*Path.cwd().iterdir()]))
+    before = Path.cwd()
+    with ray_cluster(None, 1):
+        assert Path.cwd() == before
+    assert seen == [[]]
 
 
 @pytest.fixture

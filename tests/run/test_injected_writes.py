@@ -57,7 +57,7 @@ def check(found: Faults, least: int) -> None:
 
 @pytest.mark.long
 def test_a_folder_outlives_a_fault_at_some_writes(faults: Any, tmp_path: Path) -> None:
-    check(faults("sweep", 61, str(tmp_path)), 5)
+    check(faults("sweep", 122, str(tmp_path)), 3)
 
 
 @pytest.mark.night
@@ -69,7 +69,7 @@ def test_a_folder_outlives_a_fault_at_many_writes(faults: Any, tmp_path: Path, l
 
 @pytest.mark.long
 def test_a_bucket_outlives_a_fault_at_some_requests(faults: Any, bucket: str) -> None:
-    check(faults("sweep", 17, bucket), 5)
+    check(faults("sweep", 34, bucket), 3)
 
 
 @pytest.mark.night

@@ -176,15 +176,24 @@ def tasks_of(folder: Path) -> list[int]:
     "number", [signal.SIGKILL, pytest.param(signal.SIGUSR2, marks=pytest.mark.night)]
 )
 def test_a_sweep_whose_tasks_die_is_that_of_one_machine(
-    command: Any, sweeper: Any, tmp_path: Path, until: Callable[..., None], number: int
+    command: Any,
+    sweeper: Any,
+    tmp_path: Path,
+    until: Callable[..., None],
+    hostile_folder: Callable[[], list[Path]],
+    number: int,
 ) -> None:
-    """Killed, or told that their time is over, which has them requeued."""
+    """Killed, or told that their time is over, which has them requeued.
+
+    They run no module of the folder in which they start.
+    """
     (tmp_path / "small.yaml").write_text(SWEEP)
-    process = command.start("sweep", "small.yaml", "-o", "there", *LOCAL, "--workers", "2")
-    until(lambda: len(tasks_of(tmp_path)) >= 2)
+    process = command.start("sweep", "small.yaml", "-o", "there", *LOCAL, "--workers", "1")
+    until(lambda: bool(tasks_of(tmp_path)))
     os.kill(tasks_of(tmp_path)[0], number)
     _, err = process.communicate(timeout=300)
     assert process.returncode == 0, err
+    assert not hostile_folder()
     sweeper.run(SWEEP, "here")
     assert sweeper.outcome("there") == sweeper.outcome("here")
     assert not list(tmp_path.glob(".contactlab-slurm-*"))

@@ -87,7 +87,7 @@ def test_searches_of_a_small_model_have_one_answer(tmp_path: Path) -> None:
     )
     options: dict[str, Any] = {"duration": "0.2s"}
     whole = contactlab.examine(path, only=["budget"], output=tmp_path / "out", **options)
-    searches_agree(str(path), whole, tmp_path, max_time="4s", **options)
+    searches_agree(str(path), whole, tmp_path, max_time="2s", **options)
 
 
 @pytest.mark.long

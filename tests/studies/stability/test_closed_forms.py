@@ -6,9 +6,11 @@ run, and the pairs of a good and a bad configuration land on their sides.
 
 from collections.abc import Callable
 from math import atan, degrees
+from pathlib import Path
 from typing import Any
 
 import pytest
+from tests.studies.stability.conftest import FOLDER, UNCHECKED, swept
 
 pytestmark = pytest.mark.long
 
@@ -57,6 +59,16 @@ def test_cases_come_out_as_expected(case: Case, name: str) -> None:
     met = [row["label"] for row in rows if row["expectation_met"]]
     assert "stable" in met
     assert set(met) - {"stable"}
+
+
+@pytest.mark.night
+@pytest.mark.parametrize("name", UNCHECKED)
+def test_checks_change_no_outcome(case: Case, tmp_path: Path, name: str) -> None:
+    fields = "run_id", "label", "expectation_met"
+    whole, unchecked = swept(FOLDER / f"{name}.yaml", tmp_path / "store"), case(name)
+    assert [[row[field] for field in fields] for row in whole] == [
+        [row[field] for field in fields] for row in unchecked
+    ]
 
 
 def test_direct_solref_gives_the_restitution_asked_for_and_the_implicit_step_less(
