@@ -266,9 +266,9 @@ def _counted_verdicts(judged: Sequence[Entry]) -> str:
     red = [entry for entry in judged if not entry.sound]
     asked = [shown.holds for entry in judged if (shown := entry.confirmation)]
     return (
-        f"{', '.join(f'{count} {word}' for word, count in words)}. A change makes "
-        f"{sum(entry.mending is not None for entry in red)} of the {len(red)} that are not sound "
-        f"so; plain MuJoCo shows the cause of {sum(asked)} of {len(asked)}."
+        f"{', '.join(f'{count} {word}' for word, count in words)}. Of the {len(red)} that are not "
+        f"sound a change mends {sum(entry.mending is not None for entry in red)}; of {len(asked)} "
+        f"causes plain MuJoCo shows {sum(asked)}."
     )
 
 
