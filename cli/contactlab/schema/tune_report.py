@@ -158,7 +158,7 @@ class TuneReport(Model):
     stayed_apart: StayedApart | None = about("Null if nothing did, or it was not looked at.")
     fewer_vertices: FewerVertices | None = about("Null if no written model has them.")
     nearest: Point | None = about("If nothing meets the aim: what comes nearest.")
-    binds: str = about("Then what binds: body, time and row; else empty.")
+    binds: str = about("Then what binds: body, time and row, if that was looked at; else empty.")
     bare: BudgetPrice | None = about(
         "Where nothing saves a fifth: time of the model without contacts and other constraints, at "
         "its own step, over that as written: what no solver and no pair costs. Null without."

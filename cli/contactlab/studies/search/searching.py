@@ -146,6 +146,7 @@ class Search:
     )
     ended: bool = False
     _without_waste: Choice | None = None
+    _timing: float = 0.0  # s that a choice took to be timed, the last time
 
     @property
     def now(self) -> Choice:
@@ -228,8 +229,9 @@ class Search:
             return max(within, key=lambda one: one.choice.multiple)
         return min(known, key=share_of, default=None)
 
-    def _left(self) -> None:
-        if time.monotonic() > self.deadline:
+    def _left(self, takes: float = 0.0) -> None:
+        """Go on if there is time for what takes so long [s]."""
+        if time.monotonic() + takes > self.deadline:
             raise OutOfTimeError
 
     def _entry(self, choice: Choice) -> Tried:
@@ -253,8 +255,10 @@ class Search:
         """Return the prices of choices from turns that all of them take, so that they rank."""
         if not choices:
             return []
-        self._left()
+        self._left(len(choices) * self._timing)
+        begin = time.monotonic()
         prices = self.clock.prices([self._stepped(one) for one in choices], turns)
+        self._timing = (time.monotonic() - begin) / (1 + len(choices))
         for choice, price in zip(choices, prices, strict=True):
             if math.isfinite(price.ratio):  # else MuJoCo refuses it
                 self._entry(choice).price = price

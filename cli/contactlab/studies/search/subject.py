@@ -4,6 +4,7 @@ import math
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import cached_property
 
 import mujoco
 
@@ -57,7 +58,6 @@ class Subject:
         uncertain: what friction 10 % and masses 5 % are worth.
         models: as written, and without what may go.
         kept: what is not tried, and why.
-        pairs_apart: geoms that never came as near as the distance that is asked for, or offered.
         hull_vertices: most vertices of hulls within the distance that is asked for, by mesh.
     """
 
@@ -78,8 +78,6 @@ class Subject:
         self.exact = self._exact()
         self.models[AS_WRITTEN] = self.model
         self.start: Cuts = _UNUSED if _UNUSED in self.models else AS_WRITTEN
-        self._apart = ModelEdits()
-        self.pairs_apart = self._pairs_apart(request.apart or OFFERED_APART)
         if request.apart is not None and self.sparser() is not None:
             self.start = frozenset({"unused", "apart"})
         self.hull_vertices: Mapping[str, int] = {}
@@ -200,41 +198,39 @@ class Subject:
     def _keep(self, name: str, reason: str) -> None:
         self.kept.append(Unsearched(name, reason))
 
-    def _pairs_apart(self, distance: float) -> frozenset[GeomPair]:
-        """Return pairs of geoms that never came so near [m], and remember what leaves them out."""
-        model = self.own_model
+    @cached_property
+    def pairs_apart(self) -> frozenset[GeomPair]:
+        """Pairs of geoms that never came as near as the distance that is asked for, or offered."""
+        model, distance = self.own_model, self._request.apart or OFFERED_APART
         moved = [*map(tilted, self.motions), *map(doubled, self.motions)]
         runs = [part.positions for part in self.yards.parts]
         near = pairs_within(model, [*runs, *positions_of(moved, self.threads)], distance)
         if near is None:
             return frozenset()
-        pairs = filtered_pairs(model)
-        found = frozenset(pair for pair in pairs if pair not in near)
-        edits = left_out(model, pairs, found)
+        return frozenset(pair for pair in filtered_pairs(model) if pair not in near)
+
+    @cached_property
+    def apart(self) -> ModelEdits:
+        """What leaves out collisions of what stayed apart, beside what is exact."""
+        edits = left_out(self.own_model, filtered_pairs(self.own_model), self.pairs_apart)
         # What is proved stands first, and is told apart from this.
         proved = {*self.exact.masked}, {*self.exact.excluded}
-        self._apart = ModelEdits(
+        return ModelEdits(
             masked=tuple(geom for geom in edits.masked if geom not in proved[0]),
             excluded=tuple(pair for pair in edits.excluded if pair not in proved[1]),
         )
-        return found
-
-    @property
-    def apart(self) -> ModelEdits:
-        """What leaves out collisions of what stayed apart, beside what is exact."""
-        return self._apart
 
     def sparser(self) -> mujoco.MjModel | None:
         """Return the model without collisions of what stayed apart, or None."""
         cuts: Cuts = frozenset({"unused", "apart"})
-        if not (self._apart.masked or self._apart.excluded):
+        if not (self.apart.masked or self.apart.excluded):
             return None
         if cuts not in self.models:
             try:
                 self.models[cuts] = self._compiled(self.edits_of(cuts))
             except SceneError as error:
                 self._keep("what stayed apart", str(error).splitlines()[0])
-                self._apart = ModelEdits()
+                self.apart = ModelEdits()
                 return None
         return self.models[cuts]
 
@@ -269,8 +265,8 @@ class Subject:
         if "apart" in cuts:
             edits = replace(
                 edits,
-                masked=(*edits.masked, *self._apart.masked),
-                excluded=(*edits.excluded, *self._apart.excluded),
+                masked=(*edits.masked, *self.apart.masked),
+                excluded=(*edits.excluded, *self.apart.excluded),
             )
         return replace(edits, hulls=self.hull_vertices) if "hulls" in cuts else edits
 

@@ -265,7 +265,8 @@ class Study:
         best = self._answer(by_folder[FOLDER], first=True)
         as_now = to_aim = None
         own = by_folder.get(FOLDER_AS_NOW)
-        if own is None and best is None and not self._answers.sound_now:
+        late = self._allowed.left < self._answers.to_judge
+        if own is None and best is None and not late and not self._answers.sound_now:
             own = Wanted(by_folder[FOLDER].bound, FOLDER_AS_NOW, sound=False)
         if own and not (best and self._is_as_good(best.tried, own.bound)):
             as_now = self._answer(own, first=best is None)
@@ -369,6 +370,8 @@ class Study:
         if self._search.dearest is not None:
             return "nothing that was tried is fast enough"
         where = f"{error.body} at {error.time:.2f} s of {error.phase}"
+        if self._allowed.left < 0:
+            return where
         row = "the timestep"
         made = self._search.space.made(nearest.choice)
         made.opt.iterations, made.opt.tolerance = max(100, made.opt.iterations), 1e-12
