@@ -333,6 +333,15 @@ def test_films_drawn_by_turns_are_as_drawn_alone(drawn: Draw) -> None:
     np.testing.assert_array_equal([each for each in other if each is not None], alone)
 
 
+def test_a_model_without_geoms_has_no_pictures() -> None:
+    inertial = '<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>'
+    text = f"<mujoco><worldbody><body><joint/>{inertial}</body></worldbody></mujoco>"
+    model = mujoco.MjModel.from_xml_string(text)
+    motion: Any = None
+    with pytest.raises(SceneError, match="no body of the model has a geom"):
+        next(draw_pictures(model, motion, {}, (8, 8)))
+
+
 @pytest.mark.long
 def test_missing_graphics_name_a_remedy(
     drawn: Draw, target: Target, monkeypatch: pytest.MonkeyPatch

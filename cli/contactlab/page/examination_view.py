@@ -27,6 +27,7 @@ from contactlab.store.finished_store import Store
 _LEAST, _MOST = 1e-3, 10.0
 _TOLD = 0.1  # of the tolerance: rows that are shown
 _KINDS = {"numerics": "numerics", "model": "model", "effect": "effects", "unknown": "unknowns"}
+_BESIDE = 1.5  # room for words beside the fastest and the slowest, as a ratio of times
 _REMOVES, _REMAINS, _NOW = "removes the cause", "does not", "as written"
 
 
@@ -183,10 +184,12 @@ def _tried(budget: BudgetReport) -> Spec | None:
 
 def _specification(rows: Rows, within: float) -> alt.TopLevelMixin:
     colours: Mapping[str, str] = {_NOW: COLOURS[2], _REMOVES: COLOURS[0], _REMAINS: OTHERS_COLOUR}
+    times = [row["time"] for row in rows]
+    shown = min(times) / _BESIDE, max(times) * _BESIDE
     layer = layer_of("tried", rows).encode(
         x=alt.X(
             "time:Q", title="time of a simulated second, over that of the model as written"
-        ).scale(type="log", nice=False, padding=60),
+        ).scale(type="log", nice=False, domain=shown),
         y=alt.Y("error:Q", title="error that is left")
         .scale(type="log", nice=False, padding=25)
         .axis(format="%"),
@@ -196,7 +199,13 @@ def _specification(rows: Rows, within: float) -> alt.TopLevelMixin:
     )
     # Those that do not help crowd about the model as written.
     named = [row for row in rows if row["kind"] != _REMAINS]
-    words = layer_of("named", named).encode(x=layer.encoding.x, y=layer.encoding.y, text="name:N")
+    named.sort(key=lambda row: row["error"])
+    texts = list[alt.Chart]()
+    # Below and above in turns, the least error below: two that are alike lie beside each other.
+    for place, (part, above) in enumerate((("named_below", 18), ("named", -12))):
+        words = layer_of(part, named[place::2]).encode(
+            x=layer.encoding.x, y=layer.encoding.y, text="name:N"
+        )
+        texts += haloed(words, dy=above, fontSize=11)
     limit = layer_of("limit", [{"error": within}]).mark_rule(strokeDash=[6, 4]).encode(y="error:Q")
-    texts = haloed(words, dy=-12, fontSize=11)
     return alt.layer(limit, points, *texts).properties(width=520, height=260)

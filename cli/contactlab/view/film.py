@@ -105,8 +105,9 @@ def draw_pictures(
 
     The model's off-screen buffer is set to the size, width and height [pixels]. Without the name
     of one of its cameras, one sees the whole motion; or the body that it follows, with the whole as
-    an inset. A SceneError says that there is no OpenGL, or no camera of this name.
+    an inset. A SceneError says that there is no OpenGL, no camera of this name, or nothing to see.
     """
+    _refuse_nothing(model)
     width, height = size
     set_looks(model, size)
     named = None if camera is None else _camera_of(model, camera)
@@ -147,6 +148,11 @@ def _drawn(scene: mujoco.MjvScene, area: mujoco.MjrRect, context: mujoco.MjrCont
     mujoco.mjr_render(area, scene, context)
     mujoco.mjr_readPixels(picture, None, area, context)
     return picture[::-1]
+
+
+def _refuse_nothing(model: mujoco.MjModel) -> None:
+    if not model.ngeom + model.ntendon + model.nflex + model.nskin:
+        raise SceneError("no pictures: no body of the model has a geom; give those that move one")
 
 
 def set_looks(model: mujoco.MjModel, size: tuple[int, int]) -> None:
