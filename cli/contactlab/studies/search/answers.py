@@ -153,9 +153,7 @@ class Answers:
         below, done = _Below(), {self.known.choice.key}
         for number in range(_MOST_TRIES):
             late = _LATE * self._allowed.seconds if first and not number else 0.0
-            if self._allowed.left + late < self.to_judge:
-                reason = "no time was left to judge what is next best"
-                self.kept.append(Unsearched(wanted.folder, reason))
+            if self._is_late(wanted, self.to_judge - late):
                 break
             last = number > 0 and (
                 number == _MOST_TRIES - 1 or self._allowed.left < 2 * self.to_judge
@@ -164,6 +162,8 @@ class Answers:
             if measured is None:
                 break
             tried, error = measured
+            if self._is_late(wanted, self._slower(tried) * self.to_judge - late):
+                break
             name = self._name(tried)
             try:
                 written = self._write(tried, wanted.folder)
@@ -178,6 +178,17 @@ class Answers:
             below = _Below(_MUCH_LESS * share_of(tried), _MUCH_LESS * tried.choice.multiple)
         self.drop(wanted)
         return None
+
+    def _is_late(self, wanted: Wanted, takes: float) -> bool:
+        """Return whether too little time is left for what takes so long [s], and tell."""
+        if late := self._allowed.left < takes:
+            reason = "no time was left to judge what is next best"
+            self.kept.append(Unsearched(wanted.folder, reason))
+        return late
+
+    def _slower(self, tried: Tried) -> float:
+        """How much longer a verdict takes by the steps of a choice, if they are shorter."""
+        return max(1.0, self.known.choice.multiple / tried.choice.multiple)
 
     def drop(self, wanted: Wanted) -> None:
         """Remove what was written, and tell of what may be faster, but for noise."""
@@ -376,7 +387,7 @@ class Answers:
             holds, why = False, f"labelled {' and '.join(labels)}, as the model as written is not"
         if holds and "apart" in tried.choice.cuts and (touched := self._touched()):
             holds, why = False, f"{touched} touch, which stayed apart before"
-        self._judging_took = time.process_time() - begin
+        self._judging_took = (time.process_time() - begin) / self._slower(tried)
         return Verified(
             seeds=self._judged_task.seeds,
             holds=holds,

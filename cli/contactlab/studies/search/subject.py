@@ -157,6 +157,9 @@ class Subject:
             self._keep("errors of steps", f"{reason}: --max-time allows no more")
         if seeds < (all_seeds := len(self.examined.task.seeds)):
             self._keep("seeds", f"{seeds} of {all_seeds} were looked at: --max-time allows no more")
+        if self._every > 1:
+            reason = f"one in {self._every} was looked at: --max-time allows no more"
+            self._keep("windows", reason)
         return min(finer, allowed)
 
     def _limit(self, uncertain: Apart | None) -> float:
