@@ -4,10 +4,9 @@ Run: python -m bench.many_shards WAY FOLDER [SHARDS], where WAY is `here`, `slur
 
 Shards run in random order, each in a process group of its own, forked from one that has loaded what
 it needs: in that process, through submitit's local executor, or on the Ray cluster that RAY_ADDRESS
-names. A doomed shard is killed with all of its group, at a random moment
-of the time that the shard before it took to write its store. What no clock decides is compared: the
-digest of the physics, the table without costs and times, the bytes of traces. A call that was
-interrupted goes on where it was.
+names. A doomed shard is killed with all of its group, at a random moment of the time that the shard
+before it took to write its store. What no clock decides is compared: the digest of the physics, the
+table without costs and times, the bytes of traces. An interrupted call goes on where it was.
 """
 
 import os
