@@ -38,6 +38,19 @@ def test_without_gravity_what_falls_is_apart_by_all_that_is_real() -> None:
     assert (apart.body, apart.phase) == ("ball", "whole")
 
 
+@pytest.mark.parametrize("every", [2, 3, 4])
+def test_fewer_windows_count_the_first_once(every: int) -> None:
+    """A throw is real once, in the first window; its fall is the same in each of them."""
+    falling = motion(FALL, 0.4)
+    first = mujoco.mj_stateSize(falling.model, mujoco.mjtState.mjSTATE_TIME) + falling.model.nq
+    falling.starts[:, first] = 30.0  # m/s, along x
+    light = Choice({"gravity": (0.0, 0.0, 0.0)}).made(falling.model)
+    shares = [Yardsticks.of([falling], 2, 1, each).apart(light, 2).share for each in (1, every)]
+    # Of ten windows the last does not fit into the motion with its end: a tenth of the fall.
+    assert shares[0] == pytest.approx(2 * 9.81 * 0.4 / (30 + 9.81 * 0.4), rel=0.15)
+    assert shares[1] == pytest.approx(shares[0], rel=0.1)
+
+
 def test_the_model_itself_at_the_fine_step_is_not_apart() -> None:
     swinging = motion(SWING, 0.4, seeds=2)
     apart = Yardsticks.of([swinging], 1, 1).apart(swinging.model, 1)

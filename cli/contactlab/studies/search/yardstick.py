@@ -50,7 +50,7 @@ class Yardstick:
     """The fine motion of one phase, and what is held against it."""
 
     def __init__(self, motion: Motion, finer: int, workers: int, *, every: int = 1) -> None:
-        """Run the phase at its step over `finer`; look at each of `every` windows only."""
+        """Run the phase at its step over `finer`; look at one in `every` windows only."""
         self._motion = without_delays(motion)
         self._finer, self._workers = finer, workers
         self.step = float(motion.model.opt.timestep) / finer
@@ -63,16 +63,15 @@ class Yardstick:
         self._bodies = judged_bodies(motion.model)
         self._observe = Observer(motion.model, motion.starts[0], self._bodies, workers)
         self._last_fine = (0, np.empty(0))
-        whole = self._run.begins % self._run.steps == 0
-        self._which = np.array(
-            [
-                (seed, window)
-                for seed in range(motion.seeds)
-                for window in np.flatnonzero(whole)[::every]
-                if self._run.valid[seed, window]
-            ],
-            int,
-        ).reshape(-1, 2)
+        whole = np.flatnonzero(self._run.begins % self._run.steps == 0)
+        chosen = [
+            (seed, window, stood_for)
+            for seed in range(motion.seeds)
+            for window, stood_for in zip(*looked_at(whole, every), strict=True)
+            if self._run.valid[seed, window]
+        ]
+        self._which = np.array([place[:2] for place in chosen], int).reshape(-1, 2)
+        self._stood_for = np.array([place[2] for place in chosen])  # (M) windows
 
     @property
     def motion(self) -> Motion:
@@ -136,9 +135,12 @@ class Yardstick:
             which[:, 0] * len(self._run.begins) + which[:, 1],
         )
         length = (ends[0] - begin[0]) / self._run.steps
-        return self._worst(found / length, self._real[kept], which)
+        return self._worst(found / length, self._real[kept], which, self._stood_for[kept, None])
 
-    def _worst(self, found: Floats, real: Floats, which: np.ndarray) -> Apart:
+    def _worst(
+        self, each: Floats, real_each: Floats, which: np.ndarray, stood_for: Floats
+    ) -> Apart:
+        found, real = each * stood_for, real_each * stood_for
         seeds = np.unique(which[:, 0])
         shares = np.empty((len(seeds), len(self._bodies)))
         for place, seed in enumerate(seeds):
@@ -148,7 +150,7 @@ class Yardstick:
             shares[place] = found[own].sum(axis=0) / whole
         mean = shares.mean(axis=0)
         body = int(self._watched[np.argmax(mean[self._watched])])
-        worst = which[int(np.argmax(found[:, body]))]
+        worst = which[int(np.argmax(each[:, body]))]
         time = float(self._run.begins[worst[1]] * self.step)
         name = body_name(self._motion.model, int(self._bodies[body]))
         own = shares[:, body]
@@ -236,6 +238,17 @@ class Yardstick:
                 if math.isfinite(apart.share):
                     found.append(replace(apart, phase=f"{apart.phase}: {row.name}"))
         return max(found, key=lambda apart: apart.share, default=None)
+
+
+def looked_at(windows: np.ndarray, every: int) -> tuple[np.ndarray, Floats]:
+    """Return the first of windows and one in `every` of the others, and how many each stands for.
+
+    In the first, constraints take up their load, which happens once.
+    """
+    first, others = windows[:1], windows[1:]
+    chosen = others[(every - 1) // 2 :: every]
+    stood_for = np.full(len(chosen), len(others) / max(len(chosen), 1))
+    return np.concatenate([first, chosen]), np.concatenate([np.ones(len(first)), stood_for])
 
 
 def held(
