@@ -190,10 +190,10 @@ class InitialStateRule:
         return self.state[: self.starts["qvel"]]
 
     @property
-    def held_ctrl(self) -> Floats:
-        """(nu,) the keyframe's controls; NaN if it has none."""
+    def held_ctrl(self) -> Floats | None:
+        """(nu,) the keyframe's controls; None if it has none."""
         ctrl = self.state[self.starts["ctrl"] : self.starts["applied"]]
-        return ctrl if ctrl.any() else np.full(len(ctrl), np.nan)
+        return ctrl if ctrl.any() else None
 
     @property
     def driven_inputs(self) -> set[int]:

@@ -59,7 +59,7 @@ class Driving:
             [actuator for actuator in range(model.nu) if actuator not in own], np.intp
         )
         kept = rule.held_ctrl
-        self._rest = np.where(np.isfinite(kept), kept, neutral_controls(model, rule.qpos))
+        self._rest = neutral_controls(model, rule.qpos) if kept is None else kept
         self._loads = dict[tuple[float, ...], Load]()
         self._shared = dict[tuple[float, ...], Signals]()
 

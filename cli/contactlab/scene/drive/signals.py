@@ -97,8 +97,6 @@ def neutral_controls(model: mujoco.MjModel, qpos: Floats) -> Floats:
     limited = np.asarray(model.actuator_ctrllimited).astype(bool)
     outside = limited & ((low > 0) | (high < 0))
     controls = np.where(outside, (low + high) / 2, 0.0)
-    if np.array_equal(qpos, model.qpos0):
-        return controls
     held = np.flatnonzero(
         (np.asarray(model.actuator_gaintype) == _FIXED)
         & (np.asarray(model.actuator_biastype) == _AFFINE)
@@ -106,6 +104,8 @@ def neutral_controls(model: mujoco.MjModel, qpos: Floats) -> Floats:
         & (np.asarray(model.actuator_biasprm)[:, 1] < 0)
         & (np.asarray(model.actuator_gainprm)[:, 0] > 0)
     )
+    if not held.size or np.array_equal(qpos, model.qpos0):
+        return controls
     data = mujoco.MjData(model)
     data.qpos[:] = qpos
     mujoco.mj_fwdPosition(model, data)
