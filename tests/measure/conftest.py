@@ -14,7 +14,9 @@ from contactlab.contact.trace_arrays import (
     LINEAR_VELOCITY,
     NORMAL,
     TANGENT,
+    BackwardError,
     PairTrace,
+    SelfChecks,
     Trace,
 )
 from contactlab.contact.trace_setup import End, ExpectedContact, FreeBody, Setup
@@ -123,3 +125,24 @@ def trace_of() -> MakeTrace:
 @pytest.fixture(scope="session")
 def setup_of() -> MakeSetup:
     return make_setup
+
+
+def make_checks(steps: int, residual: float = 0.0, backward: float | None = None) -> SelfChecks:
+    """Return what a second pass found of one run: what a solver left, and phantom forces."""
+    none = np.zeros((1, 1))
+    return SelfChecks(
+        residual=np.full((1, steps), residual),
+        jacobian=none,
+        jacobian_steps=np.zeros(1, np.intp),
+        overlap=none,
+        apart=none,
+        geometry_steps=np.zeros(1, np.intp),
+        squeeze=np.empty((1, 0)),
+        repeats=np.ones(1, np.bool_),
+        backward=() if backward is None else (BackwardError(backward, "b", 0.0, 0.0, "b", 0.0),),
+    )
+
+
+@pytest.fixture
+def checks_of() -> Callable[..., SelfChecks]:
+    return make_checks

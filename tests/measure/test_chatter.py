@@ -90,6 +90,43 @@ def test_what_ends_soon_is_no_chatter(pair_of: Any, trace_of: Any, setup_of: Any
     assert label(trace, setup) == "stable"
 
 
+@pytest.mark.parametrize(
+    ("loses", "steered", "share", "chatters"),
+    [
+        (False, False, 0.09, False),  # Dry friction sticks and slides.
+        (False, False, 0.11, True),
+        (True, False, 0.09, True),  # A bounce that nothing feeds would die out.
+        (True, True, 0.09, False),  # A drive may shake what it holds.
+        (True, True, 0.11, True),
+    ],
+)
+def test_what_the_model_does_by_itself_is_no_chatter(
+    pair_of: Any,
+    trace_of: Any,
+    setup_of: Any,
+    checks_of: Any,
+    *,
+    loses: bool,
+    steered: bool,
+    share: float,
+    chatters: bool,
+) -> None:
+    slides = np.arange(STEPS) // 10 % 2 == 0
+    slipping = pair_of(
+        1,
+        STEPS,
+        normal=1.0,
+        tangential=np.where(slides, 0.5, 0.05)[None, :, None, None] * [1.0, 0.0],
+        velocity=np.where(slides, 6e-3, 1e-3)[None, :, None, None] * [1.0, 0.0],
+    )
+    pair = pad(pair_of, bouncing(6, 1)) if loses else slipping
+    trace = trace_of(1, STEPS, pairs=(pair,))
+    setup = setup_of(trace, steered=steered)
+    assert label(trace, setup) == "chatter"
+    found = assess(trace, setup, checks_of(STEPS, backward=share)).labels[0]
+    assert ("chatter" in {each.label for each in found}) == chatters
+
+
 def slow_losses(normal: np.ndarray, usage: np.ndarray, longest: int) -> list[int]:
     """The rule for one run that never slides, contact by contact."""
     found: list[int] = []

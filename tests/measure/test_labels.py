@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from contactlab.contact.trace_arrays import BackwardError, SelfChecks, Trace
+from contactlab.contact.trace_arrays import Trace
 from contactlab.contact.trace_setup import Barrier, FreeBody, Setup
 from contactlab.errors import SceneError
 from contactlab.measure import LABELS, THRESHOLDS, AppliedLabel, assess, limits
@@ -135,7 +135,14 @@ def test_invalid(trace_of: Any, setup_of: Any, case: str) -> None:
     ],
 )
 def test_what_a_solver_leaves_is_held_against_the_tolerance(
-    trace_of: Any, setup_of: Any, residual: float, used: int, known: float | None, label: str
+    trace_of: Any,
+    setup_of: Any,
+    checks_of: Any,
+    *,
+    residual: float,
+    used: int,
+    known: float | None,
+    label: str,
 ) -> None:
     """Forces that differ by more than a tenth are phantom; all 20 iterations alone are nothing.
 
@@ -144,18 +151,7 @@ def test_what_a_solver_leaves_is_held_against_the_tolerance(
     contacts = np.ones((1, 100), np.int32)
     trace = trace_of(contacts=contacts, iterations_most=np.full((1, 100), used, np.int32))
     setup = setup_of(trace, iterations=np.array([20], np.int32))
-    none = np.zeros((1, 1))
-    checks = SelfChecks(
-        residual=np.full((1, 100), residual),
-        jacobian=none,
-        jacobian_steps=np.zeros(1, np.intp),
-        overlap=none,
-        apart=none,
-        geometry_steps=np.zeros(1, np.intp),
-        squeeze=np.empty((1, 0)),
-        repeats=np.ones(1, np.bool_),
-        backward=() if known is None else (BackwardError(known, "b", 0.0, 0.0, "b", 0.0),),
-    )
+    checks = checks_of(100, residual, known)
     (found,) = assess(trace, setup, checks).labels[0]
     assert found.label == label
 

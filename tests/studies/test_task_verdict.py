@@ -13,6 +13,7 @@ from contactlab.schema.examination import Examination
 from contactlab.schema.task import Phase, Task
 from contactlab.studies.task_verdict import run_labels
 
+NUMERIC = "step_dependent"
 # A pendulum beside one whose spring swings ten times in a second, both driven by sines.
 MODEL = """<mujoco><option timestep="{timestep}"/><worldbody>
 <body name="slow" pos="0 0 1"><joint name="slow" axis="0 1 0" damping=".05"/>
@@ -81,6 +82,18 @@ def test_labels_are_of_watched_bodies_or_of_the_whole_run(
     wheres = {label.label: label.where for label in found}
     assert wheres.get("tunneling", " of mug, hand") == " of mug, hand"
     assert wheres.get("chatter", "") == wheres["diverged"] == ""
+
+
+@pytest.mark.parametrize(("mean", "kept"), [(0.09, ["chatter"]), (0.11, ["chatter", NUMERIC])])
+def test_a_dependence_on_the_step_is_of_all_seeds_together(mean: float, kept: list[str]) -> None:
+    """One of the seeds may be above the tolerance that their mean is within."""
+    entries = (LabelEntry(label=name, reason="seen", step=0) for name in ("chatter", NUMERIC))
+    record: Any = SimpleNamespace(duration=1.0, steps_asked=10, seed=1, labels=tuple(entries))
+    phases = (Phase(name="held", begin=0.0, end=1.0),)
+    task = Task(start="home", drive="hold", own_controls=True, duration=1.0, phases=phases)
+    budget: Any = SimpleNamespace(phases=[SimpleNamespace(run=SimpleNamespace(share=mean))])
+    assert [label.label for label in run_labels(task, [record], budget)] == kept
+    assert [label.label for label in run_labels(task, [record])] == ["chatter", NUMERIC]
 
 
 def test_a_length_is_refused(tmp_path: Path) -> None:

@@ -98,12 +98,12 @@ def _labels(runs: MeasuredRuns, failures: Failures) -> tuple[tuple[AppliedLabel,
 
 
 def _with_causes(context: Context, run: int, labels: list[AppliedLabel]) -> Iterator[AppliedLabel]:
-    """Yield labels of a run with whether they are numerical; what a drive may do is no finding."""
+    """Yield labels of a run, those that may be numerical with whether they are."""
     traced, resolved = labels_with("numerical"), resolved_runs(context)
     for label in labels:
         if resolved is None or label.label not in traced:
             yield label
-        elif not (resolved[run] and context.setup.steered and label.label == "chatter"):
+        else:
             cause = "of the model" if resolved[run] else "numerical"
             yield label._replace(reason=f"{label.reason}; {cause}: {phantom_forces(context, run)}")
 

@@ -20,7 +20,7 @@ from contactlab.contact.trace_arrays import (
     median,
     squared_lengths,
 )
-from contactlab.measure.backward_error import TOLERANCE
+from contactlab.measure.backward_error import TOLERANCE, resolved_runs
 from contactlab.measure.context import (
     Context,
     bearing,
@@ -231,11 +231,16 @@ def contact_losses(context: Context) -> Floats:
 def chatter(runs: MeasuredRuns) -> Found:
     """A pair keeps switching between stick and slide, or losing contact; or a servo keeps hunting.
 
-    Not while bodies come to rest, nor outside of the hold window of a scene that has one.
+    Not while bodies come to rest, nor outside of the hold window of a scene that has one. Where a
+    run is the motion of its model, what a changing drive does is none, and dry friction may stick
+    and slide: but for what a scene says is held.
     """
     context = runs.context
-    held = context.setup.hold is not None
+    held, resolved = context.setup.hold is not None, resolved_runs(context)
+    own = np.zeros(context.trace.runs, np.bool_) if resolved is None else resolved
+    driven = own & context.setup.steered
     masks = hold_switch_masks(context) if held else switch_masks(context)
+    masks = masks & ~(driven if held else own)[:, None]
     between = "stick, slide and no contact in its hold" if held else "stick and slide"
     for row in runs_where(np.asarray(masks.any(axis=(1, 2)))):
         place = context.pairs.places[row]
@@ -249,7 +254,8 @@ def chatter(runs: MeasuredRuns) -> Found:
     for row, gaps in () if held else _all_losses(context).items():
         what = f"{context.pairs.names[context.pairs.places[row]]} lost its contact {{}} times"
         what = f"{what} while it stuck"
-        yield from _often(runs, row, (gaps.run, gaps.start), what)
+        kept = ~driven[gaps.run]
+        yield from _often(runs, row, (gaps.run[kept], gaps.start[kept]), what)
     yield from _hunting(runs)
 
 

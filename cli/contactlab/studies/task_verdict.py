@@ -14,6 +14,7 @@ import numpy as np
 from contactlab.budget import ErrorBudget, PhaseBudget, Settings, error_budget, judge
 from contactlab.budget.verdict import percent
 from contactlab.errors import SweepFileError
+from contactlab.measure.backward_error import step_dependent
 from contactlab.mjcf import MODEL_ENGINE
 from contactlab.plan.task_options import TaskOptions
 from contactlab.scene.run_spec import RunSpec
@@ -70,7 +71,7 @@ def verdict_of(
 
     How soft the model is does not count: its rows are left out.
     """
-    labelled = _labels(task, records)
+    labelled = _labels(task, run_labels(task, records, budget))
     phases = {phase.name: phase for phase in budget.phases} if budget else {}
     word = sentence = None
     if budget is not None:
@@ -110,16 +111,22 @@ def _phase(name: str, budget: PhaseBudget | None, labels: Counter[str]) -> Phase
     )
 
 
-def run_labels(task: Task, records: Iterable[EvidenceRecord]) -> tuple[RunLabel, ...]:
+def run_labels(
+    task: Task, records: Iterable[EvidenceRecord], budget: ErrorBudget | None = None
+) -> tuple[RunLabel, ...]:
     """Return the labels of runs but `stable`, by label and the phase in which it is first met.
 
-    What is only of bodies that are not watched is left out, as their shares are.
+    What is only of bodies that are not watched is left out, as their shares are. So is a dependence
+    on the step of single runs, where the budget of all seeds has it within the tolerance.
     """
     found: dict[tuple[str, str], RunLabel] = {}
+    judged = {_STABLE}
+    if budget is not None and all(phase.run.share <= task.within for phase in budget.phases):
+        judged.add(step_dependent.__name__)
     for record in records:
         step = record.duration / max(record.steps_asked, 1)
         for entry in record.labels:
-            if entry.label == _STABLE or not _is_watched(task, entry):
+            if entry.label in judged or not _is_watched(task, entry):
                 continue
             time = None if entry.step is None else entry.step * step
             phase = _phase_at(task.phases, time or 0.0)
@@ -141,10 +148,10 @@ def _is_watched(task: Task, entry: LabelEntry) -> bool:
     return not (task.watched and entry.bodies) or not {*task.watched}.isdisjoint(entry.bodies)
 
 
-def _labels(task: Task, records: Iterable[EvidenceRecord]) -> dict[str, Counter[str]]:
+def _labels(task: Task, labels: Iterable[RunLabel]) -> dict[str, Counter[str]]:
     """Return how many runs have each label, by the phase in which it is first met."""
     counted = {phase.name: Counter[str]() for phase in task.phases}
-    for label in run_labels(task, records):
+    for label in labels:
         counted[label.phase][label.label] = label.runs
     return counted
 

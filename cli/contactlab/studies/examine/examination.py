@@ -153,7 +153,8 @@ def _ran(report: Examination, examined: CheckedModel) -> Examination:
         report = report.model_copy(update={"contacts": contacts})
     if report.sections == ("contacts",):
         return report
-    labels = run_labels(report.task, [run.record for run in examined.runs])
+    budget = examined.budget if examined.moves else None
+    labels = run_labels(report.task, [run.record for run in examined.runs], budget)
     return report.model_copy(update={"verdict": examined.verdict, "labels": labels})
 
 
