@@ -19,15 +19,25 @@ SectionName = Literal["labels", "budget", "facts", "checks", "contacts", "change
 
 
 class Fact(Model):
-    """What is deep, overlaps, is apart, creeps, grips, or weighs what no body can.
+    """What is deep, overlaps, is apart, creeps, grips, goes through, or is wrong in the file.
 
     It judges nothing.
     """
 
     kind: Literal[
-        "depth", "overlap", "creep", "limit", "equality", "force", "margin", "inertia", "grip"
+        "depth",
+        "overlap",
+        "creep",
+        "limit",
+        "equality",
+        "force",
+        "margin",
+        "masks",
+        "inertia",
+        "grip",
+        "file",
     ]
-    place: str = about("The contact, the joint, or the body.")
+    place: str = about("The contact, the joint, the body, or the line of a file.")
     value: float
     unit: str
     sentence: str

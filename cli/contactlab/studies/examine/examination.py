@@ -44,6 +44,7 @@ from contactlab.studies.check.chosen_checks import chosen_checks, judged_finding
 from contactlab.studies.check.own_runs import reference_of
 from contactlab.studies.examine.changes import Again, Changes, fresh
 from contactlab.studies.examine.facts import facts
+from contactlab.studies.examine.linted_file import file_facts
 from contactlab.studies.examine.resting_contacts import resting_contacts
 from contactlab.studies.examine.task_motions import Change
 from contactlab.studies.grip.carried_hand import grip_facts
@@ -179,6 +180,7 @@ def _measured(
         found = facts(examined.motions, times)
         if not request.assign:
             found += grip_facts(request.model, examined.motions[0].model, task.start)
+            found += tuple(file_facts(request.model))
         report = report.model_copy(update={"facts": found})
     late, told = bool(changes and changes.untried), changes.told() if changes else ()
     sentence = _sentence(verdict, tried, task, examined.budget, late=late)

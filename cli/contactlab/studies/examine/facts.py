@@ -18,6 +18,7 @@ from contactlab.printable import newtons
 from contactlab.scene.compile_model import InertiaFault
 from contactlab.scene.part_bodies import hauled
 from contactlab.schema.examination import Fact
+from contactlab.studies.examine.masked_passages import masked_passages
 from contactlab.studies.lint.inertia import in_words, inertia_faults
 
 # States are looked at in these windows of a run [s].
@@ -61,6 +62,7 @@ def facts(motions: Sequence[Motion], begins: Sequence[float]) -> tuple[Fact, ...
         *_of_depth(deepest, overlap),
         *_of_creep(motions[0]),
         *_of_margin(deepest, hardest),
+        *masked_passages(motions, begins),
         *_of_limits(motions[0]),
         *_of_equalities(motions[0]),
         *_of_force(hardest),

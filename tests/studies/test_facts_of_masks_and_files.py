@@ -1,0 +1,76 @@
+"""Facts of what no contact tells of: bodies that masks let pass, and mistakes of the file."""
+
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from contactlab.budget import Motion
+from contactlab.budget.motion import INTEGRATION
+from contactlab.schema.examination import Fact
+from contactlab.studies.examine.linted_file import file_facts
+from contactlab.studies.examine.masked_passages import masked_passages
+
+_STEP, _RADIUS, _BEGIN = 0.002, 0.02, 1.5
+# Lowest points of the balls are 0.1 m above the middle of a plate 10 mm thick.
+BALLS = """<mujoco><option timestep="0.002"/><worldbody>
+  <geom name="floor" type="plane" size="5 5 .1" pos="0 0 -1" contype="7" conaffinity="7"/>
+  <body name="plate"><geom type="box" size=".2 .2 .005" contype="{plate}" conaffinity="{plate}"/>
+  </body>
+  <body name="ball" pos="0 0 .12"><freejoint/><geom size=".02" contype="1" conaffinity="1"/></body>
+  <body name="drop" pos=".1 0 .12"><freejoint/>
+    <geom size=".02" contype="{drop}" conaffinity="{drop}"/></body>
+  </worldbody><contact>{exclude}</contact></mujoco>"""
+
+
+def passing(plate: int = 2, drop: int = 2, exclude: str = "") -> list[Fact]:
+    """Return the facts of half a second in which two balls fall on a plate, or through it."""
+    model = mujoco.MjModel.from_xml_string(BALLS.format(plate=plate, drop=drop, exclude=exclude))
+    data = mujoco.MjData(model)
+    start = np.empty((1, mujoco.mj_stateSize(model, INTEGRATION)))
+    mujoco.mj_getState(model, data, start[0], INTEGRATION)
+    return list(masked_passages([Motion(model, start, np.empty((1, 250, 0)))], [_BEGIN]))
+
+
+def test_a_ball_that_its_mask_lets_through_a_plate_is_told_when_it_is_in_it() -> None:
+    (fact,) = passing()
+    assert (fact.place, fact.kind) == ("contact plate - ball", "masks")
+    # Half of the plate, the thinner one, is filled once the ball has fallen 0.1 m, at the free
+    # fall's sqrt(2 s / g); states are looked at every 20 ms, and one before the run's end.
+    falls = _BEGIN + float(np.sqrt(2 * 0.1 / 9.81))
+    told = float(fact.sentence.partition(" mm at ")[2].partition(" s")[0])
+    assert falls - 0.005 <= told <= falls + 0.02 + 0.005
+    assert "another pair" not in fact.sentence
+
+
+def test_others_that_pass_are_counted() -> None:
+    (fact,) = passing(drop=4)
+    assert fact.sentence.endswith("so does another pair")
+
+
+@pytest.mark.parametrize(
+    ("plate", "exclude"),
+    [
+        (3, ""),  # the masks meet
+        (2, '<exclude body1="plate" body2="ball"/>'),  # written on purpose
+        (0, ""),  # drawn, and collides with nothing
+    ],
+)
+def test_what_meets_or_is_left_out_on_purpose_is_no_passage(plate: int, exclude: str) -> None:
+    assert passing(plate=plate, exclude=exclude) == []
+
+
+def test_the_first_mistakes_of_a_file_are_told_with_their_lines(tmp_path: Path) -> None:
+    file = tmp_path / "leg.xml"
+    text = """<mujoco>
+<compiler angle="{angle}"/>
+<worldbody><body name="a"><joint name="hip" range="-60 120" limited="true"/><geom size=".1"/>
+<body pos="0 0 .5"><joint name="knee" range="-90 0" limited="true"/><geom size=".1"/></body>
+</body></worldbody></mujoco>"""
+    file.write_text(text.format(angle="radian"), encoding="utf-8")
+    (fact,) = file_facts(str(file))
+    assert fact.place.startswith(str(file))
+    assert "[degrees-as-radians]" in fact.sentence
+    file.write_text(text.format(angle="degree"), encoding="utf-8")
+    assert list(file_facts(str(file))) == []
