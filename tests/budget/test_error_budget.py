@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from tests.budget_motions import WALKER, motion_of, walker
 
-from contactlab.budget import Motion, PhaseBudget, Settings, error_budget, judge
+from contactlab.budget import ErrorBudget, Motion, PhaseBudget, Settings, error_budget, judge
 from contactlab.budget.defects import to_the_limit
 from contactlab.budget.motion import INTEGRATION
 from contactlab.errors import EngineError
@@ -87,9 +87,28 @@ def test_a_check_reaches_the_limit_of_fine_references() -> None:
     for step in (0.01, 0.005, 0.0025):
         motion = motion_of(OSCILLATOR.format(step=step, stiffness=400), 0.8, qpos=[0.1])
         exact = oscillator_share(step, 400, 0.8, 64)
-        checked = measured(motion, replace(PLAIN, check=True)).run.share
-        assert checked == pytest.approx(exact, rel=0.05)
+        checked = measured(motion, replace(PLAIN, check=True))
+        assert checked.run.share == pytest.approx(exact, rel=0.05)
+        assert checked.most == checked.run.share  # What converges leaves nothing in doubt
         assert measured(motion).run.share < 0.75 * exact
+
+
+@pytest.mark.parametrize(
+    ("share", "most", "word"),
+    [
+        (0.08, 0.1, "sound"),
+        (0.08, 0.11, "not resolved"),
+        (0.001, np.inf, "not resolved"),
+        (0.08, np.nan, "sound"),
+        (0.11, 0.3, "unresolved"),
+    ],
+)
+def test_only_what_may_be_off_by_more_is_not_resolved(share: float, most: float, word: str) -> None:
+    phase = measured(motion_of(WATCHED, 0.04))
+    run = replace(phase.run, shares=np.full(len(phase.bodies), share))
+    verdict = judge(ErrorBudget((replace(phase, run=run, most=most),)), within=0.1)
+    assert verdict.word == word
+    assert len(verdict.reasons) == (word != "sound")
 
 
 def test_the_limit_of_fine_steps_is_that_of_first_order() -> None:
@@ -348,7 +367,7 @@ def test_no_bit_depends_on_the_number_of_workers(workers: int) -> None:
         assert (row.body, row.place, row.exercised) == (same.body, same.place, same.exercised)
     np.testing.assert_array_equal(one.energy, other.energy)
     np.testing.assert_array_equal(one.energy_rk4, other.energy_rk4)
-    assert (one.check, one.peak) == (other.check, other.peak)
+    assert (one.most, one.peak) == (other.most, other.peak)
 
 
 def test_windows_cover_every_step() -> None:

@@ -26,6 +26,7 @@ from contactlab.contact.trace_arrays import Floats, Invariants
 from contactlab.contact.trace_setup import Joints
 from contactlab.engines import engine_of
 from contactlab.engines.engine import SampledStates, SolvesReferences, Watch
+from contactlab.measure.context import HAIR
 from contactlab.scene.compiled_scene import PreparedModel
 from contactlab.scene.initial_states import InitialStates, perturbed_copy
 from contactlab.scene.model_edits import read_flag
@@ -33,8 +34,6 @@ from contactlab.scene.run_setup import joints_of
 from contactlab.scene.run_spec import RunSpec
 from contactlab.scene.scene import Scene
 from contactlab.schema.setting_values import Settings
-
-_HAIR = 0.01  # Share of a body's mean size that what hardly moves rises by, or has as an arm
 
 
 class Discrepancy(NamedTuple):
@@ -286,7 +285,7 @@ def invariants(model: mujoco.MjModel, qpos: Floats, qvel: Floats, *, free: bool)
     rows = np.array([_row(model, data, *state) for state in zip(qpos, qvel, strict=True)])
     mass = float(model.body_subtreemass[0])
     weight = mass * float(np.linalg.norm(model.opt.gravity)) * read_flag(model, "gravity")
-    conserved, arm = free and not weight, _HAIR * float(model.stat.meansize)
+    conserved, arm = free and not weight, HAIR * float(model.stat.meansize)
     return Invariants(
         energy=rows[:, 0] + rows[:, 1],
         kinetic=rows[:, 1],

@@ -221,7 +221,7 @@ class PhaseMeasure:
         variations = {row.name: self._variation(row) for row in there}
         found = self._measure(variations)
         real, cost = self._real(found), self._prices(there)
-        check, limits = self._check(found)
+        limits = self._limits(found)
         energy, energy_rk4 = self._energies(found)
         for row in there:
             if row.is_of_steps:
@@ -246,7 +246,7 @@ class PhaseMeasure:
             energy_from=self._energy_from(found),
             excess=self._excess(found, real),
             peak=self._peak(found),
-            check=check,
+            most=self._most(found, real),
             limit=float(limits[self._watched[whole.body]]),
             lost=float(found.lost[run.valid].mean()) if run.valid.any() else 0.0,
             warnings=warnings,
@@ -567,20 +567,29 @@ class PhaseMeasure:
             parts = np.where(speed > 0, found.apart[RUN.name] / speed, 0)[..., self._watched]
         return float(np.nanmax(parts, initial=0))
 
-    def _check(self, found: "_Found") -> tuple[float, Floats]:
-        """Return how far references differ over how far the run does, and (B,) what finer ones add.
+    def _limits(self, found: "_Found") -> Floats:
+        """Return (B,) factors from shares at h/4 to those at the limit of fine steps."""
+        checked = self._checked(found)
+        run, finer = (of[checked].sum(axis=0) for of in (found.apart[RUN.name], found.finer))
+        return to_the_limit(run, finer)
 
-        Of what does not converge, the first number tells.
+    def _most(self, found: "_Found", real: Floats) -> float:
+        """Return at most how far the run is from the limit of fine steps, of the worst body.
+
+        NaN where nothing was checked. In first order that limit is as far from a reference at h/8
+        as that is from one at h/4, whether or not they come nearer to the run. What slack forgives
+        of that is in the run's share, which is at the limit already.
         """
-        checked = ~np.isnan(found.checked[..., 0]) & ~found.lost
-        run, apart, finer = (
-            of[checked].sum(axis=0) for of in (found.apart[RUN.name], found.checked, found.finer)
-        )
+        checked = self._checked(found)
         if not checked.any():
-            return float("nan"), np.ones(len(run))
-        body = self._worst(run)
-        share = float(apart[body] / run[body]) if 0 < run[body] < np.inf else 0.0
-        return share, to_the_limit(run, finer)
+            return float("nan")
+        apart = np.where(checked[..., None], found.finer + found.checked, 0)
+        apart = np.stack([apart, found.apart[RUN.name]]).sum(axis=2)
+        return float((apart / real).mean(axis=1)[:, self._watched].max())
+
+    def _checked(self, found: "_Found") -> np.ndarray:
+        """Return (S, W) whether a window was gone through by both references."""
+        return ~np.isnan(found.checked[..., 0]) & ~found.lost
 
 
 class _Found(NamedTuple):

@@ -81,8 +81,8 @@ class PhaseBudget:
         energy_from: whose kinetic energy the run changes most beyond the reference.
         excess: (B,) path of the run's velocity beyond the reference's, a share; judges nothing.
         peak: worst window over the body's own peak speed; judges nothing.
-        check: how much references at h/4 and h/8 differ, over how much the run does, worst body;
-            NaN where nothing was checked.
+        most: the run's share, or that at h/8 and what references at h/4 and h/8 are apart, where
+            that is more: how far off it may be as far as these are known. NaN without a check.
         limit: what the shares of the run and the step were multiplied by, from a reference at h/4
             to the limit of fine steps.
         lost: share of windows in which the reference itself gave up.
@@ -103,7 +103,7 @@ class PhaseBudget:
     energy_from: Origin
     excess: Floats
     peak: float
-    check: float
+    most: float
     limit: float
     lost: float
     warnings: tuple[EngineWarning, ...]

@@ -82,7 +82,7 @@ def _phase(phase: PhaseBudget) -> BudgetPhase:
         energy=_finite(phase.energy_share),
         excess=_finite(float(phase.excess.max())),
         peak=_finite(phase.peak),
-        check=_finite(phase.check),
+        most=_finite(phase.most),
         limit=phase.limit,
         lost=phase.lost,
         warnings=tuple(

@@ -81,8 +81,8 @@ def never_lines(names: Sequence[str]) -> list[str]:
 
 def _beside(phase: BudgetPhase) -> Iterator[str]:
     yield f"energy drift {_signed(phase.energy)}"
-    if phase.check is not None and phase.run.share is not None:
-        yield f"reference known to {share_text(phase.check * phase.run.share)}"
+    if phase.most is not None:
+        yield f"as far as references are known at most {share_text(phase.most)}"
     yield f"not judged: path excess {share_text(phase.excess)}"
     yield f"worst window {share_text(phase.peak)} of the body's peak speed"
 

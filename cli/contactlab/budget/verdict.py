@@ -10,8 +10,6 @@ from contactlab.budget.readings import ErrorBudget, PhaseBudget
 from contactlab.printable import percent, plain
 
 TOLERANCE = 0.1
-# Above this share of what it shows, a reference's own error makes a verdict uncertain.
-_UNSURE = 0.5
 
 Word = Literal["unresolved", "not resolved", "model", "sound"]
 _ORDER: tuple[Word, ...] = get_args(Word)
@@ -105,9 +103,14 @@ def _numerical(phase: PhaseBudget, within: float) -> Iterator[Reason]:
             f"{origin.body}"
         )
         yield Reason("unresolved", name, "energy", energy, *origin, sentence)
-    doubt = phase.check * run.share if phase.check > _UNSURE else 0.0
-    if phase.lost or run.share <= within < run.share + 2 * doubt:
-        sentence = "references at a quarter and an eighth of the step differ as much as the run"
-        if phase.lost:
-            sentence = f"the reference itself gives up in {percent(phase.lost)} of the windows"
-        yield Reason("not resolved", name, "reference", doubt, *where, sentence)
+    if phase.lost:
+        sentence = f"the reference itself gives up in {percent(phase.lost)} of the windows"
+        yield Reason("not resolved", name, "reference", phase.lost, *where, sentence)
+    elif run.share <= within < phase.most:
+        sentence = "the reference itself gives up at an eighth of the step"
+        if np.isfinite(phase.most):
+            sentence = (
+                "references at a quarter and an eighth of the step differ, so that "
+                f"the run may be off by {percent(phase.most)}"
+            )
+        yield Reason("not resolved", name, "reference", phase.most, *where, sentence)

@@ -23,7 +23,7 @@ Cached = TypeVar("Cached")
 _OF_SERIES = [entry.name for entry in fields(PairSeries)][1:]
 _ROWS = 1 << 11  # of states that go through together, and so fit into the cache
 _ROUNDING = 1e-6  # Share of a step by which a time may miss a whole number of steps
-HAIR = 0.01  # Share of a body's mean size that what hardly moves rises by
+HAIR = 0.01  # Share of a body's mean size that what hardly moves rises by, or has as an arm
 _SLOW = 0.1
 """How many of its sizes a second what hardly moves goes, which is in any unit of length."""
 

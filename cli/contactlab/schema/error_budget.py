@@ -73,8 +73,9 @@ class BudgetPhase(Model):
     )
     excess: float | None = about("Path of the run's velocity beyond the reference's; not judged.")
     peak: float | None = about("Worst window over the body's peak speed; not judged.")
-    check: float | None = about(
-        "How much references at h/4 and h/8 differ, over how much the run does; null if unchecked."
+    most: float | None = about(
+        "How far off the run may be as far as references at h/4 and h/8 are known: its share, or "
+        "that at h/8 and what they are apart, worst body; null if infinite or unchecked."
     )
     limit: float = about("What the run's shares were multiplied by, from h/4 to the limit.")
     lost: float = about("Share of windows in which the reference gave up.")
