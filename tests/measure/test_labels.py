@@ -156,6 +156,19 @@ def test_what_a_solver_leaves_is_held_against_the_tolerance(
     assert found.label == label
 
 
+@pytest.mark.parametrize(("hard", "label"), [(1, "stable"), (3, "solver_nonconvergence")])
+def test_a_single_hard_step_is_no_failure(
+    trace_of: Any, setup_of: Any, checks_of: Any, hard: int, label: str
+) -> None:
+    """Whatever the others leave, in which the solver was done."""
+    used = np.where(np.arange(100) < hard, 20, 3).astype(np.int32)[None]
+    trace = trace_of(contacts=np.ones((1, 100), np.int32), iterations_most=used)
+    checks = checks_of(100)
+    checks.residual[0, :hard] = 0.5
+    setup = setup_of(trace, iterations=np.array([20], np.int32))
+    assert assess(trace, setup, checks).labels[0][0].label == label
+
+
 class TestTunneling:
     def crossing(self, trace_of: Any, setup_of: Any, pair_of: Any, **changes: Any) -> Any:
         pair = pair_of(1, 100, **changes.pop("contact", {}))

@@ -130,14 +130,17 @@ def stuck_share(context: Context) -> Floats:
 
 
 def sustained_residual(context: Context, where: NDArray[np.bool_]) -> Floats:
-    """Return (n,) the sustained residual over those of some steps with constraints; else 0."""
+    """Return (n,) what is sustained in all steps with constraints of the residual in some; else 0.
+
+    Of few steps by themselves, it would be that of a single one.
+    """
     if context.checks is None:
         return context.undefined()
-    chosen = where & _constrained(context)
+    chosen, constrained = np.where(where, context.checks.residual, 0.0), _constrained(context)
     return np.array(
         [
             np.quantile(residual[mask], _SUSTAINED) if mask.any() else 0.0
-            for residual, mask in zip(context.checks.residual, chosen, strict=True)
+            for residual, mask in zip(chosen, constrained, strict=True)
         ]
     )
 
