@@ -53,6 +53,13 @@ def _window() -> Any:  # noqa: ANN401 - a function
     return open_viewer
 
 
+@part("wording", "geoms")
+def _geoms() -> Any:  # noqa: ANN401 - a function
+    from contactlab.run.geom_words import told_of_runs
+
+    return told_of_runs
+
+
 @part("schema", "lock")
 def _lock_schema() -> Any:  # noqa: ANN401 - a class
     from contactlab.studies.lock.lock_model import Lock

@@ -1,7 +1,7 @@
 """A run in a page: its trace in a few hundred points."""
 
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,6 +12,8 @@ from contactlab.contact.trace_arrays import NO_CONTACT, Floats
 from contactlab.page.packing import packed_integers, rounded_floats
 from contactlab.store.mcap.trace_reader import StoredTrace
 
+Told = Callable[[str], str]
+"""What a page writes instead of a text about a run."""
 _POINTS = 400
 _MOST_COORDINATES = 6
 _BITS = 12
@@ -28,15 +30,18 @@ class QposEntry:
     is_height: bool
 
 
-def run_series(trace: StoredTrace) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+def run_series(
+    trace: StoredTrace, told: Told = str
+) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
     """Return what a run did over time: its signals and contact modes in words, and as columns.
 
-    A signal i of motion, force or depth, 0 without contact, has times `ti` [s] and values `vi`, at
-    most 402 of them. A pair i begins to stick, slide or part at `si` [s], its modes being `mi`.
+    Pairs are called as `told` has them. A signal i of motion, force or depth, 0 without contact,
+    has times `ti` [s] and values `vi`, at most 402 of them. A pair i begins to stick, slide or part
+    at `si` [s], its modes being `mi`.
     """
     columns: dict[str, NDArray[Any]] = {}
     signals: list[tuple[str, str, str]] = []
-    for index, (name, unit, panel, values, kept) in enumerate(_signals(trace)):
+    for index, (name, unit, panel, values, kept) in enumerate(_signals(trace, told)):
         columns[f"t{index}"] = rounded_floats(trace.time[kept], _BITS)
         columns[f"v{index}"] = rounded_floats(values[kept], _BITS)
         signals.append((name, unit, panel))
@@ -45,12 +50,12 @@ def run_series(trace: StoredTrace) -> tuple[dict[str, Any], dict[str, NDArray[An
         starts = np.concatenate(([0], np.flatnonzero(np.diff(modes)) + 1))[:_POINTS]
         columns[f"s{index}"] = rounded_floats(trace.time[starts], _BITS)
         columns[f"m{index}"] = packed_integers(modes[starts])
-    bands = [(pair.name, float(trace.time[-1])) for pair in trace.pairs]
+    bands = [(told(pair.name), float(trace.time[-1])) for pair in trace.pairs]
     return {"signals": signals, "bands": bands}, columns
 
 
 def _signals(
-    trace: StoredTrace,
+    trace: StoredTrace, told: Told
 ) -> Iterator[tuple[str, str, str, Floats, NDArray[np.intp]]]:
     """Yield name, unit, panel, values and places to keep of motion, forces and depths of a run.
 
@@ -60,15 +65,16 @@ def _signals(
         values = trace.qpos[:, entry.index]
         yield entry.name, entry.unit, "motion", values, decimated(values)
     for pair in trace.pairs:
+        name = told(pair.name)
         normal, tangential, depth = (
             pair.over(len(trace.contacts), values)
             for values in (pair.normal, pair.tangential, np.maximum(-pair.distance, 0.0))
         )
         kept = np.union1d(decimated(normal, _POINTS // 2), decimated(tangential, _POINTS // 2))
         kept = kept[np.isfinite(normal[kept]) & np.isfinite(tangential[kept])]
-        yield f"{pair.name} normal", "N", "force", normal, kept
-        yield f"{pair.name} tangential", "N", "force", tangential, kept
-        yield f"{pair.name} depth", "m", "depth", depth, decimated(depth)
+        yield f"{name} normal", "N", "force", normal, kept
+        yield f"{name} tangential", "N", "force", tangential, kept
+        yield f"{name} depth", "m", "depth", depth, decimated(depth)
 
 
 def decimated(values: Floats, points: int = _POINTS) -> NDArray[np.intp]:
@@ -128,8 +134,8 @@ def _joints(model_xml: bytes) -> Iterator[tuple[str, str]]:
         root = ET.fromstring(model_xml)  # noqa: S314 - written by this program, hashed in the store
     except ET.ParseError:
         return
-    for body in root.iterfind("worldbody//body"):
-        name = body.get("name", "body")
+    for number, body in enumerate(root.iterfind("worldbody//body"), 1):
+        name = body.get("name", f"body[{number}]")
         for joint in body:
             if joint.tag == "freejoint":
                 yield name, "free"

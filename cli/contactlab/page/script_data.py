@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
@@ -22,7 +23,7 @@ from contactlab.page.packing import (
     run_id_halves,
 )
 from contactlab.page.page_charts import MODE_NAMES, chart_templates
-from contactlab.page.run_series import run_series
+from contactlab.page.run_series import Told, run_series
 from contactlab.palette import mode_colour
 from contactlab.pareto.analysis import ToleranceTable
 from contactlab.pareto.recommendation import (
@@ -31,6 +32,7 @@ from contactlab.pareto.recommendation import (
     SAFE_MARGIN,
     places_of_models,
 )
+from contactlab.plugins import extensions
 from contactlab.reporting.coverage_rows import coverage_rows
 from contactlab.reporting.report import PageRequest, ReportData
 from contactlab.reporting.report_columns import Codes, GridAxis, RunLabels, summary_metrics
@@ -82,6 +84,7 @@ def script_data(data: ReportData, request: PageRequest, chart: Spec | None) -> S
     """Return the data of a page's script."""
     selection = _selection(data, request)
     table = data.tolerance_table()
+    told = _told(data.store, selection.records)
     columns = _columns(data, selection, table)
     if selection.is_aggregated:
         columns |= aggregated_columns(selection.axes, data.labels, data.quantities)
@@ -91,7 +94,9 @@ def script_data(data: ReportData, request: PageRequest, chart: Spec | None) -> S
         "digits": 6 if len(selection.rows) <= _MOST_RUNS_IN_FULL_PRECISION else 3,
         "specs": chart_templates(data, chart),
         "tradeoff": _tradeoff(data.tradeoff) if data.tradeoff and table else None,
-        "details": {place: _details(record) for place, record in selection.records.items()},
+        "details": {
+            place: _details(record, told[place]) for place, record in selection.records.items()
+        },
     }
     total = data.store.columns.runs
     note = (
@@ -101,7 +106,7 @@ def script_data(data: ReportData, request: PageRequest, chart: Spec | None) -> S
     return ScriptData(
         packed_text(as_json(metadata)),
         as_json(pack(columns)),
-        as_json(packed_series(data.store, selection.records)),
+        as_json(packed_series(data.store, selection.records, told)),
         (note,) if selection.is_aggregated else (),
     )
 
@@ -264,11 +269,22 @@ def _tradeoff(report: TradeoffReport) -> dict[str, Any]:
     }
 
 
-def _details(record: EvidenceRecord) -> dict[str, Any]:
+def _told(store: Store, records: dict[int, EvidenceRecord]) -> dict[int, Told]:
+    """Return what geoms are called in each run: without a name as their bodies, by the engine."""
+    pairs = (name for record in records.values() for name in record.pairs)
+    if find_spec("mujoco") is None or not any("geom[" in name for name in pairs):
+        return dict.fromkeys(records, str)
+    return extensions("wording")["geoms"].load()(store, records)
+
+
+def _details(record: EvidenceRecord, told: Told) -> dict[str, Any]:
     return {
-        "labels": [[label.label, label.reason, label.step] for label in record.labels],
+        "labels": [[label.label, told(label.reason), label.step] for label in record.labels],
         "settings": record.settings | record.axes,
-        "coverage": coverage_rows(record.coverage, record.pairs) if record.coverage else [],
+        "coverage": [
+            [told(text) for text in row]
+            for row in (coverage_rows(record.coverage, record.pairs) if record.coverage else ())
+        ],
         "expectation_reason": record.expectation_reason,
         "status": record.status,
         "steps": record.steps,
@@ -283,12 +299,14 @@ def _details(record: EvidenceRecord) -> dict[str, Any]:
             )
         ],
         "friction": {
-            name: pair.friction[0] for name, pair in record.pairs.items() if pair.condim > 1
+            told(name): pair.friction[0] for name, pair in record.pairs.items() if pair.condim > 1
         },
     }
 
 
-def packed_series(store: Store, records: dict[int, EvidenceRecord]) -> dict[str, Any]:
+def packed_series(
+    store: Store, records: dict[int, EvidenceRecord], told: dict[int, Told]
+) -> dict[str, Any]:
     """Return the time series of the runs that have a trace: their names, and packed numbers."""
     descriptions: dict[int, Any] = {}
     columns: dict[str, np.ndarray] = {}
@@ -297,6 +315,6 @@ def packed_series(store: Store, records: dict[int, EvidenceRecord]) -> dict[str,
             continue
         # A note on the page names damaged traces; it shows the others.
         with suppress(StoreError):
-            descriptions[row], series = run_series(store.trace(record))
+            descriptions[row], series = run_series(store.trace(record), told[row])
             columns |= {f"{row}:{name}": values for name, values in series.items()}
     return {"runs": descriptions, "packed": pack(columns)}

@@ -1,5 +1,6 @@
 """The report of `contactlab diff`."""
 
+from pathlib import Path
 from typing import Literal
 
 from contactlab.schema.strict_model import Model, about
@@ -64,7 +65,9 @@ class DiffReport(Model):
         """The result in a sentence."""
         count = len(self.differences)
         found = f"{count} difference{'' if count == 1 else 's'}" if count else "no difference"
-        return f"{self.before} and {self.after} have {found} beyond {100 * self.within:g} %"
+        one, other = (Path(model).name for model in (self.before, self.after))
+        which = f" between {one} and {other}" if one != other else ""
+        return f"{found}{which} beyond {100 * self.within:g} %"
 
     @property
     def last_line(self) -> str:
@@ -72,8 +75,8 @@ class DiffReport(Model):
         if self.motion is None:
             return f"motion: {self.unmoved}"
         return (
-            f"motion: in windows of {1e3 * self.motion.window:.0f} ms of one second, {self.after} "
-            f"moves as {self.before} would under phantom forces of {100 * self.motion.share:.2g} % "
+            f"motion: in windows of {1e3 * self.motion.window:.0f} ms of one second, the second "
+            f"moves as the first would under phantom forces of {100 * self.motion.share:.2g} % "
             f"of the real ones, in the worst body, {self.motion.body} (backward error; "
             f"{self.motion.task})"
         )

@@ -20,12 +20,12 @@ _MOST_OF_OUTCOME, _WIDEST_CELL, _MOST_INDENT = 25, 60, 30
 
 
 def as_text(report: Report, width: int = WIDEST) -> str:
-    """Return a report as plain text; lines of findings wrap between words at a width."""
+    """Return a report as plain text; sentences wrap between words at a width."""
     return "\n".join(line.rstrip() for line in _lines(report, width)) + "\n"
 
 
 def _lines(report: Report, width: int) -> Iterator[str]:
-    yield in_one_line(report.headline)
+    yield _filled(report.headline, width)
     if report.facts:
         yield ""
         longest = max(len(name) for name, _ in report.facts)
@@ -38,9 +38,12 @@ def _lines(report: Report, width: int) -> Iterator[str]:
     for section in report.sections:
         yield ""
         yield from map(in_one_line, _section(section))
-    for lines in (report.notes, report.command_lines):
-        yield from [""] if lines else []
-        yield from map(in_one_line, lines)
+    if report.notes:
+        yield ""
+        yield from (_filled(note, width) for note in report.notes)
+    if report.command_lines:
+        yield ""
+        yield from map(in_one_line, report.command_lines)
 
 
 def _findings(lines: Sequence[Line], width: int) -> Iterator[str]:
@@ -59,6 +62,12 @@ def _findings(lines: Sequence[Line], width: int) -> Iterator[str]:
         rest = in_one_line(f"{line.message:{messages}}  {line.worst:{worst}}  {line.where}")
         whole = (start + rest).rstrip()
         yield whole if len(whole) <= width else _wrapped(start, rest, width)
+
+
+def _filled(text: str, width: int) -> str:
+    """Return a sentence, wrapped between words where it is longer than the width."""
+    line = in_one_line(text)
+    return line if len(line) <= width else _wrapped("", line, width)
 
 
 def _wrapped(start: str, rest: str, width: int) -> str:

@@ -11,7 +11,7 @@ from contactlab.run.planned_runs import stored_sweep_scene
 from contactlab.run.sweep_request import SceneLoader
 from contactlab.scene.contact_pairs import may_touch, reaches
 from contactlab.scene.model_edits import FLAGS, read_flag, read_option
-from contactlab.scene.model_names import name_of
+from contactlab.scene.model_names import KINDS, name_of
 from contactlab.scene.mujoco_versions import VERSION
 from contactlab.scene.scene import Scene
 from contactlab.schema.diff_report import Difference, DiffReport
@@ -208,14 +208,23 @@ def report_of(report: DiffReport) -> Report:
         for found in report.differences
     )
     header = ("kind", "name", "quantity", "before", "after", "unit", "change")
-    parts = ", ".join(f"{count} {kind}" for kind, count in report.matched.items() if count)
+    parts = ", ".join(
+        f"{count} {KINDS[kind] if count > 1 else kind}"
+        for kind, count in report.matched.items()
+        if count
+    )
     return Report(
         title=f"contactlab diff {report.before} {report.after}",
         place=("diff",),
         headline=report.headline,
         passed=not report.differences,
         record=report,
-        facts=(("engine", f"mujoco {report.mujoco}"), ("in both", parts)),
+        facts=(
+            ("before", report.before),
+            ("after", report.after),
+            ("engine", f"mujoco {report.mujoco}"),
+            ("in both", parts),
+        ),
         sections=(Section("", header=header, rows=rows),) if rows else (),
         notes=(report.last_line,),
     )
