@@ -3,19 +3,18 @@
 Run: python -m bench.tune_cost FOLDER [ORIGINAL]
 
 The folder is that of the study, all of whose answers are timed. Whole runs of the task, on seeds
-that nobody has run, take turns; of each turn, the ratio of CPU times. ORIGINAL is what the model
-was made slow of, if that was done on purpose.
+that nobody has run, take turns in loops of `mj_step`. ORIGINAL is what the model was made slow of,
+if that was done on purpose.
 """
 
-import math
 import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from statistics import median
 
 import mujoco
-from mujoco.rollout import rollout
+import numpy as np
+import numpy.typing as npt
 
 from contactlab.budget import Motion
 from contactlab.budget.motion import INTEGRATION
@@ -26,10 +25,9 @@ from contactlab.studies.examine.changes import fresh
 from contactlab.studies.examine.examination import ExamineRequest, open_model
 from contactlab.studies.session import Session
 
-TURNS, ENOUGH = 9, 5e-3
-"""Of all models, and s of each run in a turn: few long steps are over before caches are warm."""
-_STATE = mujoco.mjtState.mjSTATE_FULLPHYSICS
-_CONTROL = mujoco.mjtState.mjSTATE_CTRL
+TURNS = 9
+ASKING = min(-time.thread_time() + time.thread_time() for _ in range(1000))
+"""s that it takes to ask for the time."""
 Runs = tuple[mujoco.MjModel, list[Motion]]
 
 
@@ -46,41 +44,43 @@ def runs_of(report: TuneReport, file: str) -> Runs:
     return mujoco.MjModel.from_xml_path(file), motions_of(report, task, file)
 
 
-def seconds(runs: Runs) -> float:
-    """Return CPU time of runs over simulated time, without what calls of one step take.
-
-    Of each run the least of several, as many as take long enough: what disturbs one only adds.
-    """
-    (model, motions), spent, simulated = runs, 0.0, 0.0
-    data = mujoco.MjData(model)
-    for motion in motions:
-        for seed in range(motion.seeds):
-            begin, least = time.thread_time(), {motion.steps: math.inf, 1: math.inf}
-            while math.inf in least.values() or time.thread_time() < begin + ENOUGH:
-                for steps, known in least.items():
-                    least[steps] = min(known, once(model, data, motion, seed, steps))
-            spent += least[motion.steps] - least[1]
-            simulated += (motion.steps - 1) * model.opt.timestep
-    return spent / simulated
-
-
-def once(
-    model: mujoco.MjModel, data: mujoco.MjData, motion: Motion, seed: int, steps: int
-) -> float:
-    """Return CPU time of the first steps of a seed of a motion."""
-    start = motion.starts[seed][None, : mujoco.mj_stateSize(model, _STATE)]
-    inputs = motion.inputs[seed][:steps] if motion.inputs.shape[2] else None
-    spec = motion.spec if motion.inputs.shape[2] else int(_CONTROL)
+def steps_of(
+    model: mujoco.MjModel, data: mujoco.MjData, motion: Motion, seed: int
+) -> npt.NDArray[np.float64]:
+    """Return (steps,) CPU times of the steps of a seed of a motion, in a plain loop [s]."""
     mujoco.mj_setState(model, data, motion.starts[seed], INTEGRATION)
-    begin = time.thread_time()
-    rollout(model, data, start, inputs, control_spec=spec, nstep=steps)
-    return time.thread_time() - begin
+    taken = np.empty(motion.steps)
+    for step in range(motion.steps):
+        if motion.inputs.shape[2]:
+            mujoco.mj_setState(model, data, motion.inputs[seed, step], motion.spec)
+        begin = time.thread_time()
+        mujoco.mj_step(model, data)
+        taken[step] = time.thread_time() - begin
+    return taken - ASKING
 
 
 def ratios(every: Sequence[Runs]) -> list[float]:
-    """Return the time of each over that of the first, the median over turns."""
-    turns = [[seconds(runs) for runs in every] for _ in range(TURNS + 1)][1:]
-    return [median(turn[place] / turn[0] for turn in turns) for place in range(len(every))]
+    """Return the CPU time of each over that of the first, for as much simulated time.
+
+    Models take turns, and run twice in each: the first run warms caches. Of each step the least of
+    all turns counts, since what disturbs one only adds, but not that which begins a run.
+    """
+    spent = np.zeros(len(every))
+    datas = [mujoco.MjData(model) for model, _ in every]
+    for phase, motion in enumerate(every[0][1]):
+        for seed in range(motion.seeds):
+            least = [np.full(motions[phase].steps, np.inf) for _, motions in every]
+            for _ in range(TURNS):
+                for (model, motions), data, best in zip(every, datas, least, strict=True):
+                    steps_of(model, data, motions[phase], seed)
+                    np.minimum(best, steps_of(model, data, motions[phase], seed), out=best)
+            spent += [each[1:].sum() for each in least]
+    lengths = [
+        float(model.opt.timestep) * sum(each.seeds * (each.steps - 1) for each in motions)
+        for model, motions in every
+    ]
+    speeds = spent / lengths
+    return (speeds / speeds[0]).tolist()
 
 
 def answers_of(report: TuneReport) -> dict[str, tuple[Point, str]]:

@@ -176,6 +176,14 @@ def edit_spec(spec: mujoco.MjSpec, edits: ModelEdits) -> None:
         spec.delete(_part(spec, "sensor", name))
 
 
+def drop_textures(spec: mujoco.MjSpec) -> None:
+    """Leave out pictures, which no simulation reads and every copy of a model has."""
+    for material in spec.materials:
+        material.textures = [""] * len(material.textures)
+    for texture in list(spec.textures):
+        spec.delete(texture)
+
+
 def _pose(spec: mujoco.MjSpec, posed: Sequence[tuple[str, Sequence[float]]]) -> None:
     """Give keyframes their positions; those that a specification lacks are added."""
     for name, qpos in posed:

@@ -24,12 +24,16 @@ SPARSE = int(mujoco.mjtJacobian.mjJAC_SPARSE)
 
 @dataclass
 class Ideal:
-    """Errors of first order in the step, of fourth for RK4; few iterations add theirs."""
+    """Errors of first order in the step, of fourth for RK4; few iterations add theirs.
+
+    Between two steps lies a bump.
+    """
 
     slope: float
     few: float = 0.0
     seconds: float = 0.0
     asked: int = 0
+    bump: tuple[int, int] = (0, 0)
 
     def apart(self, model: mujoco.MjModel, multiple: int) -> Apart:
         self.asked += 1
@@ -39,6 +43,8 @@ class Ideal:
             share = self.slope * (multiple / 8) ** 4
         if model.opt.iterations < 100:
             share += self.few
+        if self.bump[0] < multiple < self.bump[1]:
+            share = 1.0
         return Apart(share, "ball", "neutral", 0.0, share, share)
 
 
@@ -114,6 +120,17 @@ def test_the_step_is_the_longest_that_keeps_the_limit(limit: float) -> None:
     longest = limit / slope
     assert longest / 1.2 <= best.multiple <= longest
     assert best.settings == {"jacobian": "sparse", "iterations": 5}
+
+
+def test_steps_are_sought_beyond_those_whose_errors_are_larger() -> None:
+    """The model has 4 fine steps, and 100 keep the limit; 64 are one of its doublings."""
+    limit, slope = 0.1, 1e-3
+    for bump in ((FINER, 32), (FINER, 60), (17, 40)):
+        search = searched(Ideal(slope, bump=bump), limit)
+        assert 100 / 1.2 <= search.ranked(Bound.of(limit))[0].choice.multiple <= 100
+    # Beyond the last doubling that keeps the limit, nothing is sought.
+    search = searched(Ideal(slope, bump=(FINER, 100)), limit)
+    assert search.ranked(Bound.of(limit))[0].choice.multiple == FINER
 
 
 def test_a_model_that_misses_the_limit_gets_a_finer_step() -> None:

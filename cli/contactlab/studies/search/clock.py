@@ -32,9 +32,10 @@ else:
 _FEWEST_PLACES, _MOST_PLACES = 4, 12  # states of each phase that stretches begin in
 _STRETCH, _SHORTEST = 0.2, 0.04  # s of simulated time
 _TURN = 0.01  # s that the model as written is timed for in each turn, about
-_LEAST, _MOST_REPEATS = 5e-3, 200  # s that a model is timed for in a turn, and how often it is run
-_PIECE, _MOST_PIECES = 5e-4, 200  # s that a piece of a run takes: others seldom share so few
-_MOST_COMPARED, _COMPARING = 25, 0.2  # turns, and s, of two models that are compared
+_LEAST = 5e-3  # s that the slowest model of a turn is timed for in it
+_PIECE, _MOST_PIECES = 5e-4, 200  # s that a piece takes: others seldom share so few
+_MOST_RUNS = 100  # that make a piece, of a model that is over sooner
+_MOST_COMPARED, _COMPARING = 25, 0.2  # turns of two models; s of turns, where they are short
 _INSTANT = 1e-7  # s that nothing is timed to take less than
 _WHOLE_TURNS = 4  # of two models that are compared by whole runs
 _FEWEST, _MOST = 3, 60
@@ -45,7 +46,7 @@ _OUTSIDE = 0.05
 _RESAMPLED = 200
 
 
-class _Stretch(NamedTuple):
+class Stretch(NamedTuple):
     """Parts of a phase: (M, nstate) states that they begin in, and (M, steps, width) inputs."""
 
     starts: Floats
@@ -54,7 +55,7 @@ class _Stretch(NamedTuple):
     steps: int
 
 
-class _Batches:
+class Batches:
     """Batches that models of one layout take turns in: one MjData serves all that are timed."""
 
     def __init__(self) -> None:
@@ -71,64 +72,87 @@ class _Batches:
         return known[-1]
 
 
-class _Timed:
+class Timed:
     """A model that is ready to be run through stretches again and again.
 
     Attributes:
         simulated: how long all of them are [s].
+        whole: thread time of all pieces, about [s]; infinite if MuJoCo refuses the model.
+        repeats: how often each piece is timed in a turn.
+        copies: how often there is each piece.
     """
 
     def __init__(
-        self, model: mujoco.MjModel, stretches: Sequence[_Stretch], batches: _Batches
+        self, model: mujoco.MjModel, stretches: Sequence[Stretch], batches: Batches
     ) -> None:
         self._model, self._stretches, self._batches = model, stretches, batches
         steps = sum(len(each.starts) * (each.steps - 1) for each in stretches)
         self.simulated = steps * float(model.opt.timestep)
-        self._repeats, self._pieces = 1, [1] * len(stretches)
-        once = self.taken() * self.simulated
-        if math.isfinite(whole := float(once.sum())):
-            self._repeats = max(1, min(_MOST_REPEATS, math.ceil(_LEAST / whole)))
+        self.repeats = self.copies = 1
+        self._pieces, self._runs = [1] * len(stretches), [1] * len(stretches)
+        self.whole = math.inf
+        with suppress(SimulationError):
+            once = [self._once(stretch) for stretch in stretches]
             self._pieces = [
                 max(1, min(_MOST_PIECES, stretch.steps, round(spent / _PIECE)))
                 for stretch, spent in zip(stretches, once, strict=True)
             ]
+            self._runs = [max(1, min(_MOST_RUNS, round(_PIECE / spent))) for spent in once]
+            self.whole = float(np.dot(once, self._runs))
 
     def taken(self) -> Floats:
         """Return (P,) thread time of the pieces of all stretches, over their simulated time.
 
-        Of each piece the least of several runs: what disturbs one only adds, and a piece is short
+        Of each piece the least of its repeats: what disturbs one only adds, and a piece is short
         enough to be left alone now and then. Infinite if MuJoCo refuses the model, as it does
         tendon equalities of bodies that sleep.
         """
-        each = zip(self._stretches, self._pieces, strict=True)
+        each = zip(self._stretches, self._pieces, self._runs, strict=True)
         try:
-            spent = np.concatenate([self._spent(stretch, pieces) for stretch, pieces in each])
+            spent = np.concatenate([self._spent(*one) for one in each])
         except SimulationError:
-            return np.full(sum(self._pieces), np.inf)
+            return np.full(self.copies * sum(self._pieces), np.inf)
         return np.maximum(spent, _INSTANT) / self.simulated
 
-    def _spent(self, stretch: _Stretch, pieces: int) -> Floats:
-        """Return (pieces,) thread time of all steps of a stretch but the first [s].
+    def _once(self, stretch: Stretch) -> float:
+        """Return the thread time of all steps of a stretch, about [s]."""
+        batch = self._batches.of(self._model, stretch.starts)
+        (spent,) = _run(batch, stretch, [slice(0, stretch.steps)])
+        return max(spent, _INSTANT)
+
+    def _spent(self, stretch: Stretch, pieces: int, runs: int) -> Floats:
+        """Return (copies * pieces,) thread time of all steps of a stretch but the first [s].
 
         A call takes time beside its steps, as much with one of them: few long ones are over as
-        soon.
+        soon. Where a piece is several runs, it is their mean, and one before them warms caches.
         """
         batch = self._batches.of(self._model, stretch.starts)
         ends = np.linspace(0, stretch.steps, pieces + 1).astype(int)
         spans = [slice(0, 1), *(slice(*ends[place : place + 2]) for place in range(pieces))]
-        least = np.full(len(spans), np.inf)
-        for _ in range(self._repeats):
-            for place, span in enumerate(spans):
-                given: dict[str, Any] = {}
-                if stretch.inputs.shape[2]:
-                    given = {"control": stretch.inputs[:, span], "control_spec": stretch.spec}
-                if not span.start:
-                    batch.state[:] = stretch.starts
-                begin = time.thread_time()
-                batch.rollout(span.stop - span.start, record=[], **given)
-                least[place] = min(least[place], time.thread_time() - begin)
-        least[1] -= least[0]
-        return least[1:]
+        least = np.full((self.copies, len(spans)), np.inf)
+        if runs > 1:
+            _run(batch, stretch, spans)
+        for _ in range(self.repeats):
+            for own in least:
+                mean = np.mean([_run(batch, stretch, spans) for _ in range(runs)], axis=0)
+                np.minimum(own, mean, out=own)
+        least[:, 1] -= least[:, 0]
+        return least[:, 1:].ravel() / self.copies
+
+
+def _run(batch: Batch, stretch: Stretch, spans: Sequence[slice]) -> list[float]:
+    """Return the thread time of spans of steps; those that begin at 0 begin a run anew [s]."""
+    taken = list[float]()
+    for span in spans:
+        given: dict[str, Any] = {}
+        if stretch.inputs.shape[2]:
+            given = {"control": stretch.inputs[:, span], "control_spec": stretch.spec}
+        if not span.start:
+            batch.state[:] = stretch.starts
+        begin = time.thread_time()
+        batch.rollout(span.stop - span.start, record=[], **given)
+        taken.append(time.thread_time() - begin)
+    return taken
 
 
 Stepped = tuple[mujoco.MjModel, int]
@@ -140,7 +164,7 @@ class Clock:
 
     def __init__(self, yards: Yardsticks, base: mujoco.MjModel) -> None:
         """Take the model as written, as its files make it."""
-        self._yards, self._written, self._batches = yards, base, _Batches()
+        self._yards, self._written, self._batches = yards, base, Batches()
         # Stretches that begin at rest or in flight would tell nothing of contacts.
         self._places, self._stretch = _MOST_PLACES // 2, _SHORTEST
         self.base_seconds = float(self._timed(base, yards.finer).taken().sum())
@@ -151,7 +175,7 @@ class Clock:
 
     def prices(self, models: Sequence[Stepped], turns: int = 4) -> list[Price]:
         """Return the time of models over that of the model as written, for the same motion."""
-        turn = _Turn([self._timed(*each) for each in [(self._written, self._yards.finer), *models]])
+        turn = Turn([self._timed(*each) for each in [(self._written, self._yards.finer), *models]])
         taken = [turn.taken() for _ in range(turns)]
         self.base_seconds = float(np.min([each[0] for each in taken], axis=0).sum())
         return _told([taken], seeds=False)
@@ -162,7 +186,7 @@ class Clock:
         From so many turns, or more where they cost little.
         """
         begin, taken = time.thread_time(), list[list[Floats]]()
-        turn = _Turn([self._timed(*other), self._timed(*one)])
+        turn = Turn([self._timed(*other), self._timed(*one)])
         while len(taken) < turns or (
             len(taken) < _MOST_COMPARED and time.thread_time() < begin + _COMPARING
         ):
@@ -194,8 +218,13 @@ class Clock:
                 break
             turns.append(self._turn(made, motions, seed))
             taken.append([turns[-1].taken()])
+        begin = time.thread_time()
         while len(taken[0]) < _FEWEST or (
-            len(taken[0]) < _MOST and not _all_narrow(_told(taken, seeds=False))
+            len(taken[0]) < _MOST
+            and (
+                time.thread_time() < begin + _COMPARING
+                or not _all_narrow(_told(taken, seeds=False))
+            )
         ):
             if time.monotonic() > until:
                 if len(taken[0]) < _FEWEST:
@@ -207,12 +236,12 @@ class Clock:
         self.base_seconds = float(np.mean(bases))
         return _told(taken)
 
-    def _turn(self, made: Sequence[Stepped], motions: Sequence[Motion], seed: int) -> "_Turn":
+    def _turn(self, made: Sequence[Stepped], motions: Sequence[Motion], seed: int) -> "Turn":
         """Return whole runs of a seed of motions by a model, and by others beside it."""
         finer = self._yards.finer
-        return _Turn(
+        return Turn(
             [
-                _Timed(
+                Timed(
                     model,
                     [whole_run(each, finer, seed, multiple) for each in motions],
                     self._batches,
@@ -229,25 +258,34 @@ class Clock:
         own.opt.timestep = multiple * self._yards.step
         return own
 
-    def _timed(self, model: mujoco.MjModel, multiple: int) -> _Timed:
+    def _timed(self, model: mujoco.MjModel, multiple: int) -> Timed:
         steps = max(2, round(self._stretch / (multiple * self._yards.step)))
-        stretches = list[_Stretch]()
+        stretches = list[Stretch]()
         for yard in self._yards.parts:
             which = yard.starts
             places = np.linspace(0, len(which) - 1, min(self._places, len(which))).astype(int)
             begun = yard.begun(multiple, which[places], steps)
-            stretches.append(_Stretch(*begun, yard.motion.spec, steps))
-        return _Timed(self._stepped(model, multiple), stretches, self._batches)
+            stretches.append(Stretch(*begun, yard.motion.spec, steps))
+        return Timed(self._stepped(model, multiple), stretches, self._batches)
 
 
-class _Turn:
-    """Models that take turns, from the first to the last and back again."""
+class Turn:
+    """Models that take turns, from the first to the last and back again.
 
-    def __init__(self, timed: Sequence[_Timed]) -> None:
+    A piece of a fast one takes as long as one of a slow one and is timed as often, and few pieces
+    have copies: of more, the least would be less disturbed, and the sum of fewer is chance.
+    """
+
+    def __init__(self, timed: Sequence[Timed]) -> None:
         self._timed, self._backwards = timed, False
+        slowest = max((one.whole for one in timed if math.isfinite(one.whole)), default=_LEAST)
+        for one in timed:
+            one.repeats = max(1, math.ceil(_LEAST / slowest))
+            if math.isfinite(one.whole):
+                one.copies = max(1, round(min(slowest, _LEAST) / one.whole))
 
     def taken(self) -> list[Floats]:
-        """Return the times of each model's pieces, as `_Timed` has them."""
+        """Return the times of each model's pieces, as `Timed` has them."""
         found = [np.empty(0)] * len(self._timed)
         places = range(len(found))
         for place in reversed(places) if self._backwards else places:
@@ -256,10 +294,10 @@ class _Turn:
         return found
 
 
-def whole_run(motion: Motion, finer: int, seed: int, multiple: int) -> _Stretch:
+def whole_run(motion: Motion, finer: int, seed: int, multiple: int) -> Stretch:
     """Return a seed of a motion from its start to its end, by steps of so many fine ones."""
     run = at_steps(motion, finer, np.array([seed]), multiple)
-    return _Stretch(run.starts, run.inputs, run.spec, run.steps)
+    return Stretch(run.starts, run.inputs, run.spec, run.steps)
 
 
 def over_seeds(base: Sequence[Floats], model: Sequence[Floats], *, seeds: bool = True) -> Price:

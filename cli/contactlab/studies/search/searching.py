@@ -431,7 +431,8 @@ class Search:
         for price, choice in zip(prices, choices, strict=True):
             # The shortest step that would win.
             least = math.floor(price * choice.multiple / cost) + 1 if best else 1
-            if found := self._longest(choice, least, _CLOSE):
+            far = choice if best else self._far(choice)
+            if found := self._longest(far, least, _CLOSE):
                 best, cost = found, price * choice.multiple / found.multiple
         if best is None:
             self._priced([min(self.tried.values(), key=share_of).choice])
@@ -439,6 +440,18 @@ class Search:
         best = self._longest(best, best.multiple, _CLOSEST) or best
         self._priced([best])
         return best
+
+    def _far(self, choice: Choice) -> Choice:
+        """Return a choice at the longest of doubled steps within the limit, or at its own.
+
+        Errors need not grow with the step: where contacts decide, they may fall again.
+        """
+        if self._fits(choice):
+            doublings = int(math.log2(self.space.longest / choice.multiple))
+            for doubling in range(doublings, 0, -1):
+                if self._fits(longer := choice.at(choice.multiple << doubling)):
+                    return longer
+        return choice
 
     def _longest(self, choice: Choice, least: int, close: float) -> Choice | None:
         """Return a choice at its longest step within the limit that is at least so long."""

@@ -12,7 +12,7 @@ from contactlab.budget import Motion
 from contactlab.budget.motion import INTEGRATION
 from contactlab.budget.windows import replay
 from contactlab.errors import EngineError, SceneError
-from contactlab.scene.model_draft import CompiledFiles, ModelEdits, edit_spec
+from contactlab.scene.model_draft import CompiledFiles, ModelEdits, drop_textures, edit_spec
 from contactlab.scene.unreachable import GeomPair, filtered_pairs
 from contactlab.studies.check.checked_model import CheckedModel
 from contactlab.studies.search.allowed_time import AllowedTime
@@ -111,10 +111,14 @@ class Subject:
         return [first_seeds(motion, seeds) for motion in motions]
 
     def _compiled(self, edits: ModelEdits) -> mujoco.MjModel:
-        """Return the model of the scene's files, without what records runs."""
+        """Return the model of the scene's files, without what records runs, and pictures."""
         scene = self.examined.scene.with_effects("all")
-        values = self.examined.values
-        files = CompiledFiles.of(scene, scene.source, values, lambda spec: edit_spec(spec, edits))
+
+        def edit(spec: mujoco.MjSpec) -> None:
+            edit_spec(spec, edits)
+            drop_textures(spec)
+
+        files = CompiledFiles.of(scene, scene.source, self.examined.values, edit)
         size = mujoco.mj_stateSize(files.model, INTEGRATION)
         own = self.own_model
         if size != mujoco.mj_stateSize(own, INTEGRATION):
