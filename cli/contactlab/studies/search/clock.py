@@ -124,11 +124,12 @@ class Timed:
         """Return (copies * pieces,) thread time of all steps of a stretch but the first [s].
 
         A call takes time beside its steps, as much with one of them: few long ones are over as
-        soon. Where a piece is several runs, it is their mean, and one before them warms caches.
+        soon. That one is made twice, since a run begins with the caches of the end of another.
+        Where a piece is several runs, it is their mean, and one before them warms caches.
         """
         batch = self._batches.of(self._model, stretch.starts)
         ends = np.linspace(0, stretch.steps, pieces + 1).astype(int)
-        spans = [slice(0, 1), *(slice(*ends[place : place + 2]) for place in range(pieces))]
+        spans = [*2 * [slice(0, 1)], *(slice(*ends[place : place + 2]) for place in range(pieces))]
         least = np.full((self.copies, len(spans)), np.inf)
         if runs > 1:
             _run(batch, stretch, spans)
@@ -136,8 +137,8 @@ class Timed:
             for own in least:
                 mean = np.mean([_run(batch, stretch, spans) for _ in range(runs)], axis=0)
                 np.minimum(own, mean, out=own)
-        least[:, 1] -= least[:, 0]
-        return least[:, 1:].ravel() / self.copies
+        least[:, 2] -= least[:, 1]
+        return least[:, 2:].ravel() / self.copies
 
 
 def _run(batch: Batch, stretch: Stretch, spans: Sequence[slice]) -> list[float]:
