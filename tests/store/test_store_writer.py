@@ -218,6 +218,24 @@ def test_a_failure_leaves_the_file_as_it_was(tmp_path: Path) -> None:
     assert [path.read_text() for path in tmp_path.iterdir()] == ["before"]
 
 
+def test_where_nothing_can_be_written_or_removed_it_is_said(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """On a file system that is read only, removing what was never made fails too."""
+
+    def refuse(*_: object, **__: object) -> None:
+        raise OSError(errno.EROFS, os.strerror(errno.EROFS))
+
+    for name in ("write_text", "unlink"):
+        monkeypatch.setattr(Path, name, refuse)
+    target = tmp_path / "file"
+    with (
+        pytest.raises(OutputError, match=r"cannot write .*file: Read-only file system"),
+        atomic_write(target) as temporary,
+    ):
+        temporary.write_text("new")
+
+
 def test_two_writers_of_one_file_do_not_share_what_they_write(tmp_path: Path) -> None:
     target = tmp_path / "file"
     with atomic_write(target) as first:

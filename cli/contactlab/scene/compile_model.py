@@ -23,6 +23,7 @@ from mujoco._specs import MjsBody, MjsSensor
 from contactlab.contact.trace_arrays import SLOT_WIDTH, Floats
 from contactlab.errors import ModelWarning, SceneError
 from contactlab.expression import Expression, ExpressionError
+from contactlab.mjcf import OPTIONS
 from contactlab.scene.compile_messages import in_words
 from contactlab.scene.contact_pairs import MonitoredPair
 from contactlab.scene.model_files import FileSearch, name_in_copy, parse, plain_name
@@ -163,20 +164,31 @@ def compile_model(
     with _model_file(source, structure) as path, _said_once(source):
         try:
             if path.suffix == BINARY:
-                return _with_one_control_each(mujoco.MjModel.from_binary_path(str(path)), source)
+                return _checked(mujoco.MjModel.from_binary_path(str(path)), source)
             spec = mujoco.MjSpec.from_file(str(path))
             for element in (*spec.meshes, *spec.hfields, *spec.skins, *spec.textures):
                 if found := source.content.resources.get(plain_name(element.file)):
                     element.file = str(found)
             name_by_address(spec)
             edit(spec)
-            return _with_one_control_each(spec.compile(), source)
+            return _checked(spec.compile(), source)
         except (ValueError, mujoco.FatalError) as error:
             raise compile_error(source.model, path, error) from error
 
 
-def _with_one_control_each(model: mujoco.MjModel, source: SceneSource) -> mujoco.MjModel:
-    """Return a model whose actuators have one control and one force; a SceneError names others."""
+def _checked(model: mujoco.MjModel, source: SceneSource) -> mujoco.MjModel:
+    """Return a model that can be recorded; a SceneError says why not.
+
+    Its options are finite, and its actuators have one control and one force.
+    """
+    for option in OPTIONS:
+        value = getattr(model.opt, option)
+        if not np.isfinite(value).all():
+            told = " ".join(f"{number:g}" for number in np.ravel(value))
+            raise SceneError(
+                f"{source.model}: its {option} is {told}; write finite numbers in "
+                f'<option {option}="..."/>'
+            )
     for actuator in range(getattr(model, "nactuator", 0)):
         controls, forces = model.actuator_ctrlnum[actuator], model.actuator_outnum[actuator]
         if (controls, forces) != (1, 1):

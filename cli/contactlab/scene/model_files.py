@@ -61,14 +61,16 @@ class FileSearch:
     copy: Path | None = None
     seen: set[Path] = field(default_factory=set[Path])
 
-    def references(self, model: Path) -> Iterator[Reference]:
+    def references(self, model: Path, within: tuple[Path, ...] = ()) -> Iterator[Reference]:
         """Yield the files that an MJCF or URDF file refers to, existing or not.
 
-        A SceneError names it, or a model that it includes or attaches, if missing or not XML.
+        A SceneError names it, or a model that it includes or attaches, if missing or not XML, or
+        `within` itself.
         """
         if model.suffix == ".mjb":
             return
-        elements = list(self._elements(Reference(model), model.parent))
+        within = nested(model, within)
+        elements = list(self._elements(Reference(model), model.parent, within))
         compiler: dict[str, str] = {}
         for element, file in elements:
             check_element(element, file.path)
@@ -80,17 +82,20 @@ class FileSearch:
             if element.tag == "model" and element.get("file"):
                 attached = self.named(model.parent, element.get("file", ""))
                 yield attached
-                yield from self.references(attached.path)
+                yield from self.references(attached.path, within)
             yield from self.assets(element, file.path, model.parent, compiler).values()
 
-    def _elements(self, file: Reference, base: Path) -> Iterator[tuple[ET.Element, Reference]]:
+    def _elements(
+        self, file: Reference, base: Path, within: tuple[Path, ...]
+    ) -> Iterator[tuple[ET.Element, Reference]]:
         """Yield every element in document order, includes in their place, with its file."""
         if file.path.resolve() not in self.seen:
             self.seen.add(file.path.resolve())
             for element in parse(file.path).iter():
                 yield element, file
                 if element.tag == "include":
-                    yield from self._elements(self.included(element, file.path, base), base)
+                    inner = self.included(element, file.path, base)
+                    yield from self._elements(inner, base, nested(inner.path, within))
 
     def included(self, element: ET.Element, file: Path, base: Path) -> Reference:
         """Return what an <include> of a file includes, in a model that lies in a base folder."""
@@ -132,6 +137,15 @@ class FileSearch:
         return Reference(
             _in_copy(Path(name), self.copy) if self.copy else Path(name), absolute=True
         )
+
+
+def nested(model: Path, within: tuple[Path, ...]) -> tuple[Path, ...]:
+    """Return the files that a file is read within, and itself; a SceneError if that has no end."""
+    own = model.resolve()
+    if own in within:
+        by = f", by {within[-1].name}" if within[-1] != own else ""
+        raise SceneError(f"{model}: is included or attached within itself{by}; remove that element")
+    return (*within, own)
 
 
 def _in_copy(path: Path, copy: Path) -> Path:
