@@ -120,9 +120,7 @@ class Arm:
         self._model, (self._plant, _) = model, AddMultibodyPlantSceneGraph(builder, timestep)
         joints = [model.joint(each).name or f"joint_{each}" for each in range(model.njnt)]
         Parser(self._plant).AddModelsFromString(serve.mjcf_of(_moving(model)), "xml")
-        off = model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_GRAVITY
-        gravity = np.zeros(3) if off else np.array(model.opt.gravity)
-        self._plant.mutable_gravity_field().set_gravity_vector(gravity)
+        self._plant.mutable_gravity_field().set_gravity_vector(_JOINTS.gravity_of(model))
         for name, dof in zip(joints, model.jnt_dofadr, strict=True):
             # Without an actuator, Drake drops armature.
             actuator = self._plant.AddJointActuator(name, self._plant.GetJointByName(name))

@@ -127,9 +127,7 @@ def _run(request: dict[str, Any], run: int, tick: Callable[[], None]) -> dict[st
 def _twin(pinocchio: Any, model: mujoco.MjModel) -> Any:
     """Return a model of the same bodies and joints, in the same order of coordinates."""
     twin = pinocchio.Model()
-    twin.gravity.linear = np.array(model.opt.gravity)
-    if model.opt.disableflags & _OFF.mjDSBL_GRAVITY:
-        twin.gravity.linear = np.zeros(3)
+    twin.gravity.linear = _JOINTS.gravity_of(model)
     # Of each body: the joint that moves it, and where the body is in that joint's frame.
     carried = {0: (0, pinocchio.SE3.Identity())}
     for body in range(1, model.nbody):

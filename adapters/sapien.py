@@ -1,6 +1,5 @@
 """SAPIEN (PhysX): hinges, slides, primitives and hulls in rigid contact, in single precision."""
 
-from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 from runpy import run_path
@@ -58,7 +57,7 @@ def _refusals(model: mujoco.MjModel) -> list[tuple[Any, str]]:
             "neighbours in a tree never touch; leave filterparent on, and exclude them",
         ),
         (
-            max((bit for bit, _ in _masks(model).values()), default=0) >> _SORTS,
+            _CONTACTS.sorts_of(model) > _SORTS,
             f"its masks tell {_SORTS} sorts of geoms apart",
         ),
     ]
@@ -71,28 +70,6 @@ def _laws(model: mujoco.MjModel) -> dict[str, dict[int, float]]:
         wanted = {pair: 2 * getattr(law, name) for pair, law in pairs.items()}
         told[name] = _CONTACTS.as_sums(wanted)
     return told
-
-
-def _masks(model: mujoco.MjModel) -> dict[int, tuple[int, int]]:
-    """Return by geom the bit of its sort, and those of the sorts that it touches.
-
-    Geoms that touch the same others are of one sort, whether or not they touch each other.
-    """
-    partners: dict[int, set[int]] = {}
-    for one, other in _CONTACTS.pairs_of(model):
-        partners.setdefault(one, set()).add(other)
-        partners.setdefault(other, set()).add(one)
-    closed = {geom: frozenset({geom, *its}) for geom, its in partners.items()}
-    among = Counter(closed.values())
-    keys = {
-        geom: closed[geom] if among[closed[geom]] > 1 else frozenset(its)
-        for geom, its in partners.items()
-    }
-    bits = {key: 1 << number for number, key in enumerate(dict.fromkeys(keys.values()))}
-    return {
-        geom: (bits[keys[geom]], sum({bits[keys[other]] for other in its}))
-        for geom, its in partners.items()
-    }
 
 
 def simulate(request: dict[str, Any], tick: Callable[[], None]) -> dict[str, Any]:
@@ -116,7 +93,7 @@ class World:
         self._system = physx.PhysxCpuSystem()
         self._scene = sapien.Scene([self._system])
         self._scene.set_timestep(float(model.opt.timestep))
-        self._laws, self._masks = _laws(model), _masks(model)
+        self._laws, self._masks = _laws(model), _CONTACTS.masks_of(model)
         self._shapes: list[tuple[int, Any]] = []  # of geoms
         self._bodies: dict[int, Any] = {}  # components of those that move
         self._trees: list[Any] = []  # articulations
@@ -250,7 +227,7 @@ class World:
             sent = [_laws(model)[name].get(geom, 0.0) for geom in geoms]
             arrived = [getattr(shape.physical_material, its) for shape in shapes]
             compare(f"the {name}", sent, arrived, names)
-        sent = [[*_masks(model)[geom], 0, 0] for geom in geoms]
+        sent = [[*_CONTACTS.masks_of(model)[geom], 0, 0] for geom in geoms]
         compare("the mask", sent, [shape.collision_groups for shape in shapes], names)
         sizes = [self._size(geom, shape) for geom, shape in self._shapes]
         compare("the size", [each[0] for each in sizes], [each[1] for each in sizes], names)

@@ -1,4 +1,4 @@
-"""Joints, springs and actuators of a model, as the adapters of engines without them take them."""
+"""Joints of a model and what drives them, as the adapters of engines without such take it."""
 
 from typing import Any
 
@@ -15,8 +15,11 @@ _DRIVES = (
 )
 
 
-def refusals(model: mujoco.MjModel) -> list[tuple[Any, str]]:
-    """Return what is left out of joints and of what drives them, with whether a model needs it."""
+def refusals(model: mujoco.MjModel, limits: bool = False) -> list[tuple[Any, str]]:
+    """Return what is left out of joints and of what drives them, with whether a model needs it.
+
+    Limits are among it unless the engine knows them.
+    """
     disabled, scalar = model.opt.disableflags, np.isin(model.jnt_type, (SLIDE, HINGE))
     off = OFF.mjDSBL_CONSTRAINT
     simple = (
@@ -28,7 +31,7 @@ def refusals(model: mujoco.MjModel) -> list[tuple[Any, str]]:
     driven = model.actuator_trnid[simple, 0]
     return [
         (
-            not disabled & (OFF.mjDSBL_LIMIT | off) and model.jnt_limited.any(),
+            not limits and not disabled & (OFF.mjDSBL_LIMIT | off) and model.jnt_limited.any(),
             "it knows no limits of joints here; set limit to false",
         ),
         (

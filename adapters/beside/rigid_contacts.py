@@ -7,6 +7,7 @@ of its solref has, whose spring only pushes: for damping ratios zeta below 1 it 
 
 import math
 import time
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple, Protocol
 
@@ -32,7 +33,7 @@ _FREE = int(mujoco.mjtJoint.mjJNT_FREE)
 _OFF = mujoco.mjtDisableBit
 _LEAST = 1e-15  # mixing weight, as in MuJoCo
 _EXACT = 1e-9  # of a friction, that numbers of the geoms are to give
-_NO_NUMBERS = "it combines what two geoms have, and no numbers of theirs give what these pairs mix"
+NO_NUMBERS = "it combines what two geoms have, and no numbers of theirs give what these pairs mix"
 _OVERLOOKED = 1e-3  # overlap [m] in which an engine cannot but find a contact
 
 
@@ -43,6 +44,8 @@ class Pair(NamedTuple):
     torsion: float  # torque about the normal over the normal force [m]
     rolling: float  # torque across the normal over the normal force [m]
     restitution: float
+    solref: tuple[float, float]
+    solimp: tuple[float, ...]  # (5,)
 
 
 class Contact(NamedTuple):
@@ -90,7 +93,7 @@ def refusals(model: mujoco.MjModel) -> list[tuple[Any, str]]:
         ),
         (
             model.dof_damping[free].any() or model.dof_frictionloss[free].any(),
-            "its free joints have no damping and no dry friction",
+            "it knows no damping and no dry friction of free joints here",
         ),
     ]
 
@@ -113,8 +116,9 @@ def pairs_of(model: mujoco.MjModel) -> dict[tuple[int, int], Pair]:
     }
     for each in range(model.npair):
         one, other = sorted((int(model.pair_geom1[each]), int(model.pair_geom2[each])))
-        solref, friction = model.pair_solref[each], model.pair_friction[each, [0, 2, 3]]
-        found[one, other] = _pair(int(model.pair_dim[each]), friction, solref)
+        friction = model.pair_friction[each, [0, 2, 3]]
+        springs = model.pair_solref[each], model.pair_solimp[each]
+        found[one, other] = _pair(int(model.pair_dim[each]), friction, *springs)
     return found
 
 
@@ -138,21 +142,51 @@ def _mixed(model: mujoco.MjModel, one: int, other: int) -> Pair:
     if priority[one] != priority[other]:
         decides = one if priority[one] > priority[other] else other
         dimensions, friction = model.geom_condim[decides], model.geom_friction[decides]
-        return _pair(int(dimensions), friction, model.geom_solref[decides])
+        return _pair(
+            int(dimensions), friction, model.geom_solref[decides], model.geom_solimp[decides]
+        )
     both, weights = [one, other], model.geom_solmix[[one, other]]
     weights = weights * (weights >= _LEAST)
     weights = weights / weights.sum() if weights.any() else np.full(2, 0.5)
     solref = model.geom_solref[both]
     mixed = weights @ solref if (solref[:, 0] > 0).all() else solref.min(axis=0)
-    return _pair(int(model.geom_condim[both].max()), model.geom_friction[both].max(axis=0), mixed)
+    dimensions, friction = model.geom_condim[both].max(), model.geom_friction[both].max(axis=0)
+    return _pair(int(dimensions), friction, mixed, weights @ model.geom_solimp[both])
 
 
-def _pair(dimensions: int, friction: np.ndarray, solref: np.ndarray) -> Pair:
+def _pair(dimensions: int, friction: np.ndarray, solref: np.ndarray, solimp: np.ndarray) -> Pair:
     sliding, torsion, rolling = friction.tolist()
     return Pair(
         sliding * (dimensions > 1), torsion * (dimensions > 3), rolling * (dimensions > 4),
-        restitution_of(*solref.tolist()),
+        restitution_of(*solref.tolist()), tuple(solref.tolist()), tuple(solimp.tolist()),
     )  # fmt: skip
+
+
+def masks_of(model: mujoco.MjModel) -> dict[int, tuple[int, int]]:
+    """Return by geom the bit of its sort, and those of the sorts that it touches.
+
+    Geoms that touch the same others are of one sort, whether or not they touch each other.
+    """
+    partners: dict[int, set[int]] = {}
+    for one, other in pairs_of(model):
+        partners.setdefault(one, set()).add(other)
+        partners.setdefault(other, set()).add(one)
+    closed = {geom: frozenset({geom, *its}) for geom, its in partners.items()}
+    among = Counter(closed.values())
+    keys = {
+        geom: closed[geom] if among[closed[geom]] > 1 else frozenset(its)
+        for geom, its in partners.items()
+    }
+    bits = {key: 1 << number for number, key in enumerate(dict.fromkeys(keys.values()))}
+    return {
+        geom: (bits[keys[geom]], sum({bits[keys[other]] for other in its}))
+        for geom, its in partners.items()
+    }
+
+
+def sorts_of(model: mujoco.MjModel) -> int:
+    """Return how many sorts of geoms `masks_of` tells apart."""
+    return len({own for own, _ in masks_of(model).values()})
 
 
 def hull_of(model: mujoco.MjModel, geom: int) -> np.ndarray:
@@ -184,13 +218,13 @@ def as_products(wanted: Mapping[tuple[int, int], float]) -> dict[int, float]:
 
     A ValueError says that there are none. Geoms of pairs that want 0 alone have none.
     """
-    geoms, matrix = _incidence([pair for pair, value in wanted.items() if value])
+    geoms, matrix = incidence_of([pair for pair, value in wanted.items() if value])
     logs = np.log([value for value in wanted.values() if value])
     found = np.exp(np.linalg.lstsq(matrix, logs, rcond=None)[0]) if geoms else np.zeros(0)
     told = dict(zip(geoms, found.tolist(), strict=True))
     for (one, other), value in wanted.items():
         if abs(told.get(one, 0.0) * told.get(other, 0.0) - value) > _EXACT:
-            raise ValueError(_NO_NUMBERS)
+            raise ValueError(NO_NUMBERS)
     return told
 
 
@@ -201,14 +235,14 @@ def as_sums(wanted: Mapping[tuple[int, int], float]) -> dict[int, float]:
     """
     from scipy.optimize import nnls  # commands that list engines do not load it
 
-    geoms, matrix = _incidence(list(wanted))
+    geoms, matrix = incidence_of(list(wanted))
     found, rest = nnls(matrix, list(wanted.values())) if geoms else (np.zeros(0), 0.0)
     if rest > _EXACT:
-        raise ValueError(_NO_NUMBERS)
+        raise ValueError(NO_NUMBERS)
     return dict(zip(geoms, found.tolist(), strict=True))
 
 
-def _incidence(pairs: Sequence[tuple[int, int]]) -> tuple[list[int], np.ndarray]:
+def incidence_of(pairs: Sequence[tuple[int, int]]) -> tuple[list[int], np.ndarray]:
     """Return the geoms of pairs, and (pairs, geoms) which of them each has."""
     geoms = sorted({geom for pair in pairs for geom in pair})
     return geoms, np.array([[float(geom in pair) for geom in geoms] for pair in pairs])

@@ -73,14 +73,3 @@ def test_what_is_no_engine_is_named(contactlab: Any, cache: Path) -> None:
     here = contactlab("engines", "add", "mujoco")
     assert (here.code, "is here" in here.out) == (0, True)
     assert not cache.exists()
-
-
-def test_what_is_refused_is_listed_with_the_reason_and_not_set_up(
-    contactlab: Any, cache: Path
-) -> None:
-    assert versions(contactlab)["genesis"] == "refused"
-    assert "8.6 GB" in contactlab("engines").out
-    for command in (("engines", "add", "genesis"), ("parity", "slide", "--against", "genesis")):
-        refused = contactlab(*command)
-        assert (refused.code, "8.6 GB" in refused.err) == (2, True)
-    assert not cache.exists()

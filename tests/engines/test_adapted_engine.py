@@ -200,14 +200,3 @@ def test_what_is_not_installed_is_refused(tmp_path: Path, monkeypatch: pytest.Mo
     (tmp_path / "cart.xml").write_text(CART)
     with pytest.raises(SceneError, match="do so once with `contactlab engines add warp`"):
         swept(tmp_path, SWEEP.replace("twin", "warp"))
-
-
-@pytest.mark.parametrize("name", ["genesis"])
-def test_what_cannot_be_had_is_refused_by_name_with_the_reason(name: str, tmp_path: Path) -> None:
-    (tmp_path / "cart.xml").write_text(CART)
-    engine = ENGINES[name]
-    assert isinstance(engine, AdaptedEngine)
-    assert engine.refused
-    with pytest.raises(SceneError, match=f"the {name} engine is refused: {engine.refused}"):
-        swept(tmp_path, SWEEP.replace("twin", name))
-    assert not (tmp_path / "store").exists()

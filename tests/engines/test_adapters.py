@@ -87,6 +87,26 @@ REFUSED = [
     ("sapien", {"extra": HINGE.format('frictionloss="1"')}, "dry friction"),
     ("sapien", {"extra": SQUARE}, "no numbers of theirs"),
     ("sapien", {"extra": HINGE.format("").replace("<geom", '<joint axis="1 0 0"/><geom')}, "one"),
+    ("genesis", {"option": 'integrator="RK4"'}, "implicitfast"),
+    ("genesis", {"option": 'solver="PGS"'}, "PGS"),
+    ("genesis", {"option": 'cone="elliptic" noslip_iterations="3"'}, "noslip"),
+    ("genesis", {"extra": '<geom type="plane" size="1 1 .1" condim="1" priority="1"/>'}, ".01"),
+    (
+        "genesis",
+        {"extra": '<body><freejoint/><geom size=".1" priority="1" friction=".2"/></body>'},
+        "no numbers of theirs",
+    ),
+    ("genesis", {"extra": HINGE.format('range="-1 1" limited="true" margin=".1"')}, "margin"),
+    (
+        "genesis",
+        {"extra": HINGE.format('type="ball" range="0 1" limited="true"')},
+        "limits are of hinges",
+    ),
+    (
+        "genesis",
+        {"extra": '<geom type="plane" size="1 1 .1" solref="-1000 -2000" priority="1"/>'},
+        "at least two steps",
+    ),
     ("pinocchio", {}, "contact"),
     ("pinocchio", {"option": 'integrator="RK4"'}, "Euler"),
     ("pinocchio", {"option": 'density="1"', "flag": '<flag contact="disable"/>'}, "medium"),
@@ -115,7 +135,7 @@ def test_what_an_engine_cannot_do_is_refused_by_name(
     assert word in str(refusal_of(name, model))
 
 
-@pytest.mark.parametrize("name", ["warp", "mjx", "newton", "drake", "cenic", "bullet", "sapien"])
+@pytest.mark.parametrize("name", [*ENGINES.keys() - {"pinocchio"}])
 def test_what_it_can_do_is_not(name: str) -> None:
     blanks = dict.fromkeys(("option", "flag", "extra", "end"), "")
     assert refusal_of(name, mujoco.MjModel.from_xml_string(BALL.format(**blanks))) is None

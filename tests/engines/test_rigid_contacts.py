@@ -61,11 +61,13 @@ def test_pairs_and_what_they_have_are_those_that_mujoco_mixes(flag: str) -> None
             torsion * (contact.dim > 3),
             rolling * (contact.dim > 4),
             float(restitution_of(damping_ratio(contact.solref))),
+            *contact.solref,
+            *contact.solimp,
         )
     found = RIGID.pairs_of(model)
     assert found.keys() == expected.keys()
     for pair, law in found.items():
-        assert tuple(law) == pytest.approx(expected[pair], abs=1e-12)
+        assert np.hstack(law) == pytest.approx(expected[pair], abs=1e-12)
 
 
 def test_nothing_touches_without_contact() -> None:

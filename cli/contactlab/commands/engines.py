@@ -8,7 +8,6 @@ from contactlab.command_line import options as opt
 from contactlab.command_line.declaration import Argument, Given, Option, command
 from contactlab.command_line.surroundings import say, study_session
 from contactlab.command_line.terminal import echo, print_report_json, print_table
-from contactlab.errors import EngineError
 
 if TYPE_CHECKING:
     from contactlab.schema.engine_panel import EnginePanel
@@ -32,8 +31,6 @@ def add(name: Annotated[str, Argument("NAME", "Engine to install.")]) -> str:
     from contactlab.run.mujoco_environment import make_environment
 
     engine = find_engine(name)
-    if isinstance(engine, AdaptedEngine) and engine.refused:
-        raise EngineError(engine.absence)
     if not isinstance(engine, AdaptedEngine) or engine.version:
         return f"{engine.version} is here"
     say(f"setting up {name} in {engine.environment}, once")

@@ -93,12 +93,10 @@ def _engines() -> Listing:
 
     rows: builtins.list[tuple[object, ...]] = []
     for engine in ENGINES.values():
-        version, size, summary = engine.version or "not installed", None, engine.summary
+        version, size = engine.version or "not installed", None
         if isinstance(engine, AdaptedEngine):
             size = round(engine.size / 1e6) or None
-            if engine.refused:
-                version, summary = "refused", f"{summary}: {engine.refused}"
-        rows.append((engine.name, version, size, summary))
+        rows.append((engine.name, version, size, engine.summary))
     say("more by `contactlab engines add NAME`")
     return Listing(("engine", "version", "size", "what computes"), rows, {"size": "MB"})
 

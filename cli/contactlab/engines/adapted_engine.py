@@ -8,9 +8,9 @@ runs of N steps it returns the arrays `state` (n, N + 1, nq + nv + na), `sensors
 nsensordata), `cost` (n,) [s], and, if it has such, `iterations` of its solver (n, N), `contactfull`
 and `cnstrfull` (n,): that memory was short. If it has `forward(request, tick)`, that returns (n)
 quantities of the n starts, named as in MuJoCo's data; if `derivative`, the derivative of ends.
-DEVICES are the words that the request's `device` may be, which is else empty. REFUSED is of one
-that simulates nothing at all, and says why; IGNORED names settings and effects that an engine
-leaves out, and why. OWN_LAWS and CONTROLS_ERROR are an engine's `own_laws` and `controls_error`.
+DEVICES are the words that the request's `device` may be, which is else empty. IGNORED names
+settings and effects that an engine leaves out, and why. OWN_LAWS and CONTROLS_ERROR are an engine's
+`own_laws` and `controls_error`.
 """
 
 import os
@@ -100,15 +100,8 @@ class AdaptedEngine(SimulationEngine):
         return sum(file.lstat().st_size for file in files if not file.is_dir())
 
     @property
-    def refused(self) -> str:
-        """Why its adapter simulates nothing at all; empty if it does."""
-        return getattr(self._adapter, "REFUSED", "")
-
-    @property
     def absence(self) -> str:
-        """Why it is not here: it is refused, or not installed; empty if it is here."""
-        if self.refused:
-            return f"the {self.name} engine is refused: {self.refused}"
+        """Why it is not here, and the command that adds it; empty if it is here."""
         add = f"do so once with `contactlab engines add {self.name}`"
         return "" if self.version else f"the {self.name} engine is not installed; {add}"
 
