@@ -8,7 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from contactlab.contact.trace_arrays import NO_CONTACT, SLIDE, STICK
-from contactlab.page.run_series import run_series
+from contactlab.page.run_series import qpos_entries, run_series
+from contactlab.schema.coverage import Travel
 from contactlab.store.mcap.trace_reader import StoredPair
 
 STEP = 0.25  # a power of 2, so that no time is rounded
@@ -57,3 +58,13 @@ def test_modes_begin_and_depths_are_as_recorded(steps: list[tuple[int, int]]) ->
     begins = np.searchsorted(columns["s0"], STEP * np.arange(count), side="right") - 1
     assert columns["m0"][begins].tolist() == [mode for mode, _ in steps]
     assert (np.diff(columns["m0"].astype(int)) != 0).all()
+
+
+def test_joints_of_included_files_are_named_by_their_coverage() -> None:
+    """A free joint has seven entries, of which three are lengths; a ball has none of them."""
+    covered = {"base": Travel(turned=0.0), "knee": Travel(), "jaw": Travel(share=0.5)}
+    including = b"<mujoco><include file='robot.xml'/></mujoco>"
+    named = [(entry.index, entry.name) for entry in qpos_entries(including, 9, covered)]
+    assert named == [(0, "base x"), (1, "base y"), (2, "base z"), (7, "knee"), (8, "jaw")]
+    with_a_ball = qpos_entries(including, 12, {**covered, "hip": Travel()})
+    assert [entry.name for entry in with_a_ball] == [f"qpos[{index}]" for index in range(12)]

@@ -1,7 +1,7 @@
 """A run in a page: its trace in a few hundred points."""
 
 import xml.etree.ElementTree as ET
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import NO_CONTACT, Floats
 from contactlab.page.packing import packed_integers, rounded_floats
+from contactlab.schema.coverage import Travel
 from contactlab.store.mcap.trace_reader import StoredTrace
 
 Told = Callable[[str], str]
@@ -17,7 +18,9 @@ Told = Callable[[str], str]
 _POINTS = 400
 _MOST_COORDINATES = 6
 _BITS = 12
-_JOINT_SIZES = {"free": 7, "ball": 4, "slide": 1, "hinge": 1}
+_JOINT_SIZES = {"free": 7, "ball": 4, "slide": 1, "hinge": 1, "hinge or slide": 1}
+_UNITS = {"slide": "m", "hinge": "rad", "hinge or slide": "m, rad"}
+_NO_JOINTS: Mapping[str, Travel] = {}
 
 
 @dataclass(frozen=True)
@@ -31,17 +34,18 @@ class QposEntry:
 
 
 def run_series(
-    trace: StoredTrace, told: Told = str
+    trace: StoredTrace, told: Told = str, joints: Mapping[str, Travel] = _NO_JOINTS
 ) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
     """Return what a run did over time: its signals and contact modes in words, and as columns.
 
-    Pairs are called as `told` has them. A signal i of motion, force or depth, 0 without contact,
+    Pairs are called as `told` has them, and joints as their coverage where the trace's own model
+    does not name them all. A signal i of motion, force or depth, 0 without contact,
     has times `ti` [s] and values `vi`, at most 402 of them. A pair i begins to stick, slide or part
     at `si` [s], its modes being `mi`.
     """
     columns: dict[str, NDArray[Any]] = {}
     signals: list[tuple[str, str, str]] = []
-    for index, (name, unit, panel, values, kept) in enumerate(_signals(trace, told)):
+    for index, (name, unit, panel, values, kept) in enumerate(_signals(trace, told, joints)):
         columns[f"t{index}"] = rounded_floats(trace.time[kept], _BITS)
         columns[f"v{index}"] = rounded_floats(values[kept], _BITS)
         signals.append((name, unit, panel))
@@ -55,13 +59,15 @@ def run_series(
 
 
 def _signals(
-    trace: StoredTrace, told: Told
+    trace: StoredTrace, told: Told, joints: Mapping[str, Travel]
 ) -> Iterator[tuple[str, str, str, Floats, NDArray[np.intp]]]:
     """Yield name, unit, panel, values and places to keep of motion, forces and depths of a run.
 
     Both forces of a pair are kept at the same times, so that one can be drawn over the other.
     """
-    for entry in _most_active(qpos_entries(trace.model_xml, trace.qpos.shape[1]), trace.qpos):
+    for entry in _most_active(
+        qpos_entries(trace.model_xml, trace.qpos.shape[1], joints), trace.qpos
+    ):
         values = trace.qpos[:, entry.index]
         yield entry.name, entry.unit, "motion", values, decimated(values)
     for pair in trace.pairs:
@@ -102,24 +108,35 @@ def _most_active(entries: tuple[QposEntry, ...], qpos: Floats) -> list[QposEntry
     return ranked[:_MOST_COORDINATES]
 
 
-def qpos_entries(model_xml: bytes, size: int) -> tuple[QposEntry, ...]:
+def qpos_entries(
+    model_xml: bytes, size: int, covered: Mapping[str, Travel] = _NO_JOINTS
+) -> tuple[QposEntry, ...]:
     """Return the entries of qpos that are lengths or angles, without those of rotations.
 
-    If the joints of the MJCF do not add up to the size of qpos, entries are named by their index.
+    Where the joints of the MJCF do not add up to the size of qpos, as those of included files do
+    not stand in it, they are those that were covered; and without these, entries have their index.
     """
-    joints = list(_joints(model_xml))
-    if sum(_JOINT_SIZES[kind] for _, kind in joints) != size:
-        return tuple(QposEntry(index, f"qpos[{index}]", "m, rad", False) for index in range(size))
-    entries: list[QposEntry] = []
+    for joints in (list(_joints(model_xml)), list(_covered(covered))):
+        if sum(_JOINT_SIZES[kind] for _, kind in joints) == size:
+            return tuple(_entries(joints))
+    return tuple(QposEntry(index, f"qpos[{index}]", "m, rad", False) for index in range(size))
+
+
+def _entries(joints: Sequence[tuple[str, str]]) -> Iterator[QposEntry]:
     index = 0
     for name, kind in joints:
         if kind == "free":
             for offset, axis in enumerate("xyz"):
-                entries.append(QposEntry(index + offset, f"{name} {axis}", "m", axis == "z"))
+                yield QposEntry(index + offset, f"{name} {axis}", "m", axis == "z")
         elif kind != "ball":
-            entries.append(QposEntry(index, name, "m" if kind == "slide" else "rad", False))
+            yield QposEntry(index, name, _UNITS[kind], False)
         index += _JOINT_SIZES[kind]
-    return tuple(entries)
+
+
+def _covered(joints: Mapping[str, Travel]) -> Iterator[tuple[str, str]]:
+    """Yield name and type of joints in the order of qpos, as far as coverage tells types."""
+    for name, travel in joints.items():
+        yield name, "hinge or slide" if travel.turned is None else "free"
 
 
 def is_single_body(trace: StoredTrace) -> bool:

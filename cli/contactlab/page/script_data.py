@@ -315,6 +315,7 @@ def packed_series(
             continue
         # A note on the page names damaged traces; it shows the others.
         with suppress(StoreError):
-            descriptions[row], series = run_series(store.trace(record), told[row])
+            joints = record.coverage.joints if record.coverage else {}
+            descriptions[row], series = run_series(store.trace(record), told[row], joints)
             columns |= {f"{row}:{name}": values for name, values in series.items()}
     return {"runs": descriptions, "packed": pack(columns)}

@@ -2,6 +2,7 @@
 
 import json
 import re
+import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 
 from contactlab.schema.task import SEEDS
@@ -14,6 +15,7 @@ _FEW_STEPS_OF_TIMECONST = (
     4  # timesteps of solref's time constant below which no longer ones are proposed
 )
 _ERROR = "backward_error"
+_LINE_WIDTH = 100  # of the list of axes
 _PLAIN = re.compile(r"[A-Za-z][\w.-]*")
 
 
@@ -146,5 +148,11 @@ def _listing(vocabulary: Vocabulary) -> list[str]:
     for spec in specs:
         takes = f" [{spec.unit}]" if spec.unit else ""
         takes = f": {', '.join(spec.choices)}" if spec.choices else takes
-        lines.append(f"#   {spec.name:<{width}}  {spec.description}{takes}")
+        begin = f"#   {spec.name:<{width}}  "
+        lines += textwrap.wrap(
+            f"{begin}{spec.description}{takes}",
+            _LINE_WIDTH,
+            subsequent_indent="#" + " " * (len(begin) - 1),
+            break_on_hyphens=False,
+        )
     return lines

@@ -93,8 +93,7 @@ def _axes(base: CompiledScene, manifest: SceneManifest | None, engines: Engines)
     ]
     own = str(base.settings["engine"])  # of a loop, whose model no other engine records
     names = (own,) if own == LOOP_ENGINE else tuple(engines) or (MODEL_ENGINE,)
-    summaries = [engine.summary for engine in engines.values()] or ["MuJoCo"]
-    text = f"what simulates the run: {', or '.join(summaries)}"
+    text = "what simulates the run (see `contactlab list engines`)"
     axes.append(AxisSpec("engine", "", text, choice(names), names))
     if base.targets.subject is not None:
         text = f"mass of '{base.model.body(base.targets.subject).name}'; its inertia scales with it"
