@@ -55,7 +55,10 @@ def explain_contacts(
 
     examined = with_settings()
     if not examined.base.pairs:
-        raise SceneError(f"{model}: nothing touches at the start, and no `pairs` are named")
+        raise SceneError(
+            f"{model}: nothing touches in short runs from its start; choose another with --start, "
+            "or list `pairs` in a scene.yaml beside it"
+        )
     head = examined.task.line
     if not words:
         contacts = resting_contacts(examined)
