@@ -136,7 +136,8 @@ def _worth(part: Part, apart: Apart | None, price: Price | None, within: float) 
         worth = "unused in this task, kept"
     elif apart.share <= within:
         worth = "below the tolerance"
-    reason = part.proof or ("a safeguard, kept" if part.safeguard else "")
+    safeguard = "a safeguard" if worth.endswith("kept") else "a safeguard, kept"
+    reason = part.proof or (safeguard if part.safeguard else "")
     if part.exercised and not part.proof and apart is None:
         worth, reason = "not measured, kept", "the time was over"
     return PartWorth(
