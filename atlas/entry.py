@@ -104,11 +104,17 @@ class Entry(Model):
 
     @model_validator(mode="before")
     @classmethod
-    def _of_first_version(cls, stored: object) -> object:
-        """Read a record that knew one change at most."""
+    def _of_older_form(cls, stored: object) -> object:
+        """Read a record that knew one change at most, or not by how much a run may be off."""
         match stored:
             case {"entry_version": 1, "changed": changed, **others}:
-                return {**others, "changed": [changed] if changed else []}
+                stored = {**others, "changed": [changed] if changed else []}
+            case _:
+                pass
+        match stored:
+            case {"examination": {"budget": {"phases": [*phases], **budget}, **report}, **others}:
+                budget = {**budget, "phases": [_without_check(phase) for phase in phases]}
+                return {**others, "examination": {**report, "budget": budget}}
             case _:
                 return stored
 
@@ -137,6 +143,11 @@ class Entry(Model):
         file = record_of(self.family[0], folder)
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_text(self.model_dump_json() + "\n", encoding="utf-8")
+
+
+def _without_check(phase: dict[str, object]) -> dict[str, object]:
+    """Return a phase of a budget that may have a ratio of references, which none has now."""
+    return {"most": None, **{name: value for name, value in phase.items() if name != "check"}}
 
 
 def records_of(kind: str) -> Path:
