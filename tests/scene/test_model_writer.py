@@ -213,6 +213,55 @@ TEXTS = {
 }
 
 
+ACTUATED = """<mujoco><worldbody><body name="cup"><joint name="hinge" damping="1"/>
+  <geom size=".1"/></body></worldbody>
+  <tendon><fixed name="cord" limited="true" range="-1 1" frictionloss=".1">
+  <joint joint="hinge" coef="1"/></fixed></tendon>
+  <actuator>{}</actuator></mujoco>"""
+
+
+@pytest.mark.parametrize(
+    ("actuator", "settings"),
+    [
+        ('<position {} kp="9" kv="2"/>', {"gainprm": (4,), "biasprm": (0, -4, -1)}),
+        ('<velocity {} kv="9"/>', {"gainprm": (4,), "biasprm": (0, 0, -4)}),
+        (
+            '<intvelocity {} actrange="-1 1" kp="9" kv="2"/>',
+            {"gainprm": (4,), "biasprm": (0, -4, -1)},
+        ),
+        ('<damper {} kv="9" ctrlrange="0 1"/>', {"gainprm": (0, 0, -4)}),
+        ('<cylinder {} area="9"/>', {"gainprm": (4,)}),
+        ('<general {} gainprm="9"/>', {"gainprm": (4,)}),
+        ('<adhesion name="own" body="cup" gain="9" ctrlrange="0 1"/>', {"gainprm": (4,)}),
+    ],
+)
+def test_gains_are_written_as_their_actuator_has_them(
+    actuator: str, settings: Mapping[str, tuple[float, ...]], tmp_path: Path
+) -> None:
+    """Writing refuses what makes another model than is meant."""
+    names = 'name="own" joint="hinge"'
+    (tmp_path / "own.xml").write_text(ACTUATED.format(actuator.format(names)))
+    meant = {
+        f"actuator_{field}[own]": (*values, *(10 - len(values)) * (0.0,))
+        for field, values in settings.items()
+    }
+    scene = Scene.open(str(tmp_path / "own.xml"))
+    written = compiled(write_model(scene, ModelEdits(meant), tmp_path / "out").path)
+    for field, values in settings.items():
+        found = getattr(written, f"actuator_{field}")[0, : len(values)]
+        assert found == pytest.approx(values)
+
+
+@pytest.mark.parametrize("own", ["solref_lim", "solimp_lim", "solref_fri", "solimp_fri"])
+def test_softness_of_a_tendon_is_written(own: str, tmp_path: Path) -> None:
+    (tmp_path / "own.xml").write_text(ACTUATED.format(""))
+    scene = Scene.open(str(tmp_path / "own.xml"))
+    value = (0.05, 0.7) if "solref" in own else (0.8, 0.97, 0.002, 0.4, 3.0)
+    edits = ModelEdits({f"tendon_{own}[cord]": value})
+    written = compiled(write_model(scene, edits, tmp_path / "out").path)
+    assert getattr(written, f"tendon_{own}")[0] == pytest.approx(value)
+
+
 def test_an_option_does_not_rewrite_muscles(tmp_path: Path) -> None:
     """Their lengths are found by simulation, by the integrator that is changed: to rounding."""
     (tmp_path / "arm.xml").write_text("""<mujoco><worldbody><body>

@@ -200,13 +200,20 @@ _ATTRIBUTES = {
     "dof_solimp": "solimpfriction",
     "tendon_solref_lim": "solreflimit",
     "tendon_solref_fri": "solreffriction",
+    "tendon_solimp_lim": "solimplimit",
+    "tendon_solimp_fri": "solimpfriction",
 }
 # Actuators that are written by gains: the attribute of a parameter, its place there, and its sign.
-_GAINS: Mapping[tuple[str, str], tuple[str, int, int] | None] = {
+_GAINS: Mapping[tuple[str, str], tuple[str, int | None, int] | None] = {
     ("position", "gainprm"): ("kp", 0, 1),
     ("position", "biasprm"): ("kv", 2, -1),
     ("velocity", "gainprm"): ("kv", 0, 1),
     ("velocity", "biasprm"): None,  # follows from the gain
+    ("intvelocity", "gainprm"): ("kp", 0, 1),
+    ("intvelocity", "biasprm"): ("kv", 2, -1),
+    ("damper", "gainprm"): ("kv", 2, -1),
+    ("cylinder", "gainprm"): ("area", 0, 1),
+    ("adhesion", "gainprm"): ("gain", 0, 1),
 }
 _TAG = re.compile(rb"<([^\s/>]+)")
 
