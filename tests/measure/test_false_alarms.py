@@ -64,6 +64,14 @@ LID = (
     '<geom type="box" size=".1 .1 .01" mass="1"/></body>'
 )
 ASLEEP = '<option sleep_tolerance="{}"><flag sleep="enable"/></option>'
+SLOPE = (
+    '<geom type="box" size="1 1 .1" pos="0 0 -.2" euler="0 20 0"/><body pos="0 0 -.048" '
+    'euler="0 20 0"><freejoint/><geom type="box" size=".05 .05 .05" mass="1"/></body>'
+)
+GLIDE = (
+    '<body pos="0 0 .5"><joint type="slide" axis="1 0 0" damping="1"/><geom size=".05" mass="1"/>'
+    '</body></worldbody><keyframe><key qvel=".02"/></keyframe><worldbody>'
+)
 DROP = (
     '<body pos="0 0 .1"><joint type="slide" axis="0 0 1"/><geom size=".03" mass="1" '
     'solref="{solref} 1" priority="1"/></body></worldbody><keyframe><key qvel="-{speed}"/>'
@@ -144,6 +152,11 @@ LOOKALIKES = {
     "a sleeper on the floor": (
         world(LID, option=ASLEEP.format(1e-3)),
         world(LID.replace("0 0 .01", "0 0 .5"), option=ASLEEP.format(2)),
+        "asleep_unsupported",
+    ),
+    "a sleeper on a slope": (
+        world(SLOPE, option=ASLEEP.format(1e-2)),
+        world(GLIDE, option=ASLEEP.format(5e-2)),
         "asleep_unsupported",
     ),
     "a mat as soft as its solimp is wide": (

@@ -149,8 +149,9 @@ class Told:
     """(n, 4) the stretch of steps in which constraints gave most energy: the first, the last, what
     they had stored before it [J], and all but contacts at the start [J]."""
     sleeper: Floats | None = None
-    """(n, 3) of all that sleeps at the end, what would accelerate most if it were awake: by how
-    much [m/s^2], its joint, and the step since when; NaN where nothing sleeps."""
+    """(n, 4) of all that sleeps, what would have gone farthest in its sleep if it had been awake:
+    how far [m], as a share of its way then, its joint, and the step since when; NaN where nothing
+    sleeps."""
     passages: tuple[tuple[Passage, ...], ...] = ()
     """For each run, what passed through what; empty where nobody looked."""
 

@@ -1,7 +1,9 @@
 """Loads of equalities, brakes that creep, and sleepers, from a few states of a run."""
 
 import copy
+from collections.abc import Iterator
 from dataclasses import replace
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -15,7 +17,11 @@ from contactlab.scene.run_setup import equality_reach
 
 _STEPS_OF_SAMPLE = 250  # Steps for each sample, which takes as long as three or four of them
 _FEWEST_SAMPLES, _MOST_SAMPLES = 2, 16
-_WAKING = 100  # Steps over which what was woken accelerates on average
+_WAKING = 100  # Steps by which it is seen whether what sleeps would have stayed
+_REST = 1e-3  # Share of a body's mean size within which it is at rest then
+_MOST_SLEEPS = 4  # that are looked at: those of what was fastest and slept longest
+_LOOKS = 16  # at how far what is awake has gone
+_NOSLIP = 10  # Iterations by which what friction holds does not creep
 _HELD = 0.9  # Share of its friction loss below which what brakes should stay where it is
 _KIND, _EQUALITY = mujoco.mjtConstraint, mujoco.mjtEq
 _BRAKES = _KIND.mjCNSTR_FRICTION_DOF, _KIND.mjCNSTR_FRICTION_TENDON
@@ -30,7 +36,7 @@ def with_loads(runs: PreparedRuns, rollout: Rollout) -> Rollout:
     sampler = _Sampler(first) if first.neq or brakes else None
     ranges = np.zeros((count, first.nu, 2))
     loads, gaps = np.zeros((count, first.neq)), np.zeros((count, first.neq, 2))
-    creep, sleeper = np.zeros((count, first.nv + first.ntendon)), np.full((count, 3), np.nan)
+    creep, sleeper = np.zeros((count, first.nv + first.ntendon)), np.full((count, 4), np.nan)
     for run, steps in enumerate(rollout.steps):
         model = runs.prepared[run].model
         controls = rollout.controls[run] if rollout.controls else None
@@ -54,24 +60,84 @@ def with_loads(runs: PreparedRuns, rollout: Rollout) -> Rollout:
     return replace(rollout, equality_loads=loads, equality_gaps=gaps)
 
 
+class _Sleep(NamedTuple):
+    """A tree's longest sleep: the step by which it begins, and how many steps it takes."""
+
+    dofs: slice
+    begin: int
+    steps: int
+
+
 def _sleeper(model: mujoco.MjModel, start: InitialStates, states: Floats) -> Floats:
-    """Return (3,) the worst sleeper of a run, as `Trace` says: what sleeps does not move at all."""
-    moving = states[:, 1 + model.nq : 1 + model.nq + model.nv] != 0
-    stirring = np.isin(model.dof_treeid, model.dof_treeid[moving[-1]])
-    if stirring.all():
-        return np.full(3, np.nan)
-    awake, last = copy.copy(model), len(states) - 1
+    """Return (4,) the worst sleeper of a run, as `Trace` says: what sleeps does not move at all.
+
+    From the step before it falls asleep the model goes on awake, and without the slip of
+    regularised friction: what that lets creep may as well sleep. Few steps tell of most sleepers
+    that they would have stayed, were they to go on as fast as by then.
+    """
+    awake, worst = copy.copy(model), np.full(4, np.nan)
     awake.opt.enableflags &= ~_SLEEP
-    data = mujoco.MjData(awake)
-    mujoco.mj_setState(awake, data, states[last], int(STATE))
-    apply_inputs(awake, data, start.inputs(0, model.opt.timestep, np.array([last]))[0])
-    mujoco.mj_step(awake, data, nstep=_WAKING)
-    seconds = _WAKING * model.opt.timestep
-    acceleration = np.where(stirring, -1, np.abs(data.qvel) * model.dof_length / seconds)
-    worst = int(acceleration.argmax())
-    tree = model.dof_treeid == model.dof_treeid[worst]
-    since = moving[:, tree].any(axis=1).cumsum().argmax()
-    return np.array([acceleration[worst], model.dof_jntid[worst], since])
+    if not model.nflex:
+        awake.opt.noslip_iterations = max(_NOSLIP, model.opt.noslip_iterations)
+    step, lengths = model.opt.timestep, np.asarray(model.dof_length)
+    speeds = np.abs(states[:, 1 + model.nq : 1 + model.nq + model.nv]) * lengths
+    ways, rest = speeds.sum(axis=0) * step, _REST * model.stat.meansize
+
+    def far(sleep: _Sleep) -> float:
+        """Return how far it would go at its last speed [m]."""
+        if not sleep.begin:
+            return np.inf
+        return float(speeds[sleep.begin - 1, sleep.dofs].max()) * sleep.steps * step
+
+    for sleep in sorted(_sleeps(model, speeds), key=far)[-_MOST_SLEEPS:]:
+        few = min(_WAKING, sleep.steps)
+        gone, last = _gone(awake, start, states, (sleep.begin, few))
+        gone += last * (sleep.steps - few) * step
+        if gone[sleep.dofs].max() > rest:
+            gone, _ = _gone(awake, start, states, (sleep.begin, sleep.steps))
+        most = gone[sleep.dofs].max()
+        whole = most + ways[sleep.dofs].max()
+        if whole > 0 and not most <= worst[0]:
+            joint = model.dof_jntid[sleep.dofs.start + gone[sleep.dofs].argmax()]
+            worst = np.array([most, most / whole, joint, sleep.begin])
+    return worst
+
+
+def _sleeps(model: mujoco.MjModel, speeds: Floats) -> Iterator[_Sleep]:
+    """Yield the longest sleep of each tree that stands still in more than one of (N + 1, nv)."""
+    for first, count in zip(model.tree_dofadr, model.tree_dofnum, strict=True):
+        dofs = slice(int(first), int(first + count))
+        still = ~speeds[:, dofs].any(axis=1)
+        edges = np.flatnonzero(np.diff(np.concatenate([[False], still, [False]]).astype(int)))
+        begins, ends = edges[::2], edges[1::2]
+        lasts = ends - begins - 1
+        lasts[ends == len(still)] = np.maximum(lasts[ends == len(still)], _WAKING)
+        if lasts.max(initial=0) > 0:
+            longest = int(lasts.argmax())
+            yield _Sleep(dofs, int(begins[longest]), int(lasts[longest]))
+
+
+def _gone(
+    model: mujoco.MjModel, start: InitialStates, states: Floats, span: tuple[int, int]
+) -> tuple[Floats, Floats]:
+    """Return how far a model goes at most in some steps (nv,) [m], and how fast last [m/s].
+
+    `span` is the step of the run by which they begin, and how many there are; the run's last inputs
+    stay.
+    """
+    (begin, steps), data = span, mujoco.MjData(model)
+    first, last = max(begin - 1, 0), len(states) - 1
+    mujoco.mj_setState(model, data, states[first], int(STATE))
+    at = np.minimum(first + np.arange(begin + steps - first), last)
+    gone, away, here = np.zeros(model.nv), np.empty(model.nv), np.array(data.qpos)
+    looks = np.ceil(np.linspace(0, len(at), _LOOKS + 1)[1:]).astype(int) - 1
+    for place, inputs in enumerate(start.inputs(0, model.opt.timestep, at)):
+        apply_inputs(model, data, inputs)
+        mujoco.mj_step(model, data)
+        if place in looks:
+            mujoco.mj_differentiatePos(model, away, 1, here, data.qpos)
+            np.maximum(gone, np.abs(away) * model.dof_length, out=gone)
+    return gone, np.abs(data.qvel) * model.dof_length
 
 
 class _Sampler:

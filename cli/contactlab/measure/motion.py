@@ -234,16 +234,19 @@ def energy_injection(runs: MeasuredRuns) -> Found:
     advice="sleep off, or a lower sleep_tolerance",
 )
 def asleep_unsupported(runs: MeasuredRuns) -> Found:
-    """A body was put to sleep where nothing holds it."""
+    """A body was put to sleep where nothing holds it, in mid-air or in mid-motion.
+
+    Awake it would have gone on by more than a hair, and by more than the tolerance of its way.
+    """
     setup, sleeper = runs.context.setup, runs.context.trace.sleeper
     if setup.mechanism is None or sleeper is None:
         return
-    limit, pull = runs.limits[TOLERANCE.name], gravity(runs.context)
-    for run in runs_where((sleeper[:, 0] > limit * pull) & (pull > 0)):
-        acceleration, place, step = sleeper[run]
+    limit, hair = runs.limits[TOLERANCE.name], HAIR * setup.size
+    for run in runs_where((sleeper[:, 1] > limit) & (sleeper[:, 0] > hair)):
+        gone, share, place, step = sleeper[run]
         joint = setup.mechanism.joints[int(place)]
-        what = f"{joint.name} sleeps, but would accelerate by"
-        reason = f"{what} {acceleration / pull[run]:.3g} of gravity (limit {limit:g})"
+        what = f"{joint.name} sleeps, but awake would have gone on by {gone:.3g} m"
+        reason = f"{what}, {share:.3g} of its way (limit {limit:g})"
         yield run, Onset(reason, int(step), joint.bodies)
 
 

@@ -53,6 +53,8 @@ _HALF = "half the step"
 _FINER_STEPS = (_HALF, "a quarter of the step", "an eighth of the step")
 _OF_SOLVERS = ("solver_nonconvergence", "solver_inconsistent")
 (_SOLVED,) = (one for one in CANDIDATES if one.name == "Newton with 100 iterations")
+_OF_SLEEP = ("asleep_unsupported",)
+(_AWAKE,) = (one for one in CANDIDATES if one.name == "no sleep")
 _PYRAMIDAL = int(mujoco.mjtCone.mjCONE_PYRAMIDAL)
 _STIFF_FRICTION = "elliptic cones with impratio 10"
 SOFT_ROWS = {
@@ -400,6 +402,8 @@ def candidates_against_labels(
         computed.insert(0, elliptic)
     if kinds & {*_OF_SOLVERS}:
         computed.insert(0, _SOLVED)
+    if kinds & {*_OF_SLEEP}:
+        computed.insert(0, _AWAKE)
     soft = tuple(_softness(verdict, labels))
     stiffer = field_changes(motions, Verdict("model", verdict.within, soft)) if soft else ()
     driven = tuple(_of_joints(model, labels))
