@@ -29,7 +29,7 @@ def slept_fixture(make_scene: Callable[..., Scene]) -> Callable[..., Floats]:
     def slept(body: str, tolerance: float, *, tilt: float = 0, start: str = "") -> Floats:
         text = MODEL.format(step=STEP, tolerance=tolerance, tilt=tilt, body=body, start=start)
         scene = make_scene(text)
-        runs = PreparedRuns.of(scene, scene.resolve({}, None, END))
+        runs = PreparedRuns.of(scene, scene.resolve({}, 0, END))
         sleeper = MujocoEngine().roll_out(runs, Buffers()).sleeper
         assert sleeper is not None
         return sleeper[0]

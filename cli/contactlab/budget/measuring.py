@@ -2,7 +2,7 @@
 
 import math
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import NamedTuple
@@ -136,18 +136,6 @@ def affordable(motions: Sequence[Motion], settings: Settings, seconds: float) ->
     return tuple(row.name for row in rows if fits or row.kind in judging)
 
 
-class Variation(NamedTuple):
-    """What is compared: models, so many of whose steps make one of the run's, with another.
-
-    `against` names that other's settings; `other` is its model, where that differs from them.
-    """
-
-    models: Sequence[mujoco.MjModel]
-    rate: int
-    against: str
-    other: mujoco.MjModel | None = None
-
-
 def reference_of(model: mujoco.MjModel, rate: int) -> mujoco.MjModel:
     """Return a model with the run's own integrator, finer steps and a solver that goes on.
 
@@ -218,17 +206,14 @@ class PhaseMeasure:
         used = [row for row in wanted if row.uses(model)]
         shown = shown_rows(self._motion, used)
         there = [RUN, *(row for row in used if row.name in shown)]
-        variations = {row.name: self._variation(row) for row in there}
-        found = self._measure(variations)
+        found = self._measure(there)
         real, cost = self._real(found), self._prices(there)
         limits = self._limits(found)
         energy, energy_rk4 = self._energies(found)
         for row in there:
             if row.is_of_steps:
                 found.apart[row.name][:] *= limits
-        readings = [
-            self._reading(row, variations.get(row.name), found, real) for row in (RUN, *used)
-        ]
+        readings = [self._reading(row, found, real, exercised=row in there) for row in (RUN, *used)]
         whole, *rows = (replace(row, price=cost.get(row.name)) for row in readings)
         warnings = tuple(self._with_cause(warning) for warning in run.warnings)
         return PhaseBudget(
@@ -263,13 +248,20 @@ class PhaseMeasure:
             return self._smooth(1)
         return reference_of(self._model, 1 if name == "step" else self._settings.finer)
 
-    def _variation(self, row: Row) -> Variation:
-        base, other = self._base(row.base), None
-        if row.both is not None:
-            base = other = self._changed(base, row.both)
-        models = [self._changed(base, change) for change in row.changes]
-        rate = self._settings.finer if row.base == "reference" else 1
-        return Variation(models, rate, row.against, other)
+    def _varied(self, row: Row) -> Iterator[mujoco.MjModel]:
+        """Yield the models of a row's changes, each made anew: a mesh may be large."""
+        for change in row.changes:
+            yield self._changed(self._other(row) if row.both else self._base(row.base), change)
+
+    def _other(self, row: Row) -> mujoco.MjModel:
+        """Return the model that a row's changes are compared with."""
+        if row.both is None:
+            return self._base(row.against)
+        return self._changed(self._base(row.base), row.both)
+
+    def _rate(self, row: Row) -> int:
+        """Return how many steps of a row's models make one of the run's."""
+        return self._settings.finer if row.base == "reference" else 1
 
     def _changed(self, model: mujoco.MjModel, change: Change) -> mujoco.MjModel:
         changed = without_sensors(model)
@@ -285,30 +277,30 @@ class PhaseMeasure:
                 changed[row.name] = self._changed(self._model, row.changes[0]), 1
         return prices(self._motion, self._run, changed)
 
-    def _measure(self, variations: Mapping[str, Variation]) -> "_Found":
+    def _measure(self, rows: Sequence[Row]) -> "_Found":
         run, settings = self._run, self._settings
         shape = (self._motion.seeds, len(run.begins))
-        found = _Found.empty(shape, len(self._bodies), variations)
+        found = _Found.empty(shape, len(self._bodies), [row.name for row in rows])
         for block in blocks(self._model, np.argwhere(run.valid), (run.steps + 1) * settings.finer):
             windows = Windows(self._undelayed, run, settings.workers, block)
             around, lost = self._measure_run(windows, block, found)
             if self._settings.check:
                 self._measure_check(windows, block, around, found)
-            if any(variation.against == "step" for variation in variations.values()):
+            if any(row.against == "step" for row in rows):
                 around["step"] = self._around(windows, self._base("step"), 1)
-            for name, variation in variations.items():
-                if name == RUN.name:
+            for row in rows:
+                if row is RUN:
                     continue
-                other = around[variation.against]
-                if variation.other is not None:
-                    other = self._around(windows, variation.other, variation.rate)
+                other, rate = around[row.against], self._rate(row)
+                if row.both is not None:
+                    other = self._around(windows, self._other(row), rate)
                 apart = [
-                    defects(self._around(windows, model, variation.rate), other)
-                    for model in variation.models
+                    defects(self._around(windows, model, rate), other)
+                    for model in self._varied(row)
                 ]
                 largest = np.max(apart, axis=0)
                 largest[lost] = 0
-                found.apart[name][tuple(block.T)] = largest
+                found.apart[row.name][tuple(block.T)] = largest
         return found
 
     def _measure_run(
@@ -443,11 +435,9 @@ class PhaseMeasure:
         real = np.maximum(real, GRAVITY_AS_REAL * self._usual * duration[:, None])
         return np.maximum(real, _STANDING * real.max(axis=1, keepdims=True)) + 1e-300
 
-    def _reading(
-        self, row: Row, variation: Variation | None, found: "_Found", real: Floats
-    ) -> Reading:
+    def _reading(self, row: Row, found: "_Found", real: Floats, *, exercised: bool) -> Reading:
         about = row.name, row.summary, row.kind
-        if variation is None:
+        if not exercised:
             none = np.empty(0)
             return Reading(*about, exercised=False, shares=none, seeds=none)
         if not self._run.valid.any():
@@ -471,8 +461,7 @@ class PhaseMeasure:
         )
         if not self._settings.places or not apart[seed, window, body]:
             return reading
-        other = variation.other or self._base(variation.against)
-        models = variation.models[0], other
+        models = next(self._varied(row)), self._other(row)
         return replace(reading, place=self._place(seed, window, models, body))
 
     def _place(

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from contactlab.contact.contact_laws import stiffness_damping
 from contactlab.contact.trace_arrays import Floats
@@ -107,7 +108,7 @@ def _sleeps(model: mujoco.MjModel, speeds: Floats) -> Iterator[_Sleep]:
     """Yield the longest sleep of each tree that stands still in more than one of (N + 1, nv)."""
     for first, count in zip(model.tree_dofadr, model.tree_dofnum, strict=True):
         dofs = slice(int(first), int(first + count))
-        still = ~speeds[:, dofs].any(axis=1)
+        still: NDArray[np.bool_] = (speeds[:, dofs] == 0).all(axis=1)
         edges = np.flatnonzero(np.diff(np.concatenate([[False], still, [False]]).astype(int)))
         begins, ends = edges[::2], edges[1::2]
         lasts = ends - begins - 1
