@@ -8,9 +8,10 @@ import pytest
 
 from contactlab.budget import Motion
 from contactlab.budget.motion import INTEGRATION
+from contactlab.budget.windows import replay
 from contactlab.schema.examination import Fact
 from contactlab.studies.examine.linted_file import file_facts
-from contactlab.studies.examine.masked_passages import masked_passages
+from contactlab.studies.examine.masked_passages import MaskedPassages
 
 _STEP, _RADIUS, _BEGIN = 0.002, 0.02, 1.5
 # Lowest points of the balls are 0.1 m above the middle of a plate 10 mm thick.
@@ -30,7 +31,9 @@ def passing(plate: int = 2, drop: int = 2, exclude: str = "") -> list[Fact]:
     data = mujoco.MjData(model)
     start = np.empty((1, mujoco.mj_stateSize(model, INTEGRATION)))
     mujoco.mj_getState(model, data, start[0], INTEGRATION)
-    return list(masked_passages([Motion(model, start, np.empty((1, 250, 0)))], [_BEGIN]))
+    motion, masked = Motion(model, start, np.empty((1, 250, 0))), MaskedPassages(model)
+    masked.enter(motion, replay(motion, 0.01, 1), _BEGIN)
+    return list(masked.facts())
 
 
 def test_a_ball_that_its_mask_lets_through_a_plate_is_told_when_it_is_in_it() -> None:

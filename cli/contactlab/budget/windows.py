@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from contactlab.budget.defects import paths
 from contactlab.budget.motion import INTEGRATION, Motion
@@ -20,11 +21,11 @@ if TYPE_CHECKING or has_batch():
 else:
     from contactlab.engines.older_mujoco import StepLoop as Batch
 
-# What a state's velocities and energies depend on.
-_KEPT = sum(
+KEPT = sum(
     int(getattr(mujoco.mjtState, f"mjSTATE_{name}", 0))
     for name in ("QPOS", "QVEL", "MOCAP_POS", "MOCAP_QUAT", "PLASTIC")
 )
+"""The parts of a state that its velocities and energies depend on."""
 _SLEEP = int(getattr(mujoco.mjtEnableBit, "mjENBL_SLEEP", 0))
 _UNUSED = sum(int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{n}")) for n in ("SENSOR", "AUTORESET"))
 _OBSERVED = ("cvel", "xipos", "subtree_com", "energy")
@@ -79,7 +80,7 @@ def _roll(
     given: dict[str, Any] = {} if inputs is None else {"control": inputs, "control_spec": spec}
     failed = np.zeros(len(kept), bool)
     try:
-        batch.rollout(steps, record=[_KEPT], out={_KEPT: kept}, **given)
+        batch.rollout(steps, record=[KEPT], out={KEPT: kept}, **given)
     except SimulationError:
         failed = np.array([bool(batch.error(row)) for row in range(len(failed))])
     failed |= (batch.warning[:, :, 1] != before).any(axis=1)
@@ -116,13 +117,12 @@ def replay(motion: Motion, window: float, workers: int, known: Floats | None = N
     mjSTATE_INTEGRATION before each of them, and after the last.
     """
     model, steps = without_sensors(motion.model), motion.steps
-    length = min(steps, max(1, round(window / model.opt.timestep)))
-    count = -(-steps // length)
-    begins = np.minimum(np.arange(count) * length, steps - length)
+    length, begins = cut(motion, window)
+    count = len(begins)
     known = motion.starts[:, None] if known is None else known
     done = known.shape[1] - 1
     batch = start_rows(model, known[:, -1], workers)
-    size = mujoco.mj_stateSize(model, _KEPT)
+    size = mujoco.mj_stateSize(model, KEPT)
     kept = np.full((motion.seeds, steps + 2, size), np.nan)
     kept[:, : done + 1] = parts(model, known)
     starts = np.full((motion.seeds, count, motion.starts.shape[1]), np.nan)
@@ -147,12 +147,19 @@ def replay(motion: Motion, window: float, workers: int, known: Floats | None = N
     return Run(length, begins, starts, kept, valid, tuple(warnings))
 
 
+def cut(motion: Motion, window: float) -> tuple[int, NDArray[np.intp]]:
+    """Return how many steps windows of about that length [s] have, and before which they begin."""
+    steps = motion.steps
+    length = min(steps, max(1, round(window / motion.model.opt.timestep)))
+    return length, np.minimum(np.arange(-(-steps // length)) * length, steps - length)
+
+
 def parts(model: mujoco.MjModel, rows: Floats) -> Floats:
     """Return (..., kept) the parts of (..., nstate) states that velocities depend on."""
     return np.concatenate([rows[..., place] for place in _places(model)], axis=-1)
 
 
-def _places(model: mujoco.MjModel, spec: int = _KEPT) -> list[slice]:
+def _places(model: mujoco.MjModel, spec: int = KEPT) -> list[slice]:
     """Return where the parts of a state lie that the bits of a spec name."""
     found = list[slice]()
     bit = 1
@@ -276,7 +283,7 @@ class Windows:
 
 def blocks(model: mujoco.MjModel, which: np.ndarray, steps: int) -> list[np.ndarray]:
     """Cut (M, 2) windows into blocks whose recorded states need little memory."""
-    most = max(1, _NUMBERS // (steps * max(1, mujoco.mj_stateSize(model, _KEPT))))
+    most = max(1, _NUMBERS // (steps * max(1, mujoco.mj_stateSize(model, KEPT))))
     if model.opt.enableflags & PERSISTENT & ~_SLEEP:
         most = min(most, _PERSISTENT_WINDOWS)
     return [which[begin : begin + most] for begin in range(0, len(which), most)]

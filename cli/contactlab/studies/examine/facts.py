@@ -12,13 +12,13 @@ import numpy as np
 from contactlab.budget.motion import INTEGRATION, Motion
 from contactlab.budget.places import contact_name
 from contactlab.budget.verdict import percent, plain
-from contactlab.budget.windows import joint_name, replay
+from contactlab.budget.windows import Run, joint_name, replay
 from contactlab.contact.trace_arrays import Floats
 from contactlab.printable import newtons
 from contactlab.scene.compile_model import InertiaFault
 from contactlab.scene.part_bodies import hauled
 from contactlab.schema.examination import Fact
-from contactlab.studies.examine.masked_passages import masked_passages
+from contactlab.studies.examine.masked_passages import MaskedPassages
 from contactlab.studies.lint.inertia import in_words, inertia_faults
 
 # States are looked at in these windows of a run [s].
@@ -48,6 +48,7 @@ def facts(motions: Sequence[Motion], begins: Sequence[float]) -> tuple[Fact, ...
     model = motions[0].model
     data = mujoco.MjData(model)
     deepest, hardest, overlap = list[_Contact](), list[_Contact](), list[_Contact]()
+    creep, masked = tuple[Fact, ...](), MaskedPassages(model)
     for motion, begin in zip(motions, begins, strict=True):
         run = replay(motion, _WINDOW, 1)
         times = begin + run.begins * model.opt.timestep
@@ -58,11 +59,13 @@ def facts(motions: Sequence[Motion], begins: Sequence[float]) -> tuple[Fact, ...
                 hardest += [contact for _, contact in found]
                 if not place and not begin:
                     overlap += [contact for contact, _ in found]
+        creep = tuple(_of_creep(motion, run)) if motion is motions[0] else creep
+        masked.enter(motion, run, begin)
     return (
         *_of_depth(deepest, overlap),
-        *_of_creep(motions[0]),
+        *creep,
         *_of_margin(deepest, hardest),
-        *masked_passages(motions, begins),
+        *masked.facts(),
         *_of_limits(motions[0]),
         *_of_equalities(motions[0]),
         *_of_force(hardest),
@@ -144,13 +147,13 @@ def _mm(length: float) -> str:
     return plain(1e3 * length, 2)
 
 
-def _of_creep(motion: Motion) -> Iterator[Fact]:
+def _of_creep(motion: Motion, run: Run) -> Iterator[Fact]:
     """Yield the contact that creeps fastest at the end of a phase, within its cone of friction.
 
     It touches, and does not slide, in all states of the last fifth. Its creep is the mean velocity
     of one surface along the other: what rolls does not slip, and what comes back cancels.
     """
-    run, step = replay(motion, _WINDOW, 1), motion.model.opt.timestep
+    step = motion.model.opt.timestep
     late = np.flatnonzero(run.valid[0] & (run.begins >= (1 - _END) * motion.steps))
     data, states = mujoco.MjData(motion.model), list[dict[tuple[int, int], Floats]]()
     for place in late:

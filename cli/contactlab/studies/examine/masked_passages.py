@@ -8,10 +8,10 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from contactlab.budget.motion import INTEGRATION, Motion
+from contactlab.budget.motion import Motion
 from contactlab.budget.places import contact_name
 from contactlab.budget.verdict import plain
-from contactlab.budget.windows import replay
+from contactlab.budget.windows import KEPT, Run, cut
 from contactlab.contact.trace_arrays import Floats
 from contactlab.scene.contact_pairs import geom_pairs, half_extents, masks_meet, may_touch
 from contactlab.schema.examination import Fact
@@ -29,33 +29,40 @@ class _Passage(NamedTuple):
     time: float  # [s], of the run
 
 
-def masked_passages(motions: Sequence[Motion], begins: Sequence[float]) -> Iterator[Fact]:
-    """Yield the first pair that goes through each other where only masks forbid a contact.
+class MaskedPassages:
+    """Pairs that go through each other where only masks forbid a contact.
 
     The geoms collide with others, are apart or touch where a phase begins, and one is in the other
     up to its middle later. Pairs that <exclude> names, and links and their parents, are left out:
-    that is written on purpose. `begins` are when the phases begin in the run [s].
+    that is written on purpose.
     """
-    pairs = _masked(motions[0].model)
-    found = dict[tuple[int, int], _Passage]()
-    for motion, begin in zip(motions, begins, strict=True):
-        for passage in _passages(motion, pairs, begin) if pairs else ():
-            found.setdefault(passage.geoms, passage)
-    if not found:
-        return
-    first = min(found.values(), key=lambda passage: passage.time)
-    model = motions[0].model
-    names = {contact_name(model, np.array(geoms)) for geoms in found}
-    name = contact_name(model, np.array(first.geoms))
-    one, other = name.removeprefix("contact ").split(" - ")
-    others = len(names) - 1
-    more = f"; so do {others} more pairs of bodies" if others > 1 else "; so does another pair"
-    sentence = (
-        f"{one} and {other} go through each other, {plain(1e3 * first.depth, 2)} mm at "
-        f"{first.time:.2f} s: contype and conaffinity let them have no contact"
-    )
-    sentence += more if others else ""
-    yield Fact(kind="masks", place=name, value=first.depth, unit="m", sentence=sentence)
+
+    def __init__(self, model: mujoco.MjModel) -> None:
+        """Look for passages of a model's geoms."""
+        self._model, self._pairs = model, _masked(model)
+        self._found = dict[tuple[int, int], _Passage]()
+
+    def enter(self, motion: Motion, run: Run, begin: float) -> None:
+        """Look at a phase's first seed, as it was replayed, which begins at that time [s]."""
+        for passage in _passages(motion, run, self._pairs, begin) if self._pairs else ():
+            self._found.setdefault(passage.geoms, passage)
+
+    def facts(self) -> Iterator[Fact]:
+        """Yield the first pair that does."""
+        if not self._found:
+            return
+        first = min(self._found.values(), key=lambda passage: passage.time)
+        names = {contact_name(self._model, np.array(geoms)) for geoms in self._found}
+        name = contact_name(self._model, np.array(first.geoms))
+        one, other = name.removeprefix("contact ").split(" - ")
+        others = len(names) - 1
+        more = f"; so do {others} more pairs of bodies" if others > 1 else "; so does another pair"
+        sentence = (
+            f"{one} and {other} go through each other, {plain(1e3 * first.depth, 2)} mm at "
+            f"{first.time:.2f} s: contype and conaffinity let them have no contact"
+        )
+        sentence += more if others else ""
+        yield Fact(kind="masks", place=name, value=first.depth, unit="m", sentence=sentence)
 
 
 def _masked(model: mujoco.MjModel) -> list[tuple[int, int]]:
@@ -68,14 +75,16 @@ def _masked(model: mujoco.MjModel) -> list[tuple[int, int]]:
     return geom_pairs(masked)
 
 
-def _passages(motion: Motion, pairs: Sequence[tuple[int, int]], begin: float) -> Iterator[_Passage]:
+def _passages(
+    motion: Motion, run: Run, pairs: Sequence[tuple[int, int]], begin: float
+) -> Iterator[_Passage]:
     """Yield the passages of a phase's first seed, the earliest of a pair first."""
-    model, run = motion.model, replay(motion, _WINDOW, 1)
+    model, step = motion.model, motion.model.opt.timestep
     data, geoms, halves = mujoco.MjData(model), np.array(pairs), half_extents(model)
     thin = halves[geoms].min(axis=1)
     apart = np.ones(len(pairs), bool)
-    for place in np.flatnonzero(run.valid[0]):
-        mujoco.mj_setState(model, data, run.starts[0, place], INTEGRATION)
+    for place in map(int, _looks(motion, run)):
+        mujoco.mj_setState(model, data, run.kept[0, place], KEPT)
         mujoco.mj_kinematics(model, data)
         near = apart & _near(model, data, geoms)
         for pair in np.flatnonzero(near):
@@ -84,9 +93,15 @@ def _passages(motion: Motion, pairs: Sequence[tuple[int, int]], begin: float) ->
             if not place:
                 apart[pair] = depth < _OUTSIDE * thin[pair]
             elif depth >= thin[pair]:
-                time = begin + float(run.begins[place]) * model.opt.timestep
-                yield _Passage((one, other), depth, time)
+                yield _Passage((one, other), depth, begin + place * step)
                 apart[pair] = False
+
+
+def _looks(motion: Motion, run: Run) -> NDArray[np.intp]:
+    """Return the steps before which a phase is looked at, as far as its first seed came."""
+    length, begins = cut(motion, _WINDOW)
+    lost = run.begins[~run.valid[0]]
+    return begins[begins + length <= lost[0]] if lost.size else begins
 
 
 def _near(model: mujoco.MjModel, data: mujoco.MjData, geoms: NDArray[np.intp]) -> NDArray[np.bool_]:
