@@ -195,8 +195,12 @@ def test_a_model_that_it_cannot_simulate_is_refused_before_anything_runs(
     assert not (tmp_path / "store").exists()
 
 
-def test_what_is_not_installed_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "empty"))
-    (tmp_path / "cart.xml").write_text(CART)
+def test_what_is_not_installed_or_has_lost_its_python_is_refused(
+    install: Install, tmp_path: Path
+) -> None:
+    engine = install()
+    (engine.environment / "bin/python").unlink()
+    with pytest.raises(SceneError, match="do so once with `contactlab engines add twin`"):
+        swept(tmp_path)
     with pytest.raises(SceneError, match="do so once with `contactlab engines add warp`"):
         swept(tmp_path, SWEEP.replace("twin", "warp"))

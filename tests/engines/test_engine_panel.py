@@ -61,7 +61,8 @@ def test_a_task_is_run_once_and_read_again(tmp_path: Path, monkeypatch: pytest.M
         TASKS[task].write_text(SHORT.replace("SCENE", scene))
     begun: list[int] = []
     session = Session(tmp_path / "out", begin=lambda _total, done: begun.append(done))
-    request = PanelRequest(["bounce", "grasp"], ["mujoco", "impulse"])
+    tasks, engines = ["bounce", "grasp"], ["mujoco", "impulse"]
+    request = PanelRequest(tasks, engines)
     first = run(request, session)
     assert [(each.task, each.engine) for each in first.runs] == (
         [("bounce", "mujoco")] * 2 + [("bounce", "impulse")] * 2 + [("grasp", "mujoco")] * 2
@@ -74,7 +75,7 @@ def test_a_task_is_run_once_and_read_again(tmp_path: Path, monkeypatch: pytest.M
     assert middle(first, "grasp", "impulse") is None
     assert EnginePanel.model_validate_json((tmp_path / "out" / REPORT).read_bytes()) == first
     assert begun == [0, 0, 0]
-    assert run(request, session) == first
+    assert run(PanelRequest(tasks * 2, engines * 2), session) == first
     assert begun[3:] == [2, 2, 2]
     for name, value, held in (
         ("contactlab.run.sweep_runner.definitions", lambda: "0" * 64, "of another contactlab"),

@@ -247,8 +247,9 @@ def test_a_map_goes_on_where_it_ended(tmp_path: Path, monkeypatch: pytest.Monkey
     ("of", "by", "assign", "said"),
     [
         ("x.w", ["push"], [], "no such coordinate"),
+        ("x", ["nothing"], [], "write one of puck.fx, .*, or of `contactlab list axes SCENE`"),
         ("x", ["timestep"], [], "nothing is differentiated"),
-        ("x", ["cone"], [], "nothing is differentiated"),
+        ("x", ["cone"], [], "nothing is differentiated.*; write an axis of numbers"),
         ("x", ["pusch"], [], "push"),
         ("x", ["solref.stiffness"], [], "it is no number of this scene"),
         ("x", ["friction.slide"], ["friction.slide=0"], "take a place farther from its end"),

@@ -89,11 +89,15 @@ def test_uv_makes_the_environment(notes: Path) -> None:
     assert len(told) == 1
 
 
-def test_it_is_made_once(notes: Path, cache: Path) -> None:
+def test_it_is_made_once_and_again_where_its_python_is_gone(notes: Path, cache: Path) -> None:
     first = find_interpreter(OTHER, lambda _: None)
     again = find_interpreter(OTHER, lambda _: pytest.fail("said that it is made again"))
     assert again == first
     assert len(notes.read_text().splitlines()) == 2
+    assert first is not None
+    first.python.unlink()
+    assert find_interpreter(OTHER, lambda _: None) == first
+    assert first.python.exists()
     assert not list(cache.glob("new-*"))
 
 

@@ -87,8 +87,14 @@ class AdaptedEngine(SimulationEngine):
         return user_cache() / f"{name}-{short_hash(self.requirements)}"
 
     @property
+    def _python(self) -> Path:
+        return self.environment / "bin" / "python"
+
+    @property
     def version(self) -> str:
-        """The version that is installed; empty if none is."""
+        """The version that is installed; empty if none is, or its Python is gone."""
+        if not self._python.exists():
+            return ""
         folders = [str(folder) for folder in self.environment.glob("lib/python*/site-packages")]
         found = distributions(name=self._adapter.PACKAGE, path=folders) if folders else ()
         return next((distribution.version for distribution in found), "")
@@ -171,10 +177,9 @@ class AdaptedEngine(SimulationEngine):
 
     @cached_property
     def _process(self) -> "_EngineProcess":
-        python = self.environment / "bin" / "python"
-        if not python.exists():
+        if self.absence:
             raise EngineError(self.absence)
-        command = [str(python), "-P", str(SERVER), str(self._file)]
+        command = [str(self._python), "-P", str(SERVER), str(self._file)]
         return _EngineProcess(self.name, command)
 
 

@@ -250,7 +250,10 @@ class SimulationEngine(ABC):
         """
         ignored = self.ignored(run)
         for name in sorted(run.changed & ignored.keys()):
-            return f"the {self.name} engine ignores {name}, which is set here: {ignored[name]}"
+            return (
+                f"the {self.name} engine ignores {name}, which is set here: {ignored[name]}; leave "
+                f"{name} out"
+            )
         return None
 
     def ignored(self, run: RunSpec) -> Mapping[str, str]:  # noqa: ARG002 - some look at it

@@ -53,7 +53,8 @@ def find_interpreter(request: str, notify: Callable[[str], None]) -> Interpreter
     others = _requirements()
     name = f"mujoco-{request}-py{platform.python_version()}-{resources.short_hash(others)}"
     folder = resources.user_cache() / name
-    if not folder.is_dir():
+    python = folder / "bin" / "python"
+    if not python.exists():
         notify(f"setting up MuJoCo {request} in {folder}, once")
         # Building an old engine from its sources needs more than most machines have.
         wanted = ["--only-binary", "mujoco", f"mujoco=={request}", *others]
@@ -63,7 +64,7 @@ def find_interpreter(request: str, notify: Callable[[str], None]) -> Interpreter
             "path of a Python that has it"
         )
         make_environment(folder, wanted, name, advice, lambda python: _probe(python, name))
-    return Interpreter(folder / "bin" / "python", request)
+    return Interpreter(python, request)
 
 
 def exec_with(interpreter: Interpreter, arguments: Sequence[str]) -> NoReturn:
@@ -117,6 +118,7 @@ def make_environment(
 ) -> None:
     """Make an environment beside its folder, and move it there when it is complete.
 
+    It replaces one whose Python is gone, as after that of the system was upgraded.
     Raises an EngineError, with this advice, if what is wanted cannot be installed, and what the
     check of its Python raises.
     """
@@ -135,7 +137,8 @@ def make_environment(
                     "The installer says:\n" + "\n".join(f"  {line}" for line in lines)
                 )
         check(made / "bin" / "python")
-        if not folder.exists():
+        if not (folder / "bin" / "python").exists():
+            shutil.rmtree(folder, ignore_errors=True)
             made.rename(folder)
 
 

@@ -54,14 +54,14 @@ def run(request: PanelRequest, session: Session) -> EnginePanel:
     """
     for name in request.tasks:
         SweepFileError.unless_known(name, TASKS, f"no task '{name}'")
-    asked = [find_engine(name) for name in request.engines]
+    asked = [find_engine(name) for name in dict.fromkeys(request.engines)]
     for engine in asked:
         if not engine.version:
             raise EngineError(_absence(engine))
     own = [engine for engine in ENGINES.values() if engine.own_laws]
     engines = asked or [engine for engine in own if engine.version]
     refused = dict[str, list[str]]()  # tasks by reason
-    tasks = request.tasks or list(TASKS)
+    tasks = list(dict.fromkeys(request.tasks or TASKS))
     session.claim("panel", "sweeps/engines")
     runs: list[PanelRun] = []
     told: list[PanelTask] = []

@@ -79,15 +79,25 @@ class Subject:
 
     def parameter(self, name: str) -> "Parameter":
         """Return what varies a parameter; a SweepFileError says that there is none of this name."""
-        known = coordinates(self.model)
+        known = {
+            each: place
+            for each, place in coordinates(self.model).items()
+            if not each.endswith(_QUATERNION)
+        }
         spec = self.scene.catalogue.find(name)
-        if spec is None and name in known and not name.endswith(_QUATERNION):
+        if spec is None and name in known:
             return Parameter(name, known[name], lambda value: value)
         if spec is None:
-            near = did_you_mean(name, [*self.scene.catalogue.names, *known])
+            some = (
+                f"; write one of {', '.join(list(known)[:8])}, or of `contactlab list axes SCENE`"
+            )
+            near = did_you_mean(name, [*self.scene.catalogue.names, *known]) or some
             raise SweepFileError(f"--by {name}: no such axis or coordinate{near}")
         if name == "timestep" or spec.choices:
-            raise SweepFileError(f"--by {name}: nothing is differentiated with respect to that")
+            raise SweepFileError(
+                f"--by {name}: nothing is differentiated with respect to that; write an axis of "
+                "numbers, as friction.slide, or a coordinate of the start"
+            )
         return Parameter(name, None, spec.parse)
 
     def end(self, points: Sequence[Point]) -> Floats:
