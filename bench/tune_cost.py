@@ -2,9 +2,9 @@
 
 Run: python -m bench.tune_cost FOLDER [ORIGINAL]
 
-The folder is that of the study, all of whose answers are timed. Whole runs of the task, on seeds
-that nobody has run, take turns in loops of `mj_step`. ORIGINAL is what the model was made slow of,
-if that was done on purpose.
+The folder is that of the study, all of whose answers are timed. Whole runs of the task, on twelve
+seeds that nobody has run, take turns in loops of `mj_step`, without what Python adds to a step.
+ORIGINAL is what the model was made slow of, if that was done on purpose.
 """
 
 import sys
@@ -21,13 +21,14 @@ from contactlab.budget.motion import INTEGRATION
 from contactlab.plan.task_options import TaskOptions
 from contactlab.schema.task import Task
 from contactlab.schema.tune_report import REPORT, Point, TuneReport
-from contactlab.studies.examine.changes import fresh
 from contactlab.studies.examine.examination import ExamineRequest, open_model
 from contactlab.studies.session import Session
 
 TURNS = 9
-ASKING = min(-time.thread_time() + time.thread_time() for _ in range(1000))
-"""s that it takes to ask for the time."""
+FIRST, SEEDS = 100, 12
+"""Beyond those of a study, and so many that they differ little from as many others."""
+SWING = """<mujoco><worldbody><body><joint axis="0 1 0"/>
+<geom size=".02" pos="0 0 1"/></body></worldbody></mujoco>"""
 Runs = tuple[mujoco.MjModel, list[Motion]]
 
 
@@ -40,8 +41,25 @@ def motions_of(report: TuneReport, task: Task, file: str = "") -> list[Motion]:
 
 def runs_of(report: TuneReport, file: str) -> Runs:
     """Return a model as MuJoCo reads it, and the motions of the task from fresh seeds."""
-    task = fresh(fresh(report.task))
+    task = report.task.model_copy(update={"seeds": tuple(range(FIRST, FIRST + SEEDS))})
     return mujoco.MjModel.from_xml_path(file), motions_of(report, task, file)
+
+
+def asking() -> float:
+    """Return what it adds to a step to be made in Python, and to ask for the time of it [s]."""
+    model = mujoco.MjModel.from_xml_string(SWING)
+    data, alone, many = mujoco.MjData(model), list[float](), list[float]()
+    for _ in range(1000):
+        begin = time.thread_time()
+        mujoco.mj_step(model, data)
+        alone.append(time.thread_time() - begin)
+        begin = time.thread_time()
+        mujoco.mj_step(model, data, 100)
+        many.append((time.thread_time() - begin) / 100)
+    return min(alone) - min(many)
+
+
+ASKING = asking()
 
 
 def steps_of(

@@ -8,11 +8,11 @@ import pytest
 from contactlab.plan.task_options import read_task_options
 from contactlab.scene.mujoco_versions import VERSION
 from contactlab.schema.error_budget import BudgetPrice
-from contactlab.schema.tune_report import REPORT, Aim, Point, TuneReport
+from contactlab.schema.tune_report import REPORT, Aim, Kept, Point, TuneReport
 from contactlab.studies.examine.examination import ExamineRequest, open_model
 from contactlab.studies.search.answered import answered
 from contactlab.studies.search.tune_request import TuneRequest
-from contactlab.studies.search.wording import unsaved
+from contactlab.studies.search.wording import UNJUDGED, sentence_of, unsaved
 from contactlab.studies.session import Session
 
 BALL = """<mujoco><worldbody><body><freejoint/><geom size=".1"/></body></worldbody></mujoco>"""
@@ -161,4 +161,38 @@ def test_what_saves_no_fifth_is_told_with_what_there_is_to_save(
     assert unsaved(report.model_copy(update={"bare": price, "points": points})) == (
         "at its own step x0.50 without contacts and all other constraints, x0.93 at best "
         "(island False), the next longer that was tried, 0.003 s, has 4 %"
+    )
+
+
+def test_what_no_time_was_left_to_judge_is_not_told_to_be_kept(
+    asked: TuneRequest, tmp_path: Path
+) -> None:
+    """Of what was tried, the fastest within the limit that did not fail before."""
+    report = found(asked, tmp_path)
+    assert report
+    twin = BudgetPrice(ratio=1.0, low=0.98, high=1.02)
+    now = report.now.model_copy(update={"price": twin})
+    fast, faster, failed, rough = (
+        now.model_copy(
+            update={
+                "timestep": step,
+                "error": error,
+                "price": BudgetPrice(ratio=ratio, low=ratio, high=ratio),
+            }
+        )
+        for step, error, ratio in (
+            (0.004, 0.01, 0.5),
+            (0.008, 0.02, 0.25),
+            (0.01, 0.02, 0.2),
+            (0.02, 0.5, 0.1),
+        )
+    )
+    ended = {"now": now, "recommended": None, "points": (now, fast, faster, failed, rough)}
+    kept = (Kept(name="timestep 0.01", reason="on fresh seeds: tunneling"),)
+    told = sentence_of(report.model_copy(update={**ended, "kept": kept}))
+    assert told.startswith("keep it as it is")
+    kept = (*kept, Kept(name="tuned", reason=UNJUDGED))
+    assert sentence_of(report.model_copy(update={**ended, "kept": kept})) == (
+        "error 1 %; no time was left to judge what may be faster, timestep 0.008, x0.25 (0.25 to "
+        "0.25) of the time, error 2 %: give more with --max-time"
     )

@@ -63,9 +63,43 @@ def test_whole_runs_are_timed_by_enough_turns_or_not_at_all() -> None:
     mujoco.mj_getState(model, mujoco.MjData(model), start[0], INTEGRATION)
     motion = Motion(model, start, np.empty((1, 40, 0)), name="whole")
     clock = Clock(Yardsticks.of([motion], 2, 1), model)
-    assert not clock.whole([(model, 2)], [motion], -math.inf)
-    (price,) = clock.whole([(model, 2)], [motion], math.inf)
+    assert not clock.whole([(model, 2)], [[motion]], -math.inf)
+    (price,) = clock.whole([(model, 2)], [[motion]], math.inf)
     assert 0 < price.low <= price.ratio <= price.high < math.inf
+
+
+class _Seed:
+    """Turns of one seed: the model as written takes a second, another so many."""
+
+    def __init__(self, ratio: float) -> None:
+        self._ratio = ratio
+
+    def taken(self) -> list[np.ndarray]:
+        """Return both."""
+        return [np.ones(1), np.full(1, self._ratio)]
+
+
+@pytest.mark.parametrize(("ratios", "begun"), [((0.5, 0.5), 2), ((0.4, 0.6), 20)])
+def test_seeds_that_differ_are_followed_by_more(
+    ratios: tuple[float, float], begun: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Half the 95 % interval is 1.96 x 0.1 / sqrt(n) / 0.5: 28 % of 2 seeds, 9 % of 20."""
+    model = mujoco.MjModel.from_xml_string(SWING)
+    start = np.empty((2, mujoco.mj_stateSize(model, INTEGRATION)))
+    for row in start:
+        mujoco.mj_getState(model, mujoco.MjData(model), row, INTEGRATION)
+    motion = Motion(model, start, np.empty((2, 4, 0)), name="whole")
+    clock, known = Clock(Yardsticks.of([motion], 2, 1), model), list[int]()
+
+    def turn(_made: object, _motions: object, seed: int) -> _Seed:
+        known.append(seed)
+        return _Seed(ratios[seed])
+
+    monkeypatch.setattr(clock, "_turn", turn)
+    (price,) = clock.whole([(model, 2)], [[motion]] * 10, math.inf)
+    assert len(known) == begun
+    assert abs(price.ratio - 0.5) < 1e-12
+    assert half_width(price) < 0.13
 
 
 def test_what_a_twin_takes_as_well_is_no_saving() -> None:

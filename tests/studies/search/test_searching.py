@@ -31,13 +31,11 @@ class Ideal:
 
     slope: float
     few: float = 0.0
-    seconds: float = 0.0
-    asked: int = 0
     bump: tuple[int, int] = (0, 0)
+    asked: int = 0
 
     def apart(self, model: mujoco.MjModel, multiple: int) -> Apart:
         self.asked += 1
-        time.sleep(self.seconds)
         share = self.slope * multiple
         if model.opt.integrator == RK4:
             share = self.slope * (multiple / 8) ** 4
@@ -92,6 +90,7 @@ def searched(
     seconds: float = 60.0,
     bounds: tuple[Bound, ...] = (),
     more: tuple[Lever, ...] = (),
+    costs: Costs | None = None,
 ) -> Search:
     levers = [
         Lever("jacobian", [{"jacobian": "sparse"}, {"jacobian": "dense"}], falls=False),
@@ -100,11 +99,11 @@ def searched(
     ]
     space = Space({AS_WRITTEN: MODEL}, AS_WRITTEN, FINER, LONGEST, levers, integrators)
     deadline = time.monotonic() + seconds
-    costs: object = Costs()
+    clock: object = costs or Costs()
     search = Search(
         space,
         measure,
-        costs,  # pyright: ignore[reportArgumentType]
+        clock,  # pyright: ignore[reportArgumentType]
         bounds or (Bound.of(limit),),
         dearest,
         deadline,
@@ -181,20 +180,16 @@ def test_of_settings_that_save_the_same_time_one_is_left() -> None:
     assert best.settings == {"jacobian": "sparse", "tolerance": 1e-6}
 
 
-def test_what_is_free_is_found_before_the_step_by_few_timings() -> None:
+def test_the_step_is_found_first_by_errors_and_what_is_free_by_few_timings() -> None:
     """Each of three rounds times all values at once, what is added beside it, and what is left."""
     limit = 0.02
     search = searched(Ideal(1e-3), limit, more=(Lever("noslip", [{"noslip_iterations": 1}]),))
-    free, stepped = (
-        next(place for place, one in enumerate(search.tried.values()) if is_such(one.choice))
-        for is_such in (
-            lambda choice: choice.settings == {"jacobian": "sparse"},
-            lambda choice: choice.multiple != FINER,
-        )
-    )
-    assert free < stepped
+    tried = list(search.tried.values())
+    set_first = next(place for place, one in enumerate(tried) if one.choice.settings)
+    (alone,) = (one for one in tried[1:set_first] if one.price)
+    assert 20 / 1.15 <= alone.choice.multiple <= 20
     assert isinstance(search.clock, Costs)
-    assert search.clock.calls < 16
+    assert search.clock.calls < 17
 
 
 def test_at_a_price_the_most_accurate_is_found() -> None:
@@ -207,12 +202,19 @@ def test_at_a_price_the_most_accurate_is_found() -> None:
     assert best.choice.multiple in (FINER - 1, FINER)
 
 
-def test_little_time_gives_a_small_answer() -> None:
-    begin, limit = time.monotonic(), 0.3
-    search = searched(Ideal(1e-3, seconds=0.05), limit, seconds=0.2)
-    assert search.ended
-    assert time.monotonic() - begin < 0.4
-    assert search.ranked(Bound.of(limit)) or search.nearest(limit)
+@pytest.mark.parametrize(("seconds", "longest"), [(0.0, FINER), (20.0, 298), (1000.0, 298)])
+def test_little_time_gives_the_longest_step(
+    seconds: float, longest: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Errors take a second, a price three: five errors tell the step, before all else is timed."""
+    measure, limit = Ideal(1e-3), 0.3
+    costs = Costs()
+    monkeypatch.setattr(time, "monotonic", lambda: measure.asked + 3.0 * len(costs.timed))
+    search = searched(measure, limit, seconds=seconds, costs=costs)
+    assert search.ended is (seconds < 1000)
+    ranked = search.ranked(Bound.of(limit))
+    assert ranked[0].choice.multiple >= longest if ranked else longest == FINER
+    assert time.monotonic() < seconds + 3.0 * 12
 
 
 def test_a_choice_says_what_it_changes() -> None:

@@ -110,9 +110,12 @@ TUMBLING = """<mujoco>
 
 @pytest.mark.long
 def test_what_misses_its_aim_gets_two_answers_and_none_that_is_slower(tmp_path: Path) -> None:
-    """An impact at 8 ms misses 1 %, with any solver; an exact one costs five times as much."""
+    """An impact at 8 ms misses 1 %, with any solver; an exact one costs five times as much.
+
+    Time enough that no deadline decides, on any machine.
+    """
     task = read_task_options(drive="none", duration="0.5s")
-    report = tuned(TUMBLING, tmp_path, task=task, apart=0.05)
+    report = tuned(TUMBLING, tmp_path, task=task, apart=0.05, max_time=3600.0)
     assert report.now.error
     assert report.now.error > report.aim.limit
     assert report.recommended

@@ -39,14 +39,21 @@ from contactlab.studies.search.sleeping import OrAsleep
 from contactlab.studies.search.subject import Subject, first_seeds
 from contactlab.studies.search.tune_request import TuneRequest
 from contactlab.studies.search.unused_pairs import pairs_within
-from contactlab.studies.search.wording import error_text, finite, is_faster, price_text
+from contactlab.studies.search.wording import (
+    UNJUDGED,
+    error_text,
+    finite,
+    is_faster,
+    price_text,
+)
 from contactlab.studies.search.yardstick import Apart, Yardsticks
 from contactlab.studies.session import Session
 from contactlab.studies.task_verdict import run_labels
 
 _JUDGED = 30  # times that a verdict simulates the task: references, their check and RK4, itself
 _JUDGING = 0.1  # of the time allowed, for what the judge says of the model as written
-_WRITTEN = 1.5  # s of CPU time that a model takes to be written, compared, opened and labelled
+_COMPILED = 5  # times that a verdict compiles the model: to write, compare, open and run it
+_LABELLED = 0.8  # s of CPU time that runs of a model, written and as it is, take to be labelled
 _LATE = 0.1  # of the time allowed, that the first verdict may end after it
 _MOST_TRIES, _MOST_MEASURED = 5, 25
 """Choices that are judged, and whose errors are looked at, on fresh seeds."""
@@ -141,7 +148,12 @@ class Answers:
     @property
     def to_judge(self) -> float:
         """How long it takes to write a model and judge it, about [s]: on one seed, or as before."""
-        return self._allowed.takes(self._judging_took or _WRITTEN + self._per_seed)
+        return self._allowed.takes(self._judging_took or self._written + self._per_seed)
+
+    @property
+    def _written(self) -> float:
+        """CPU time that a model takes to be written, compared, opened and labelled, about [s]."""
+        return _COMPILED * self._subject.compiling + _LABELLED
 
     @property
     def _per_seed(self) -> float:
@@ -182,8 +194,7 @@ class Answers:
     def _is_late(self, wanted: Wanted, takes: float) -> bool:
         """Return whether too little time is left for what takes so long [s], and tell."""
         if late := self._allowed.left < takes:
-            reason = "no time was left to judge what is next best"
-            self.kept.append(Unsearched(wanted.folder, reason))
+            self.kept.append(Unsearched(wanted.folder, UNJUDGED))
         return late
 
     def _slower(self, tried: Tried) -> float:
@@ -318,7 +329,7 @@ class Answers:
         return write_model(self._examined.scene, edits, self._session.folder / folder, MODEL)
 
     @cached_property
-    def _task(self) -> Task:
+    def task(self) -> Task:
         """The task of seeds that no choice was made by, as many as the search had."""
         task = fresh(self._examined.task)
         if self._request.at is not None:
@@ -328,12 +339,12 @@ class Answers:
     @cached_property
     def motions(self) -> list[Motion]:
         """The task from fresh seeds."""
-        return self._examined.motions_of(self._task)
+        return self._examined.motions_of(self.task)
 
     @cached_property
     def _judging(self) -> list[Motion]:
         """Fresh motions of as many seeds as the time allows to judge."""
-        left = max(0.0, self._allowed.left - self._allowed.takes(_WRITTEN))
+        left = max(0.0, self._allowed.left - self._allowed.takes(self._written))
         left *= _VERDICTS / len(self._search.bounds)
         takes = self._allowed.takes(self._per_seed)
         seeds = min(self._subject.seeds, max(1, int(left / takes)))
@@ -341,8 +352,8 @@ class Answers:
 
     @cached_property
     def _judged_task(self) -> Task:
-        seeds = self._task.seeds[: self._judging[0].seeds]
-        return self._task.model_copy(update={"seeds": seeds})
+        seeds = self.task.seeds[: self._judging[0].seeds]
+        return self.task.model_copy(update={"seeds": seeds})
 
     @cached_property
     def _yards(self) -> Yardsticks:

@@ -8,7 +8,7 @@ by more than turns do.
 import copy
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -201,41 +201,44 @@ class Clock:
         return _told([[turn.taken() for _ in range(_WHOLE_TURNS)]], seeds=False)[0]
 
     def whole(
-        self, models: Sequence[Stepped], motions: Sequence[Motion], until: float
+        self, models: Sequence[Stepped], tasks: Iterable[Sequence[Motion]], until: float
     ) -> list[Price]:
         """Return the time of models over that of the model as written, for whole runs of phases.
 
-        Turns go on while they leave an interval wider than wanted, until then on the clock of
-        `time.monotonic`; seeds that were not begun by then are left out, and so is all if turns are
-        too few. By how much seeds differ, no turn makes narrower.
+        Turns go on while they leave an interval wider than wanted, and seeds of the next task are
+        run while seeds do, until then on the clock of `time.monotonic`; seeds that were not timed
+        by then are left out, and so is all if turns are too few.
         """
-        if time.monotonic() > until:
-            return []
         made = self._all_stepped([(self._written, self._yards.finer), *models])
-        turns = [self._turn(made, motions, 0)]
-        taken = [[turns[0].taken()]]
-        for seed in range(1, motions[0].seeds):
-            if time.monotonic() > until:
+        turns, taken = list[Turn](), list[list[list[Floats]]]()
+        for motions in tasks:
+            self._begin_seeds(made, motions, turns, taken, until)
+            if not taken or not _in_turns(turns, taken, until) or _all_narrow(_told(taken)):
                 break
-            turns.append(self._turn(made, motions, seed))
-            taken.append([turns[-1].taken()])
-        begin = time.thread_time()
-        while len(taken[0]) < _FEWEST or (
-            len(taken[0]) < _MOST
-            and (
-                time.thread_time() < begin + _COMPARING
-                or not _all_narrow(_told(taken, seeds=False))
-            )
-        ):
-            if time.monotonic() > until:
-                if len(taken[0]) < _FEWEST:
-                    return []
-                break
-            for seed, turn in enumerate(turns):
-                taken[seed].append(turn.taken())
+        if not taken or len(taken[0]) < _FEWEST:
+            return []
         bases = [np.min([turn[0] for turn in each], axis=0).sum() for each in taken]
         self.base_seconds = float(np.mean(bases))
         return _told(taken)
+
+    def _begin_seeds(
+        self,
+        made: Sequence[Stepped],
+        motions: Sequence[Motion],
+        turns: list["Turn"],
+        taken: list[list[list[Floats]]],
+        until: float,
+    ) -> None:
+        """Time each seed of motions as often as those before, while there is time."""
+        often = len(taken[0]) if taken else 1
+        for seed in range(motions[0].seeds):
+            turn, own = self._turn(made, motions, seed), list[list[Floats]]()
+            while len(own) < often:
+                if time.monotonic() > until:
+                    return
+                own.append(turn.taken())
+            turns.append(turn)
+            taken.append(own)
 
     def _turn(self, made: Sequence[Stepped], motions: Sequence[Motion], seed: int) -> "Turn":
         """Return whole runs of a seed of motions by a model, and by others beside it."""
@@ -295,6 +298,20 @@ class Turn:
         return found
 
 
+def _in_turns(turns: Sequence[Turn], taken: list[list[list[Floats]]], until: float) -> bool:
+    """Time all seeds in turns until these leave a narrow interval; False if time is over first."""
+    begin = time.thread_time()
+    while len(taken[0]) < _FEWEST or (
+        len(taken[0]) < _MOST
+        and (time.thread_time() < begin + _COMPARING or not _all_narrow(_told(taken, seeds=False)))
+    ):
+        if time.monotonic() > until:
+            return False
+        for seed, turn in enumerate(turns):
+            taken[seed].append(turn.taken())
+    return True
+
+
 def whole_run(motion: Motion, finer: int, seed: int, multiple: int) -> Stretch:
     """Return a seed of a motion from its start to its end, by steps of so many fine ones."""
     run = at_steps(motion, finer, np.array([seed]), multiple)
@@ -314,8 +331,8 @@ def over_seeds(base: Sequence[Floats], model: Sequence[Floats], *, seeds: bool =
     turns = len(base[0])
     drawn = generator.integers(turns, size=(_RESAMPLED, turns))
     which = np.tile(np.arange(count), (_RESAMPLED, 1))
-    if seeds:
-        which = generator.integers(count, size=which.shape)
+    if seeds:  # one less than there are: n drawn of n vary by n - 1 over n of what n others do
+        which = generator.integers(count, size=(_RESAMPLED, max(1, count - 1)))
     row = np.arange(_RESAMPLED)[:, None]
     below, above = (
         np.stack([each[drawn].min(axis=1).sum(axis=1) for each in times], axis=1)[row, which]

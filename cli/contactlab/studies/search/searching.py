@@ -1,9 +1,9 @@
 """The search: which choices are tried, in which order, and which is the best of them.
 
-What costs time and adds no error goes first, all together; then integrator and step, then, where
-the error may grow, what else saves time. Errors cost less to measure than times do, so that few
-choices are timed. Every choice that was tried is kept, with its error and its time, so that little
-time gives a small answer.
+The step comes first, of all else as written: it saves most, and is found by errors, which cost less
+to measure than times do, so that little time gives that small answer. Then all goes that costs time
+and adds no error, together; then integrator and step, then, where the error may grow, what else
+saves time. Every choice that was tried is kept, with its error and its time.
 """
 
 import math
@@ -172,7 +172,8 @@ class Search:
 
     def _searched(self) -> None:
         """Search for one bound."""
-        here = self._step(self._lean())
+        alone = self._step_alone() if self.dearest is None else self.now
+        here = self._step(self._lean(), alone.multiple)
         if self.dearest is None:
             here = self._with_losses(here)
             self._step_again(here)
@@ -417,8 +418,18 @@ class Search:
             self._priced([choice])
         return saves
 
-    def _step(self, here: Choice) -> Choice:
-        """Return a choice with the integrator and the step that serve the aim best."""
+    def _step_alone(self) -> Choice:
+        """Return the longest step within the limit, of all else as written, and price it."""
+        own = self.now.without(self.space.start)
+        found = self._longest(self._far(own), 1, _CLOSE) or own
+        self._priced([found])
+        return found
+
+    def _step(self, here: Choice, alone: int) -> Choice:
+        """Return a choice with the integrator and the step that serve the aim best.
+
+        Steps of the model's own integrator are sought from that on which is the longest alone.
+        """
         model = self.space.model
         choices = [
             here.with_settings({INTEGRATOR: name} if differing({INTEGRATOR: name}, model) else {})
@@ -431,8 +442,8 @@ class Search:
         for price, choice in zip(prices, choices, strict=True):
             # The shortest step that would win.
             least = math.floor(price * choice.multiple / cost) + 1 if best else 1
-            far = choice if best else self._far(choice)
-            if found := self._longest(far, least, _CLOSE):
+            near = choice if best else choice.at(alone)
+            if found := self._longest(near, least, _CLOSE):
                 best, cost = found, price * choice.multiple / found.multiple
         if best is None:
             self._priced([min(self.tried.values(), key=share_of).choice])

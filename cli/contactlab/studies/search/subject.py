@@ -53,6 +53,7 @@ class Subject:
     Attributes:
         motions: phases of the task, of as many seeds as the time allows.
         one_pass: CPU time that the task takes, of one seed [s].
+        compiling: CPU time that its files take to be compiled [s].
         model: as its files make it, without what records runs.
         yards: what tells how far candidates are from the model as written.
         uncertain: what friction 10 % and masses 5 % are worth.
@@ -71,7 +72,9 @@ class Subject:
         if request.at is not None:
             task = task.model_copy(update={"watched": ()})
         self.motions = self._affordable(examined.motions_of(task))
+        begin = time.process_time()
         self.model = self._compiled(ModelEdits())
+        self.compiling = time.process_time() - begin
         self.kept = list[Unsearched]()
         self.yards, self.uncertain = self._resolved()
         self.models: dict[Cuts, mujoco.MjModel] = {}

@@ -9,6 +9,7 @@ from shutil import rmtree
 
 import mujoco
 
+from contactlab.budget import Motion
 from contactlab.errors import ExpectationError
 from contactlab.scene.model_draft import ModelEdits
 from contactlab.scene.model_edits import FLAGS, read_flag, read_option
@@ -32,6 +33,7 @@ from contactlab.schema.tune_report import (
     TuneReport,
 )
 from contactlab.store.table_layout import as_written
+from contactlab.studies.examine.changes import fresh
 from contactlab.studies.examine.examination import ExamineRequest, open_model
 from contactlab.studies.search.allowed_time import AllowedTime
 from contactlab.studies.search.answers import Answer, Answers, Wanted
@@ -59,6 +61,7 @@ _TIMING = 0.3  # of the time that is left, for the clock
 _SEARCHED = 0.3  # of the time that is left, for a search at least, if a verdict may take the rest
 _LOOKED = 0.1  # of it, in any case
 _TURNS_APART = 5
+_MORE_SEEDS = 6  # times as many seeds as the search has, for the clock, where seeds differ
 _MUCH = 0.8  # ratio of times above which it is told what there is to save
 
 
@@ -312,11 +315,19 @@ class Study:
         left = self._allowed.left
         reserved = len(self._wanted) * self._answers.to_judge
         until = time.monotonic() + max(min(_TIMING * left, left - reserved), 0)
-        own, fresh = self._subject.motions, self._answers.motions
-        motions = [joined_seeds(*pair) for pair in zip(own, fresh, strict=True)]
-        for one, price in zip(tried, self._clock.whole(models, motions, until), strict=False):
+        prices = self._clock.whole(models, self._timed_tasks(), until)
+        for one, price in zip(tried, prices, strict=False):
             one.price = price
         self._closely.extend(tried)
+
+    def _timed_tasks(self) -> Iterator[Sequence[Motion]]:
+        """Yield the task by seeds of the search and fresh ones, then again and again by others."""
+        own, unseen = self._subject.motions, self._answers.motions
+        yield [joined_seeds(*pair) for pair in zip(own, unseen, strict=True)]
+        task = self._answers.task
+        for _ in range(_MORE_SEEDS):
+            task = fresh(task)
+            yield self._subject.examined.motions_of(task)
 
     def _file(self, answer: Answer) -> str:
         return str(answer.written.path.relative_to(self._session.folder))

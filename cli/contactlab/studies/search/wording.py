@@ -10,6 +10,8 @@ from contactlab.schema.tune_report import Point, TuneReport
 from contactlab.studies.search.choice import described
 from contactlab.studies.search.searching import SAME
 
+UNJUDGED = "no time was left to judge what is next best"
+"""Why the search ended without a verdict."""
 _TWO_DIGITS = 0.1  # ratios from which on two digits after the point are two
 
 
@@ -86,7 +88,32 @@ def sentence_of(report: TuneReport) -> str:
         return "; ".join(
             (f"nothing sound {found} faster at no larger error than now, {now}", *rest)
         )
+    if faster := _unjudged(report):
+        assert faster.price
+        what = f"{settings_text(faster, report.now)}, {price_text(faster.price)} of the time"
+        error = error_text(faster.error, report.aim.unit)
+        return (
+            f"error {now}; no time was left to judge what may be faster, {what}, error {error}: "
+            "give more with --max-time"
+        )
     return f"keep it as it is: error {now}, and nothing within the limit {found} measurably faster"
+
+
+def _unjudged(report: TuneReport) -> Point | None:
+    """Return the fastest point within the limit, if no time was left to judge any; or None."""
+    now = report.now.error
+    if now is None or all(kept.reason != UNJUDGED for kept in report.kept):
+        return None
+    limit, failed = max(report.aim.limit, SAME * now), {kept.name for kept in report.kept}
+    found = [
+        (one.price.ratio, one)
+        for one in report.points
+        if one.price
+        and is_faster(one.price, report.now.price or one.price)
+        and (one.error or 0.0) <= limit
+        and settings_text(one, report.now) not in failed
+    ]
+    return min(found, key=lambda pair: pair[0])[1] if found else None
 
 
 def _beyond(report: TuneReport) -> bool:
