@@ -124,7 +124,7 @@ def test_half_the_step_costs_twice_the_time() -> None:
     motion = walker(seconds=0.4)
     model = copy.copy(motion.model)
     model.opt.timestep /= 2
-    price = prices(motion, replay(motion, 0.04, 1), {"half": (model, 2)})["half"]
+    price = prices(motion, replay(motion, 0.04, 1), {"half": (lambda: model, 2)})["half"]
     assert price.ratio == pytest.approx(2, rel=0.15)
     assert price.low <= price.ratio <= price.high
 

@@ -4,7 +4,7 @@ import math
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, partial
 from typing import NamedTuple
 
 import mujoco
@@ -271,11 +271,12 @@ class PhaseMeasure:
     def _prices(self, rows: Sequence[Row]) -> Mapping[str, Price]:
         if not self._settings.priced:
             return {}
-        changed = dict[str, tuple[mujoco.MjModel, int]]()
-        for row in rows:
-            if row.priced:
-                changed[row.name] = self._changed(self._model, row.changes[0]), 1
-        return prices(self._motion, self._run, changed)
+        made = {
+            row.name: (partial(self._changed, self._model, row.changes[0]), 1)
+            for row in rows
+            if row.priced
+        }
+        return prices(self._motion, self._run, made)
 
     def _measure(self, rows: Sequence[Row]) -> "_Found":
         run, settings = self._run, self._settings

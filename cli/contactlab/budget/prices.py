@@ -2,7 +2,8 @@
 
 import math
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import cache
 from typing import Any, NamedTuple
 
 import mujoco
@@ -11,8 +12,11 @@ import numpy as np
 from contactlab.budget.motion import Motion
 from contactlab.budget.windows import Run, start_rows
 
+Made = Callable[[], mujoco.MjModel]
+
 _ROUNDS, _WARM = 11, 1
 _LEAST = 5e-3  # s, that the model as it is is timed for in each round
+_HELD = 1 << 29  # bytes of models that are held
 _STRETCH = 5  # windows, so that setting states is no part of the time
 
 
@@ -30,13 +34,12 @@ class Price(NamedTuple):
     high: float
 
 
-def prices(
-    motion: Motion, run: Run, changed: Mapping[str, tuple[mujoco.MjModel, int]]
-) -> dict[str, Price]:
+def prices(motion: Motion, run: Run, changed: Mapping[str, tuple[Made, int]]) -> dict[str, Price]:
     """Return what changed models cost, over the model as it is.
 
     Each is rolled out on one thread from the same states, which are spread over the run, in turns
-    with the others. The number is that of its steps in one of the run.
+    with the others. The number is that of its steps in one of the run. Models that take much memory
+    together are made anew for each turn.
     """
     # What the engine came through is a beginning of each run.
     length = min(_STRETCH, int(run.valid.sum(axis=1).max()))
@@ -44,7 +47,9 @@ def prices(
         return {}
     valid = np.argwhere(run.valid[:, length - 1 :])
     stretches = _Stretches(motion, run, length * run.steps)
-    base = motion.model, 1
+    base = (lambda: motion.model), 1
+    if len(changed) * motion.model.nbuffer <= _HELD:
+        changed = {name: (cache(made), rate) for name, (made, rate) in changed.items()}
     taken = _enough(valid, stretches.seconds(base, valid[:1]))
     taken = _enough(valid, stretches.seconds(base, taken) / len(taken))
     ratios: dict[str, list[float]] = {name: [] for name in changed}
@@ -74,10 +79,10 @@ class _Stretches(NamedTuple):
     run: Run
     steps: int
 
-    def seconds(self, model: tuple[mujoco.MjModel, int], which: np.ndarray) -> float:
+    def seconds(self, model: tuple[Made, int], which: np.ndarray) -> float:
         """Return the thread time of a model from (M, 2) seeds and windows [s]."""
-        (changed, rate), (seeds, windows) = model, which.T
-        batch = start_rows(changed, self.run.starts[seeds, windows], 1)
+        (made, rate), (seeds, windows) = model, which.T
+        batch = start_rows(made(), self.run.starts[seeds, windows], 1)
         spans = self.run.begins[windows][:, None] + np.arange(self.steps)
         rows = [self.motion.rows(seed, span) for seed, span in zip(seeds, spans, strict=True)]
         given: dict[str, Any] = {}

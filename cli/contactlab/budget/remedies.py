@@ -653,8 +653,8 @@ def changed(motion: Motion, candidate: Candidate) -> Motion:
 
 
 def _price(motion: Motion, candidate: Candidate, settings: Settings) -> Price | None:
-    run, model = replay(motion, settings.window, 1), changed_model(motion.model, candidate)
-    return prices(motion, run, {candidate.name: (model, candidate.rate)}).get(candidate.name)
+    run, made = replay(motion, settings.window, 1), partial(changed_model, motion.model, candidate)
+    return prices(motion, run, {candidate.name: (made, candidate.rate)}).get(candidate.name)
 
 
 def sentence(reason: Reason, tried: Sequence[Remedy]) -> str:

@@ -217,7 +217,8 @@ def _prices(grip: Grip, changed: Mapping[str, mujoco.MjModel]) -> Mapping[str, P
     inputs = np.tile(np.concatenate([grip.held.control, forces]), (1, steps, 1))
     motion = Motion(model, grip.held.row[None], inputs, _INPUTS, "held")
     run = replay(motion, _WINDOW, 1)
-    return prices(motion, run, {name: (other, 1) for name, other in changed.items()})
+    made = {name: (lambda other=other: other, 1) for name, other in changed.items()}
+    return prices(motion, run, made)
 
 
 def least_force(held: Squeeze) -> float:
