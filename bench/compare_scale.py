@@ -20,6 +20,7 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 from bench.made_up import Rows, ids_of, parts_of, real_store, tables, write_store
+from pyarrow.compute import call_function
 
 from contactlab.comparison.compare_stores import compare
 from contactlab.comparison.report import report_of
@@ -84,13 +85,15 @@ def made_up(index: Rows, *, last: int | None) -> dict[str, pa.Array]:
     ids = ids_of(index)
     labels = rng.choice(list(LABELS)[-4:], len(index)).tolist()
     made: dict[str, pa.Array] = {
-        "run_id": pa.array(ids),
+        "run_id": ids,
         "index": pa.array(places),
         "seed": pa.array(index % 1000),
         "timestep": pa.array(1e-5 * (1 + index // 1000)),
         "label": pa.array(labels),
         "labels": pa.array([[label] for label in labels]),
-        "trajectory_hash": pa.array([f"{run}{worse:x}{run}" for run in ids]),
+        "trajectory_hash": call_function(
+            "binary_join_element_wise", [ids, ids, pa.scalar(f"{worse:x}")]
+        ),
     }
     for number, name in enumerate(METRICS):
         values = np.exp(rng.normal(size=len(index)))

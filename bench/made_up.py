@@ -31,9 +31,12 @@ def real_store(folder: Path, sweep: str) -> Store:
     return Store.open(folder)
 
 
-def ids_of(index: Rows) -> list[str]:
+def ids_of(index: Rows) -> pa.Array:
     """Return ids of runs (n,) that no other index has, in no order."""
-    return [f"{number * 0x9E3779B97F4A7C15 % 2**64:016x}" for number in index.tolist()]
+    mixed = index.astype(np.uint64) * np.uint64(0x9E3779B97F4A7C15)
+    digits = mixed.astype(">u8").tobytes().hex().encode()
+    ends = np.arange(0, len(digits) + 1, 16, dtype=np.int32)
+    return pa.StringArray.from_buffers(len(index), pa.py_buffer(ends), pa.py_buffer(digits))
 
 
 def tables(
@@ -46,15 +49,17 @@ def tables(
         template: gives the columns, and the values of those that are not made up.
         made_up: gives the others for some places.
     """
-    first = template.table.slice(0, 1)
+    first, alike = template.table.slice(0, 1), pa.table({})
     for index in parts:
         made = made_up(index)
-        columns = [
-            made[name] if name in made else value.take(number_array(np.zeros_like(index)))
-            for name, value in zip(first.column_names, first.columns, strict=True)
-        ]
+        if len(alike) != len(index):
+            others = first.drop_columns([*made])
+            alike = others.take(number_array(np.zeros_like(index)))
         yield pa.Table.from_arrays(
-            [column.cast(field.type) for column, field in zip(columns, first.schema, strict=True)],
+            [
+                made[field.name].cast(field.type) if field.name in made else alike[field.name]
+                for field in first.schema
+            ],
             schema=first.schema,
         )
 

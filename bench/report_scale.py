@@ -38,6 +38,16 @@ GRIDS = {
     10_000_000: (20, 2, 2, 10, 10, 5, 250),
 }
 LABELS = ("tunneling", "chatter", "oracle_miss", "stable")
+_WORST = LABELS[:-1]
+_LABELLED: dict[str, pa.Array] = {  # each label's own columns, in the order of LABELS
+    "label": pa.array(LABELS),
+    "labels": pa.array([*([label] for label in _WORST), []], pa.list_(pa.string())),
+    "label_reason": pa.array([*("why" for _ in _WORST), None]),
+    "label_reasons": pa.array([*(["why"] for _ in _WORST), []], pa.list_(pa.string())),
+    "label_step": pa.array([*(1 for _ in _WORST), None], pa.int64()),
+    "label_steps": pa.array([*([1] for _ in _WORST), []], pa.list_(pa.int64())),
+    "label_bodies": pa.array([*([[]] for _ in _WORST), []], pa.list_(pa.list_(pa.string()))),
+}
 CHROMIUM = Path("/usr/bin/chromium")
 SWEEP = """
 version: 1
@@ -137,31 +147,24 @@ def made_up(
     step, integrator, cone, solref, friction, direction, seed = np.unravel_index(index, grid)
     # Long steps fail, and stiff contacts fail first.
     worse = rng.random(len(index)) < 0.7 * (step / grid[0]) * (0.5 + solref / grid[3])
-    labels = np.where(worse, rng.choice(LABELS[:3], len(index)), "stable").tolist()
-    worst = [None if label == "stable" else label for label in labels]
+    codes = np.where(worse, rng.integers(len(LABELS) - 1, size=len(index)), len(LABELS) - 1)
     cpu = np.exp(rng.normal(size=len(index)) * 0.1) / (1 + step)
     made: dict[str, pa.Array] = {
-        "run_id": pa.array(ids_of(index)),
+        "run_id": ids_of(index),
         "index": pa.array(index),
         "seed": pa.array(seed),
         "timestep": pa.array(1e-4 * 1.3**step),
-        "integrator": pa.array(np.array(["Euler", "RK4"])[integrator]),
-        "cone": pa.array(np.array(["pyramidal", "elliptic"])[cone]),
-        "solref": pa.array([f"{0.02 / (1 + code):.4g} 1" for code in solref.tolist()]),
+        "integrator": pa.array(["Euler", "RK4"]).take(pa.array(integrator)),
+        "cone": pa.array(["pyramidal", "elliptic"]).take(pa.array(cone)),
+        "solref": pa.array([f"{0.02 / (1 + code):.4g} 1" for code in range(grid[3])]).take(
+            pa.array(solref)
+        ),
         "friction.slide": pa.array(0.1 * (1 + friction)),
         "direction": pa.array(9.0 * direction),
-        "label": pa.array(labels),
-        "labels": pa.array([[label] if label else [] for label in worst]),
-        "label_reason": pa.array([label and "why" for label in worst]),
-        "label_reasons": pa.array([["why"] if label else [] for label in worst]),
-        "label_step": pa.array([label and 1 for label in worst], pa.int64()),
-        "label_steps": pa.array([[1] if label else [] for label in worst], pa.list_(pa.int64())),
-        "label_bodies": pa.array(
-            [[[]] if label else [] for label in worst], pa.list_(pa.list_(pa.string()))
-        ),
         "cost_cpu_s": pa.array(cpu),
         "cost_cpu_per_sim_s": pa.array(cpu / simulated),
     }
+    made |= {name: of_label.take(pa.array(codes)) for name, of_label in _LABELLED.items()}
     for name, values in known.items():
         noisy = values[index % len(values)] * np.exp(0.5 * rng.normal(size=len(index)))
         made[name] = pa.array(noisy, mask=np.isnan(noisy))
