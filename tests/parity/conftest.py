@@ -49,6 +49,6 @@ def parity(stand_in: Callable[[str], AdaptedEngine], tmp_path: Path) -> Callable
         panel = Panel.read(file, engine.name, Overrides(), changes, None)
         rules = ComparePolicy.model_validate({"version": 1, **policy})
         request = ParityRequest(panel, engine, "", changes, rules)
-        return run(request, lambda _total: None, lambda _run: None)
+        return run(request, lambda *_: None, lambda _: None)
 
     return compared

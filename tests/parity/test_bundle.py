@@ -48,7 +48,7 @@ def judged(folder: Path, *defect: str) -> ParityReport:
     bundle = Bundle.read(folder)
     engine, rules = BundledEngine(folder, bundle), ComparePolicy(version=1)
     request = ParityRequest(bundle.panel(folder), engine, engine.device, (), rules)
-    return run(request, lambda _total: None, lambda _run: None)
+    return run(request, lambda *_: None, lambda _: None)
 
 
 @pytest.mark.long

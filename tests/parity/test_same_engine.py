@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -11,11 +12,13 @@ from contactlab.contact.trace_arrays import Floats
 from contactlab.engines import ENGINES
 from contactlab.engines.engine import PreparedRuns
 from contactlab.engines.mujoco_engine import MujocoEngine
+from contactlab.errors import StoppedError
 from contactlab.plan.overrides import Overrides
 from contactlab.scene.scene import Scene
 from contactlab.schema.comparison import ComparePolicy
 from contactlab.studies.parity.forward import ForwardStates, forward
 from contactlab.studies.parity.panel import Panel
+from contactlab.studies.parity.parity_report import RunParity
 from contactlab.studies.parity.sweep_parity import ParityRequest, run
 
 SLIDE = """
@@ -48,7 +51,7 @@ def test_mujoco_under_another_name_does_the_same(
     told = list[str]()
     report = run(
         ParityRequest(panel, ENGINES["twin"], "here", (), policy),
-        lambda total: told.append(str(total)),
+        lambda total, _: told.append(str(total)),
         lambda done: told.append(done.run_id),
     )
     assert (report.engine, report.version) == ("twin", "0.0.twin")
@@ -58,6 +61,40 @@ def test_mujoco_under_another_name_does_the_same(
     }
     assert told == ["2", *(judged.run_id for judged in report.runs)]
     assert (report.exit_code, {check.outcome for check in report.findings}) == (0, {"passed"})
+
+
+def test_a_comparison_that_was_stopped_goes_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Runs that are kept are not made again, unless another policy judges them."""
+    monkeypatch.setitem(ENGINES, "twin", Twin())
+    file = tmp_path / "panel.yaml"
+    file.write_text(SLIDE)
+    panel = Panel.read(file, "twin", Overrides(), (), None)
+    told = list[object]()
+
+    def compared(folder: Path | None, stop: Callable[[RunParity], None], **more: Any) -> Any:
+        policy = ComparePolicy.model_validate({"version": 1, **more})
+        request = ParityRequest(panel, ENGINES["twin"], "here", (), policy, folder)
+        told.clear()
+        return run(request, lambda total, stored: told.append((total, stored)), stop)
+
+    def stopping(judged: RunParity) -> None:
+        raise StoppedError(judged.run_id)
+
+    first, second = (member.run_id for member in panel.runs)
+    kept = tmp_path / "kept"
+    with pytest.raises(StoppedError, match=first):
+        compared(kept, stopping)
+    with (kept / "runs.jsonl").open("ab") as file_of_runs:
+        file_of_runs.write(b'{"key": "a kill leaves a torn line')
+    report = compared(kept, lambda judged: told.append(judged.run_id))
+    assert told == [(2, 1), second]
+    assert report == compared(None, lambda _: None)
+    compared(kept, stopping)
+    assert told == [(2, 2)]
+    with pytest.raises(StoppedError):
+        compared(kept, stopping, metrics={"energy": {"rel": 0.1}})
 
 
 @pytest.fixture(scope="module")

@@ -99,11 +99,13 @@ def parity(
         str | Path | None,
         Option("FILE", "Policy file: what the engine may differ by.", kind=Path),
     ] = None,
+    output: opt.StudyFolder = None,
     plugin: opt.Plugins = (),
 ) -> "ParityReport | WrittenBundle":
     """Compare an engine with MuJoCo, stage by stage.
 
-    Give a sweep with `against` or with `bundle`, or `from_` alone.
+    Give a sweep with `against` or with `bundle`, or `from_` alone. Against an engine, each run is
+    kept in `results/parity/NAME` unless `output` names another folder, and not made again there.
 
     Raises:
         SweepFileError: the sweep or a setting holds mistakes.
@@ -125,21 +127,22 @@ def parity(
         return _compared(_bundled(Path(from_), policy))
     engine, changed = _engine(str(against), device), tuple(opt.assigned(with_))
     panel = _panel(str(source), engine.name, overrides, changed, drive)
-    return _compared(ParityRequest(panel, engine, device, changed, policy_of(policy)))
+    folder = opt.study_folder("parity", source, output)
+    return _compared(ParityRequest(panel, engine, device, changed, policy_of(policy), folder))
 
 
 def _compared(request: "ParityRequest") -> "ParityReport":
     from contactlab.run.tasks import Finished
     from contactlab.studies.parity.sweep_parity import run
 
-    with surroundings().watching("start over") as watch:
+    with surroundings().watching("resume" if request.folder else "start over") as watch:
 
         def done(compared: "RunParity") -> None:
             watch.advance([Finished(b"", compared.verdict, compared.verdict, None)])
             if watch.stop is not None and watch.stop.is_set:
                 raise StoppedError("stopped")
 
-        return run(request, lambda total: watch.begin(total, 0), done)
+        return run(request, watch.begin, done)
 
 
 def _panel(

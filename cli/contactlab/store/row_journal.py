@@ -24,7 +24,7 @@ from contactlab.schema.evidence import RECORD_VERSION, EvidenceRecord, Status, S
 from contactlab.store.atomic_files import atomic_write
 from contactlab.store.backend import Backend
 from contactlab.store.controls_file import has_controls
-from contactlab.store.store_files import JOURNAL, NOTES
+from contactlab.store.store_files import JOURNAL
 from contactlab.store.table_layout import FIXED_COLUMNS, row_to_record
 
 FAILED_STATUSES = frozenset({"crashed", "error", "timeout"})
@@ -143,12 +143,11 @@ def _keep_lines(path: Path, good: Iterable[int]) -> None:
         mended.writelines(itertools.compress(lines, good))
 
 
-def mend_notes(folder: Path) -> None:
-    """End a torn line, so that the next note does not become part of it."""
-    path = folder / NOTES
+def end_torn_line(path: Path) -> None:
+    """End the last line of a file if it is torn, so that the next does not become part of it."""
     if path.is_file() and not path.read_bytes().endswith(b"\n"):
-        with path.open("ab") as notes:
-            notes.write(b"\n")
+        with path.open("ab") as lines:
+            lines.write(b"\n")
 
 
 def read_lines(path: Path) -> Iterator[dict[str, Any]]:

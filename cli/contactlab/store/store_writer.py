@@ -22,9 +22,9 @@ from contactlab.store.row_journal import (
     ResumedRows,
     Row,
     amend_journal,
+    end_torn_line,
     lines_of,
     mend_journal,
-    mend_notes,
     read_lines,
     write_journal,
 )
@@ -287,7 +287,7 @@ def _prepare(
         _copy(files, folder / SCENES / name, is_begun=is_begun)
     if not is_begun or not _chooses_alike(rows, stored):
         session.begin(rows.identity)
-    mend_notes(folder)
+    end_torn_line(folder / NOTES)
     mended = mend_journal(
         folder, rows.check, rows.keeps, repair=rows.repair, shown_path=address / JOURNAL
     )

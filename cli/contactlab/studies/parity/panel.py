@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
 from pathlib import Path
@@ -105,8 +105,11 @@ class Panel:
                 found[run.run_id] = why
         return found
 
-    def groups(self, left_out: dict[str, str]) -> Iterator[Sequence[PanelRun]]:
-        """Yield runs of one structure and step count, as many as memory holds together."""
+    def groups(self, left_out: Collection[str]) -> Iterator[Sequence[PanelRun]]:
+        """Yield runs of one structure and step count, as many as memory holds together.
+
+        Those of some run ids are left out.
+        """
 
         def key(member: PanelRun) -> str:
             run = member.ours

@@ -5,6 +5,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import date
+from pathlib import Path
 from statistics import fmean
 from typing import Any
 
@@ -25,6 +26,7 @@ from contactlab.schema.comparison import ComparePolicy, MetricRule
 from contactlab.schema.evidence import Setting
 from contactlab.schema.finding import Finding, RunPair
 from contactlab.store.table_layout import as_written
+from contactlab.studies.parity.kept_runs import ComparedRun, KeptRuns
 from contactlab.studies.parity.panel import Panel, PanelRun
 from contactlab.studies.parity.parity_report import ClosedForm, Measured, ParityReport, RunParity
 from contactlab.studies.parity.run_parity import Comparison, judge
@@ -47,12 +49,16 @@ class ParityRequest:
     device: str
     changes: Sequence[str]
     policy: ComparePolicy
+    folder: Path | None = None  # keeps each run that is done, from which the same request goes on
 
 
 def run(
-    request: ParityRequest, begin: Callable[[int], None], done: Callable[[RunParity], None]
+    request: ParityRequest, begin: Callable[[int, int], None], done: Callable[[RunParity], None]
 ) -> ParityReport:
-    """Compare an engine with MuJoCo in all runs of a panel, telling how many, then each."""
+    """Compare an engine with MuJoCo in all runs of a panel, telling how many there are.
+
+    And how many of them are kept already, then each of the others.
+    """
     panel, engine, policy = request.panel, request.engine, request.policy
     rules = _rules(policy)
     refused = panel.refused(engine.refusal)
@@ -61,9 +67,17 @@ def run(
         for member in panel.runs
         if member.run_id in refused
     }
-    begin(len(panel.runs) - len(told))
-    closed: list[tuple[float, float]] = []
-    for group in panel.groups(refused):
+    versions = engine.name, engine.version, request.device, ENGINES[MODEL_ENGINE].version
+    kept = KeptRuns(request.folder, (*versions, rules))
+    keys = {
+        member.run_id: kept.key(member.run_id, panel.scene.run_id(member.theirs))
+        for member in panel.runs
+    }
+    found = kept.found(keys)
+    begin(len(panel.runs) - len(told), len(found))
+    told |= {run_id: compared.run for run_id, compared in found.items()}
+    closed = [compared.errors for compared in found.values()]
+    for group in panel.groups(told):
         comparison = Comparison.of(
             engine,
             PreparedRuns.of(panel.scene, *[member.ours for member in group]),
@@ -72,9 +86,12 @@ def run(
         metrics = _metrics(panel, comparison)
         for place, member in enumerate(group):
             ours, *_, theirs = values = [side[place] for side in metrics]
-            told[member.run_id] = _judged(member, comparison, place, values, rules)
-            closed.append((_number(ours, _ORACLE), _number(theirs, _ORACLE)))
-            done(told[member.run_id])
+            judged = _judged(member, comparison, place, values, rules)
+            compared = ComparedRun(judged, (_number(ours, _ORACLE), _number(theirs, _ORACLE)))
+            kept.keep(keys[member.run_id], compared)
+            told[member.run_id] = judged
+            closed.append(compared.errors)
+            done(judged)
     runs = [told[member.run_id] for member in panel.runs]
     checks = list(_checks(runs, rules))
     checks = apply_acceptances(checks, policy.accept, date.today())  # noqa: DTZ011
