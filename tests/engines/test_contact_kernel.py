@@ -74,6 +74,23 @@ def rolled(runs: PreparedRuns, way: str, monkeypatch: pytest.MonkeyPatch) -> tup
     return rollout, make_trace(runs.base, runs.prepared, rollout)
 
 
+@pytest.mark.parametrize("way", ["", "off"])
+def test_as_many_runs_go_at_once_as_memory_holds(
+    kernel: contact_kernel.Kernel, monkeypatch: pytest.MonkeyPatch, way: str
+) -> None:
+    """Equal stacks rest alike, so that each run takes as much; the first goes whatever it takes."""
+    del kernel
+    scene = Scene.open("box_stack")
+    runs = PreparedRuns.of(scene, *(scene.resolve({"boxes": 2}, each, 0.1) for each in range(6)))
+    whole, _ = rolled(runs, way, monkeypatch)
+    arrays = [whole.state, whole.sensors, whole.iterations, *(whole.slots or ())]
+    each = sum(array.nbytes for array in arrays) / 6
+    for memory, count in ((0.0, 1), (1.5, 1), (3.5, 3), (6.5, 6)):
+        some = ENGINES["mujoco"].roll_out(runs, Buffers(int(memory * each)))
+        assert len(some.steps) == count
+        assert np.array_equal(some.state, whole.state[:count])
+
+
 def assert_same_bits(
     runs: PreparedRuns, monkeypatch: pytest.MonkeyPatch, *, read: bool = True
 ) -> Trace:

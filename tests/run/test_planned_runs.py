@@ -14,6 +14,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from contactlab.engines import engine_of
 from contactlab.engines.engine import bytes_of_run
 from contactlab.errors import SceneError
 from contactlab.plan.grid import Plan
@@ -120,10 +121,11 @@ def _check_jobs(left: list[RunSpec], scene: Scene, workers: int) -> None:
         assert [run.index for run in job] == sorted(run.index for run in job)
         each = [resolved[run.run_id] for run in job]
         assert len({(*run.structure.values(), run.steps) for run in each}) == 1
-        model, steps = scene.base_of(each[0]).model, each[0].steps
-        assert len(job) == 1 or len(job) * bytes_of_run(model, steps) <= JOB_BYTES
+        base, steps = scene.base_of(each[0]), each[0].steps
+        size = engine_of(each[0]).least_bytes(base, each[0])
+        assert len(job) == 1 or len(job) * size <= JOB_BYTES
         # As many as give each worker four jobs, or one if they are quick, or as take no time.
-        work, workers = steps * model.nv**2, max(1, workers)
+        work, workers = steps * base.model.nv**2, max(1, workers)
         quick = max(LEAST_WORK // work, min(SMALL_WORK // work, -(-len(left) // workers)))
         assert len(job) <= max(1, min(MAX_RUNS, max(quick, len(left) // (4 * workers))))
 

@@ -1,11 +1,13 @@
 """The outcome of a sweep does not depend on who computes it, nor in what portions."""
 
 import multiprocessing
+from types import ModuleType
 from typing import Any
 
 import pytest
 
-from contactlab.run import planned_runs
+from contactlab.engines import ENGINES, Rollout
+from contactlab.run import planned_runs, worker
 
 
 @pytest.mark.parametrize("workers", [1, 2])
@@ -29,12 +31,24 @@ def test_portions_change_nothing(
 
 
 @pytest.mark.long
+@pytest.mark.parametrize("bounded", [planned_runs, worker])
 def test_the_memory_bound_changes_nothing(
-    sweeper: Any, ball: str, monkeypatch: pytest.MonkeyPatch
+    sweeper: Any, ball: str, monkeypatch: pytest.MonkeyPatch, bounded: ModuleType
 ) -> None:
+    """Jobs are of one run each, or the worker makes theirs one by one."""
     sweeper.run(ball, "usual")
-    monkeypatch.setattr(planned_runs, "JOB_BYTES", 1)
+    monkeypatch.setattr(bounded, "JOB_BYTES", 1)
+    alone: list[int] = []
+    roll_out = type(ENGINES["mujoco"]).roll_out
+
+    def counted(*given: Any) -> Rollout:
+        rollout = roll_out(*given)
+        alone.append(len(rollout.steps))
+        return rollout
+
+    monkeypatch.setattr(type(ENGINES["mujoco"]), "roll_out", counted)
     sweeper.run(ball, "one by one")
+    assert alone == [1] * 18
     assert sweeper.outcome("one by one") == sweeper.outcome("usual")
 
 

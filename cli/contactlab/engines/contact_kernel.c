@@ -592,6 +592,15 @@ Recording* open_recording(const mjModel* m, int sensor, int pairs, int runs, int
   return recording;
 }
 
+/* Return the bytes that the slots of so many runs take, as many a step as are filled by now. */
+size_t slot_bytes(const Recording* recording, int runs) {
+  size_t widths = 0;
+  for (int each = 0; each < recording->pairs; each++) {
+    widths += recording->pair[each].width;
+  }
+  return widths * runs * recording->steps * WIDTH * sizeof(mjtNum);
+}
+
 /* Write where the slots of each pair (pairs) are, as they are declared, for so many runs, and how
  * many of them a step has; return whether there is memory for all. */
 int find_slots(Recording* recording, int runs, mjtNum** slots, int64_t* widths) {

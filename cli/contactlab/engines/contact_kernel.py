@@ -45,6 +45,7 @@ class Kernel(ctypes.CDLL):
         self.open_recording.restype, self.record_run.restype = _POINTER, ctypes.c_char_p
         self.open_recording.argtypes = _POINTER, *[_INT] * 4
         self.record_run.argtypes = _POINTER, _POINTER
+        self.slot_bytes.restype, self.slot_bytes.argtypes = ctypes.c_size_t, (_POINTER, _INT)
         self.find_slots.argtypes = _POINTER, _INT, _POINTER, _POINTER
         self.close_recording.argtypes = self.end_loop.argtypes = (_POINTER,)
         self.open_loop.restype, self.open_loop.argtypes = _POINTER, (_POINTER, *[_INT] * 5)
@@ -107,6 +108,10 @@ class KernelStepper(BatchStepper):
 
     def __del__(self) -> None:
         self._library.close_recording(self._handle)
+
+    def bytes_beside(self, runs: int) -> int:
+        """Return the memory [bytes] of the slots of so many runs, as wide as they are by now."""
+        return self._library.slot_bytes(self._handle, runs)
 
     def step(self, run: int, inputs: Mapping[str, Any], out: Mapping[Any, np.ndarray]) -> str:
         """Make a run, and record it as a batch does; return what went wrong."""

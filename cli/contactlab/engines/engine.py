@@ -7,6 +7,7 @@ it alone.
 """
 
 import math
+import sys
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
@@ -103,9 +104,13 @@ class Rollout(Told):
 
 
 class Buffers:
-    """Memory for rollouts, kept between calls: fresh pages would cost a tenth of a small run."""
+    """Memory for rollouts, kept between calls: fresh pages would cost a tenth of a small run.
 
-    def __init__(self) -> None:
+    Of more runs than are recorded into so many bytes, engines that can may take the first alone.
+    """
+
+    def __init__(self, most: int = sys.maxsize) -> None:
+        self.most = most
         self._memory: dict[str, NDArray[Any]] = {}
 
     def arrays(
@@ -141,9 +146,10 @@ class Policy(Protocol):
 PolicyClass = Callable[[mujoco.MjModel], Policy]
 
 
-def bytes_of_run(model: mujoco.MjModel, steps: int) -> int:
-    """Return the memory that one run of N steps records into [bytes]."""
-    width = 1 + model.nq + model.nv + model.na + model.nsensordata
+def bytes_of_run(model: mujoco.MjModel, steps: int, measured: int | None = None) -> int:
+    """Return the memory [bytes] that one run of N steps records into; see `Buffers.arrays`."""
+    measured = model.nsensordata if measured is None else measured
+    width = 1 + model.nq + model.nv + model.na + measured
     return 8 * width * (steps + 1) + 4 * _ISLANDS * steps
 
 
@@ -238,9 +244,16 @@ class SimulationEngine(ABC):
         """Simulate runs, and record into `buffers`, whose arrays the next call overwrites.
 
         `watch` is called before each run, and `proceed` asked between runs: if it says no, only
-        the first ones are returned. A SceneError says that the engine cannot simulate such runs;
-        `refusal` should have said so.
+        the first ones are returned, as if `buffers` hold no more. A SceneError says that the
+        engine cannot simulate such runs; `refusal` should have said so.
         """
+
+    def least_bytes(self, base: CompiledScene, run: RunSpec) -> int:
+        """Return the memory [bytes] that a run is recorded into, at least.
+
+        By default it is all of it, since engines record into their buffers whatever they are given.
+        """
+        return bytes_of_run(base.model, run.steps)
 
     def refusal(self, scene: Scene, run: RunSpec) -> str | None:  # noqa: ARG002 - as below
         """Return why it cannot simulate a run, and what to do instead; None if it can.

@@ -15,6 +15,7 @@ from contactlab.engines.engine import (
     Rollout,
     RolloutArrays,
     Watch,
+    bytes_of_run,
     no_limit,
     proceed_always,
 )
@@ -114,6 +115,10 @@ class BatchStepper:
         self._batch, self._steps = start_batch(models, starts), steps
         self.width, self.warnings = models[0].nsensordata, self._batch.warning[:, :, _COUNT]
 
+    def bytes_beside(self, runs: int) -> int:  # noqa: ARG002 - of those that keep more
+        """Return the memory [bytes] of so many runs beside the arrays that it records into."""
+        return 0
+
     def step(self, run: int, inputs: Mapping[str, Any], out: Mapping[Any, np.ndarray]) -> str:
         """Make a run with inputs as `driven` gives them; return an error, if any."""
         try:
@@ -137,15 +142,18 @@ def roll_out(  # noqa: PLR0913 - those of an engine, and what steps
 
     Bit for bit equal to a loop over `mj_step`. The models are of one layout, without autoreset.
     """
-    count = len(models)
     stepper = stepper or BatchStepper(models, starts, steps)
+    size = bytes_of_run(models[0], steps, stepper.width)
+    count = min(len(models), max(1, buffers.most // size))
+    models, starts = models[:count], starts.rows(range(count))
     arrays = buffers.arrays(models[0], count, steps, stepper.width)
     record_starts(starts, arrays)
     cost = np.zeros(count)
     errors: list[str | None] = [None] * count
     recorder = Recorder(models, steps, 1)
     for run in range(count):
-        if run and not proceed():
+        fits = size * (run + 1) + stepper.bytes_beside(run + 1) <= buffers.most
+        if run and not (fits and proceed()):
             count = run
             break
         out: dict[Any, np.ndarray] = {

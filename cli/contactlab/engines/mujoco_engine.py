@@ -15,6 +15,7 @@ from contactlab.engines.engine import (
     Rollout,
     SimulationEngine,
     Watch,
+    bytes_of_run,
     engine,
     no_limit,
     package_version,
@@ -25,10 +26,12 @@ from contactlab.engines.self_checks import run_checks
 from contactlab.engines.single_run import count_work, integrate_to, time_segments, time_steps
 from contactlab.errors import SceneError
 from contactlab.mjcf import MODEL_ENGINE
+from contactlab.scene.compiled_scene import CompiledScene
 from contactlab.scene.model_edits import LOOP_ENGINE
 from contactlab.scene.mujoco_versions import has_batch
 from contactlab.scene.run_spec import RunSpec
 from contactlab.scene.scene import Scene
+from contactlab.schema.drive import PolicyDrive
 
 # Read before workers are forked.
 _VERSION = package_version("mujoco")
@@ -62,6 +65,16 @@ class MujocoEngine(SimulationEngine):
 
     def _with_cost(self, runs: PreparedRuns, rollout: Rollout) -> Rollout:  # noqa: ARG002
         return rollout
+
+    def least_bytes(self, base: CompiledScene, run: RunSpec) -> int:
+        """Return the memory [bytes] of a run without contacts, if no policy acts in it.
+
+        How many contacts there are is seen as runs are made, and no more are than memory holds.
+        """
+        if isinstance(run.drive, PolicyDrive):
+            return super().least_bytes(base, run)
+        measured = base.model.nsensordata - base.layout.contacts
+        return bytes_of_run(base.model, run.steps, measured)
 
     def seconds_per_step(self, runs: PreparedRuns) -> float:
         """Return how long a step takes [s], without what a batch takes around its steps."""

@@ -255,6 +255,8 @@ class _Check:
 def pack_jobs(runs: Iterable[RunSpec], count: int, scene: Scene, workers: int) -> Iterator[Job]:
     """Yield jobs, each bounded by `MAX_RUNS`, `JOB_BYTES` and `MODEL_BYTES`, or one run.
 
+    Where contacts take more memory than that, the worker makes the runs of a job in parts.
+
     Runs, those that are not done yet, are consumed lazily, some hundred ahead of what is yielded.
     Each worker gets several jobs, which become smaller towards the end, so that none has a large
     one while the others have none.
@@ -269,8 +271,8 @@ def pack_jobs(runs: Iterable[RunSpec], count: int, scene: Scene, workers: int) -
             structure, sleep = run.structure.items(), run.flags.get("sleep")
             key, last = (*structure, run.steps, run.engine, sleep, run.without), run
         if key not in bounds:
-            base, steps = scene.base_of(run), run.steps
-            size, work = bytes_of_run(base.model, steps), steps * max(1, base.model.nv) ** 2
+            base, steps, engine = scene.base_of(run), run.steps, engine_of(run)
+            size, work = engine.least_bytes(base, run), steps * max(1, base.model.nv) ** 2
             short = _SHORT_STEPS // steps
             least = max(LEAST_WORK, min(SMALL_WORK, fair * work)) // work
             if isinstance(run.drive, PolicyDrive) or run.engine == LOOP_ENGINE:

@@ -45,7 +45,7 @@ from contactlab.run.evidence_record import (
     journalled,
     row_of_crash,
 )
-from contactlab.run.planned_runs import Preparer, reference_models
+from contactlab.run.planned_runs import JOB_BYTES, Preparer, reference_models
 from contactlab.run.tasks import Finished, Job, Task, note
 from contactlab.scene.initial_states import InitialStates
 from contactlab.scene.model_names import input_names
@@ -97,7 +97,7 @@ class Worker:
         self._proceed = proceed
         self._preparer = Preparer(task, marker)
         self.scene = self._preparer.scene
-        self._buffers, self._twin_buffers = Buffers(), Buffers()
+        self._buffers, self._twin_buffers = Buffers(JOB_BYTES), Buffers(JOB_BYTES)
         self._store = backend_at(task.store, OutputError)
         self._traces = KeptTraces.of(task.sweep.trace)
         self._controls: set[str] = set()  # hashes of those that this process has stored
@@ -137,7 +137,8 @@ class Worker:
     def _record(self, job: Job) -> list[Finished]:
         """Run a job of runs that share structure and step count; write their traces.
 
-        Those of a kind go through together, so that no run depends on those beside it.
+        Those of a kind go through together, so that no run depends on those beside it, and as many
+        at a time as memory holds.
         """
         plans = self._preparer.plans(job)
         kinds = dict[Hashable, list[int]]()
@@ -145,19 +146,21 @@ class Worker:
             kinds.setdefault(kind_of(plan.run, plan.prepared.model), []).append(place)
         rows = dict[int, RunRow]()
         for places in kinds.values():
-            if not rows or self._proceed():
-                alike = self._record_alike([plans[place] for place in places])
-                rows |= {places[row]: encoded for row, encoded in alike.items()}
+            left = places
+            while left and (not rows or self._proceed()):
+                alike = self._record_alike([plans[place] for place in left])
+                rows |= {left[row]: encoded for row, encoded in alike.items()}
+                left = [place for place in left if place not in rows]
         return journalled([rows[place] for place in sorted(rows)])
 
     def _record_alike(self, plans: Sequence[PlannedModel]) -> dict[int, RunRow]:
-        """Return the runs of one kind that were run, by place."""
+        """Return those of the runs of one kind, the first at least, that were run, by place."""
         started = time_now()
         starts = InitialStates.joined([plan.start for plan in plans])
         rollout, groups = self._measure(plans, starts, self._buffers, self._proceed)
         labels = self._twin_labels(plans[: len(rollout.steps)], starts)
         rows = dict[int, RunRow]()
-        commons = list(commons_of(self._task, plans))
+        commons = list(commons_of(self._task, plans[: len(rollout.steps)]))
         for group in groups:
             for place in group.rows:
                 twin, common = labels.get(place), commons[place]

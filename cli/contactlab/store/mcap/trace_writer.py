@@ -68,14 +68,19 @@ class TraceEncoder:
 
     def __init__(self, trace: Trace, series: Sequence[PairSeries]) -> None:
         """Take a trace, and the net quantities of its pairs in the same order."""
-        self._trace, self._series = trace, series
+        self._trace = trace
         self._times, self._in_order = _log_times(trace.time)
         self._states = state_values(trace, self._times)
-        self._contacts = [
-            contact_values(channel, pair, net, self._times, trace.timestep)
+        touching = [
+            (channel, pair, net)
             for channel, (pair, net) in enumerate(
                 zip(trace.pairs, series, strict=True), STATE_CHANNEL + 1
             )
+            if net.contacts.any()
+        ]
+        self._contacts = [
+            (channel, net, contact_values(channel, pair, net, self._times, trace.timestep))
+            for channel, pair, net in touching
         ]
 
     def encode(
@@ -121,8 +126,7 @@ class TraceEncoder:
 
     def _records(self, run: int) -> Iterator[Records]:
         yield from state_records(self._trace, self._states, run)
-        contacts = zip(self._series, self._contacts, strict=True)
-        for channel, (net, values) in enumerate(contacts, STATE_CHANNEL + 1):
+        for channel, net, values in self._contacts:
             yield from contact_records(channel, net, values, run)
 
 
