@@ -236,6 +236,28 @@ def test_where_nothing_can_be_written_or_removed_it_is_said(
         temporary.write_text("new")
 
 
+def test_a_time_limit_of_the_caller_is_no_fault_of_the_file(
+    tmp_path: Path, identity_of: IdentityOf, scene_file: Any
+) -> None:
+    """Python's own error has no number of the system's; that of a network's file does."""
+
+    def end() -> None:
+        raise TimeoutError
+
+    with pytest.raises(TimeoutError), atomic_write(tmp_path / "file"):
+        end()
+    with (
+        pytest.raises(TimeoutError),
+        open_writer(tmp_path / "store", identity_of(3), scene_file, fresh=False),
+    ):
+        end()
+    with (
+        pytest.raises(OutputError, match=r"cannot write .*file: Connection timed out"),
+        atomic_write(tmp_path / "file"),
+    ):
+        raise OSError(errno.ETIMEDOUT, os.strerror(errno.ETIMEDOUT))
+
+
 def test_two_writers_of_one_file_do_not_share_what_they_write(tmp_path: Path) -> None:
     target = tmp_path / "file"
     with atomic_write(target) as first:

@@ -84,12 +84,18 @@ def write_error(path: object, error: OSError) -> OutputError:
 
 
 @contextmanager
-def write_errors(path: object) -> Generator[None]:
-    """Turn errors of the system into one that names a path that cannot be written."""
+def write_errors(path: object, *, within: bool = False) -> Generator[None]:
+    """Turn errors of the system into one that names a path that cannot be written.
+
+    `within` a folder, that is the file which the system names. A time limit of whoever called,
+    which Python raises without a number of the system's, passes.
+    """
     try:
         yield
     except OSError as error:
-        raise write_error(path, error) from error
+        if isinstance(error, TimeoutError) and error.errno is None:
+            raise
+        raise write_error((within and error.filename) or path, error) from error
 
 
 def sha256_of(path: Path) -> str:

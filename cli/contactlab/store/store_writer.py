@@ -13,7 +13,7 @@ from typing import Any, Protocol
 
 from contactlab.errors import OutputError, StoreError
 from contactlab.schema.evidence import Provenance, StoreManifest, SweepIdentity
-from contactlab.store.atomic_files import hashes_below, sha256_of, write_error, write_errors
+from contactlab.store.atomic_files import hashes_below, sha256_of, write_errors
 from contactlab.store.backend import Backend, WriteSession
 from contactlab.store.folder_backend import backend_at
 from contactlab.store.row_journal import (
@@ -220,34 +220,31 @@ def open_writer(  # noqa: PLR0913 - one argument an option of the command
     """
     backend = backend_at(address, OutputError)
     rows = ResumedRows(backend, identity, is_planned, retry_failed, repair)
-    try:
-        with backend.write_session() as session:
-            if fresh:
-                _refuse_foreign(backend, "not removed")
-                session.clear()
-            manifest = _find_manifest(rows)
-            if manifest is not None:
-                check_same_sweep(address, manifest.sweep, identity)
-                session.remove_journal()
-                kept = _rows_to_keep(rows, session, manifest)
-                if kept is None and not is_covered(manifest.sweep, identity):
-                    kept = iterate_rows(session.table())
-                if kept is None:
-                    yield manifest
-                    return
-                _reopen(session, manifest, kept)
-            mended = _prepare(rows, session, {identity.scene_hash: scene, **beside})
-            writer = StoreWriter(session, identity, mended)
-            try:
-                yield writer
-            except BaseException:
-                # Workers that were killed in mid-write could not clean up after themselves.
-                session.remove_temporaries()
-                raise
-            finally:
-                writer.close()
-    except OSError as error:
-        raise write_error(error.filename or address, error) from error
+    with write_errors(address, within=True), backend.write_session() as session:
+        if fresh:
+            _refuse_foreign(backend, "not removed")
+            session.clear()
+        manifest = _find_manifest(rows)
+        if manifest is not None:
+            check_same_sweep(address, manifest.sweep, identity)
+            session.remove_journal()
+            kept = _rows_to_keep(rows, session, manifest)
+            if kept is None and not is_covered(manifest.sweep, identity):
+                kept = iterate_rows(session.table())
+            if kept is None:
+                yield manifest
+                return
+            _reopen(session, manifest, kept)
+        mended = _prepare(rows, session, {identity.scene_hash: scene, **beside})
+        writer = StoreWriter(session, identity, mended)
+        try:
+            yield writer
+        except BaseException:
+            # Workers that were killed in mid-write could not clean up after themselves.
+            session.remove_temporaries()
+            raise
+        finally:
+            writer.close()
 
 
 def _find_manifest(rows: ResumedRows) -> StoreManifest | None:
