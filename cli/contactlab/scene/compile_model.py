@@ -23,7 +23,6 @@ from mujoco._specs import MjsBody, MjsSensor
 from contactlab.contact.trace_arrays import SLOT_WIDTH, Floats
 from contactlab.errors import ModelWarning, SceneError
 from contactlab.expression import Expression, ExpressionError
-from contactlab.mjcf import OPTIONS
 from contactlab.scene.compile_messages import in_words
 from contactlab.scene.contact_pairs import MonitoredPair
 from contactlab.scene.model_files import FileSearch, name_in_copy, parse, plain_name
@@ -182,10 +181,8 @@ def _checked(model: mujoco.MjModel, source: SceneSource) -> mujoco.MjModel:
     Its options are finite but for the step, which a sweep may replace, and its actuators have one
     control and one force.
     """
-    for option in OPTIONS:
-        value = getattr(model.opt, option)
-        if option != "timestep" and not np.isfinite(value).all():
-            told = " ".join(f"{number:g}" for number in np.ravel(value))
+    for option, told in infinite_options(model):
+        if option != "timestep":
             raise SceneError(
                 f"{source.model}: its {option} is {told}; write finite numbers in "
                 f'<option {option}="..."/>'
@@ -200,6 +197,14 @@ def _checked(model: mujoco.MjModel, source: SceneSource) -> mujoco.MjModel:
                 '<position joint="..."/> or <motor gear="..."/>'
             )
     return model
+
+
+def infinite_options(model: mujoco.MjModel) -> Iterator[tuple[str, str]]:
+    """Yield the attributes of <option> that are not finite, and their values in words."""
+    for option in dir(model.opt):
+        value = getattr(model.opt, option)
+        if isinstance(value, float | np.ndarray) and not np.isfinite(value).all():
+            yield option, " ".join(f"{number:g}" for number in np.ravel(value))
 
 
 _said: set[tuple[Path, str]] = set()

@@ -118,6 +118,12 @@ CASES: Mapping[str, Planted] = {
         {'<geom name="lower"': '<geom name="lower" solref=".001 1"'}, '<geom name="lower"'
     ),
     "long-step": Planted({'timestep="0.002"': 'timestep="0.015"'}, "<option"),
+    "option-value": Planted(
+        {'timestep="0.002"': 'timestep="0.002" gravity="0 0 -inf" impratio="0"'}, "<option"
+    ),
+    "gravity-size": Planted(
+        {'timestep="0.002"': 'timestep="0.002" gravity="0 0 -981"'}, "<option", False
+    ),
     "solref-energy": Planted(
         {'<geom name="lower"': '<geom name="lower" solref=".02 .05"'}, '<geom name="lower"'
     ),
