@@ -12,6 +12,7 @@ from contactlab.scene.model_names import name_by_address
 from contactlab.schema.grip import GripReport
 from contactlab.studies.grip.bench import cut_free, with_object
 from contactlab.studies.grip.fingers import find_hand
+from contactlab.studies.grip.grip_lines import grip_lines
 from contactlab.studies.grip.gripped_object import USUAL
 from contactlab.studies.grip.gripping import GripRequest, run
 
@@ -126,6 +127,10 @@ def test_it_grips_by_its_own_actuators(hand: str, tmp_path: Path) -> None:
     assert len(forces) == 2
     assert forces[0] == pytest.approx(forces[1], rel=1e-3)
     assert {each.name for each in report.controls} <= {"actuator[2]", "actuator[3]"}
+    told = " against " if hand == "a fixed jaw" else ", "
+    assert told.join(f"{each.body} {each.force:.3g} N" for each in report.fingers) in "\n".join(
+        grip_lines(report)
+    )
 
 
 def test_what_a_string_drags_is_no_finger() -> None:

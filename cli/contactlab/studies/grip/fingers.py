@@ -111,7 +111,10 @@ def find_hand(model: mujoco.MjModel, base: str | None = None) -> Hand:
         SceneError: there is no actuator, no such body, or nothing that closes.
     """
     if not model.nu:
-        raise SceneError(f"the model has no actuators, so that nothing closes; {NO_HAND}")
+        raise SceneError(
+            "the model has no actuators, so that nothing closes; write them in MJCF, which URDF "
+            "has no words for, or name a keyframe in which something is held (--keyframe)"
+        )
     carriers = _carriers(model)
     if base is not None:
         bodies = [known_id(model, "body", base)]

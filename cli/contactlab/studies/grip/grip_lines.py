@@ -30,9 +30,7 @@ def _where(report: GripReport) -> str:
 def _squeeze(report: GripReport) -> Iterator[str]:
     if report.opening is not None:
         yield f"opening   {1e3 * report.opening:.3g} mm"
-    pressing = [each for each in report.fingers if each.force > 0]
-    forces = ", ".join(f"{each.body} {each.force:.3g} N" for each in pressing) or "none"
-    yield from wrapped(f"fingers   {forces}")
+    yield from wrapped(_sides(report))
     controls = ", ".join(
         f"{each.name} {abs(each.force):.3g}"
         + (f" of {each.limit:.3g}" if each.limit is not None else "")
@@ -40,6 +38,16 @@ def _squeeze(report: GripReport) -> Iterator[str]:
     )
     yield from wrapped(f"actuators {controls}")
     yield f"depth     {1e3 * report.depth:.3g} mm, {report.depth_share:.0%} of half of its width"
+
+
+def _sides(report: GripReport) -> str:
+    """Return what presses on the object: fingers, or one jaw and what it closes on."""
+    forces = [f"{each.body} {each.force:.3g} N" for each in report.fingers if each.force > 0]
+    moving = [each.body for each in report.fingers if each.body != report.base]
+    if len(moving) == 1:
+        sides = " against ".join(forces) if len(forces) > 1 else f"{moving[0]} and {report.base}"
+        return f"jaw       {sides}" + ("" if len(forces) > 1 else ": they do not hold it")
+    return f"fingers   {', '.join(forces) or 'none presses on it'}"
 
 
 def _drifts(drifts: Sequence[GripDrift]) -> Iterator[str]:
