@@ -7,7 +7,7 @@ the direction of reading; commands of a CI job, which are lines of its log; mark
 import math
 import re
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 # All control characters but tabs and line ends, marks of direction, other line ends, surrogates.
 _CONTROL = re.compile(
@@ -15,6 +15,8 @@ _CONTROL = re.compile(
 )
 # GitHub takes commands from lines that start with two colons, older ones from anywhere in a line.
 _COMMAND = re.compile(r"^(?P<start>[^\S\n]*):(?=:)|#(?=#\[)", re.MULTILINE)
+Told = Callable[[str], str]
+"""What is written instead of a text: of an address, its geom's body."""
 COLUMNS = 80
 """Width of a report, whatever shows it."""
 _MARKUP = "\\|`*_<>[]~$"

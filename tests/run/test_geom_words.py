@@ -1,8 +1,12 @@
-"""A page calls geoms without a name by their bodies; the store keeps their addresses."""
+"""Pages and tables call geoms without a name by their bodies; the store keeps their addresses."""
 
+import sys
 from pathlib import Path
 
+import pytest
+
 import contactlab
+from contactlab.command_line.main import main
 from contactlab.page.script_data import packed_series
 from contactlab.run.geom_words import told_of_runs
 
@@ -15,7 +19,9 @@ MODEL = """<mujoco><worldbody>
 </worldbody></mujoco>"""
 
 
-def test_unnamed_geoms_are_called_by_their_bodies(tmp_path: Path) -> None:
+def test_unnamed_geoms_are_called_by_their_bodies(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     (tmp_path / "model.xml").write_text(MODEL)
     sweep = {"version": 1, "scene": str(tmp_path / "model.xml"), "duration": 0.01, "checks": "none"}
     store = contactlab.sweep(sweep, output=tmp_path / "store", workers=0)
@@ -29,3 +35,10 @@ def test_unnamed_geoms_are_called_by_their_bodies(tmp_path: Path) -> None:
     drawn = packed_series(store, records, told)["runs"][0]
     assert {name for name, _ in drawn["bands"]} == {*pairs.values()}
     assert {"foot z", "body[2] z", "puck z"} <= {name for name, *_ in drawn["signals"]}
+    command = ["contactlab", "show", str(store.address), records[0].run_id]
+    monkeypatch.setattr(sys, "argv", command)
+    with pytest.raises(SystemExit):
+        main()
+    shown = capsys.readouterr().out
+    assert {"world-body[2]", "world-rim"} <= {*shown.split()}
+    assert "geom[0]" not in shown

@@ -89,12 +89,15 @@ def show(
 
 def _print_record(store: "Address", record: "EvidenceRecord") -> None:
     from contactlab.reporting.coverage_rows import coverage_rows
+    from contactlab.reporting.told_geoms import told_geoms
+    from contactlab.store.finished_store import Store
 
+    told = told_geoms(Store.open(store), {0: record})[0]
     echo("\n".join(map(in_one_line, _identity_lines(store, record))))
-    labels = [(entry.label, entry.step, entry.reason) for entry in record.labels]
+    labels = [(entry.label, entry.step, told(entry.reason)) for entry in record.labels]
     print_table(("label", "first step", "reason"), labels)
     if record.coverage is not None:
-        rows = coverage_rows(record.coverage, record.pairs)
+        rows = [tuple(map(told, row)) for row in coverage_rows(record.coverage, record.pairs)]
         print_table(("exercised", "not at all", "share of range or time"), rows)
     measured = {name: value for name, value in record.metrics.items() if value is not None}
     metrics = [(name, f"{value:.6g}", record.units[name]) for name, value in measured.items()]
@@ -106,7 +109,7 @@ def _print_record(store: "Address", record: "EvidenceRecord") -> None:
     print_table(("setting", "value", ""), settings)
     pairs = [
         (
-            name,
+            told(name),
             each.condim,
             *map(format_value, (each.friction, each.solref, each.solimp)),
             each.margin,

@@ -1,7 +1,7 @@
 """A run in a page: its trace in a few hundred points."""
 
 import xml.etree.ElementTree as ET
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,11 +10,10 @@ from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import NO_CONTACT, Floats
 from contactlab.page.packing import packed_integers, rounded_floats
+from contactlab.printable import Told
 from contactlab.schema.coverage import Travel
 from contactlab.store.mcap.trace_reader import StoredTrace
 
-Told = Callable[[str], str]
-"""What a page writes instead of a text about a run."""
 _POINTS = 400
 _MOST_COORDINATES = 6
 _BITS = 12

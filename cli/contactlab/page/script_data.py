@@ -3,7 +3,6 @@
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
@@ -23,7 +22,7 @@ from contactlab.page.packing import (
     run_id_halves,
 )
 from contactlab.page.page_charts import MODE_NAMES, chart_templates
-from contactlab.page.run_series import Told, run_series
+from contactlab.page.run_series import run_series
 from contactlab.palette import mode_colour
 from contactlab.pareto.analysis import ToleranceTable
 from contactlab.pareto.recommendation import (
@@ -32,10 +31,11 @@ from contactlab.pareto.recommendation import (
     SAFE_MARGIN,
     places_of_models,
 )
-from contactlab.plugins import extensions
+from contactlab.printable import Told
 from contactlab.reporting.coverage_rows import coverage_rows
 from contactlab.reporting.report import PageRequest, ReportData
 from contactlab.reporting.report_columns import Codes, GridAxis, RunLabels, summary_metrics
+from contactlab.reporting.told_geoms import told_geoms
 from contactlab.schema.evidence import EvidenceRecord
 from contactlab.schema.tradeoff_report import TradeoffReport
 from contactlab.store.finished_store import Store
@@ -84,7 +84,7 @@ def script_data(data: ReportData, request: PageRequest, chart: Spec | None) -> S
     """Return the data of a page's script."""
     selection = _selection(data, request)
     table = data.tolerance_table()
-    told = _told(data.store, selection.records)
+    told = told_geoms(data.store, selection.records)
     columns = _columns(data, selection, table)
     if selection.is_aggregated:
         columns |= aggregated_columns(selection.axes, data.labels, data.quantities)
@@ -267,14 +267,6 @@ def _tradeoff(report: TradeoffReport) -> dict[str, Any]:
         "equallyAccurate": MORE_ACCURATE,
         "safeMargin": SAFE_MARGIN,
     }
-
-
-def _told(store: Store, records: dict[int, EvidenceRecord]) -> dict[int, Told]:
-    """Return what geoms are called in each run: without a name as their bodies, by the engine."""
-    pairs = (name for record in records.values() for name in record.pairs)
-    if find_spec("mujoco") is None or not any("geom[" in name for name in pairs):
-        return dict.fromkeys(records, str)
-    return extensions("wording")["geoms"].load()(store, records)
 
 
 def _details(record: EvidenceRecord, told: Told) -> dict[str, Any]:

@@ -1,20 +1,17 @@
-"""Geoms without a name as a page speaks of them: by the body that they belong to."""
+"""Geoms without a name as a page or `show` speaks of them: by the body that they belong to."""
 
 import re
-from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
 
-import mujoco
-
 from contactlab.errors import ContactlabError
+from contactlab.printable import Told
 from contactlab.run.planned_runs import stored_sweep_scene
 from contactlab.run.stored_runs import resolve_record
-from contactlab.scene.model_names import is_address, name_of
+from contactlab.scene.model_names import geom_words
 from contactlab.schema.evidence import EvidenceRecord
 from contactlab.store.finished_store import Store
 
-Told = Callable[[str], str]
 _ADDRESS = re.compile(r"geom\[\d+\]_*")
 
 
@@ -32,24 +29,9 @@ def told_of_runs(store: Store, records: Mapping[int, EvidenceRecord]) -> dict[in
             scene = stored_sweep_scene(store.manifest.sweep, store.scene_folder)
             for place in unnamed:
                 model = scene.base_of(resolve_record(scene, records[place])).model
-                told[place] = _replacing(words_for_geoms(model))
+                told[place] = _replacing(geom_words(model))
     return told
 
 
 def _replacing(words: Mapping[str, str]) -> Told:
     return lambda text: _ADDRESS.sub(lambda found: words.get(found[0], found[0]), text)
-
-
-def words_for_geoms(model: mujoco.MjModel) -> dict[str, str]:
-    """Return what geoms without a name are called, by address: their body.
-
-    Where that has several geoms the address is told too.
-    """
-    bodies: list[int] = model.geom_bodyid.tolist()
-    count = Counter(bodies)
-    names = ((name_of(model, "geom", geom), body) for geom, body in enumerate(bodies))
-    return {
-        name: name_of(model, "body", body) + (f" {name}" if count[body] > 1 else "")
-        for name, body in names
-        if is_address(name)
-    }

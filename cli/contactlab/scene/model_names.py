@@ -7,6 +7,7 @@ thing. Names of coordinates are such as `ball.z`, `box.vx`, `hinge`, `hinge.v`, 
 
 import fnmatch
 import re
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, Literal
 
@@ -82,6 +83,27 @@ def find_id(model: mujoco.MjModel, kind: str, name: str) -> int:
 def name_of(model: mujoco.MjModel, kind: str, index: int) -> str:
     """Return the name of one of a kind; its address if nobody named it, as in a binary model."""
     return getattr(model, kind)(index).name or f"{kind}[{index}]"
+
+
+def geom_words(model: mujoco.MjModel) -> dict[str, str]:
+    """Return what is said of geoms that nobody named, by address: their body.
+
+    Where that has several geoms the address is told too.
+    """
+    bodies: list[int] = model.geom_bodyid.tolist()
+    count = Counter(bodies)
+    names = ((name_of(model, "geom", geom), body) for geom, body in enumerate(bodies))
+    return {
+        name: name_of(model, "body", body) + (f" {name}" if count[body] > 1 else "")
+        for name, body in names
+        if is_address(name)
+    }
+
+
+def geom_word(model: mujoco.MjModel, geom: int) -> str:
+    """Return what is said of a geom: its name, or else its body."""
+    name = name_of(model, "geom", geom)
+    return geom_words(model).get(name, name)
 
 
 def known_id(model: mujoco.MjModel, kind: Literal["body", "geom"], name: str) -> int:

@@ -15,7 +15,7 @@ from tempfile import TemporaryDirectory
 
 from contactlab.budget import ErrorBudget, Motion, Settings, error_budget, judge
 from contactlab.errors import SceneError
-from contactlab.scene.model_names import name_of
+from contactlab.scene.model_names import geom_word
 from contactlab.scene.model_writer import WrittenModel, write_model
 from contactlab.schema.task import Task
 from contactlab.schema.tune_report import MODEL, Aim, Judged, Verified
@@ -515,7 +515,7 @@ class Answers:
         runs = [part.positions for part in self._yards.parts]
         near, pairs = pairs_within(model, runs, 0.0), self._subject.pairs_apart
         pair = min(pairs if near is None else pairs & near, default=None)
-        return " and ".join(name_of(model, "geom", geom) for geom in pair) if pair else ""
+        return " and ".join(geom_word(model, geom) for geom in pair) if pair else ""
 
 
 def _spread(budget: ErrorBudget) -> tuple[float, float]:

@@ -21,7 +21,7 @@ from contactlab.budget.rows import ROWS
 from contactlab.budget.showing import shown_rows
 from contactlab.budget.windows import without_sensors
 from contactlab.plan.task_options import AS_INFERRED, TaskOptions
-from contactlab.scene.model_names import name_of
+from contactlab.scene.model_names import geom_words, name_of
 from contactlab.scene.mujoco_versions import VERSION
 from contactlab.schema.error_budget import BudgetPrice
 from contactlab.schema.parts_report import REPORT, PartKind, PartsReport, PartWorth, Worth
@@ -230,14 +230,14 @@ def _pieces(model: mujoco.MjModel, used: Used, positions: Sequence[np.ndarray]) 
 def _collisions(
     model: mujoco.MjModel, used: Used, positions: Sequence[np.ndarray]
 ) -> Iterator[Part]:
-    unused = untouched_geoms(model, positions)
+    unused, words = untouched_geoms(model, positions), geom_words(model)
     for geom in _ids(model.geom_contype | model.geom_conaffinity):
         without, name = (
             _zero(geom, "geom_contype", "geom_conaffinity"),
             name_of(model, "geom", geom),
         )
         proof = f"they {_NEVER}" if name in unused.masked else ""
-        yield Part("geom", name, without, geom in used.geoms, proof)
+        yield Part("geom", words.get(name, name), without, geom in used.geoms, proof)
     for one, other in unused.excluded:
         proof = f"their bodies {_NEVER}"
         yield Part("pair", f"{one} - {other}", lambda _: None, exercised=False, proof=proof)
