@@ -71,7 +71,7 @@ def _page(folder: Path) -> str:
     with (
         patch.object(page_view, "static_svg", lambda *_: "<svg></svg>"),
         patch.object(page_view, "vega_bundle", lambda: ""),
-        patch.object(page_view, "header_films", lambda *_: []),
+        patch.object(page_view, "header_films", lambda *_: page_view.Films([])),
         patch.object(page_view, "focal_picture", lambda *_: None),
     ):
         write_page(store, folder / "page.html", PageRequest())

@@ -8,7 +8,7 @@ from pathlib import Path
 import altair as alt
 
 from contactlab.charts import Rows, Spec, haloed, layer_of, static_svg, themed, word_colours
-from contactlab.page.header_films import HeaderFilm, Moment, film_in, film_of_moment
+from contactlab.page.header_films import Films, HeaderFilm, Moment, film_in, film_of_moment
 from contactlab.palette import COLOURS, OTHERS_COLOUR
 from contactlab.printable import percent
 from contactlab.reporting.examination import (
@@ -52,7 +52,7 @@ class ExaminationView:
 
     Attributes:
         report: the whole.
-        film: of the worst moment; None where none can be drawn.
+        film: of the worst moment, or why there is none.
         grip: a film of the grip that a fact tells of; None without one.
         lines: the rows of the budget that are told, the run first.
         limit: where the tolerance is along a bar, 0 to 1.
@@ -63,7 +63,7 @@ class ExaminationView:
     """
 
     report: Examination
-    film: HeaderFilm | None
+    film: Films
     grip: HeaderFilm | None
     lines: Sequence[BudgetLine]
     limit: float
@@ -71,6 +71,11 @@ class ExaminationView:
     changes: Sequence[tuple[str, Sequence[str]]]
     untried: str
     contacts: Sequence[Sequence[str]]
+
+    @property
+    def has_pictures(self) -> bool:
+        """Whether a film stands beside the budget, which has the width otherwise."""
+        return bool(self.film.drawn or self.grip)
 
     @property
     def verdict(self) -> str:
@@ -95,7 +100,7 @@ def examination_view(
     chart = None if budget is None else _tried(budget)
     return ExaminationView(
         report=report,
-        film=None if moment is None else film_of_moment(store, moment),
+        film=Films([]) if moment is None else film_of_moment(store, moment),
         grip=None if grip is None else film_in(grip, "the hand closes"),
         lines=[] if budget is None else list(_lines(report, budget)),
         limit=_along(report.task.within),

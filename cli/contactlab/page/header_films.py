@@ -6,11 +6,11 @@ from collections.abc import Iterator
 from contextlib import suppress
 from importlib.util import find_spec
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from contactlab.errors import ContactlabError
+from contactlab.errors import ContactlabError, OutputError, StoreError
 from contactlab.plugins import extensions
 from contactlab.reporting.report import ReportData
 from contactlab.store.finished_store import Store
@@ -33,6 +33,14 @@ class HeaderFilm(NamedTuple):
     source: str
 
 
+class Films(NamedTuple):
+    """Films of a page; or why there is none, and the command that draws one then."""
+
+    drawn: list[HeaderFilm]
+    missing: str = ""
+    command: str = ""
+
+
 class FocalPicture(NamedTuple):
     """The worst run at its worst moment, beside the best one then, as the source of an image."""
 
@@ -48,19 +56,16 @@ def focal_picture(data: ReportData, worst: str | None) -> FocalPicture | None:
 
     The worst moment is that at which its label begins.
     """
-    best = _stable(data)
-    if worst is None or best is None or best == worst or find_spec("mujoco") is None:
-        return None
-    store, viewer = data.store, extensions("viewer").get("png")
-    record, other = store.record(worst), store.record(best)
-    if viewer is None or store.manifest.traces_left_out or not (record.trace and other.trace):
+    best, store = _stable(data), data.store
+    if worst is None or best is None or best == worst:
         return None
     with suppress(ContactlabError), tempfile.TemporaryDirectory() as folder:
+        record = store.record(worst)
         times = store.trace(record).time
         begins = [entry.step for entry in record.labels if entry.step is not None]
         time = float(times[min(begins[0], len(times) - 1)]) if begins else float(times[-1])
         path = Path(folder) / "moment.png"
-        viewer.load()(
+        _viewer("png")(
             store, worst, path, size=_FOCAL_SIZE, camera=None, speed=None, at=(time,), beside=best
         )
         return FocalPicture(worst, record.label, best, time, _encoded(path, "png"))
@@ -71,19 +76,21 @@ def _encoded(path: Path, kind: str) -> str:
     return f"data:image/{kind};base64,{base64.b64encode(path.read_bytes()).decode()}"
 
 
-def header_films(data: ReportData, worst: str | None) -> list[HeaderFilm]:
-    """Return films of a stable run, the recommended one if there is one, and of the worst.
-
-    There are none of runs without a trace, and where films cannot be drawn.
-    """
-    films: list[HeaderFilm] = []
-    if find_spec("mujoco") is None:
-        # The rest of a page needs no engine.
-        return films
+def header_films(data: ReportData, worst: str | None) -> Films:
+    """Return films of a stable run, the recommended one if there is one, and of the worst."""
+    films, none = list[HeaderFilm](), Films([])
     for run in dict.fromkeys(filter(None, (_stable(data), worst))):
-        with suppress(ContactlabError):
+        try:
             films += film_of(data.store, run)
-    return films
+        except ContactlabError as error:
+            none = _undrawn(data.store, run, error)
+    return Films(films) if films else none
+
+
+def _undrawn(store: Store, run: str, error: ContactlabError) -> Films:
+    """Return no film of a run and why; what another command cannot draw either has none."""
+    command = f"contactlab render {store.address} {run[:8]} -o run.mp4"
+    return Films([], str(error), "" if isinstance(error, StoreError) else command)
 
 
 def _stable(data: ReportData) -> str | None:
@@ -103,31 +110,33 @@ class Moment(NamedTuple):
     words: str
 
 
-def film_of_moment(store: Store, moment: Moment) -> HeaderFilm | None:
-    """Return a film in slow motion of what leads to a moment and follows it, from near the body.
-
-    None where no film can be drawn.
-    """
-    viewer = extensions("viewer").get("gif")
-    if viewer is None or find_spec("mujoco") is None or store.record(moment.run).trace is None:
-        return None
+def film_of_moment(store: Store, moment: Moment) -> Films:
+    """Return a film in slow motion of what leads to a moment and follows it, from near the body."""
     between = moment.begin - _BEFORE * _SHOWN, moment.end + (1 - _BEFORE) * _SHOWN
-    with suppress(ContactlabError), tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "moment.gif"
-        speed = (between[1] - between[0]) / _SECONDS_OF_MOMENT
-        viewer.load()(
-            store,
-            moment.run,
-            path,
-            size=_SIZE_OF_MOMENT,
-            camera=None,
-            speed=speed,
-            at=(),
-            between=between,
-            around=moment.body,
-        )
-        return HeaderFilm(moment.run, moment.words, _encoded(path, "gif"))
-    return None
+    try:
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "moment.gif"
+            _viewer("gif")(
+                store,
+                moment.run,
+                path,
+                size=_SIZE_OF_MOMENT,
+                camera=None,
+                speed=(between[1] - between[0]) / _SECONDS_OF_MOMENT,
+                at=(),
+                between=between,
+                around=moment.body,
+            )
+            return Films([HeaderFilm(moment.run, moment.words, _encoded(path, "gif"))])
+    except ContactlabError as error:
+        return _undrawn(store, moment.run, error)
+
+
+def _viewer(kind: str) -> Any:  # noqa: ANN401 - a function
+    """Return what draws files of a kind; a ContactlabError says what is not installed for it."""
+    if find_spec("mujoco") is None:
+        raise OutputError(f".{kind} needs mujoco, which is not installed; pip install mujoco")
+    return extensions("viewer")[kind].load()
 
 
 def film_in(file: Path, words: str) -> HeaderFilm | None:
@@ -138,15 +147,15 @@ def film_in(file: Path, words: str) -> HeaderFilm | None:
 
 
 def film_of(store: Store, run: str) -> Iterator[HeaderFilm]:
-    """Yield the film of a run; nothing of one without a trace, or where none can be drawn."""
-    viewer, record = extensions("viewer").get("gif"), store.record(run)
-    if viewer is None or record.trace is None or store.manifest.traces_left_out:
-        return
-    seconds = float(store.trace(record).time[-1])
+    """Yield the film of a run, unless it is too large for a page.
+
+    A ContactlabError says why it cannot be drawn: it has no trace, or something is not installed.
+    """
+    seconds = float(store.trace(store.record(run)).time[-1])
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "run.gif"
         speed = min(max(seconds / _SECONDS, 0.001), 1000.0)
-        viewer.load()(store, run, path, size=_SIZE, camera=None, speed=speed, at=())
+        _viewer("gif")(store, run, path, size=_SIZE, camera=None, speed=speed, at=())
         size, source = path.stat().st_size, _encoded(path, "gif")
     if size <= _MOST_BYTES_OF_A_FILM:
-        yield HeaderFilm(run, record.label, source)
+        yield HeaderFilm(run, store.record(run).label, source)

@@ -11,7 +11,7 @@ import numpy as np
 from contactlab.charts import Spec, colours_on_dark, static_svg, vega_bundle
 from contactlab.page.engine_parts import EngineParts, engine_parts, engines_sentence
 from contactlab.page.examination_view import ExaminationView, examination_view
-from contactlab.page.header_films import FocalPicture, HeaderFilm, focal_picture, header_films
+from contactlab.page.header_films import Films, FocalPicture, focal_picture, header_films
 from contactlab.page.heatmap import (
     BaselineComparison,
     compare_with_baseline,
@@ -72,7 +72,7 @@ class HeadView:
     finding: str
     reality: str
     focal: FocalPicture | None
-    films: Sequence[HeaderFilm]
+    films: Films
     first: tuple[str, str] | None
     notes: tuple[str, ...]
 
@@ -279,7 +279,7 @@ def head_view(
         if request.examination
         else finding(data.axes, data.labels, share_words(data.store)),
         reality=reality.sentence if reality else "",
-        films=header_films(data, pictured) if drawn else [],
+        films=header_films(data, pictured) if drawn else Films([]),
         focal=focal_picture(data, pictured) if drawn else None,
         first=first,
         notes=(*notes, *trace_warning(data.store)),

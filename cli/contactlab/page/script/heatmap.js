@@ -173,7 +173,7 @@ function filled(template, panel, layers, room) {
   const spec = structuredClone(template);
   const ups = panel.y ? panel.y.ticks : [""];
   const width = Math.min(Math.max(Math.min(room, WIDEST) / panel.across, 8), 210);
-  const height = Math.min(Math.max(HIGHEST / panel.up, 13), 84);
+  const height = Math.min(Math.max(HIGHEST / panel.up, 13), 112);
   const widest = Math.max(...panel.x.ticks.map((tick) => tick.length));
   for (const layer of spec.layer) {
     const name = layer.data.name;

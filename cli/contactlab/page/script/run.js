@@ -132,7 +132,7 @@ function runPanel(columns, row, open) {
     element("div", { id: "timeline", class: "picture", role: "group", "aria-label": `Run ${run} over time` }),
     details?.coverage.length ? element("details", {}, element("summary", {}, "What it exercised"),
       element("div", { class: "scroll" }, table(["exercised", "not at all", "share of range or time"], details.coverage))) : null,
-    element("details", { open: !first.length }, element("summary", {}, `All ${all.length} metrics`), element("div", { id: "metrics" }, pairsOf(all))),
+    element("details", { open: !first.length && !trace }, element("summary", {}, `All ${all.length} metrics`), element("div", { id: "metrics" }, pairsOf(all))),
     details ? element("details", {}, element("summary", {}, "All settings"),
       pairsOf(Object.entries(details.settings).map(([name, value]) => [name, setting(value)]))) : null,
     commandsOf(columns, row),
