@@ -161,14 +161,18 @@ Stepped = tuple[mujoco.MjModel, int]
 
 
 class Clock:
-    """Times models through parts of a task that are spread over its phases."""
+    """Times models through parts of a task that are spread over its phases.
+
+    Models that it is given are its own from then on: it sets their steps, since meshes make copies
+    large.
+    """
 
     def __init__(self, yards: Yardsticks, base: mujoco.MjModel) -> None:
         """Take the model as written, as its files make it."""
-        self._yards, self._written, self._batches = yards, base, Batches()
+        self._yards, self._written, self._batches = yards, copy.copy(base), Batches()
         # Stretches that begin at rest or in flight would tell nothing of contacts.
         self._places, self._stretch = _MOST_PLACES // 2, _SHORTEST
-        self.base_seconds = float(self._timed(base, yards.finer).taken().sum())
+        self.base_seconds = float(self._timed(self._written, yards.finer).taken().sum())
         """Time of the model as written over simulated time."""
         wanted = _TURN / self.base_seconds / len(yards.parts)
         self._places = max(_FEWEST_PLACES, min(_MOST_PLACES, math.ceil(wanted / _STRETCH)))
@@ -258,9 +262,8 @@ class Clock:
         return [(self._stepped(*each), each[1]) for each in models]
 
     def _stepped(self, model: mujoco.MjModel, multiple: int) -> mujoco.MjModel:
-        own = copy.copy(model)
-        own.opt.timestep = multiple * self._yards.step
-        return own
+        model.opt.timestep = multiple * self._yards.step
+        return model
 
     def _timed(self, model: mujoco.MjModel, multiple: int) -> Timed:
         steps = max(2, round(self._stretch / (multiple * self._yards.step)))

@@ -100,7 +100,7 @@ def run(request: PartsRequest, session: Session) -> PartsReport:
         if not ended:
             (price,) = clock.prices([(_made(motions[0].model, part.without), 1)], _TURNS)
         measured.append((part, apart, price))
-    (twin,) = clock.prices([(motions[0].model, 1)], _TURNS)
+    (twin,) = clock.prices([(copy.copy(motions[0].model), 1)], _TURNS)
     report = PartsReport(
         model=request.model,
         scene_hash=examined.scene.hash,
