@@ -9,11 +9,12 @@ differ by, over what accelerated the body, is a share of phantom forces.
 ROW is `run` (the steps, against a sixteenth of them), `gain` or `loss` (of energy, that fine steps
 do not have; `energy` is either), `warning` (what MuJoCo warns of), or what is changed in the model,
 at a quarter of its steps: `cone`, `impratio`, `noslip`, `solver`, `contact softness`,
-`limit softness`, `friction loss softness` or `equality softness`. It ends with 0 if it is 10 % or
-more, else with 1.
+`limit softness`, `friction loss softness`, `equality softness`, or `refsafe`: time constants of two
+of the run's steps at least, as it has them. It ends with 0 if it is 10 % or more, else with 1.
 Beside these, `limit` is the joint or tendon that goes farthest beyond its range, by half of it or
-more, `depth` the deepest contact, beyond the middle of the thinner geom, and `iterations` how far
-forces and accelerations still differ where the solver used all that it may; they need no body.
+more (of what turns, an eighth of a turn counts as the least range, a quarter as the most), `depth`
+the deepest contact, beyond the middle of the thinner geom, and `iterations` how far forces and
+accelerations still differ where the solver used all that it may; they need no body.
 
 `--against CHANGED` asks something else: whether a changed model is nearer than the model to what is
 meant, the model at a sixteenth of its step with what ROW names changed, if that is of the model.
@@ -46,6 +47,15 @@ STRAINS = ("limit", "depth")
 BODILESS = ("warning", "iterations", *STRAINS)
 SIGNS: dict[str, Callable[[float], float]] = {"gain": float, "loss": neg, "energy": abs}
 _LEAST = 1e-3  # of the largest force: below it, one is no scale
+_SOLREFS = (
+    "geom_solref",
+    "pair_solref",
+    "jnt_solref",
+    "dof_solref",
+    "eq_solref",
+    "tendon_solref_lim",
+    "tendon_solref_fri",
+)
 _STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 
 
@@ -133,7 +143,16 @@ def _impratio(model: mujoco.MjModel) -> None:
     model.opt.impratio *= 10
 
 
+def _raised(model: mujoco.MjModel) -> None:
+    """Raise time constants to two of the run's steps, as refsafe has them in the run alone."""
+    least = 2 * model.opt.timestep
+    for field in _SOLREFS:
+        array = getattr(model, field)
+        array[(array[:, 0] > 0) & (array[:, 0] < least), 0] = least
+
+
 CHANGES: dict[str, Change] = {
+    "refsafe": _raised,
     "cone": _option(cone=int(mujoco.mjtCone.mjCONE_ELLIPTIC)),
     "impratio": _impratio,
     "noslip": _option(noslip_iterations=10, noslip_tolerance=0),
@@ -307,7 +326,8 @@ class Sums:
         """Run a window by both models from a state, and compare them."""
         (mine, energy), (fine, reference) = own.run(state, drive), other.run(state, drive)
         apart = _parted(own, mine, other, fine)
-        path = fine[other.whole, self._body]
+        # The real forces are those of the model as it is, at its finer steps.
+        path = (mine[own.whole] if own.rate > 1 else fine[other.whole])[:, self._body]
         self._real += float(np.linalg.norm(np.diff(path, axis=0), axis=-1).sum()) + self._fall
         self._real += 0.0 if self._gains else float(np.linalg.norm(path[0]))
         self._parted += float(apart[self._body])
@@ -438,15 +458,22 @@ def strained(path: Path, case: Case) -> tuple[bool, str]:
 
 
 def _beyond(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[tuple[str, float]]:
-    """Yield how far joints and tendons are beyond their ranges, as shares of these."""
-    single = (model.jnt_type >= int(mujoco.mjtJoint.mjJNT_SLIDE)) & (model.jnt_limited > 0)
-    joints, tendons = np.flatnonzero(single), np.flatnonzero(model.tendon_limited)
-    at = np.concatenate([data.qpos[model.jnt_qposadr[joints]], data.ten_length[tendons]])
-    low, high = np.concatenate([model.jnt_range[joints], model.tendon_range[tendons]]).T
-    shares = np.maximum(np.maximum(low - at, at - high), 0) / np.maximum(high - low, 1e-12)
-    names = [f"joint {model.joint(joint).name or joint}" for joint in joints]
-    names += [f"tendon {model.tendon(tendon).name or tendon}" for tendon in tendons]
-    yield from zip(names, shares.tolist(), strict=True)
+    """Yield how far joints and tendons are beyond their ranges, as shares of what is far for them.
+
+    That is the range; of what turns, an eighth of a turn at least, and a quarter at most.
+    """
+    for joint in np.flatnonzero(model.jnt_limited):
+        place, (low, high) = int(model.jnt_qposadr[joint]), model.jnt_range[joint]
+        at, slides = data.qpos[place], int(model.jnt_type[joint]) == mujoco.mjtJoint.mjJNT_SLIDE
+        if int(model.jnt_type[joint]) == mujoco.mjtJoint.mjJNT_BALL:
+            low, at = 0.0, 2 * np.arccos(min(abs(at), 1.0))
+        far = high - low if slides else np.clip(high - low, np.pi / 4, np.pi / 2)
+        name = model.joint(int(joint)).name or joint
+        yield f"joint {name}", float(max(low - at, at - high, 0.0) / max(far, 1e-12))
+    for tendon in np.flatnonzero(model.tendon_limited):
+        at, (low, high) = data.ten_length[tendon], model.tendon_range[tendon]
+        name = model.tendon(int(tendon)).name or tendon
+        yield f"tendon {name}", float(max(low - at, at - high, 0.0) / max(high - low, 1e-12))
 
 
 def _depths(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[tuple[str, float]]:

@@ -12,7 +12,7 @@ import numpy as np
 from atlas.entry import ROOT, Confirmation, Entry
 from contactlab.run.sweep_request import SceneLoader
 from contactlab.scene.model_writer import write_model
-from contactlab.schema.examination import ModelChange
+from contactlab.schema.examination import Examination, ModelChange
 from contactlab.studies.examine.changes import SOFT_ROWS, edits_of, fresh
 from contactlab.studies.examine.task_motions import task_motions
 
@@ -146,10 +146,21 @@ def _cause(entry: Entry) -> list[str]:
     if entry.word == "not sound" and labels:
         return [*labels[0]]
     for reason in report.budget.reasons if report.budget else ():
+        if reason.row in _STEPS and (raised := _raised(report, reason.phase)):
+            return ["--of", "refsafe", "--body", raised]
         drift = "loss" if (reason.share or 0.0) < 0 else "gain"
         of = {**dict.fromkeys(_STEPS, "run"), "energy": drift}.get(reason.row, reason.row)
         return ["--of", of, "--body", reason.body]
     return []
+
+
+def _raised(report: Examination, phase: str) -> str:
+    """Return the body whose motion in a phase hangs on constants that the step raises, or ""."""
+    assert report.budget is not None
+    rows = (row for one in report.budget.phases if one.name == phase for row in one.rows)
+    shares = {row.body: row.share or 0.0 for row in rows if row.name == "refsafe"}
+    found = (body for body, share in shares.items() if share > report.budget.within)
+    return next(found, None) or ""
 
 
 def _run(file: Path, options: list[str]) -> tuple[int, str]:

@@ -21,9 +21,17 @@ from contactlab.budget import (
     judge,
     remedies,
 )
+from contactlab.budget.physical import FieldChange
 from contactlab.budget.prices import prices
-from contactlab.budget.remedies import CANDIDATES, candidates_against, sentence
-from contactlab.budget.verdict import percent
+from contactlab.budget.remedies import (
+    CANDIDATES,
+    Candidate,
+    candidates_against,
+    changed,
+    of_fields,
+    sentence,
+)
+from contactlab.budget.verdict import Reason, Verdict, percent
 from contactlab.budget.windows import replay
 from contactlab.schema.error_budget import BudgetReport
 from contactlab.schema.json_schemas import json_schemas
@@ -91,6 +99,45 @@ def test_a_light_part_holds_a_heavy_load_by_its_impedance() -> None:
     assert {one.accept: one.removes for one in tried} == dict(
         zip(words, (True, False), strict=True)
     )
+
+
+def test_time_constants_that_the_step_raises_may_be_written_as_it_has_them() -> None:
+    """A limit of .2 ms at a step of 2 ms acts as one of 4 ms: the change moves the run as it moves.
+
+    Nothing is offered where constants are longer, or the limit is none.
+    """
+
+    def offered(constant: float, limited: str) -> dict[str, object]:
+        motion = motion_of(
+            f"""<mujoco><worldbody><body><joint name="hinge" axis="0 1 0" range="-1 .1"
+            limited="{limited}" solreflimit="{constant} 1"/><geom size=".1" pos=".3 0 0"/></body>
+            </worldbody></mujoco>""",
+            0.04,
+        )
+        verdict = Verdict("unresolved", 0.1, ())
+        found = candidates_against([motion], verdict)
+        return {name: one for each in found for name, one in each.edits.settings.items()}
+
+    assert offered(2e-4, "true") == {"jnt_solref[hinge]": (0.004, 1.0)}
+    assert offered(4e-3, "true") == offered(2e-4, "false") == {}
+
+
+def test_what_a_step_does_not_hold_is_tried_stiffer_after_finer_steps() -> None:
+    """A servo that diverges stays so whatever is stiffer at its step."""
+    motion, tried = servo(), list[str]()
+    reason = Reason("model", motion.name, "limit softness", 0.2, "", "", 0.0, "")
+    some = [
+        of_fields(FieldChange("solref", name, (), rate), "model", nearer=False)
+        for name, rate in (("stiff", 1), ("stiffer", 1), ("finer", 2))
+    ]
+
+    def moved(candidate: Candidate) -> list[list[Motion]]:
+        tried.append(candidate.name)
+        return [[changed(motion, candidate)]]
+
+    verdict = Verdict("model", 0.1, (reason,))
+    remedies([motion], verdict, candidates=some, trial=Trial(FAST, moved=moved))
+    assert tried == ["stiff", "finer", "stiffer"]
 
 
 def test_a_solver_is_tried_where_contacts_need_it() -> None:

@@ -72,6 +72,22 @@ def test_fingers_that_close_on_each_other_may_touch(tmp_path: Path) -> None:
     assert excluded(gripper, tmp_path, "contact left - right") == [("world", "upper")]
 
 
+# Balls of 400 mm on anchors 200 mm apart, each of which it turns about by 100 mm.
+HELD = """<mujoco><worldbody>
+  <body name="left" pos=".1 0 1"><joint type="ball" pos=".1 0 0"/><geom size=".4"/></body>
+  <body name="right" pos="-.1 0 1"><joint axis="0 1 0" pos="-.1 0 0"/><geom size=".4"/></body>
+  {more}</worldbody></mujoco>"""
+
+
+def test_what_joints_hold_in_each_other_is_excluded_and_what_floats_is_not(tmp_path: Path) -> None:
+    """No start parts the two; a third that floats is flung, and may begin elsewhere."""
+    assert excluded(HELD.format(more=""), tmp_path, "") == [("left", "right")]
+    floats = '<body name="third" pos="0 0 1.1"><freejoint/><geom size=".1"/></body>'
+    assert excluded(HELD.format(more=floats), tmp_path, "") == [("left", "right")]
+    apart = HELD.format(more="").replace('pos="-.1 0 1"', 'pos="-.8 0 1"')
+    assert excluded(apart, tmp_path, "") == []
+
+
 LEGGED = """<robot name="legged">
   <link name="base"><inertial><mass value="2"/>
     <inertia ixx=".01" iyy=".01" izz=".01" ixy="0" ixz="0" iyz="0"/></inertial>

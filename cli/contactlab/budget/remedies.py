@@ -29,13 +29,15 @@ from contactlab.budget.rows import (
     has_no_flex,
     raises_time_constants,
     shortest_time_constant,
+    used,
 )
 from contactlab.budget.showing import shown_rows
 from contactlab.budget.verdict import Reason, Verdict, Word, judge
 from contactlab.budget.windows import replay
 from contactlab.mjcf import OPTIONS
 from contactlab.scene.model_draft import ModelEdits
-from contactlab.scene.model_edits import FLAGS, read_flag, read_option
+from contactlab.scene.model_edits import FIELD_KINDS, FLAGS, read_flag, read_option
+from contactlab.scene.model_names import name_of
 
 _EULER = int(mujoco.mjtIntegrator.mjINT_EULER)
 _RK4 = int(mujoco.mjtIntegrator.mjINT_RK4)
@@ -47,6 +49,15 @@ _COARSE = 2  # steps in one of the run's that are tried whatever else helps
 _ALIKE = 1.1  # ratio of costs that are equal
 _SAME = 1e-6  # relative, of shares of motions that differ by rounding
 _HARDEST = 0.9999  # the largest impedance that MuJoCo allows
+_SOLREFS = (
+    "geom_solref",
+    "pair_solref",
+    "jnt_solref",
+    "dof_solref",
+    "eq_solref",
+    "tendon_solref_lim",
+    "tendon_solref_fri",
+)
 _SAFE = 0.5  # part of the tolerance that a change is within, with which it is not at its edge
 NO_EDITS = ModelEdits()
 
@@ -206,14 +217,16 @@ def candidates_against(motions: Sequence[Motion], verdict: Verdict) -> tuple[Can
     """Return changes that may help: of computation first, then of the fields of named parts."""
     word: Word = "model" if verdict.word == "model" else "unresolved"
     model, changes = motions[0].model, field_changes(motions, verdict)
-    harder = _harder(model, changes) if word == "model" else ()
+    hard = harder(model, changes) if word == "model" else ()
+    held = _held_constants(model) if word == "unresolved" and raises_time_constants(model) else ()
     # Softness of several rows is nearer to none of them.
     physical = [of_fields(change, word, nearer=word == "unresolved") for change in changes]
     return (
         *CANDIDATES,
         *_finer(model, verdict),
         *physical,
-        *(of_fields(change, word, nearer=False) for change in harder),
+        *(of_fields(change, word, nearer=False) for change in hard),
+        *(replace(of_fields(change, word, nearer=False), exercised="refsafe") for change in held),
     )
 
 
@@ -231,7 +244,34 @@ def of_fields(change: FieldChange, word: Word, *, nearer: bool) -> Candidate:
     )
 
 
-def _harder(model: mujoco.MjModel, stiffer: Sequence[FieldChange]) -> Iterator[FieldChange]:
+def _held_constants(model: mujoco.MjModel) -> Iterator[FieldChange]:
+    """Yield the time constants that the step can hold, two of it, in place of shorter ones.
+
+    With refsafe the run has them already, and finer steps another model: this one is what moves.
+    """
+    least = 2 * float(model.opt.timestep)
+    values = [
+        FieldValue(field, (row,), _axis(model, field, row), (least, float(solref[row, 1])))
+        for field in _SOLREFS
+        for solref in [getattr(model, field)]
+        for short in [used(model, field) & (solref[:, 0] > 0) & (solref[:, 0] < least)]
+        for row in map(int, np.flatnonzero(short))
+    ]
+    if values:
+        kind, _, name = values[0].axis.rstrip("]").partition("[")
+        more = f" and {len(values) - 1} more" if len(values) > 1 else ""
+        phrase = (
+            f"solref {least:g}, two steps, of {FIELD_KINDS[kind.partition('_')[0]]} {name}{more}"
+        )
+        yield FieldChange("solref-step", phrase, tuple(values))
+
+
+def _axis(model: mujoco.MjModel, field: str, row: int) -> str:
+    index = int(model.dof_jntid[row]) if field.startswith("dof_") else row
+    return f"{field}[{name_of(model, FIELD_KINDS[field.partition('_')[0]], index)}]"
+
+
+def harder(model: mujoco.MjModel, stiffer: Sequence[FieldChange]) -> Iterator[FieldChange]:
     """Yield the impedance that a light part needs under a heavy load, alone and with each solref.
 
     Under a force f a constraint gives by what goes with (1 - d) / d A f, A being the inverse
@@ -380,7 +420,8 @@ def remedies(
         return tuple(judged.not_ended(candidate) for candidate in possible)
     before, apart_of = compared
     tried, moved = list[Remedy](), [(1, before)]
-    for candidate in possible:
+    while possible:
+        candidate = possible.pop(0)
         own = apart_of.get(candidate.name, math.nan)
         if candidate.accept and candidate.accept in trial.wanted:
             untimed = judged._replace(trial=replace(trial, left=TRIAL.left))
@@ -394,7 +435,14 @@ def remedies(
             continue
         moved.append((candidate.rate, own))
         tried.append(judged.remedy(candidate, before, own))
+        possible.sort(key=partial(_waits_for_finer, candidate, tried[-1], word))
     return tuple(sorted(tried, key=by_use))
+
+
+def _waits_for_finer(candidate: Candidate, found: Remedy, word: Word, other: Candidate) -> bool:
+    """Return whether another change waits: what a step does not hold, it does not hold stiffer."""
+    unheld = word == "model" and candidate.physics and found.word == "unresolved"
+    return unheld and other.physics and other.rate <= candidate.rate
 
 
 def _is_alike(candidate: Candidate, apart: float, moved: Sequence[tuple[int, float]]) -> bool:

@@ -14,7 +14,7 @@ import numpy as np
 
 from contactlab.contact.trace_arrays import Floats
 
-_OPEN = 0.01
+OPEN = 0.01
 """Share of a model's extent, or radians, from which a constraint is open."""
 _ROUNDS, _MOST_ROWS = 30, 300  # so that it takes less than a second
 _CLOSED = 1e-6  # share of a model's extent, or radians, below which it is closed
@@ -35,7 +35,7 @@ def closed_start(model: mujoco.MjModel, start: Floats, spec: int) -> Floats | No
     frictionless = _without_friction(model)
     data = mujoco.MjData(frictionless)
     mujoco.mj_setState(frictionless, data, start, spec)
-    if _opened(frictionless, data) <= _OPEN:
+    if _opened(frictionless, data) <= OPEN:
         return None
     for _ in range(_ROUNDS):
         apart, sizes = _violations(frictionless, data)

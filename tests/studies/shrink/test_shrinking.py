@@ -15,8 +15,10 @@ from scipy.spatial import ConvexHull
 import contactlab
 from contactlab.contact.trace_arrays import RecordedControls
 from contactlab.errors import StoreError
+from contactlab.run.stored_runs import prepare_replay
+from contactlab.scene.mesh_hulls import hull
 from contactlab.store.finished_store import Store
-from contactlab.studies.shrink.failing_model import FailingModel, Start, file_hull
+from contactlab.studies.shrink.failing_model import FailingModel, Start, as_one_file, file_hull
 from contactlab.studies.shrink.shrinking import ShrinkRequest, run
 
 # A ball of 20 mm is thrown through a plate of 4 mm, or up: at 8 m/s it moves 80 mm in a step.
@@ -153,6 +155,46 @@ def test_a_hull_has_the_corners_of_the_file(scale: Sequence[float]) -> None:
     apart = np.linalg.norm(found[:, None] - wanted, axis=-1)
     assert len(found) == len(wanted)
     assert apart.min(axis=0).max() < 1e-5
+
+
+# A wedge without its hull's fourth side, whose centre of mass is not that of its hull.
+NOTCHED = """<mujoco><asset><mesh name="notched" vertex="0 0 0  .3 0 0  0 .3 0  0 0 .3  .06 .06 .06"
+  face="0 2 1  0 1 3  0 3 2  1 2 4  2 3 4  3 1 4"/></asset>
+  <worldbody><body name="own" pos="0 0 1"><freejoint/><frame pos=".2 0 .1" euler="0 0 30">
+    <geom name="hull" type="mesh" mesh="notched" pos=".01 .02 .03" euler="10 20 30"/>
+    <geom name="fitted" type="box" mesh="notched"/></frame></body></worldbody></mujoco>"""
+
+
+@pytest.mark.parametrize("axes", [{}, {"geom_pos[hull,1]": [0.05], "body_gravcomp[own]": [0.5]}])
+def test_hulls_and_what_is_fitted_to_a_mesh_stand_in_one_file_where_they_stood(
+    axes: dict[str, list[float]], tmp_path: Path
+) -> None:
+    """To the single precision in which MuJoCo has vertices."""
+    (tmp_path / "notched.xml").write_text(NOTCHED)
+    sweep = {"version": 1, "scene": "notched.xml", "duration": 0.002, "drive": "none", "axes": axes}
+    (tmp_path / "sweep.yaml").write_text(json.dumps(sweep))
+    store = contactlab.sweep(tmp_path / "sweep.yaml", output=tmp_path / "store", workers=0)
+    runs = prepare_replay(store, next(iter(store.records())).run_id).runs
+    written = mujoco.MjModel.from_xml_string(as_one_file(runs.scene, runs.resolved[0], runs.starts))
+    places = list[list[np.ndarray]]()
+    for model in (written, runs.models[0]):
+        data = mujoco.MjData(model)
+        mujoco.mj_kinematics(model, data)
+        turns = data.geom_xmat.reshape(-1, 3, 3)
+        corners = hull(model, 0) @ turns[0].T + data.geom_xpos[0]
+        places += [
+            [
+                corners[np.lexsort(corners.round(4).T)].ravel(),
+                data.geom_xpos[1],
+                np.abs(turns[1]).ravel(),
+                model.geom_size[1],
+                model.body_gravcomp,
+                model.body_mass,
+                model.body_inertia.ravel(),
+            ]
+        ]
+    own, meant = map(np.concatenate, places)
+    assert own == pytest.approx(meant, abs=1e-6)
 
 
 @pytest.mark.parametrize("steps", [1, 7, 20])

@@ -24,6 +24,7 @@ from contactlab.budget.remedies import (
     changed_model,
     drifts,
     finer,
+    harder,
     joined,
     of_fields,
     options_changed,
@@ -404,8 +405,9 @@ def candidates_against_labels(
         computed.insert(0, _SOLVED)
     if kinds & {*_OF_SLEEP}:
         computed.insert(0, _AWAKE)
-    soft = tuple(_softness(verdict, labels))
+    soft = tuple(_softness(model, verdict, labels))
     stiffer = field_changes(motions, Verdict("model", verdict.within, soft)) if soft else ()
+    stiffer = (*stiffer, *harder(model, stiffer))
     driven = tuple(_of_joints(model, labels))
     slower = field_changes(motions, Verdict("unresolved", verdict.within, driven)) if driven else ()
     margins = _without_margins(model) if kinds & {*_OF_MARGINS} else ()
@@ -415,14 +417,24 @@ def candidates_against_labels(
     )
 
 
-def _softness(verdict: Verdict, labels: Sequence[RunLabel]) -> Iterator[Reason]:
-    """Yield a reason for each row of the model that a label of softness is of."""
+def _softness(
+    model: mujoco.MjModel, verdict: Verdict, labels: Sequence[RunLabel]
+) -> Iterator[Reason]:
+    """Yield a reason for each row of the model that a label of softness is of, and its places."""
     shares = {reason.row: reason.share for reason in reversed(verdict.reasons)}
     for label in labels:
         for row in SOFT_ROWS.get(label.label, ()):
-            bodies = ("world", *label.bodies)[-2:] if label.bodies else ()
-            place = f"contact {' - '.join(bodies)}" if bodies else ""
-            yield _reason("model", label, row, shares.get(row, math.inf), place)
+            for place in _places_of(model, label, row) or [""]:
+                yield _reason("model", label, row, shares.get(row, math.inf), place)
+
+
+def _places_of(model: mujoco.MjModel, label: RunLabel, row: str) -> list[str]:
+    """Return the contact, or the joints with limits, that a label of softness is of, if known."""
+    if row == "contact softness":
+        bodies = ("world", *label.bodies)[-2:] if label.bodies else ()
+        return [f"contact {' - '.join(bodies)}"] if bodies else []
+    limited = [joint for joint in _joints_of(model, label) if model.jnt_limited[joint]]
+    return [joint_name(model, joint) for joint in limited if row == "limit softness"]
 
 
 def _of_joints(model: mujoco.MjModel, labels: Sequence[RunLabel]) -> Iterator[Reason]:
@@ -430,10 +442,15 @@ def _of_joints(model: mujoco.MjModel, labels: Sequence[RunLabel]) -> Iterator[Re
     for label in labels:
         if label.label in SOFT_ROWS or label.label in _OF_MARGINS:
             continue
-        for body in label.bodies:
-            first, count = model.body(body).jntadr[0], model.body(body).jntnum[0]
-            for joint in range(int(first), int(first) + int(count)):
-                yield _reason("unresolved", label, "run", math.inf, joint_name(model, joint))
+        for joint in _joints_of(model, label):
+            yield _reason("unresolved", label, "run", math.inf, joint_name(model, joint))
+
+
+def _joints_of(model: mujoco.MjModel, label: RunLabel) -> Iterator[int]:
+    """Yield the joints of the bodies that a label names."""
+    for body in label.bodies:
+        first, count = int(model.body(body).jntadr[0]), int(model.body(body).jntnum[0])
+        yield from range(first, first + count)
 
 
 def _reason(word: Word, label: RunLabel, row: str, share: float, place: str) -> Reason:

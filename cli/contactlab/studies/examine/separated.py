@@ -15,7 +15,7 @@ from contactlab.budget.motion import INTEGRATION
 from contactlab.budget.remedies import Candidate
 from contactlab.budget.verdict import Word
 from contactlab.errors import SceneError
-from contactlab.scene.closed_start import closed_start
+from contactlab.scene.closed_start import OPEN, closed_start
 from contactlab.scene.model_draft import CompiledFiles, ModelEdits, edit_spec
 from contactlab.scene.model_names import name_of
 from contactlab.scene.scene import Scene
@@ -33,18 +33,20 @@ def separated(
     """Return changes by which links in each other no longer touch, or the run begins elsewhere.
 
     No contacts, or a free base, only of links of one robot, few joints apart, that are in each
-    other at the start: that a body no longer touches what it stands on, holds or runs into is not
-    mended by forgetting it. Floors are never excluded.
+    other at the start, or of bodies that joints hold in each other, so that no start parts them:
+    that a body no longer touches what it stands on, holds or runs into is not mended by forgetting
+    it. Floors are never excluded.
     """
     model = motions[0].model
     word: Word = "model" if verdict.word == "model" else "unresolved"
     moved = tuple(_moved(scene, values, motions[0], word))
-    pairs = dict.fromkeys(overlapping(motions[0]))
+    stuck = () if moved else tuple(_stuck(motions[0]))
+    pairs = dict.fromkeys((*overlapping(motions[0]), *stuck))
     if not pairs:
         return moved
     names = tuple((name_of(model, "body", one), name_of(model, "body", two)) for one, two in pairs)
     return (
-        *_without_contacts(scene, values, model, names, word),
+        *_without_contacts(scene, values, model, names, word, nearer=not stuck),
         *_floating(scene, values, names, word),
         *moved,
     )
@@ -73,6 +75,8 @@ def _without_contacts(
     model: mujoco.MjModel,
     names: Sequence[tuple[str, str]],
     word: Word,
+    *,
+    nearer: bool,
 ) -> Iterator[Candidate]:
     edits = ModelEdits(excluded=tuple(names))
     made = compiled(scene, values, lambda spec: edit_spec(spec, edits))
@@ -88,6 +92,7 @@ def _without_contacts(
         accept="exclude",
         edits=edits,
         compiled=made,
+        nearer=nearer,  # what joints hold in each other is flung: that motion is nobody's
     )
 
 
@@ -131,6 +136,22 @@ def _welded_roots(spec: mujoco.MjSpec, names: Sequence[tuple[str, str]]) -> Iter
 
 def overlapping(motion: Motion) -> Iterator[tuple[int, int]]:
     """Yield pairs of near links that are in each other where a motion starts."""
+    yield from (
+        (one, two) for one, two, _ in _in_each_other(motion) if _near(motion.model, one, two)
+    )
+
+
+def _stuck(motion: Motion) -> Iterator[tuple[int, int]]:
+    """Yield pairs deep in each other of which neither is the world's, and neither floats."""
+    model = motion.model
+    for one, two, depth in _in_each_other(motion):
+        held = [_way(model, body) for body in (one, two)]
+        if depth > OPEN * model.stat.extent and all(way[0] and way[-1] == 0 for way in held):
+            yield one, two
+
+
+def _in_each_other(motion: Motion) -> Iterator[tuple[int, int, float]]:
+    """Yield pairs of bodies in each other where a motion starts, floors aside, and how deep [m]."""
     model, data = motion.model, mujoco.MjData(motion.model)
     mujoco.mj_setState(model, data, motion.starts[0], INTEGRATION)
     mujoco.mj_forward(model, data)
@@ -139,8 +160,8 @@ def overlapping(motion: Motion) -> Iterator[tuple[int, int]]:
         if geoms.min() < 0 or set(_ENDLESS) & set(map(int, model.geom_type[geoms])):
             continue
         one, two = sorted(map(int, model.geom_bodyid[geoms]))
-        if data.contact.dist[contact] < 0 and _near(model, one, two):
-            yield one, two
+        if (distance := float(data.contact.dist[contact])) < 0:
+            yield one, two, -distance
 
 
 def _near(model: mujoco.MjModel, one: int, two: int) -> bool:

@@ -37,8 +37,11 @@ _ATTRIBUTES = {
     "tendon_solimp_lim": "solimp_limit",
     "tendon_solref_fri": "solref_friction",
     "tendon_solimp_fri": "solimp_friction",
+    "tendon_lengthspring": "springlength",
+    "eq_active0": "active",
 }
 _KINDS = {
+    "body": "bodies",
     "geom": "geoms",
     "pair": "pairs",
     "jnt": "joints",
@@ -47,6 +50,9 @@ _KINDS = {
     "actuator": "actuators",
     "eq": "equalities",
 }
+_MESH = mujoco.mjtGeom.mjGEOM_MESH
+_POSES = ("geom_pos", "geom_quat", "body_pos", "body_quat")
+_ROUNDING = 1e-9  # of poses, in metres or of unit quaternions
 _LOOKS = {"material", "texture", "skin", "light", "visual"}
 PARTS = ("bodies", "actuators", "equalities", "tendons", "sensors", "excludes", "pairs", "geoms")
 """Kinds of parts that can be taken out, those first that take others with them."""
@@ -208,11 +214,17 @@ def as_one_file(scene: Scene, run: RunSpec, start: InitialStates) -> str:
     compiled = compile_model(scene.source, run.structure, flatten)
     meant = scene.prepare(run, start, compiled).model
     spec = mujoco.MjSpec.from_string(texts[0])
+    for geom in spec.geoms:
+        if geom.meshname and geom.type != _MESH:  # it was fitted to the mesh, not to its hull
+            geom.meshname, geom.size = "", meant.geom(geom.name).size
     _set_fields(spec, meant)
     looks = [geom for geom in spec.geoms if geom.name in _looks(meant)]
     _weigh(spec, meant, {geom.parent.name for geom in looks})
     for geom in looks:
         spec.delete(geom)
+    shown = {geom.meshname for geom in spec.geoms}
+    for mesh in [mesh for mesh in spec.meshes if mesh.name not in shown]:
+        spec.delete(mesh)
     have, want = fields_of(spec.compile()), fields_of(meant)
     others = {int(row) for name in _INERTIAS for row in differing_rows(have[name], want[name])}
     _weigh(spec, meant, {meant.body(body).name for body in others})
@@ -303,13 +315,67 @@ def file_hull(model: mujoco.MjModel, mesh: int) -> Floats:
     return hull(model, mesh) @ rotation(model.mesh_quat[mesh]).T + model.mesh_pos[mesh]
 
 
+def _set_poses(spec: mujoco.MjSpec, meant: mujoco.MjModel) -> None:
+    """Set poses of bodies and geoms that a run has otherwise than its file."""
+    model = spec.compile()
+    for parts, poses in ((spec.bodies, _body_poses), (spec.geoms, _geom_poses)):
+        want = poses(meant)
+        for place in np.flatnonzero(np.abs(poses(model) - want).max(axis=1) > _ROUNDING):
+            _set_pose(parts[place], want[place, :3], want[place, 3:])
+
+
+def _set_pose(part: Any, position: Floats, turn: Floats) -> None:  # noqa: ANN401 - body or geom
+    """Set the pose that a part has in its body, whatever frames it stands in."""
+    frames, frame = list[Any](), part.frame
+    while frame is not None:
+        frames.append(frame)
+        frame = frame.frame
+    for frame in reversed(frames):
+        back, inner, turned = np.zeros(4), np.zeros(3), np.zeros(4)
+        mujoco.mju_negQuat(back, frame.quat)
+        mujoco.mju_rotVecQuat(inner, position - frame.pos, back)
+        mujoco.mju_mulQuat(turned, back, turn)
+        position, turn = inner, turned
+    part.pos, part.quat = position, turn
+
+
+def _body_poses(model: mujoco.MjModel) -> Floats:
+    """Return the (nbody, 7) poses of bodies in those that carry them."""
+    return _one_sign(np.hstack([model.body_pos, model.body_quat]))
+
+
+def _geom_poses(model: mujoco.MjModel) -> Floats:
+    """Return the (ngeom, 7) poses of geoms in their bodies; of meshes, of the frame of the file.
+
+    MuJoCo has a mesh in the frame of its own inertia, which is not that of its hull.
+    """
+    found = np.hstack([model.geom_pos, model.geom_quat])
+    for geom in np.flatnonzero(model.geom_type == int(_MESH)):
+        mesh, back, turn = int(model.geom_dataid[geom]), np.zeros(4), np.zeros(4)
+        mujoco.mju_negQuat(back, model.mesh_quat[mesh])
+        mujoco.mju_mulQuat(turn, model.geom_quat[geom], back)
+        found[geom, :3] -= rotation(turn) @ model.mesh_pos[mesh]
+        found[geom, 3:] = turn
+    return _one_sign(found)
+
+
+def _one_sign(poses: Floats) -> Floats:
+    """Return poses of which none has a quaternion q where another of the same turn has -q."""
+    turns = poses[:, 3:]
+    largest = np.take_along_axis(turns, np.abs(turns).argmax(axis=1)[:, None], axis=1)
+    return np.hstack([poses[:, :3], turns * np.sign(largest)])
+
+
 def _set_fields(spec: mujoco.MjSpec, meant: mujoco.MjModel) -> None:
     """Set what a run's model has otherwise than its file: options, and fields of parts."""
     for name in dir(meant.opt):
         if not name.startswith("_") and hasattr(spec.option, name):
             setattr(spec.option, name, getattr(meant.opt, name))
+    _set_poses(spec, meant)
     have, want = fields_of(spec.compile()), fields_of(meant)
     for name in filter(is_writable, want):
+        if name in (*_POSES, *_INERTIAS):
+            continue
         prefix, _, own = name.partition("_")
         kind = _KINDS.get(prefix)
         if kind is None or have[name].shape != want[name].shape:
