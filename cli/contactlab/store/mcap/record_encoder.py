@@ -5,6 +5,7 @@ The records of a group are filled column by column, then scattered over the chun
 
 import struct
 from collections.abc import Mapping
+from itertools import accumulate
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -65,10 +66,15 @@ def message_indexes(
 
     It has messages of these (rows, channels) sizes at offsets from the start of all chunks.
     """
+    used = np.ascontiguousarray(sizes.T) != 0
+    entries = np.empty((np.count_nonzero(used), 2), np.uint64)
+    entries[:, 0] = np.broadcast_to(times, used.shape)[used]
+    entries[:, 1] = (offsets - offsets[0, 0]).T[used]
+    lengths = (used.sum(axis=1) * _ENTRY_SIZE).tolist()
+    ends, data = accumulate(lengths), entries.tobytes()
     found = [
-        _index(channel, times[used], offsets[used, channel - 1] - offsets[0, 0])
-        for channel, column in enumerate(sizes.T, start=1)
-        for used in [np.flatnonzero(column)]
+        _index(channel, data[end - length : end]) if length else b""
+        for channel, (length, end) in enumerate(zip(lengths, ends, strict=True), start=1)
     ]
     return b"".join(found), [*map(len, found)]
 
@@ -107,10 +113,7 @@ def overlapping_numbers(items: Items, width: int) -> Unsigned:
     return np.ndarray(shape, f"<u{width}", items.view(np.uint8), strides=(size, 1))
 
 
-def _index(channel: int, times: NDArray[np.uint64], offsets: Integers) -> bytes:
-    """Return a MessageIndex record; empty where there is no message."""
-    if not len(times):
-        return b""
-    length = len(times) * _ENTRY_SIZE
-    head = INDEX_HEAD.pack(Opcode.MESSAGE_INDEX, 6 + length, channel, length)
-    return head + np.column_stack((times, offsets.astype(np.uint64))).tobytes()
+def _index(channel: int, entries: bytes) -> bytes:
+    """Return a MessageIndex record of entries, a time and an offset each."""
+    length = len(entries)
+    return INDEX_HEAD.pack(Opcode.MESSAGE_INDEX, 6 + length, channel, length) + entries
