@@ -173,7 +173,7 @@ def test_a_merge_that_died_as_it_ended_is_tidied_up(three: list[Path], tmp_path:
 
 def test_gaps_are_named_and_can_be_filled(three: list[Path], tmp_path: Path) -> None:
     target = tmp_path / "merged"
-    with pytest.raises(StoreError, match=r"5 of 16 runs .* shards 2/3; run what is missing"):
+    with pytest.raises(StoreError, match=r"5 of 16 runs .* shard 2/3; run what is missing"):
         contactlab.merge([three[2], three[0]], output=target)
     assert not target.exists()
     part = contactlab.merge([three[2], three[0], tmp_path / "no"], output=target, partial=True)
@@ -214,7 +214,8 @@ def test_overlaps_and_strangers_are_refused_by_name(three: list[Path], tmp_path:
         {**SWEEP, "duration": 0.03}, output=tmp_path / "other", workers=0, shard="1/3"
     )
     text = refusal([*three[1:], other.path])
-    assert f"{other.path} is of another sweep" in text
+    assert f"{other.path} is of another sweep than {three[1]}: other duration" in text
+    assert refusal([*three, three[0]]) == f"{three[0]} is named twice; name it once"
     trace = next((copy / "traces").rglob("*.mcap"))
     trace.write_bytes(trace.read_bytes()[:-1] + b"x")
     with pytest.raises(StoreError, match=f"{trace.name}: changed since it was written"):

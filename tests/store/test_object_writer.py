@@ -144,7 +144,7 @@ def test_another_sweeps_store(kit: Any) -> None:
     kit.interrupt(0)
     identity = kit.identity(3, plan_hash="c")
     with (
-        pytest.raises(StoreError, match=f"{kit.address} holds another sweep \\(other plan_hash\\)"),
+        pytest.raises(StoreError, match=f"{kit.address} holds another sweep \\(other runs\\)"),
         open_writer(kit.address, identity, kit.scene, fresh=False),
     ):
         pass

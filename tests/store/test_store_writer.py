@@ -62,9 +62,9 @@ def test_a_new_store_then_a_finished_one(
 @pytest.mark.parametrize(
     ("change", "named"),
     [
-        ({"plan_hash": "c"}, "plan_hash"),
-        ({"name": "other", "runs_asked": 9}, "name, runs_asked"),
-        ({"metric_versions": {"depth": 2, "gain": 1}}, "metric_versions"),
+        ({"plan_hash": "c"}, "runs"),
+        ({"name": "other", "runs_asked": 9}, "name, number of runs"),
+        ({"metric_versions": {"depth": 2, "gain": 1}}, "versions of metrics"),
     ],
 )
 def test_a_store_of_another_sweep(

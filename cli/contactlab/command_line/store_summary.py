@@ -12,6 +12,7 @@ from contactlab.errors import ContactlabError, ExpectationError, RunFailedError
 
 if TYPE_CHECKING:
     from contactlab.reporting.report_columns import GridAxis, RunLabels
+    from contactlab.schema.evidence import StoreManifest
     from contactlab.store.finished_store import Store
     from contactlab.store.run_columns import RunColumns
     from contactlab.writers import Report
@@ -80,10 +81,21 @@ def summary_text(store: "Store", given: Given) -> None:
         _print_runs(columns.axis_names, store.table.to_pylist())
     elif axes and mixed:
         _print_values(by_importance(axes, labels), labels, share)
-    echo(f"{manifest.runs:,} runs, {manifest.traces:,} traces in {path}")
+    echo(f"{_runs_of(manifest)}, {manifest.traces:,} traces in {path}")
     look = columns.run_id(int(labels.codes.argmin()))[:_ID_DIGITS]
     echo(f"look closer: contactlab show {path} {look}")
     echo(f"one page: contactlab report {path}")
+
+
+def _runs_of(manifest: "StoreManifest") -> str:
+    """Return how many runs a store has, and of how many if it is a part of its sweep."""
+    from contactlab.store.store_files import is_slice, shard_of
+
+    sweep, runs = manifest.sweep, f"{manifest.runs:,} runs"
+    if sweep.whole is None or not is_slice(sweep):
+        return runs
+    part = f"shard {shard}" if (shard := shard_of(sweep)) else "a part of the sweep"
+    return f"{manifest.runs:,} of {sweep.whole.runs:,} runs ({part})"
 
 
 def _of_chosen_runs(store: "Store") -> "Iterator[str]":

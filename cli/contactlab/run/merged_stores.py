@@ -11,6 +11,7 @@ from shutil import copytree
 import numpy as np
 
 from contactlab.errors import OutputError, StoreError
+from contactlab.judge.wording import plural
 from contactlab.run.planned_runs import stored_sweep_scene
 from contactlab.run.recomputed_runs import plan_again
 from contactlab.run.run_verdicts import concluded
@@ -140,9 +141,11 @@ def _runs(stores: Sequence[Store]) -> int:
     if len(twice):
         one, other = (stores[store] for store in of_store[twice[0] : twice[0] + 2])
         (row,) = np.flatnonzero(one.columns.numbers("index").values == joined[order[twice[0]]])
+        if one.address == other.address:
+            raise StoreError(f"{one.address} is named twice; name it once")
         both = f"{one.address} and {other.address} both have run {one.columns.run_id(row)}"
-        more = f" and {len(twice) - 1:,} others" if len(twice) > 1 else ""
-        raise StoreError(f"{both}{more}; leave one out")
+        others = f" and {plural(len(twice) - 1, 'other')}" if len(twice) > 1 else ""
+        raise StoreError(f"{both}{others}; leave one out")
     return len(joined)
 
 
@@ -167,7 +170,8 @@ def _gaps(stores: Sequence[Store], runs: int, lacking: Sequence[str]) -> str:
         missing = [number for number in range(1, int(shards) + 1) if number not in have]
         named = ", ".join(f"{number}/{shards}" for number in missing[:_MOST_NAMED])
         more = f" and {len(missing) - _MOST_NAMED:,} more" if len(missing) > _MOST_NAMED else ""
-        said += f": shards {named}{more}" if missing else ""
+        noun = "shard" if len(missing) == 1 else "shards"
+        said += f": {noun} {named}{more}" if missing else ""
     return "; ".join([said, *lacking[:_MOST_NAMED]])
 
 

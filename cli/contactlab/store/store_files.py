@@ -188,9 +188,27 @@ def document_json(document: BaseModel) -> str:
 
 
 def other_parts(stored: SweepIdentity, requested: SweepIdentity) -> list[str]:
-    """Return in which parts two sweeps differ, whichever runs of their grids they make."""
+    """Return in which parts two sweeps differ, in words, whichever runs of their grids they make.
+
+    Of what their files ask for these are the keys, and which runs that makes is left unsaid.
+    """
     ours, theirs = _whole(requested), _whole(stored)
-    return [name for name in ours if name != "source" and ours[name] != theirs[name]]
+    asked, held = ours.pop("resolved"), theirs.pop("resolved")
+    keys = [name for name in {**asked, **held} if asked.get(name) != held.get(name)]
+    unsaid = {"source", *(_MADE_BY_KEYS if keys else ())}
+    others = [name for name in ours if name not in unsaid and ours[name] != theirs[name]]
+    return [*dict.fromkeys([*keys, *(_PARTS.get(name, name) for name in others)])]
+
+
+_MADE_BY_KEYS = {"overrides": "options", "runs_asked": "number of runs", "plan_hash": "runs"}
+_PARTS = {
+    **_MADE_BY_KEYS,
+    "scene_hash": "files of the scene",
+    "scene_model": "model file",
+    "metric_versions": "versions of metrics",
+    "lacking": "values that are null",
+    "store_version": "version of stores",
+}
 
 
 def most_common(identities: Sequence[SweepIdentity]) -> int:
