@@ -1,9 +1,13 @@
 """Remedies: each is proved by a budget of its own, and has its price."""
 
 import copy
+import gc
 import json
 import math
 import re
+from collections.abc import Iterator
+from typing import Any
+from weakref import WeakSet
 
 import numpy as np
 import pytest
@@ -21,6 +25,7 @@ from contactlab.budget import (
     judge,
     remedies,
 )
+from contactlab.budget.measuring import PhaseMeasure
 from contactlab.budget.physical import FieldChange
 from contactlab.budget.prices import prices
 from contactlab.budget.remedies import (
@@ -57,16 +62,38 @@ def test_an_unstable_servo_is_removed_by_what_damps_it_implicitly() -> None:
     assert "removes it" in told
 
 
-def test_a_finer_step_is_named_where_it_alone_helps() -> None:
-    """At 2.5 ms h kv / I is below 2 again; without constraints, no solver is tried."""
+@pytest.fixture(name="held")
+def held_fixture(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[int]]:
+    """Return how many measures there are as each of them begins, if nothing looks for garbage."""
+    made, held, begin = WeakSet[PhaseMeasure](), list[int](), PhaseMeasure.__init__
+
+    def noted(measure: PhaseMeasure, *arguments: Any) -> None:
+        held.append(len(made))
+        made.add(measure)
+        begin(measure, *arguments)
+
+    monkeypatch.setattr(PhaseMeasure, "__init__", noted)
+    gc.disable()
+    yield held
+    gc.enable()
+
+
+def test_a_finer_step_is_named_where_it_alone_helps(held: list[int]) -> None:
+    """At 2.5 ms h kv / I is below 2 again; without constraints, no solver is tried.
+
+    What measures refers to itself, and to its models: no trial holds those of others.
+    """
     motion = servo()
     verdict = judge(error_budget([motion], rows=[], settings=FAST))
+    gc.collect(0)
     names = "Newton with 100 iterations", "half the step"
     few = [candidate for candidate in CANDIDATES if candidate.name in names]
     (only,) = remedies([motion], verdict, candidates=few, trial=Trial(FAST))
     assert (only.name, only.removes) == ("half the step", True)
     assert only.share < 0.1
     assert "; half the step removes it" in sentence(verdict.reasons[0], [only])
+    assert len(held) > 1
+    assert not any(held)
 
 
 def test_what_sleeps_in_its_glide_is_woken() -> None:

@@ -1,6 +1,7 @@
 """What removes what a budget finds: changes of settings, each tried by a budget of its own."""
 
 import copy
+import gc
 import math
 import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -665,6 +666,7 @@ class _Judged(NamedTuple):
     ) -> tuple[ErrorBudget, Verdict]:
         workers = self.trial.workers
         budget = error_budget(motions, rows=self.rows, settings=settings, workers=workers)
+        gc.collect(0)  # what has measured refers to itself, and to models of megabytes
         return budget, judge(budget, within)
 
 

@@ -1,5 +1,6 @@
 """A model under examination: its task, its runs, its motions and their budget, each made once."""
 
+import gc
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -153,9 +154,11 @@ class CheckedModel:
         Raises:
             EngineError: as of motions; or none of the bodies that are watched moves.
         """
-        return error_budget(
+        budget = error_budget(
             self.motions, rows=self._measured, settings=self.settings, workers=self.threads
         )
+        gc.collect(0)  # what has measured refers to itself, and to models of megabytes
+        return budget
 
     @cached_property
     def _measured(self) -> Sequence[str]:
