@@ -3,10 +3,11 @@
 Run: python -m bench.tune_cost FOLDER [ORIGINAL]
 
 The folder is that of the study, all of whose answers are timed. Whole runs of the task, on twelve
-seeds that nobody has run, take turns in loops of `mj_step`, without what Python adds to a step.
-ORIGINAL is what the model was made slow of, if that was done on purpose.
+seeds that nobody has run, take turns in loops of `mj_step`. ORIGINAL is what the model was made
+slow of, if that was done on purpose.
 """
 
+import itertools
 import sys
 import time
 from collections.abc import Sequence
@@ -24,11 +25,12 @@ from contactlab.schema.tune_report import REPORT, Point, TuneReport
 from contactlab.studies.examine.examination import ExamineRequest, open_model
 from contactlab.studies.session import Session
 
-TURNS = 9
+TURNS, TOGETHER = 9, 10
+"""Turns; steps whose time is asked for at once, which others seldom share."""
 FIRST, SEEDS = 100, 12
 """Beyond those of a study, and so many that they differ little from as many others."""
-SWING = """<mujoco><worldbody><body><joint axis="0 1 0"/>
-<geom size=".02" pos="0 0 1"/></body></worldbody></mujoco>"""
+ASKING = min(-time.thread_time() + time.thread_time() for _ in range(1000))
+"""s that it takes to ask for the time."""
 Runs = tuple[mujoco.MjModel, list[Motion]]
 
 
@@ -45,54 +47,43 @@ def runs_of(report: TuneReport, file: str) -> Runs:
     return mujoco.MjModel.from_xml_path(file), motions_of(report, task, file)
 
 
-def asking() -> float:
-    """Return what it adds to a step to be made in Python, and to ask for the time of it [s]."""
-    model = mujoco.MjModel.from_xml_string(SWING)
-    data, alone, many = mujoco.MjData(model), list[float](), list[float]()
-    for _ in range(1000):
-        begin = time.thread_time()
-        mujoco.mj_step(model, data)
-        alone.append(time.thread_time() - begin)
-        begin = time.thread_time()
-        mujoco.mj_step(model, data, 100)
-        many.append((time.thread_time() - begin) / 100)
-    return min(alone) - min(many)
-
-
-ASKING = asking()
-
-
 def steps_of(
     model: mujoco.MjModel, data: mujoco.MjData, motion: Motion, seed: int
 ) -> npt.NDArray[np.float64]:
-    """Return (steps,) CPU times of the steps of a seed of a motion, in a plain loop [s]."""
+    """Return CPU times of some steps each of a seed of a motion, in a plain loop [s].
+
+    The first step, which begins a run, is left out.
+    """
     mujoco.mj_setState(model, data, motion.starts[seed], INTEGRATION)
-    taken = np.empty(motion.steps)
-    for step in range(motion.steps):
-        if motion.inputs.shape[2]:
-            mujoco.mj_setState(model, data, motion.inputs[seed, step], motion.spec)
+    taken, inputs = list[float](), motion.inputs[seed]
+    ends = [0, *range(1, motion.steps, TOGETHER), motion.steps]
+    for first, last in itertools.pairwise(ends):
         begin = time.thread_time()
-        mujoco.mj_step(model, data)
-        taken[step] = time.thread_time() - begin
-    return taken - ASKING
+        for step in range(first, last):
+            if inputs.shape[1]:
+                mujoco.mj_setState(model, data, inputs[step], motion.spec)
+            mujoco.mj_step(model, data)
+        taken.append(time.thread_time() - begin)
+    return np.array(taken[1:]) - ASKING
 
 
 def ratios(every: Sequence[Runs]) -> list[float]:
     """Return the CPU time of each over that of the first, for as much simulated time.
 
-    Models take turns, and run twice in each: the first run warms caches. Of each step the least of
-    all turns counts, since what disturbs one only adds, but not that which begins a run.
+    Models take turns, and run twice in each: the first run warms caches. Of some steps the least of
+    all turns counts, since what disturbs them only adds.
     """
     spent = np.zeros(len(every))
     datas = [mujoco.MjData(model) for model, _ in every]
     for phase, motion in enumerate(every[0][1]):
         for seed in range(motion.seeds):
-            least = [np.full(motions[phase].steps, np.inf) for _, motions in every]
+            least = [np.full(1, np.inf) for _ in every]
             for _ in range(TURNS):
-                for (model, motions), data, best in zip(every, datas, least, strict=True):
+                for place, ((model, motions), data) in enumerate(zip(every, datas, strict=True)):
                     steps_of(model, data, motions[phase], seed)
-                    np.minimum(best, steps_of(model, data, motions[phase], seed), out=best)
-            spent += [each[1:].sum() for each in least]
+                    taken = steps_of(model, data, motions[phase], seed)
+                    least[place] = np.minimum(least[place], taken)
+            spent += [each.sum() for each in least]
     lengths = [
         float(model.opt.timestep) * sum(each.seeds * (each.steps - 1) for each in motions)
         for model, motions in every
