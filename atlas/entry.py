@@ -105,7 +105,7 @@ class Entry(Model):
     @model_validator(mode="before")
     @classmethod
     def _of_older_form(cls, stored: object) -> object:
-        """Read a record that knew one change at most, or not by how much a run may be off."""
+        """Read one that knew one change at most, no bound of a run, or a path of a machine."""
         match stored:
             case {"entry_version": 1, "changed": changed, **others}:
                 stored = {**others, "changed": [changed] if changed else []}
@@ -114,7 +114,13 @@ class Entry(Model):
         match stored:
             case {"examination": {"budget": {"phases": [*phases], **budget}, **report}, **others}:
                 budget = {**budget, "phases": [_without_check(phase) for phase in phases]}
-                return {**others, "examination": {**report, "budget": budget}}
+                stored = {**others, "examination": {**report, "budget": budget}}
+            case _:
+                pass
+        match stored:
+            case {"wheel": str(wheel), "examination": {"facts": [*facts], **report}, **others}:
+                facts = [_by_wheel(fact, wheel) for fact in facts]
+                return {**others, "wheel": wheel, "examination": {**report, "facts": facts}}
             case _:
                 return stored
 
@@ -148,6 +154,17 @@ class Entry(Model):
 def _without_check(phase: dict[str, object]) -> dict[str, object]:
     """Return a phase of a budget that may have a ratio of references, which none has now."""
     return {"most": None, **{name: value for name, value in phase.items() if name != "check"}}
+
+
+def _by_wheel(fact: dict[str, object], wheel: str) -> dict[str, object]:
+    """Return a fact whose file is named from its wheel on, not from where the wheel was."""
+    match fact:
+        case {"kind": "file", "place": str(place), "sentence": str(sentence)}:
+            above = place[: max(place.find(f"{wheel}/"), 0)]
+            told = {"place": place.removeprefix(above), "sentence": sentence.removeprefix(above)}
+            return {**fact, **told}
+        case _:
+            return fact
 
 
 def records_of(kind: str) -> Path:

@@ -240,8 +240,19 @@ def _kept(report: Examination, robot: Robot) -> Examination:
         )
         for change in report.changes
     ]
+    wheels_at = f"{robot.wheel.place.parent}/"
+    facts = [
+        fact.model_copy(
+            update={
+                "place": fact.place.replace(wheels_at, ""),
+                "sentence": fact.sentence.replace(wheels_at, ""),
+            }
+        )
+        for fact in report.facts
+    ]
     left_out = {"written": None, "evidence": None, "page": None, "checks": (), "contacts": ()}
-    return report.model_copy(update={**left_out, "model": robot.name, "changes": tuple(lines)})
+    told = {"model": robot.name, "changes": tuple(lines), "facts": tuple(facts)}
+    return report.model_copy(update={**left_out, **told})
 
 
 def _cpu() -> float:

@@ -2,6 +2,7 @@
 
 import html
 import io
+import math
 import shlex
 import shutil
 from collections import Counter
@@ -13,6 +14,7 @@ from atlas.entry import ROOT, Changed, Entry, Gripped, entries, film_of, release
 from PIL import Image
 
 from contactlab.printable import percent
+from contactlab.schema.examination import Examination
 from contactlab.studies.examine.examination_lines import examination_lines
 
 _STATIC = "_static/atlas"
@@ -26,35 +28,55 @@ _COLOURS = {
 }
 _WORDS = {"model": "softness decides"}
 _SCRIPT = (Path(__file__).with_name("atlas.js")).read_text(encoding="utf-8")
+_MEANINGS = {
+    "sound": "in each 40 ms the simulation moves as its model does, to within 10 % of the real "
+    "forces",
+    "model": "it is sound, as numerics go, but more than 10 % of how it moves hangs on soft "
+    "contacts, limits or cones: that may be meant",
+    "unresolved": "at its own step the simulation is not the motion of its model: it moves as if "
+    "phantom forces of more than 10 % of the real ones acted, or gains or loses energy",
+    "not resolved": "even at an eighth of its step the motion still changes: nothing can be said",
+    "not sound": "as numerics go it is sound, but its runs show what none should, such as a limit "
+    "that gives way, or a body deeper than its middle in another",
+}
+"""What each verdict says of a model under its task."""
 _INTRODUCTION = """---
 hide-toc: true
+myst:
+  html_meta:
+    description: "Which public MuJoCo and URDF robot models simulate soundly, which do not, and the
+      change that mends each: {judged} robots and scenes, with patches and scripts."
 ---
 # Atlas of public robots
 
-What `contactlab MODEL` says of {judged} robots and scenes as public wheels carry them, with MuJoCo
-{mujoco}. Each page has its film and error budget, the change that mends it as a patch, the command
-that says it again, and a script in plain MuJoCo that shows the cause.
+Can these models be trusted in MuJoCo as they are? What `contactlab MODEL` says of {judged} robots
+and scenes as public Python packages carry them, with MuJoCo {mujoco}. Each page has its film and
+error budget, the change that mends it as a patch, the command that says it again, and a script in
+plain MuJoCo that shows the cause. [What a verdict means](#what-a-verdict-means).
 
 {counted}
 {changed}
+
+{grips}
 """
 _NOTES = """
 ## What a verdict means
 
 It is on the model *under one task*: rest under neutral controls, then sines through its own
 actuators and pushes, or a keyframe held by its own controls. It is no verdict on a robot, nor on
-what a policy does with it. "Softness decides" is sound, as numerics go: how much the motion hangs
-on soft contacts or limits is told, and may be meant. One of each family of near-equal files was
-examined.
+what a policy does with it. One of each family of near-equal files was examined.
+
+{meanings}
 
 ## What is not known
 
 {silent}{older}A change was judged again on fresh seeds, and, written into the model, by the same
-command; a dash says that none was found, or none is needed. Causes are looked for in plain MuJoCo
+command; a dash says that none is needed. Causes are looked for in plain MuJoCo
 by `{script}`, whose controls are drawn anew: where it does not show them, the row says no. "Times
 real time" is that of plain steps on one core, while others were busy. A hand has a cell if it holds
-the usual box, creeping or not: two legs that close on it drop it, as a weak hand does. Licences are
-those of wheels, and single models may have others.
+a box, creeping or not: two legs that close on it drop it, as a weak hand does. "Tuned" is the time
+that a step takes with what `contactlab tune` recommends over what it takes now, where it was asked.
+Licences are those of wheels, and single models may have others.
 """
 _SILENT = "Of {names} there was no answer within the limit of CPU. "
 _OLDER = "{count} are by an older judge, and say so. "
@@ -63,12 +85,17 @@ _HEAD = (
     "model",
     "verdict",
     "mended by",
-    "shown in plain MuJoCo",
+    "cause in plain MuJoCo",
     "other releases",
     "grip",
     "times real time",
     "tuned",
 )
+_FILTERS = ("gripper", "unresolved", "softness decides", "file must change")
+"""What a click filters by."""
+_IN_THE_FILE = ("overlap", "equality", "inertia", "force", "file")
+"""Kinds of facts that tell what is wrong in a file, so that no setting mends it."""
+_USUAL_BOX = "a box of 30x40x40 mm"
 _STILL = 0.5  # of a film, where its picture is from
 _MOST_NAMES = 6
 _FRESH = 12  # digits of a digest that are shown
@@ -180,10 +207,13 @@ def _install(entry: Entry) -> str:
 
 
 def mended(entry: Entry) -> str:
-    """Return what makes a model sound, or what was tried; empty if nothing was."""
+    """Return what makes a model sound, or that nothing does; empty if nothing is needed."""
+    report = entry.examination
     if (change := entry.mending) is not None:
         return f"{change.name}{_kind(change)}"
-    return f"still not sound: {entry.changed[0].name}" if entry.changed else ""
+    if report is None or entry.sound:
+        return ""
+    return "not found in the time it had" if report.untried else "no setting: the file must change"
 
 
 def _kind(change: Changed) -> str:
@@ -195,7 +225,7 @@ def _shown(entry: Entry) -> str:
     shown, change = entry.confirmation, entry.mending
     if shown is None:
         return _NONE
-    after = ", not after" if change is not None and change.shown is False else ""
+    after = ", gone with the change" if change is not None and change.shown is False else ""
     return f"yes{after}" if shown.holds else "no"
 
 
@@ -208,6 +238,17 @@ def _grip(entry: Entry) -> str:
             return f"creeps {speed * 1e3:.3g} mm/s"
         case grip:
             return grip.word
+
+
+def _gripped(entry: Entry) -> float | str:
+    """Return what a cell of a grip is sorted by: what holds best is first."""
+    match entry.grip:
+        case None:
+            return ""
+        case Gripped(word="holds"):
+            return 0.0
+        case grip:
+            return grip.speed if grip.speed is not None else math.inf
 
 
 def _ratio(entry: Entry) -> str:
@@ -229,6 +270,7 @@ def _index(
     others: Mapping[str, Mapping[str, Entry]],
     newest: str,
 ) -> Iterator[str]:
+    hands = _hands(judged)
     slow = [entry.name for entry in refused if "CPU" in entry.refused]
     old = sum(entry.judge != newest for entry in judged)
     yield _INTRODUCTION.format(
@@ -236,25 +278,33 @@ def _index(
         mujoco=", ".join(sorted({entry.mujoco for entry in judged})),
         counted=_counted_verdicts(judged),
         changed=_between(judged, others),
+        grips=_counted_hands(hands) if hands else "",
     )
     yield '```{raw} html\n<p class="atlas-filter"><input type="search" aria-label="filter" '
-    yield 'placeholder="filter: a robot, a wheel, a verdict, a change"> <span></span></p>'
+    yield 'placeholder="filter: a robot, a wheel, a verdict, a change">'
+    yield from (f'<button type="button">{word}</button>' for word in _FILTERS)
+    yield "<span></span></p>"
     rows = [
         _cells(entry, others.get(entry.family[0], {}), old=entry.judge != newest)
         for entry in judged
     ]
-    shown = [place for place in range(len(_HEAD)) if any(row[place] != _NONE for row in rows)]
+    shown = [place for place in range(len(_HEAD)) if any(row[place][0] != _NONE for row in rows)]
     heads = (f'<th scope="col"><button>{_HEAD[place]}</button></th>' for place in shown)
     yield f'<table class="atlas"><thead><tr>{"".join(heads)}</tr></thead><tbody>'
     for row in rows:
-        yield f"<tr>{''.join(f'<td>{row[place]}</td>' for place in shown)}</tr>"
+        yield f"<tr>{''.join(_cell(*row[place]) for place in shown)}</tr>"
     yield f"</tbody></table>\n<script>\n{_SCRIPT}</script>\n```\n"
     pages = "\n".join(f"atlas/{slug(entry)}" for entry in judged)
     yield f"```{{toctree}}\n:hidden:\n\n{pages}\n```\n"
+    yield from _grippers(hands) if hands else ()
     yield _NOTES.format(
         silent=_SILENT.format(names=", ".join(f"`{name}`" for name in slow)) if slow else "",
         older=_OLDER.format(count=old) if old else "",
         script=SCRIPT,
+        meanings="\n".join(
+            f"- **{_WORDS.get(word, word).capitalize()}**: {meaning}."
+            for word, meaning in _MEANINGS.items()
+        ),
     )
     yield "## Without a verdict\n"
     yield from (f"- `{entry.name}`: {_plain(entry.refused)}" for entry in refused)
@@ -290,7 +340,50 @@ def _between(judged: Sequence[Entry], others: Mapping[str, Mapping[str, Entry]])
     return f"MuJoCo {', '.join(names)} judged {len(asked)} of them too: {told}."
 
 
-def _cells(entry: Entry, others: Mapping[str, Entry], *, old: bool) -> tuple[str, ...]:
+def _hands(judged: Sequence[Entry]) -> list[Entry]:
+    """Return what holds the usual box, what holds it best first."""
+    hands = [one for one in judged if one.grip and _USUAL_BOX in one.grip.sentence]
+    return sorted(hands, key=lambda entry: (_gripped(entry), entry.name))
+
+
+def _counted_hands(hands: Sequence[Entry]) -> str:
+    holding = [entry for entry in hands if entry.grip and entry.grip.word == "holds"]
+    mended = sum(bool(_held_by(entry)) for entry in hands)
+    creeping = len(hands) - len(holding)
+    return (
+        f"**Parallel grippers that are known to work**: of {len(hands)} grippers and hands that "
+        f"close on a box, {len(holding)} hold it as they are; in {creeping} it creeps, and one "
+        f"change keeps it in {mended} of these: [which](#grippers-and-hands)."
+    )
+
+
+def _grippers(hands: Sequence[Entry]) -> Iterator[str]:
+    """Yield which hands hold the usual box as they are, and with which change the others do."""
+    yield "(grippers-and-hands)=\n## Parallel grippers and hands that are known to work\n"
+    yield "A box of 30 x 40 x 40 mm and 0.1 kg, which the hand's own actuators close on, and whose"
+    yield "weight pulls in each direction ([how it is asked](grip.md)). The last column is the"
+    yield "verdict on the whole model, not on its grip.\n"
+    yield "| gripper | as it is | holds with | model |\n|---|---|---|---|"
+    for entry in hands:
+        link = f"[{_plain(_short(entry.name))}](atlas/{slug(entry)}.md) of {entry.wheel}"
+        now = _grip(entry)
+        yield f"| {link} | {now} | {_plain(_held_by(entry)) or _NONE} | {shown_word(entry)} |"
+
+
+def _held_by(entry: Entry) -> str:
+    """Return the change with which a hand that lets a box creep holds it, or ""."""
+    return entry.grip.sentence.partition("; held by ")[2] if entry.grip else ""
+
+
+def _cell(text: str, order: float | str = "") -> str:
+    """Return a cell of the table, with what it is sorted by if that is not its text."""
+    return f'<td data-order="{order}">{text}</td>' if order != "" else f"<td>{text}</td>"
+
+
+def _cells(
+    entry: Entry, others: Mapping[str, Entry], *, old: bool
+) -> tuple[tuple[str, float | str], ...]:
+    """Return the text of each column, and what it is sorted by if that is another."""
     dot = f'<i style="background:{_COLOURS[entry.word]}"></i>'
     name, page = entry.name.removeprefix(f"{entry.wheel}/"), slug(entry)
     still = ""
@@ -301,16 +394,17 @@ def _cells(entry: Entry, others: Mapping[str, Entry], *, old: bool) -> tuple[str
         f'<a href="{page}/">{still}{html.escape(_short(name))}</a>'
         f"<small>{entry.wheel}{aged}</small>"
     )
-    rate = f"{entry.rate:.0f}" if entry.rate else _NONE
+    grip = f"{_grip(entry)}<small>gripper</small>" if entry.grip else _NONE
+    ratio = entry.tuned.ratio if entry.tuned else None
     return (
-        link,
-        f"{dot}{shown_word(entry)}",
-        html.escape(mended(entry)) or _NONE,
-        _shown(entry),
-        html.escape(_others(entry, others)),
-        _grip(entry),
-        rate,
-        _ratio(entry),
+        (link, _short(name)),
+        (f'<span title="{_MEANINGS.get(entry.word, "")}">{dot}{shown_word(entry)}</span>', ""),
+        (html.escape(mended(entry)) or _NONE, ""),
+        (_shown(entry), ""),
+        (html.escape(_others(entry, others)), ""),
+        (grip, _gripped(entry)),
+        (f"{entry.rate:.0f}" if entry.rate else _NONE, entry.rate or ""),
+        (_ratio(entry), ratio or ""),
     )
 
 
@@ -324,11 +418,11 @@ def _page(entry: Entry, others: Mapping[str, Entry], *, old: bool) -> Iterator[s
     report = entry.examination
     assert report is not None
     name, page = entry.name, slug(entry)
-    yield f"# {_short(name)} of {entry.wheel}\n"
-    yield f"![contactlab: {shown_word(entry)}](../{_STATIC}/{page}.svg)\n"
+    yield from _headed(entry, report)
+    yield from _advised(entry)
     if film_of(entry.family[0]).is_file():
         yield f"![its task, as plain MuJoCo plays it](../{_STATIC}/{page}.webp)\n"
-    yield f"```text\n{chr(10).join(examination_lines(report))}\n```\n"
+    yield f"## What `contactlab` says\n\n```text\n{chr(10).join(examination_lines(report))}\n```\n"
     yield "## What was tried\n"
     yield from _tried(entry)
     if entry.grip is not None:
@@ -348,12 +442,57 @@ def _page(entry: Entry, others: Mapping[str, Entry], *, old: bool) -> Iterator[s
     yield f"{entry.digest[:_FRESH]}. [The badge](../{_STATIC}/{page}.svg) is a picture."
 
 
+def _headed(entry: Entry, report: Examination) -> Iterator[str]:
+    """Yield what a search engine shows, the title, the badge and the verdict in words."""
+    yield f"""---
+myst:
+  html_meta:
+    description: "{_attribute(f"{entry.name} of {entry.wheel} in MuJoCo: {report.sentence}")}"
+---"""
+    yield f"# {_short(entry.name)} of {entry.wheel}\n"
+    yield f"![contactlab: {shown_word(entry)}](../{_STATIC}/{slug(entry)}.svg)\n"
+    yield f"**{shown_word(entry).capitalize()}**: {_MEANINGS[entry.word]}"
+    yield "([under which task](../atlas.md#what-a-verdict-means))."
+    if entry.word == "not sound":
+        yield from (f"In {label.phase}, {_plain(label.reason)}." for label in report.labels[:1])
+
+
+def _advised(entry: Entry) -> Iterator[str]:
+    """Yield what to do, in a sentence."""
+    report, change = entry.examination, entry.mending
+    assert report is not None
+    if change is not None:
+        kind = (
+            "makes another model of it" if change.physics else "computes the same model otherwise"
+        )
+        yield f"With **{_plain(change.name)}**, which {kind}, it is sound: the patch is"
+        yield "[below](#what-was-tried).\n" if change.patch else "not kept.\n"
+    elif entry.sound:
+        yield "\n"
+    elif report.untried:
+        yield "No change that was tried makes it sound. There was no time to try"
+        yield f"{_plain(', '.join(report.untried))}.\n"
+    else:
+        yield "No setting that was tried makes it sound: the file must change.\n"
+        wrong = [fact.sentence for fact in report.facts if fact.kind in _IN_THE_FILE]
+        yield from (f"- {_plain(said)}" for said in wrong)
+        yield "\n"
+
+
+def _attribute(text: str) -> str:
+    """Return a text in one line that no quote ends."""
+    return " ".join(text.replace("\\", "/").replace('"', "'").split())
+
+
 def _from(entry: Entry) -> str:
     return f", from <{entry.source}>" if entry.source else ""
 
 
 def _tried(entry: Entry) -> Iterator[str]:
+    """Yield what each change did, what tune recommends, and what plain MuJoCo shows."""
     page, shown = f"../{_STATIC}/{slug(entry)}", entry.confirmation
+    report = entry.examination
+    assert report is not None
     for changed in entry.changed:
         kind = "another model" if changed.physics else "the same model, computed otherwise"
         near = "is nearer" if changed.nearer else "was not shown to be nearer"
@@ -366,7 +505,8 @@ def _tried(entry: Entry) -> Iterator[str]:
         if changed.sound and changed.patch:
             yield f"\n  ```diff\n{_indented(changed.patch)}\n  ```\n\n  [The patch]({page}.patch)."
     if not entry.changed and entry.flagged:
-        yield "- No change of those that were tried removes it, so none was written."
+        yield "- No change removes it, so none was written. Tried:"
+        yield f"  {_plain(_names(report)) or 'none'}."
     elif not entry.flagged:
         yield "- Nothing to change."
     if (tuned := entry.tuned) is not None:
@@ -376,6 +516,11 @@ def _tried(entry: Entry) -> Iterator[str]:
         command = shown.command.replace("\n", "\n  ")
         yield f"- Plain MuJoCo {word}: {_plain(shown.shown)}. [The script]({page}.sh) needs"
         yield f"  [confirm.py](../{_STATIC}/confirm.py) beside it.\n\n  ```sh\n  {command}\n  ```"
+
+
+def _names(report: Examination) -> str:
+    """Return the changes that were tried, in words."""
+    return ", ".join(remedy.name for remedy in report.budget.remedies) if report.budget else ""
 
 
 def _released(entry: Entry, others: Mapping[str, Entry]) -> Iterator[str]:

@@ -61,7 +61,7 @@ def build(target: Path, *, films: bool) -> None:
     source = target / "source"
     shutil.rmtree(target, ignore_errors=True)
     (source / "_static").mkdir(parents=True)
-    for file in ("conf.py", "site.css"):
+    for file in ("conf.py", "site.css", "favicon.svg"):
         place = source if file == "conf.py" else source / "_static"
         shutil.copy(ROOT / "docs/site" / file, place / file)
     for page, name in _pages().items():

@@ -18,6 +18,7 @@ highlight_language = "none"
 
 html_theme = "furo"
 html_title = "contactlab"
+html_favicon = "_static/favicon.svg"
 html_static_path = ["_static"]
 html_css_files = ["site.css"]
 html_show_sphinx = False

@@ -34,6 +34,13 @@ def test_records_hold_nothing_of_the_machine_that_made_them() -> None:
         assert "/tmp/" not in entry.model_dump_json(), entry.name  # noqa: S108
 
 
+def test_what_a_record_tells_of_its_files_is_by_their_wheel() -> None:
+    for entry in KNOWN:
+        facts = entry.examination.facts if entry.examination else ()
+        places = [fact.place for fact in facts if fact.kind == "file"]
+        assert all(place.startswith(f"{entry.wheel}/") for place in places), entry.name
+
+
 def test_each_record_says_why_there_is_no_verdict_or_has_one() -> None:
     for entry in KNOWN:
         assert bool(entry.refused) != bool(entry.examination), entry.name
@@ -159,12 +166,15 @@ def test_a_hand_has_a_cell_and_a_part_of_its_page(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    bare, grip = JUDGED[0], Gripped(word=word, sentence=f"{word}: it goes <away>", speed=speed)
+    said = f"{word}: a box of 30x40x40 mm goes <away>; held by noslip 3"
+    bare, grip = JUDGED[0], Gripped(word=word, sentence=said, speed=speed)
     known = [bare.model_copy(update={"grip": grip}), JUDGED[1]]
     monkeypatch.setattr(atlas, "entries", lambda _="": iter(known))
     atlas.write(tmp_path)
-    assert f"<td>{cell}</td>" in (tmp_path / "atlas.md").read_text()
+    index = (tmp_path / "atlas.md").read_text()
+    assert f">{cell}<small>" in index
+    assert f"| {cell} | noslip 3 | {atlas.shown_word(bare)} |" in index
     first, second = ((tmp_path / f"atlas/{atlas.slug(each)}.md").read_text() for each in known)
-    assert f"{word}: it goes \\<away\\>" in first
+    assert f"{word}: a box of 30x40x40 mm goes \\<away\\>" in first
     assert f"contactlab grip {bare.name}" in first
     assert "## Its grip" not in second
