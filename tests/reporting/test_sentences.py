@@ -10,7 +10,8 @@ import pytest
 from tests.planted_recordings import plant
 from tests.reporting.test_map_cells import axis
 
-from contactlab.errors import SceneError
+from contactlab.errors import OutputError, SceneError
+from contactlab.page import header_films as page_pictures
 from contactlab.page.header_films import header_films
 from contactlab.page.page_view import first_look
 from contactlab.page.report_files import write_page
@@ -134,6 +135,21 @@ def test_a_page_has_a_tab_of_reality_only_where_runs_were_compared(
         assert ('href="#reality"' in (tmp_path / "page.html").read_text()) == has
 
 
+def test_a_page_without_films_says_why_and_which_command_draws_one(
+    swept: Swept, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def load() -> None:
+        raise OutputError("it needs av")
+
+    viewers = dict.fromkeys(("gif", "png"), SimpleNamespace(load=load))
+    monkeypatch.setattr(page_pictures, "extensions", lambda _: viewers)
+    data = read_report_data(swept("bounce"))
+    films = header_films(data, None)
+    run = films.command.split()[3]
+    assert films == ([], "it needs av", f"contactlab render {data.store.address} {run} -o run.mp4")
+    assert data.store.record(run)
+
+
 @pytest.mark.long
 def test_the_head_has_films_of_a_stable_and_of_the_worst_run(swept: Swept) -> None:
     try:
@@ -144,9 +160,12 @@ def test_the_head_has_films_of_a_stable_and_of_the_worst_run(swept: Swept) -> No
     data = read_report_data(swept("bounce"))
     first = first_look(data)
     assert first is not None
-    stable, worst = header_films(data, first[0])
+    stable, worst = header_films(data, first[0]).drawn
     assert stable.label == "stable"
     assert (worst.run, worst.label) == first
     for film in (stable, worst):
         assert film.source.startswith("data:image/gif;base64,R0lGOD")
-    assert header_films(read_report_data(swept("tradeoff")), None) == []
+    none = header_films(read_report_data(swept("tradeoff")), None)
+    assert not none.drawn
+    assert not none.command
+    assert "no trace of run" in none.missing

@@ -122,6 +122,9 @@ function runPanel(columns, row, open) {
   const labels = labelsOf(columns, row);
   const trace = details?.trace;
   const [first, all] = metricLists(columns, row);
+  // Beside the plots of a few seeds all metrics have the room that plots of contacts take.
+  const beside = document.querySelector(".seeds");
+  const metricsOpen = beside ? details?.coverage.some(([kind]) => kind === "pairs touched") : !first.length;
   return [
     element("h3", {}, swatch(code), ` ${metadata.labels.names[code]}: run `, element("span", { class: "id" }, run)),
     labels.length ? element("ul", { class: "reasons" }, ...labels.map((each) => element("li", {}, each))) : null,
@@ -132,7 +135,7 @@ function runPanel(columns, row, open) {
     element("div", { id: "timeline", class: "picture", role: "group", "aria-label": `Run ${run} over time` }),
     details?.coverage.length ? element("details", {}, element("summary", {}, "What it exercised"),
       element("div", { class: "scroll" }, table(["exercised", "not at all", "share of range or time"], details.coverage))) : null,
-    element("details", { open: !first.length && !trace }, element("summary", {}, `All ${all.length} metrics`), element("div", { id: "metrics" }, pairsOf(all))),
+    element("details", { open: metricsOpen }, element("summary", {}, `All ${all.length} metrics`), element("div", { id: "metrics" }, pairsOf(all))),
     details ? element("details", {}, element("summary", {}, "All settings"),
       pairsOf(Object.entries(details.settings).map(([name, value]) => [name, setting(value)]))) : null,
     commandsOf(columns, row),
