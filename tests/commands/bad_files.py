@@ -37,6 +37,7 @@ MODELS = {
     "own-include.xml": "<mujoco>\n<include file='own-include.xml'/></mujoco>\n",
     "own-model.xml": model("", "<asset><model name='own' file='own-model.xml'/></asset>"),
     "endless.xml": model(FLOOR + BODY, "<option gravity='0 0 -inf'/>"),
+    "negative.xml": model(FLOOR + BODY, "<option impratio='-1'/>"),
     "outside.xml": model(FLOOR, "<asset><mesh name='hand' file='/etc/hostname'/></asset>"),
     "twice.xml": model(FLOOR + "\n" + FLOOR),
     "no-joint.xml": model(FLOOR + BODY, "<actuator><motor joint='knee'/></actuator>"),
@@ -48,6 +49,8 @@ MODELS = {
     "<xacro:macro name='m'/></robot>\n",
     "empty.urdf": "",
     "no-links.urdf": "<robot name='r'/>\n",
+    "joint-type.urdf": "<robot name='r'><link name='a'/><link name='b'/><joint name='j' "
+    "type='revolte'><parent link='a'/><child link='b'/></joint></robot>",
     "package.urdf": "<robot name='r'><link name='base'><collision><geometry>"
     "<mesh filename='package://arm/hand.stl'/></geometry></collision></link></robot>\n",
     "robot.usd": "PXR-USDC",

@@ -17,6 +17,7 @@ _ELEMENT = re.compile(r"Element '([^']*)'")
 _NAMED = re.compile(r"Element name '([^']*)'")
 _PART = re.compile(r"^( *)(\w+) \(.\)\s+(.*)$")  # of the schema: an element, its first attributes
 _WRITTEN = r"""(\w+)\s*=\s*["'](?:[^"']*\s)?{}(?:\s[^"']*)?["']"""
+_URDF_JOINTS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
 _SYMBOLS = {"mjMINVAL": f"{mujoco.mjMINVAL:g}", "mjMAXVAL": "1e10"}
 
 
@@ -126,6 +127,17 @@ def _light(_: re.Match[str], element: str, model: Path) -> str:
     return "a body that moves has no mass or no inertia; give it a geom, or <inertial>"
 
 
+def _no_joint(_: re.Match[str], element: str, model: Path) -> str:
+    """Name the joint of a URDF whose type is none, and the nearest type."""
+    del element
+    types = re.findall(
+        r"""<joint\b[^>]*\stype\s*=\s*["']([^"']*)""", model.read_text(errors="replace")
+    )
+    odd = next((each for each in types if each not in _URDF_JOINTS), "")
+    hint = suggestion(odd, _URDF_JOINTS) or f"write one of {', '.join(_URDF_JOINTS)}"
+    return f"type of <joint> cannot be '{odd}'; {hint}"
+
+
 _REASONS: Mapping[str, Callable[[re.Match[str], str, Path], str]] = {
     r"unrecognized element": _no_element,
     r"unrecognized attribute: '([^']*)'": _no_attribute,
@@ -138,6 +150,7 @@ _REASONS: Mapping[str, Callable[[re.Match[str], str, Path], str]] = {
     r"unknown transmission target '([^']*)'": _no_target,
     r"(\w+) '([^']*)' not found in (\w+)": _missing,
     r"rror opening file '([^']*)'": _no_file,
+    r"invalid joint type in URDF": _no_joint,
     r"mass and inertia of moving bodies": _light,
 }
 """Words for what MuJoCo says, by a pattern of it."""

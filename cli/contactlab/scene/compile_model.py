@@ -38,6 +38,11 @@ _ALL_FIELDS = (1 << 9) - 1
 _FOUND_AND_DISTANCE = 1 << 0 | 1 << 3
 _FIRST = 0
 _NEAREST = 1
+_ABOVE_ZERO = ("timestep", "impratio")
+_NOT_BELOW_ZERO = (
+    *("density", "viscosity"),
+    *("iterations", "ls_iterations", "noslip_iterations", "ccd_iterations"),
+)
 _OBJ, _KIND = mujoco.mjtObj, mujoco.mjtSensor
 _NOTHING = (_OBJ.mjOBJ_UNKNOWN, "")
 _NOT_ALWAYS = ("kinetic", "potential", "momentum", "angular_momentum", "held")
@@ -178,15 +183,12 @@ def compile_model(
 def _checked(model: mujoco.MjModel, source: SceneSource) -> mujoco.MjModel:
     """Return a model that can be recorded; a SceneError says why not.
 
-    Its options are finite but for the step, which a sweep may replace, and its actuators have one
+    Its options can be, but for the step, which a sweep may replace, and its actuators have one
     control and one force.
     """
-    for option, told in infinite_options(model):
+    for option, told in wrong_options(model).items():
         if option != "timestep":
-            raise SceneError(
-                f"{source.model}: its {option} is {told}; write finite numbers in "
-                f'<option {option}="..."/>'
-            )
+            raise SceneError(f"{source.model}: its {option} {told}, in <option {option}=.../>")
     for actuator in range(getattr(model, "nactuator", 0)):
         controls, forces = model.actuator_ctrlnum[actuator], model.actuator_outnum[actuator]
         if (controls, forces) != (1, 1):
@@ -199,12 +201,22 @@ def _checked(model: mujoco.MjModel, source: SceneSource) -> mujoco.MjModel:
     return model
 
 
-def infinite_options(model: mujoco.MjModel) -> Iterator[tuple[str, str]]:
-    """Yield the attributes of <option> that are not finite, and their values in words."""
+def wrong_options(model: mujoco.MjModel) -> Mapping[str, str]:
+    """Return the attributes of <option> that no simulation can have, and what is wrong with each.
+
+    They are not finite, or zero or negative where nothing in the world is.
+    """
+    found = dict[str, str]()
     for option in dir(model.opt):
         value = getattr(model.opt, option)
         if isinstance(value, float | np.ndarray) and not np.isfinite(value).all():
-            yield option, " ".join(f"{number:g}" for number in np.ravel(value))
+            told = " ".join(f"{number:g}" for number in np.ravel(value))
+            found[option] = f"is {told}, which has to be finite"
+        elif option in _ABOVE_ZERO and value <= 0:
+            found[option] = f"is {value:g}, which has to be above 0"
+        elif option in _NOT_BELOW_ZERO and value < 0:
+            found[option] = f"is {value:g}, which has to be 0 or more"
+    return found
 
 
 _said: set[tuple[Path, str]] = set()

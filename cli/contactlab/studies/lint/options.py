@@ -5,34 +5,23 @@ from collections.abc import Iterator
 import mujoco
 import numpy as np
 
-from contactlab.scene.compile_model import infinite_options
+from contactlab.scene.compile_model import wrong_options
 from contactlab.scene.model_draft import mjcf_text
 from contactlab.studies.lint.linted_model import Fault, LintedModel
 from contactlab.studies.lint.rules import rule
 
-_ABOVE_ZERO = ("timestep", "impratio")
-_NOT_BELOW_ZERO = (
-    *("density", "viscosity"),
-    *("iterations", "ls_iterations", "noslip_iterations", "ccd_iterations"),
-)
 _LARGE = 100.0  # m/s^2, ten times the Earth's
 
 
 @rule("option-value", "gate")
 def option_value(linted: LintedModel) -> Iterator[Fault]:
     """An option is infinite, or zero or negative where nothing in the world is."""
-    option = linted.model.opt
-    wrong = dict(infinite_options(linted.model))
-    for names, least in ((_ABOVE_ZERO, "above 0"), (_NOT_BELOW_ZERO, "0 or more")):
-        for name in names:
-            value = getattr(option, name)
-            if value < 0 or (value == 0 and names is _ABOVE_ZERO):
-                wrong[name] = f"{value:g}, which has to be {least}"
+    wrong = wrong_options(linted.model)
     if wrong:
         usual = mujoco.MjSpec().option
         values = {name: mjcf_text(np.ravel(getattr(usual, name)).tolist()) for name in wrong}
         yield Fault(
-            "; ".join(f"{name} is {told}" for name, told in wrong.items()),
+            "; ".join(f"{name} {told}" for name, told in wrong.items()),
             linted.place_of("option"),
             linted.set_in("option", **values),
         )
