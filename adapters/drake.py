@@ -191,12 +191,17 @@ class Arm:
 
 
 def _moving(model: mujoco.MjModel) -> mujoco.MjModel:
-    """Return a model of what Drake has to move: no shapes, and nothing that acts beside damping."""
+    """Return a model of what Drake has to move: no shapes, and nothing that acts beside damping.
+
+    A body without mass has as good as none, without which Drake ends the process.
+    """
     import copy
 
     plain = copy.copy(model)
     plain.jnt_limited[:], plain.jnt_stiffness[:], plain.dof_frictionloss[:] = 0, 0, 0
     plain.qpos0[:] = 0  # coordinates count from there
+    plain.body_mass[1:] = _ARRIVALS.positive(model.body_mass[1:])
+    plain.body_inertia[1:] = _ARRIVALS.positive(model.body_inertia[1:])
     if model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_DAMPER:
         plain.dof_damping[:] = 0
     mujoco.mj_setConst(plain, mujoco.MjData(plain))

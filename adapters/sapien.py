@@ -177,9 +177,11 @@ class World:
             if model.geom_bodyid[geom] == body and model.body_weldid[body]:
                 place = model.geom_pos[geom], model.geom_quat[geom]
                 component.attach(self._shape(geom, place))
-        component.set_mass(max(float(model.body_mass[body]), 1e-9))
+        # A mass of 0 is refused, an inertia of 0 taken for 1.
+        masses, inertias = map(_ARRIVALS.positive, (model.body_mass, model.body_inertia))
+        component.set_mass(float(masses[body]))
         component.set_cmass_local_pose(self._pose((model.body_ipos[body], model.body_iquat[body])))
-        component.set_inertia(np.array(model.body_inertia[body]))
+        component.set_inertia(inertias[body])
         component.set_linear_damping(0)
         component.set_angular_damping(0)
         component.set_max_angular_velocity(_UNLIMITED)

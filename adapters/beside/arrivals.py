@@ -7,7 +7,13 @@ import mujoco
 import numpy as np
 
 _PRECISION = 1e-6  # of what arrives, which an engine may keep in single precision
+_NOTHING = 1e-9  # of the largest row, as which a row of zeros may arrive
 _TINY = 1e-15
+
+
+def positive(amounts: np.ndarray) -> np.ndarray:
+    """Return masses or inertias with those that are 0 so small that rounding hides them."""
+    return np.where(amounts > 0, amounts, _TINY * amounts.max())
 
 
 def compare(
@@ -15,12 +21,18 @@ def compare(
 ) -> None:
     """Raise a ValueError that names the first of some rows that did not arrive as it was sent.
 
-    They are compared relative to each row's largest number, or to a scale.
+    They are compared relative to each row's largest number, or to a scale. A row of zeros may
+    arrive as 1e-9 of the largest row: some engines have no bodies without mass.
     """
     shape = len(names), -1 if len(names) else 0
     sent, arrived = (np.asarray(each, dtype=float).reshape(shape) for each in (sent, arrived))
-    largest = np.abs(sent).max(axis=1, initial=_TINY, keepdims=True) if scale is None else scale
-    wrong = ~(np.abs(arrived - sent) <= _PRECISION * largest).all(axis=1)
+    if scale is None:
+        largest = np.abs(sent).max(axis=1, initial=0, keepdims=True)
+        nothing = _NOTHING * largest.max(initial=_TINY)
+        within = np.where(largest > 0, _PRECISION * largest, nothing)
+    else:
+        within = _PRECISION * scale
+    wrong = ~(np.abs(arrived - sent) <= within).all(axis=1)
     for row in np.flatnonzero(wrong)[:1]:
         was, found = (" ".join(f"{value:.7g}" for value in each[row]) for each in (sent, arrived))
         raise ValueError(f"{what} of {names[row]} was sent as {was} and arrived as {found}")

@@ -109,6 +109,10 @@ def test_what_arrives_otherwise_is_named() -> None:
     with pytest.raises(ValueError, match="body 'a'"):
         ARRIVALS.compare("the inertia", sent, np.full((2, 2), np.nan), names)
     ARRIVALS.compare("the mass", [], [], [])
+    masses = np.array([13.0, 0.0])
+    ARRIVALS.compare("the mass", masses, ARRIVALS.positive(masses), names)
+    with pytest.raises(ValueError, match="the mass of body 'b' was sent as 0 and arrived as 2e-08"):
+        ARRIVALS.compare("the mass", masses, [13, 2e-8], names)
 
 
 def test_dynamics_that_arrive_otherwise_are_named() -> None:
