@@ -151,6 +151,14 @@ def test_the_changed_model_is_the_one_that_is_written(tmp_path: Path) -> None:
     assert candidate.compiled.body_mass.tolist() == motions[0].model.body_mass.tolist()
 
 
+def test_bodies_without_a_name_are_named_where_they_are_excluded(tmp_path: Path) -> None:
+    """Plain MuJoCo finds them by it."""
+    scene = scene_of(HELD.format(more="").replace(' name="right"', ""), tmp_path)
+    edits = ModelEdits(excluded=(("left", "body[2]"),))
+    made = mujoco.MjModel.from_xml_path(str(write_model(scene, edits, tmp_path / "apart").path))
+    assert (made.nexclude, made.body(2).name) == (1, "body[2]")
+
+
 def test_gains_are_written_as_their_actuator_has_them(tmp_path: Path) -> None:
     """A position servo has kp and kv, a velocity servo kv: gainprm and biasprm follow from them."""
     settings = {

@@ -215,6 +215,7 @@ _GAINS: Mapping[tuple[str, str], tuple[str, int | None, int] | None] = {
     ("cylinder", "gainprm"): ("area", 0, 1),
     ("adhesion", "gainprm"): ("gain", 0, 1),
 }
+_NUMBERED = re.compile(r"body\[\d+\]")
 _TAG = re.compile(rb"<([^\s/>]+)")
 
 
@@ -373,6 +374,9 @@ def _set_by(edits: ModelEdits) -> Iterator[tuple[str, str, str, str]]:
         yield "mesh", name, "maxhullvert", str(count)
     for name, primitive in edits.fitted:
         yield "geom", name, "type", primitive
+    for name in {name for pair in edits.excluded for name in pair}:
+        if _NUMBERED.fullmatch(name):  # its file has no name for it
+            yield "body", name, "name", name
 
 
 def object_name(model: mujoco.MjModel, field: str, row: int) -> str:
