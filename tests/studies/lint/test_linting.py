@@ -83,6 +83,14 @@ def test_a_part_is_linted_in_the_models_that_include_it(
         assert (found.file, found.line) == ("parts/keys.xml", 3)
 
 
+def test_a_keyframe_after_an_include_has_its_own_line(linted: Linted, tmp_path: Path) -> None:
+    """What is included moves the elements behind it, and not the lines of the file."""
+    (tmp_path / "lights.xml").write_text("<mujocoinclude><light/><light/></mujocoinclude>")
+    text = BROKEN.replace("<worldbody>", '<worldbody><include file="lights.xml"/>')
+    found = only(linted(text), "keyframe-range")
+    assert "<key" in text.splitlines()[found.line - 1]
+
+
 def test_assets_that_an_include_names_from_its_folder_are_found(tmp_path: Path) -> None:
     """MuJoCo looks beside the included file for what is not beside the model."""
     (tmp_path / "parts").mkdir()

@@ -242,7 +242,7 @@ def _linted(source: SceneSource, made: _Compiled) -> LintedModel:
 
     parts = {part: real(by_line[line]) for part, line in made.lines.items() if line in by_line}
     unlined = (part for part, line in made.lines.items() if part[0] == _UNLINED and not line)
-    parts |= dict(zip(unlined, map(real, _of_tag(_UNLINED, by_line)), strict=False))
+    parts |= dict(zip(unlined, map(real, made.origins.keyframes), strict=False))
     linted = LintedModel(
         source=source,
         spec=made.spec,
@@ -286,15 +286,6 @@ def _laid_out(source: SceneSource) -> Generator[tuple[SceneSource, Origins]]:
         )
         copy = replace(source, content=copied)
         yield copy, Origins.lay_out(copy.model, root)
-
-
-def _of_tag(tag: str, by_line: Mapping[int, Origin]) -> Iterator[Origin]:
-    """Yield the elements of a tag in the order in which MuJoCo reads them."""
-    files = {file for file, _ in by_line.values()}
-    roots = {file: list(parse(file).iter()) for file in files}
-    for _, (file, place) in sorted(by_line.items()):
-        if roots[file][place].tag == tag:
-            yield file, place
 
 
 def _links(urdf: Path) -> Iterator[tuple[tuple[str, str], Origin]]:
