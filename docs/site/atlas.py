@@ -74,8 +74,8 @@ what a policy does with it. One of each family of near-equal files was examined.
 command; a dash says that none is needed. Causes are looked for in plain MuJoCo
 by `{script}`, whose controls are drawn anew: where it does not show them, the row says no. "Times
 real time" is that of plain steps on one core, while others were busy. A hand has a cell if it holds
-a box, creeping or not: two legs that close on it drop it, as a weak hand does. "Tuned" is the time
-that a step takes with what `contactlab tune` recommends over what it takes now, where it was asked.
+a box, creeping or not: two legs that close on it drop it, as a weak hand does. "Tune saves" is the
+share of the time that what `contactlab tune` recommends takes less, of sound models, where asked.
 Licences are those of wheels, and single models may have others.
 """
 _SILENT = "Of {names} there was no answer within the limit of CPU. "
@@ -89,7 +89,7 @@ _HEAD = (
     "other releases",
     "grip",
     "times real time",
-    "tuned",
+    "tune saves",
 )
 _FILTERS = ("gripper", "unresolved", "softness decides", "file must change")
 """What a click filters by."""
@@ -251,11 +251,12 @@ def _gripped(entry: Entry) -> float | str:
             return grip.speed if grip.speed is not None else math.inf
 
 
-def _ratio(entry: Entry) -> str:
+def _saving(entry: Entry) -> float | None:
+    """Return the share of the time that tune's recommendation saves; None if it was not asked."""
     tuned = entry.tuned
     if tuned is None:
-        return _NONE
-    return f"{percent(tuned.ratio)} of the time" if tuned.ratio and tuned.settings else "kept"
+        return None
+    return max(0.0, 1 - tuned.ratio) if tuned.ratio and tuned.settings else 0.0
 
 
 def _others(entry: Entry, others: Mapping[str, Entry]) -> str:
@@ -395,7 +396,8 @@ def _cells(
         f"<small>{entry.wheel}{aged}</small>"
     )
     grip = f"{_grip(entry)}<small>gripper</small>" if entry.grip else _NONE
-    ratio = entry.tuned.ratio if entry.tuned else None
+    saving = _saving(entry)
+    saved = _NONE if saving is None else percent(saving) if saving else "nothing"
     return (
         (link, _short(name)),
         (f'<span title="{_MEANINGS.get(entry.word, "")}">{dot}{shown_word(entry)}</span>', ""),
@@ -404,7 +406,7 @@ def _cells(
         (html.escape(_others(entry, others)), ""),
         (grip, _gripped(entry)),
         (f"{entry.rate:.0f}" if entry.rate else _NONE, entry.rate or ""),
-        (_ratio(entry), ratio or ""),
+        (saved, "" if saving is None else saving),
     )
 
 

@@ -11,6 +11,7 @@ from atlas.entry import (
     Confirmation,
     Entry,
     Gripped,
+    Tuned,
     entries,
     read_all,
     record_of,
@@ -168,11 +169,13 @@ def test_a_hand_has_a_cell_and_a_part_of_its_page(
 ) -> None:
     said = f"{word}: a box of 30x40x40 mm goes <away>; held by noslip 3"
     bare, grip = JUDGED[0], Gripped(word=word, sentence=said, speed=speed)
-    known = [bare.model_copy(update={"grip": grip}), JUDGED[1]]
+    tuned = Tuned(sentence="", settings={"timestep": 0.004}, ratio=0.75, seconds=1)
+    known = [bare.model_copy(update={"grip": grip, "tuned": tuned}), JUDGED[1]]
     monkeypatch.setattr(atlas, "entries", lambda _="": iter(known))
     atlas.write(tmp_path)
     index = (tmp_path / "atlas.md").read_text()
     assert f">{cell}<small>" in index
+    assert '<td data-order="0.25">25 %</td>' in index
     assert f"| {cell} | noslip 3 | {atlas.shown_word(bare)} |" in index
     first, second = ((tmp_path / f"atlas/{atlas.slug(each)}.md").read_text() for each in known)
     assert f"{word}: a box of 30x40x40 mm goes \\<away\\>" in first
