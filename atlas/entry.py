@@ -68,7 +68,7 @@ class Tuned(Model):
     """What `contactlab tune` recommends."""
 
     sentence: str
-    settings: dict[str, Setting] = about("By name; none if it recommends nothing.")
+    settings: dict[str, Setting] = about("By name; none if it recommends nothing, or leaves out.")
     ratio: float | None = about("Time with them over time without; null if it was not measured.")
     seconds: int = about("What it was given, `--max-time` [s].")
 

@@ -256,7 +256,7 @@ def _saving(entry: Entry) -> float | None:
     tuned = entry.tuned
     if tuned is None:
         return None
-    return max(0.0, 1 - tuned.ratio) if tuned.ratio and tuned.settings else 0.0
+    return max(0.0, 1 - tuned.ratio) if tuned.ratio else 0.0
 
 
 def _others(entry: Entry, others: Mapping[str, Entry]) -> str:

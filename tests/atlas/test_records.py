@@ -169,7 +169,7 @@ def test_a_hand_has_a_cell_and_a_part_of_its_page(
 ) -> None:
     said = f"{word}: a box of 30x40x40 mm goes <away>; held by noslip 3"
     bare, grip = JUDGED[0], Gripped(word=word, sentence=said, speed=speed)
-    tuned = Tuned(sentence="", settings={"timestep": 0.004}, ratio=0.75, seconds=1)
+    tuned = Tuned(sentence="", settings={}, ratio=0.75, seconds=1)  # by what is left out
     known = [bare.model_copy(update={"grip": grip, "tuned": tuned}), JUDGED[1]]
     monkeypatch.setattr(atlas, "entries", lambda _="": iter(known))
     atlas.write(tmp_path)
