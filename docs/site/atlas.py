@@ -10,7 +10,17 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from atlas.confirming import SCRIPT
-from atlas.entry import ROOT, Changed, Entry, Gripped, entries, film_of, releases, version
+from atlas.entry import (
+    ROOT,
+    Changed,
+    Entry,
+    Gripped,
+    entries,
+    film_of,
+    judge_digest,
+    releases,
+    version,
+)
 from PIL import Image
 
 from contactlab.printable import percent
@@ -145,8 +155,10 @@ def _still(film: Path) -> bytes:
 
 
 def judge_of(known: Sequence[Entry]) -> str:
-    """Return the digest of the judge that most records are by."""
-    return Counter(entry.judge for entry in known).most_common(1)[0][0] if known else ""
+    """Return the digest of the judge as it is now, or else of that which most records are by."""
+    digests = Counter(entry.judge for entry in known)
+    now = judge_digest()
+    return now if now in digests or not digests else digests.most_common(1)[0][0]
 
 
 def _of_releases() -> dict[str, dict[str, Entry]]:
@@ -438,7 +450,7 @@ def _page(entry: Entry, others: Mapping[str, Entry], *, old: bool) -> Iterator[s
     yield f"took {entry.cpu:.0f} s of CPU.\n"
     limit = ["--max-cpu", f"{entry.max_cpu}s"] if entry.max_cpu else []
     yield f"```sh\n{_install(entry)}\n{shlex.join(['contactlab', name, *limit])}\n```\n"
-    judge = "an older judge" if old else "the judge of most records here"
+    judge = "an older judge" if old else "the latest judge of records here"
     yield f"[All of it as JSON](../{_STATIC}/{page}.json), by contactlab {entry.contactlab} with"
     yield f"MuJoCo {entry.mujoco}, {judge} (code {entry.judge[:_FRESH]}), of the file"
     yield f"{entry.digest[:_FRESH]}. [The badge](../{_STATIC}/{page}.svg) is a picture."
