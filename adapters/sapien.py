@@ -37,6 +37,7 @@ def _refusals(model: mujoco.MjModel) -> list[tuple[Any, str]]:
         return [(True, f"{error}; give geoms one friction and one solref")]
     moves = model.body_weldid > 0
     planes = model.geom_type == _CONTACTS.PLANE
+    off = _JOINTS.OFF.mjDSBL_FRICTIONLOSS | _JOINTS.OFF.mjDSBL_CONSTRAINT
     related = [
         tuple(sorted(int(model.body_weldid[model.geom_bodyid[geom]]) for geom in pair))
         for pair in pairs
@@ -45,8 +46,10 @@ def _refusals(model: mujoco.MjModel) -> list[tuple[Any, str]]:
     return [
         ((model.jnt_type == _JOINTS.BALL).any(), "it has no ball joints; take three hinges"),
         ((model.body_jntnum > 1).any(), "it has one joint a body; give each a body of its own"),
-        ((model.body_mass[moves] == 0).any(), "its bodies all have mass"),
-        (model.dof_frictionloss.any(), "it knows no dry friction of joints"),
+        (
+            not model.opt.disableflags & off and model.dof_frictionloss.any(),
+            "it knows no dry friction of joints; set frictionloss to false",
+        ),
         (
             any(law.torsion or law.rolling for law in pairs.values()),
             "it has friction against sliding alone; set condim to 3",

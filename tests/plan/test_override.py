@@ -46,6 +46,8 @@ def test_an_axis_is_replaced_or_added(
 
 def test_a_key_that_an_option_begins_is_marked_there(mistakes: Mistakes) -> None:
     assert mistakes(BODY, assign=["sample.seed=3"]) == [("missing-key", "s")]
+    # An effect, which this scene has not; of braces it is the entry.
+    assert mistakes(BODY, assign=["limit=false"]) == [("unknown-axis", "limit")]
 
 
 def test_setting_an_axis_equals_writing_it(read: Reader) -> None:

@@ -91,7 +91,7 @@ def drive_option(text: str | None) -> Drive | None:
 def apply_settings(document: Document, settings: Sequence[str]) -> None:
     """Apply every `--set` to the document, with the places of its parts in the argument."""
     for option in filter(None, (_option(document, "--set", text) for text in settings)):
-        path = _path(option.name)
+        path = _path(option)
         if path[0] == "axes" and any(option.name in block for _, block in zip_blocks(document)):
             message = f"'{option.name}' is an axis of a zip block"
             document.add("set-zipped", option.key, message, "change the block in the file")
@@ -186,11 +186,14 @@ def _option(document: Document, flag: str, text: str) -> ParsedOption | None:
     return ParsedOption(name, quoted, Place(source, 1, start, len(name)), place)
 
 
-def _path(name: str) -> KeyPath:
+def _path(option: ParsedOption) -> KeyPath:
+    name = option.name
     head, _, rest = name.partition(".")
     if head in _ENTRIES and rest:
         return (head, rest)
-    return (name,) if name in Sweep.model_fields else ("axes", name)
+    # An effect has the name of an entry, which is a mapping.
+    effect = name == "limit" and not option.value.startswith("{")
+    return (name,) if name in Sweep.model_fields and not effect else ("axes", name)
 
 
 def _listed(document: Document, option: ParsedOption, path: KeyPath) -> list[object]:
