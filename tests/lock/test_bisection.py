@@ -165,9 +165,9 @@ def test_pytest_says_whether_a_test_passes(tmp_path: Path) -> None:
 
 
 def test_releases_lead_from_the_one_to_the_other() -> None:
-    listed = ["3.10.0", "3.9.0", "3.3.0", "4.0.0"]
+    listed = ["3.10.0", "3.9.0", "3.3.4", "4.0.0"]
     assert releases("3.9.0", "4.0.0", listed) == ["3.9.0", "3.10.0", "4.0.0"]
-    assert releases("3.10.0", "3.3.0", listed) == ["3.10.0", "3.9.0", "3.3.0"]
+    assert releases("3.10.0", "3.3.4", listed) == ["3.10.0", "3.9.0", "3.3.4"]
     with pytest.raises(EngineError, match=r"no release 3\.8\.0"):
         releases("3.8.0", "4.0.0", listed)
     with pytest.raises(EngineError, match="name two releases"):

@@ -282,7 +282,7 @@ def test_a_store_is_locked_and_checked(slid: Store, command: Callable[..., Any])
         (["lock", "STORE", "--file", "damaged.yaml", "--check"], "damaged.yaml"),
         (["lock", "nothing"], "no sweep file and no shipped sweep named"),
         (["lock", "nothing", "-o", "my.lock.yaml"], "-o writes the report of --check; name the"),
-        (["bisect", "slide", "--good", "3.2.7", "--bad", "4.0.0"], "3.3.0 and newer; 3.2.7 is"),
+        (["bisect", "slide", "--good", "3.2.7", "--bad", "4.0.0"], "3.3.4 and newer; 3.2.7 is"),
         (["bisect", "slide", "--good", "3.9", "--bad", "3.10.0", "--versions", "3.9.0"], "3.9"),
     ],
 )

@@ -110,7 +110,10 @@ class StepLoop:
         arrays = out or {item: self._array(item, len(runs), nstep) for item in record}
         for place, run in enumerate(runs):
             rows = {item: array[place] for item, array in arrays.items()}
-            inputs = None if control is None else (control_spec, control[place])
+            # Before 3.4, MuJoCo took rows alone that lie side by side and may be written.
+            inputs = (
+                None if control is None else (control_spec, np.array(control[place], order="C"))
+            )
             self._errors[run] = ""
             try:
                 self._run(run, nstep, inputs, rows)

@@ -24,7 +24,9 @@ _VERSION = re.compile(r"\d+(\.\w+)+")
 _NAME = re.compile(r"[\w.-]+")
 PACKAGES = "CONTACTLAB_PACKAGES"
 """The environment variable that names the packages of the Python that ran another one instead."""
-_OLDEST, _TOO_NEW = (3, 3), (5,)
+OLDEST = "3.3.4"
+"""The first release of MuJoCo whose specs can drop a part; every command runs on it."""
+_TOO_NEW = (5,)
 _ROBOTS = "mujoco-menagerie"  # robots that sweeps may name; no other optional package steps a model
 _MOST_LINES_OF_THE_INSTALLER = 6  # of what a failing installer prints
 
@@ -34,6 +36,11 @@ class Interpreter(NamedTuple):
 
     python: Path
     mujoco: str
+
+
+def numbers_of(version: str) -> tuple[int, ...]:
+    """Return the numbers of a version, without what is no number."""
+    return tuple(int(part) for part in version.split(".") if part.isdigit())
 
 
 def find_interpreter(request: str, notify: Callable[[str], None]) -> Interpreter | None:
@@ -47,9 +54,10 @@ def find_interpreter(request: str, notify: Callable[[str], None]) -> Interpreter
         return None
     if not _VERSION.fullmatch(request):
         return _existing(request)
-    numbers = tuple(int(part) for part in request.split(".") if part.isdigit())
-    if not _OLDEST <= numbers < _TOO_NEW:
-        raise EngineError(f"contactlab runs on MuJoCo 3.3.0 and newer, below 5; not on {request}")
+    if not numbers_of(OLDEST) <= numbers_of(request) < _TOO_NEW:
+        raise EngineError(
+            f"contactlab runs on MuJoCo {OLDEST} and newer, below 5; not on {request}"
+        )
     others = _requirements()
     name = f"mujoco-{request}-py{platform.python_version()}-{resources.short_hash(others)}"
     folder = resources.user_cache() / name

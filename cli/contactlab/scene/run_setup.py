@@ -182,8 +182,7 @@ def is_conservative(model: mujoco.MjModel) -> bool:
 
 def has_springs(model: mujoco.MjModel) -> bool:
     """Return whether joints, tendons or flexes store energy as they stretch or bend."""
-    bending = getattr(model, "flex_bending", np.zeros(0))  # of flexes since 3.3.1
-    of_flexes = model.flex_edgestiffness, model.flex_stiffness, bending
+    of_flexes = model.flex_edgestiffness, model.flex_stiffness, model.flex_bending
     stiff = (model.jnt_stiffness, model.tendon_stiffness, *of_flexes)
     return any(bool(stiffness.any()) for stiffness in stiff)
 

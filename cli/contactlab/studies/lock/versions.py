@@ -9,11 +9,10 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from contactlab.errors import EngineError, StoppedError, SweepFileError
-from contactlab.run.mujoco_environment import find_interpreter
+from contactlab.run.mujoco_environment import OLDEST, find_interpreter, numbers_of
 from contactlab.store.atomic_files import write_errors
 
 _LISTED = re.compile(r"^Available versions: (.+)$", re.MULTILINE)
-_OLDEST = (3, 3)
 _FINAL = re.compile(r"\d+(\.\d+)+")
 _RAN = {0, 1}  # a sweep that ran, as expected or not; a test that passed, or failed
 
@@ -27,8 +26,8 @@ def releases(first: str, last: str, given: Sequence[str] = ()) -> list[str]:
     if first == last:
         raise EngineError(f"{first} is both ends; name two releases")
     for moment in (first, last):
-        if _numbers(moment) < _OLDEST:
-            raise EngineError(f"contactlab runs on MuJoCo 3.3.0 and newer; {moment} is older")
+        if _numbers(moment) < numbers_of(OLDEST):
+            raise EngineError(f"contactlab runs on MuJoCo {OLDEST} and newer; {moment} is older")
     known = sorted({*given} or _listed(), key=_numbers)
     for moment in (first, last):
         EngineError.unless_known(moment, known, f"no release {moment} of MuJoCo for this Python")
@@ -50,7 +49,7 @@ def _listed() -> set[str]:
 def _numbers(version: str) -> tuple[int, ...]:
     if not _FINAL.fullmatch(version):
         raise EngineError(f"'{version}' is not a release of MuJoCo, such as 3.11.0")
-    return tuple(int(part) for part in version.split("."))
+    return numbers_of(version)
 
 
 def run_python(
