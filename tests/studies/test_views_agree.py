@@ -54,7 +54,7 @@ def searches_agree(model: str, whole: Examination, folder: Path, **options: Any)
 
     Time ends each search elsewhere, so that they tried the model as written and some more alike,
     and errors are alike where the motions are as fine that they are distances from, of as many
-    seeds.
+    seeds and windows.
     """
     known: dict[tuple[Any, ...], tuple[Any, ...]] = {}
     for search in (contactlab.tune, contactlab.tradeoff):
@@ -67,11 +67,11 @@ def searches_agree(model: str, whole: Examination, folder: Path, **options: Any)
             finite = [share for share in shares if share is not None]
             # What MuJoCo gives up in one phase has no share.
             assert report.judged.share == (max(finite) if len(finite) == len(shares) else None)
-        seeds = [kept.reason for kept in report.kept if kept.name == "seeds"]
+        fewer = [kept.reason for kept in report.kept if kept.name in {"seeds", "windows"}]
         for point in (report.now, *report.points):
             tried = (str(point.settings), point.timestep, point.lighter, point.apart)
             errors = (point.error, point.low, point.high)
-            found = known.setdefault((*tried, report.fine_step, *seeds), (*errors, point.body))
+            found = known.setdefault((*tried, report.fine_step, *fewer), (*errors, point.body))
             # What no step adds is rounding, of which no body is the worst.
             assert found[:-1] == pytest.approx(errors, abs=1e-12)
             assert found[-1] == point.body or (point.error or 0.0) < 1e-12
