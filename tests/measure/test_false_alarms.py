@@ -65,7 +65,7 @@ LID = (
 )
 ASLEEP = '<option sleep_tolerance="{}"><flag sleep="enable"/></option>'
 SLOPE = (
-    '<geom type="box" size="1 1 .1" pos="0 0 -.2" euler="0 20 0"/><body pos="0 0 -.048" '
+    '<geom type="box" size="1 1 .1" pos="0 0 .7" euler="0 20 0"/><body pos="0 0 .8595" '
     'euler="0 20 0"><freejoint/><geom type="box" size=".05 .05 .05" mass="1"/></body>'
 )
 GLIDE = (
