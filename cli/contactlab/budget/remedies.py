@@ -259,11 +259,11 @@ def _held_constants(model: mujoco.MjModel) -> Iterator[FieldChange]:
         for row in map(int, np.flatnonzero(short))
     ]
     if values:
-        kind, _, name = values[0].axis.rstrip("]").partition("[")
+        field, _, name = values[0].axis.removesuffix("]").partition("[")
+        kind = FIELD_KINDS[field.partition("_")[0]]
+        part = name if name.startswith(f"{kind}[") else f"{kind} {name}"
         more = f" and {len(values) - 1} more" if len(values) > 1 else ""
-        phrase = (
-            f"solref {least:g}, two steps, of {FIELD_KINDS[kind.partition('_')[0]]} {name}{more}"
-        )
+        phrase = f"solref {least:g}, two steps, of {part}{more}"
         yield FieldChange("solref-step", phrase, tuple(values))
 
 
