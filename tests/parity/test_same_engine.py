@@ -39,18 +39,21 @@ class Twin(MujocoEngine):
         return "0.0.twin"
 
 
-def test_mujoco_under_another_name_does_the_same(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Every number is the same, bit for bit, and each engine has its own version."""
+@pytest.fixture
+def twins(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Panel:
+    """Return the runs of a slide for the twin, which is among the engines."""
     monkeypatch.setitem(ENGINES, "twin", Twin())
     file = tmp_path / "panel.yaml"
     file.write_text(SLIDE)
-    panel = Panel.read(file, "twin", Overrides(), (), None)
+    return Panel.read(file, "twin", Overrides(), (), None)
+
+
+def test_mujoco_under_another_name_does_the_same(twins: Panel) -> None:
+    """Every number is the same, bit for bit, and each engine has its own version."""
     policy = ComparePolicy.model_validate({"version": 1})
     told = list[str]()
     report = run(
-        ParityRequest(panel, ENGINES["twin"], "here", (), policy),
+        ParityRequest(twins, ENGINES["twin"], "here", (), policy),
         lambda total, _: told.append(str(total)),
         lambda done: told.append(done.run_id),
     )
@@ -63,26 +66,20 @@ def test_mujoco_under_another_name_does_the_same(
     assert (report.exit_code, {check.outcome for check in report.findings}) == (0, {"passed"})
 
 
-def test_a_comparison_that_was_stopped_goes_on(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_comparison_that_was_stopped_goes_on(twins: Panel, tmp_path: Path) -> None:
     """Runs that are kept are not made again, unless another policy judges them."""
-    monkeypatch.setitem(ENGINES, "twin", Twin())
-    file = tmp_path / "panel.yaml"
-    file.write_text(SLIDE)
-    panel = Panel.read(file, "twin", Overrides(), (), None)
     told = list[object]()
 
     def compared(folder: Path | None, stop: Callable[[RunParity], None], **more: Any) -> Any:
         policy = ComparePolicy.model_validate({"version": 1, **more})
-        request = ParityRequest(panel, ENGINES["twin"], "here", (), policy, folder)
+        request = ParityRequest(twins, ENGINES["twin"], "here", (), policy, folder)
         told.clear()
         return run(request, lambda total, stored: told.append((total, stored)), stop)
 
     def stopping(judged: RunParity) -> None:
         raise StoppedError(judged.run_id)
 
-    first, second = (member.run_id for member in panel.runs)
+    first, second = (member.run_id for member in twins.runs)
     kept = tmp_path / "kept"
     with pytest.raises(StoppedError, match=first):
         compared(kept, stopping)
