@@ -21,7 +21,14 @@ RELEASES = "releases"
 """Folder of records, in folders named after the MuJoCo that made them, of verdicts alone."""
 _JUDGING = ("accuracy", "budget", "judge", "measure", "studies/examine")
 """Packages of contactlab that a verdict hangs on."""
-_MENDING = {"changes.py", "prices.py", "primitives.py", "remedies.py", "separated.py"}
+_MENDING = {
+    "changes.py",
+    "physical.py",
+    "prices.py",
+    "primitives.py",
+    "remedies.py",
+    "separated.py",
+}
 """Their files that look for changes, and judge none."""
 
 

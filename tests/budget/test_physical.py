@@ -135,6 +135,16 @@ def test_the_step_holds_a_shorter_time_constant() -> None:
     assert longer["solref-16"].after == (longer["solref"].phrase,)
 
 
+def test_what_goes_further_is_as_stiff_as_a_quarter_of_the_step_holds() -> None:
+    """A quarter of four steps takes half the step; a sixteenth would take an eighth."""
+    motion = walker(seconds=0.1)
+    model = copy.copy(motion.model)
+    model.jnt_solref[:, 0] = 4 * model.opt.timestep
+    found = against(replace(motion, model=model), "joint knee", "model", "limit softness")
+    rates = {word: change.rate for word, change in found.items() if "all" not in word}
+    assert rates == {"solref": 2, "solref-8": 4}
+
+
 def test_the_solref_of_a_contact_is_of_its_geoms() -> None:
     motion = walker(seconds=0.1)
     found = against(motion, "contact world - leg", "model", "contact softness")

@@ -30,6 +30,7 @@ from contactlab.budget.physical import FieldChange
 from contactlab.budget.prices import prices
 from contactlab.budget.remedies import (
     CANDIDATES,
+    MARGIN,
     Candidate,
     candidates_against,
     changed,
@@ -126,6 +127,20 @@ def test_a_light_part_holds_a_heavy_load_by_its_impedance() -> None:
     assert {one.accept: one.removes for one in tried} == dict(
         zip(words, (True, False), strict=True)
     )
+
+
+def test_a_ball_that_bears_before_it_touches_is_mended_by_no_margin() -> None:
+    """It starts at touch, 2 cm deep in its margin: that throws it up by how soft the contact is."""
+    xml = """<mujoco><option timestep=".002"/><worldbody><geom type="plane" size="1 1 .1"/>
+        <body pos="0 0 .1"><freejoint/><geom size=".1" margin="{}"/></body></worldbody></mujoco>"""
+    motion = motion_of(xml.format(0.02), 0.2)
+    verdict = judge(error_budget([motion], rows=["contact softness"], settings=FAST))
+    assert verdict.word == "model"
+    (own,) = (one for one in candidates_against([motion], verdict) if one.accept == MARGIN)
+    (tried,) = remedies([motion], verdict, candidates=[own], trial=Trial(FAST))
+    assert tried.removes
+    touching = motion_of(xml.format(0), 0.2)
+    assert all(one.accept != MARGIN for one in candidates_against([touching], verdict))
 
 
 def test_time_constants_that_the_step_raises_may_be_written_as_it_has_them() -> None:

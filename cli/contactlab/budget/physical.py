@@ -184,7 +184,8 @@ def _rounded(number: float, *, up: bool = True) -> float:
     return float(f"{whole * unit:.{_DIGITS}g}")
 
 
-_MORE, _COARSEST = (1, 4, 16), 4  # how much shorter time constants get, and steps at most with them
+_MORE, _LESS = (4, 16), (2,)  # how much shorter time constants get still; less if no step holds it
+_COARSEST = 4  # the most steps in one of the run's that may hold it
 PARTS_OF_A_STEP = {2: "half", 4: "a quarter of", 8: "an eighth of", 16: "a sixteenth of"}
 # The fields that a row of softness is of, by kind.
 _SOFT: Mapping[str, Sequence[str]] = {
@@ -218,13 +219,25 @@ def _stiffer(
     every_one = f"every {' and '.join(kinds)}"
     for some, word, what in ((parts, "solref", places), (every, "solref-all", every_one)):
         if some and (word == "solref" or every != parts):
-            before = tuple[str, ...]()
-            for more in _MORE:
-                own = word if more == 1 else f"{word}-{more * times}"
-                change = _of_solref(model, some, more * times, own, what)
-                if more == 1 or change.rate <= _COARSEST:
-                    yield replace(change, after=before)
-                    before = (*before, change.phrase)
+            yield from _ever_stiffer(model, some, times, word, what)
+
+
+def _ever_stiffer(
+    model: mujoco.MjModel, parts: Sequence[tuple[str, int]], times: int, word: str, what: str
+) -> Iterator[FieldChange]:
+    """Yield a shorter solref of parts, then those that go further, each in place of all before."""
+
+    def shorter(more: int) -> FieldChange:
+        own = word if more == 1 else f"{word}-{more * times}"
+        return _of_solref(model, parts, more * times, own, what)
+
+    def held(powers: Sequence[int]) -> list[FieldChange]:
+        return [change for more in powers if (change := shorter(more)).rate <= _COARSEST]
+
+    before = tuple[str, ...]()
+    for change in (shorter(1), *(held(_MORE) or held(_LESS))):
+        yield replace(change, after=before)
+        before = (*before, change.phrase)
 
 
 def _of_solref(

@@ -61,6 +61,8 @@ _SOLREFS = (
 )
 _SAFE = 0.5  # part of the tolerance that a change is within, with which it is not at its edge
 NO_EDITS = ModelEdits()
+MARGIN = "margin"
+"""Word of the change by which contacts bear at no distance."""
 
 
 @dataclass(frozen=True)
@@ -220,11 +222,15 @@ def candidates_against(motions: Sequence[Motion], verdict: Verdict) -> tuple[Can
     model, changes = motions[0].model, field_changes(motions, verdict)
     hard = harder(model, changes) if word == "model" else ()
     held = _held_constants(model) if word == "unresolved" and raises_time_constants(model) else ()
+    # A contact that bears before its geoms touch is softer than its solref says.
+    afar = any(reason.row == "contact softness" for reason in verdict.reasons)
+    margins = without_margins(model) if word == "model" and afar else ()
     # Softness of several rows is nearer to none of them.
     physical = [of_fields(change, word, nearer=word == "unresolved") for change in changes]
     return (
         *CANDIDATES,
         *_finer(model, verdict),
+        *(of_fields(change, word, nearer=False) for change in margins),
         *physical,
         *(of_fields(change, word, nearer=False) for change in hard),
         *(replace(of_fields(change, word, nearer=False), exercised="refsafe") for change in held),
@@ -243,6 +249,18 @@ def of_fields(change: FieldChange, word: Word, *, nearer: bool) -> Candidate:
         within=change.after,
         nearer=nearer,
     )
+
+
+def without_margins(model: mujoco.MjModel) -> Iterator[FieldChange]:
+    """Yield the change by which no contact bears before its geoms touch."""
+    values = [
+        FieldValue(f"{kind}_{part}", (row,), f"{kind}_{part}[{name_of(model, kind, row)}]", 0.0)
+        for kind in ("geom", "pair")
+        for part in ("margin", "gap")
+        for row in map(int, np.flatnonzero(getattr(model, f"{kind}_{part}")))
+    ]
+    if values:
+        yield FieldChange(MARGIN, "no margin of any contact", tuple(values))
 
 
 def _held_constants(model: mujoco.MjModel) -> Iterator[FieldChange]:

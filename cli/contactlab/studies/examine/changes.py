@@ -12,13 +12,13 @@ from tempfile import TemporaryDirectory, mkdtemp
 from typing import Literal, NamedTuple
 
 import mujoco
-import numpy as np
 
 from contactlab.budget import Motion, Remedy, Trial, Verdict, error_budget, judge, remedies
 from contactlab.budget.measuring import evaluations, pace, steps_of
-from contactlab.budget.physical import FieldChange, FieldValue, field_changes
+from contactlab.budget.physical import field_changes
 from contactlab.budget.remedies import (
     CANDIDATES,
+    MARGIN,
     NO_EDITS,
     Candidate,
     candidates_against,
@@ -29,13 +29,13 @@ from contactlab.budget.remedies import (
     joined,
     of_fields,
     options_changed,
+    without_margins,
 )
 from contactlab.budget.report import remedy_report
 from contactlab.budget.verdict import Reason, Word
 from contactlab.budget.windows import joint_name
 from contactlab.errors import SceneError
 from contactlab.scene.model_draft import ModelEdits
-from contactlab.scene.model_names import name_of
 from contactlab.scene.model_writer import WrittenModel, write_model
 from contactlab.scene.scene import Scene
 from contactlab.schema.examination import MOST_CHANGES, ModelChange, RunLabel
@@ -47,7 +47,6 @@ from contactlab.studies.examine.task_motions import Change, as_it_is
 from contactlab.studies.session import Values
 
 Removes = Literal["verdict", "labels", "overlap"]
-_MARGIN = "margin"
 _OF_MARGINS = ("contact_at_distance",)
 _RUNS = 3  # a run, and one of half its step beside it
 _FINEST = 64  # most steps in one of the run's that are tried
@@ -205,7 +204,7 @@ class Changes:
         if not kinds <= {*SOFT_ROWS, *_OF_MARGINS}:
             yield from (finer(base, times) for times in (2, 4) if base.rate * times <= _FINEST)
         for candidate in physical:
-            if candidate.accept == _MARGIN:
+            if candidate.accept == MARGIN:
                 yield candidate
             yield joined([base, candidate])
 
@@ -412,7 +411,7 @@ def candidates_against_labels(
     stiffer = (*stiffer, *harder(model, stiffer))
     driven = tuple(_of_joints(model, labels))
     slower = field_changes(motions, Verdict("unresolved", verdict.within, driven)) if driven else ()
-    margins = _without_margins(model) if kinds & {*_OF_MARGINS} else ()
+    margins = without_margins(model) if kinds & {*_OF_MARGINS} else ()
     return (
         *(replace(candidate, word=word) for candidate in computed),
         *(of_fields(change, word, nearer=False) for change in (*margins, *stiffer, *slower)),
@@ -458,18 +457,6 @@ def _joints_of(model: mujoco.MjModel, label: RunLabel) -> Iterator[int]:
 def _reason(word: Word, label: RunLabel, row: str, share: float, place: str) -> Reason:
     body, time = next(iter(label.bodies), ""), label.time or 0.0
     return Reason(word, label.phase, row, share, body, place, time, label.reason)
-
-
-def _without_margins(model: mujoco.MjModel) -> Iterator[FieldChange]:
-    """Yield the change by which no contact bears before its geoms touch."""
-    values = [
-        FieldValue(f"{kind}_{part}", (row,), f"{kind}_{part}[{name_of(model, kind, row)}]", 0.0)
-        for kind in ("geom", "pair")
-        for part in ("margin", "gap")
-        for row in map(int, np.flatnonzero(getattr(model, f"{kind}_{part}")))
-    ]
-    if values:
-        yield FieldChange(_MARGIN, "no margin of any contact", tuple(values))
 
 
 def _untimed(candidate: Candidate, word: Word, edits: ModelEdits, *, removes: bool) -> Remedy:
