@@ -37,6 +37,17 @@ def test_bodies_in_each_other_part_as_their_masses_say() -> None:
     assert apart[[0, 7]] == pytest.approx([-0.05 / 4, 0.15 + 3 * 0.05 / 4], abs=1e-5)
 
 
+@pytest.mark.parametrize("hall", [0, 100])
+def test_a_ball_in_the_floor_is_lifted_however_large_the_hall(hall: float) -> None:
+    """It is a fifth of its size deep: a hall of a hundred metres makes that no less."""
+    xml = f"""<mujoco><worldbody><geom type="plane" size="1 1 .1"/>
+    <geom type="box" size=".1 .1 .1" pos="{hall} 0 0" contype="0" conaffinity="0"/>
+    <body pos="0 0 .06"><freejoint/><geom size=".1"/></body></worldbody></mujoco>"""
+    lifted = positions(xml)
+    assert lifted is not None
+    assert lifted[2] == pytest.approx(0.1, abs=1e-5)
+
+
 def test_an_open_equality_closes_by_the_way_that_is_open() -> None:
     """A pin half a metre ahead of a cart's eye: the cart rolls there, and nothing turns."""
     xml = """<mujoco><worldbody><body name="cart"><joint type="slide" axis="1 0 0"/>

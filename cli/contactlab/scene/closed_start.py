@@ -15,9 +15,9 @@ import numpy as np
 from contactlab.contact.trace_arrays import Floats
 
 OPEN = 0.01
-"""Share of a model's extent, or radians, from which a constraint is open."""
+"""Share of the extent of what moves, or radians, from which a constraint is open."""
 _ROUNDS, _MOST_ROWS = 30, 300  # so that it takes less than a second
-_CLOSED = 1e-6  # share of a model's extent, or radians, below which it is closed
+_CLOSED = 1e-6  # share of that extent, or radians, below which it is closed
 _SINGULAR = 1e-9  # of rows that say the same
 _DENSE = int(mujoco.mjtJacobian.mjJAC_DENSE)
 _EQUALITY = int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
@@ -48,7 +48,7 @@ def closed_start(model: mujoco.MjModel, start: Floats, spec: int) -> Floats | No
         mujoco.mj_solveM(frictionless, data, moved, jacobian)
         weights = np.linalg.pinv(jacobian @ moved.T, rcond=_SINGULAR, hermitian=True)
         step = -moved.T @ (weights @ apart[apart != 0])
-        if not np.abs(step).max() <= max(math.pi, float(model.stat.extent)):
+        if not np.abs(step).max() <= max(math.pi, moving_extent(frictionless, data)):
             return None  # nor a number
         mujoco.mj_integratePos(frictionless, data.qpos, step, 1)
     return None
@@ -71,7 +71,7 @@ def _opened(model: mujoco.MjModel, data: mujoco.MjData) -> float:
 def _violations(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Floats, Floats]:
     """Return how far each row is violated (nefc,), 0 where it is not, and what is large for it.
 
-    That is the model's extent, or a radian.
+    That is the extent of what moves, or a radian.
     """
     mujoco.mj_fwdPosition(model, data)
     kinds, ids = data.efc_type, data.efc_id
@@ -82,4 +82,18 @@ def _violations(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Floats, Flo
     joined = kinds == _EQUALITY
     joined[joined] = model.eq_type[ids[joined]] == _JOINT
     angles[joined] = turns[model.eq_obj1id[ids[joined]]]
-    return apart, np.where(angles, 1.0, float(model.stat.extent))
+    return apart, np.where(angles, 1.0, moving_extent(model, data))
+
+
+def moving_extent(model: mujoco.MjModel, data: mujoco.MjData) -> float:
+    """Return the longest side of the box around all geoms that move [m].
+
+    The hall around them may be a thousand times as large. At most it is the model's extent, as it
+    is where no geom moves.
+    """
+    moves = (model.body_weldid[model.geom_bodyid] > 0) & (model.geom_rbound > 0)
+    places, radii = data.geom_xpos[moves], model.geom_rbound[moves, None]
+    if not len(places):
+        return float(model.stat.extent)
+    sides = (places + radii).max(axis=0) - (places - radii).min(axis=0)
+    return min(float(model.stat.extent), float(sides.max()))

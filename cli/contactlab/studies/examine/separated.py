@@ -15,7 +15,7 @@ from contactlab.budget.motion import INTEGRATION
 from contactlab.budget.remedies import Candidate
 from contactlab.budget.verdict import Word
 from contactlab.errors import SceneError
-from contactlab.scene.closed_start import OPEN, closed_start
+from contactlab.scene.closed_start import OPEN, closed_start, moving_extent
 from contactlab.scene.model_draft import CompiledFiles, ModelEdits, edit_spec
 from contactlab.scene.model_names import name_of
 from contactlab.scene.scene import Scene
@@ -136,25 +136,30 @@ def _welded_roots(spec: mujoco.MjSpec, names: Sequence[tuple[str, str]]) -> Iter
 
 def overlapping(motion: Motion) -> Iterator[tuple[int, int]]:
     """Yield pairs of near links that are in each other where a motion starts."""
-    yield from (
-        (one, two) for one, two, _ in _in_each_other(motion) if _near(motion.model, one, two)
-    )
+    model = motion.model
+    found = _in_each_other(model, _begun(motion))
+    yield from ((one, two) for one, two, _ in found if _near(model, one, two))
 
 
 def _stuck(motion: Motion) -> Iterator[tuple[int, int]]:
     """Yield pairs deep in each other of which neither is the world's, and neither floats."""
-    model = motion.model
-    for one, two, depth in _in_each_other(motion):
+    model, data = motion.model, _begun(motion)
+    least = OPEN * moving_extent(model, data)
+    for one, two, depth in _in_each_other(model, data):
         held = [_way(model, body) for body in (one, two)]
-        if depth > OPEN * model.stat.extent and all(way[0] and way[-1] == 0 for way in held):
+        if depth > least and all(way[0] and way[-1] == 0 for way in held):
             yield one, two
 
 
-def _in_each_other(motion: Motion) -> Iterator[tuple[int, int, float]]:
-    """Yield pairs of bodies in each other where a motion starts, floors aside, and how deep [m]."""
-    model, data = motion.model, mujoco.MjData(motion.model)
-    mujoco.mj_setState(model, data, motion.starts[0], INTEGRATION)
-    mujoco.mj_forward(model, data)
+def _begun(motion: Motion) -> mujoco.MjData:
+    data = mujoco.MjData(motion.model)
+    mujoco.mj_setState(motion.model, data, motion.starts[0], INTEGRATION)
+    mujoco.mj_forward(motion.model, data)
+    return data
+
+
+def _in_each_other(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[tuple[int, int, float]]:
+    """Yield pairs of bodies in each other, floors aside, and how deep [m]."""
     for contact in range(data.ncon):
         geoms = data.contact.geom[contact]
         if geoms.min() < 0 or set(_ENDLESS) & set(map(int, model.geom_type[geoms])):
