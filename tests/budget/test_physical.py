@@ -11,7 +11,7 @@ from tests.budget_motions import motion_of, walker
 
 from contactlab.budget import Motion, Settings, Trial, error_budget, judge, remedies
 from contactlab.budget.nearness import FINEST, Rival, nearness
-from contactlab.budget.physical import FieldChange, field_changes, joint_inertia
+from contactlab.budget.physical import FieldChange, field_changes, joint_inertias
 from contactlab.budget.verdict import Reason, Verdict, Word
 
 FAST = Settings(energy=False)
@@ -45,7 +45,7 @@ def test_gains_have_a_quarter_of_the_bound_and_the_same_damping_ratio(kp: float,
     motion.model.actuator_biasprm[-1, 1:3] = -kp, -kv
     motion.model.actuator_gainprm[-1, 0] = kp or kv
     change = against(motion, "joint left_knee")["gains"]
-    inertia = joint_inertia(motion, motion.model.joint("left_knee").id)
+    (inertia,) = joint_inertias(motion, [motion.model.joint("left_knee").id])
     model = made(motion, change)
     assert load(motion.model, inertia) > 1
     assert 0.9 - 1e-9 <= load(model, inertia) <= 1 + 1e-9
@@ -59,7 +59,30 @@ def test_a_servo_that_the_step_holds_is_left_alone() -> None:
     motion = servo()
     motion.model.actuator_biasprm[-1, 1:3] = -1e-3, -1e-3
     assert against(motion, "joint left_knee") == {}
-    assert against(servo(), "contact world - shank") == {}
+    assert against(servo(), "contact world - thigh") == {}
+
+
+TWO_WHEELS = """<mujoco><option timestep=".002" gravity="0 0 0"/><worldbody>
+  <body name="left"><joint name="l"/><geom size=".1" mass=".1" contype="0"/></body>
+  <body name="right" pos="1 0 0"><joint name="r"/><geom size=".1" mass=".2" contype="0"/></body>
+  <body name="free" pos="2 0 0"><joint name="f"/><geom size=".1" mass="1" contype="0"/></body>
+</worldbody>
+<equality><joint name="mesh" joint1="l" joint2="f"/></equality>
+<actuator><velocity joint="l" kv="5"/><velocity joint="r" kv="5"/></actuator></mujoco>"""
+
+
+@pytest.mark.parametrize("place", ["joint l", "contact world - left", "equality mesh"])
+def test_servos_that_the_step_does_not_hold_are_changed_alone_and_together(place: str) -> None:
+    """A wheel's inertia is 2/5 m r^2; its armature makes it 2 h kv, of which b is a half."""
+    found = against(motion_of(TWO_WHEELS, 0.1), place)
+    words = "gains", "armature", "damping"
+    assert [*found] == [*words, *(f"{word}-all" for word in words)]
+    assert all(found[f"{word}-all"].after == (found[word].phrase,) for word in words)
+    assert [value.axis for value in found["armature"].values] == ["dof_armature[l]"]
+    every = found["armature-all"].values
+    assert [value.axis for value in every] == ["dof_armature[l]", "dof_armature[r]"]
+    for value, mass in zip(every, (0.1, 0.2), strict=True):
+        assert value.value == pytest.approx(2 * 0.002 * 5 - 0.4 * mass * 0.1**2, rel=0.06)
 
 
 def test_the_bound_is_that_of_the_recurrence() -> None:
@@ -82,11 +105,11 @@ def test_armature_adds_to_the_inertia_of_its_joint() -> None:
     mujoco.mj_forward(motion.model, data)
     full = np.zeros((motion.model.nv, motion.model.nv))
     mujoco.mj_fullM(motion.model, data, full)
-    inertia = joint_inertia(motion, joint)
+    (inertia,) = joint_inertias(motion, [joint])
     assert inertia == pytest.approx(1 / np.linalg.inv(full)[dof, dof])
     motion.model.dof_armature[dof] += 0.3
     mujoco.mj_setConst(motion.model, mujoco.MjData(motion.model))
-    assert joint_inertia(motion, joint) == pytest.approx(inertia + 0.3)
+    assert joint_inertias(motion, [joint]) == pytest.approx([inertia + 0.3])
 
 
 @pytest.mark.parametrize("word", ["armature", "damping", "gains"])

@@ -34,6 +34,7 @@ from contactlab.budget.remedies import (
     Candidate,
     candidates_against,
     changed,
+    further,
     of_fields,
     sentence,
 )
@@ -141,6 +142,32 @@ def test_a_ball_that_bears_before_it_touches_is_mended_by_no_margin() -> None:
     assert tried.removes
     touching = motion_of(xml.format(0), 0.2)
     assert all(one.accept != MARGIN for one in candidates_against([touching], verdict))
+
+
+def test_a_rotor_on_gimbals_is_computed_by_fine_steps_of_runge_kutta() -> None:
+    """Its step is 2.5 rad of spin; a sixteenth is .16, of which RK4 leaves the fourth power."""
+    xml = """<mujoco><option timestep=".01" gravity="0 0 0"/><worldbody><body name="hub">
+        <joint axis="0 0 1"/><geom type="cylinder" size=".05 .05" mass=".5"/><body><joint
+        axis="0 1 0"/><geom type="box" size=".02 .04 .02" mass=".1"/><body name="rotor"><joint
+        axis="1 0 0"/><geom type="cylinder" size=".08 .01" euler="0 90 0" mass=".6"/></body></body>
+        </body></worldbody></mujoco>"""
+    motion = motion_of(
+        xml.replace("/></body>", ' contype="0"/></body>'), 0.04, qvel=[0.5, 0.5, 250]
+    )
+    assert judge(error_budget([motion], rows=[], settings=FAST)).word != "sound"
+    (half,) = (one for one in CANDIDATES if one.name == "half the step")
+    few = [*further(half)]
+    assert {one.name: one.rate for one in few} == {
+        "implicit": 1,
+        "RK4 at a quarter of the step": 4,
+        "a sixteenth of the step": 16,
+        "1/32 of the step": 32,
+        "RK4 at a sixteenth of the step": 16,
+        "1/64 of the step": 64,
+    }
+    (finest,) = (one for one in few if one.name == "RK4 at a sixteenth of the step")
+    budget = error_budget([changed(motion, finest)], rows=[], settings=FAST)
+    assert judge(budget).word == "sound"
 
 
 def test_time_constants_that_the_step_raises_may_be_written_as_it_has_them() -> None:

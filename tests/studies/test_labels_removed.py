@@ -88,12 +88,19 @@ def test_what_leaves_no_label_is_written(tmp_path: Path, wanted: list[str], half
     assert math.isclose(model.geom("box").solref[0], stiff)
 
 
-def test_contacts_that_bear_at_a_distance_lose_their_margins(tmp_path: Path) -> None:
+@pytest.mark.parametrize("name", ["contact_at_distance", "energy_injection"])
+def test_contacts_that_bear_at_a_distance_lose_their_margins(tmp_path: Path, name: str) -> None:
     margined = BOX.replace('size=".05"/>', 'size=".05" margin=".01" gap=".002"/>')
-    afar = DEEP.model_copy(update={"label": "contact_at_distance", "bodies": ("ball",)})
+    afar = DEEP.model_copy(update={"label": name, "bodies": ("ball",)})
     (told,) = changes_of(tmp_path, ["geom_margin"], label=afar, text=margined).told()
     assert (told.accept, told.removes) == ("margin", "labels")
     assert told.settings == {"geom_margin[ball]": 0.0, "geom_gap[ball]": 0.0}
+
+
+def test_energy_that_changes_is_kept_by_runge_kutta(tmp_path: Path) -> None:
+    gained = DEEP.model_copy(update={"label": "energy_injection", "bodies": ()})
+    (told,) = changes_of(tmp_path, ["integrator"], label=gained).told()
+    assert (told.name, told.settings) == ("RK4", {"integrator": "RK4"})
 
 
 SERVO = """<mujoco><option timestep=".01"/><worldbody><body name="arm"><joint name="elbow"/>

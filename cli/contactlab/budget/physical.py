@@ -13,6 +13,7 @@ fastest motion of the joint has at least about four steps.
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import NamedTuple
 
 import mujoco
@@ -25,7 +26,7 @@ from contactlab.budget.windows import joint_name
 from contactlab.contact.trace_arrays import Floats
 from contactlab.scene.model_edits import FIELD_KINDS, derive
 from contactlab.scene.model_names import find_id, name_of
-from contactlab.scene.part_bodies import hauled
+from contactlab.scene.part_bodies import bodies_of_equality, bodies_of_tendon, hauled
 
 _AFFINE = int(mujoco.mjtBias.mjBIAS_AFFINE)
 _STIFFNESS, _DAMPING = 1, 2  # places of their negatives in biasprm
@@ -75,70 +76,144 @@ def field_changes(motions: Sequence[Motion], verdict: Verdict) -> tuple[FieldCha
     reasons = [reason for reason in verdict.reasons if reason.word == verdict.reasons[0].word]
     if word == "model":
         return tuple(_stiffer(motion.model, reasons, verdict.within))
-    joints = [joint for reason in reasons for joint in _joints(motion.model, reason)]
-    found = [change for joint in dict.fromkeys(joints) for change in _servo(motion, joint)]
-    return tuple({change.word: change for change in reversed(found)}.values())[::-1]
+    return tuple(_slower_servos(motion, reasons))
 
 
-def _joints(model: mujoco.MjModel, reason: Reason) -> Iterator[int]:
-    """Yield the hinge or slide that a reason names."""
-    for joint in np.flatnonzero(model.jnt_type >= int(mujoco.mjtJoint.mjJNT_SLIDE)):
-        if reason.place == joint_name(model, int(joint)):
-            yield int(joint)
+def _slower_servos(motion: Motion, reasons: Sequence[Reason]) -> Iterator[FieldChange]:
+    """Yield what lets the step hold the first servo that reasons point to, then all servos.
+
+    A wheel, a leg or a finger seldom has a motor that no other has.
+    """
+    model = motion.model
+    joints = np.flatnonzero(model.jnt_type >= int(mujoco.mjtJoint.mjJNT_SLIDE)).tolist()
+    inertias = joint_inertias(motion, joints) if joints else ()
+    servos = map(partial(_Servo.of, model), joints, inertias)
+    unheld = [servo for servo in servos if servo.load > 1]
+    pointed = [servo for reason in reasons for servo in unheld if _points_to(model, reason, servo)]
+    if not pointed:
+        return
+    alone = {change.word: change for change in _held(model, pointed[:1])}
+    yield from alone.values()
+    if len(unheld) > 1:
+        first, others = pointed[0], [servo for servo in unheld if servo is not pointed[0]]
+        for change in _held(model, [first, *others]):
+            single = alone.get(change.word)
+            after = (single.phrase,) if single else ()
+            yield replace(change, word=f"{change.word}-all", after=after)
 
 
-def joint_inertia(motion: Motion, joint: int) -> float:
-    """Return the inertia that a hinge or slide moves where a motion starts [kg m^2, or kg].
+def joint_inertias(motion: Motion, joints: Sequence[int]) -> list[float]:
+    """Return the inertias that hinges and slides move where a motion starts [kg m^2, or kg].
 
     1 / (M^-1)_jj, the others being free: armature a of the joint makes it I + a exactly.
     """
     model, data = motion.model, mujoco.MjData(motion.model)
     mujoco.mj_setState(model, data, motion.starts[0], INTEGRATION)
     mujoco.mj_forward(model, data)
-    unit, moved = np.zeros((1, model.nv)), np.zeros((1, model.nv))
-    dof = int(model.jnt_dofadr[joint])
-    unit[0, dof] = 1
-    mujoco.mj_solveM(model, data, moved, unit)
-    return 1 / float(moved[0, dof])
+    dofs = model.jnt_dofadr[joints]
+    units = np.zeros((len(joints), model.nv))
+    units[np.arange(len(joints)), dofs] = 1
+    moved = np.zeros_like(units)
+    mujoco.mj_solveM(model, data, moved, units)
+    return (1 / moved[np.arange(len(joints)), dofs]).tolist()
 
 
-def _servo(motion: Motion, joint: int) -> Iterator[FieldChange]:
-    """Yield what lets the step hold a joint's servos and spring, where it cannot."""
-    model, name = motion.model, name_of(motion.model, "joint", joint)
-    step, dof, inertia = (
-        float(model.opt.timestep),
-        int(model.jnt_dofadr[joint]),
-        joint_inertia(motion, joint),
-    )
-    servos = list(_servos(model, joint))
-    square = model.actuator_gear[servos, 0] ** 2
-    kp = float(-(model.actuator_biasprm[servos, _STIFFNESS] * square).sum())
-    kv = float(-(model.actuator_biasprm[servos, _DAMPING] * square).sum())
-    spring = float(np.ravel(model.jnt_stiffness[joint])[0])
-    first, second = step**2 * (kp + spring) / inertia, step * kv / inertia
-    load = first + 2 * second
-    if not load > 1:
-        return
-    if servos:
-        # Of the same damping ratio: kp s^2 and kv s, where a s^2 + 2 b s = 1.
-        part = (math.hypot(second, math.sqrt(max(first, 0))) - second) / first if first > 0 else 0.0
-        slower = part or 1 / (2 * second)
-        phrase = f"gains of joint {name} that the step holds"
-        yield FieldChange("gains", phrase, tuple(_slower(model, servos, slower)))
-    armature = _rounded(float(model.dof_armature[dof]) + inertia * (load - 1))
-    yield _of_joint(model, joint, "armature", armature)
+class _Servo(NamedTuple):
+    """The servos and the spring of a joint, against the step.
+
+    Attributes:
+        joint: a hinge or slide.
+        actuators: of its servos.
+        inertia: that it moves [kg m^2, or kg].
+        stiff: h^2 k / I of servos and spring.
+        damped: h c / I of servos.
+    """
+
+    joint: int
+    actuators: Sequence[int]
+    inertia: float
+    stiff: float
+    damped: float
+
+    @classmethod
+    def of(cls, model: mujoco.MjModel, joint: int, inertia: float) -> "_Servo":
+        """Return those of a joint that moves an inertia."""
+        step, actuators = float(model.opt.timestep), [*_servos(model, joint)]
+        square = model.actuator_gear[actuators, 0] ** 2
+        kp, kv = (
+            float(-(model.actuator_biasprm[actuators, place] * square).sum())
+            for place in (_STIFFNESS, _DAMPING)
+        )
+        spring = float(np.ravel(model.jnt_stiffness[joint])[0])
+        return cls(
+            joint, actuators, inertia, step**2 * (kp + spring) / inertia, step * kv / inertia
+        )
+
+    @property
+    def load(self) -> float:
+        """What the step has to hold, of which it holds four, and resolves one."""
+        return self.stiff + 2 * self.damped
+
+    @property
+    def slower(self) -> float:
+        """The factor s by which gains of the same damping ratio, s^2 kp and s kv, are held."""
+        root = math.sqrt(max(self.stiff, 0))
+        part = (math.hypot(self.damped, root) - self.damped) / self.stiff if self.stiff > 0 else 0.0
+        return part or 1 / (2 * self.damped)
+
+
+def _points_to(model: mujoco.MjModel, reason: Reason, servo: _Servo) -> bool:
+    """Return whether a reason names the joint of a servo, or is of a body that it moves."""
+    body = name_of(model, "body", int(model.jnt_bodyid[servo.joint]))
+    return reason.place == joint_name(model, servo.joint) or body in _bodies(model, reason)
+
+
+def _bodies(model: mujoco.MjModel, reason: Reason) -> Iterator[str]:
+    """Yield the bodies that a reason is of: the one that moves, and those of what moves it."""
+    yield reason.body
+    kind, _, name = reason.place.partition(" ")
+    if kind == "contact":
+        yield from name.split(" - ")
+    for part, count, bodies_of in (
+        ("equality", model.neq, bodies_of_equality),
+        ("tendon", model.ntendon, bodies_of_tendon),
+    ):
+        for index in range(count if kind == part else 0):
+            if _own(model, part, index) == name:
+                yield from bodies_of(model, index)
+
+
+def _held(model: mujoco.MjModel, servos: Sequence[_Servo]) -> Iterator[FieldChange]:
+    """Yield what lets the step hold the servos and springs of joints, which it does not."""
+    step = float(model.opt.timestep)
+    names = f"joint {name_of(model, 'joint', servos[0].joint)}"
+    names += f" and {len(servos) - 1} more" if len(servos) > 1 else ""
+    if all(servo.actuators for servo in servos):
+        slower = [
+            value for servo in servos for value in _slower(model, servo.actuators, servo.slower)
+        ]
+        yield FieldChange("gains", f"gains of {names} that the step holds", tuple(slower))
+    dofs = [int(model.jnt_dofadr[servo.joint]) for servo in servos]
+    missing = [servo.inertia * (servo.load - 1) for servo in servos]
+    yield _of_dofs(model, "armature", dofs, missing, names)
     explicit = int(model.opt.integrator) == mujoco.mjtIntegrator.mjINT_RK4
     if not explicit and not disabled(model, "eulerdamp"):
-        own = float(np.ravel(model.dof_damping[dof])[0])
-        damping = _rounded(own + 2 * inertia * (load - 1) / step)
-        yield _of_joint(model, joint, "damping", damping)
+        yield _of_dofs(model, "damping", dofs, [2 * one / step for one in missing], names)
 
 
-def _of_joint(model: mujoco.MjModel, joint: int, word: str, value: float) -> FieldChange:
-    name, field, dof = name_of(model, "joint", joint), f"dof_{word}", int(model.jnt_dofadr[joint])
-    index = (dof,) if np.ndim(getattr(model, field)) == 1 else (dof, 0)
-    made = FieldValue(field, index, f"{field}[{name}]", value)
-    return FieldChange(word, f"{word} {value:g} of joint {name}", (made,))
+def _of_dofs(
+    model: mujoco.MjModel, word: str, dofs: Sequence[int], more: Sequence[float], names: str
+) -> FieldChange:
+    """Return the change by which joints have more armature, or damping."""
+    field, values = f"dof_{word}", list[FieldValue]()
+    for dof, added in zip(dofs, more, strict=True):
+        own = getattr(model, field)[dof]
+        index = (dof,) if np.ndim(own) == 0 else (dof, 0)
+        axis = f"{field}[{name_of(model, 'joint', int(model.dof_jntid[dof]))}]"
+        values.append(FieldValue(field, index, axis, _rounded(float(np.ravel(own)[0]) + added)))
+    numbers = [value.value for value in values]
+    size = f"{numbers[0]:g}" if len({*numbers}) == 1 else f"of up to {max(numbers):g}"
+    return FieldChange(word, f"{word} {size} of {names}", tuple(values))
 
 
 def _servos(model: mujoco.MjModel, joint: int) -> Iterator[int]:

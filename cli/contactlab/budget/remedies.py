@@ -43,6 +43,7 @@ from contactlab.scene.model_names import name_of
 _EULER = int(mujoco.mjtIntegrator.mjINT_EULER)
 _RK4 = int(mujoco.mjtIntegrator.mjINT_RK4)
 _IMPLICITFAST = int(mujoco.mjtIntegrator.mjINT_IMPLICITFAST)
+_IMPLICIT = int(mujoco.mjtIntegrator.mjINT_IMPLICIT)
 _ELLIPTIC = int(mujoco.mjtCone.mjCONE_ELLIPTIC)
 _SLEEP = int(getattr(mujoco.mjtEnableBit, "mjENBL_SLEEP", 0))
 _FINER = 64  # most steps in one of the run's that are tried
@@ -182,6 +183,7 @@ def _both(model: mujoco.MjModel) -> None:
     _noslip(model)
 
 
+RUNGE_KUTTA = Candidate("RK4", "unresolved", _integrator(_RK4), new=_is_not(_RK4))
 CANDIDATES: tuple[Candidate, ...] = (
     Candidate(
         "no sleep",
@@ -201,7 +203,7 @@ CANDIDATES: tuple[Candidate, ...] = (
         new=_is_not(_IMPLICITFAST),
         within=("implicitfast", "half the step"),
     ),
-    Candidate("RK4", "unresolved", _integrator(_RK4), new=_is_not(_RK4)),
+    RUNGE_KUTTA,
     Candidate("a quarter of the step", "unresolved", _nothing, 4),
     Candidate("an eighth of the step", "unresolved", _nothing, 8),
     Candidate("elliptic cones with impratio 10", "model", _stiff_friction),
@@ -223,14 +225,20 @@ def candidates_against(motions: Sequence[Motion], verdict: Verdict) -> tuple[Can
     hard = harder(model, changes) if word == "model" else ()
     held = _held_constants(model) if word == "unresolved" and raises_time_constants(model) else ()
     # A contact that bears before its geoms touch is softer than its solref says.
-    afar = any(reason.row == "contact softness" for reason in verdict.reasons)
-    margins = without_margins(model) if word == "model" and afar else ()
+    margins = without_margins(model) if word == "model" else ()
     # Softness of several rows is nearer to none of them.
     physical = [of_fields(change, word, nearer=word == "unresolved") for change in changes]
     return (
         *CANDIDATES,
         *_finer(model, verdict),
-        *(of_fields(change, word, nearer=False) for change in margins),
+        *(
+            replace(
+                of_fields(change, word, nearer=False),
+                rows=("contact softness",),
+                exercised="margin",
+            )
+            for change in margins
+        ),
         *physical,
         *(of_fields(change, word, nearer=False) for change in hard),
         *(replace(of_fields(change, word, nearer=False), exercised="refsafe") for change in held),
@@ -339,6 +347,18 @@ def _finer(model: mujoco.MjModel, verdict: Verdict) -> Iterator[Candidate]:
     if verdict.word == "unresolved" and FINEST < needed <= _FINER:
         rate = math.ceil(needed)
         yield Candidate(f"1/{rate} of the step", "unresolved", _nothing, rate)
+
+
+def further(half: Candidate) -> Iterator[Candidate]:
+    """Yield changes of computation for where none of the usual ones is enough, cheapest first.
+
+    Gyroscopic forces are explicit in implicitfast as in Euler; `implicit` has their derivatives.
+    """
+    yield Candidate("implicit", "unresolved", _integrator(_IMPLICIT), new=_is_not(_IMPLICIT))
+    yield finer(RUNGE_KUTTA, 4)
+    yield from (finer(half, times) for times in (8, 16))
+    yield finer(RUNGE_KUTTA, 16)
+    yield finer(half, 32)
 
 
 def finer(candidate: Candidate, times: int) -> Candidate:

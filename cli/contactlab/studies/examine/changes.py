@@ -20,11 +20,13 @@ from contactlab.budget.remedies import (
     CANDIDATES,
     MARGIN,
     NO_EDITS,
+    RUNGE_KUTTA,
     Candidate,
     candidates_against,
     changed_model,
     drifts,
     finer,
+    further,
     harder,
     joined,
     of_fields,
@@ -58,6 +60,7 @@ _OF_SLEEP = ("asleep_unsupported",)
 (_AWAKE,) = (one for one in CANDIDATES if one.name == "no sleep")
 _PYRAMIDAL = int(mujoco.mjtCone.mjCONE_PYRAMIDAL)
 _STIFF_FRICTION = "elliptic cones with impratio 10"
+_OF_ENERGY = ("energy_injection", "energy_loss")
 SOFT_ROWS = {
     "deep_penetration": ("contact softness",),
     "tunneling": ("contact softness",),
@@ -149,7 +152,7 @@ class Changes:
 
         Where all leave some, it is the first at a finer step, or with what its labels call for.
         """
-        if not self._again.labels or (helping and helping[0].edits.mends_start):
+        if helping and (not self._again.labels or helping[0].edits.mends_start):
             return [*helping]
         base, left = None, self._again.labels
         for remedy in helping:
@@ -195,7 +198,7 @@ class Changes:
         ]
         if base is None:
             (half,) = (one for one in CANDIDATES if one.name == _HALF)
-            yield from (finer(half, times) for times in (8, 16, 32))
+            yield from further(half)
             yield from (joined([finer(half, times), one]) for times in (2, 8) for one in physical)
             return
         kinds = {label.label for label in labels}
@@ -406,12 +409,14 @@ def candidates_against_labels(
         computed.insert(0, _SOLVED)
     if kinds & {*_OF_SLEEP}:
         computed.insert(0, _AWAKE)
+    if kinds & {*_OF_ENERGY} and all(RUNGE_KUTTA.new(motion.model) for motion in motions):
+        computed.append(RUNGE_KUTTA)
     soft = tuple(_softness(model, verdict, labels))
     stiffer = field_changes(motions, Verdict("model", verdict.within, soft)) if soft else ()
     stiffer = (*stiffer, *harder(model, stiffer))
     driven = tuple(_of_joints(model, labels))
     slower = field_changes(motions, Verdict("unresolved", verdict.within, driven)) if driven else ()
-    margins = without_margins(model) if kinds & {*_OF_MARGINS} else ()
+    margins = without_margins(model) if kinds & {*_OF_MARGINS, *_OF_ENERGY} else ()
     return (
         *(replace(candidate, word=word) for candidate in computed),
         *(of_fields(change, word, nearer=False) for change in (*margins, *stiffer, *slower)),
