@@ -194,5 +194,26 @@ def test_what_no_time_was_left_to_judge_is_not_told_to_be_kept(
     kept = (*kept, Kept(name="tuned", reason=UNJUDGED))
     assert sentence_of(report.model_copy(update={**ended, "kept": kept})) == (
         "error 1 %; no time was left to judge what may be faster, timestep 0.008, x0.25 (0.25 to "
-        "0.25) of the time, error 2 %: give more with --max-time"
+        "0.25) of the time, error 2 %; give more with --max-time"
+    )
+
+
+def test_what_may_keep_the_aim_is_told_apart_from_what_failed(
+    asked: TuneRequest, tmp_path: Path
+) -> None:
+    report = found(asked, tmp_path)
+    assert report
+    now = report.now.model_copy(update={"error": 0.05})
+    near = now.model_copy(update={"timestep": 0.001, "error": 0.015})
+    missed = {"now": now, "recommended": None, "nearest": near, "binds": "the ball"}
+    kept = (Kept(name="to_aim", reason=UNJUDGED),)
+    told = sentence_of(report.model_copy(update={**missed, "kept": kept}))
+    assert told.endswith(
+        "no time was left to judge what may keep 2 %: timestep 0.001, 1.5 %, not timed; give more "
+        "with --max-time"
+    )
+    told = sentence_of(report.model_copy(update=missed))
+    assert told.endswith(
+        "nothing keeps 2 % on fresh seeds, too: nearest is timestep 0.001, 1.5 %, not timed; it "
+        "binds the ball"
     )

@@ -8,9 +8,9 @@ import mujoco
 import pytest
 
 from contactlab.budget.prices import Price
-from contactlab.studies.search.choice import AS_WRITTEN, Choice, described, differing
+from contactlab.studies.search.choice import AS_WRITTEN, Choice, Key, described, differing
 from contactlab.studies.search.levers import Lever, collides
-from contactlab.studies.search.searching import SAME, Bound, Search, Space
+from contactlab.studies.search.searching import SAME, Bound, Search, Space, share_of
 from contactlab.studies.search.yardstick import Apart
 
 FINER, LONGEST = 4, 400
@@ -146,6 +146,19 @@ def test_what_nothing_meets_has_a_nearest() -> None:
     nearest = search.nearest(limit)
     assert nearest
     assert nearest.choice.multiple == 2
+
+
+def test_what_time_did_not_allow_to_judge_is_the_cheapest_within_the_limit() -> None:
+    """Not what has the least error; of what failed on fresh seeds, the next."""
+    bound, failed = Bound.of(0.035), set[Key]()
+    search = searched(Ideal(0.01), bound.limit)
+    for tried in search.ranked(bound):
+        assert search.nearest(bound.limit, failed) is tried
+        failed.add(tried.choice.key)
+    within = [one for one in search.tried.values() if share_of(one) <= bound.limit]
+    nearest = search.nearest(bound.limit, {one.choice.key for one in within})
+    assert nearest
+    assert share_of(nearest) == min(map(share_of, search.tried.values()))
 
 
 def test_an_integrator_of_higher_order_wins_where_its_steps_are_four_times_as_long() -> None:

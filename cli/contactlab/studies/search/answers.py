@@ -8,12 +8,15 @@ import gc
 import math
 import time
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from shutil import rmtree
 from tempfile import TemporaryDirectory
 
+import mujoco
+
 from contactlab.budget import ErrorBudget, Motion, Settings, error_budget, judge
+from contactlab.budget.measuring import evaluations
 from contactlab.errors import SceneError
 from contactlab.scene.model_names import geom_word
 from contactlab.scene.model_writer import WrittenModel, write_model
@@ -23,8 +26,7 @@ from contactlab.studies.check.checked_model import CheckedModel
 from contactlab.studies.examine.changes import fresh
 from contactlab.studies.examine.examination import ExamineRequest, open_model
 from contactlab.studies.search.allowed_time import AllowedTime
-from contactlab.studies.search.choice import Choice, described, differing
-from contactlab.studies.search.forward import ForwardError, Watched
+from contactlab.studies.search.choice import Choice, Key, described, differing
 from contactlab.studies.search.levers import Unsearched
 from contactlab.studies.search.searching import (
     SAME,
@@ -35,7 +37,6 @@ from contactlab.studies.search.searching import (
     Tried,
     share_of,
 )
-from contactlab.studies.search.sleeping import OrAsleep
 from contactlab.studies.search.subject import Subject, first_seeds
 from contactlab.studies.search.tune_request import TuneRequest
 from contactlab.studies.search.unused_pairs import pairs_within
@@ -54,13 +55,15 @@ _JUDGED = 30  # times that a verdict simulates the task: references, their check
 _JUDGING = 0.1  # of the time allowed, for what the judge says of the model as written
 _COMPILED = 5  # times that a verdict compiles the model: to write, compare, open and run it
 _LABELLED = 0.8  # s of CPU time that runs of a model, written and as it is, take to be labelled
-_LATE = 0.1  # of the time allowed, that the first verdict may end after it
+_LATE = 0.1  # of the time allowed, that the first verdict of an answer may end after it
 _MOST_TRIES, _MOST_MEASURED = 5, 25
 """Choices that are judged, and whose errors are looked at, on fresh seeds."""
 _WORTH_A_PROCESS = 0.3  # s that a task takes: what is shorter is over before a process has begun
 _MUCH_LESS = 0.6
 _SAFEST = 0.5  # of the time that is left, for what is safest
 _VERDICTS = 0.5  # of the time that is left, for verdicts: other work may slow them down
+_SETTINGS = Settings(places=False, excess=False)  # of a verdict
+_RK4, _STAGES = int(mujoco.mjtIntegrator.mjINT_RK4), 4
 
 
 @dataclass(frozen=True)
@@ -116,7 +119,12 @@ class _Judgement:
 
 
 class Answers:
-    """Writes what was found, and judges it."""
+    """Writes what was found, and judges it.
+
+    Attributes:
+        kept: what failed, or was not judged, and why.
+        failed: what failed on fresh seeds.
+    """
 
     def __init__(
         self,
@@ -132,9 +140,10 @@ class Answers:
         self._subject, self._search, self._aim = subject, search, aim
         self._allowed = allowed
         self.kept = list[Unsearched]()
+        self.failed = set[Key]()
         self._said_now = dict[tuple[int, ...], _Judgement]()
         self._seed_took = _JUDGED * subject.one_pass
-        self._judging_took = 0.0
+        self._labels_now = dict[tuple[int, ...], set[str]]()
 
     @property
     def _examined(self) -> CheckedModel:
@@ -145,10 +154,14 @@ class Answers:
         """The model as written."""
         return self._search.tried[self._search.now.key]
 
+    def takes(self, tried: Tried) -> float:
+        """Return how long it takes to write a choice and judge it on one seed, about [s]."""
+        return self._allowed.takes(self._written + self._slower(tried) * self._per_seed)
+
     @property
     def to_judge(self) -> float:
-        """How long it takes to write a model and judge it, about [s]: on one seed, or as before."""
-        return self._allowed.takes(self._judging_took or self._written + self._per_seed)
+        """The same of the model as written, and of what takes no longer [s]."""
+        return self.takes(self.known)
 
     @property
     def _written(self) -> float:
@@ -160,11 +173,11 @@ class Answers:
         """CPU time of two verdicts on a seed, and of the fine motion that errors are held to."""
         return 2 * self._seed_took + self._subject.yards.finer * self._subject.one_pass
 
-    def of(self, wanted: Wanted, *, first: bool) -> Answer | None:
+    def of(self, wanted: Wanted) -> Answer | None:
         """Write what is best until one holds on fresh seeds; None if none is better than now."""
         below, done = _Below(), {self.known.choice.key}
         for number in range(_MOST_TRIES):
-            late = _LATE * self._allowed.seconds if first and not number else 0.0
+            late = 0.0 if number else _LATE * self._allowed.seconds
             if self._is_late(wanted, self.to_judge - late):
                 break
             last = number > 0 and (
@@ -174,18 +187,17 @@ class Answers:
             if measured is None:
                 break
             tried, error = measured
-            if self._is_late(wanted, self._slower(tried) * self.to_judge - late):
+            if self._is_late(wanted, self.takes(tried) - late):
                 break
-            name = self._name(tried)
             try:
                 written = self._write(tried, wanted.folder)
             except SceneError as refused:
-                self.kept.append(Unsearched(name, str(refused).splitlines()[0]))
+                self._fail(tried, str(refused).splitlines()[0])
                 continue
             found = self._judged(tried, error, written, wanted)
             if found.holds:
                 return Answer(tried, written, found)
-            self.kept.append(Unsearched(name, f"on fresh seeds: {found.sentence}"))
+            self._fail(tried, f"on fresh seeds: {found.sentence}")
             # What is not sound, or labelled, may be so by its step, whatever its error.
             below = _Below(_MUCH_LESS * share_of(tried), _MUCH_LESS * tried.choice.multiple)
         self.drop(wanted)
@@ -197,9 +209,17 @@ class Answers:
             self.kept.append(Unsearched(wanted.folder, UNJUDGED))
         return late
 
+    def _fail(self, tried: Tried, reason: str) -> None:
+        self.failed.add(tried.choice.key)
+        self.kept.append(Unsearched(self._name(tried), reason))
+
     def _slower(self, tried: Tried) -> float:
-        """How much longer a verdict takes by the steps of a choice, if they are shorter."""
-        return max(1.0, self.known.choice.multiple / tried.choice.multiple)
+        """How much longer a verdict takes of a choice than of the model as written, if it does."""
+        own, other = (
+            work_of(self._search.space.made(one.choice)) / one.choice.multiple
+            for one in (self.known, tried)
+        )
+        return max(1.0, other / own)
 
     def drop(self, wanted: Wanted) -> None:
         """Remove what was written, and tell of what may be faster, but for noise."""
@@ -219,17 +239,19 @@ class Answers:
                 break
 
     def _within(
-        self, wanted: Wanted, done: set[tuple[object, ...]], below: _Below, *, last: bool
+        self, wanted: Wanted, done: set[Key], below: _Below, *, last: bool
     ) -> tuple[Tried, Apart] | None:
         """Return the best that lies below, and whose error on fresh seeds is within the limit.
 
-        An error is measured in a small part of the time that a verdict takes. The last is safe.
+        An error is measured in a small part of the time that a verdict takes. The last is safe, if
+        anything is.
         """
         first = True
         while len(done) < _MOST_MEASURED:
             last = last or (not first and self._allowed.left < 2 * self.to_judge)
-            tried = None if last else self._next(done, below, wanted.bound)
-            tried = tried or self._safest(done, wanted.bound)
+            ways = [partial(self._next, below=below), self._safest]
+            found = (way(done, wanted.bound) for way in (ways[::-1] if last else ways))
+            tried = next(filter(None, found), None)
             if tried is None:
                 return None
             done.add(tried.choice.key)
@@ -239,7 +261,8 @@ class Answers:
             if not why:
                 return tried, error
             if first:
-                self.kept.append(Unsearched(self._name(tried), f"on fresh seeds: {why}"))
+                self._fail(tried, f"on fresh seeds: {why}")
+            self.failed.add(tried.choice.key)
             first = False
         return None
 
@@ -265,7 +288,7 @@ class Answers:
         assert twin
         return price.ratio < SAVES and is_faster(price, twin)
 
-    def _next(self, done: set[tuple[object, ...]], below: _Below, bound: Bound) -> Tried | None:
+    def _next(self, done: set[Key], bound: Bound, below: _Below) -> Tried | None:
         """Return the best that was not verified yet and lies below: known, or at a shorter step."""
         search = self._search
 
@@ -302,7 +325,7 @@ class Answers:
         short = tried.choice.multiple <= self.known.choice.multiple
         return short and share_of(tried) <= SAME * share_of(self.known)
 
-    def _safest(self, done: set[tuple[object, ...]], bound: Bound) -> Tried | None:
+    def _safest(self, done: set[Key], bound: Bound) -> Tried | None:
         """Return the cheapest that is as accurate as the model as written, if that is enough."""
         known = self.known
         assert known.error
@@ -344,16 +367,14 @@ class Answers:
     @cached_property
     def _judging(self) -> list[Motion]:
         """Fresh motions of as many seeds as the time allows to judge."""
-        left = max(0.0, self._allowed.left - self._allowed.takes(self._written))
-        left *= _VERDICTS / len(self._search.bounds)
-        takes = self._allowed.takes(self._per_seed)
-        seeds = min(self._subject.seeds, max(1, int(left / takes)))
+        seeds = self._affordable(1.0, self._subject.seeds, len(self._search.bounds))
         return [first_seeds(motion, seeds) for motion in self.motions]
 
-    @cached_property
-    def _judged_task(self) -> Task:
-        seeds = self.task.seeds[: self._judging[0].seeds]
-        return self.task.model_copy(update={"seeds": seeds})
+    def _affordable(self, slower: float, most: int, answers: int = 1) -> int:
+        """Return how many seeds each of several answers can be judged on, of so many at most."""
+        left = max(0.0, self._allowed.left - self._allowed.takes(self._written))
+        takes = self._allowed.takes(slower * self._per_seed)
+        return min(most, max(1, int(_VERDICTS * left / answers / takes)))
 
     @cached_property
     def _yards(self) -> Yardsticks:
@@ -361,11 +382,7 @@ class Answers:
 
     @cached_property
     def _measure(self) -> Measure:
-        finer, threads = self._subject.yards.finer, self._subject.threads
-        if self._request.at is None:
-            return OrAsleep(self._yards, self._judging, finer, threads)
-        watched = [Watched.of(self._subject.model, name) for name in self._request.watched]
-        return ForwardError(self._judging, finer, watched, self._request.at, threads)
+        return self._subject.measure(self._yards, self._judging)
 
     @cached_property
     def _now(self) -> Apart:
@@ -384,23 +401,24 @@ class Answers:
     ) -> Verified:
         """Judge a written model, whose error is known, on seeds that no choice was made by."""
         self._session.notify(f"verifying {self._name(tried)}")
-        begin = time.process_time()
         request = ExamineRequest(written.reference, task=self._request.task, sections=("budget",))
         examined = open_model(request, self._session)
-        judged, said = self._worst_of(examined)
+        slower = self._slower(tried)
+        seeds = self.task.seeds[: self._affordable(slower, self._judging[0].seeds)]
+        task = self.task.model_copy(update={"seeds": seeds})
+        judged, said = self._worst_of(examined, task, slower)
         timely = self._search.dearest is not None
         holds, why = True, "sound, and within the limit"
         if said.word != "sound":
             holds = not wanted.sound and self._is_as_now(judged, said)
             why = f"{said.word}, as the model as written: {said.why}" if holds else said.why
-        labels = sorted(self._labels(examined) - self._labels_now) if holds else ()
+        labels = sorted(self._labels(examined, task) - self._now_labels(task)) if holds else ()
         if labels:
             holds, why = False, f"labelled {' and '.join(labels)}, as the model as written is not"
         if holds and "apart" in tried.choice.cuts and (touched := self._touched()):
             holds, why = False, f"{touched} touch, which stayed apart before"
-        self._judging_took = (time.process_time() - begin) / self._slower(tried)
         return Verified(
-            seeds=self._judged_task.seeds,
+            seeds=seeds,
             holds=holds,
             keeps_aim=holds and (timely or error.share <= max(self._aim.limit, self._aim_now)),
             error=finite(error.share),
@@ -430,27 +448,30 @@ class Answers:
     def _text(self, error: Apart) -> str:
         return error_text(error.share, self._aim.unit)
 
-    def _worst_of(self, examined: CheckedModel) -> tuple[Task, _Judgement]:
+    def _worst_of(
+        self, examined: CheckedModel, task: Task, slower: float
+    ) -> tuple[Task, _Judgement]:
         """Return what the judge says on fresh seeds, or, if that is sound, on the search's.
 
         Those are what `contactlab FILE` judges by.
         """
-        found = self._said_of(examined, self._judged_task)
+        found = self._said_of(examined, task, slower)
         if found.word != "sound":
-            return self._judged_task, found
-        return self._own_task, self._said_of(examined, self._own_task)
+            return task, found
+        own = self._own_task(len(task.seeds))
+        return own, self._said_of(examined, own, slower)
 
-    @cached_property
-    def _own_task(self) -> Task:
-        """The task of the search, of as many seeds as are judged."""
+    def _own_task(self, seeds: int) -> Task:
+        """Return the task of the first seeds of the search."""
         task = self._examined.task
-        return task.model_copy(update={"seeds": task.seeds[: len(self._judged_task.seeds)]})
+        return task.model_copy(update={"seeds": task.seeds[:seeds]})
 
     @cached_property
     def sound_now(self) -> bool:
         """Whether the judge calls the model as written sound, on all seeds that it is asked of."""
-        tasks = (self._own_task, self._judged_task)
-        return all(self._now_on(task).word == "sound" for task in tasks)
+        seeds = self._judging[0].seeds
+        unseen = self.task.model_copy(update={"seeds": self.task.seeds[:seeds]})
+        return all(self._now_on(task).word == "sound" for task in (self._own_task(seeds), unseen))
 
     def judge_now(self) -> None:
         """Ask the judge of the model as written, of as many seeds as a tenth of the time allows."""
@@ -458,7 +479,7 @@ class Answers:
         takes = self._allowed.takes(self._seed_took)
         seeds = min(len(task.seeds), int(_JUDGING * self._request.max_time / takes))
         if seeds:
-            self._now_on(task.model_copy(update={"seeds": task.seeds[:seeds]}))
+            self._now_on(self._own_task(seeds))
 
     def judged_now(self) -> Judged | None:
         """Return what the judge says of the model as written, of the most seeds that it knows."""
@@ -485,23 +506,23 @@ class Answers:
             self._said_now[task.seeds] = self._said_of(self._examined, task)
         return self._said_now[task.seeds]
 
-    def _said_of(self, examined: CheckedModel, task: Task) -> _Judgement:
-        settings = Settings(places=False, excess=False)
+    def _said_of(self, examined: CheckedModel, task: Task, slower: float = 1.0) -> _Judgement:
         motions, begin = examined.motions_of(task), time.process_time()
-        budget = error_budget(motions, rows=(), settings=settings, workers=self._subject.threads)
-        self._seed_took = (time.process_time() - begin) / len(task.seeds)
+        budget = error_budget(motions, rows=(), settings=_SETTINGS, workers=self._subject.threads)
+        self._seed_took = (time.process_time() - begin) / len(task.seeds) / slower
         verdict = judge(budget, task.within)
         reason = verdict.reasons[0].sentence if verdict.reasons else "sound"
         gc.collect()  # what has measured refers to itself, and to models of megabytes
         return _Judgement(verdict.word, budget.share, *_spread(budget), reason)
 
-    @cached_property
-    def _labels_now(self) -> set[str]:
-        return self._labels(self._examined)
+    def _now_labels(self, task: Task) -> set[str]:
+        """Return what runs of the model as written are labelled, made once of the same seeds."""
+        if task.seeds not in self._labels_now:
+            self._labels_now[task.seeds] = self._labels(self._examined, task)
+        return self._labels_now[task.seeds]
 
-    def _labels(self, examined: CheckedModel) -> set[str]:
-        """Return what the runs of fresh seeds are labelled."""
-        task = self._judged_task
+    def _labels(self, examined: CheckedModel, task: Task) -> set[str]:
+        """Return what the runs of a task are labelled."""
         with TemporaryDirectory(prefix="contactlab-") as folder:
             workers = self._session.workers if self._subject.one_pass > _WORTH_A_PROCESS else 0
             session = replace(self._session, folder=Path(folder), workers=workers)
@@ -516,6 +537,12 @@ class Answers:
         near, pairs = pairs_within(model, runs, 0.0), self._subject.pairs_apart
         pair = min(pairs if near is None else pairs & near, default=None)
         return " and ".join(geom_word(model, geom) for geom in pair) if pair else ""
+
+
+def work_of(model: mujoco.MjModel) -> float:
+    """Return about how often a verdict evaluates a model's forces for one of its steps."""
+    stages = _STAGES if model.opt.integrator == _RK4 else 1
+    return stages * evaluations(model, _SETTINGS)
 
 
 def _spread(budget: ErrorBudget) -> tuple[float, float]:

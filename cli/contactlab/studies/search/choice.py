@@ -22,6 +22,8 @@ Cut = Literal["unused", "apart", "hulls"]
 vertices of hulls that shorter ones leave out."""
 Cuts = frozenset[Cut]
 AS_WRITTEN: Cuts = frozenset()
+Key = tuple[object, ...]
+"""What tells a choice from others."""
 _NOTHING = EditTargets((), (), None)
 INTEGRATOR = "integrator"
 UNREAD = int(mujoco.mjtEnableBit.mjENBL_ENERGY) | int(mujoco.mjtEnableBit.mjENBL_FWDINV)
@@ -43,7 +45,7 @@ class Choice:
     cuts: Cuts = AS_WRITTEN
 
     @property
-    def key(self) -> tuple[object, ...]:
+    def key(self) -> Key:
         """What tells it from others."""
         own = sorted((name, str(value)) for name, value in self.settings.items())
         return (self.multiple, self.cuts, *own)

@@ -9,7 +9,7 @@ saves time. Every choice that was tried is kept, with its error and its time.
 import math
 import time
 from collections import ChainMap
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Container, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from itertools import chain
@@ -18,7 +18,7 @@ from typing import Protocol
 import mujoco
 
 from contactlab.budget.prices import Price
-from contactlab.studies.search.choice import AS_WRITTEN, INTEGRATOR, Choice, Cuts, differing
+from contactlab.studies.search.choice import AS_WRITTEN, INTEGRATOR, Choice, Cuts, Key, differing
 from contactlab.studies.search.clock import Clock
 from contactlab.studies.search.levers import ASLEEP, Lever, Settings, condim_alone
 from contactlab.studies.search.yardstick import Apart
@@ -141,9 +141,7 @@ class Search:
     bounds: Sequence[Bound]
     dearest: float | None
     deadline: float
-    tried: dict[tuple[object, ...], Tried] = field(
-        default_factory=dict[tuple[object, ...], "Tried"]
-    )
+    tried: dict[Key, Tried] = field(default_factory=dict[Key, "Tried"])
     ended: bool = False
     _without_waste: Choice | None = None
     _timing: float = 0.0  # s that a choice took to be timed, the last time
@@ -216,19 +214,17 @@ class Search:
         ]
         return sorted(found, key=lambda pair: pair[0])
 
-    def nearest(self, limit: float) -> Tried | None:
+    def nearest(self, limit: float, failed: Container[Key] = ()) -> Tried | None:
         """Return what comes nearest to an aim that nothing was seen to meet.
 
-        Of errors, the longest step within the limit, which time did not allow to judge, or else
-        what has the least error.
+        Of errors, the cheapest within the limit but for those that failed on fresh seeds, so what
+        time did not allow to judge; or else what has the least error.
         """
         known = [one for one in self.tried.values() if one.error]
         if self.dearest is not None:
             return min((one for one in known if one.price), key=_ratio, default=None)
-        within = [one for one in known if self.ended and share_of(one) <= limit]
-        if within:
-            return max(within, key=lambda one: one.choice.multiple)
-        return min(known, key=share_of, default=None)
+        likely = (one for _, one in self.likely(Bound.of(limit)) if one.choice.key not in failed)
+        return next(likely, None) or min(known, key=share_of, default=None)
 
     def _left(self, takes: float = 0.0) -> None:
         """Go on if there is time for what takes so long [s]."""
@@ -265,7 +261,7 @@ class Search:
                 self._entry(choice).price = price
         return prices
 
-    def _ratios(self, choices: Sequence[Choice]) -> dict[tuple[object, ...], float]:
+    def _ratios(self, choices: Sequence[Choice]) -> dict[Key, float]:
         """Return what choices cost in the same turns, by key."""
         timed = self._timed(choices)
         return {one.key: price.ratio for one, price in zip(choices, timed, strict=True)}
@@ -278,21 +274,21 @@ class Search:
 
     def _quick(self, here: Choice) -> Choice:
         """Return a choice with Newton's solver, if another makes all that follows slow."""
-        self._error(here)
         newton = differing({"solver": "Newton"}, self.space.made(here))
         if not newton:
             return here
-        quick = here.with_settings(newton)
-        most = max(self._error(here) + _LOSSLESS * self.bound.limit, self.bound.accepted)
-        return quick if self._saves(quick, here) and self._error(quick) <= most else here
+        return self._faster(here.with_settings(newton), here)
 
     def _hulled(self, here: Choice) -> Choice:
         """Return a choice with fewer vertices of hulls, if that saves time and keeps the bound."""
         if self.space.hulled is None:
             return here
-        fewer = here.without(self.space.hulled)
+        return self._faster(here.without(self.space.hulled), here)
+
+    def _faster(self, choice: Choice, here: Choice) -> Choice:
+        """Return a choice, if it saves time beside another and adds no error, or that one."""
         most = max(self._error(here) + _LOSSLESS * self.bound.limit, self.bound.accepted)
-        return fewer if self._saves(fewer, here) and self._error(fewer) <= most else here
+        return choice if self._saves(choice, here) and self._error(choice) <= most else here
 
     def _asleep(self, here: Choice) -> None:
         """Try a choice whose bodies may sleep, which only whole runs tell of."""

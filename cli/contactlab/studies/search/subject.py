@@ -18,8 +18,11 @@ from contactlab.studies.check.checked_model import CheckedModel
 from contactlab.studies.search.allowed_time import AllowedTime
 from contactlab.studies.search.choice import AS_WRITTEN, Cuts
 from contactlab.studies.search.exercise import doubled, positions_of, tilted
+from contactlab.studies.search.forward import ForwardError, Watched
 from contactlab.studies.search.hulls import colliding, fewer_vertices, hull
 from contactlab.studies.search.levers import Unsearched
+from contactlab.studies.search.searching import Measure
+from contactlab.studies.search.sleeping import OrAsleep
 from contactlab.studies.search.tune_request import TuneRequest
 from contactlab.studies.search.unused_pairs import (
     left_out,
@@ -100,6 +103,18 @@ class Subject:
     def limit(self) -> float:
         """The largest error that is asked for."""
         return self._limit(self.uncertain)
+
+    @property
+    def watched(self) -> list[Watched]:
+        """What a forward error is asked of."""
+        return [Watched.of(self.model, name) for name in self._request.watched]
+
+    def measure(self, yards: Yardsticks, motions: Sequence[Motion]) -> Measure:
+        """Return what tells how far candidates are from the model as written, in motions."""
+        if self._request.at is None:
+            return OrAsleep(yards, motions, self.yards.finer, self.threads)
+        finer, at = self.yards.finer, self._request.at
+        return ForwardError(motions, finer, self.watched, at, self.threads)
 
     def _affordable(self, motions: Sequence[Motion]) -> list[Motion]:
         """Return motions of as many seeds as the time allows to simulate, all windows or fewer."""

@@ -40,16 +40,9 @@ from contactlab.studies.search.answers import Answer, Answers, Wanted
 from contactlab.studies.search.choice import differing
 from contactlab.studies.search.clock import Clock
 from contactlab.studies.search.exercise import joined_seeds
-from contactlab.studies.search.forward import (
-    ForwardError,
-    Growth,
-    Watched,
-    growth_of,
-    joined_phases,
-)
+from contactlab.studies.search.forward import Growth, growth_of, joined_phases
 from contactlab.studies.search.levers import integrators_of, levers_of, may_sleep
-from contactlab.studies.search.searching import SAVES, Bound, Measure, Search, Space, Tried
-from contactlab.studies.search.sleeping import OrAsleep
+from contactlab.studies.search.searching import SAVES, Bound, Search, Space, Tried
 from contactlab.studies.search.subject import OFFERED_APART, SEARCHING, Subject
 from contactlab.studies.search.tune_request import TuneRequest, refuse_contradictions
 from contactlab.studies.search.wording import finite, sentence_of
@@ -122,7 +115,7 @@ class Study:
             subject.hulled,
             sleeps=may_sleep(subject.own_model),
         )
-        measure = self._measure()
+        measure = subject.measure(subject.yards, motions)
         search = Search(space, measure, self._clock, (), self._dearest(), math.inf)
         known = Tried(search.now, measure.apart(subject.model, search.now.multiple))
         self._wanted = self._all_wanted(known)
@@ -144,7 +137,7 @@ class Study:
                     f"{request.model}: no forward error can be asked for, the motion is "
                     f"{self._growth.sentence}; leave --at out: the error budget has no such limit"
                 )
-            unit = self._watched[0].unit
+            unit = subject.watched[0].unit
         uncertain = subject.uncertain
         by = "" if uncertain is None else f"{uncertain.body}, {uncertain.phase}"
         return Aim(
@@ -159,17 +152,6 @@ class Study:
             at=request.at,
             growth=self._growth.sentence if self._growth else "",
         )
-
-    @property
-    def _watched(self) -> list[Watched]:
-        return [Watched.of(self._subject.model, name) for name in self._request.watched]
-
-    def _measure(self) -> Measure:
-        request, subject = self._request, self._subject
-        motions, finer, threads = subject.motions, subject.yards.finer, subject.threads
-        if request.at is None:
-            return OrAsleep(subject.yards, motions, finer, threads)
-        return ForwardError(motions, finer, self._watched, request.at, threads)
 
     def _dearest(self) -> float | None:
         if self._request.real_time is None:
@@ -214,7 +196,7 @@ class Study:
         best, as_now, to_aim = self._answered()
         keeps = best is not None and best.verified.keeps_aim
         met = keeps or to_aim is not None or self._is_met(known)
-        nearest = None if met else search.nearest(self._aim.limit)
+        nearest = None if met else search.nearest(self._aim.limit, answers.failed)
         made = [answer for answer in (best, to_aim, as_now) if answer]
         used = any("unused" in answer.tried.choice.cuts for answer in made)
         edits = self._subject.exact if used else ModelEdits()
@@ -265,21 +247,21 @@ class Study:
     def _answered(self) -> tuple[Answer | None, Answer | None, Answer | None]:
         """Return what is recommended, what is as accurate as now, and what keeps the aim beside."""
         by_folder = {wanted.folder: wanted for wanted in self._wanted}
-        best = self._answer(by_folder[FOLDER], first=True)
+        best = self._answer(by_folder[FOLDER])
         as_now = to_aim = None
         own = by_folder.get(FOLDER_AS_NOW)
         late = self._allowed.left < self._answers.to_judge
         if own is None and best is None and not late and not self._answers.sound_now:
             own = Wanted(by_folder[FOLDER].bound, FOLDER_AS_NOW, sound=False)
         if own and not (best and self._is_as_good(best.tried, own.bound)):
-            as_now = self._answer(own, first=best is None)
+            as_now = self._answer(own)
         if FOLDER_OF_AIM in by_folder and not (best and best.verified.keeps_aim):
-            to_aim = self._answer(by_folder[FOLDER_OF_AIM], first=False)
+            to_aim = self._answer(by_folder[FOLDER_OF_AIM])
         return best, as_now, to_aim
 
-    def _answer(self, wanted: Wanted, *, first: bool) -> Answer | None:
+    def _answer(self, wanted: Wanted) -> Answer | None:
         """Return the best that holds, timed on whole runs; None if those show it no better."""
-        found = self._answers.of(wanted, first=first)
+        found = self._answers.of(wanted)
         if found and found.tried not in self._closely:
             self._time_closely([found.tried])
             if not self._answers.is_better(found.tried, wanted.bound):
@@ -313,8 +295,10 @@ class Study:
         """Time choices once more, on whole runs."""
         models = [(self._search.space.made(one.choice), one.choice.multiple) for one in tried]
         left = self._allowed.left
-        reserved = len(self._wanted) * self._answers.to_judge
-        until = time.monotonic() + max(min(_TIMING * left, left - reserved), 0)
+        best = [next(iter(self._search.ranked(one.bound)), None) for one in self._wanted]
+        reserved = sum(self._answers.takes(one) for one in best if one)
+        allowed = max(min(_TIMING * left, left - reserved), _LOOKED * left, 0.0)
+        until = time.monotonic() + allowed
         prices = self._clock.whole(models, self._timed_tasks(), until)
         for one, price in zip(tried, prices, strict=False):
             one.price = price

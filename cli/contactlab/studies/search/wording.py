@@ -12,6 +12,7 @@ from contactlab.studies.search.searching import SAME
 
 UNJUDGED = "no time was left to judge what is next best"
 """Why the search ended without a verdict."""
+_MORE_TIME = "give more with --max-time"
 _TWO_DIGITS = 0.1  # ratios from which on two digits after the point are two
 
 
@@ -93,8 +94,8 @@ def sentence_of(report: TuneReport) -> str:
         what = f"{settings_text(faster, report.now)}, {price_text(faster.price)} of the time"
         error = error_text(faster.error, report.aim.unit)
         return (
-            f"error {now}; no time was left to judge what may be faster, {what}, error {error}: "
-            "give more with --max-time"
+            f"error {now}; no time was left to judge what may be faster, {what}, error {error}; "
+            f"{_MORE_TIME}"
         )
     return f"keep it as it is: error {now}, and nothing within the limit {found} measurably faster"
 
@@ -102,7 +103,7 @@ def sentence_of(report: TuneReport) -> str:
 def _unjudged(report: TuneReport) -> Point | None:
     """Return the fastest point within the limit, if no time was left to judge any; or None."""
     now = report.now.error
-    if now is None or all(kept.reason != UNJUDGED for kept in report.kept):
+    if now is None or not _is_unjudged(report):
         return None
     limit, failed = max(report.aim.limit, SAME * now), {kept.name for kept in report.kept}
     found = [
@@ -114,6 +115,10 @@ def _unjudged(report: TuneReport) -> Point | None:
         and settings_text(one, report.now) not in failed
     ]
     return min(found, key=lambda pair: pair[0])[1] if found else None
+
+
+def _is_unjudged(report: TuneReport) -> bool:
+    return any(kept.reason == UNJUDGED for kept in report.kept)
 
 
 def _beyond(report: TuneReport) -> bool:
@@ -137,12 +142,14 @@ def _beside(report: TuneReport) -> Iterator[str]:
         got += f" at {price_text(near.price)} of the time" if near.price else ", not timed"
         limit = error_text(aim.limit, aim.unit)
         which = f"{settings_text(near, report.now)}, {got}"
+        nothing = "nothing was found in time that keeps" if report.ended else "nothing keeps"
         if aim.real_time is not None:
             limit = f"{aim.real_time:g} times real time"
         elif near.error is not None and near.error <= aim.limit:
-            yield f"no time was left to judge what may keep {limit}: {which}"
-            return
-        nothing = "nothing was found in time that keeps" if report.ended else "nothing keeps"
+            if _is_unjudged(report):
+                yield f"no time was left to judge what may keep {limit}: {which}; {_MORE_TIME}"
+                return
+            limit += " on fresh seeds, too"
         yield f"{nothing} {limit}: nearest is {which}; it binds {report.binds}"
 
 
