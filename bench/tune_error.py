@@ -30,6 +30,7 @@ class Plain:
 
     def __init__(self, model: mujoco.MjModel, step: float) -> None:
         self.model, self.data = copy.copy(model), mujoco.MjData(model)
+        self.looked = mujoco.MjData(model)
         self.model.opt.timestep = step
         mass = np.maximum(model.body_mass, 1e-300)
         self.radius = np.sqrt(model.body_inertia.max(axis=1) / mass)
@@ -54,7 +55,7 @@ class Plain:
 
     def velocities(self) -> np.ndarray:
         """Return (B, 6) velocities of centres of mass, and spins times radii of gyration."""
-        looked = mujoco.MjData(self.model)
+        looked = self.looked
         looked.qpos[:], looked.qvel[:] = self.data.qpos, self.data.qvel
         mujoco.mj_kinematics(self.model, looked)
         mujoco.mj_comPos(self.model, looked)
