@@ -42,6 +42,7 @@ def test_the_error_at_the_end_is_that_of_the_closed_form() -> None:
     angle, steps = np.arccos(1 - 0.01**2 * 100 / 2), 100
     own = 0.1 * (np.cos(angle * steps) - np.tan(angle / 2) * np.sin(angle * steps))
     assert apart.share == pytest.approx(abs(own - 0.1 * np.cos(10)), rel=1e-3)
+    assert (apart.body, apart.time) == ("mass", pytest.approx(1.0))
     smooth = Choice({"integrator": "RK4"}).made(swinging.model)
     assert measure.apart(smooth, 4).share < 1e-3 * apart.share
 

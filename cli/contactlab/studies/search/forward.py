@@ -150,26 +150,18 @@ class ForwardError:
 
         The model's own integrator, or RK4: that whose steps, halved, change the end less.
         """
-        found = list[tuple[float, Floats]]()
-        for kind in dict.fromkeys([int(self._motion.model.opt.integrator), _RK4]):
-            if self._motion.model.nflex and kind == _RK4:
-                continue
-            ends = list[Floats]()
-            for part in (2, 1):
-                model = reference_of(self._motion.model, self._finer * (3 - part))
-                model.opt.integrator = kind
-                kept = self._kept(model, self._finer * (3 - part))
-                ends.append(kept[:, :: 3 - part])
-            length = min(ends[0].shape[1], ends[1].shape[1])
-            apart = float(
-                np.nan_to_num(
-                    np.abs(ends[0][:, length - 1] - ends[1][:, length - 1]).max(), nan=np.inf
-                )
-            )
-            found.append((apart, ends[1]))
+        own, found = int(self._motion.model.opt.integrator), list[tuple[float, Floats]]()
+        for kind in dict.fromkeys([own] if self._motion.model.nflex else [own, _RK4]):
+            once, twice = (self._kept(kind, rate * self._finer)[:, ::rate] for rate in (1, 2))
+            end = min(once.shape[1], twice.shape[1]) - 1
+            apart = float(np.abs(once[:, end] - twice[:, end]).max())
+            found.append((apart if math.isfinite(apart) else math.inf, twice))
         return min(found, key=lambda pair: pair[0])[1]
 
-    def _kept(self, model: mujoco.MjModel, rate: int) -> Floats:
+    def _kept(self, integrator: int, rate: int) -> Floats:
+        """Return the states of the motion by an integrator and so many steps in one of its own."""
+        model = reference_of(self._motion.model, rate)
+        model.opt.integrator = integrator
         inputs = self._motion.inputs.repeat(rate, axis=1)
         motion = replace(self._motion, model=model, inputs=inputs)
         return replay(motion, motion.steps * float(model.opt.timestep), self._workers).kept[:, :-1]
@@ -184,26 +176,19 @@ class ForwardError:
         inputs = rows.reshape(len(rows), steps, multiple, -1).mean(axis=2)
         motion = replace(self._motion, model=own, inputs=inputs)
         kept = replay(motion, steps * float(own.opt.timestep), self._workers).kept[:, :-1]
-        places = (
-            [steps]
-            if self._at == "end"
-            else np.unique(np.linspace(0, steps, _LOOKED_AT).astype(int)).tolist()
-        )
-        data = mujoco.MjData(own)
-        worst, seeds = (0.0, "", 0.0), list[float]()
-        for seed in range(motion.seeds):
-            largest = 0.0
-            for watched in self._watched:
-                for place in places:
-                    one = _read(own, data, kept[seed, place], watched)
-                    other = _read(own, data, self._fine[seed, place * multiple], watched)
-                    apart = float(np.linalg.norm(one - other))
-                    apart = apart if math.isfinite(apart) else math.inf
-                    largest = max(largest, apart)
-                    if apart > worst[0]:
-                        worst = apart, watched.name, place * multiple * self.step
-            seeds.append(largest)
-        return Apart(max(seeds), worst[1], self._motion.name, worst[2], min(seeds), max(seeds))
+        places = [steps]
+        if self._at == "peak":
+            places = np.unique(np.linspace(0, steps, _LOOKED_AT).astype(int)).tolist()
+        data, distances = mujoco.MjData(own), np.empty((len(rows), len(self._watched), len(places)))
+        for seed, which, place in np.ndindex(distances.shape):
+            ends = kept[seed, places[place]], self._fine[seed, places[place] * multiple]
+            one, other = (_read(own, data, end, self._watched[which]) for end in ends)
+            distances[seed, which, place] = np.linalg.norm(one - other)
+        distances[~np.isfinite(distances)] = np.inf
+        _, which, place = map(int, np.unravel_index(np.argmax(distances), distances.shape))
+        seeds, time = distances.max(axis=(1, 2)), places[place] * multiple * self.step
+        most, least, name = float(seeds.max()), float(seeds.min()), self._watched[which].name
+        return Apart(most, name, self._motion.name, time, least, most)
 
 
 def _read(model: mujoco.MjModel, data: mujoco.MjData, state: Floats, watched: Watched) -> Floats:

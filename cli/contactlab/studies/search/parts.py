@@ -17,7 +17,7 @@ from contactlab.budget import Motion
 from contactlab.budget.measuring import reference_of
 from contactlab.budget.motion import INTEGRATION
 from contactlab.budget.prices import Price
-from contactlab.budget.rows import ROWS
+from contactlab.budget.rows import ROWS, Row
 from contactlab.budget.showing import shown_rows
 from contactlab.budget.windows import without_sensors
 from contactlab.plan.task_options import AS_INFERRED, TaskOptions
@@ -169,13 +169,12 @@ def _features(motions: Sequence[Motion]) -> Iterator[Part]:
     rows = [row for row in ROWS if row.kind == "effect" and row.uses(model)]
     shown = {name for motion in motions for name in shown_rows(motion, rows)}
     for row in rows:
-
-        def without(changed: mujoco.MjModel, own: object = row.changes[0]) -> None:
-            assert callable(own)
-            own(changed, model)
-
-        safeguard = row.name in _SAFEGUARDS
+        without, safeguard = _by_row(row, model), row.name in _SAFEGUARDS
         yield Part("feature", row.summary, without, row.name in shown, safeguard=safeguard)
+
+
+def _by_row(row: Row, model: mujoco.MjModel) -> Change:
+    return lambda changed: row.changes[0](changed, model)
 
 
 @dataclass(frozen=True)
