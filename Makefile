@@ -8,7 +8,9 @@ ifneq ($(shell command -v npm 2>/dev/null),)
 NODE_MODULES := $(NODE_READER)/node_modules
 WHERE_NPM_IS := $(NODE_MODULES) $(LIVE)
 endif
-INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check
+INSTALL ?= $(BIN)/python -m pip install --quiet --disable-pip-version-check
+# Neighbouring tests share what they made; who gets idle takes half of what another has left.
+PYTEST := $(BIN)/python -m pytest -n auto --dist worksteal
 
 .PHONY: bounce test test-rest test-all test-night test-lowest check lint format stubs schemas snapshots picture constraints wheel
 .PHONY: atlas atlas-compare attack bench kernel live site verdicts clean
@@ -17,20 +19,19 @@ bounce: .venv/run
 	$(BIN)/contactlab sweep bounce
 
 # Every law on small cases, within two minutes on two cores: before each commit.
-# A file's tests share what they made; files that are left are shared out as workers get idle.
 test: .venv/dev
-	$(BIN)/python -m pytest -n auto --dist loadfile
+	$(PYTEST)
 
 # What `make test` leaves to CI: browsers, clusters, object storage, processes, whole catalogues.
 test-rest: .venv/dev $(WHERE_NPM_IS)
-	$(BIN)/python -m pytest -n auto --dist loadfile -m "long and not night and not timed"
+	$(PYTEST) -m "long and not night and not timed"
 
-test-all: test test-rest
+test-all: .venv/dev $(WHERE_NPM_IS)
+	$(PYTEST) -m "not night and not timed"
 
 # What takes minutes each: verdicts, attacks, kernels, public robots; and what compares times.
 test-night: .venv/dev $(NODE_MODULES)
-	HYPOTHESIS_PROFILE=thorough $(BIN)/python -m pytest -n auto --dist loadfile \
-	  -m "night and not timed"
+	HYPOTHESIS_PROFILE=thorough $(PYTEST) -m "night and not timed"
 	$(BIN)/python -m pytest -n 0 -m timed
 
 check: lint test

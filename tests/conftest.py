@@ -7,6 +7,7 @@ import signal
 import threading
 import urllib.request
 import uuid
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -23,7 +24,8 @@ if TYPE_CHECKING:
     from contactlab.store.store_files import ObjectAddress
 
 # A busy machine is no defect of the code under test. HYPOTHESIS_PROFILE=thorough, as in `make
-# test-night`, looks at twice as many examples.
+# test-night`, looks at twice as many examples; brief, as in `make test-lowest`, at a fifth.
+settings.register_profile("brief", deadline=None, max_examples=10)
 settings.register_profile("patient", deadline=None, max_examples=50)
 settings.register_profile("thorough", deadline=None, max_examples=100)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "patient"))
@@ -41,6 +43,8 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN and (
 FIRST_TIER_SECONDS = 1.5
 _SLOW = "seconds of CPU above a first tier's"
 _LATER_TIERS = ("long", "night", "timed")
+FEW = 2
+"""Cases of a test that are run where few are asked for."""
 
 BALL = """
 version: 1
@@ -60,6 +64,31 @@ def _cpu_seconds() -> float:
     """Return the CPU time of this process and of the children that it has waited for [s]."""
     spent = os.times()
     return spent.user + spent.system + spent.children_user + spent.children_system
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Add what `make test-lowest` asks for: interfaces of libraries, not laws once more."""
+    parser.addoption(
+        "--few-cases",
+        action="store_true",
+        help=f"run {FEW} cases of a test, and all of what is marked `interface`",
+    )
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Leave out the later cases of a test, where few are asked for."""
+    if not config.getoption("few_cases"):
+        return
+    cases = Counter[str]()
+    few, others = list[pytest.Item](), list[pytest.Item]()
+    for item in items:
+        test, *_ = item.nodeid.split("[")
+        cases[test] += 1
+        wanted = cases[test] <= FEW or item.get_closest_marker("interface")
+        (few if wanted else others).append(item)
+    items[:] = few
+    config.hook.pytest_deselected(items=others)
 
 
 _cpu_at_start = pytest.StashKey[float]()

@@ -99,6 +99,7 @@ def test_what_a_model_lacks_has_no_row(name: str) -> None:
     assert reading(pendulum(), name) is None
 
 
+@pytest.mark.interface
 @pytest.mark.parametrize("row", ROWS, ids=lambda row: row.name)
 def test_a_row_changes_the_model_that_it_is_given_alone(row: Row) -> None:
     """Every row can be made of a model that has nothing, and leaves its own model as it was."""

@@ -92,6 +92,7 @@ def test_no_command_is_left_out() -> None:
     assert set(group.commands) == set(SMOKES)
 
 
+@pytest.mark.interface
 @pytest.mark.parametrize("name", SMOKES)
 def test_it_does_its_job(name: str, places: dict[str, str], contactlab: Run) -> None:
     arguments, code, words = SMOKES[name]

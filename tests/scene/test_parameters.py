@@ -97,6 +97,7 @@ def test_friction_parts_stand_for_both_directions() -> None:
     assert whole == (0.1, 0.1, 0.2, 0.3, 0.3)
 
 
+@pytest.mark.interface
 @pytest.mark.parametrize("name", OPTION_NAMES)
 def test_an_option_is_the_attribute_of_that_name(name: str) -> None:
     texts = [*PARAMETERS[name].choices] or ["1 2 3" if name == "gravity" else "3"]
@@ -116,6 +117,7 @@ def test_gravity_as_a_magnitude_points_down() -> None:
         assert model.opt.gravity.tolist() == [0.0, 0.0, -3.7]
 
 
+@pytest.mark.interface
 @pytest.mark.parametrize("flag", FLAGS)
 @pytest.mark.parametrize("state", [True, False])
 def test_a_switch_is_the_flag_of_that_name(flag: str, state: bool) -> None:

@@ -39,6 +39,7 @@ def run_id(scene: Scene, **values: object) -> str:
     return scene.run_id(scene.resolve(values, 0, None))
 
 
+@pytest.mark.interface
 @pytest.mark.parametrize("name", EFFECTS)
 def test_every_effect_can_be_switched_off(
     prepared: Prepare, make_scene: MakeScene, name: str

@@ -14,7 +14,6 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 
 import mujoco
 import numpy as np
-from scipy.spatial import ConvexHull, QhullError
 
 from contactlab.contact.rotations import rotation_matrices
 from contactlab.contact.trace_arrays import Floats
@@ -210,6 +209,8 @@ def hull_volume(model: mujoco.MjModel, mesh: int) -> float:
     """Return the volume of a mesh's convex hull [m^3], MuJoCo's own if it has one; 0 if flat."""
     points = mesh_vertices(model, mesh)
     if model.mesh_graphadr[mesh] < 0:
+        from scipy.spatial import ConvexHull, QhullError  # noqa: PLC0415 - it takes a while to load
+
         try:
             return float(ConvexHull(points).volume)
         except QhullError:
