@@ -26,8 +26,7 @@ test: .venv/dev
 test-rest: .venv/dev $(WHERE_NPM_IS)
 	$(PYTEST) -m "long and not night and not timed"
 
-test-all: .venv/dev $(WHERE_NPM_IS)
-	$(PYTEST) -m "not night and not timed"
+test-all: test test-rest
 
 # What takes minutes each: verdicts, attacks, kernels, public robots; and what compares times.
 test-night: .venv/dev $(NODE_MODULES)
