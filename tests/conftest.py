@@ -75,6 +75,13 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     )
 
 
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Leave out files of thousands of tests for the night, unless they are asked for."""
+    if collection_path.name.endswith("_at_night.py") and "not night" in config.option.markexpr:
+        return True
+    return None
+
+
 @pytest.hookimpl(trylast=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Leave out the later cases of a test, where few are asked for."""

@@ -1,5 +1,6 @@
 """Runs are paired by what they are, never by their place."""
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -94,6 +95,66 @@ def test_an_axis_of_one_value_tells_no_runs_apart(
         other.change(index, axes={**run.axes, "margin": 0.0})
     report = compare(baseline, stored("other", other), BY_AXES)
     assert report.pairs.paired == len(other.runs)
+
+
+def test_stores_of_two_settings_are_compared_and_the_settings_are_told(
+    baseline: Path, runs: Callable[[], Any], stored: Callable[..., Path]
+) -> None:
+    """As when one sweep was run with `--set iterations=5`, the other with 50."""
+    stores = list[Path]()
+    for iterations in (5, 50):
+        one = runs()
+        for index, run in enumerate(one.runs):
+            axes = {**run.axes, "iterations": float(iterations)}
+            one.change(index, run_id=f"{100 * iterations + index:016x}", axes=axes)
+        stores.append(stored(f"of-{iterations}", one))
+    report = compare(*stores, BY_AXES)
+    assert report.pairs.paired == len(runs().runs)
+    told = {each.what: (each.baseline, each.candidate) for each in report.differences}
+    assert told["settings"] == ("iterations 5", "iterations 50")
+    report = compare(baseline, stores[0], BY_AXES)
+    told = {each.what: (each.baseline, each.candidate) for each in report.differences}
+    assert told["settings"] == ("iterations by default", "iterations 5")
+
+
+OTHERS = {
+    "one value": lambda run: {"axes": {**run.axes, "iterations": 5.0}},
+    "no step in common": lambda run: {"axes": {**run.axes, "timestep": 7.0 + run.index}},
+    "other axes": lambda run: {"axes": {"margin": 1e-3 * run.index}},
+    "a word": lambda run: {"axes": {**run.axes, "timestep": str(run.index)}},
+    "another seed": lambda run: {"seed": run.seed + 7},
+    "none told apart": lambda run: {"axes": {"cone": run.axes["cone"]}},
+}
+
+
+@pytest.mark.parametrize("name", OTHERS)
+def test_matching_by_axes_is_advised_where_it_works(
+    baseline: Path, runs: Callable[[], Any], stored: Callable[..., Path], name: str
+) -> None:
+    """Of stores without a common id, whatever their axes; else the refusals say the same."""
+    other = runs()
+    for index, run in enumerate(other.runs):
+        other.change(index, run_id=f"{index + 100:016x}", **OTHERS[name](run))
+    candidate = stored("other", other)
+    with pytest.raises(StoreError) as refused:
+        compare(baseline, candidate)
+    if str(refused.value).endswith("add --match axes"):
+        assert compare(baseline, candidate, BY_AXES).pairs.paired == len(other.runs)
+    else:
+        with pytest.raises(StoreError) as again:
+            compare(baseline, candidate, BY_AXES)
+        why = re.sub("^no run of .* is in [^:]*: ", "", str(again.value))
+        assert str(refused.value).endswith(f"; {why}")
+
+
+def test_the_axis_without_a_common_value_is_named(
+    baseline: Path, runs: Callable[[], Any], stored: Callable[..., Path]
+) -> None:
+    other = runs()
+    for index, run in enumerate(other.runs):
+        other.change(index, run_id=f"{index + 100:016x}", **OTHERS["no step in common"](run))
+    with pytest.raises(StoreError, match="no timestep in common; sweep the same values in both"):
+        compare(baseline, stored("other", other))
 
 
 def test_words_and_numbers_cannot_be_matched(

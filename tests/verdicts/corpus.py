@@ -11,6 +11,7 @@ import json
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
@@ -152,6 +153,7 @@ class _Part(BaseModel):
     cases: Annotated[list[dict[str, object]], Field(min_length=1)]
 
 
+@cache
 def read_corpus(folder: Path = FOLDER) -> tuple[Part, ...]:
     """Return all parts of a folder, the open ones first; a CorpusError says what is wrong where."""
     parts = [read_part(path.parent) for path in sorted(folder.glob("*/truth.json"))]

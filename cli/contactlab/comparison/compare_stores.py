@@ -14,6 +14,7 @@ from contactlab.comparison.outcome_checks import controlled_checks, outcome_chec
 from contactlab.comparison.pairing import (
     PairedStores,
     Pairing,
+    apart,
     difference,
     engine_of,
     pair,
@@ -150,10 +151,21 @@ def pair_runs(baseline: Store, candidate: Store, policy: ComparePolicy) -> Pairi
         return pairing
     message = f"no run of {baseline.address} is in {candidate.address}"
     if by_axes:
-        raise StoreError(f"{message}: no axis values and seed are equal")
+        raise StoreError(f"{message}: {apart(baseline, candidate)}")
     if scenes := difference(baseline, candidate, "scene_hash"):
         message += f": the scene changed ({scenes[0]}, now {scenes[1]})"
-    raise StoreError(f"{message}; to compare runs of equal axis values instead, add --match axes")
+    raise StoreError(f"{message}; {_how_to_match(baseline, candidate)}")
+
+
+def _how_to_match(baseline: Store, candidate: Store) -> str:
+    """Return how to compare stores without a common id, if matching by axes can, or why not."""
+    try:
+        found = pair_by_axes(baseline, candidate)
+    except StoreError as error:
+        return str(error)
+    if len(found.baseline):
+        return "to compare runs of equal axis values instead, add --match axes"
+    return apart(baseline, candidate)
 
 
 def _report(

@@ -22,6 +22,7 @@ Value = float | str | None
 Keys = NDArray[np.int64] | NDArray[np.uint64]
 Ranks = NDArray[np.int16]
 _AT_ONCE = 1 << 20  # pairs whose labels are joined at once
+_SEVERAL = "several values"
 _DIGITS = 9  # digits to which axis values must agree: computed values differ in the last ones
 
 
@@ -38,8 +39,9 @@ class Pairing(NamedTuple):
 def pair_by_axes(baseline: Store, candidate: Store) -> Pairing:
     """Pair runs of equal axis values, to 9 digits, and equal seed.
 
-    An axis with a single value may be missing in the other store. A StoreError says that the
-    stores sweep different axes, or that two runs of one store are equal in all.
+    An axis with a single value in each store, or in one where the other has no such axis, is what
+    the stores are compared for. A StoreError says that the stores sweep different axes, or that two
+    runs of one store are equal in all.
     """
     names, other = (set(store.columns.axis_names) for store in (baseline, candidate))
     if differing := {
@@ -54,12 +56,36 @@ def pair_by_axes(baseline: Store, candidate: Store) -> Pairing:
         )
     runs = baseline.columns.runs
     keys = np.zeros(runs + candidate.columns.runs, dtype=np.int64)
-    for name in (*sorted(names & other), "seed"):
+    for name in (*sorted(names & other - {*settings_apart(baseline, candidate)}), "seed"):
         codes, _ = _codes((baseline, candidate), name)
         keys = np.unique(keys * (codes.max() + 1) + codes, return_inverse=True)[1]
     _refuse_repeated(baseline, "baseline", keys[:runs])
     _refuse_repeated(candidate, "candidate", keys[runs:])
     return pair(keys[:runs], keys[runs:])
+
+
+def settings_apart(baseline: Store, candidate: Store) -> set[str]:
+    """Return the axes that have one value in each store, and not the same."""
+    own, other = map(_settings, (baseline, candidate))
+    return {
+        axis
+        for axis in own.keys() & other.keys()
+        if _SEVERAL not in {own[axis], other[axis]} and own[axis] != other[axis]
+    }
+
+
+def apart(baseline: Store, candidate: Store) -> str:
+    """Say why no run of one store has the axis values and the seed of one of the other."""
+    names = {*baseline.columns.axis_names} & {*candidate.columns.axis_names}
+    unshared = list[str]()
+    for name in (*sorted(names - settings_apart(baseline, candidate)), "seed"):
+        codes, _ = _codes((baseline, candidate), name)
+        own, other = np.split(codes, [baseline.columns.runs])
+        if not np.isin(own, other).any():
+            unshared.append(name)
+    if unshared:
+        return f"they have no {' and no '.join(unshared)} in common; sweep the same values in both"
+    return "no axis values and seed are equal; sweep the same values in both"
 
 
 def pair(baseline: Keys, candidate: Keys) -> Pairing:
@@ -273,10 +299,26 @@ def engine_of(store: Store) -> str:
     return f"{engine.name} {engine.version}"
 
 
+def _settings(store: Store) -> dict[str, str]:
+    """Return the value of each axis, as text; of one that is swept, that it has several."""
+    return {axis: _setting(store, axis) for axis in store.columns.axis_names}
+
+
+def _setting(store: Store, axis: str) -> str:
+    if store.columns.is_number(axis):
+        values = store.columns.numbers(axis).values
+        low, high = rounded(np.array([values.min(), values.max()]))
+        return f"{low:.9g}" if low == high else _SEVERAL
+    codes, words = store.columns.coded(axis)
+    used = np.flatnonzero(np.bincount(codes))
+    return _SEVERAL if len(used) > 1 else words[used[0]] or "none"
+
+
 _PROPERTIES: Mapping[Sameness, Callable[[Store], str | Mapping[str, object]]] = {
     "sweep": lambda store: store.manifest.sweep.name,
     "scene": lambda store: store.manifest.sweep.scene,
     "scene_hash": lambda store: store.manifest.sweep.scene_hash,
+    "settings": _settings,
     "metric_versions": lambda store: store.manifest.sweep.metric_versions,
     "thresholds": lambda store: store.manifest.sweep.resolved.get("thresholds", {}),
     "engine": engine_of,

@@ -2,11 +2,12 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from tempfile import TemporaryFile
 
 from contactlab.errors import OutputError
 from contactlab.pareto.criteria import Criteria
 from contactlab.reporting.report import DEFAULT_CRITERIA, PageRequest, read_report_data
-from contactlab.store.atomic_files import atomic_write
+from contactlab.store.atomic_files import atomic_write, write_errors
 from contactlab.store.finished_store import Store
 
 # ruff: noqa: PLC0415 - what draws takes a while to load
@@ -23,6 +24,8 @@ def write_page(store: Store, target: Path, request: PageRequest = _DEFAULT_PAGE)
     """
     from contactlab.page.html_page import html_page
 
+    with write_errors(target), TemporaryFile(dir=target.parent):
+        pass  # drawing takes a while
     text, notes = html_page(store, request)
     with atomic_write(target) as temporary:
         temporary.write_bytes(text.encode())

@@ -18,6 +18,7 @@ Sameness = Literal[
     "sweep",
     "scene",
     "scene_hash",
+    "settings",
     "metric_versions",
     "thresholds",
     "engine",
@@ -39,7 +40,8 @@ class Require(Model):
         default=("scene_hash", "metric_versions", "thresholds"),
     )
     warn_if_different: tuple[Sameness, ...] = about(
-        "reported if different", default=("engine", "contactlab", "numpy", "cpu_model", "cpu_flags")
+        "reported if different",
+        default=("settings", "engine", "contactlab", "numpy", "cpu_model", "cpu_flags"),
     )
 
 
