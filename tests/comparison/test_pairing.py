@@ -108,11 +108,12 @@ def test_stores_of_two_settings_are_compared_and_the_settings_are_told(
             axes = {**run.axes, "iterations": float(iterations)}
             one.change(index, run_id=f"{100 * iterations + index:016x}", axes=axes)
         stores.append(stored(f"of-{iterations}", one))
-    report = compare(*stores, BY_AXES)
+    of_five, of_fifty = stores
+    report = compare(of_five, of_fifty, BY_AXES)
     assert report.pairs.paired == len(runs().runs)
     told = {each.what: (each.baseline, each.candidate) for each in report.differences}
     assert told["settings"] == ("iterations 5", "iterations 50")
-    report = compare(baseline, stores[0], BY_AXES)
+    report = compare(baseline, of_five, BY_AXES)
     told = {each.what: (each.baseline, each.candidate) for each in report.differences}
     assert told["settings"] == ("iterations by default", "iterations 5")
 
