@@ -83,11 +83,10 @@ def held_fixture(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[int]]:
 def test_a_finer_step_is_named_where_it_alone_helps(held: list[int]) -> None:
     """At 2.5 ms h kv / I is below 2 again; without constraints, no solver is tried.
 
-    What measures refers to itself, and to its models: no trial holds those of others.
+    No trial holds the models of another, though nothing looks for garbage.
     """
     motion = servo()
     verdict = judge(error_budget([motion], rows=[], settings=FAST))
-    gc.collect(0)
     names = "Newton with 100 iterations", "half the step"
     few = [candidate for candidate in CANDIDATES if candidate.name in names]
     (only,) = remedies([motion], verdict, candidates=few, trial=Trial(FAST))

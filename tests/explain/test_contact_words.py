@@ -26,7 +26,7 @@ BALL = """<mujoco><option cone="{cone}" impratio="{impratio}"/><worldbody>
 def resting(softness: float = 1.0) -> RestingPair:
     solimp = (0.9, 0.95, 0.001, 0.5, 2.0)
     law = ContactAtRest("a-b", (0.02, 1.0), solimp, 0.5, softness, 0.05)
-    return RestingPair(law, None, "held", 1.0, 20.0)
+    return RestingPair(law, law.name, None, "held", 1.0, 20.0)
 
 
 @pytest.mark.parametrize("depth", [1e-6, 3e-4, 2e-3])

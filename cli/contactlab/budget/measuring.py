@@ -4,7 +4,7 @@ import math
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache, partial
+from functools import partial
 from typing import NamedTuple
 
 import mujoco
@@ -169,9 +169,7 @@ class PhaseMeasure:
         self._watched = self._places_of(motion.watched)
         self._run: Run = replay(motion, settings.window, settings.workers, known)
         self._observer = Observer(motion.model, motion.starts[0], self._bodies, settings.workers)
-        self._base = cache(self._made_base)
-        alike = not raises_time_constants(motion.model)
-        self._stored = cache(lambda name: Stored(self._base(name), constraints=alike))
+        self._bases, self._stores = dict[str, mujoco.MjModel](), dict[str, Stored]()
         gravity = 0.0 if disabled(motion.model, "gravity") else 1.0
         self._pulls = pulls(motion, gravity * motion.model.opt.gravity)[..., self._bodies]
         self._usual = self._usual_changes()
@@ -241,12 +239,25 @@ class PhaseMeasure:
         """Return which of all bodies has the largest of (B,) values among the watched ones."""
         return int(self._watched[np.argmax(values[self._watched])])
 
+    def _base(self, name: str) -> mujoco.MjModel:
+        if name not in self._bases:
+            self._bases[name] = self._made_base(name)
+        return self._bases[name]
+
     def _made_base(self, name: str) -> mujoco.MjModel:
         if name == "run":
             return run_at_once(self._model)
         if name == "RK4":
             return self._smooth(1)
         return reference_of(self._model, 1 if name == "step" else self._settings.finer)
+
+    def _stored(self, name: str) -> Stored:
+        """Return what computes stored energies, of a copy of a base: no other needs to be held."""
+        if name not in self._stores:
+            alike = not raises_time_constants(self._model)
+            base = self._bases[name] if name in self._bases else self._made_base(name)
+            self._stores[name] = Stored(base, constraints=alike)
+        return self._stores[name]
 
     def _varied(self, row: Row) -> Iterator[mujoco.MjModel]:
         """Yield the models of a row's changes, each made anew: a mesh may be large."""

@@ -3,7 +3,6 @@
 import math
 import time
 from collections.abc import Callable, Mapping
-from functools import cache
 from typing import Any, NamedTuple
 
 import mujoco
@@ -16,7 +15,7 @@ Made = Callable[[], mujoco.MjModel]
 
 _ROUNDS, _WARM = 11, 1
 _LEAST = 5e-3  # s, that the model as it is is timed for in each round
-_HELD = 1 << 29  # bytes of models that are held
+_HELD = 1 << 28  # bytes of models that are held
 _STRETCH = 5  # windows, so that setting states is no part of the time
 
 
@@ -39,7 +38,7 @@ def prices(motion: Motion, run: Run, changed: Mapping[str, tuple[Made, int]]) ->
 
     Each is rolled out on one thread from the same states, which are spread over the run, in turns
     with the others. The number is that of its steps in one of the run. Models that take much memory
-    together are made anew for each turn.
+    together are timed in groups.
     """
     # What the engine came through is a beginning of each run.
     length = min(_STRETCH, int(run.valid.sum(axis=1).max()))
@@ -47,18 +46,20 @@ def prices(motion: Motion, run: Run, changed: Mapping[str, tuple[Made, int]]) ->
         return {}
     valid = np.argwhere(run.valid[:, length - 1 :])
     stretches = _Stretches(motion, run, length * run.steps)
-    base = (lambda: motion.model), 1
-    if len(changed) * motion.model.nbuffer <= _HELD:
-        changed = {name: (cache(made), rate) for name, (made, rate) in changed.items()}
+    base = motion.model, 1
     taken = _enough(valid, stretches.seconds(base, valid[:1]))
     taken = _enough(valid, stretches.seconds(base, taken) / len(taken))
     ratios: dict[str, list[float]] = {name: [] for name in changed}
-    for number in range(_ROUNDS + _WARM):
-        own = stretches.seconds(base, taken)
-        for name, model in changed.items():
-            ratio = stretches.seconds(model, taken) / own
-            if number >= _WARM:
-                ratios[name].append(ratio)
+    most = max(1, _HELD // motion.model.nbuffer)
+    for begin in range(0, len(changed), most):
+        names = list(changed)[begin : begin + most]
+        group = {name: (made(), rate) for name in names for made, rate in [changed[name]]}
+        for number in range(_ROUNDS + _WARM):
+            own = stretches.seconds(base, taken)
+            for name, model in group.items():
+                ratio = stretches.seconds(model, taken) / own
+                if number >= _WARM:
+                    ratios[name].append(ratio)
     return {
         name: Price(float(np.median(found)), sorted(found)[1], sorted(found)[-2])
         for name, found in ratios.items()
@@ -79,10 +80,10 @@ class _Stretches(NamedTuple):
     run: Run
     steps: int
 
-    def seconds(self, model: tuple[Made, int], which: np.ndarray) -> float:
+    def seconds(self, timed: tuple[mujoco.MjModel, int], which: np.ndarray) -> float:
         """Return the thread time of a model from (M, 2) seeds and windows [s]."""
-        (made, rate), (seeds, windows) = model, which.T
-        batch = start_rows(made(), self.run.starts[seeds, windows], 1)
+        (model, rate), (seeds, windows) = timed, which.T
+        batch = start_rows(model, self.run.starts[seeds, windows], 1)
         spans = self.run.begins[windows][:, None] + np.arange(self.steps)
         rows = [self.motion.rows(seed, span) for seed, span in zip(seeds, spans, strict=True)]
         given: dict[str, Any] = {}

@@ -1,7 +1,6 @@
 """What removes what a budget finds: changes of settings, each tried by a budget of its own."""
 
 import copy
-import gc
 import math
 import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -704,7 +703,6 @@ class _Judged(NamedTuple):
     ) -> tuple[ErrorBudget, Verdict]:
         workers = self.trial.workers
         budget = error_budget(motions, rows=self.rows, settings=settings, workers=workers)
-        gc.collect(0)  # what has measured refers to itself, and to models of megabytes
         return budget, judge(budget, within)
 
 

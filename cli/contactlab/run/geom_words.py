@@ -1,6 +1,5 @@
 """Geoms without a name as a page or `show` speaks of them: by the body that they belong to."""
 
-import re
 from collections.abc import Mapping
 from contextlib import suppress
 
@@ -8,11 +7,9 @@ from contactlab.errors import ContactlabError
 from contactlab.printable import Told
 from contactlab.run.planned_runs import stored_sweep_scene
 from contactlab.run.stored_runs import resolve_record
-from contactlab.scene.model_names import geom_words
+from contactlab.scene.model_names import in_geom_words
 from contactlab.schema.evidence import EvidenceRecord
 from contactlab.store.finished_store import Store
-
-_ADDRESS = re.compile(r"geom\[\d+\]_*")
 
 
 def told_of_runs(store: Store, records: Mapping[int, EvidenceRecord]) -> dict[int, Told]:
@@ -22,16 +19,12 @@ def told_of_runs(store: Store, records: Mapping[int, EvidenceRecord]) -> dict[in
     """
     told: dict[int, Told] = dict.fromkeys(records, str)
     unnamed = [
-        place for place, record in records.items() if any(map(_ADDRESS.search, record.pairs))
+        place for place, record in records.items() if any("geom[" in name for name in record.pairs)
     ]
     if unnamed:
         with suppress(ContactlabError):
             scene = stored_sweep_scene(store.manifest.sweep, store.scene_folder)
             for place in unnamed:
                 model = scene.base_of(resolve_record(scene, records[place])).model
-                told[place] = _replacing(geom_words(model))
+                told[place] = in_geom_words(model)
     return told
-
-
-def _replacing(words: Mapping[str, str]) -> Told:
-    return lambda text: _ADDRESS.sub(lambda found: words.get(found[0], found[0]), text)

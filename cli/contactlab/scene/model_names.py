@@ -15,6 +15,7 @@ import mujoco
 import numpy as np
 
 from contactlab.errors import SceneError, did_you_mean
+from contactlab.printable import Told
 
 KINDS = {
     "body": "bodies",
@@ -28,6 +29,7 @@ KINDS = {
 }
 """As MuJoCo calls one of a kind, and all of them in a specification."""
 _ADDRESS = re.compile(rf"({'|'.join(KINDS)})\[\d+\]_*")
+_GEOM_ADDRESS = re.compile(r"geom\[\d+\]_*")
 _OLD_ADDRESS = re.compile(r"geom(\d+)")  # how geoms without names were called before version 0.3
 # Before a number or a wildcard, a bracket belongs to an address.
 _BRACKET = re.compile(r"\[(?=[\d*?]+\])")
@@ -98,6 +100,12 @@ def geom_words(model: mujoco.MjModel) -> dict[str, str]:
         for name, body in names
         if is_address(name)
     }
+
+
+def in_geom_words(model: mujoco.MjModel) -> Told:
+    """Return what replaces addresses of geoms in a text, such as the name of a pair."""
+    words = geom_words(model)
+    return lambda text: _GEOM_ADDRESS.sub(lambda found: words.get(found[0], found[0]), text)
 
 
 def geom_word(model: mujoco.MjModel, geom: int) -> str:

@@ -1,6 +1,5 @@
 """A model under examination: its task, its runs, its motions and their budget, each made once."""
 
-import gc
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -18,8 +17,10 @@ from contactlab.budget import (
 from contactlab.errors import EngineError
 from contactlab.judge.limits import LIMITS
 from contactlab.plan.task_options import AS_INFERRED, TaskOptions
+from contactlab.printable import Told
 from contactlab.run.sweep_request import SceneLoader
 from contactlab.scene.compiled_scene import CompiledScene, PreparedModel
+from contactlab.scene.model_names import in_geom_words
 from contactlab.scene.run_spec import RunSpec
 from contactlab.scene.scene import Scene
 from contactlab.schema.check_report import Measure
@@ -115,6 +116,11 @@ class CheckedModel:
         return self.base.prepare(self.resolved.edits())
 
     @cached_property
+    def told(self) -> Told:
+        """What is said of a text with geoms that nobody named: their bodies."""
+        return in_geom_words(self.base.model)
+
+    @cached_property
     def moves(self) -> bool:
         """Whether MuJoCo moves something in it."""
         return moves(self.resolved, self.base.model)
@@ -154,11 +160,9 @@ class CheckedModel:
         Raises:
             EngineError: as of motions; or none of the bodies that are watched moves.
         """
-        budget = error_budget(
+        return error_budget(
             self.motions, rows=self._measured, settings=self.settings, workers=self.threads
         )
-        gc.collect(0)  # what has measured refers to itself, and to models of megabytes
-        return budget
 
     @cached_property
     def _measured(self) -> Sequence[str]:

@@ -1,7 +1,6 @@
 """Changes that pay: those that remove what a verdict names, as lines of the model's files."""
 
 import copy
-import gc
 import math
 import shutil
 import weakref
@@ -300,7 +299,6 @@ class Changes:
     def _is_no_worse(self, motions: Sequence[Motion]) -> bool:
         settings = replace(self._trial.settings, places=False, priced=False)
         budget = error_budget(motions, rows=(), settings=settings, workers=self._trial.workers)
-        gc.collect(0)  # what has measured refers to itself, and to models of megabytes
         word = judge(budget, self._verdict.within).word
         return word == "sound" or self._verdict.word in ("unresolved", "not resolved")
 

@@ -155,7 +155,10 @@ def _ran(report: Examination, examined: CheckedModel) -> Examination:
     if report.sections == ("contacts",):
         return report
     budget = examined.budget if examined.moves else None
-    labels = run_labels(report.task, [run.record for run in examined.runs], budget)
+    labels = tuple(
+        label.model_copy(update={"reason": examined.told(label.reason)})
+        for label in run_labels(report.task, [run.record for run in examined.runs], budget)
+    )
     return report.model_copy(update={"verdict": examined.verdict, "labels": labels})
 
 
@@ -277,7 +280,7 @@ def _checked(
         update={
             "checks": tuple(results),
             "findings": tuple(findings),
-            "notes": (*report.notes, *stale, *map(first_names, idle)),
+            "notes": (*report.notes, *stale, *map(first_names, map(examined.told, idle))),
         }
     )
 

@@ -32,16 +32,12 @@ class RestingPair:
     """
 
     law: ContactAtRest
+    name: str  # as it is told: geoms without one by their bodies
     restitution: float | None  # measured in the run
     phase: str  # the first of the task
     contacts: float = 0.0  # mean number in the last fifth of that phase, if the pair rests then
     load: float = 0.0  # that one contact bears [N]
     depth: float = 0.0  # mean of the contacts, measured [m]
-
-    @property
-    def name(self) -> str:
-        """The pair's name."""
-        return self.law.name
 
     @property
     def expected_depth(self) -> float:
@@ -108,7 +104,9 @@ def resting_pairs(examined: CheckedModel) -> Iterator[RestingPair]:
         law = replace(law_of_rest(examined.prepared.model, pair, used), solref=solref)
         if not law.inverse_mass:
             continue
-        found = RestingPair(law, record.metrics.get("restitution_measured"), first.name)
+        found = RestingPair(
+            law, examined.told(pair.name), record.metrics.get("restitution_measured"), first.name
+        )
         if last.sum() >= _RESTING * fifth:
             depth = used.margin - float(points.mean())  # force begins at the margin
             means = float(count.mean()), float((loads / count).mean()), depth

@@ -76,7 +76,7 @@ def explain_contacts(
     for pair in pairs:
         solref = " ".join(f"{number:.8g}" for number in pair.solved(words))
         changed = with_settings(f'solref="{solref}"')
-        again = next(found for found in resting_pairs(changed) if found.name == pair.name)
+        again = next(found for found in resting_pairs(changed) if found.law.name == pair.law.name)
         timestep = changed.resolved.timestep
         lines += contact_lines(again.contact(timestep))
         missed += _missed(again, words, timestep)

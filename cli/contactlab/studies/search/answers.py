@@ -4,7 +4,6 @@ What fails there is not told. The next best takes its place, and, before the tim
 over, the safest that is known.
 """
 
-import gc
 import math
 import time
 from dataclasses import dataclass, replace
@@ -512,7 +511,6 @@ class Answers:
         self._seed_took = (time.process_time() - begin) / len(task.seeds) / slower
         verdict = judge(budget, task.within)
         reason = verdict.reasons[0].sentence if verdict.reasons else "sound"
-        gc.collect()  # what has measured refers to itself, and to models of megabytes
         return _Judgement(verdict.word, budget.share, *_spread(budget), reason)
 
     def _now_labels(self, task: Task) -> set[str]:
