@@ -21,7 +21,7 @@ def backward_error(runs: PreparedRuns, run: int, states: Floats | None = None) -
     try:
         motion = motion_of_run(runs.models[run], runs.starts, run, runs.steps)
         known = None if states is None else states[None]
-        phase = PhaseMeasure(motion, _ALONE, known).budget(())
+        phase = PhaseMeasure(motion, (), _ALONE, known).budget()
     except EngineError:
         return _NOTHING_MOVES
     worst, energy = phase.run, phase.energy_from

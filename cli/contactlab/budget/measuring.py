@@ -4,7 +4,7 @@ import math
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from typing import NamedTuple
 
 import mujoco
@@ -158,11 +158,18 @@ def run_at_once(model: mujoco.MjModel) -> mujoco.MjModel:
 
 
 class PhaseMeasure:
-    """Measures one phase."""
+    """Measures one phase: by a first look, where that tells enough, and whole."""
 
-    def __init__(self, motion: Motion, settings: Settings, known: Floats | None = None) -> None:
+    def __init__(
+        self,
+        motion: Motion,
+        wanted: Sequence[Row],
+        settings: Settings,
+        known: Floats | None = None,
+    ) -> None:
         """Repeat the run where its states are not `known`, as `replay` has it."""
         self._motion, self._settings, self._model = motion, settings, motion.model
+        self._used = [row for row in wanted if row.uses(motion.model)]
         self._undelayed = without_delays(motion)
         self._bodies = judged_bodies(motion.model)
         self._names = tuple(body_name(motion.model, int(body)) for body in self._bodies)
@@ -194,24 +201,41 @@ class PhaseMeasure:
             )
         return found
 
-    def budget(self, wanted: Sequence[Row]) -> PhaseBudget:
+    def first_look(self) -> PhaseBudget:
+        """Return the budget as it is at h/4: nothing is checked, nor excess or RK4 looked at."""
+        found, _ = self._looked
+        seen = self._told(found, excess=False)
+        self._bases.clear()
+        self._stores.clear()  # who waits for the whole holds no models
+        return seen
+
+    def budget(self) -> PhaseBudget:
         """Return the budget with those of the wanted rows that the model has.
 
         Shares and windows are of the watched bodies, scales and energies of all: no body's scale
         hangs on which others are watched.
         """
-        model, run = self._model, self._run
-        used = [row for row in wanted if row.uses(model)]
-        shown = shown_rows(self._motion, used)
-        there = [RUN, *(row for row in used if row.name in shown)]
-        found = self._measure(there)
+        found, looks = self._looked
+        for look in looks:
+            self._measure_more(look, found)
+        return self._told(found, excess=self._settings.excess)
+
+    @cached_property
+    def _there(self) -> list[Row]:
+        """The run, and the rows that the task exercises."""
+        shown = shown_rows(self._motion, self._used)
+        return [RUN, *(row for row in self._used if row.name in shown)]
+
+    def _told(self, found: "_Found", *, excess: bool) -> PhaseBudget:
+        model, run, there = self._model, self._run, self._there
         real, cost = self._real(found), self._prices(there)
         limits = self._limits(found)
         energy, energy_rk4 = self._energies(found)
-        for row in there:
-            if row.is_of_steps:
-                found.apart[row.name][:] *= limits
-        readings = [self._reading(row, found, real, exercised=row in there) for row in (RUN, *used)]
+        of_steps = {row.name: found.apart[row.name] * limits for row in there if row.is_of_steps}
+        found = found._replace(apart=found.apart | of_steps)
+        readings = [
+            self._reading(row, found, real, exercised=row in there) for row in (RUN, *self._used)
+        ]
         whole, *rows = (replace(row, price=cost.get(row.name)) for row in readings)
         warnings = tuple(self._with_cause(warning) for warning in run.warnings)
         return PhaseBudget(
@@ -227,8 +251,8 @@ class PhaseMeasure:
             energy=energy,
             energy_rk4=energy_rk4,
             energy_from=self._energy_from(found),
-            excess=self._excess(found, real),
-            peak=self._peak(found),
+            excess=self._excess(found, real) if excess else np.full(len(self._watched), np.nan),
+            peak=self._peak(found) if excess else float("nan"),
             most=self._most(found, real),
             limit=float(limits[self._watched[whole.body]]),
             lost=float(found.lost[run.valid].mean()) if run.valid.any() else 0.0,
@@ -289,15 +313,16 @@ class PhaseMeasure:
         }
         return prices(self._motion, self._run, made)
 
-    def _measure(self, rows: Sequence[Row]) -> "_Found":
-        run, settings = self._run, self._settings
-        shape = (self._motion.seeds, len(run.begins))
+    @cached_property
+    def _looked(self) -> tuple["_Found", list["_Look"]]:
+        """What references at h/4 tell, of all windows, and what the rest is measured by."""
+        run, settings, rows = self._run, self._settings, self._there
+        shape, looks = (self._motion.seeds, len(run.begins)), list[_Look]()
         found = _Found.empty(shape, len(self._bodies), [row.name for row in rows])
         for block in blocks(self._model, np.argwhere(run.valid), (run.steps + 1) * settings.finer):
             windows = Windows(self._undelayed, run, settings.workers, block)
             around, lost = self._measure_run(windows, block, found)
-            if self._settings.check:
-                self._measure_check(windows, block, around, found)
+            looks.append(_Look(block, around[RUN.name], around["reference"]))
             if any(row.against == "step" for row in rows):
                 around["step"] = self._around(windows, self._base("step"), 1)
             for row in rows:
@@ -313,7 +338,7 @@ class PhaseMeasure:
                 largest = np.max(apart, axis=0)
                 largest[lost] = 0
                 found.apart[row.name][tuple(block.T)] = largest
-        return found
+        return found, looks
 
     def _measure_run(
         self, windows: Windows, block: np.ndarray, found: "_Found"
@@ -326,8 +351,7 @@ class PhaseMeasure:
             (M) whether the reference gave up.
         """
         finer, steps, place = self._settings.finer, windows.steps, tuple(block.T)
-        whole = self._settings.excess
-        own, energies = self._observer(windows.own if whole else windows.own[:, [0, -3, -2, -1]])
+        own, energies = self._observer(windows.own[:, [0, -3, -2, -1]])
         fine, lost = windows.roll(self._base("reference"), finer, whole=True)
         path, powers = self._observer(fine[:, : steps * finer + 1 : finer])
         end, end_energies = self._observer(fine[:, (steps - 1) * finer :])
@@ -335,9 +359,6 @@ class PhaseMeasure:
         found.lost[place] = lost
         found.apart[RUN.name][place] = np.where(lost[:, None], 0, defects(last, end))
         found.path[place] = np.where(lost[:, None], 0, paths(path))
-        if whole:
-            found.excess[place] = np.where(lost[:, None], 0, paths(own[:, :-1]) - paths(path))
-            found.speed[place] = np.linalg.norm(own[:, :-1], axis=-1).max(axis=1)
         found.gained[place] = np.where(lost[:, None], 0, self._gained(last[:, 1], end[:, finer]))
         stored = self._storing(windows, "step", windows.own[:, -2:-1])
         found.total[place] = energies[:, -2].sum(axis=-1) + stored[:, 1] - stored[:, 0]
@@ -350,8 +371,6 @@ class PhaseMeasure:
         found.lowest[place] = powers[..., 0].min(axis=1)
         found.added[place] = np.maximum(around[:, 1] - path_energy[:, 0], 0)
         found.begin[place] = np.linalg.norm(own[:, 0], axis=-1)
-        if self._settings.energy and self._model.opt.integrator != _RK4:
-            found.energy_rk4[place] = self._energy_by_rk4(windows, found.total[place], _RK4_RATE)
         return {RUN.name: last, "reference": end}, lost
 
     def _storing(self, windows: Windows, name: str, kept: Floats) -> Floats:
@@ -380,11 +399,13 @@ class PhaseMeasure:
         body = int(np.argmax(np.abs(total)))
         along = gained[..., body] * np.sign(total[body])
         seed, window = map(int, np.unravel_index(np.argmax(along), along.shape))
-        models = self._base("run"), self._base("reference")
-        known = self._settings.places and along[seed, window] > 0
+        place = ""
+        if self._settings.places and along[seed, window] > 0:
+            models = self._base("run"), self._base("reference")
+            place = self._place(seed, window, models, body)
         return Origin(
             body_name(self._model, int(self._bodies[body])),
-            self._place(seed, window, models, body) if known else "",
+            place,
             float(self._run.begins[window] * self._model.opt.timestep),
         )
 
@@ -427,14 +448,21 @@ class PhaseMeasure:
         seen[failed] = np.nan
         return seen
 
-    def _measure_check(
-        self, windows: Windows, block: np.ndarray, around: Mapping[str, Floats], found: "_Found"
-    ) -> None:
-        """Enter how far the run and the reference are from one with half its step."""
-        rate, place = 2 * self._settings.finer, tuple(block.T)
-        finest = self._around(windows, reference_of(self._model, rate), rate)
-        found.checked[place] = defects(around["reference"], finest)
-        found.finer[place] = defects(around[RUN.name], finest)
+    def _measure_more(self, look: "_Look", found: "_Found") -> None:
+        """Enter what is asked for beyond a first look."""
+        settings, place = self._settings, tuple(look.block.T)
+        windows = Windows(self._undelayed, self._run, settings.workers, look.block)
+        if settings.check:
+            rate = 2 * settings.finer
+            finest = self._around(windows, reference_of(self._model, rate), rate)
+            found.checked[place] = defects(look.reference, finest)
+            found.finer[place] = defects(look.run, finest)
+        if settings.excess:
+            own, lost = self._observer(windows.own[:, :-1])[0], found.lost[place][:, None]
+            found.excess[place] = np.where(lost, 0, paths(own) - found.path[place])
+            found.speed[place] = np.linalg.norm(own, axis=-1).max(axis=1)
+        if settings.energy and self._model.opt.integrator != _RK4:
+            found.energy_rk4[place] = self._energy_by_rk4(windows, found.total[place], _RK4_RATE)
 
     def _real(self, found: "_Found") -> Floats:
         """Return (S, B) the real impulses that phantom ones are a share of, over mass [m/s]."""
@@ -556,13 +584,9 @@ class PhaseMeasure:
         return found_drifts
 
     def _excess(self, found: "_Found", real: Floats) -> Floats:
-        if not self._settings.excess:
-            return np.full(len(self._watched), np.nan)
         return np.maximum(0, (found.excess.sum(axis=1) / real).mean(axis=0))[self._watched]
 
     def _peak(self, found: "_Found") -> float:
-        if not self._settings.excess:
-            return float("nan")
         speed = found.speed.max(axis=1, keepdims=True)
         with np.errstate(invalid="ignore", divide="ignore"):
             parts = np.where(speed > 0, found.apart[RUN.name] / speed, 0)[..., self._watched]
@@ -591,6 +615,14 @@ class PhaseMeasure:
     def _checked(self, found: "_Found") -> np.ndarray:
         """Return (S, W) whether a window was gone through by both references."""
         return ~np.isnan(found.checked[..., 0]) & ~found.lost
+
+
+class _Look(NamedTuple):
+    """What a first look at a block of windows leaves for the rest."""
+
+    block: np.ndarray  # (M, 2) seeds and numbers of windows
+    run: Floats  # (M, 3, B, 6) velocities of the run around the windows' ends
+    reference: Floats  # (M, 2 r + 1, B, 6) of the reference there
 
 
 class _Found(NamedTuple):

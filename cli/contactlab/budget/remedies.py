@@ -11,8 +11,8 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
-from contactlab.budget.error_budget import SETTINGS, error_budget
-from contactlab.budget.measuring import Settings, evaluations, pace, steps_of
+from contactlab.budget.error_budget import SETTINGS
+from contactlab.budget.measuring import PhaseMeasure, Settings, evaluations, pace, steps_of
 from contactlab.budget.motion import Motion
 from contactlab.budget.nearness import FINEST, Rival, nearness
 from contactlab.budget.physical import (
@@ -680,29 +680,27 @@ class _Judged(NamedTuple):
         large. In the limit of fine steps it is at least half of that at h/4. None if there is no
         time for it, or for that of all `steps` that have to be judged before the change is proved.
         """
-        within, quick = self.verdict.within, replace(self._settings, check=False, energy=False)
+        within, settings = self.verdict.within, self._settings
+        quick = replace(settings, check=False, energy=False)
         first = [
             replace(motion, starts=motion.starts[:1], inputs=motion.inputs[:1])
             for motion in motions
         ]
-        seeds = max(motion.seeds for motion in motions)
-        rows, model = [row for row in ROWS if row.name in self.rows], motions[0].model
+        seeds, model = max(motion.seeds for motion in motions), motions[0].model
+        rows = [row for row in ROWS if row.name in self.rows]
         for some, most in ((first, 2 * seeds), (motions, 2)):
-            if not self._affords(evaluations(model, quick, rows) * steps_of(some)):
+            looks = evaluations(model, quick, rows) * steps_of(some)
+            if not self._affords(looks):
                 return None
-            found = self._measured(some, replace(quick, excess=False), most * within)
+            phases = [PhaseMeasure(motion, rows, settings) for motion in some]
+            budget = ErrorBudget(tuple(phase.first_look() for phase in phases))
+            found = budget, judge(budget, most * within)
             if not self._removes(found[1]):
                 return found
-        whole = evaluations(model, self._settings, rows, drifts=drifts(self.verdict))
-        if not self._affords(whole * steps):
+        whole = evaluations(model, settings, rows, drifts=drifts(self.verdict))
+        if not self._affords(whole * steps - looks):
             return None
-        return self._measured(motions, self._settings, within)
-
-    def _measured(
-        self, motions: Sequence[Motion], settings: Settings, within: float
-    ) -> tuple[ErrorBudget, Verdict]:
-        workers = self.trial.workers
-        budget = error_budget(motions, rows=self.rows, settings=settings, workers=workers)
+        budget = ErrorBudget(tuple(phase.budget() for phase in phases))
         return budget, judge(budget, within)
 
 

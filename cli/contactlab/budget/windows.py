@@ -1,7 +1,7 @@
 """Windows of a run, rolled out natively from the run's own states, and what bodies do in them."""
 
 import copy
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -76,15 +76,21 @@ def _roll(
 ) -> tuple[Floats, np.ndarray]:
     """Return (n, steps, size) states after each step, and (n) whether a simulation failed."""
     kept = np.full((len(batch.state), steps, size), np.nan)
+    return kept, _advance(batch, steps, inputs, spec, {KEPT: kept})
+
+
+def _advance(
+    batch: Batch, steps: int, inputs: Floats | None, spec: int, out: Mapping[int, Floats]
+) -> np.ndarray:
+    """Make steps that record such parts of states, and return (n) whether a simulation failed."""
     before = batch.warning[:, :, 1].copy()
     given: dict[str, Any] = {} if inputs is None else {"control": inputs, "control_spec": spec}
-    failed = np.zeros(len(kept), bool)
+    failed = np.zeros(len(before), bool)
     try:
-        batch.rollout(steps, record=[KEPT], out={KEPT: kept}, **given)
+        batch.rollout(steps, record=[*out], out=out, **given)
     except SimulationError:
         failed = np.array([bool(batch.error(row)) for row in range(len(failed))])
-    failed |= (batch.warning[:, :, 1] != before).any(axis=1)
-    return kept, failed
+    return failed | (batch.warning[:, :, 1] != before).any(axis=1)
 
 
 @dataclass(frozen=True)
@@ -256,11 +262,10 @@ class Windows:
         first = 0 if whole else self.steps - 1
         batch = start_rows(model, self.starts, self._workers)
         failed = np.zeros(len(self.starts), bool)
-        begin = parts(model, self.starts)
         if first:
             held = self._held(0, first, rate)
-            seen, failed = _roll(batch, begin.shape[1], first * rate, held, self._spec)
-            begin = seen[:, -1]
+            failed = _advance(batch, first * rate, held, self._spec, {})
+        begin = parts(model, batch.state)
         held = self._held(first, self.steps + 1, rate)
         steps = (self.steps + 1 - first) * rate
         kept, fails = _roll(batch, begin.shape[1], steps, held, self._spec)

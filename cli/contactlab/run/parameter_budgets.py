@@ -72,7 +72,7 @@ def _budget(
             if (ends := _ends(scene, {**shared, **middle}, name, (low, high), run, own))
         ]
         motion = motion_of_run(own, starts, 0, resolved.steps)
-        phase = PhaseMeasure(motion, _SETTINGS).budget(rows)
+        phase = PhaseMeasure(motion, rows, _SETTINGS).budget()
     except (ContactlabError, ValueError):
         return  # nothing moves that has mass, or no run may be in the middle
     rows = [
