@@ -43,8 +43,8 @@ def changes_of(
     def moved(values: Any, change: Any, _other: Path | None) -> Iterator[list[Motion]]:
         yield task_motions(scene, values, task, change=change)
 
-    def labelled(values: Any) -> Sequence[RunLabel]:
-        return () if any(name.startswith(tuple(keeps)) for name in values) else (label,)
+    def labelled(values: Any) -> Iterator[Sequence[RunLabel]]:
+        yield () if any(name.startswith(tuple(keeps)) for name in values) else (label,)
 
     trial = Trial(wanted=wanted, workers=1)
     verdict: Any = Verdict(word, 100.0, ())  # pyright: ignore[reportArgumentType]
@@ -128,8 +128,8 @@ def test_what_leaves_no_label_leads(tmp_path: Path) -> None:
     def moved(values: Any, change: Any, _other: Path | None) -> Iterator[list[Motion]]:
         yield task_motions(scene, values, task, change=change)
 
-    def labelled(values: Any) -> Sequence[RunLabel]:
-        return () if {"timestep", "integrator"} <= {*values} else (CHATTER,)
+    def labelled(values: Any) -> Iterator[Sequence[RunLabel]]:
+        yield () if {"timestep", "integrator"} <= {*values} else (CHATTER,)
 
     trial = Trial(settings, most=1, workers=1)
     changes = Changes(scene, {}, motions, verdict, trial, Again(moved, labelled, (CHATTER,)))

@@ -689,6 +689,7 @@ class _Judged(NamedTuple):
         seeds, model = max(motion.seeds for motion in motions), motions[0].model
         rows = [row for row in ROWS if row.name in self.rows]
         for some, most in ((first, 2 * seeds), (motions, 2)):
+            phases = list[PhaseMeasure]()  # so that those of one seed end before others begin
             looks = evaluations(model, quick, rows) * steps_of(some)
             if not self._affords(looks):
                 return None

@@ -1,7 +1,7 @@
 """Windows of a run, rolled out natively from the run's own states, and what bodies do in them."""
 
 import copy
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -80,7 +80,7 @@ def _roll(
 
 
 def _advance(
-    batch: Batch, steps: int, inputs: Floats | None, spec: int, out: Mapping[int, Floats]
+    batch: Batch, steps: int, inputs: Floats | None, spec: int, out: dict[Any, Floats]
 ) -> np.ndarray:
     """Make steps that record such parts of states, and return (n) whether a simulation failed."""
     before = batch.warning[:, :, 1].copy()

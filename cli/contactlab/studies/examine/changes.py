@@ -99,12 +99,12 @@ class Again(NamedTuple):
 
     Attributes:
         moved: returns its motions.
-        labelled: returns the labels of its runs with settings.
+        labelled: yields the labels of its first run with settings, then of all of them.
         labels: those of its runs as they are.
     """
 
     moved: Moved
-    labelled: Callable[[Values], Sequence[RunLabel]] = lambda _: ()
+    labelled: Callable[[Values], Iterable[Sequence[RunLabel]]] = lambda _: [()]
     labels: Sequence[RunLabel] = ()
 
 
@@ -179,7 +179,8 @@ class Changes:
         steps = 2 * _RUNS * rate * steps_of(self._motions)
         if remedy.edits.fitted or steps * pace(self._motions) > self._trial.left():
             return None
-        return tuple(self._again.labelled({**self._values, **remedy.edits.settings}))
+        *_, labels = self._again.labelled({**self._values, **remedy.edits.settings})
+        return tuple(labels)
 
     def _named(self, name: str) -> Candidate:
         return next(candidate for candidate in self._candidates if candidate.name == name)
@@ -225,7 +226,7 @@ class Changes:
             model = self._motions[0].model
             options = options_changed(model, changed_model(model, candidate))
             edits = replace(candidate.edits, settings={**options, **candidate.edits.settings})
-            if self._again.labelled({**self._values, **edits.settings}):
+            if any(self._again.labelled({**self._values, **edits.settings})):
                 continue
             if all(self._is_no_worse(motions) for motions in self._motions_of(candidate)):
                 kinds.add(candidate.physics)

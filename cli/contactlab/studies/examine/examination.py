@@ -34,6 +34,7 @@ from contactlab.printable import first_names
 from contactlab.run.sweep_request import SceneLoader
 from contactlab.scene.mujoco_versions import VERSION
 from contactlab.schema.coverage import Exercised
+from contactlab.schema.evidence import EvidenceRecord
 from contactlab.schema.examination import MOST_CHANGES, Examination, RunLabel, SectionName
 from contactlab.schema.finding import Acceptance
 from contactlab.schema.task import Task
@@ -61,7 +62,7 @@ SETTINGS = Settings(priced=True)
 MAX_CPU = 60.0
 """CPU within which an examination ends, its page included [s]."""
 # Parts of it by whose end rows that judge nothing, and changes, have been measured.
-_BUDGETING, _CHANGING = 0.4, 0.75
+_BUDGETING, _CHANGING = 0.4, 0.7
 _CHANGED = "changed"  # store of runs with a change
 _NOT_MOVED = "sound as far as labels tell: MuJoCo moves nothing in it"
 _OPENINGS: Mapping[Word, str] = {
@@ -307,10 +308,13 @@ def _changes(
 
     trial = Trial(SETTINGS, None, MOST_CHANGES, request.accept, threads, left)
 
-    def labelled(settings: Values) -> tuple[RunLabel, ...]:
-        seeds = (*task.seeds, *fresh(task).seeds)
-        runs = examined.run(_CHANGED, "With a change", settings, seeds=seeds, trace="none")
-        return run_labels(task, [run.record for run in runs])
+    def labelled(settings: Values) -> Iterator[tuple[RunLabel, ...]]:
+        first, *others = (*task.seeds, *fresh(task).seeds)
+        records = list[EvidenceRecord]()
+        for seeds in ([first], others):
+            runs = examined.run(_CHANGED, "With a change", settings, seeds=seeds, trace="none")
+            records += [run.record for run in runs]
+            yield run_labels(task, records)
 
     scene, values = examined.scene.with_effects("all"), examined.values
     again = Again(moved, labelled, labels)
