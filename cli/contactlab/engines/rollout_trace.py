@@ -74,9 +74,7 @@ def _vector(sensors: Floats, address: int | None, factor: Floats) -> Floats | No
 def _pair_traces(
     base: CompiledScene, models: Sequence[PreparedModel], rollout: Rollout
 ) -> Iterator[PairTrace]:
-    friction = np.array(
-        [[model.pairs[pair.name].friction for pair in base.pairs] for model in models]
-    )
+    friction = np.stack([model.friction for model in models])
     for index, (pair, address) in enumerate(zip(base.pairs, base.layout.pairs, strict=True)):
         if rollout.slots is None:
             block = rollout.sensors[:, :, address : address + pair.slots * SLOT_WIDTH]

@@ -18,7 +18,7 @@ import numpy as np
 from pydantic_core import to_json
 
 from contactlab.accuracy.reference import PlannedModel
-from contactlab.contact.trace_arrays import RecordedControls, Trace
+from contactlab.contact.trace_arrays import PairSeries, RecordedControls, Trace
 from contactlab.engines import engine_of
 from contactlab.engines.engine import Rollout
 from contactlab.engines.rollout_trace import trajectory_hash
@@ -166,7 +166,14 @@ class MeasuredGroup:
     @cached_property
     def encoder(self) -> TraceEncoder:
         """Encoders of the traces of rows."""
-        return TraceEncoder(self.trace, self.assessment.series)
+        pairs, net = self.assessment.pairs, self.assessment.pairs.net.series
+        arrays = [each for name, each in vars(net).items() if name != "name"]
+        touching = np.flatnonzero(net.contacts.any(axis=(1, 2))).tolist()
+        series = [
+            PairSeries(pairs.names[pairs.places[row]], *(each[row] for each in arrays))
+            for row in touching
+        ]
+        return TraceEncoder(self.trace, series)
 
 
 @dataclass(frozen=True)

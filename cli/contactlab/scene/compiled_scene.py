@@ -9,6 +9,7 @@ from typing import cast
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from contactlab.errors import SceneError, did_you_mean
 from contactlab.mjcf import AT_REST, CONTACT, OPTIONS
@@ -155,6 +156,11 @@ class PreparedModel:
     pairs: Mapping[str, PairRecord]
     edited_geoms: tuple[str, ...]
     effects: Mapping[str, EffectState] = field(default_factory=dict[str, EffectState])
+
+    @cached_property
+    def friction(self) -> NDArray[np.float64]:
+        """(P, 5) the coefficients of each pair (slide, slide, torsion, roll, roll)."""
+        return np.array([pair.friction for pair in self.pairs.values()]).reshape(-1, 5)
 
 
 def compile_scene(

@@ -236,6 +236,8 @@ def _wrong_labels(columns: Columns) -> Truths:
 
 def is_null(column: pa.Array) -> Truths:
     """Return (n,) where a column has nothing."""
+    if column.null_count in {0, len(column)}:
+        return np.full(len(column), column.null_count > 0)
     return numpy_array(compute("is_null", column))
 
 

@@ -28,7 +28,7 @@ from contactlab.store.store_files import TABLE, Address, stored_file
 from contactlab.store.table_layout import Column, column_of
 
 _ID_DIGITS = 16
-_BATCH = 1 << 13
+_BATCH = 1 << 12
 """Rows that are in memory at once, where all of their columns may be."""
 _MOST_PARTS = 4  # parts of rows that are kept for who asks for rows next to each other
 _HASHED = 1 << 16  # ids that are written out at once

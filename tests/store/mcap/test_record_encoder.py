@@ -10,6 +10,8 @@ from tests.written_traces import TraceExtras
 
 from contactlab.contact.trace_arrays import PairSeries, Trace
 from contactlab.schema.vocabulary import TraceFormat
+from contactlab.store.mcap import record_encoder
+from contactlab.store.mcap.trace_messages import contacts_record
 from contactlab.store.mcap.trace_writer import TraceEncoder
 
 MakeTrace = Callable[..., tuple[Trace, list[PairSeries]]]
@@ -27,6 +29,18 @@ def test_arrays_may_lie_anyhow(
     viewed = TraceEncoder(_viewed(trace, rows), [_picked(each, rows) for each in series])
     for run in range(len(chosen)):
         assert copied.encode(run, *extras, form=form) == viewed.encode(run, *extras, form=form)
+
+
+@pytest.mark.parametrize("form", ["messages", "compact"])
+def test_records_filled_in_parts_are_those_filled_at_once(
+    make_trace: MakeTrace, extras: TraceExtras, form: TraceFormat, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also where a part ends within a pair, and of pairs that are given in another order."""
+    trace, series = make_trace(runs=2, steps=40, pairs=("a-b", "c-d", "e-f"), momentum=True)
+    whole = [TraceEncoder(trace, series).encode(run, *extras, form=form) for run in range(2)]
+    monkeypatch.setattr(record_encoder, "_AT_ONCE", 7 * contacts_record(1).size)
+    parts = TraceEncoder(trace, series[::-1])
+    assert [parts.encode(run, *extras, form=form) for run in range(2)] == whole
 
 
 def _picked(series: PairSeries, rows: slice | list[int]) -> PairSeries:

@@ -64,18 +64,19 @@ def compacted(
     """Return the messages of (N + 1,) times as blocks, and the (B,) times at which these start."""
     sizes = np.zeros(len(times), np.int64)
     for record in records:
-        sizes[record.rows] += record.layout.size
+        sizes += np.bincount(record.rows, minlength=len(times)) * record.layout.size
     starts = np.flatnonzero(np.diff(np.cumsum(sizes) // BLOCK_SIZE, prepend=-1))
     parts: dict[tuple[int, int], list[Records]] = defaultdict(list)
     for record in records:
-        ends = np.searchsorted(record.rows, np.append(starts, len(times))).tolist()
-        for block, (first, last) in enumerate(pairwise(ends)):
-            if first < last:
-                part = record._replace(rows=record.rows[first:last])
-                parts[record.channel, block].append(part)
+        blocks = np.searchsorted(starts, record.rows, side="right") - 1
+        changes = np.diff(record.channels, prepend=-1) | np.diff(blocks, prepend=-1)
+        firsts = np.flatnonzero(changes).tolist()
+        for first, last in pairwise([*firsts, len(blocks)]):
+            key = int(record.channels[first]), int(blocks[first])
+            parts[key].append(record.part(slice(first, last)))
     begins = times[starts]
-    blocks = [_block(*key, int(begins[key[1]]), part, timestep) for key, part in parts.items()]
-    return blocks, begins
+    found = [_block(*key, int(begins[key[1]]), part, timestep) for key, part in parts.items()]
+    return found, begins
 
 
 def _block(
@@ -99,9 +100,8 @@ def _block(
             data[len(before) :][:size] = packed
             data, before = data[len(before) + size :], b""
 
-    return MessageGroup(
-        channel, np.array([row]), len(head) + len(parts) * _HEAD.size + sum(sizes), write
-    )
+    size = len(head) + len(parts) * _HEAD.size + sum(sizes)
+    return MessageGroup(np.array([channel]), np.array([row]), size, write)
 
 
 def expanded(data: bytes) -> bytes:
@@ -156,7 +156,7 @@ def _group(channel: Channel, layout: MessageLayout, items: Items, times: Times) 
         # NumPy copies records field by field, and bytes at once.
         overlapping(data, layout.size)[starts] = items.view(f"V{layout.size}")
 
-    return MessageGroup(channel.id, rows, layout.size, write)
+    return MessageGroup(np.full_like(rows, channel.id), rows, layout.size, write)
 
 
 def _read_block(channel: Channel, content: bytes) -> Iterator[tuple[MessageLayout, Items]]:

@@ -20,7 +20,7 @@ from mcap.writer import MCAP0_MAGIC
 from numpy.typing import NDArray
 
 from contactlab.store.mcap.message_encoder import MessageGroup, Times
-from contactlab.store.mcap.record_encoder import message_indexes, span_of
+from contactlab.store.mcap.record_encoder import message_indexes
 from contactlab.store.mcap.scratch import SCRATCH
 
 CHUNK_SIZE = 1 << 20
@@ -114,12 +114,12 @@ def interleave(groups: Sequence[MessageGroup], channels: int, times: Times) -> M
     """Return the records of all groups in one buffer, valid until the next call."""
     sizes = np.zeros((len(times), channels), np.int64)
     for group in groups:
-        sizes[span_of(group.rows), group.channel - 1] = group.size
+        sizes[group.rows, group.channels - 1] = group.size
     ends = np.cumsum(sizes)
     offsets = ends.reshape(sizes.shape) - sizes
     data = SCRATCH.take("stream", int(ends[-1]))
     for group in groups:
-        group.write(data, offsets[span_of(group.rows), group.channel - 1])
+        group.write(data, offsets[group.rows, group.channels - 1])
     return MessageStream(data, offsets, sizes, times)
 
 

@@ -1,14 +1,16 @@
 """The arrays of one run as groups of Message records, each of one channel and one length."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import (
+    FOUND,
     POINT_FIELDS,
     Floats,
     PairSeries,
@@ -20,7 +22,7 @@ from contactlab.store.mcap.record_encoder import (
     Integers,
     Records,
     Rows,
-    Values,
+    span_of,
     write_records,
 )
 from contactlab.store.mcap.trace_messages import (
@@ -57,10 +59,10 @@ PAIR_ARRAYS = {
 
 @dataclass(frozen=True)
 class MessageGroup:
-    """Messages of one channel whose records have one length."""
+    """Messages whose records have one length."""
 
-    channel: int  # the channel's id
-    rows: Rows  # (m,) state row of each, ascending; at most one message a channel and row
+    channels: Rows  # (m,) the id of each one's channel
+    rows: Rows  # (m,) its state row; there is at most one message a channel and row
     size: int  # length of a record
     write: Callable[[Bytes, Integers], None]  # writes records to where they start in a buffer
 
@@ -68,7 +70,7 @@ class MessageGroup:
 def message_group(records: Records) -> MessageGroup:
     """Return records as messages."""
     write = partial(write_records, records)
-    return MessageGroup(records.channel, records.rows, records.layout.size, write)
+    return MessageGroup(records.channels, records.rows, records.layout.size, write)
 
 
 def single_message(channel: int, row: int, time: int, content: bytes) -> MessageGroup:
@@ -78,62 +80,77 @@ def single_message(channel: int, row: int, time: int, content: bytes) -> Message
     def write(data: Bytes, starts: Integers) -> None:
         data[starts[0] :][: len(record)] = np.frombuffer(record, np.uint8)
 
-    return MessageGroup(channel, np.array([row]), len(record), write)
+    return MessageGroup(np.array([channel]), np.array([row]), len(record), write)
 
 
-def state_values(trace: Trace, times: Times) -> Values:
-    """Return what states and steps hold, for runs with (n, N + 1) log times."""
-    arrays = {name: getattr(trace, name) for name in ("time", "qpos", "qvel")}
-    for name, (field, _) in STEP_ARRAYS.items():
-        arrays[f"step.{field}"] = getattr(trace, name)
-    for name, field in MOMENTUM_ARRAYS.items():
-        momentum = getattr(trace, name)
-        nothing = np.empty((trace.runs, trace.steps, 0))
-        arrays[f"step.{field}"] = nothing if momentum is None else momentum
-    return Values(_head(STATE_CHANNEL, times) | arrays)
+def state_records(trace: Trace, times: Times, run: int) -> Iterator[Records]:
+    """Yield the state before each step with the step's quantities, then the last state.
 
-
-def state_records(trace: Trace, values: Values, run: int) -> Iterator[Records]:
-    """Yield the state before each step with the step's quantities, then the last state."""
+    Log times (N + 1,) are those of the run.
+    """
     nq, nv = trace.qpos.shape[2], trace.qvel.shape[2]
-    momentum = 0 if trace.momentum is None else 3
+    arrays = {name: getattr(trace, name)[run] for name in ("time", "qpos", "qvel")}
+    arrays |= {f"step.{name}": getattr(trace, own)[run] for own, (name, _) in STEP_ARRAYS.items()}
+    for own, name in MOMENTUM_ARRAYS.items():
+        momentum, nothing = getattr(trace, own), np.empty((trace.steps, 0))
+        arrays[f"step.{name}"] = nothing if momentum is None else momentum[run]
+
+    def gather(channels: Rows, rows: Rows) -> dict[str, NDArray[Any]]:
+        some = span_of(rows)
+        return {path: each[some] for path, each in arrays.items()} | _head(channels, times[some])
+
     rows = np.arange(trace.steps + 1)
-    yield Records(STATE_CHANNEL, rows[:-1], state_record(nq, nv, momentum), values, run)
-    yield Records(STATE_CHANNEL, rows[-1:], last_state_record(nq, nv), values, run)
-
-
-def contact_values(
-    channel: int, pair: PairTrace, series: PairSeries, times: Times, timestep: Floats
-) -> Values:
-    """Return what the contacts of a pair hold, for n runs of these (n,) steps."""
-    arrays = {field: getattr(series, name) for name, (field, _) in PAIR_ARRAYS.items()}
-    arrays |= derived(series.normal, series.tangential, series.distance, timestep[:, None])
-    found = pair.found if pair.slots.shape[2] else series.contacts
-    arrays |= {"count": series.contacts, "found": found}
-    for name, columns in POINT_FIELDS.items():
-        arrays[f"points.{name}"] = pair.slots[..., columns]
-    return Values(_head(channel, times) | arrays)
+    layout = state_record(nq, nv, 0 if trace.momentum is None else 3)
+    states = Records(np.full_like(rows, STATE_CHANNEL), rows, layout, gather)
+    yield states.part(slice(-1))
+    yield states.part(slice(-1, None))._replace(layout=last_state_record(nq, nv))
 
 
 def contact_records(
-    channel: int, series: PairSeries, values: Values, run: int
+    pairs: Mapping[int, tuple[PairTrace, PairSeries]], times: Times, timestep: float, run: int
 ) -> Iterator[Records]:
-    """Yield the steps in which a pair touches, grouped by their number of contact points."""
-    counts = series.contacts[run]
-    for count in np.flatnonzero(np.bincount(counts)).tolist():
-        if count:
-            rows = np.flatnonzero(counts == count)
-            yield Records(channel, rows, contacts_record(count), values, run)
+    """Yield the steps in which pairs touch, those of all pairs with as many contact points at once.
+
+    Pairs, with their net quantities, are given by the ids of their channels, in order.
+    """
+    if not pairs:
+        return
+    ids = np.array([*pairs])
+
+    def of_pairs(name: str) -> NDArray[Any]:
+        return np.stack([getattr(series, name)[run] for _, series in pairs.values()])
+
+    counts = of_pairs("contacts")
+    arrays = {name: of_pairs(own) for own, (name, _) in PAIR_ARRAYS.items()} | {"count": counts}
+
+    def gather(count: int, channels: Rows, rows: Rows) -> dict[str, NDArray[Any]]:
+        where = np.searchsorted(ids, channels), rows
+        values = {path: each[where] for path, each in arrays.items()} | _head(channels, times[rows])
+        net = values["normal_force"], values["tangential_force"], values["distance"]
+        firsts = np.flatnonzero(np.diff(channels, prepend=0)).tolist()
+        spans = [slice(*ends) for ends in pairwise([*firsts, len(rows)])]
+        slots = [
+            pairs[int(channels[span.start])][0].slots[run, span_of(rows[span]), :count]
+            for span in spans
+        ]
+        points = np.concatenate(slots)
+        values["found"] = points[:, 0, FOUND].astype(np.int32)
+        values |= {f"points.{name}": points[..., columns] for name, columns in POINT_FIELDS.items()}
+        return values | derived(*net, timestep)
+
+    for count in range(1, counts.max() + 1):
+        places, rows = np.nonzero(counts == count)
+        if len(rows):
+            yield Records(ids[places], rows, contacts_record(count), partial(gather, count))
 
 
-def _head(channel: int, times: Times) -> dict[str, NDArray[Any]]:
-    """Return what the heads of a channel's records hold."""
-    number = np.broadcast_to(np.uint16(channel), times.shape)
-    return {"channel": number, "log_time": times, "publish_time": times}
+def _head(channels: Rows, times: Times) -> dict[str, NDArray[Any]]:
+    """Return what the heads of records hold, of these (m,) channels and log times."""
+    return {"channel": channels, "log_time": times, "publish_time": times}
 
 
 def derived(
-    normal: Floats, tangential: Floats, distance: Floats, timestep: float | Floats
+    normal: Floats, tangential: Floats, distance: Floats, timestep: float
 ) -> dict[str, Floats]:
     """Return what follows from other values of contacts, by field."""
     with np.errstate(over="ignore", invalid="ignore"):

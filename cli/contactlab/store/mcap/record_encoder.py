@@ -4,7 +4,7 @@ The records of a group are filled column by column, then scattered over the chun
 """
 
 import struct
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from itertools import accumulate
 from typing import Any, NamedTuple
 
@@ -23,40 +23,40 @@ Unsigned = NDArray[np.unsignedinteger]
 
 INDEX_HEAD = struct.Struct("<BQHI")
 _ENTRY_SIZE = 16
-
-
-class Values:
-    """The numbers that go into messages, by the path of their field in a record.
-
-    Each array is (n, N, ...), for n runs and N rows; the other axes are the field's, or longer.
-    """
-
-    def __init__(self, arrays: Mapping[str, NDArray[Any]]) -> None:
-        self.arrays = dict(arrays)
+_AT_ONCE = 1 << 19  # bytes of records that are filled together
 
 
 class Records(NamedTuple):
-    """Message records of one channel and one length, in ascending rows of one run."""
+    """Message records of one length, of one run: channel by channel, in ascending rows."""
 
-    channel: int
-    rows: Rows
+    channels: Rows  # (m,) the id of each record's channel
+    rows: Rows  # (m,) its state row
     layout: MessageLayout
-    values: Values
-    run: int
+    gather: Callable[[Rows, Rows], Mapping[str, NDArray[Any]]]
+    """Returns the numbers that go into those of some (k,) channels and rows: (k, ...) by the path
+    of their field in a record."""
+
+    def part(self, some: slice) -> "Records":
+        """Return some of them."""
+        return self._replace(channels=self.channels[some], rows=self.rows[some])
 
 
 def write_records(records: Records, data: Bytes, starts: Integers) -> None:
-    """Write records to where they start (m,) in a buffer."""
-    _, rows, layout, values, run = records
-    items = layout.fill(SCRATCH.take("records", len(rows) * layout.size))
-    with np.errstate(over="ignore"):
-        for path, field in layout.fields.items():
-            target = items
-            for name in path.split("."):
-                target = target[name]
-            each = values.arrays[path][run, span_of(rows)]
-            target[...] = each[(slice(None), *map(slice, field.shape))]
-    overlapping(data, layout.size)[starts] = items.view(f"V{layout.size}")
+    """Write records to where they start (m,) in a buffer, as many at once as a cache holds."""
+    layout = records.layout
+    stride = max(1, _AT_ONCE // layout.size)
+    for first in range(0, len(starts), stride):
+        some = slice(first, first + stride)
+        channels, rows = records.channels[some], records.rows[some]
+        items = layout.fill(SCRATCH.take("records", len(rows) * layout.size))
+        values = records.gather(channels, rows)
+        with np.errstate(over="ignore"):
+            for path in layout.fields:
+                target = items
+                for name in path.split("."):
+                    target = target[name]
+                target[...] = values[path]
+        overlapping(data, layout.size)[starts[some]] = items.view(f"V{layout.size}")
 
 
 def message_indexes(

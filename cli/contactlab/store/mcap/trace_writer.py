@@ -4,7 +4,7 @@ Log time is simulated time from zero and nothing of the machine is added, so equ
 files.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from io import BytesIO
@@ -34,13 +34,10 @@ from contactlab.store.mcap.message_encoder import (
     STATE_CHANNEL,
     Times,
     contact_records,
-    contact_values,
     message_group,
     single_message,
     state_records,
-    state_values,
 )
-from contactlab.store.mcap.record_encoder import Records
 from contactlab.store.mcap.trace_messages import (
     CONTACTS,
     EVIDENCE_TOPIC,
@@ -67,21 +64,16 @@ class TraceEncoder:
     """Encodes the runs of a trace, each as an MCAP file; what they share is worked out once."""
 
     def __init__(self, trace: Trace, series: Sequence[PairSeries]) -> None:
-        """Take a trace, and the net quantities of its pairs in the same order."""
+        """Take a trace, and the net quantities of those of its pairs that touch, or of more."""
         self._trace = trace
         self._times, self._in_order = _log_times(trace.time)
-        self._states = state_values(trace, self._times)
-        touching = [
-            (channel, pair, net)
-            for channel, (pair, net) in enumerate(
-                zip(trace.pairs, series, strict=True), STATE_CHANNEL + 1
-            )
-            if net.contacts.any()
-        ]
-        self._contacts = [
-            (channel, net, contact_values(channel, pair, net, self._times, trace.timestep))
-            for channel, pair, net in touching
-        ]
+        self._pairs = tuple(pair.name for pair in trace.pairs)
+        channels = {name: channel for channel, name in enumerate(self._pairs, STATE_CHANNEL + 1)}
+        found = {channels[net.name]: net for net in series if net.contacts.any()}
+        self._touching = {
+            channel: (trace.pairs[channel - STATE_CHANNEL - 1], found[channel])
+            for channel in sorted(found)
+        }
 
     def encode(
         self,
@@ -106,28 +98,28 @@ class TraceEncoder:
                 "cannot write a trace: the run's time must not be negative and must grow by at "
                 "least a nanosecond each step; cut the run where the engine stopped it"
             )
-        pairs = tuple(pair.name for pair in trace.pairs)
         sizes = trace.qpos.shape[2], trace.qvel.shape[2]
         encoding = BLOCKS if form == "compact" else PROTOBUF
-        start = _scene_start(pairs, sizes, model_xml, encoding)
+        start = _scene_start(self._pairs, sizes, model_xml, encoding)
         start = with_metadata(start, _METADATA_NAME, metadata)
-        records = [*self._records(run)]
-        counts = dict.fromkeys(start.topics, 0) | {EVIDENCE_TOPIC: 1}
-        for record in records:
-            counts[start.topics[record.channel - 1]] += len(record.rows)
-
+        timestep = trace.timestep[run].item()
+        records = [
+            *state_records(trace, times, run),
+            *contact_records(self._touching, times, timestep, run),
+        ]
+        channels = len(start.topics)
+        each = np.concatenate([record.channels for record in records]) - 1
+        counts = dict(
+            zip(start.topics, np.bincount(each, minlength=channels).tolist(), strict=True)
+        )
+        counts[EVIDENCE_TOPIC] = 1
         if form == "compact":
-            groups, begins = compacted(records, times, float(trace.timestep[run]))
+            groups, begins = compacted(records, times, timestep)
         else:
             groups, begins = [*map(message_group, records)], times
-        channels, last = len(start.topics), len(begins) - 1
+        last = len(begins) - 1
         groups.append(single_message(channels, last, int(begins[last]), record_json))
         return encode_file(start, interleave(groups, channels, begins)), counts
-
-    def _records(self, run: int) -> Iterator[Records]:
-        yield from state_records(self._trace, self._states, run)
-        for channel, net, values in self._contacts:
-            yield from contact_records(channel, net, values, run)
 
 
 def _log_times(time: Floats) -> tuple[Times, NDArray[np.bool_]]:
