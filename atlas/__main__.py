@@ -4,7 +4,7 @@ import argparse
 import os
 import subprocess
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
@@ -17,6 +17,7 @@ from atlas.confirming import asked_again, write_inputs
 from atlas.confirming import nearer as nearer_of
 from atlas.entry import RECORDS, ROOT, Entry, judge_digest, read_all, recorded, records_of
 from atlas.examining import unexamined
+from atlas.mending import judged_again
 from atlas.views import apart, contradictions, of_report, of_views
 from atlas.wheels import Robot, families
 
@@ -72,21 +73,22 @@ def tune(asked: argparse.Namespace) -> None:
         print(f"{family[0].name}: {said}", flush=True)
 
 
-def current(asked: argparse.Namespace) -> Iterator[Entry]:
-    """Yield the records that are current, of the families that are asked for."""
-    for family in named(asked.wheels, asked.only):
-        entry = recorded(family[0].name)
-        if entry is not None and is_current(family, entry):
-            yield entry
+def current(
+    asked: argparse.Namespace, wanted: Callable[[Entry], object]
+) -> Iterator[tuple[Entry, Path, Path]]:
+    """Yield current records that are wanted, the cheapest first, their files, and a folder each."""
+    known = ((family, recorded(family[0].name)) for family in named(asked.wheels, asked.only))
+    entries = [one for family, one in known if one and is_current(family, one) and wanted(one)]
+    for entry in sorted(entries, key=lambda entry: entry.cpu or 0.0)[: asked.most]:
+        with TemporaryDirectory(prefix="atlas-") as folder:
+            yield entry, asked.wheels / entry.name, Path(folder)
 
 
 def confirm(asked: argparse.Namespace) -> bool:
     """Ask plain MuJoCo again for causes of current records; return whether it shows them all."""
     whole = True
-    flagged = [entry for entry in current(asked) if entry.flagged]
-    for entry in flagged[: asked.most]:
-        with TemporaryDirectory(prefix="atlas-") as folder:
-            again = asked_again(entry, asked.wheels / entry.name, Path(folder))
+    for entry, file, folder in current(asked, lambda entry: entry.flagged):
+        again = asked_again(entry, file, folder)
         again.save(RECORDS)
         shown = again.confirmation
         holds = shown is not None and shown.holds
@@ -99,29 +101,35 @@ def confirm(asked: argparse.Namespace) -> bool:
 def views(asked: argparse.Namespace) -> bool:
     """Ask each view of models for what current records say; return whether none contradicts."""
     whole = True
-    found = sorted(current(asked), key=lambda entry: entry.cpu or 0.0)
-    for entry in [entry for entry in found if entry.examination][: asked.most]:
+    for entry, file, folder in current(asked, lambda entry: entry.examination):
         report = entry.examination
         assert report is not None
         said = list(contradictions(report))
-        with TemporaryDirectory(prefix="atlas-") as folder:
-            file = str(asked.wheels / entry.name)
-            for view, answer in of_views(file, report.task, Path(folder)):
-                said += [f"{view}: {other}" for other in apart(of_report(report), answer)]
+        for view, answer in of_views(str(file), report.task, folder):
+            said += [f"{view}: {other}" for other in apart(of_report(report), answer)]
         whole &= not said
         print(f"{'; '.join(said) or 'one answer'}: {entry.name}", flush=True)
+    return whole
+
+
+def mended(asked: argparse.Namespace) -> bool:
+    """Judge models with the changes of current records anew; return whether all are sound."""
+    whole = True
+    for entry, file, folder in current(asked, lambda entry: entry.mending):
+        sound, text = judged_again(entry, file, folder)
+        whole &= sound
+        print(f"{'sound' if sound else 'NOT sound':9} {entry.name}: {text}", flush=True)
     return whole
 
 
 def nearer(asked: argparse.Namespace) -> bool:
     """Print whether changes come nearer to what is meant, in plain MuJoCo; return whether all."""
     whole = True
-    for entry in list(current(asked))[: asked.most]:
-        with TemporaryDirectory(prefix="atlas-") as folder:
-            for name, near, text in nearer_of(entry, asked.wheels / entry.name, Path(folder)):
-                whole &= near
-                word = "nearer" if near else "NOT nearer"
-                print(f"{word:10} {entry.name}, {name}: {text}", flush=True)
+    for entry, file, folder in current(asked, lambda entry: entry.changed):
+        for name, near, text in nearer_of(entry, file, folder):
+            whole &= near
+            word = "nearer" if near else "NOT nearer"
+            print(f"{word:10} {entry.name}, {name}: {text}", flush=True)
     return whole
 
 
@@ -166,6 +174,7 @@ def compare(before: Path, changelog: Path) -> bool:
 
 _OF_CURRENT = {
     "confirm": (confirm, "ask plain MuJoCo again for the causes that current records name"),
+    "mended": (mended, "judge models with the changes that mend them on seeds not seen before"),
     "nearer": (nearer, "ask plain MuJoCo whether changes of current records come nearer"),
     "views": (views, "ask stability, check and sweep for what they say, the cheapest first"),
 }

@@ -10,10 +10,10 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from atlas.entry import ROOT, Confirmation, Entry
+from atlas.mending import written_changes
 from contactlab.run.sweep_request import SceneLoader
-from contactlab.scene.model_writer import write_model
-from contactlab.schema.examination import Examination, ModelChange
-from contactlab.studies.examine.changes import SOFT_ROWS, edits_of, fresh
+from contactlab.schema.examination import Examination
+from contactlab.studies.examine.changes import SOFT_ROWS, fresh
 from contactlab.studies.examine.task_motions import task_motions
 
 SCRIPT = "atlas/confirm.py"
@@ -84,7 +84,7 @@ def nearer(entry: Entry, file: Path, folder: Path) -> Iterator[tuple[str, bool, 
     soft = (SOFT_ROWS[each.label][0] for each in report.labels if each.label in SOFT_ROWS)
     softness = next(soft, row)
     write_inputs(file, folder / "inputs.npz", unseen=True)
-    for change, written in _written(entry, file, folder):
+    for change, written in written_changes(entry, file, folder):
         of = softness if change.physics and change.removes == "labels" else row
         options = ["--of", of, "--inputs", str(folder / "inputs.npz")]
         code, text = _run(file, [*options, "--against", str(written)])
@@ -97,23 +97,13 @@ def asked_again(entry: Entry, file: Path, folder: Path) -> Entry:
     confirmation = confirmed(entry, file, options) if options else None
     shown = {
         change.name: still_shown(confirmation, written)
-        for change, written in _written(entry, file, folder)
+        for change, written in written_changes(entry, file, folder)
         if confirmation and confirmation.holds
     }
     changed = tuple(
         each.model_copy(update={"shown": shown.get(each.name)}) for each in entry.changed
     )
     return entry.model_copy(update={"confirmation": confirmation, "changed": changed})
-
-
-def _written(entry: Entry, file: Path, folder: Path) -> Iterator[tuple[ModelChange, Path]]:
-    """Yield the changes that an entry has judged, and the model with each, from its own words."""
-    scene = SceneLoader(Path()).open(str(file)).with_effects("all")
-    changes = entry.examination.changes if entry.examination else ()
-    by_name = {change.name: change for change in changes}
-    for place, changed in enumerate(entry.changed):
-        change = by_name[changed.name]
-        yield change, write_model(scene, edits_of(change, scene), folder / str(place), "").path
 
 
 def still_shown(before: Confirmation, file: Path) -> bool | None:
