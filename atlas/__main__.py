@@ -56,23 +56,6 @@ def run(asked: argparse.Namespace) -> None:
             print(f"{entry.cpu or 0:6.1f} s  {entry.word:12} {entry.name}: {said}", flush=True)
 
 
-def tune(asked: argparse.Namespace) -> None:
-    """Add what tune recommends to current records of sound models that have it not."""
-    wanted = [
-        family
-        for family in named(asked.wheels, asked.only)
-        if (entry := recorded(family[0].name))
-        and is_current(family, entry)
-        and entry.sound
-        and entry.tuned is None
-    ]
-    for family in wanted[: asked.most]:
-        done = _process(asked.wheels, "tuned", asked.seconds, family)
-        entry = recorded(family[0].name)
-        said = entry.tuned.sentence if entry and entry.tuned else _last_line(done)
-        print(f"{family[0].name}: {said}", flush=True)
-
-
 def current(
     asked: argparse.Namespace, wanted: Callable[[Entry], object]
 ) -> Iterator[tuple[Entry, Path, Path]]:
@@ -82,6 +65,15 @@ def current(
     for entry in sorted(entries, key=lambda entry: entry.cpu or 0.0)[: asked.most]:
         with TemporaryDirectory(prefix="atlas-") as folder:
             yield entry, asked.wheels / entry.name, Path(folder)
+
+
+def tune(asked: argparse.Namespace) -> None:
+    """Add what tune recommends to current records of sound models that have it not."""
+    for entry, _, _ in current(asked, lambda entry: entry.sound and entry.tuned is None):
+        done = _process(asked.wheels, "tuned", asked.seconds, entry.family)
+        again = recorded(entry.family[0])
+        said = again.tuned.sentence if again and again.tuned else _last_line(done)
+        print(f"{entry.name}: {said}", flush=True)
 
 
 def confirm(asked: argparse.Namespace) -> bool:
@@ -134,10 +126,9 @@ def nearer(asked: argparse.Namespace) -> bool:
 
 
 def _process(
-    folder: Path, kind: str, seconds: int, family: Family
+    folder: Path, kind: str, seconds: int, names: Sequence[str]
 ) -> subprocess.CompletedProcess[str]:
     asked = [sys.executable, "-m", "atlas.examining", kind, str(folder), str(seconds)]
-    names = [robot.name for robot in family]
     drawn = {"MUJOCO_GL": "egl", **os.environ}
     return subprocess.run([*asked, *names], capture_output=True, text=True, check=False, env=drawn)
 
@@ -147,7 +138,7 @@ def _last_line(done: subprocess.CompletedProcess[str]) -> str:
 
 
 def _examined(folder: Path, kind: str, seconds: int, family: Family) -> Entry:
-    done = _process(folder, kind, seconds, family)
+    done = _process(folder, kind, seconds, [robot.name for robot in family])
     if done.returncode:
         slow = f"no answer within {seconds} s of CPU"
         reason = slow if done.returncode < 0 else f"crashed: {_last_line(done)}"
