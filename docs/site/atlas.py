@@ -3,6 +3,7 @@
 import html
 import io
 import math
+import re
 import shlex
 import shutil
 from collections import Counter
@@ -23,6 +24,7 @@ from atlas.entry import (
 )
 from PIL import Image
 
+from contactlab.budget.rows import ROWS
 from contactlab.printable import percent
 from contactlab.schema.examination import Examination
 from contactlab.studies.examine.examination_lines import examination_lines
@@ -84,13 +86,16 @@ what a policy does with it. One of each family of near-equal files was examined.
 command; a dash says that none is needed. Causes are looked for in plain MuJoCo
 by `{script}`, whose controls are drawn anew: where it does not show them, the row says no. "Times
 real time" is that of plain steps on one core, while others were busy. A hand has a cell if it holds
-a box, creeping or not: two legs that close on it drop it, as a weak hand does. "Tune saves" is the
-share of the time that what `contactlab tune` recommends takes less, of sound models, where asked.
+a box, creeping or not: two legs that close on it drop it, as a weak hand does. {tuned}
 Licences are those of wheels, and single models may have others.
 """
 _SILENT = "Of {names} there was no answer within the limit of CPU. "
+_TUNED = """"Tune saves" is the share of the time that what `contactlab tune` recommends takes
+less, of sound models, where asked."""
+_UNTUNED = "`contactlab tune` was not asked."
 _OLDER = "{count} are by an older judge, and say so. "
 _NONE = "-"
+_MEANT = "none found: it may be meant"
 _HEAD = (
     "model",
     "verdict",
@@ -223,9 +228,19 @@ def mended(entry: Entry) -> str:
     report = entry.examination
     if (change := entry.mending) is not None:
         return f"{change.name}{_kind(change)}"
-    if report is None or entry.sound:
+    if report is None or entry.word == "sound":
         return ""
-    return "not found in the time it had" if report.untried else "no setting: the file must change"
+    if entry.word == "model" and not _untried(report):
+        return _MEANT
+    return (
+        "not found in the time it had" if _untried(report) else "no setting: the file must change"
+    )
+
+
+def _untried(report: Examination) -> list[str]:
+    """Return the changes that there was no time for."""
+    rows = {row.name for row in ROWS}
+    return [name for name in report.untried if name not in rows]
 
 
 def _kind(change: Changed) -> str:
@@ -313,6 +328,7 @@ def _index(
     yield _NOTES.format(
         silent=_SILENT.format(names=", ".join(f"`{name}`" for name in slow)) if slow else "",
         older=_OLDER.format(count=old) if old else "",
+        tuned=_TUNED if any(entry.tuned for entry in judged) else _UNTUNED,
         script=SCRIPT,
         meanings="\n".join(
             f"- **{_WORDS.get(word, word).capitalize()}**: {meaning}."
@@ -326,12 +342,13 @@ def _index(
 def _counted_verdicts(judged: Sequence[Entry]) -> str:
     """Return how many have each verdict, a cause that plain MuJoCo shows, and a change."""
     words = Counter(map(shown_word, judged)).most_common()
-    red = [entry for entry in judged if not entry.sound]
+    red = [entry for entry in judged if entry.word != "sound"]
+    mending = sum(entry.mending is not None for entry in red)
     asked = [shown.holds for entry in judged if (shown := entry.confirmation)]
     return (
         f"{', '.join(f'{count} {word}' for word, count in words)}. Of the {len(red)} that are not "
-        f"sound a change mends {sum(entry.mending is not None for entry in red)}; of {len(asked)} "
-        f"causes plain MuJoCo shows {sum(asked)}."
+        f"sound, or hang on softness, a change mends {mending}; of {len(asked)} causes plain "
+        f"MuJoCo shows {sum(asked)}."
     )
 
 
@@ -401,11 +418,11 @@ def _cells(
     name, page = entry.name.removeprefix(f"{entry.wheel}/"), slug(entry)
     still = ""
     if film_of(entry.family[0]).is_file():
-        still = f'<img src="../{_STATIC}/{page}-still.webp" alt="" loading="lazy" width="96">'
+        source = f"../{_STATIC}/{page}-still.webp"
+        still = f'<img src="{source}" alt="" loading="lazy" width="96" height="60">'
     aged = ", older judge" if old else ""
     link = (
-        f'<a href="{page}/">{still}{html.escape(_short(name))}</a>'
-        f"<small>{entry.wheel}{aged}</small>"
+        f'<a href="{page}/">{still}{_breakable(_short(name))}</a><small>{entry.wheel}{aged}</small>'
     )
     grip = f"{_grip(entry)}<small>gripper</small>" if entry.grip else _NONE
     saving = _saving(entry)
@@ -420,6 +437,11 @@ def _cells(
         (f"{entry.rate:.0f}" if entry.rate else _NONE, entry.rate or ""),
         (saved, "" if saving is None else saving),
     )
+
+
+def _breakable(name: str) -> str:
+    """Return a path as HTML that may be broken after its parts."""
+    return re.sub("(?<=[/_])", "<wbr>", html.escape(name))
 
 
 def _short(name: str) -> str:
@@ -481,11 +503,13 @@ def _advised(entry: Entry) -> Iterator[str]:
         )
         yield f"With **{_plain(change.name)}**, which {kind}, it is sound: the patch is"
         yield "[below](#what-was-tried).\n" if change.patch else "not kept.\n"
-    elif entry.sound:
+    elif entry.word == "sound":
         yield "\n"
-    elif report.untried:
-        yield "No change that was tried makes it sound. There was no time to try"
-        yield f"{_plain(', '.join(report.untried))}.\n"
+    elif untried := _untried(report):
+        yield "No change that was tried makes it sound, and there was no time for"
+        yield f"[{len(untried)} more](#what-contactlab-says).\n"
+    elif entry.word == "model":
+        yield "No change that was tried removes it: what is soft may be meant so.\n"
     else:
         yield "No setting that was tried makes it sound: the file must change.\n"
         wrong = [fact.sentence for fact in report.facts if fact.kind in _IN_THE_FILE]

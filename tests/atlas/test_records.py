@@ -141,6 +141,19 @@ def test_a_mended_robot_has_a_script_that_installs_its_wheel() -> None:
     assert text[-2].endswith(f"--target {entry.wheel} {entry.wheel}=={entry.version}")
 
 
+@pytest.mark.parametrize(
+    ("untried", "told"),
+    [(("condim 1",), "none found: it may be meant"), (("RK4",), "not found in the time it had")],
+)
+def test_softness_without_a_change_may_be_meant_and_rows_are_no_changes(
+    untried: tuple[str, ...], told: str
+) -> None:
+    soft = next(entry for entry in JUDGED if entry.word == "model")
+    assert soft.examination
+    report = soft.examination.model_copy(update={"untried": untried})
+    assert atlas.mended(soft.model_copy(update={"examination": report, "changed": ()})) == told
+
+
 def test_pages_name_the_command_the_licence_and_the_files(tmp_path: Path) -> None:
     assert atlas.write(tmp_path) == ("atlas",)
     table = (tmp_path / "atlas.md").read_text()
