@@ -9,7 +9,8 @@ import mujoco
 import numpy as np
 
 from contactlab.budget.motion import Motion
-from contactlab.budget.windows import Run, start_rows
+from contactlab.budget.windows import Batch, Run, start_rows
+from contactlab.contact.trace_arrays import Floats
 
 Made = Callable[[], mujoco.MjModel]
 
@@ -46,18 +47,22 @@ def prices(motion: Motion, run: Run, changed: Mapping[str, tuple[Made, int]]) ->
         return {}
     valid = np.argwhere(run.valid[:, length - 1 :])
     stretches = _Stretches(motion, run, length * run.steps)
-    base = motion.model, 1
-    taken = _enough(valid, stretches.seconds(base, valid[:1]))
-    taken = _enough(valid, stretches.seconds(base, taken) / len(taken))
+    own = stretches.ready(motion.model, 1, valid[:1])
+    taken = _enough(valid, own.seconds())
+    own = stretches.ready(motion.model, 1, taken)
+    taken = _enough(valid, own.seconds() / len(taken))
+    own = stretches.ready(motion.model, 1, taken)
     ratios: dict[str, list[float]] = {name: [] for name in changed}
     most = max(1, _HELD // motion.model.nbuffer)
     for begin in range(0, len(changed), most):
         names = list(changed)[begin : begin + most]
-        group = {name: (made(), rate) for name in names for made, rate in [changed[name]]}
+        group = [
+            stretches.ready(made(), rate, taken) for made, rate in [changed[name] for name in names]
+        ]
         for number in range(_ROUNDS + _WARM):
-            own = stretches.seconds(base, taken)
-            for name, model in group.items():
-                ratio = stretches.seconds(model, taken) / own
+            base = own.seconds()
+            for name, model in zip(names, group, strict=True):
+                ratio = model.seconds() / base
                 if number >= _WARM:
                     ratios[name].append(ratio)
     return {
@@ -73,6 +78,22 @@ def _enough(valid: np.ndarray, seconds: float) -> np.ndarray:
     return np.resize(valid[places], (max(count, len(places)), 2))
 
 
+class _Timed(NamedTuple):
+    """A batch, which has a copy of its model, the states that it begins in, and its inputs."""
+
+    batch: Batch
+    starts: Floats
+    steps: int
+    given: dict[str, Any]
+
+    def seconds(self) -> float:
+        """Return its thread time [s]."""
+        self.batch.state[:] = self.starts
+        begin = time.thread_time()
+        self.batch.rollout(self.steps, record=[], **self.given)
+        return time.thread_time() - begin
+
+
 class _Stretches(NamedTuple):
     """Parts of a motion, so many steps long, that begin where windows do."""
 
@@ -80,16 +101,14 @@ class _Stretches(NamedTuple):
     run: Run
     steps: int
 
-    def seconds(self, timed: tuple[mujoco.MjModel, int], which: np.ndarray) -> float:
-        """Return the thread time of a model from (M, 2) seeds and windows [s]."""
-        (model, rate), (seeds, windows) = timed, which.T
-        batch = start_rows(model, self.run.starts[seeds, windows], 1)
+    def ready(self, model: mujoco.MjModel, rate: int, which: np.ndarray) -> _Timed:
+        """Return a model to be timed from (M, 2) seeds and windows."""
+        seeds, windows = which.T
+        starts = self.run.starts[seeds, windows]
         spans = self.run.begins[windows][:, None] + np.arange(self.steps)
         rows = [self.motion.rows(seed, span) for seed, span in zip(seeds, spans, strict=True)]
         given: dict[str, Any] = {}
         if rows[0] is not None:
             inputs = np.stack([row for row in rows if row is not None]).repeat(rate, axis=1)
             given = {"control": inputs, "control_spec": self.motion.spec}
-        begin = time.thread_time()
-        batch.rollout(self.steps * rate, record=[], **given)
-        return time.thread_time() - begin
+        return _Timed(start_rows(model, starts, 1), starts, self.steps * rate, given)
