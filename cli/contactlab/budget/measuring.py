@@ -204,10 +204,7 @@ class PhaseMeasure:
     def first_look(self) -> PhaseBudget:
         """Return the budget as it is at h/4: nothing is checked, nor excess or RK4 looked at."""
         found, _ = self._looked
-        seen = self._told(found, excess=False)
-        self._bases.clear()
-        self._stores.clear()  # who waits for the whole holds no models
-        return seen
+        return self._told(found, excess=False)
 
     def budget(self) -> PhaseBudget:
         """Return the budget with those of the wanted rows that the model has.
@@ -218,7 +215,11 @@ class PhaseMeasure:
         found, looks = self._looked
         for look in looks:
             self._measure_more(look, found)
-        return self._told(found, excess=self._settings.excess)
+        whole = self._told(found, excess=self._settings.excess)
+        cost = self._prices(self._there)
+        return replace(
+            whole, rows=tuple(replace(row, price=cost.get(row.name)) for row in whole.rows)
+        )
 
     @cached_property
     def _there(self) -> list[Row]:
@@ -228,17 +229,15 @@ class PhaseMeasure:
 
     def _told(self, found: "_Found", *, excess: bool) -> PhaseBudget:
         model, run, there = self._model, self._run, self._there
-        real, cost = self._real(found), self._prices(there)
-        limits = self._limits(found)
+        real, limits = self._real(found), self._limits(found)
         energy, energy_rk4 = self._energies(found)
         of_steps = {row.name: found.apart[row.name] * limits for row in there if row.is_of_steps}
         found = found._replace(apart=found.apart | of_steps)
-        readings = [
+        whole, *rows = (
             self._reading(row, found, real, exercised=row in there) for row in (RUN, *self._used)
-        ]
-        whole, *rows = (replace(row, price=cost.get(row.name)) for row in readings)
+        )
         warnings = tuple(self._with_cause(warning) for warning in run.warnings)
-        return PhaseBudget(
+        told = PhaseBudget(
             name=self._motion.name,
             timestep=float(model.opt.timestep),
             steps=self._motion.steps,
@@ -258,6 +257,9 @@ class PhaseMeasure:
             lost=float(found.lost[run.valid].mean()) if run.valid.any() else 0.0,
             warnings=warnings,
         )
+        self._bases.clear()
+        self._stores.clear()  # nothing that waits holds models
+        return told
 
     def _worst(self, values: Floats) -> int:
         """Return which of all bodies has the largest of (B,) values among the watched ones."""

@@ -16,7 +16,7 @@ Made = Callable[[], mujoco.MjModel]
 
 _ROUNDS, _WARM = 11, 1
 _LEAST = 5e-3  # s, that the model as it is is timed for in each round
-_HELD = 1 << 28  # bytes of models that are held
+_HELD = 1 << 27  # bytes of models that are held
 _STRETCH = 5  # windows, so that setting states is no part of the time
 
 

@@ -126,7 +126,7 @@ class Changes:
         self._others = dict[str, Path]()
         self._scene, self._values = scene, values
         self._motions, self._verdict = motions, verdict
-        self._again, self._trial = again, replace(trial, moved=self._motions_of)
+        self._again, self._limits = again, trial
         others = (
             *separated(scene, values, motions, verdict),
             *primitives(scene, values, motions, verdict),
@@ -145,6 +145,11 @@ class Changes:
             for candidate in physical
             if candidate.edits.parts and candidate.name not in known and self._parts(candidate)
         ]
+
+    @property
+    def _trial(self) -> Trial:
+        """How changes are tried: made when asked for, since it refers to this object."""
+        return replace(self._limits, moved=self._motions_of)
 
     def _by_labels(self, helping: Sequence[Remedy]) -> list[Remedy]:
         """Return what helps, led by a change that leaves no label either, if there is one.
