@@ -69,10 +69,10 @@ def held_fixture(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[int]]:
     """Return how many measures there are as each of them begins, if nothing looks for garbage."""
     made, held, begin = WeakSet[PhaseMeasure](), list[int](), PhaseMeasure.__init__
 
-    def noted(measure: PhaseMeasure, *arguments: Any) -> None:
+    def noted(measure: PhaseMeasure, *arguments: Any, **begun: Any) -> None:
         held.append(len(made))
         made.add(measure)
-        begin(measure, *arguments)
+        begin(measure, *arguments, **begun)
 
     monkeypatch.setattr(PhaseMeasure, "__init__", noted)
     gc.disable()

@@ -166,8 +166,13 @@ class PhaseMeasure:
         wanted: Sequence[Row],
         settings: Settings,
         known: Floats | None = None,
+        begun: "Looked | None" = None,
     ) -> None:
-        """Repeat the run where its states are not `known`, as `replay` has it."""
+        """Repeat the run where its states are not `known`, as `replay` has it.
+
+        What a measure of its first seeds alone has `begun` with is not looked at again.
+        """
+        self._begun = begun
         self._motion, self._settings, self._model = motion, settings, motion.model
         self._used = [row for row in wanted if row.uses(motion.model)]
         self._undelayed = without_delays(motion)
@@ -203,8 +208,7 @@ class PhaseMeasure:
 
     def first_look(self) -> PhaseBudget:
         """Return the budget as it is at h/4: nothing is checked, nor excess or RK4 looked at."""
-        found, _ = self._looked
-        return self._told(found, excess=False)
+        return self._told(self.looked.found, excess=False)
 
     def budget(self) -> PhaseBudget:
         """Return the budget with those of the wanted rows that the model has.
@@ -212,8 +216,8 @@ class PhaseMeasure:
         Shares and windows are of the watched bodies, scales and energies of all: no body's scale
         hangs on which others are watched.
         """
-        found, looks = self._looked
-        for look in looks:
+        found = self.looked.found
+        for look in self.looked.looks:
             self._measure_more(look, found)
         whole = self._told(found, excess=self._settings.excess)
         cost = self._prices(self._there)
@@ -316,12 +320,16 @@ class PhaseMeasure:
         return prices(self._motion, self._run, made)
 
     @cached_property
-    def _looked(self) -> tuple["_Found", list["_Look"]]:
+    def looked(self) -> "Looked":
         """What references at h/4 tell, of all windows, and what the rest is measured by."""
         run, settings, rows = self._run, self._settings, self._there
-        shape, looks = (self._motion.seeds, len(run.begins)), list[_Look]()
+        shape, looks, seeds = (self._motion.seeds, len(run.begins)), list[_Look](), 0
         found = _Found.empty(shape, len(self._bodies), [row.name for row in rows])
-        for block in blocks(self._model, np.argwhere(run.valid), (run.steps + 1) * settings.finer):
+        if self._begun is not None and {*self._begun.found.apart} == {*found.apart}:
+            looks, seeds = [*self._begun.looks], len(self._begun.found.lost)
+            found.begin_with(self._begun.found)
+        valid = run.valid & (np.arange(shape[0]) >= seeds)[:, None]
+        for block in blocks(self._model, np.argwhere(valid), (run.steps + 1) * settings.finer):
             windows = Windows(self._undelayed, run, settings.workers, block)
             around, lost = self._measure_run(windows, block, found)
             looks.append(_Look(block, around[RUN.name], around["reference"]))
@@ -340,7 +348,7 @@ class PhaseMeasure:
                 largest = np.max(apart, axis=0)
                 largest[lost] = 0
                 found.apart[row.name][tuple(block.T)] = largest
-        return found, looks
+        return Looked(found, looks)
 
     def _measure_run(
         self, windows: Windows, block: np.ndarray, found: "_Found"
@@ -627,6 +635,13 @@ class _Look(NamedTuple):
     reference: Floats  # (M, 2 r + 1, B, 6) of the reference there
 
 
+class Looked(NamedTuple):
+    """A first look at windows."""
+
+    found: "_Found"
+    looks: list[_Look]
+
+
 class _Found(NamedTuple):
     """What is measured in S x W windows, of B bodies."""
 
@@ -645,6 +660,13 @@ class _Found(NamedTuple):
     lowest: Floats  # (S, W) least potential energy [J]
     added: Floats  # (S, W) how much the reference's energy rose [J]
     lost: np.ndarray  # (S, W) whether the reference gave up
+
+    def begin_with(self, other: "_Found") -> None:
+        """Enter what was found of the first seeds alone."""
+        for name, given in other.apart.items():
+            self.apart[name][: len(given)] = given
+        for own, given in zip(self[1:], other[1:], strict=True):
+            own[: len(given)] = given
 
     @classmethod
     def empty(cls, shape: tuple[int, int], bodies: int, names: Iterable[str]) -> "_Found":

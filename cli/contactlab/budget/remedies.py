@@ -688,12 +688,17 @@ class _Judged(NamedTuple):
         ]
         seeds, model = max(motion.seeds for motion in motions), motions[0].model
         rows = [row for row in ROWS if row.name in self.rows]
+        phases, begun = list[PhaseMeasure](), [None for _ in motions]
         for some, most in ((first, 2 * seeds), (motions, 2)):
-            phases = list[PhaseMeasure]()  # so that those of one seed end before others begin
             looks = evaluations(model, quick, rows) * steps_of(some)
             if not self._affords(looks):
                 return None
-            phases = [PhaseMeasure(motion, rows, settings) for motion in some]
+            begun = [phase.looked for phase in phases] or begun
+            phases.clear()  # so that those of one seed end before others begin
+            phases += [
+                PhaseMeasure(motion, rows, settings, begun=looked)
+                for motion, looked in zip(some, begun, strict=True)
+            ]
             budget = ErrorBudget(tuple(phase.first_look() for phase in phases))
             found = budget, judge(budget, most * within)
             if not self._removes(found[1]):
