@@ -12,7 +12,9 @@ from tests.budget_motions import WALKER, motion_of, walker
 
 from contactlab.budget import ErrorBudget, Motion, PhaseBudget, Settings, error_budget, judge
 from contactlab.budget.defects import to_the_limit
+from contactlab.budget.measuring import PhaseMeasure
 from contactlab.budget.motion import INTEGRATION
+from contactlab.budget.rows import ROWS
 from contactlab.errors import EngineError
 
 # The bare definition: a reference at h/4, and nothing of finer ones.
@@ -358,9 +360,8 @@ def test_none_of_the_watched_bodies_moves() -> None:
         measured(replace(motion_of(WATCHED, 0.1), watched=("sign",)))
 
 
-@pytest.mark.parametrize("workers", [2, 3])
-def test_no_bit_depends_on_the_number_of_workers(workers: int) -> None:
-    one, other = (error_budget([walker()], workers=count).phases[0] for count in (1, workers))
+def test_no_bit_depends_on_the_number_of_workers() -> None:
+    one, other = (error_budget([walker()], workers=count).phases[0] for count in (1, 3))
     for row, same in zip((one.run, *one.rows), (other.run, *other.rows), strict=True):
         np.testing.assert_array_equal(row.shares, same.shares)
         np.testing.assert_array_equal(row.seeds, same.seeds)
@@ -368,6 +369,17 @@ def test_no_bit_depends_on_the_number_of_workers(workers: int) -> None:
     np.testing.assert_array_equal(one.energy, other.energy)
     np.testing.assert_array_equal(one.energy_rk4, other.energy_rk4)
     assert (one.most, one.peak) == (other.most, other.peak)
+
+
+def test_no_bit_depends_on_the_looks_before() -> None:
+    """A first seed alone, then all at h/4, then the whole are the whole at once."""
+    motion, settings = walker(seconds=0.2), Settings(places=False)
+    rows = [row for row in ROWS if row.name in ("solver", "contact softness")]
+    one = replace(motion, starts=motion.starts[:1], inputs=motion.inputs[:1])
+    alone = PhaseMeasure(one, rows, settings)
+    begun = PhaseMeasure(motion, rows, settings, begun=alone.looked)
+    assert np.isnan(begun.first_look().most)
+    assert repr(begun.budget()) == repr(PhaseMeasure(motion, rows, settings).budget())
 
 
 def test_windows_cover_every_step() -> None:
