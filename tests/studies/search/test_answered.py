@@ -193,7 +193,7 @@ def test_what_no_time_was_left_to_judge_is_not_told_to_be_kept(
     assert told.startswith("keep it as it is")
     kept = (*kept, Kept(name="tuned", reason=UNJUDGED))
     assert sentence_of(report.model_copy(update={**ended, "kept": kept})) == (
-        "error 1 %; no time was left to judge what may be faster, timestep 0.008, x0.25 (0.25 to "
+        "error 1 %; no time was left to judge what may be faster: timestep 0.008, x0.25 (0.25 to "
         "0.25) of the time, error 2 %; give more with --max-time"
     )
 
@@ -217,3 +217,14 @@ def test_what_may_keep_the_aim_is_told_apart_from_what_failed(
         "nothing keeps 2 % on fresh seeds, too: nearest is timestep 0.001, 1.5 %, not timed; it "
         "binds the ball"
     )
+    # A model beyond the tolerance is told to be so, with what may keep that.
+    near = near.model_copy(update={"price": BudgetPrice(ratio=2.0, low=2.0, high=2.0)})
+    now = now.model_copy(update={"error": 0.5})
+    missed = {**missed, "now": now, "points": (now, near), "nearest": None}
+    told = sentence_of(report.model_copy(update={**missed, "kept": kept}))
+    assert told == (
+        "its error as written, 50 %, is beyond 10 %; no time was left to judge what may keep that: "
+        "timestep 0.001, x2.00 (2.00 to 2.00) of the time, error 1.5 %; give more with --max-time"
+    )
+    told = sentence_of(report.model_copy(update=missed))
+    assert told == "its error as written, 50 %, is beyond 10 %, and nothing sound keeps that"

@@ -12,7 +12,7 @@ from contactlab.studies.search.searching import SAME
 
 UNJUDGED = "no time was left to judge what is next best"
 """Why the search ended without a verdict."""
-_MORE_TIME = "give more with --max-time"
+_NO_TIME = "no time was left to judge what may"
 _TWO_DIGITS = 0.1  # ratios from which on two digits after the point are two
 
 
@@ -83,34 +83,44 @@ def sentence_of(report: TuneReport) -> str:
             saved = f"{beyond}; what keeps that: {saved}"
         seen = f"{error_text(verified.error, report.aim.unit)} on fresh seeds"
         error = f"error {error_text(best.error, report.aim.unit)}, {seen} (now {now})"
-        return "; ".join((f"{saved}, {error}", *rest))
-    found = "was found in time that is" if report.ended else "is"
-    if rest:
-        return "; ".join(
-            (f"nothing sound {found} faster at no larger error than now, {now}", *rest)
-        )
-    if faster := _unjudged(report):
-        assert faster.price
-        what = f"{settings_text(faster, report.now)}, {price_text(faster.price)} of the time"
-        error = error_text(faster.error, report.aim.unit)
-        return (
-            f"error {now}; no time was left to judge what may be faster, {what}, error {error}; "
-            f"{_MORE_TIME}"
-        )
-    return f"keep it as it is: error {now}, and nothing within the limit {found} measurably faster"
+        parts = [f"{saved}, {error}", *rest]
+    else:
+        parts = [_nothing(report, told_beside=bool(rest)), *rest]
+    told = "; ".join(parts)
+    return f"{told}; give more with --max-time" if _NO_TIME in told else told
+
+
+def _nothing(report: TuneReport, *, told_beside: bool) -> str:
+    """Say that nothing is recommended, and why."""
+    now = error_text(report.now.error, report.aim.unit)
+    beyond = _beyond(report) and report.aim.real_time is None
+    head = f"error {now}"
+    if beyond:
+        head = f"its error as written, {now}, is beyond {percent(report.aim.within)}"
+    if (likely := _unjudged(report)) and likely.price:
+        goal, error = "keep that" if beyond else "be faster", likely.error
+        what = f"{settings_text(likely, report.now)}, {price_text(likely.price)} of the time"
+        return f"{head}; {_NO_TIME} {goal}: {what}, error {error_text(error, report.aim.unit)}"
+    found = "was found in time that " if report.ended else ""
+    if beyond:
+        return f"{head}, and nothing sound {found}keeps that"
+    if told_beside:
+        return f"nothing sound {found}is faster at no larger error than now, {now}"
+    return f"keep it as it is: {head}, and nothing within the limit {found}is measurably faster"
 
 
 def _unjudged(report: TuneReport) -> Point | None:
-    """Return the fastest point within the limit, if no time was left to judge any; or None."""
+    """Return the fastest point that may be recommended, if no time was left to judge; or None."""
     now = report.now.error
     if now is None or not _is_unjudged(report):
         return None
-    limit, failed = max(report.aim.limit, SAME * now), {kept.name for kept in report.kept}
+    failed, beyond = {kept.name for kept in report.kept}, _beyond(report)
+    limit = report.aim.within if beyond else max(report.aim.limit, SAME * now)
     found = [
         (one.price.ratio, one)
         for one in report.points
         if one.price
-        and is_faster(one.price, report.now.price or one.price)
+        and (beyond or is_faster(one.price, report.now.price or one.price))
         and (one.error or 0.0) <= limit
         and settings_text(one, report.now) not in failed
     ]
@@ -147,7 +157,7 @@ def _beside(report: TuneReport) -> Iterator[str]:
             limit = f"{aim.real_time:g} times real time"
         elif near.error is not None and near.error <= aim.limit:
             if _is_unjudged(report):
-                yield f"no time was left to judge what may keep {limit}: {which}; {_MORE_TIME}"
+                yield f"{_NO_TIME} keep {limit}: {which}"
                 return
             limit += " on fresh seeds, too"
         yield f"{nothing} {limit}: nearest is {which}; it binds {report.binds}"
