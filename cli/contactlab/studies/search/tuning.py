@@ -50,7 +50,7 @@ from contactlab.studies.session import Session
 
 _LONGEST = 0.04  # s: steps of a window's length
 _CLOSELY = 2
-_TIMING = 0.3  # of the time that is left, for the clock
+_TIMING, _TIMED = 0.3, 0.15  # of the time that is left, for the clock: at most, and at least
 _SEARCHED = 0.3  # of the time that is left, for a search at least, if a verdict may take the rest
 _LOOKED = 0.1  # of it, in any case
 _TURNS_APART = 5
@@ -297,7 +297,7 @@ class Study:
         left = self._allowed.left
         best = [next(iter(self._search.ranked(one.bound)), None) for one in self._wanted]
         reserved = sum(self._answers.takes(one) for one in best if one)
-        allowed = max(min(_TIMING * left, left - reserved), _LOOKED * left, 0.0)
+        allowed = max(min(_TIMING * left, left - reserved), _TIMED * left, 0.0)
         until = time.monotonic() + allowed
         prices = self._clock.whole(models, self._timed_tasks(), until)
         for one, price in zip(tried, prices, strict=False):
