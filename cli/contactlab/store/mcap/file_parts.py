@@ -8,7 +8,7 @@ import struct
 import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import accumulate, chain, pairwise, starmap
+from itertools import chain, pairwise, starmap
 from types import MappingProxyType
 from typing import NamedTuple
 
@@ -155,10 +155,8 @@ def _chunk(stream: MessageStream, rows: slice, position: int, packed: bytes | No
     described = len(content), _NO_CRC, len(name), name, len(compressed)
     head = CHUNK_HEAD.pack(Opcode.CHUNK, length - FRAME.size, *times, *described)
     where = stream.times[rows], stream.sizes[rows], stream.offsets[rows]
-    indexes, lengths = message_indexes(*where)
-    starts = accumulate(lengths, initial=position + length)
-    found = zip(starts, lengths, strict=False)
-    places = {channel: start for channel, (start, size) in enumerate(found, 1) if size}
+    indexes, starts = message_indexes(*where)
+    places = {channel: position + length + start for channel, start in starts.items()}
     index = _record(
         Opcode.CHUNK_INDEX,
         _CHUNK_INDEX.pack(*times, position, length),

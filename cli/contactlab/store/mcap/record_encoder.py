@@ -5,7 +5,7 @@ The records of a group are filled column by column, then scattered over the chun
 
 import struct
 from collections.abc import Callable, Mapping
-from itertools import accumulate
+from itertools import accumulate, pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -61,8 +61,8 @@ def write_records(records: Records, data: Bytes, starts: Integers) -> None:
 
 def message_indexes(
     times: NDArray[np.uint64], sizes: Integers, offsets: Integers
-) -> tuple[bytes, list[int]]:
-    """Return the MessageIndex records of a chunk, and their lengths, 0 without messages.
+) -> tuple[bytes, dict[int, int]]:
+    """Return the MessageIndex records of a chunk, and where each channel's starts among them.
 
     It has messages of these (rows, channels) sizes at offsets from the start of all chunks.
     """
@@ -70,13 +70,13 @@ def message_indexes(
     entries = np.empty((np.count_nonzero(used), 2), np.uint64)
     entries[:, 0] = np.broadcast_to(times, used.shape)[used]
     entries[:, 1] = (offsets - offsets[0, 0]).T[used]
-    lengths = (used.sum(axis=1) * _ENTRY_SIZE).tolist()
-    ends, data = accumulate(lengths), entries.tobytes()
-    found = [
-        _index(channel, data[end - length : end]) if length else b""
-        for channel, (length, end) in enumerate(zip(lengths, ends, strict=True), start=1)
-    ]
-    return b"".join(found), [*map(len, found)]
+    counts, data = np.count_nonzero(used, axis=1), entries.tobytes()
+    channels = np.flatnonzero(counts)
+    ends = accumulate((counts[channels] * _ENTRY_SIZE).tolist(), initial=0)
+    parts = [data[start:end] for start, end in pairwise(ends)]
+    found = [*map(_index, numbers := (channels + 1).tolist(), parts)]
+    starts = accumulate(map(len, found), initial=0)
+    return b"".join(found), dict(zip(numbers, starts, strict=False))
 
 
 def pack_values(records: Bytes, layout: MessageLayout, data: Bytes) -> None:
