@@ -95,7 +95,7 @@ def test_what_was_planted_is_left(small: Path) -> None:
     """Two geoms that meet, and one joint: nothing of it can go, since nothing would pass."""
     model = mujoco.MjModel.from_xml_path(str(small / "model.xml"))
     assert names(model, "geom", model.ngeom) == {"ball", "plate"}
-    assert (model.njnt, model.nu, model.nsensor, model.nmesh) == (1, 0, 0, 0)
+    assert (model.njnt, model.nu, model.nsensor, model.nmesh, model.nsite) == (1, 0, 0, 0, 0)
 
 
 @pytest.mark.long

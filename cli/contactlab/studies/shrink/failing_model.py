@@ -256,7 +256,7 @@ def _weigh(spec: mujoco.MjSpec, meant: mujoco.MjModel, bodies: Collection[str]) 
 
 
 def _text(spec: mujoco.MjSpec) -> str:
-    """Return a specification as MJCF, without classes of defaults that nothing uses.
+    """Return a specification as MJCF, without classes, sites and frames that nothing uses.
 
     MuJoCo before 4.0 rounds its numbers to six digits.
     """
@@ -274,6 +274,7 @@ def _text(spec: mujoco.MjSpec) -> str:
     }
     for each in defaults if classes - used else ():
         _drop_unused(each, used)
+    _drop_marks(root)
     return ET.tostring(root, "unicode")
 
 
@@ -283,6 +284,16 @@ def _drop_unused(default: ET.Element, used: set[str | None]) -> bool:
     for each in [each for each in inner if not _drop_unused(each, used)]:
         default.remove(each)
     return default.get("class") in {"main", *used} or default.find("default") is not None
+
+
+def _drop_marks(root: ET.Element) -> None:
+    """Remove sites that nothing names, and frames that hold nothing."""
+    named = {value for part in root.iter() for key, value in part.items() if key != "name"}
+    for parent in [part for world in root.findall("worldbody") for part in world.iter()][::-1]:
+        for child in list(parent):
+            site = child.tag == "site" and child.get("name") not in named
+            if site or (child.tag == "frame" and not len(child)):
+                parent.remove(child)
 
 
 def _without_assets(spec: mujoco.MjSpec, model: mujoco.MjModel) -> str:

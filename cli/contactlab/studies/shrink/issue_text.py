@@ -29,11 +29,20 @@ _DRIVEN = """    row = max((row for row in table if row[0] <= data.time + 1e-9),
         else:
             data.actuator(name).ctrl = value
 """
+_ONE = {
+    "bodies": "body",
+    "geoms": "geom",
+    "joints": "joint",
+    "actuators": "actuator",
+    "equalities": "equality",
+    "vertices": "vertex",
+}
 
 
 def issue_text(report: ShrinkReport, model: str, *, driven: bool) -> str:
     """Return Markdown: what fails, the model, and how to run it in plain MuJoCo."""
-    parts = ", ".join(f"{count} {kind}" for kind, count in report.after.items() if count)
+    counts = [(count, kind) for kind, count in report.after.items() if count]
+    parts = ", ".join(f"{count} {_ONE[kind] if count == 1 else kind}" for count, kind in counts)
     plain = _PLAIN.format(
         duration=report.duration,
         table=_TABLE if driven else "",
