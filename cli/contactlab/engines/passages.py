@@ -163,7 +163,7 @@ def _passage(model: mujoco.MjModel, mover: int, wall: int, step: int) -> Passage
     return Passage(name_of(model, "geom", mover), name_of(model, "geom", wall), step, bodies)
 
 
-@lru_cache(maxsize=4)
+@lru_cache(maxsize=1)
 def _reach_of_steps(model: mujoco.MjModel) -> tuple[float, Floats, Floats, Floats]:
     """Return the thinnest half extent, `_lengths`, `reaches`, and how far steps matter [m].
 

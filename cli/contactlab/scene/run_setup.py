@@ -61,7 +61,8 @@ def kind_of(run: RunSpec, model: mujoco.MjModel) -> Hashable:
     return drive_word(run.drive), _may_push(run.drive), _kind_of_model(model)
 
 
-@lru_cache(maxsize=4)
+# Caches of one: each holds a model.
+@lru_cache(maxsize=1)
 def _kind_of_model(model: mujoco.MjModel) -> Hashable:
     """Return a model's part of the kind, which runs of the model share."""
     acts = is_passive(model), is_conservative(model), has_others(model), has_springs(model)
@@ -116,13 +117,13 @@ def make_setup(
     )
 
 
-@lru_cache(maxsize=4)
+@lru_cache(maxsize=1)
 def _of_base(base: CompiledScene) -> Mapping[str, Any]:
     """Return what the setup says of the parts of the model, which runs of a structure share."""
     return {"quaternions": quaternions(base.model), "mechanism": find_mechanism(base.model)}
 
 
-@lru_cache(maxsize=4)
+@lru_cache(maxsize=1)
 def _of_pairs(base: CompiledScene, model: mujoco.MjModel) -> Mapping[str, Any]:
     """Return what the setup says of each pair, which runs of the model share."""
     return {
@@ -229,7 +230,7 @@ def _barriers(base: CompiledScene, bodies: Mapping[int, FreeBody]) -> Iterator[B
             yield Barrier(body=body, **wall)
 
 
-@lru_cache(maxsize=4)
+@lru_cache(maxsize=1)
 def _walls(base: CompiledScene) -> list[tuple[int, Mapping[str, Any]]]:
     """Return the body that each may stop, and the rest of what a barrier says of it."""
     model = base.model

@@ -239,7 +239,7 @@ def is_straight(model: mujoco.MjModel, start: InitialStates) -> bool:
     return not (speed.any() or push.any() or start.driven.size)
 
 
-@lru_cache(maxsize=4)
+@lru_cache(maxsize=1)
 def _but_vertical(model: mujoco.MjModel) -> NDArray[np.bool_]:
     """Return (nv,) which degrees of freedom are not those along z of free joints."""
     free = np.asarray(model.jnt_dofadr)[model.jnt_type == int(mujoco.mjtJoint.mjJNT_FREE)]
