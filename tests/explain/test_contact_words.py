@@ -11,6 +11,7 @@ from contactlab.command_line.declaration import declared
 from contactlab.commands.explain import explain
 from contactlab.contact.contact_laws import damping_ratio, restitution_of
 from contactlab.errors import ContactlabError, ExpectationError, SceneError, SweepFileError
+from contactlab.reporting.examination import contact_lines, grouped_contacts
 from contactlab.scene.contact_at_rest import ContactAtRest
 from contactlab.studies.examine.resting_contacts import RestingPair
 from contactlab.studies.explain.contact_words import explain_contacts, read_words
@@ -92,6 +93,22 @@ def test_rest_is_that_of_the_first_phase(tmp_path: Path) -> None:
     text = explain([str(tmp_path / "box.xml")]).text
     assert "sines and pushes" in text
     assert f"{2 * 9.81 / 4:.4g} N on each of 4 contacts" in text
+
+
+def test_contacts_that_are_alike_are_said_once() -> None:
+    """Each name stands once, over the lines that it would have alone."""
+    soft = resting().contact(2e-3)
+    contacts = [
+        soft.model_copy(update={"name": name, "load": load})
+        for name, load in (("a-b", 20.0), ("a-c", 10.0), ("b-c", 20.0), ("a-long: name-d", 20.0))
+    ]
+    said = grouped_contacts(contacts)
+    assert len(said) == 2
+    for contact in contacts:
+        _, *own = contact_lines(contact)
+        (lines,) = (lines for lines in said if contact.name in lines[0])
+        assert lines[1:] == own
+    assert grouped_contacts([soft]) == [contact_lines(soft)]
 
 
 @pytest.mark.long

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from tests.small_films import small_films
 
 from contactlab.page.report_files import write_page
 from contactlab.run.sweep_request import read_request
@@ -113,7 +114,8 @@ def reported(
     def give(name: str) -> Path:
         if name not in pages:
             pages[name] = tmp_path_factory.mktemp("page") / f"{name}.html"
-            write_page(swept(name), pages[name])
+            with small_films():
+                write_page(swept(name), pages[name])
         return pages[name]
 
     return give

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.small_films import small_films
 
 from contactlab.page.map_cells import STATISTICS, cell_statistic
 from contactlab.page.report_files import write_page
@@ -264,7 +265,8 @@ def test_names_are_text(visit: Visit, swept: Swept, tmp_path: Path) -> None:
     )
     manifest = store.manifest.model_copy(update={"sweep": sweep})
     path = tmp_path / "evil.html"
-    write_page(replace(store, manifest=manifest), path)
+    with small_films():
+        write_page(replace(store, manifest=manifest), path)
     seen = visit(path)
     assert seen.complaints == []
     assert visible(evil) in seen.page.locator("h1").text_content()

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from tests.small_films import small_films
 from typer.testing import CliRunner
 
 from contactlab.command_line.main import command_line
@@ -15,9 +16,10 @@ Swept = Callable[[str], Store]
 
 def call(*arguments: object) -> str:
     """Run the command and return what it prints; its errors are raised."""
-    done = CliRunner().invoke(
-        command_line(), ["report", *map(str, arguments)], catch_exceptions=False
-    )
+    with small_films():
+        done = CliRunner().invoke(
+            command_line(), ["report", *map(str, arguments)], catch_exceptions=False
+        )
     assert done.exit_code == 0
     return done.stdout
 

@@ -13,7 +13,7 @@ from contactlab.palette import COLOURS, OTHERS_COLOUR
 from contactlab.printable import percent
 from contactlab.reporting.examination import (
     change_line,
-    contact_lines,
+    grouped_contacts,
     largest_rows,
     phase_begins,
     row_size,
@@ -110,7 +110,7 @@ def examination_view(
             for number, change in enumerate(report.changes, 1)
         ],
         untried=untried_line(report),
-        contacts=[contact_lines(contact) for contact in report.contacts],
+        contacts=grouped_contacts(report.contacts),
     )
 
 

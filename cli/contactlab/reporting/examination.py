@@ -1,6 +1,7 @@
 """Words for parts of an examination, as its text and its page tell them."""
 
 import math
+from collections.abc import Iterable
 
 from contactlab.printable import percent
 from contactlab.schema.error_budget import BudgetReport, BudgetRow
@@ -52,6 +53,16 @@ def untried_line(report: Examination) -> str:
     if not report.untried:
         return ""
     return f"not tried, to end in time: {', '.join(report.untried)}; --max-cpu 5min allows for more"
+
+
+def grouped_contacts(contacts: Iterable[RestingContact]) -> list[list[str]]:
+    """Say the settings of contacts in units of the world; those that are alike are said once."""
+    names: dict[tuple[str, ...], list[str]] = {}
+    for contact in contacts:
+        head, *rest = contact_lines(contact)
+        solref = head.removeprefix(f"{contact.name}:").strip()
+        names.setdefault((solref, *rest), []).append(contact.name)
+    return [[f"{', '.join(of) + ':':<14} {solref}", *rest] for (solref, *rest), of in names.items()]
 
 
 def contact_lines(contact: RestingContact) -> list[str]:

@@ -1,7 +1,7 @@
 """Cases of the catalogue, run as shipped or with a fault planted in their scene."""
 
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -25,10 +25,13 @@ FOLDER = resources.SWEEPS / "stability"
 UNCHECKED = "isotropy", "rest_penetration"
 """Cases whose outcomes no check changes, as a test of the night says; checks take most of them."""
 
+BY_DAY = {"incline": ("rock=0",)}
+"""Values of an axis that show a case's law alone."""
 
-def swept(sweep: Path, store: Path, *only: str, checks: bool = True) -> Rows:
+
+def swept(sweep: Path, store: Path, *settings: str, only: Sequence[str] = ()) -> Rows:
     """Run a sweep in this process, without traces, and return its table."""
-    overrides = Overrides(("trace=none", *(() if checks else ("checks=none",))), only)
+    overrides = Overrides(("trace=none", *settings), only)
     ask = read_request(
         sweep, sweep.stem, store, folder=sweep.parent, workers=0, overrides=overrides
     )
@@ -37,14 +40,23 @@ def swept(sweep: Path, store: Path, *only: str, checks: bool = True) -> Rows:
 
 
 @pytest.fixture(scope="session")
-def case(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Rows]:
-    """Return the rows of a case that have the given values; each case runs once."""
+def case(
+    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
+) -> Callable[..., Rows]:
+    """Return the rows of a case that have the given values; each case runs once.
+
+    A test of the night runs those of all seeds (`test_whole_cases.py`); by day the first will do,
+    and of some cases a part.
+    """
     tables: dict[str, Rows] = {}
+    by_day = "not night" in request.config.option.markexpr
 
     def rows(name: str, **values: object) -> Rows:
         if name not in tables:
             store = tmp_path_factory.mktemp(name) / "store"
-            tables[name] = swept(FOLDER / f"{name}.yaml", store, checks=name not in UNCHECKED)
+            settings = [*["seeds=1"] * by_day, *["checks=none"] * (name in UNCHECKED)]
+            only = BY_DAY.get(name, ()) if by_day else ()
+            tables[name] = swept(FOLDER / f"{name}.yaml", store, *settings, only=only)
         picked = [row for row in tables[name] if all(row[key] == values[key] for key in values)]
         assert picked
         return picked
@@ -79,7 +91,7 @@ def planted(tmp_path: Path) -> Callable[..., Rows]:
         model.write_text(model.read_text().replace(old, new))
         copy = tmp_path / "copy.yaml"
         copy.write_text(text.replace(f"scene: {scene}", f"scene: ./{scene}"))
-        return swept(copy, tmp_path / "store", *only)
+        return swept(copy, tmp_path / "store", only=only)
 
     return rows
 

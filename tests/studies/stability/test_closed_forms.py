@@ -119,7 +119,7 @@ def test_the_angle_of_friction_parts_sticking_from_sliding(case: Case, side: int
     angle = degrees(atan(0.5))
     good = [row for row in case("incline") if row["cone"] == "elliptic" and row["impratio"] == 10]
     shares = [row["oracle_measured"] for row in good if side * (row["tilt"] - angle) > 0]
-    assert len(shares) >= 4 * 4
+    assert len(shares) >= 4 * 2
     assert (min(shares) > 0.004) if side > 0 else (max(shares) < 0.004)
 
 

@@ -134,9 +134,9 @@ def test_overlap_is_thrown_apart_in_proportion(case: Case) -> None:
         for overlap in (0.01, 0.05, 0.09)
     ]
     assert speeds == pytest.approx([0.19, 0.94, 1.70], rel=0.02)
-    (row, _) = case("deep_overlap", overlap=0.05, solref="-10000 0")
+    row, *_ = case("deep_overlap", overlap=0.05, solref="-10000 0")
     assert row["oracle_measured"] == pytest.approx(5.10, rel=0.01)
-    (row, _) = case("deep_overlap", overlap=0.05, solref="0.005 1", timestep=2e-3)
+    row, *_ = case("deep_overlap", overlap=0.05, solref="0.005 1", timestep=2e-3)
     assert row["oracle_measured"] == pytest.approx(4.17, rel=0.01)
 
 

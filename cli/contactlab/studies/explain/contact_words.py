@@ -7,7 +7,7 @@ from contactlab.contact.contact_laws import RESOLVED_STEP, STABLE_STEP, largest_
 from contactlab.errors import SceneError, SweepFileError
 from contactlab.mjcf import AT_REST
 from contactlab.plan.task_options import AS_INFERRED, TaskOptions
-from contactlab.reporting.examination import contact_lines
+from contactlab.reporting.examination import contact_lines, grouped_contacts
 from contactlab.schema.setting_values import without_unit
 from contactlab.studies.check.checked_model import CheckedModel
 from contactlab.studies.examine.examination import ExamineRequest, open_model
@@ -62,7 +62,7 @@ def explain_contacts(
     head = examined.task.line
     if not words:
         contacts = resting_contacts(examined)
-        lines = [line for contact in contacts for line in contact_lines(contact)]
+        lines = [line for said in grouped_contacts(contacts) for line in said]
         return [head, *(lines or ["nothing that touches can move, so that nothing is stiff"])], []
     pairs = list(resting_pairs(examined))
     if words.keys() & AT_REST.keys():
