@@ -182,12 +182,10 @@ class Answers:
             last = number > 0 and (
                 number == _MOST_TRIES - 1 or self._allowed.left < 2 * self.to_judge
             )
-            measured = self._within(wanted, done, below, last=last)
+            measured = self._within(wanted, done, below, late, last=last)
             if measured is None:
                 break
             tried, error = measured
-            if self._is_late(wanted, self.takes(tried) - late):
-                break
             try:
                 written = self._write(tried, wanted.folder)
             except SceneError as refused:
@@ -238,9 +236,11 @@ class Answers:
                 break
 
     def _within(
-        self, wanted: Wanted, done: set[Key], below: _Below, *, last: bool
+        self, wanted: Wanted, done: set[Key], below: _Below, late: float, *, last: bool
     ) -> tuple[Tried, Apart] | None:
-        """Return the best that lies below, and whose error on fresh seeds is within the limit.
+        """Return the best that lies below, whose error on fresh seeds is within the limit.
+
+        None if there is none, or no time to judge it, which may end so late [s].
 
         An error is measured in a small part of the time that a verdict takes. The last is safe, if
         anything is.
@@ -251,7 +251,7 @@ class Answers:
             ways = [partial(self._next, below=below), self._safest]
             found = (way(done, wanted.bound) for way in (ways[::-1] if last else ways))
             tried = next(filter(None, found), None)
-            if tried is None:
+            if tried is None or self._is_late(wanted, self.takes(tried) - late):
                 return None
             done.add(tried.choice.key)
             made = self._search.space.made(tried.choice)
@@ -310,7 +310,7 @@ class Answers:
         near = [(about, one.choice) for about, one in search.likely(bound)]
         near += [(once / choice.multiple, choice) for choice in search.shorter(best)]
         for about, choice in sorted(near, key=lambda pair: pair[0]):
-            if about >= dearest:
+            if about >= dearest or self._allowed.left < 0:
                 break
             if fits(search.measured(choice)) and self.is_better(search.added(choice), bound):
                 return search.added(choice)
