@@ -90,6 +90,20 @@ Worker.run, Worker.__init__ = watched, starting
 """
 
 
+# Prints what of contactlab is loaded as it begins to hear Ctrl-C.
+HEARING = """
+import signal, sys
+hear = signal.signal
+
+def heard(*given):
+    print(*(name for name in sys.modules if name.startswith("contactlab")))
+    return hear(*given)
+
+signal.signal = heard
+import contactlab.__main__
+"""
+
+
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     (tmp_path / "ball.yaml").write_text(BALL)
@@ -121,6 +135,10 @@ def starts(folder: Path, *arguments: str) -> list[str]:
     (folder / "sitecustomize.py").write_text(STARTS)
     command = [sys.executable, "-m", "contactlab", "sweep", "ball.yaml", *arguments]
     return re.findall("started|forked", finish(command, folder).stderr)
+
+
+def test_ctrl_c_is_heard_before_anything_is_loaded(folder: Path) -> None:
+    assert run(HEARING, folder).split() == ["contactlab", "contactlab.__main__"]
 
 
 @pytest.mark.long

@@ -10,13 +10,12 @@ Python, where the answers are data:
     contactlab.examine("path/to/robot.xml").sound
 
 Importing this loads neither the physics engine nor Arrow; the first call does, if it needs them.
+Nor does it load any other module of the package: the command's own hears Ctrl-C, and comes next.
 """
 
 from collections.abc import Sequence
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
-
-import contactlab.parts  # noqa: F401 # pyright: ignore[reportUnusedImport] - it registers them
 
 if TYPE_CHECKING:
     from contactlab.command_line.surroundings import progress

@@ -13,6 +13,7 @@ import sys
 from collections.abc import Generator, Iterable, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from importlib import import_module
 from importlib.metadata import Distribution, EntryPoint, distributions, entry_points
 from importlib.util import find_spec
 from itertools import chain
@@ -33,6 +34,8 @@ def extensions(kind: str) -> dict[str, Part | EntryPoint]:
     These are contactlab's own parts and those of installed packages. They are loaded when they are
     asked for, and are no part of the evidence.
     """
+    # Our own may be of any package, so that they are found by a name, as a stranger's are.
+    import_module("contactlab.parts")
     installed = {entry.name: entry for entry in entry_points(group=f"contactlab.{kind}s")}
     return dict(sorted({**PARTS.get(kind, {}), **installed}.items()))
 
