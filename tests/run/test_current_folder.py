@@ -46,6 +46,7 @@ def test_ray_is_started_in_an_empty_folder(monkeypatch: pytest.MonkeyPatch) -> N
     before = Path.cwd()
     with ray_cluster(None, 1):
         assert Path.cwd() == before
+        assert os.environ["RAY_worker_niceness"] == "0"  # noqa: SIM112 - as Ray spells it
     assert seen == [[]]
 
 

@@ -22,6 +22,9 @@ _ENVIRONMENT = {
     "RAY_USAGE_STATS_REPORT_URL": "http://127.0.0.1:9/",
     # Nodes run what is installed there; no environment is packed and sent by `uv run`.
     "RAY_ENABLE_UV_RUN_RUNTIME_ENV": "0",
+    # As other executors do: Ray would have its workers give way to all else, almost for ever on a
+    # busy machine.
+    "RAY_worker_niceness": "0",
     # Ray would print messages about nodes and workers among the results.
     "RAY_DEDUP_LOGS_SKIP_REGEX": ".*",
     # Silences a warning about graphics cards.
