@@ -148,6 +148,14 @@ def test_what_nothing_meets_has_a_nearest() -> None:
     assert nearest.choice.multiple == 2
 
 
+def test_steps_of_a_later_bound_are_sought_without_what_the_first_found_to_be_waste() -> None:
+    bounds = Bound.as_now(0.04), Bound.of(0.02)
+    tried = searched(Ideal(0.01), 0.02, bounds=bounds).tried.values()
+    shorter = [one.choice for one in tried if one.choice.multiple < FINER]
+    assert shorter
+    assert all("jacobian" in choice.settings for choice in shorter)
+
+
 def test_what_time_did_not_allow_to_judge_is_the_cheapest_within_the_limit() -> None:
     """Not what has the least error; of what failed on fresh seeds, the next."""
     bound, failed = Bound.of(0.035), set[Key]()

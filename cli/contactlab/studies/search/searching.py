@@ -415,8 +415,11 @@ class Search:
         return saves
 
     def _step_alone(self) -> Choice:
-        """Return the longest step within the limit, of all else as written, and price it."""
-        own = self.now.without(self.space.start)
+        """Return the longest step within the limit, of all else as written, and price it.
+
+        Of later bounds, of the model without waste, which is as accurate and sooner measured.
+        """
+        own = self._without_waste or self.now.without(self.space.start)
         found = self._longest(self._far(own), 1, _CLOSE) or own
         self._priced([found])
         return found
