@@ -395,8 +395,8 @@ def _grippers(hands: Sequence[Entry]) -> Iterator[str]:
     yield "verdict on the whole model, not on its grip.\n"
     yield "| gripper | as it is | holds with | model |\n|---|---|---|---|"
     for entry in hands:
-        link = f"[{_plain(_short(entry.name))}](atlas/{slug(entry)}.md) of {entry.wheel}"
-        now = _grip(entry)
+        name, now = _breakable(_plain(_short(entry.name))), _grip(entry)
+        link = f"[{name}](atlas/{slug(entry)}.md) of {entry.wheel}"
         yield f"| {link} | {now} | {_plain(_held_by(entry)) or _NONE} | {shown_word(entry)} |"
 
 
@@ -421,9 +421,8 @@ def _cells(
         source = f"../{_STATIC}/{page}-still.webp"
         still = f'<img src="{source}" alt="" loading="lazy" width="96" height="60">'
     aged = ", older judge" if old else ""
-    link = (
-        f'<a href="{page}/">{still}{_breakable(_short(name))}</a><small>{entry.wheel}{aged}</small>'
-    )
+    shown = _breakable(html.escape(_short(name)))
+    link = f'<a href="{page}/">{still}{shown}</a><small>{entry.wheel}{aged}</small>'
     grip = f"{_grip(entry)}<small>gripper</small>" if entry.grip else _NONE
     saving = _saving(entry)
     saved = _NONE if saving is None else percent(saving) if saving else "nothing"
@@ -440,8 +439,8 @@ def _cells(
 
 
 def _breakable(name: str) -> str:
-    """Return a path as HTML that may be broken after its parts."""
-    return re.sub("(?<=[/_])", "<wbr>", html.escape(name))
+    """Return an escaped path that lines may break after its parts."""
+    return re.sub("(?<=[/_])", "<wbr>", name)
 
 
 def _short(name: str) -> str:
@@ -485,7 +484,7 @@ myst:
   html_meta:
     description: "{_attribute(f"{entry.name} of {entry.wheel} in MuJoCo: {report.sentence}")}"
 ---"""
-    yield f"# {_short(entry.name)} of {entry.wheel}\n"
+    yield f"# {_breakable(_plain(_short(entry.name)))} of {entry.wheel}\n"
     yield f"![contactlab: {shown_word(entry)}](../{_STATIC}/{slug(entry)}.svg)\n"
     yield f"**{shown_word(entry).capitalize()}**: {_MEANINGS[entry.word]}"
     yield "([under which task](../atlas.md#what-a-verdict-means))."
