@@ -484,7 +484,7 @@ myst:
   html_meta:
     description: "{_attribute(f"{entry.name} of {entry.wheel} in MuJoCo: {report.sentence}")}"
 ---"""
-    yield f"# {_breakable(_plain(_short(entry.name)))} of {entry.wheel}\n"
+    yield f"# {_short(entry.name)} of {entry.wheel}\n"
     yield f"![contactlab: {shown_word(entry)}](../{_STATIC}/{slug(entry)}.svg)\n"
     yield f"**{shown_word(entry).capitalize()}**: {_MEANINGS[entry.word]}"
     yield "([under which task](../atlas.md#what-a-verdict-means))."
