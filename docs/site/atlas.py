@@ -457,6 +457,8 @@ def _page(entry: Entry, others: Mapping[str, Entry], *, old: bool) -> Iterator[s
     yield from _advised(entry)
     if film_of(entry.family[0]).is_file():
         yield f"![its task, as plain MuJoCo plays it](../{_STATIC}/{page}.webp)\n"
+    else:
+        yield "No film of it was kept.\n"
     yield f"## What `contactlab` says\n\n```text\n{chr(10).join(examination_lines(report))}\n```\n"
     yield "## What was tried\n"
     yield from _tried(entry)
