@@ -68,7 +68,7 @@ TWO_WHEELS = """<mujoco><option timestep=".002" gravity="0 0 0"/><worldbody>
   <body name="free" pos="2 0 0"><joint name="f"/><geom size=".1" mass="1" contype="0"/></body>
 </worldbody>
 <equality><joint name="mesh" joint1="l" joint2="f"/></equality>
-<actuator><velocity joint="l" kv="5"/><velocity joint="r" kv="5"/></actuator></mujoco>"""
+<actuator><velocity joint="l" kv="5"/><velocity jointinparent="r" kv="5"/></actuator></mujoco>"""
 
 
 @pytest.mark.parametrize("place", ["joint l", "contact world - left", "equality mesh"])

@@ -26,7 +26,7 @@ from contactlab.budget.windows import joint_name
 from contactlab.contact.trace_arrays import Floats
 from contactlab.scene.model_edits import FIELD_KINDS, derive
 from contactlab.scene.model_names import find_id, name_of
-from contactlab.scene.part_bodies import bodies_of_equality, bodies_of_tendon, hauled
+from contactlab.scene.part_bodies import AT_JOINT, bodies_of_equality, bodies_of_tendon, hauled
 
 _AFFINE = int(mujoco.mjtBias.mjBIAS_AFFINE)
 _STIFFNESS, _DAMPING = 1, 2  # places of their negatives in biasprm
@@ -219,7 +219,7 @@ def _of_dofs(
 def _servos(model: mujoco.MjModel, joint: int) -> Iterator[int]:
     """Yield the actuators of a joint whose force depends on its position or speed."""
     for actuator in range(model.nu):
-        at_joint = int(model.actuator_trntype[actuator]) == mujoco.mjtTrn.mjTRN_JOINT
+        at_joint = int(model.actuator_trntype[actuator]) in AT_JOINT
         if (
             at_joint
             and int(model.actuator_trnid[actuator, 0]) == joint

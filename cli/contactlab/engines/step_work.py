@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import ACTUATORS, CONSTRAINTS, OTHERS, Floats
 from contactlab.scene.initial_states import InitialStates, apply_inputs
+from contactlab.scene.part_bodies import AT_JOINT
 from contactlab.scene.run_setup import (
-    AT_JOINT,
     has_moving_surfaces,
     has_others,
     is_conservative,

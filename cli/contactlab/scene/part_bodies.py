@@ -11,7 +11,8 @@ _EQUALITY = mujoco.mjtEq
 _TRN = mujoco.mjtTrn
 _WRAP = mujoco.mjtWrap
 _SITES = (int(_TRN.mjTRN_SITE), int(_TRN.mjTRN_SLIDERCRANK))
-_AT_JOINT = (int(_TRN.mjTRN_JOINT), int(_TRN.mjTRN_JOINTINPARENT))
+AT_JOINT = (int(_TRN.mjTRN_JOINT), int(_TRN.mjTRN_JOINTINPARENT))
+"""Transmissions of actuators that move one joint."""
 
 
 def moving_bodies(model: mujoco.MjModel, bodies: Iterable[int]) -> tuple[str, ...]:
@@ -42,7 +43,7 @@ def bodies_of_tendon(model: mujoco.MjModel, index: int) -> tuple[str, ...]:
 def bodies_of_actuator(model: mujoco.MjModel, index: int) -> tuple[str, ...]:
     """Return the bodies that an actuator moves."""
     kind, ends = int(model.actuator_trntype[index]), np.asarray(model.actuator_trnid[index])
-    if kind in _AT_JOINT:
+    if kind in AT_JOINT:
         return moving_bodies(model, np.asarray(model.jnt_bodyid)[ends[:1]])
     if kind == _TRN.mjTRN_TENDON:
         return bodies_of_tendon(model, int(ends[0]))

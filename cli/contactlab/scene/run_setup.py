@@ -36,6 +36,7 @@ from contactlab.scene.initial_states import quaternions
 from contactlab.scene.model_edits import read_flag
 from contactlab.scene.model_names import is_address, name_of
 from contactlab.scene.part_bodies import (
+    AT_JOINT,
     bodies_of_actuator,
     bodies_of_equality,
     bodies_of_tendon,
@@ -301,8 +302,6 @@ def joints_of(model: mujoco.MjModel) -> Joints:
 _EQUALITY = mujoco.mjtEq
 _JOINT = mujoco.mjtJoint
 _KINDS: tuple[PartKind, ...] = ("free", "ball", "slide", "hinge")
-AT_JOINT = [int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT)]
-"""Transmissions of actuators that act on one joint."""
 
 
 def find_mechanism(model: mujoco.MjModel) -> Mechanism:

@@ -11,6 +11,7 @@ import numpy as np
 from contactlab.contact.trace_arrays import Floats
 from contactlab.errors import SceneError, did_you_mean
 from contactlab.scene.model_names import coordinates, mocap_coordinates, part_starts
+from contactlab.scene.part_bodies import AT_JOINT
 from contactlab.scene.timed_inputs import Signals
 
 TIME = "time"
@@ -139,7 +140,7 @@ def _actuators_of_joints(model: mujoco.MjModel) -> dict[str, str]:
     """Return the joints that one actuator moves, with that actuator's name."""
     joints: dict[str, list[str]] = {}
     for actuator in range(model.nu):
-        if int(model.actuator_trntype[actuator]) == int(mujoco.mjtTrn.mjTRN_JOINT):
+        if model.actuator_trntype[actuator] in AT_JOINT:
             joint = model.joint(int(model.actuator_trnid[actuator, 0])).name
             joints.setdefault(joint, []).append(model.actuator(actuator).name)
     return {joint: names[0] for joint, names in joints.items() if len(names) == 1}

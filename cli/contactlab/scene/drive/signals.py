@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import Floats
+from contactlab.scene.part_bodies import AT_JOINT
 from contactlab.scene.timed_inputs import Signals
 from contactlab.schema.drive import NoiseDrive
 
@@ -36,7 +37,6 @@ _FIXED = int(mujoco.mjtGain.mjGAIN_FIXED)
 _AFFINE = int(mujoco.mjtBias.mjBIAS_AFFINE)
 _INTEGRATOR = int(mujoco.mjtDyn.mjDYN_INTEGRATOR)
 _MUSCLE = int(mujoco.mjtDyn.mjDYN_MUSCLE)
-_AT_JOINT = int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT)
 
 
 def control_ranges(model: mujoco.MjModel) -> Floats:
@@ -76,7 +76,7 @@ def _unlimited(model: mujoco.MjModel, actuator: int) -> tuple[float, float]:
 def _lengths(model: mujoco.MjModel, actuator: int) -> Floats:
     """Return (2,) the lengths of a servo at the limits of its joint; without, some way about."""
     joint = int(model.actuator_trnid[actuator, 0])
-    if model.actuator_trntype[actuator] in _AT_JOINT and model.jnt_limited[joint]:
+    if model.actuator_trntype[actuator] in AT_JOINT and model.jnt_limited[joint]:
         return model.jnt_range[joint] * model.actuator_gear[actuator, 0]
     return np.array([-_WAY, _WAY]) + model.actuator_length0[actuator]
 

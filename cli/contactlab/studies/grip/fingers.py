@@ -10,7 +10,7 @@ import numpy as np
 from contactlab.contact.trace_arrays import Floats
 from contactlab.errors import SceneError
 from contactlab.scene.model_names import known_id
-from contactlab.scene.part_bodies import bodies_of_actuator, bodies_of_equality
+from contactlab.scene.part_bodies import AT_JOINT, bodies_of_actuator, bodies_of_equality
 from contactlab.studies.grip.rollouts import constant, roll, start_row
 
 # An actuator is driven for so long to each end of its range and to its middle [s].
@@ -50,7 +50,7 @@ def control_ends(model: mujoco.MjModel) -> Floats:
     ends = np.tile([-1.0, 1.0], (model.nu, 1))
     for actuator in range(model.nu):
         joint = int(model.actuator_trnid[actuator, 0])
-        on_joint = model.actuator_trntype[actuator] == mujoco.mjtTrn.mjTRN_JOINT
+        on_joint = model.actuator_trntype[actuator] in AT_JOINT
         servo = model.actuator_biasprm[actuator, 1] != 0
         if model.actuator_ctrllimited[actuator]:
             ends[actuator] = model.actuator_ctrlrange[actuator]
