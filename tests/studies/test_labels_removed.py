@@ -1,7 +1,7 @@
 """Changes against labels of a run that is numerically sound: which are told, and written."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +9,7 @@ import mujoco
 import pytest
 
 from contactlab.budget import Motion, Settings, Trial, Verdict, error_budget, judge
+from contactlab.budget.measuring import evaluations, steps_of
 from contactlab.run.sweep_request import SceneLoader
 from contactlab.schema.examination import RunLabel
 from contactlab.studies.examine.changes import Again, Changes
@@ -32,6 +33,8 @@ def changes_of(
     word: str = "sound",
     label: RunLabel = DEEP,
     text: str = BOX,
+    *,
+    left: Callable[[Sequence[Motion]], float] = lambda _: math.inf,
 ) -> Changes:
     """Return what is told where runs keep their label without a setting that begins so."""
     file = folder / "box.xml"
@@ -46,7 +49,7 @@ def changes_of(
     def labelled(values: Any) -> Iterator[Sequence[RunLabel]]:
         yield () if any(name.startswith(tuple(keeps)) for name in values) else (label,)
 
-    trial = Trial(wanted=wanted, workers=1)
+    trial = Trial(wanted=wanted, workers=1, left=lambda: left(motions))
     verdict: Any = Verdict(word, 100.0, ())  # pyright: ignore[reportArgumentType]
     return Changes(scene, {}, motions, verdict, trial, Again(moved, labelled, (label,)))
 
@@ -59,6 +62,27 @@ def test_a_finer_step_comes_before_another_model(tmp_path: Path) -> None:
     ]
     assert told[0].settings == {"timestep": 0.001}
     assert set(told[1].settings) == {"geom_solref[floor]", "geom_solref[box]"}
+
+
+def test_a_finer_step_takes_more_of_the_time_that_is_left(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """There is time for a budget of the run's own steps on both groups of seeds, and a half more.
+
+    Half the step takes twice as many, so that it is not tried; what is stiffer takes as many.
+    """
+
+    def half_more(motions: Sequence[Motion]) -> float:
+        return 1.5 * evaluations(motions[0].model, Settings()) * 2 * steps_of(motions)
+
+    monkeypatch.setattr("contactlab.studies.examine.changes.pace", lambda _: 1.0)
+    changes = changes_of(tmp_path, ["timestep", "geom_solref"], left=half_more)
+    assert changes.untried == [
+        "half the step",
+        "a quarter of the step",
+        "an eighth of the step",
+    ]
+    assert [one.name for one in changes.told()] == ["solref / 2 of contact world - box"]
 
 
 def test_a_solver_that_was_not_done_goes_on(tmp_path: Path) -> None:

@@ -225,7 +225,7 @@ class Changes:
         for candidate in candidates:
             if candidate.physics in kinds:
                 continue
-            if not self._affords(self._motions):
+            if not self._affords(candidate.rate):
                 self.untried.append(candidate.name)
                 continue
             model = self._motions[0].model
@@ -289,7 +289,7 @@ class Changes:
         absurd = _absurd(self._motions)
         if not absurd:
             return False
-        if not self._affords(self._motions):
+        if not self._affords(candidate.rate):
             self.untried.append(candidate.name)
             return False
         return all(
@@ -297,10 +297,14 @@ class Changes:
             for motions in self._motions_of(candidate)
         )
 
-    def _affords(self, motions: Sequence[Motion]) -> bool:
-        """Return whether there is time for a budget of a changed model, on both groups of seeds."""
-        looks = evaluations(motions[0].model, self._trial.settings, drifts=drifts(self._verdict))
-        return looks * 2 * steps_of(motions) * pace(motions) <= self._trial.left()
+    def _affords(self, rate: int) -> bool:
+        """Return whether there is time for a budget with so many steps in one of the run's.
+
+        It is measured on both groups of seeds.
+        """
+        model, steps = self._motions[0].model, 2 * rate * steps_of(self._motions)
+        looks = evaluations(model, self._trial.settings, drifts=drifts(self._verdict))
+        return looks * steps * pace(self._motions) <= self._trial.left()
 
     def _is_no_worse(self, motions: Sequence[Motion]) -> bool:
         settings = replace(self._trial.settings, places=False, priced=False)
