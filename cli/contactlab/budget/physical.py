@@ -97,8 +97,7 @@ def _slower_servos(motion: Motion, reasons: Sequence[Reason]) -> Iterator[FieldC
     if len(unheld) > 1:
         first, others = pointed[0], [servo for servo in unheld if servo is not pointed[0]]
         for change in _held(model, [first, *others]):
-            single = alone.get(change.word)
-            after = (single.phrase,) if single else ()
+            after = (alone[change.word].phrase,)
             yield replace(change, word=f"{change.word}-all", after=after)
 
 
