@@ -1,0 +1,33 @@
+"""The check of a model's task fails wherever its examination does not call the model sound."""
+
+from collections.abc import Callable
+
+from contactlab.schema.check_report import CheckResult, Measure
+from contactlab.schema.examination import Examination
+
+Checked = Callable[..., Examination]
+Missed = Callable[[CheckResult], list[Measure]]
+
+ROD = """<mujoco><option timestep=".01"/><worldbody><geom type="plane" size="3 3 .1"/>
+<body name="rod" pos="0 0 .3" euler="0 40 10"><freejoint/><geom type="capsule" size=".02 .2"/>
+</body></worldbody></mujoco>"""
+
+
+def test_the_check_judges_what_a_run_may_be_off_by(checked: Checked, missed: Missed) -> None:
+    """References at a quarter and an eighth of the step leave the share of a falling rod in doubt.
+
+    A tolerance of the share itself is met by the share, and not by the doubt; one of the doubt is
+    met by both.
+    """
+
+    def largest_miss(within: float, word: str) -> float:
+        report = checked(ROD, "task", duration="0.6s", within=(within, "1"))
+        assert report.verdict
+        assert report.verdict.word == word
+        (result,) = report.checks
+        return max((measure.value for measure in missed(result)), default=0.0)
+
+    share = largest_miss(1e-6, "unresolved")
+    doubt = largest_miss(share, "not resolved")
+    assert doubt > share
+    assert largest_miss(doubt, "sound") == 0.0
