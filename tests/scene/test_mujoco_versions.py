@@ -106,3 +106,15 @@ def test_what_versions_can(number: str, version: Callable[[str], None], *, batch
 def test_contact_sensors_measure_all_where_there_are_batches() -> None:
     fields = getattr(mujoco, "mjtConDataField", None)
     assert hasattr(fields, "mjCONDATA_ANGVEL") >= mujoco_versions.has_batch()
+
+
+def test_the_library_is_that_of_the_running_release(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Installing 3.3.7 over 4.0.0 leaves the library of 4.0.0 beside its own."""
+    monkeypatch.setattr(mujoco, "__file__", str(tmp_path / "__init__.py"))
+    monkeypatch.setattr(mujoco, "__version__", "3.3.7")
+    own = tmp_path / "libmujoco.so.3.3.7"
+    for file in (own, tmp_path / "libmujoco.so.4.0.0"):
+        file.touch()
+    assert mujoco_versions.library_file() == own

@@ -58,8 +58,12 @@ def has_batch() -> bool:
 
 
 def library_file() -> Path:
-    """Return MuJoCo's shared library."""
-    (library,) = Path(mujoco.__file__).parent.glob("libmujoco*.so*")
+    """Return MuJoCo's shared library.
+
+    That of another release may lie beside it: 4.0.0 is two packages, of which installing an older
+    release replaces one.
+    """
+    (library,) = Path(mujoco.__file__).parent.glob(f"libmujoco*.so*{mujoco.__version__}")
     return library
 
 
