@@ -52,6 +52,7 @@ from contactlab.studies.task_verdict import run_labels
 
 _JUDGED = 30  # times that a verdict simulates the task: references, their check and RK4, itself
 _JUDGING = 0.1  # of the time allowed, for what the judge says of the model as written
+_TIMED = 12  # times that whole runs are timed, of two seeds: of a choice, and of the model twice
 _COMPILED = 5  # times that a verdict compiles the model: to write, compare, open and run it
 _LABELLED = 0.8  # s of CPU time that runs of a model, written and as it is, take to be labelled
 _LATE = 0.1  # of the time allowed, that the first verdict of an answer may end after it
@@ -154,8 +155,9 @@ class Answers:
         return self._search.tried[self._search.now.key]
 
     def takes(self, tried: Tried) -> float:
-        """Return how long it takes to write a choice and judge it on one seed, about [s]."""
-        return self._allowed.takes(self._written + self._slower(tried) * self._per_seed)
+        """Return how long it takes to write, judge and time a choice on few seeds, about [s]."""
+        per_seed = self._per_seed + _TIMED * self._subject.one_pass
+        return self._allowed.takes(self._written + self._slower(tried) * per_seed)
 
     @property
     def to_judge(self) -> float:

@@ -1,35 +1,29 @@
 """What changed models cost: ratios of times, measured in turns from the same states.
 
-The search is steered by short stretches. What is claimed is measured on whole runs of the task, of
-the seeds that were searched and of fresh ones: iterations hang on the motion, so that seeds differ
-by more than turns do. Steps are timed without Python, and have what a loop in Python adds to each:
-of those that take two microseconds it is a part that is felt.
+Times are those of a plain loop of `mj_step`, as whoever uses a model has it: with its sensors, and
+what Python adds to a step; where MuJoCo gives up, it resets the model and goes on. The search is
+steered by short stretches. What is claimed is measured on whole runs of the task, of the seeds that
+were searched and of fresh ones: iterations hang on the motion, so that seeds differ by more than
+turns do.
 """
 
 import copy
+import itertools
 import math
 import time
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
-from functools import cache
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
+from scipy.special import stdtrit
 
 from contactlab.budget import Motion
+from contactlab.budget.motion import INTEGRATION
 from contactlab.budget.prices import Price
-from contactlab.budget.windows import start_rows
 from contactlab.contact.trace_arrays import Floats
-from contactlab.engines.mujoco_batch import PERSISTENT
-from contactlab.engines.older_mujoco import SimulationError
-from contactlab.scene.mujoco_versions import has_batch
 from contactlab.studies.search.yardstick import Yardsticks, at_steps
-
-if TYPE_CHECKING or has_batch():
-    from mujoco.batch import Batch
-else:
-    from contactlab.engines.older_mujoco import StepLoop as Batch
 
 _FEWEST_PLACES, _MOST_PLACES = 4, 12  # states of each phase that stretches begin in
 _STRETCH, _SHORTEST = 0.2, 0.04  # s of simulated time
@@ -40,34 +34,13 @@ _MOST_RUNS = 100  # that make a piece, of a model that is over sooner
 _MOST_COMPARED, _COMPARING = 25, 0.2  # turns of two models; s of turns, where they are short
 _INSTANT = 1e-7  # s that nothing is timed to take less than
 _WHOLE_TURNS = 4  # of two models that are compared by whole runs
-_LOOPS, _LOOP = 50, 200  # of steps, of which the least counts; steps of each
-_SWING = """<mujoco><worldbody><body><joint name="swing" axis="0 1 0"/>
-<geom size=".02" pos="0 0 1"/></body></worldbody>
-<actuator><motor joint="swing"/></actuator></mujoco>"""
-_FEWEST, _MOST = 3, 60
-"""Turns of each seed."""
-NARROW = 0.07
+_SEED_TURNS = 3  # of a seed; one, where time is short
+_FEWEST, _ENOUGH = 2, 6  # seeds that tell how they differ; so many that it is well known
+_RESETS = int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
+NARROW = 0.05
 """Half-width of intervals that are wanted, as a share."""
 _OUTSIDE = 0.05
 _RESAMPLED = 200
-
-
-@cache
-def looped() -> float:
-    """Return what it adds to a step to have its controls set and be called in Python [s]."""
-    model = mujoco.MjModel.from_xml_string(_SWING)
-    data, controls = mujoco.MjData(model), np.zeros((_LOOP, 1))
-    inside, outside = list[float](), list[float]()
-    for _ in range(_LOOPS):
-        begin = time.thread_time()
-        mujoco.mj_step(model, data, _LOOP)
-        between = time.thread_time()
-        for control in controls:
-            data.ctrl[:] = control
-            mujoco.mj_step(model, data)
-        outside.append(time.thread_time() - between)
-        inside.append(between - begin)
-    return max(0.0, min(outside) - min(inside)) / _LOOP
 
 
 class Stretch(NamedTuple):
@@ -77,23 +50,6 @@ class Stretch(NamedTuple):
     inputs: Floats
     spec: int
     steps: int
-
-
-class Batches:
-    """Batches that models of one layout take turns in: one MjData serves all that are timed."""
-
-    def __init__(self) -> None:
-        self._known: dict[tuple[bool, int], list[Batch]] = {}
-
-    def of(self, model: mujoco.MjModel, starts: Floats) -> Batch:
-        """Return a batch of as many simulations as there are states, all of which run a model."""
-        known = self._known.setdefault((bool(model.opt.enableflags & PERSISTENT), len(starts)), [])
-        for batch in known:
-            with suppress(mujoco.FatalError):  # of another layout
-                batch.set_models([model] * len(starts))
-                return batch
-        known.append(start_rows(model, starts, 1))
-        return known[-1]
 
 
 class Timed:
@@ -106,23 +62,21 @@ class Timed:
         copies: how often there is each piece.
     """
 
-    def __init__(
-        self, model: mujoco.MjModel, stretches: Sequence[Stretch], batches: Batches
-    ) -> None:
-        self._model, self._stretches, self._batches = model, stretches, batches
+    def __init__(self, model: mujoco.MjModel, stretches: Sequence[Stretch]) -> None:
+        self._model, self._data = model, mujoco.MjData(model)
+        self._runs = [(each, row) for each in stretches for row in range(len(each.starts))]
         steps = sum(len(each.starts) * (each.steps - 1) for each in stretches)
         self.simulated = steps * float(model.opt.timestep)
         self.repeats = self.copies = 1
-        self._pieces, self._runs = [1] * len(stretches), [1] * len(stretches)
+        self._ends, self._often = list[list[int]](), list[int]()
         self.whole = math.inf
-        with suppress(SimulationError):
-            once = [self._once(stretch) for stretch in stretches]
-            self._pieces = [
-                max(1, min(_MOST_PIECES, stretch.steps, round(spent / _PIECE)))
-                for stretch, spent in zip(stretches, once, strict=True)
-            ]
-            self._runs = [max(1, min(_MOST_RUNS, round(_PIECE / spent))) for spent in once]
-            self.whole = float(np.dot(once, self._runs))
+        with suppress(mujoco.FatalError):
+            once = [self._once(*run) for run in self._runs]
+            for (stretch, _), spent in zip(self._runs, once, strict=True):
+                pieces = max(1, min(_MOST_PIECES, stretch.steps - 1, round(spent / _PIECE)))
+                self._ends.append(np.linspace(1, stretch.steps, pieces + 1).astype(int).tolist())
+                self._often.append(max(1, min(_MOST_RUNS, round(_PIECE / spent))))
+            self.whole = float(np.dot(once, self._often))
 
     def taken(self) -> Floats:
         """Return (P,) thread time of the pieces of all stretches, over their simulated time.
@@ -131,56 +85,45 @@ class Timed:
         enough to be left alone now and then. Infinite if MuJoCo refuses the model, as it does
         tendon equalities of bodies that sleep.
         """
-        each = zip(self._stretches, self._pieces, self._runs, strict=True)
-        try:
-            spent = np.concatenate([self._spent(*one) for one in each])
-        except SimulationError:
-            return np.full(self.copies * sum(self._pieces), np.inf)
+        if math.isinf(self.whole):
+            return np.full(1, np.inf)
+        spent = np.concatenate([self._spent(place) for place in range(len(self._runs))])
         return np.maximum(spent, _INSTANT) / self.simulated
 
-    def _once(self, stretch: Stretch) -> float:
-        """Return the thread time of all steps of a stretch, about [s]."""
-        batch = self._batches.of(self._model, stretch.starts)
-        (spent,) = _run(batch, stretch, [slice(0, stretch.steps)])
-        return max(spent, _INSTANT)
+    def _once(self, stretch: Stretch, row: int) -> float:
+        """Return the thread time of all steps of a run but the first, about [s]."""
+        return max(self._stepped(stretch, row, [1, stretch.steps])[0], _INSTANT)
 
-    def _spent(self, stretch: Stretch, pieces: int, runs: int) -> Floats:
-        """Return (copies * pieces,) thread time of all steps of a stretch but the first [s].
+    def _spent(self, place: int) -> Floats:
+        """Return (copies * pieces,) thread time of all steps of a run but the first [s].
 
-        A call takes time beside its steps, as much with one of them: few long ones are over as
-        soon. That one is made twice, since a run begins with the caches of the end of another.
-        Where a piece is several runs, it is their mean, and one before them warms caches. A loop
-        in Python adds to each step.
+        A run begins with the caches of the end of another: the first piece is made once before.
+        Where a piece is several runs, it is their mean.
         """
-        batch = self._batches.of(self._model, stretch.starts)
-        ends = np.linspace(0, stretch.steps, pieces + 1).astype(int)
-        spans = [*2 * [slice(0, 1)], *(slice(*ends[place : place + 2]) for place in range(pieces))]
-        least = np.full((self.copies, len(spans)), np.inf)
-        if runs > 1:
-            _run(batch, stretch, spans)
+        stretch, row = self._runs[place]
+        ends, often = self._ends[place], self._often[place]
+        least = np.full((self.copies, len(ends) - 1), np.inf)
+        self._stepped(stretch, row, ends[:2])
         for _ in range(self.repeats):
             for own in least:
-                mean = np.mean([_run(batch, stretch, spans) for _ in range(runs)], axis=0)
-                np.minimum(own, mean, out=own)
-        least[:, 2] -= least[:, 1]
-        steps = np.diff(ends)
-        steps[0] -= 1
-        return (least[:, 2:] + steps * len(stretch.starts) * looped()).ravel() / self.copies
+                runs = [self._stepped(stretch, row, ends) for _ in range(often)]
+                np.minimum(own, np.mean(runs, axis=0), out=own)
+        return least.ravel() / self.copies
 
-
-def _run(batch: Batch, stretch: Stretch, spans: Sequence[slice]) -> list[float]:
-    """Return the thread time of spans of steps; those that begin at 0 begin a run anew [s]."""
-    taken = list[float]()
-    for span in spans:
-        given: dict[str, Any] = {}
-        if stretch.inputs.shape[2]:
-            given = {"control": stretch.inputs[:, span], "control_spec": stretch.spec}
-        if not span.start:
-            batch.state[:] = stretch.starts
-        begin = time.thread_time()
-        batch.rollout(span.stop - span.start, record=[], **given)
-        taken.append(time.thread_time() - begin)
-    return taken
+    def _stepped(self, stretch: Stretch, row: int, ends: Sequence[int]) -> list[float]:
+        """Return the thread time of steps between some, the first of which is not timed [s]."""
+        model, data, spec = self._model, self._data, stretch.spec
+        inputs, taken = stretch.inputs[row], list[float]()
+        mujoco.mj_resetData(model, data)  # what slept wakes
+        mujoco.mj_setState(model, data, stretch.starts[row], INTEGRATION)
+        for first, last in itertools.pairwise([0, *ends]):
+            begin = time.thread_time()
+            for step in range(first, last):
+                if inputs.shape[1]:
+                    mujoco.mj_setState(model, data, inputs[step], spec)
+                mujoco.mj_step(model, data)
+            taken.append(time.thread_time() - begin)
+        return taken[1:]
 
 
 Stepped = tuple[mujoco.MjModel, int]
@@ -196,7 +139,7 @@ class Clock:
 
     def __init__(self, yards: Yardsticks, base: mujoco.MjModel) -> None:
         """Take the model as written, as its files make it."""
-        self._yards, self._written, self._batches = yards, copy.copy(base), Batches()
+        self._yards, self._written = yards, copy.copy(base)
         # Stretches that begin at rest or in flight would tell nothing of contacts.
         self._places, self._stretch = _MOST_PLACES // 2, _SHORTEST
         self.base_seconds = float(self._timed(self._written, yards.finer).taken().sum())
@@ -210,7 +153,7 @@ class Clock:
         turn = Turn([self._timed(*each) for each in [(self._written, self._yards.finer), *models]])
         taken = [turn.taken() for _ in range(turns)]
         self.base_seconds = float(np.min([each[0] for each in taken], axis=0).sum())
-        return _told([taken], seeds=False)
+        return _told(taken)
 
     def compared(self, one: Stepped, other: Stepped, turns: int) -> Price:
         """Return the time of one model over that of another, for the same motion.
@@ -223,64 +166,43 @@ class Clock:
             len(taken) < _MOST_COMPARED and time.thread_time() < begin + _COMPARING
         ):
             taken.append(turn.taken())
-        return _told([taken], seeds=False)[0]
+        return _told(taken)[0]
 
     def compared_whole(self, one: Stepped, other: Stepped) -> Price:
         """Return the time of one model over that of another, for whole runs of one seed."""
         motions = [part.motion for part in self._yards.parts]
         turn = self._turn(self._all_stepped([other, one]), motions, 0)
-        return _told([[turn.taken() for _ in range(_WHOLE_TURNS)]], seeds=False)[0]
+        return _told([turn.taken() for _ in range(_WHOLE_TURNS)])[0]
 
     def whole(
         self, models: Sequence[Stepped], tasks: Iterable[Sequence[Motion]], until: float
     ) -> list[Price]:
         """Return the time of models over that of the model as written, for whole runs of phases.
 
-        Turns go on while they leave an interval wider than wanted, and seeds of the next task are
-        run while seeds do, until then on the clock of `time.monotonic`; seeds that were not timed
-        by then are left out, and so is all if turns are too few.
+        Seeds of task after task are run while they leave an interval wider than wanted, until then
+        on the clock of `time.monotonic`; some are in any case, since one does not tell how they
+        differ.
         """
-        made = self._all_stepped([(self._written, self._yards.finer), *models])
-        turns, taken = list[Turn](), list[list[list[Floats]]]()
+        made, taken = (
+            self._all_stepped([(self._written, self._yards.finer), *models]),
+            list[Floats](),
+        )
         for motions in tasks:
-            self._begin_seeds(made, motions, turns, taken, until)
-            if not taken or not _in_turns(turns, taken, until) or _all_narrow(_told(taken)):
+            for seed in range(motions[0].seeds):
+                if len(taken) < _FEWEST or time.monotonic() < until:
+                    taken.append(_seconds(self._turn(made, motions, seed), until))
+            late = len(taken) >= _FEWEST and time.monotonic() > until
+            if late or (len(taken) >= _ENOUGH and _all_narrow(_over_all(taken))):
                 break
-        if not taken or len(taken[0]) < _FEWEST:
-            return []
-        bases = [np.min([turn[0] for turn in each], axis=0).sum() for each in taken]
-        self.base_seconds = float(np.mean(bases))
-        return _told(taken)
-
-    def _begin_seeds(
-        self,
-        made: Sequence[Stepped],
-        motions: Sequence[Motion],
-        turns: list["Turn"],
-        taken: list[list[list[Floats]]],
-        until: float,
-    ) -> None:
-        """Time each seed of motions as often as those before, while there is time."""
-        often = len(taken[0]) if taken else 1
-        for seed in range(motions[0].seeds):
-            turn, own = self._turn(made, motions, seed), list[list[Floats]]()
-            while len(own) < often:
-                if time.monotonic() > until:
-                    return
-                own.append(turn.taken())
-            turns.append(turn)
-            taken.append(own)
+        self.base_seconds = float(np.mean(taken, axis=0)[0])
+        return _over_all(taken)
 
     def _turn(self, made: Sequence[Stepped], motions: Sequence[Motion], seed: int) -> "Turn":
         """Return whole runs of a seed of motions by a model, and by others beside it."""
         finer = self._yards.finer
         return Turn(
             [
-                Timed(
-                    model,
-                    [whole_run(each, finer, seed, multiple) for each in motions],
-                    self._batches,
-                )
+                Timed(model, [whole_run(each, finer, seed, multiple) for each in motions])
                 for model, multiple in made
             ]
         )
@@ -290,6 +212,7 @@ class Clock:
 
     def _stepped(self, model: mujoco.MjModel, multiple: int) -> mujoco.MjModel:
         model.opt.timestep = multiple * self._yards.step
+        model.opt.disableflags &= ~_RESETS  # as files have it: what records runs never resets
         return model
 
     def _timed(self, model: mujoco.MjModel, multiple: int) -> Timed:
@@ -300,7 +223,7 @@ class Clock:
             places = np.linspace(0, len(which) - 1, min(self._places, len(which))).astype(int)
             begun = yard.begun(multiple, which[places], steps)
             stretches.append(Stretch(*begun, yard.motion.spec, steps))
-        return Timed(self._stepped(model, multiple), stretches, self._batches)
+        return Timed(self._stepped(model, multiple), stretches)
 
 
 class Turn:
@@ -328,18 +251,14 @@ class Turn:
         return found
 
 
-def _in_turns(turns: Sequence[Turn], taken: list[list[list[Floats]]], until: float) -> bool:
-    """Time all seeds in turns until these leave a narrow interval; False if time is over first."""
-    begin = time.thread_time()
-    while len(taken[0]) < _FEWEST or (
-        len(taken[0]) < _MOST
-        and (time.thread_time() < begin + _COMPARING or not _all_narrow(_told(taken, seeds=False)))
-    ):
-        if time.monotonic() > until:
-            return False
-        for seed, turn in enumerate(turns):
-            taken[seed].append(turn.taken())
-    return True
+def _seconds(turn: Turn, until: float) -> Floats:
+    """Return the time of each model of a seed, from one turn where more would leave no others."""
+    begin, least = time.monotonic(), turn.taken()
+    lasts = time.monotonic() - begin
+    often = _SEED_TURNS if begin + _ENOUGH * _SEED_TURNS * lasts < until else 1
+    for _ in range(often - 1):
+        least = [np.minimum(*each) for each in zip(least, turn.taken(), strict=True)]
+    return np.array([pieces.sum() for pieces in least])
 
 
 def whole_run(motion: Motion, finer: int, seed: int, multiple: int) -> Stretch:
@@ -348,44 +267,52 @@ def whole_run(motion: Motion, finer: int, seed: int, multiple: int) -> Stretch:
     return Stretch(run.starts, run.inputs, run.spec, run.steps)
 
 
-def over_seeds(base: Sequence[Floats], model: Sequence[Floats], *, seeds: bool = True) -> Price:
-    """Return the ratio of the least times that all seeds take, and an interval by resampling.
+def over_turns(base: Floats, model: Floats) -> Price:
+    """Return the ratio of the least times of pieces, and an interval by drawing turns again.
 
     Args:
-        base: for each seed, (T, P) times of pieces in turns, of the model as written.
-        model: for each seed, (T, Q) of another model, in the same turns, which are drawn with
-            replacement.
-        seeds: whether seeds are drawn, too; else the interval is of these seeds.
+        base: (T, P) times of pieces in turns, of the model as written.
+        model: (T, Q) of another model, in the same turns.
     """
-    generator, count = np.random.default_rng(0), len(base)
-    turns = len(base[0])
-    drawn = generator.integers(turns, size=(_RESAMPLED, turns))
-    which = np.tile(np.arange(count), (_RESAMPLED, 1))
-    if seeds:  # one less than there are: n drawn of n vary by n - 1 over n of what n others do
-        which = generator.integers(count, size=(_RESAMPLED, max(1, count - 1)))
-    row = np.arange(_RESAMPLED)[:, None]
-    below, above = (
-        np.stack([each[drawn].min(axis=1).sum(axis=1) for each in times], axis=1)[row, which]
-        for times in (base, model)
-    )
-    found = above.sum(axis=1) / below.sum(axis=1)
-    low, high = np.quantile(found, [_OUTSIDE / 2, 1 - _OUTSIDE / 2])
-    whole, other = (sum(each.min(axis=0).sum() for each in times) for times in (base, model))
-    ratio = float(other / whole)
+    turns = len(base)
+    drawn = np.random.default_rng(0).integers(turns, size=(_RESAMPLED, turns))
+    below, above = (each[drawn].min(axis=1).sum(axis=1) for each in (base, model))
+    ratio = float(model.min(axis=0).sum() / base.min(axis=0).sum())
+    low, high = np.quantile(above / below, [_OUTSIDE / 2, 1 - _OUTSIDE / 2])
     return Price(ratio, float(min(low, ratio)), float(max(high, ratio)))
 
 
-def _told(taken: Sequence[Sequence[Sequence[Floats]]], *, seeds: bool = True) -> list[Price]:
-    """Return the price of each model but the first, of its times by seed and turn."""
-    base, *models = (
-        [np.array([turn[place] for turn in turns]) for turns in taken]
-        for place in range(len(taken[0][0]))
-    )
-    refused = Price(math.inf, math.inf, math.inf)
-    return [
-        over_seeds(base, model, seeds=seeds) if np.isfinite(model[0]).all() else refused
-        for model in models
-    ]
+def over_seeds(base: Floats, model: Floats) -> Price:
+    """Return the ratio of the times that all seeds take, and the interval that seeds leave.
+
+    Each seed is timed by itself, so that what it differs by has the noise of its times, too. Of a
+    ratio of sums, what seeds are off by is the residual from it, in first order (W. G. Cochran,
+    Sampling Techniques, 1977, 6.4), and n of them have n - 1 degrees of freedom.
+
+    Args:
+        base: (n,) times of seeds, of the model as written.
+        model: (n,) of another model.
+    """
+    count, ratio = len(base), float(model.sum() / base.sum())
+    off = model / ratio - base
+    share = math.sqrt(count / (count - 1) * float(off @ off)) / float(base.sum())
+    half = float(stdtrit(count - 1, 1 - _OUTSIDE / 2)) * share
+    return Price(ratio, ratio * math.exp(-half), ratio * math.exp(half))
+
+
+_REFUSED = Price(math.inf, math.inf, math.inf)
+
+
+def _over_all(taken: Sequence[Floats]) -> list[Price]:
+    """Return the price of each model but the first, of the times of all models by seed."""
+    base, *models = np.array(taken).T
+    return [over_seeds(base, one) if np.isfinite(one).all() else _REFUSED for one in models]
+
+
+def _told(taken: Sequence[Sequence[Floats]]) -> list[Price]:
+    """Return the price of each model but the first, of its times by turn."""
+    base, *models = (np.array(turns) for turns in zip(*taken, strict=True))
+    return [over_turns(base, one) if np.isfinite(one).all() else _REFUSED for one in models]
 
 
 def _all_narrow(prices: Sequence[Price]) -> bool:

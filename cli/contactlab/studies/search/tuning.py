@@ -3,7 +3,7 @@
 import copy
 import math
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from shutil import rmtree
 
@@ -50,7 +50,7 @@ from contactlab.studies.session import Session
 
 _LONGEST = 0.04  # s: steps of a window's length
 _CLOSELY = 2
-_TIMING, _TIMED = 0.3, 0.15  # of the time that is left, for the clock: at most, and at least
+_RANKING, _TIMING = 0.15, 0.3  # of the time that is left, to time what is best, what is answered
 _SEARCHED = 0.3  # of the time that is left, for a search at least, if a verdict may take the rest
 _LOOKED = 0.1  # of it, in any case
 _TURNS_APART = 5
@@ -99,7 +99,6 @@ class Study:
         self._request, self._session, self._subject = request, session, subject
         self._allowed = allowed
         self._growth: Growth | None = None
-        self._closely = list[Tried]()
         self._aim = self._aim_of()
         self._clock = Clock(subject.yards, subject.model)
         motions = subject.motions
@@ -190,7 +189,7 @@ class Study:
                 f"{self._request.model}: {self._request.max_time:g} s are too short to measure the "
                 "model as written; give more with --max-time"
             )
-        self._time_closely(self._candidates(known))
+        self._time_closely(self._candidates(known), [self._own_and_fresh()], _RANKING)
         for folder in (FOLDER, FOLDER_AS_NOW, FOLDER_OF_AIM):
             rmtree(self._session.folder / folder, ignore_errors=True)
         best, as_now, to_aim = self._answered()
@@ -260,10 +259,10 @@ class Study:
         return best, as_now, to_aim
 
     def _answer(self, wanted: Wanted) -> Answer | None:
-        """Return the best that holds, timed on whole runs; None if those show it no better."""
+        """Return the best that holds, timed until that is claimed; None if that is no better."""
         found = self._answers.of(wanted)
-        if found and found.tried not in self._closely:
-            self._time_closely([found.tried])
+        if found:
+            self._time_closely([self._answers.known, found.tried], self._timed_tasks(), _TIMING)
             if not self._answers.is_better(found.tried, wanted.bound):
                 self._answers.drop(wanted)
                 return None
@@ -291,23 +290,24 @@ class Study:
             found += new[:_CLOSELY]
         return found
 
-    def _time_closely(self, tried: Sequence[Tried]) -> None:
-        """Time choices once more, on whole runs."""
+    def _time_closely(
+        self, tried: Sequence[Tried], tasks: Iterable[Sequence[Motion]], share: float
+    ) -> None:
+        """Time choices on whole runs of tasks, in a share of the time that is left."""
         models = [(self._search.space.made(one.choice), one.choice.multiple) for one in tried]
-        left = self._allowed.left
-        best = [next(iter(self._search.ranked(one.bound)), None) for one in self._wanted]
-        reserved = sum(self._answers.takes(one) for one in best if one)
-        allowed = max(min(_TIMING * left, left - reserved), _TIMED * left, 0.0)
-        until = time.monotonic() + allowed
-        prices = self._clock.whole(models, self._timed_tasks(), until)
-        for one, price in zip(tried, prices, strict=False):
+        until = time.monotonic() + share * self._allowed.left
+        prices = self._clock.whole(models, tasks, until)
+        for one, price in zip(tried, prices, strict=True):
             one.price = price
-        self._closely.extend(tried)
+
+    def _own_and_fresh(self) -> list[Motion]:
+        """Return the task by seeds of the search and fresh ones."""
+        pairs = zip(self._subject.motions, self._answers.motions, strict=True)
+        return [joined_seeds(*pair) for pair in pairs]
 
     def _timed_tasks(self) -> Iterator[Sequence[Motion]]:
         """Yield the task by seeds of the search and fresh ones, then again and again by others."""
-        own, unseen = self._subject.motions, self._answers.motions
-        yield [joined_seeds(*pair) for pair in zip(own, unseen, strict=True)]
+        yield self._own_and_fresh()
         task = self._answers.task
         for _ in range(_MORE_SEEDS):
             task = fresh(task)
