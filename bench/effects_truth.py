@@ -85,7 +85,7 @@ class Tried:
         )
         yards = Yardsticks.of(self.own, 1, 1)
         positions = [part.positions for part in yards.parts]
-        self.parts = {(part.kind, part.name): part for part in parts_of(self.own, positions)}
+        self.parts = {(part.kind, part.name): part for part in parts_of(self.own, positions, 1)}
         self.moved = {
             motion.name + which: rolled(motion, lambda _: None)
             for which, motions in (("", self.own), (", fresh seeds", self.fresh))
@@ -124,9 +124,10 @@ def measure(folder: Path, model: str) -> str:
     tried = Tried(folder, model)
     wrong = list(tried.wrong())
     counted = Counter(part.worth for part in tried.report.parts)
-    ratios = f", shares {min(tried.ratios):.2f} to {max(tried.ratios):.2f} of what is said" * bool(
-        tried.ratios
-    )
+    ratios = ""
+    if tried.ratios:
+        low, high = min(tried.ratios), max(tried.ratios)
+        ratios = f", shares {low:.2f} to {high:.2f} of what is said"
     told = f"{len(wrong)} WRONG: {wrong}" if wrong else "none wrong"
     ended = ", ended by time" if tried.report.ended else ""
     return f"{folder.name}: {dict(counted)}{ratios}; {told}{ended}"

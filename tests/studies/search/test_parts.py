@@ -1,6 +1,8 @@
 """Parts that a model needs, and does not, where physics says which."""
 
+import copy
 import math
+from collections.abc import Callable
 from pathlib import Path
 
 import mujoco
@@ -76,3 +78,45 @@ def test_a_limit_that_holds_is_needed_and_one_out_of_reach_is_kept(shed: PartsRe
 def part(report: PartsReport, name: str) -> PartWorth:
     """Return the one part of a name."""
     return next(each for each in report.parts if each.name == name)
+
+
+# Nothing twists the ball, and the feather leans on its stop by a billionth of the ball's weight.
+BALL = """<mujoco><option timestep="0.002"/><worldbody>
+  <geom type="plane" size="5 5 .1"/>
+  <body name="ball" pos="0 0 .1"><joint type="slide" axis="0 0 1"/>
+    <geom size=".1" mass="100" condim="4"/></body>
+  <body name="feather" pos="3 0 1"><joint name="stop" axis="0 1 0" range="-1 0" limited="true"/>
+    <geom type="capsule" size=".002" fromto="0 0 0 .01 0 0" mass="1e-5"/></body>
+</worldbody></mujoco>"""
+
+
+def test_what_no_force_shows_in_use_is_unused_only_if_no_bit_is_other(tmp_path: Path) -> None:
+    (tmp_path / "ball.xml").write_text(BALL)
+    request = PartsRequest(
+        str(tmp_path / "ball.xml"), task=read_task_options(drive="none", duration="0.1s")
+    )
+    report = run(request, Session(tmp_path / "out"))
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "ball.xml"))
+
+    def without_torsion(changed: mujoco.MjModel) -> None:
+        changed.geom_condim[:] = np.minimum(changed.geom_condim, 3)
+
+    def without_limits(changed: mujoco.MjModel) -> None:
+        changed.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_LIMIT
+
+    for name, change in (
+        ("contacts without torsion and rolling", without_torsion),
+        ("no limits", without_limits),
+    ):
+        assert rolled(model, change) != rolled(model, lambda _: None)
+        assert part(report, name).exercised
+        assert not part(report, name).worth.startswith("unused")
+
+
+def rolled(model: mujoco.MjModel, change: Callable[[mujoco.MjModel], None]) -> bytes:
+    """Return the bits of where a changed model is after 50 steps."""
+    changed = copy.copy(model)
+    change(changed)
+    data = mujoco.MjData(changed)
+    mujoco.mj_step(changed, data, 50)
+    return data.qpos.tobytes()

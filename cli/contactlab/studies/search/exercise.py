@@ -31,12 +31,24 @@ def doubled(motion: Motion) -> Motion:
     return replace(motion, inputs=2 * motion.inputs, name=f"{motion.name}, doubled")
 
 
+def move_alike(motions: Sequence[Motion], others: Sequence[Motion], workers: int) -> bool:
+    """Return whether motions are the same bit for bit as others."""
+    pairs = zip(_whole(motions, workers), _whole(others, workers), strict=True)
+    return all(one.tobytes() == other.tobytes() for one, other in pairs)
+
+
 def positions_of(motions: Sequence[Motion], workers: int) -> Iterator[Floats]:
     """Yield configurations (T, nq) that motions go through, before each step."""
+    for motion, whole in zip(motions, _whole(motions, workers), strict=True):
+        kept = whole[:, :-1, : motion.model.nq]
+        yield kept[np.isfinite(kept).all(axis=2)]
+
+
+def _whole(motions: Sequence[Motion], workers: int) -> Iterator[Floats]:
+    """Yield the states (S, N + 2, kept) that motions go through."""
     for motion in motions:
         length = motion.steps * float(motion.model.opt.timestep)
-        kept = replay(motion, length, workers).kept[:, :-1, : motion.model.nq]
-        yield kept[np.isfinite(kept).all(axis=2)]
+        yield replay(motion, length, workers).kept
 
 
 def joined_seeds(one: Motion, other: Motion) -> Motion:

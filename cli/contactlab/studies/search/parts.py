@@ -8,7 +8,7 @@ import copy
 import math
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
@@ -27,7 +27,7 @@ from contactlab.schema.error_budget import BudgetPrice
 from contactlab.schema.parts_report import REPORT, PartKind, PartsReport, PartWorth, Worth
 from contactlab.studies.examine.examination import ExamineRequest, open_model
 from contactlab.studies.search.clock import Clock
-from contactlab.studies.search.exercise import TILT, doubled, tilted
+from contactlab.studies.search.exercise import TILT, doubled, move_alike, tilted
 from contactlab.studies.search.tune_request import refuse_metrics
 from contactlab.studies.search.unused_pairs import untouched_geoms
 from contactlab.studies.search.yardstick import Apart, Yardsticks
@@ -82,7 +82,7 @@ def run(request: PartsRequest, session: Session) -> PartsReport:
     threads = max(1, session.workers)
     loaded = loads_of(motions)
     yards = Yardsticks.of(loaded, 1, threads).known_ones()
-    parts = parts_of(loaded, [part.positions for part in yards.parts])
+    parts = parts_of(loaded, [part.positions for part in yards.parts], threads)
     clock = Clock(yards, motions[0].model)
     measured, ended = list[tuple[Part, Apart | None, Price | None]](), False
     same = yards.around(reference_of)
@@ -158,10 +158,32 @@ def _price(price: Price | None) -> BudgetPrice | None:
     return price and BudgetPrice(ratio=price.ratio, low=price.low, high=price.high)
 
 
-def parts_of(motions: Sequence[Motion], positions: Sequence[np.ndarray]) -> list[Part]:
-    """Return the features and parts of a model, and which of them any step makes use of."""
+def parts_of(
+    motions: Sequence[Motion], positions: Sequence[np.ndarray], threads: int
+) -> list[Part]:
+    """Return the features and parts of a model, and which of them any step makes use of.
+
+    What no step shows in use, and no proof leaves out, has to be unused indeed: without it, the
+    motions are the same bit for bit.
+    """
     model = motions[0].model
-    return [*_features(motions), *_pieces(model, used_by(motions), positions)]
+    found = [*_features(motions), *_pieces(model, used_by(motions), positions)]
+    idle = [part for part in found if not (part.exercised or part.proof)]
+    if _unused(idle, motions, threads):
+        return found
+    used = [part for part in idle if not _unused([part], motions, threads)]
+    return [replace(part, exercised=True) if part in used else part for part in found]
+
+
+def _unused(parts: Sequence[Part], motions: Sequence[Motion], threads: int) -> bool:
+    """Return whether motions without some parts are the same bit for bit."""
+
+    def without(model: mujoco.MjModel) -> None:
+        for part in parts:
+            part.without(model)
+
+    others = [replace(motion, model=_made(motion.model, without)) for motion in motions]
+    return move_alike(motions, others, threads)
 
 
 def _features(motions: Sequence[Motion]) -> Iterator[Part]:

@@ -17,7 +17,7 @@ from contactlab.scene.unreachable import GeomPair, filtered_pairs
 from contactlab.studies.check.checked_model import CheckedModel
 from contactlab.studies.search.allowed_time import AllowedTime
 from contactlab.studies.search.choice import AS_WRITTEN, Cuts
-from contactlab.studies.search.exercise import doubled, positions_of, tilted
+from contactlab.studies.search.exercise import doubled, move_alike, positions_of, tilted
 from contactlab.studies.search.forward import ForwardError, Watched
 from contactlab.studies.search.hulls import colliding, fewer_vertices, hull
 from contactlab.studies.search.levers import Unsearched
@@ -208,15 +208,10 @@ class Subject:
         except SceneError as error:
             self._keep("collisions that cannot be", str(error).splitlines()[0])
             return ModelEdits()
-        for motion in self.motions:
-            length = motion.steps * float(motion.model.opt.timestep)
-            one, two = (
-                replay(replace(motion, model=each), length, self.threads).kept
-                for each in (motion.model, lighter)
-            )
-            if one.tobytes() != two.tobytes():
-                self._keep("collisions that cannot be", "the motion differs")
-                return ModelEdits()
+        others = [replace(motion, model=lighter) for motion in self.motions]
+        if not move_alike(self.motions, others, self.threads):
+            self._keep("collisions that cannot be", "the motion differs")
+            return ModelEdits()
         self.models[_UNUSED] = lighter
         return edits
 
