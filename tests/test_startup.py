@@ -4,6 +4,7 @@ import os
 import re
 import subprocess
 import sys
+import sysconfig
 from pathlib import Path
 
 import pytest
@@ -38,6 +39,7 @@ except SystemExit as end:
 else:
     raise AssertionError("it did not end")
 """
+SCRIPT = str(Path(sysconfig.get_path("scripts")) / "contactlab")
 SWEEP = ["sweep", "ball.yaml", "-o", "store", "--workers", "0"]
 # Prints the size of each row that is stored, and fails for one with nulls.
 ROWS = """
@@ -90,17 +92,29 @@ Worker.run, Worker.__init__ = watched, starting
 """
 
 
-# Prints what of contactlab is loaded as it begins to hear Ctrl-C.
-HEARING = """
-import signal, sys
-hear = signal.signal
+# As every so many-th module is looked for, from the first after the command's own, a copy of the
+# process has Ctrl-C; noted are the module's name, how the copy ends, and what it says.
+INTERRUPTED = """
+import os, signal, sys
+from itertools import count
+own, begun, number, ends = {"contactlab", "contactlab.__main__"}, set(), count(), open("ends", "a")
 
-def heard(*given):
-    print(*(name for name in sys.modules if name.startswith("contactlab")))
-    return hear(*given)
+class Interrupter:
+    def find_spec(name, path=None, target=None):
+        begun.update({name} & own)
+        if name in own or not begun or next(number) % EVERY:
+            return
+        copy = os.fork()
+        if copy == 0:
+            sys.meta_path.remove(Interrupter)
+            said = os.open("said", os.O_CREAT | os.O_WRONLY | os.O_TRUNC)
+            os.dup2(said, 1), os.dup2(said, 2)
+            signal.raise_signal(signal.SIGINT)
+            return
+        end = os.waitstatus_to_exitcode(os.waitpid(copy, 0)[1])
+        print(name, end, os.stat("said").st_size, file=ends, flush=True)
 
-signal.signal = heard
-import contactlab.__main__
+sys.meta_path.insert(0, Interrupter)
 """
 
 
@@ -137,8 +151,37 @@ def starts(folder: Path, *arguments: str) -> list[str]:
     return re.findall("started|forked", finish(command, folder).stderr)
 
 
-def test_ctrl_c_is_heard_before_anything_is_loaded(folder: Path) -> None:
-    assert run(HEARING, folder).split() == ["contactlab", "contactlab.__main__"]
+def interrupted(folder: Path, every: int, *command: str) -> list[tuple[str, str, str]]:
+    """Return the module, the exit code and the bytes said of each copy that had Ctrl-C."""
+    (folder / "sitecustomize.py").write_text(f"EVERY = {every}{INTERRUPTED}")
+    finish([sys.executable, *command], folder)
+    name_end_said = re.compile(r"(\S+) (\S+) (\d+)")
+    return name_end_said.findall((folder / "ends").read_text())
+
+
+@pytest.mark.parametrize(
+    ("entry", "every"),
+    [
+        (["-m", "contactlab"], 20),
+        ([SCRIPT], 20),
+        pytest.param(["-m", "contactlab"], 1, marks=pytest.mark.long),
+        pytest.param([SCRIPT], 1, marks=pytest.mark.long),
+    ],
+)
+def test_ctrl_c_is_quiet_whatever_is_loaded(folder: Path, entry: list[str], every: int) -> None:
+    first, *rest = interrupted(folder, every, *entry, "list", "sweeps")
+    assert first == ("contactlab.startup", "130", "0"), "something is loaded before it is heard"
+    assert len(rest) > 200 // every
+    assert {(end, said) for _, end, said in rest} == {("130", "0")}
+
+
+@pytest.mark.long
+def test_ctrl_c_is_quiet_where_libraries_in_c_are_loaded(folder: Path) -> None:
+    """They lose an exception, or tell of it as an ImportError; a sweep says how to resume."""
+    found = interrupted(folder, 1, "-m", "contactlab", *SWEEP)
+    assert {"mujoco._structs", "mujoco._callbacks"} <= {name for name, *_ in found}
+    resume = "interrupted; run the same command again to resume\n"
+    assert {(end, said) for _, end, said in found} <= {("130", "0"), ("130", str(len(resume)))}
 
 
 @pytest.mark.long

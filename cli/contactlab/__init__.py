@@ -10,14 +10,15 @@ Python, where the answers are data:
     contactlab.examine("path/to/robot.xml").sound
 
 Importing this loads neither the physics engine nor Arrow; the first call does, if it needs them.
-Nor does it load any other module of the package: the command's own hears Ctrl-C, and comes next.
+Nor does it load any other module, of the package or of Python: the command's own hears Ctrl-C,
+and comes next.
 """
 
-from collections.abc import Sequence
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
-
+TYPE_CHECKING = False  # as type checkers know it; `typing` loads a dozen modules
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from typing import Any
+
     from contactlab.command_line.surroundings import progress
     from contactlab.commands import baseline, traces
     from contactlab.commands.bisect import bisect
@@ -88,7 +89,7 @@ __all__ = [
 ]
 
 
-def __getattr__(name: str) -> Any:  # noqa: ANN401 - each function has a type of its own
+def __getattr__(name: str) -> "Any":  # noqa: ANN401 - each function has a type of its own
     if name not in __all__:
         return _installed(name)
     if name == "__version__":
@@ -107,11 +108,13 @@ def __getattr__(name: str) -> Any:  # noqa: ANN401 - each function has a type of
         from contactlab.command_line.surroundings import progress
 
         return progress
+    from importlib import import_module
+
     module = import_module(f"contactlab.commands.{name}")
     return getattr(module, name, module)
 
 
-def _installed(name: str) -> Any:  # noqa: ANN401 - as above
+def _installed(name: str) -> "Any":  # noqa: ANN401 - as above
     """Return a command that another package adds, or one by its former name."""
     from contactlab.command_line.front_door import FORMER
     from contactlab.plugins import extensions
@@ -124,7 +127,7 @@ def _installed(name: str) -> Any:  # noqa: ANN401 - as above
     return found.load()
 
 
-def _former(name: str, what: str) -> Any:  # noqa: ANN401 - as above
+def _former(name: str, what: str) -> "Any":  # noqa: ANN401 - as above
     """Return a listing's function under the name that it had up to 0.3."""
     import warnings
     from functools import partial
@@ -137,5 +140,5 @@ def _former(name: str, what: str) -> Any:  # noqa: ANN401 - as above
     return partial(listing.list, what)
 
 
-def __dir__() -> Sequence[str]:
+def __dir__() -> "Sequence[str]":
     return __all__

@@ -1,13 +1,11 @@
 """The command `contactlab`, also as `python -m contactlab`."""
 
+import _signal as signal  # pyright: ignore[reportMissingImports] - `signal` loads a dozen more
 import os
-import signal
 import sys
-from types import FrameType
 
 
-def _leave(_number: int, _frame: FrameType | None) -> None:
-    # At once: an exception might be lost in what loads, or be told of as an error.
+def _leave(*_: object) -> None:
     os._exit(130)
 
 
@@ -22,10 +20,11 @@ import contactlab.startup  # noqa: E402, F401 # pyright: ignore[reportUnusedImpo
 def main() -> None:
     """Run the command line; Ctrl-C is no error to report."""
     from contactlab.command_line.main import main as run  # noqa: PLC0415 - takes a while
+    from contactlab.command_line.terminal import interrupt  # noqa: PLC0415 - as above
 
-    if _HEARD:
-        signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
+        if _HEARD:
+            signal.signal(signal.SIGINT, interrupt)
         run()
     except KeyboardInterrupt:
         raise SystemExit(130) from None
@@ -35,6 +34,9 @@ def main() -> None:
             raise
         sys.stderr.write("error: out of memory; free some, or raise its limit (ulimit -v)\n")
         raise SystemExit(2) from None
+    finally:
+        if _HEARD:
+            signal.signal(signal.SIGINT, _leave)
 
 
 if __name__ == "__main__":

@@ -3,7 +3,7 @@
 Run: python -m tests.run.faults_at_writes LIFE STRIDE folder|s3://BUCKET, where `failing_calls.c` is
 preloaded. A point is a call that changes what is stored: of a folder one of the system's calls, as
 `failing_calls.c` has them, of a bucket a request to put, create or delete an object. Every so
-many-th point is tried in every manner, of a long series of writes every seventeenth:
+many-th point is tried in every manner:
 
 - error: the call fails once and does nothing; a request was done, but its answer is lost
 - refused: a request fails once, and was not done
@@ -47,7 +47,6 @@ SWEEP: dict[str, Any] = {
 CALLS = ("open", "write", "sync", "rename", "remove", "make", "close", "truncate")
 MANNERS = ("count", "error", "full", "kill")
 GROWS = {"open", "write", "make"}
-PARTS = 17
 REQUESTS = ("put", "create", "delete")
 
 
@@ -251,17 +250,6 @@ def looked_at(place: str) -> dict[str, Any]:
     return {"problems": verify(store.address), "physics": store.physics, "files": files}
 
 
-def chosen(made: list[str]) -> list[int]:
-    """Return the points that are tried: all, but a part of those between writes and writes.
-
-    Parquet writes a table in hundreds of parts, of a file that has not its name yet.
-    """
-    between = [
-        point for point in range(1, len(made) - 1) if made[point - 1 : point + 2] == ["write"] * 3
-    ]
-    return sorted({*range(len(made))} - {*between} | {*between[::PARTS]})
-
-
 class Fault(NamedTuple):
     """How a life is to fail, at which of its calls."""
 
@@ -273,7 +261,7 @@ class Fault(NamedTuple):
 def faults_of(made: list[str], points: Points, stride: int) -> Iterator[Fault]:
     """Yield the faults that are tried of a life with these calls."""
     for manner in points.manners:
-        for point in chosen(made)[stride // 2 :: stride]:
+        for point in range(stride // 2, len(made), stride):
             if manner != "full" or made[point] in GROWS:
                 yield Fault(made[point], manner, point)
 
@@ -322,6 +310,7 @@ def tried(
     # folder, since a client of a bucket has threads, which are not copied.
     with TemporaryDirectory() as here:
         grow(f"{here}/first")
+        looked_at(f"{here}/first")
     how, found = in_child(lambda: undisturbed(life, points, whole))
     assert how == "done", found
     made, physics = found

@@ -17,6 +17,7 @@ from collections import Counter, deque
 from collections.abc import Callable, Generator, Iterable, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from types import FrameType
 from typing import TYPE_CHECKING
 
 import typer
@@ -425,6 +426,18 @@ class Terminal(Surroundings):
             exec_with(other, [*words, *(["-o", f"{target}-{other.mujoco}"] if target else [])])
 
 
+def interrupt(_number: int, frame: FrameType | None) -> None:
+    """Raise KeyboardInterrupt; but end the process at once, by 130, while a module is loaded.
+
+    An exception there may get lost, or be told of as an ImportError by libraries in C.
+    """
+    while frame is not None:
+        if frame.f_code.co_filename.startswith("<frozen importlib"):
+            os._exit(StoppedError.exit_code)
+        frame = frame.f_back
+    raise KeyboardInterrupt
+
+
 @contextmanager
 def stop_on_signals(stop: "Stop") -> Generator[None]:
     """Turn the first Ctrl-C or SIGTERM into a request to stop, while runs that heed it go on.
@@ -439,12 +452,12 @@ def stop_on_signals(stop: "Stop") -> Generator[None]:
     before = {number: signal.getsignal(number) for number in _SIGNALS}
     handled = [number for number, handler in before.items() if handler is not signal.SIG_IGN]
 
-    def handle(*_: object) -> None:
+    def handle(number: int, frame: FrameType | None) -> None:
         again = stop.is_set or not stop.is_watched
         # An exception may get lost, as in a finalizer; the request stays.
         stop.set()
         if again:
-            raise KeyboardInterrupt
+            interrupt(number, frame)
         # Past all buffers: it may have come while one was written. On a terminal the cursor stands
         # behind the live display.
         with suppress(OSError):

@@ -45,6 +45,7 @@ GROUP = 1 << 14
 of one."""
 _MOST_GROUPS = 256  # of a table: whoever opens it unpacks what it says of each of their columns
 _BLOCK = 8 << 20  # bytes of the journal that are parsed at once
+_BUFFER = 1 << 20  # bytes of a table that are written at once; a column of few rows has a hundred
 _BATCH = 256
 _HASHED = 1 << 20  # bytes that are hashed at once
 _MOST_REPEATED = 64  # items whose repetition is remembered as hashed
@@ -114,8 +115,9 @@ def _written(
     )
     with (
         atomic_write(target) as temporary,
+        pa.output_stream(temporary, buffer_size=_BUFFER) as sink,
         pq.ParquetWriter(
-            temporary,
+            sink,
             schema.with_metadata(meta),
             compression="zstd",
             compression_level=3,
@@ -296,14 +298,16 @@ def write_compact_table(table: pa.Table, target: Path) -> None:
     """Write a table without descriptions and column statistics, which only explain."""
     fields = [field.with_metadata(_essential(field)) for field in table.schema]
     meta = {_SHARED: (table.schema.metadata or {})[_SHARED]}
-    pq.write_table(
-        pa.Table.from_arrays(table.columns, schema=pa.schema(fields, meta)),
-        target,
-        compression="zstd",
-        compression_level=19,
-        write_statistics=False,
-        use_dictionary=False,
-    )
+    essential = pa.Table.from_arrays(table.columns, schema=pa.schema(fields, meta))
+    with pa.output_stream(target, buffer_size=_BUFFER) as sink:
+        pq.write_table(
+            essential,
+            sink,
+            compression="zstd",
+            compression_level=19,
+            write_statistics=False,
+            use_dictionary=False,
+        )
 
 
 def _essential(field: pa.Field) -> dict[bytes, bytes]:
