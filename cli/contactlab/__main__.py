@@ -1,8 +1,12 @@
 """The command `contactlab`, also as `python -m contactlab`."""
 
-import _signal as signal  # pyright: ignore[reportMissingImports] - `signal` loads a dozen more
 import os
 import sys
+
+try:
+    import signal  # loads a dozen more, unless Python's own start has
+except KeyboardInterrupt:
+    os._exit(130)
 
 
 def _leave(*_: object) -> None:
