@@ -156,12 +156,12 @@ class Answers:
 
     def takes(self, tried: Tried) -> float:
         """Return how long it takes to write, judge and time a choice on few seeds, about [s]."""
-        per_seed = self._per_seed + _TIMED * self._subject.one_pass
-        return self._allowed.takes(self._written + self._slower(tried) * per_seed)
+        own, timed = 2 * self._work(tried) * self._seed_took, _TIMED * self._subject.one_pass
+        return self._allowed.takes(self._written + own + timed + self._begun)
 
     @property
     def to_judge(self) -> float:
-        """The same of the model as written, and of what takes no longer [s]."""
+        """The same of the model as written [s]."""
         return self.takes(self.known)
 
     @property
@@ -170,16 +170,25 @@ class Answers:
         return _COMPILED * self._subject.compiling + _LABELLED
 
     @property
-    def _per_seed(self) -> float:
-        """CPU time of two verdicts on a seed, and of the fine motion that errors are held to."""
-        return 2 * self._seed_took + self._subject.yards.finer * self._subject.one_pass
+    def _begun(self) -> float:
+        """CPU time of what the first verdict needs of a fresh seed, about [s].
 
-    def of(self, wanted: Wanted) -> Answer | None:
-        """Write what is best until one holds on fresh seeds; None if none is better than now."""
+        It is the fine motion that errors are held to, and a verdict on the model as written; both
+        are kept.
+        """
+        if "_yards" in vars(self):
+            return 0.0
+        return self._subject.yards.finer * self._subject.one_pass + self._seed_took
+
+    def of(self, wanted: Wanted, later: int = 0) -> Answer | None:
+        """Write what is best until one holds on fresh seeds; None if none is better than now.
+
+        Once one failed, the rest of the time is for so many later answers as well.
+        """
         below, done = _Below(), {self.known.choice.key}
         for number in range(_MOST_TRIES):
-            late = 0.0 if number else _LATE * self._allowed.seconds
-            if self._is_late(wanted, self.to_judge - late):
+            late = -later * self.to_judge if number else _LATE * self._allowed.seconds
+            if self._is_late(wanted, self._allowed.takes(self._written + self._begun) - late):
                 break
             last = number > 0 and (
                 number == _MOST_TRIES - 1 or self._allowed.left < 2 * self.to_judge
@@ -198,7 +207,11 @@ class Answers:
                 return Answer(tried, written, found)
             self._fail(tried, f"on fresh seeds: {found.sentence}")
             # What is not sound, or labelled, may be so by its step, whatever its error.
-            below = _Below(_MUCH_LESS * share_of(tried), _MUCH_LESS * tried.choice.multiple)
+            limits = [self._examined.task.within]
+            if not wanted.sound:
+                limits += [said.high for said in self._said_now.values()]
+            part = part_within(found.share, max(limits))
+            below = _Below(part * share_of(tried), part * tried.choice.multiple)
         self.drop(wanted)
         return None
 
@@ -212,13 +225,13 @@ class Answers:
         self.failed.add(tried.choice.key)
         self.kept.append(Unsearched(self._name(tried), reason))
 
-    def _slower(self, tried: Tried) -> float:
-        """How much longer a verdict takes of a choice than of the model as written, if it does."""
+    def _work(self, tried: Tried) -> float:
+        """Return how long a verdict takes of a choice over one of the model as written, about."""
         own, other = (
             work_of(self._search.space.made(one.choice)) / one.choice.multiple
             for one in (self.known, tried)
         )
-        return max(1.0, other / own)
+        return other / own
 
     def drop(self, wanted: Wanted) -> None:
         """Remove what was written, and tell of what may be faster, but for noise."""
@@ -296,7 +309,7 @@ class Answers:
         def fits(one: Tried) -> bool:
             new = one.choice.key not in done
             keeps = search.dearest is not None or share_of(one) <= bound.accepted
-            return new and keeps and (below.has(one) or self._is_no_worse(one))
+            return new and keeps and (below.has(one) or self._is_no_worse(one, bound))
 
         ranked = search.ranked(bound)
         good = (one for one in ranked if fits(one) and self.is_better(one, bound))
@@ -318,13 +331,13 @@ class Answers:
                 return search.added(choice)
         return known
 
-    def _is_no_worse(self, tried: Tried) -> bool:
+    def _is_no_worse(self, tried: Tried, bound: Bound) -> bool:
         """Return whether something is as accurate as the model as written, at no longer steps.
 
-        What becomes of longer ones tells nothing of it.
+        What becomes of longer ones tells nothing of it, if that model keeps the bound.
         """
-        short = tried.choice.multiple <= self.known.choice.multiple
-        return short and share_of(tried) <= SAME * share_of(self.known)
+        now, short = share_of(self.known), tried.choice.multiple <= self.known.choice.multiple
+        return now <= bound.accepted and short and share_of(tried) <= SAME * now
 
     def _safest(self, done: set[Key], bound: Bound) -> Tried | None:
         """Return the cheapest that is as accurate as the model as written, if that is enough."""
@@ -371,10 +384,10 @@ class Answers:
         seeds = self._affordable(1.0, self._subject.seeds, len(self._search.bounds))
         return [first_seeds(motion, seeds) for motion in self.motions]
 
-    def _affordable(self, slower: float, most: int, answers: int = 1) -> int:
+    def _affordable(self, work: float, most: int, answers: int = 1) -> int:
         """Return how many seeds each of several answers can be judged on, of so many at most."""
         left = max(0.0, self._allowed.left - self._allowed.takes(self._written))
-        takes = self._allowed.takes(slower * self._per_seed)
+        takes = self._allowed.takes(2 * work * self._seed_took + self._begun)
         return min(most, max(1, int(_VERDICTS * left / answers / takes)))
 
     @cached_property
@@ -404,10 +417,10 @@ class Answers:
         self._session.notify(f"verifying {self._name(tried)}")
         request = ExamineRequest(written.reference, task=self._request.task, sections=("budget",))
         examined = open_model(request, self._session)
-        slower = self._slower(tried)
-        seeds = self.task.seeds[: self._affordable(slower, self._judging[0].seeds)]
+        work = self._work(tried)
+        seeds = self.task.seeds[: self._affordable(work, self._judging[0].seeds)]
         task = self.task.model_copy(update={"seeds": seeds})
-        judged, said = self._worst_of(examined, task, slower)
+        judged, said = self._worst_of(examined, task, work)
         timely = self._search.dearest is not None
         holds, why = True, "sound, and within the limit"
         if said.word != "sound":
@@ -449,18 +462,16 @@ class Answers:
     def _text(self, error: Apart) -> str:
         return error_text(error.share, self._aim.unit)
 
-    def _worst_of(
-        self, examined: CheckedModel, task: Task, slower: float
-    ) -> tuple[Task, _Judgement]:
+    def _worst_of(self, examined: CheckedModel, task: Task, work: float) -> tuple[Task, _Judgement]:
         """Return what the judge says on fresh seeds, or, if that is sound, on the search's.
 
         Those are what `contactlab FILE` judges by.
         """
-        found = self._said_of(examined, task, slower)
+        found = self._said_of(examined, task, work)
         if found.word != "sound":
             return task, found
         own = self._own_task(len(task.seeds))
-        return own, self._said_of(examined, own, slower)
+        return own, self._said_of(examined, own, work)
 
     def _own_task(self, seeds: int) -> Task:
         """Return the task of the first seeds of the search."""
@@ -507,10 +518,11 @@ class Answers:
             self._said_now[task.seeds] = self._said_of(self._examined, task)
         return self._said_now[task.seeds]
 
-    def _said_of(self, examined: CheckedModel, task: Task, slower: float = 1.0) -> _Judgement:
+    def _said_of(self, examined: CheckedModel, task: Task, work: float = 1.0) -> _Judgement:
         motions, begin = examined.motions_of(task), time.process_time()
         budget = error_budget(motions, rows=(), settings=_SETTINGS, workers=self._subject.threads)
-        self._seed_took = (time.process_time() - begin) / len(task.seeds) / slower
+        if work >= 1:  # of long steps, most is beside them
+            self._seed_took = (time.process_time() - begin) / len(task.seeds) / work
         verdict = judge(budget, task.within)
         reason = verdict.reasons[0].sentence if verdict.reasons else "sound"
         return _Judgement(verdict.word, budget.share, *_spread(budget), reason)
@@ -537,6 +549,15 @@ class Answers:
         near, pairs = pairs_within(model, runs, 0.0), self._subject.pairs_apart
         pair = min(pairs if near is None else pairs & near, default=None)
         return " and ".join(geom_word(model, geom) for geom in pair) if pair else ""
+
+
+def part_within(share: float | None, limit: float) -> float:
+    """Return which part of a step, or of an error, may hold where the whole was not sound.
+
+    What the judge sees is of first order in the step. Where it says no share, or not that alone is
+    too large, a part is tried in any case.
+    """
+    return min(_MUCH_LESS, limit / share) if share else _MUCH_LESS
 
 
 def work_of(model: mujoco.MjModel) -> float:

@@ -179,18 +179,16 @@ class Search:
         self._asleep(here)
 
     def safest(self, until: float) -> list[Tried]:
-        """Return what is as accurate as the model as written, the cheapest first.
+        """Return what is as accurate as the model as written at no longer steps, cheapest first.
 
         It is searched for at the model's own step until then, on the clock of `time.monotonic`.
-        Then comes all else that is known, the most accurate first.
         """
         self.deadline, own = until, self._error(self.now)
         with suppress(OutOfTimeError):
             self._priced([self._lean()])
         known = [one for one in self.tried.values() if one.error and one.price]
-        good = [one for one in known if share_of(one) <= SAME * own]
-        rest = [one for one in known if share_of(one) > SAME * own]
-        return [*sorted(good, key=_ratio), *sorted(rest, key=share_of)]
+        short = [one for one in known if one.choice.multiple <= self.now.multiple]
+        return sorted((one for one in short if share_of(one) <= SAME * own), key=_ratio)
 
     def ranked(self, bound: Bound) -> list[Tried]:
         """Return what keeps a bound, the best first; only what was measured and timed."""

@@ -3,7 +3,7 @@
 import copy
 import math
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from shutil import rmtree
 
@@ -49,8 +49,7 @@ from contactlab.studies.search.wording import finite, sentence_of
 from contactlab.studies.session import Session
 
 _LONGEST = 0.04  # s: steps of a window's length
-_CLOSELY = 2
-_RANKING, _TIMING = 0.15, 0.3  # of the time that is left, to time what is best, what is answered
+_TIMING = 0.3  # of the time that is left, to time what is answered
 _SEARCHED = 0.3  # of the time that is left, for a search at least, if a verdict may take the rest
 _LOOKED = 0.1  # of it, in any case
 _TURNS_APART = 5
@@ -189,7 +188,6 @@ class Study:
                 f"{self._request.model}: {self._request.max_time:g} s are too short to measure the "
                 "model as written; give more with --max-time"
             )
-        self._time_closely(self._candidates(known), [self._own_and_fresh()], _RANKING)
         for folder in (FOLDER, FOLDER_AS_NOW, FOLDER_OF_AIM):
             rmtree(self._session.folder / folder, ignore_errors=True)
         best, as_now, to_aim = self._answered()
@@ -246,23 +244,27 @@ class Study:
     def _answered(self) -> tuple[Answer | None, Answer | None, Answer | None]:
         """Return what is recommended, what is as accurate as now, and what keeps the aim beside."""
         by_folder = {wanted.folder: wanted for wanted in self._wanted}
-        best = self._answer(by_folder[FOLDER])
+        best = self._answer(by_folder[FOLDER], len(self._wanted) - 1)
         as_now = to_aim = None
         own = by_folder.get(FOLDER_AS_NOW)
         late = self._allowed.left < self._answers.to_judge
         if own is None and best is None and not late and not self._answers.sound_now:
             own = Wanted(by_folder[FOLDER].bound, FOLDER_AS_NOW, sound=False)
+        aim = None if best and best.verified.keeps_aim else by_folder.get(FOLDER_OF_AIM)
         if own and not (best and self._is_as_good(best.tried, own.bound)):
-            as_now = self._answer(own)
-        if FOLDER_OF_AIM in by_folder and not (best and best.verified.keeps_aim):
-            to_aim = self._answer(by_folder[FOLDER_OF_AIM])
+            as_now = self._answer(own, later=1 if aim else 0)
+        if aim:
+            to_aim = self._answer(aim)
         return best, as_now, to_aim
 
-    def _answer(self, wanted: Wanted) -> Answer | None:
-        """Return the best that holds, timed until that is claimed; None if that is no better."""
-        found = self._answers.of(wanted)
+    def _answer(self, wanted: Wanted, later: int = 0) -> Answer | None:
+        """Return the best that holds, timed until that is claimed; None if that is no better.
+
+        So many answers come later.
+        """
+        found = self._answers.of(wanted, later)
         if found:
-            self._time_closely([self._answers.known, found.tried], self._timed_tasks(), _TIMING)
+            self._time_closely(found.tried)
             if not self._answers.is_better(found.tried, wanted.bound):
                 self._answers.drop(wanted)
                 return None
@@ -282,32 +284,19 @@ class Study:
             return self._search.dearest >= 1
         return known.error.share <= self._aim.limit
 
-    def _candidates(self, known: Tried) -> list[Tried]:
-        """Return the model as written, which takes its turns beside itself, and the best."""
-        found = [known]
-        for wanted in self._wanted:
-            new = [one for one in self._search.ranked(wanted.bound) if one not in found]
-            found += new[:_CLOSELY]
-        return found
-
-    def _time_closely(
-        self, tried: Sequence[Tried], tasks: Iterable[Sequence[Motion]], share: float
-    ) -> None:
-        """Time choices on whole runs of tasks, in a share of the time that is left."""
-        models = [(self._search.space.made(one.choice), one.choice.multiple) for one in tried]
-        until = time.monotonic() + share * self._allowed.left
-        prices = self._clock.whole(models, tasks, until)
-        for one, price in zip(tried, prices, strict=True):
+    def _time_closely(self, tried: Tried) -> None:
+        """Time a choice on whole runs, beside the model as written, which is timed once more."""
+        both = [self._answers.known, tried]
+        models = [(self._search.space.made(one.choice), one.choice.multiple) for one in both]
+        until = time.monotonic() + _TIMING * self._allowed.left
+        prices = self._clock.whole(models, self._timed_tasks(), until)
+        for one, price in zip(both, prices, strict=True):
             one.price = price
-
-    def _own_and_fresh(self) -> list[Motion]:
-        """Return the task by seeds of the search and fresh ones."""
-        pairs = zip(self._subject.motions, self._answers.motions, strict=True)
-        return [joined_seeds(*pair) for pair in pairs]
 
     def _timed_tasks(self) -> Iterator[Sequence[Motion]]:
         """Yield the task by seeds of the search and fresh ones, then again and again by others."""
-        yield self._own_and_fresh()
+        own, unseen = self._subject.motions, self._answers.motions
+        yield [joined_seeds(*pair) for pair in zip(own, unseen, strict=True)]
         task = self._answers.task
         for _ in range(_MORE_SEEDS):
             task = fresh(task)
