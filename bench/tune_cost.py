@@ -54,6 +54,7 @@ def steps_of(
 
     The first step, which begins a run, is left out.
     """
+    mujoco.mj_resetData(model, data)  # what slept at the end of another run wakes
     mujoco.mj_setState(model, data, motion.starts[seed], INTEGRATION)
     taken, inputs = list[float](), motion.inputs[seed]
     ends = [0, *range(1, motion.steps, TOGETHER), motion.steps]
