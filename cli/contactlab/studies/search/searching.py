@@ -145,6 +145,7 @@ class Search:
     ended: bool = False
     _without_waste: Choice | None = None
     _timing: float = 0.0  # s that a choice took to be timed, the last time
+    _sleeping: float = 0.0  # s that one whose bodies may sleep took, times its fine steps in one
 
     @property
     def now(self) -> Choice:
@@ -293,14 +294,15 @@ class Search:
         if not self.space.sleeps or not self._fits(here):
             return
         asleep = here.with_settings(ASLEEP)
-        self._left()
-        own, price = (self._stepped(one) for one in (here, asleep))
+        self._left(self._sleeping / here.multiple)
+        begin, (own, price) = time.monotonic(), (self._stepped(one) for one in (here, asleep))
         found = self.clock.compared_whole(price, own)
         known = self._entry(here).price
         if known and found.high < SAVES and self._fits(asleep):
             self._entry(asleep).price = Price(
                 *(known.ratio * part for part in (found.ratio, found.low, found.high))
             )
+        self._sleeping = (time.monotonic() - begin) * here.multiple
 
     def _lean(self) -> Choice:
         """Return the model without all that costs time and adds no error, at its own step.
