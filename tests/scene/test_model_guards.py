@@ -65,6 +65,16 @@ def test_a_link_is_where_it_leads(tmp_path: Path) -> None:
         collect_files(path)
 
 
+def test_what_is_outside_and_not_there_is_said_to_be_missing(tmp_path: Path) -> None:
+    """As the meshes of a menagerie that a package downloads on its first use."""
+    path = model_naming(tmp_path / "a" / "b" / "c" / "model", str(tmp_path / "menagerie" / "a.png"))
+    with pytest.raises(SceneError, match="does not exist, and lies outside of"):
+        collect_files(path)
+    write(tmp_path / "menagerie" / "a.png")
+    with pytest.raises(SceneError, match=r"a.png lies outside of"):
+        collect_files(path)
+
+
 def test_a_manifest_that_is_a_link_is_not_read(tmp_path: Path) -> None:
     secret = tmp_path / "secret"
     secret.write_text("password: 1")

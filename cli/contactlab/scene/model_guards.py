@@ -47,9 +47,11 @@ def check_places(files: Iterable[Path], named: Path, copy: Path | None = None) -
         if any(real.is_relative_to(folder) for folder in shared):
             continue
         if not any(_is_inside(real, home, tree) for home, tree in trees):
+            lies = "lies" if real.exists() else "does not exist, and lies"
             raise SceneError(
-                f"{named}: {file} lies outside of {trees[0][1]}, where the model's files are; move "
-                f"it there, or allow its folder: `contactlab --allow-files {real.parent} COMMAND`"
+                f"{named}: {file} {lies} outside of {trees[0][1]}, where the model's files are; "
+                f"put it there, or allow its folder: `contactlab --allow-files {real.parent} "
+                "COMMAND`"
             )
 
 
