@@ -4,6 +4,7 @@ import re
 from collections.abc import Callable, Container, Iterable, Sequence
 from functools import cache
 from pathlib import Path
+from tempfile import TemporaryFile
 from typing import Any
 
 import altair as alt
@@ -146,6 +147,10 @@ def check_figure(path: Path) -> None:
         raise OutputError(f"{path}: write a name that ends in {' or '.join(SUFFIXES)}")
     if not path.parent.is_dir():
         raise OutputError(f"cannot write {path}: no folder {path.parent}")
+    try:
+        TemporaryFile(dir=path.parent).close()
+    except OSError as error:
+        raise OutputError(f"cannot write {path}: {error.strerror}") from error
 
 
 def save_figure(chart: alt.TopLevelMixin, path: Path) -> None:

@@ -103,9 +103,12 @@ class UnheldWarning(ModelWarning):
     """Warning of parts that a drive which holds a model cannot hold."""
 
 
-def suggestion(name: str, known: Iterable[str]) -> str:
-    """Return "did you mean 'x'?" for the closest known name, or an empty string."""
-    close = difflib.get_close_matches(name, list(known), n=1)
+def suggestion(name: str, known: Iterable[str], alike: float = 0.6) -> str:
+    """Return "did you mean 'x'?" for the closest known name, or an empty string.
+
+    Names are close from a ratio of letters that they share.
+    """
+    close = difflib.get_close_matches(name, list(known), n=1, cutoff=alike)
     return f"did you mean '{close[0]}'?" if close else ""
 
 

@@ -6,6 +6,7 @@ the direction of reading; commands of a CI job, which are lines of its log; mark
 
 import math
 import re
+import shlex
 import textwrap
 from collections.abc import Callable, Sequence
 
@@ -100,3 +101,8 @@ def wrapped(text: str, indent: str = "") -> list[str]:
         break_long_words=False,
         break_on_hyphens=False,
     )
+
+
+def shell_word(text: object) -> str:
+    """Return a path or an address as a word of a shell: in quotes where it has a space."""
+    return shlex.quote(str(text))

@@ -49,7 +49,7 @@ def sweep_names() -> list[str]:
 
 def scene_folder(name: str) -> Path:
     """Return the folder of a shipped scene; raise SceneError if there is none of this name."""
-    message, rest = f"no shipped scene named '{name}'", "\nsee `contactlab list scenes`"
+    message, rest = f"no shipped scene named '{name}'", "; see `contactlab list scenes`"
     SceneError.unless_known(name, scene_names(), message, rest=rest)
     return MODELS / name
 
@@ -62,7 +62,7 @@ def sweep_index() -> dict[str, tuple[str, str, int, str]]:
 def sweep_file(name: str) -> Path:
     """Return the path of a shipped sweep; raise SweepFileError if there is none of this name."""
     message = f"no sweep file and no shipped sweep named '{name}'"
-    SweepFileError.unless_known(name, sweep_names(), message, rest="\nsee `contactlab list sweeps`")
+    SweepFileError.unless_known(name, sweep_names(), message, rest="; see `contactlab list sweeps`")
     return SWEEPS / f"{name}.yaml"
 
 

@@ -37,6 +37,7 @@ MODELS = {
     "own-include.xml": "<mujoco>\n<include file='own-include.xml'/></mujoco>\n",
     "own-model.xml": model("", "<asset><model name='own' file='own-model.xml'/></asset>"),
     "endless.xml": model(FLOOR + BODY, "<option gravity='0 0 -inf'/>"),
+    "stepless.xml": model(FLOOR + BODY, "<option timestep='nan'/>"),
     "negative.xml": model(FLOOR + BODY, "<option impratio='-1'/>"),
     "outside.xml": model(FLOOR, "<asset><mesh name='hand' file='/etc/hostname'/></asset>"),
     "twice.xml": model(FLOOR + "\n" + FLOOR),

@@ -317,8 +317,23 @@ def test_elements_that_are_added_and_removed(tmp_path: Path) -> None:
     assert written.path.read_text() == expected
     assert [(each.line, each.element) for each in written.changes] == [
         (8, ""),
-        (10, " ".join(added)),
+        *((10, each) for each in added),
     ]
+
+
+@pytest.mark.parametrize("indent", ["\t", "    ", ""])
+def test_what_is_added_is_indented_as_its_neighbours_are(tmp_path: Path, indent: str) -> None:
+    body = '{}<body name="{}"><freejoint/><geom size=".1"/></body>\n'
+    text = f"<mujoco>\n{indent}<worldbody>\n" + "".join(
+        body.format(2 * indent, name) for name in ("one", "two")
+    )
+    text += f"{indent}</worldbody>\n</mujoco>\n"
+    (tmp_path / "own.xml").write_text(text)
+    edits = ModelEdits({}, excluded=(("one", "two"),))
+    written = write_model(Scene.open(str(tmp_path / "own.xml")), edits, tmp_path / "out")
+    (added,) = set(written.path.read_text().splitlines()) - set(text.splitlines())
+    expected = indent or "  "  # a file without any has two spaces
+    assert added == f'{expected}<contact><exclude body1="one" body2="two"/></contact>'
 
 
 def test_a_scene_keeps_its_manifest_and_its_structure(

@@ -1,6 +1,6 @@
 """Parameters that several commands share, each once, and what their values mean.
 
-A value may be as typed, or what Python has: `{"slip": 1e-3}` for `["slip=1mm"]`.
+A value may be as typed, or what Python has: `{"slip": 1e-3}` for `["hold_slip=1mm"]`.
 """
 
 import json
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 Settings = Mapping[str, object] | Sequence[str]
 """Settings by name, such as `{"timestep": [1e-3, 2e-3]}`, or options as typed, `timestep=1e-3`."""
 Tolerances = Mapping[str, float] | str | Sequence[str]
-"""Largest magnitudes by metric in SI units, or options as typed: `10%`, `1mm`, `slip=1mm`."""
+"""Largest magnitudes by metric in SI units, or options as typed: `10%`, `1mm`, `hold_slip=1mm`."""
 
 StoreArgument = Annotated[
     "Store | Address | str", Argument("STORE", "Store: a folder or s3://BUCKET/PREFIX.", kind=str)
@@ -112,7 +112,7 @@ Within = Annotated[
     Tolerances,
     Option(
         "TOLERANCE",
-        "Tolerance: a share or a length, 10% or 1mm; of a metric, slip=1mm; may be repeated.",
+        "Tolerance: a share or a length, 10% or 1mm; of a metric, hold_slip=1mm; may be repeated.",
         kind=list[str],
     ),
 ]

@@ -158,7 +158,7 @@ def misunderstood(error: typer.TyperException, words: Sequence[str]) -> CommandL
         near = [*(getattr(error, "possibilities", None) or ())]
         if valued := _WITHOUT_VALUE.search(said):
             return CommandLineError(f"{valued[1]} needs a value; {shown}")
-        hint = f"did you mean '{near[0]}'?" if near else shown
+        hint = suggestion(known, near, alike=0.75) or shown
         return CommandLineError(f"{command} has no option '{known}'; {hint}")
     parameter = getattr(error, "param", None)
     if parameter and said.startswith("Missing"):

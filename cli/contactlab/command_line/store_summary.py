@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from contactlab.command_line.declaration import Given
 from contactlab.command_line.terminal import echo, print_csv, print_json, print_table, tell
 from contactlab.errors import ContactlabError, ExpectationError, RunFailedError
+from contactlab.printable import shell_word
 
 if TYPE_CHECKING:
     from contactlab.reporting.report_columns import GridAxis, RunLabels
@@ -83,8 +84,8 @@ def summary_text(store: "Store", given: Given) -> None:
         _print_values(by_importance(axes, labels), labels, share)
     echo(f"{_runs_of(manifest)}, {manifest.traces:,} traces in {path}")
     look = columns.run_id(int(labels.codes.argmin()))[:_ID_DIGITS]
-    echo(f"look closer: contactlab show {path} {look}")
-    echo(f"one page: contactlab report {path}")
+    echo(f"look closer: contactlab show {shell_word(path)} {look}")
+    echo(f"one page: contactlab report {shell_word(path)}")
 
 
 def _runs_of(manifest: "StoreManifest") -> str:
@@ -192,7 +193,7 @@ def expectations(store: "Store", given: Given) -> "Report":
         passed=exit_code(findings) == 0,
         record=store.manifest,
         findings=findings,
-        commands=(("look closer", f"contactlab show {store.address}"),),
+        commands=(("look closer", f"contactlab show {shell_word(store.address)}"),),
     )
 
 

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 from contactlab.command_line import options as opt
 from contactlab.command_line.declaration import Argument, Given, command
 from contactlab.command_line.terminal import echo, print_json
+from contactlab.printable import shell_word
 
 if TYPE_CHECKING:
     from contactlab.store.finished_store import Store
@@ -27,7 +28,7 @@ def _text(done: WrittenBaseline, given: Given) -> None:
     echo(f"{folder} holds the {done.runs} runs of {store} without traces: {size}")
     echo(f"digest {done.digest}")
     digest = f"--baseline-digest {done.digest}"
-    echo(f"compare with it: contactlab compare {folder} STORE {digest}")
+    echo(f"compare with it: contactlab compare {shell_word(folder)} STORE {digest}")
 
 
 def _json(done: WrittenBaseline, given: Given) -> None:

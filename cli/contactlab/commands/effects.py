@@ -9,7 +9,7 @@ from contactlab.command_line.declaration import Argument, Given, Option, command
 from contactlab.command_line.surroundings import say, study_session
 from contactlab.command_line.terminal import echo, print_report_json, print_table
 from contactlab.errors import ExpectationError, SweepFileError
-from contactlab.printable import percent, shortened, wrapped
+from contactlab.printable import percent, shell_word, shortened, wrapped
 
 if TYPE_CHECKING:
     from contactlab.plan.task_options import TaskOptions
@@ -144,7 +144,8 @@ def _print_parts(report: "PartsReport", target: Path) -> None:
         names = ", ".join(part.name for part in unused if part.reason == reason)
         echo("\n".join(wrapped(f"provably unused: {names} ({reason})")))
     if unused:
-        echo(f"next: contactlab tune {report.model}, which leaves out what is provably unused")
+        model = shell_word(report.model)
+        echo(f"next: contactlab tune {model}, which leaves out what is provably unused")
     if report.ended:
         echo("the time was over before all was measured; give more with --max-time")
     echo(f"parts.json in {target}")

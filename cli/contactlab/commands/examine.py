@@ -132,6 +132,22 @@ def _check_file(file: Path) -> None:
             raise OutputError(f"{file} is a folder; write the name of a file, as in a.json")
 
 
+def _check_written(model: Path, only: Sequence[str]) -> None:
+    """Refuse a model that cannot be written, before minutes of measuring."""
+    if model.exists():
+        raise OutputError(f"{model} exists; choose another file with --write")
+    if model.suffix != ".xml":
+        raise OutputError(f"--write {model}: a model is written as MJCF; name it as in new.xml")
+    if only and "changes" not in only:
+        raise OutputError(f"--write {model}: no change is tried; add --only changes")
+    folder = next(parent for parent in model.absolute().parents if parent.exists())
+    try:
+        TemporaryFile(dir=folder).close()
+    except OSError as error:
+        why = f"{error.strerror}; choose another file with --write"
+        raise OutputError(f"cannot write {model}: {why}") from error
+
+
 def _write(file: Path, text: str) -> None:
     from contactlab.store.atomic_files import atomic_write, write_errors
 
@@ -259,8 +275,8 @@ def examine(
     from contactlab.studies.examine.examination import ExamineRequest, sections_of
 
     opt.load_plugins(plugin)
-    if write is not None and Path(write).exists():
-        raise OutputError(f"{write} exists; choose another file with --write")
+    if write is not None:
+        _check_written(Path(write), only)
     request = ExamineRequest(
         model=str(model),
         assign=opt.assigned(set),

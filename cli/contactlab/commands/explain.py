@@ -74,6 +74,8 @@ def explain(
     assign = [word for word in given if "=" in word]
     names = [word for word in given if "=" not in word]
     models = [name for name in names if name in scene_names() or set(name) & set(":./")]
+    if len(models) > 1:
+        raise SweepFileError(f"{' and '.join(models)}: name one model; each has its own contacts")
     if not assign and (len(names) > 1 or is_defined(names[0]) or not models):
         return Explanation("\n\n".join(map(define, names)))
     if len(names) != 1:

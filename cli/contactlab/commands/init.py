@@ -6,6 +6,7 @@ from typing import Annotated
 from contactlab.command_line.declaration import Argument, Option, command
 from contactlab.command_line.surroundings import say
 from contactlab.errors import OutputError
+from contactlab.printable import shell_word
 
 
 @command("run", examples=("init robot.xml -o robot.yaml",), codes="0 written, 2 bad input")
@@ -48,5 +49,5 @@ def init(
             file.write(text)
         beside.write_text(schema_texts()["sweep.schema.json"], encoding="utf-8")
     say(f"wrote {path}, {plan.count} runs of {plan.sweep.duration:g} s each, and {beside}")
-    say(f"next: contactlab sweep {path}")
+    say(f"next: contactlab sweep {shell_word(path)}")
     return path

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 from contactlab.command_line.declaration import Argument, Given, Option, command
 from contactlab.command_line.surroundings import say
 from contactlab.command_line.terminal import echo
-from contactlab.errors import SweepFileError, did_you_mean
+from contactlab.errors import SweepFileError
 
 _SUFFIX = ".schema.json"
 
@@ -54,8 +54,8 @@ def schema(
         say(f"wrote {', '.join(known)}")
     if name is None:
         return {file: json.loads(text) for file, text in known.items()}
-    text = known.get(name) or known.get(name + _SUFFIX)
-    if text is None:
-        names = [file.removesuffix(_SUFFIX) for file in known]
-        raise SweepFileError(f"no schema '{name}'{did_you_mean(name, names)}")
-    return json.loads(text)
+    by_name = {file.removesuffix(_SUFFIX): text for file, text in known.items()}
+    name = name.removesuffix(_SUFFIX)
+    there = f"; there are {', '.join(by_name)}"
+    SweepFileError.unless_known(name, by_name, f"no schema '{name}'", there)
+    return json.loads(by_name[name])

@@ -14,7 +14,7 @@ from contactlab.command_line.store_summary import (
 from contactlab.command_line.surroundings import say
 from contactlab.command_line.terminal import echo, print_csv, print_json, print_table
 from contactlab.errors import StoreError
-from contactlab.printable import in_one_line
+from contactlab.printable import in_one_line, shell_word
 
 if TYPE_CHECKING:
     from contactlab.schema.evidence import EvidenceRecord
@@ -136,9 +136,9 @@ def _identity_lines(store: "Address", record: "EvidenceRecord") -> Iterator[str]
     yield f"  trajectory {record.trajectory_hash}"
     if record.trace is not None:
         yield f"  trace      {store / record.trace.file}"
-        yield f"  see it     contactlab render {store} {record.run_id} -o run.mcap"
+        yield f"  see it     contactlab render {shell_word(store)} {record.run_id} -o run.mcap"
     if record.loop is None:
-        yield f"  replay     contactlab replay {store} {record.run_id}"
+        yield f"  replay     contactlab replay {shell_word(store)} {record.run_id}"
         return
     success = "" if record.success is None else f", {'' if record.success else 'no '}success"
     reward = "" if record.total_reward is None else f", return {record.total_reward:.6g}"

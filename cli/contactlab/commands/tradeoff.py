@@ -9,7 +9,7 @@ from contactlab.command_line.declaration import Argument, Given, Option, command
 from contactlab.command_line.surroundings import say, study_session
 from contactlab.command_line.terminal import echo, print_json, print_table
 from contactlab.errors import ExpectationError, OutputError, SweepFileError
-from contactlab.printable import shortened
+from contactlab.printable import shell_word, shortened
 from contactlab.resources import RESULTS
 
 if TYPE_CHECKING:
@@ -221,7 +221,7 @@ def _write(path: Path, report: "TradeoffReport") -> None:
     with atomic_write(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
     command = "tradeoff" if report.tolerances.keys() & set(ERRORS) else "sweep"
-    say(f"wrote {path}\nnext: contactlab {command} {path}")
+    say(f"wrote {path}\nnext: contactlab {command} {shell_word(path)}")
 
 
 def _print(report: "TradeoffReport") -> None:
@@ -364,4 +364,4 @@ def _described(report: "TradeoffReport", chosen: "Recommendation") -> Iterator[s
         yield f"  margins: {', '.join(margins)}"
     if chosen.equally_fast:
         yield f"  {len(chosen.equally_fast)} others are as fast (within 5 %) and no more accurate"
-    yield f"  look closer: contactlab show {report.store} {chosen.run_id[:8]}"
+    yield f"  look closer: contactlab show {shell_word(report.store)} {chosen.run_id[:8]}"

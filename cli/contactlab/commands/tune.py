@@ -11,7 +11,8 @@ from contactlab.command_line.declaration import Argument, Given, Option, command
 from contactlab.command_line.surroundings import say
 from contactlab.command_line.terminal import echo, echo_bytes, print_report_json, print_table
 from contactlab.errors import ExpectationError, SweepFileError
-from contactlab.printable import percent, shortened, wrapped
+from contactlab.judge.wording import out_of, plural
+from contactlab.printable import percent, shell_word, shortened, wrapped
 
 if TYPE_CHECKING:
     from contactlab.schema.tune_report import Judged, Point, StayedApart, TuneReport
@@ -252,7 +253,7 @@ def _searching(report: "TuneReport") -> Iterator[str]:
     from contactlab.studies.search.wording import unsaved
 
     ended = "; the time was over before all was tried" if report.ended else ""
-    measured = f"{len(report.points)} choices measured in {report.seconds:.0f} s{ended}"
+    measured = f"{plural(len(report.points), 'choice')} measured in {report.seconds:.0f} s{ended}"
     yield from wrapped(f"search   {measured}", "  ")
     yield f"  speed    as written {report.real_time:.3g} times real time on one core"
     if why := unsaved(report):
@@ -261,9 +262,12 @@ def _searching(report: "TuneReport") -> Iterator[str]:
 
 def _judged(judged: "Judged", report: "TuneReport") -> str:
     share = "MuJoCo gave up" if judged.share is None else f"{percent(judged.share)} as written"
-    few = len(judged.seeds) < len(report.task.seeds)
-    seeds = f" on {len(judged.seeds)} of {len(report.task.seeds)} seeds" if few else ""
-    return f"{judged.word}, {share}{seeds}, along its own motion: that of `contactlab MODEL`"
+    along = f"{judged.word}, {share}, along its own motion"
+    most = len(report.task.seeds)
+    if len(judged.seeds) == most:
+        return f"{along}: that of `contactlab MODEL`"
+    few = out_of(len(judged.seeds), most, "seed")
+    return f"{along}, on {few} alone: `contactlab MODEL` judges all {most}"
 
 
 def _row(standing: str, point: "Point", report: "TuneReport") -> tuple[object, ...]:
@@ -284,26 +288,44 @@ def _number(value: float | None, report: "TuneReport") -> str:
 
 
 def _details(report: "TuneReport", folder: Path) -> Iterator[str]:
-    from contactlab.schema.tune_report import PATCH, REPORT
+    from contactlab.schema.tune_report import PATCH
 
     if report.masked or report.excluded:
         yield from wrapped(
-            f"exact: {len(report.masked)} geoms and {len(report.excluded)} pairs of bodies cannot "
-            "touch, by proof: the motion is the same without their collisions, bit for bit"
+            f"exact: {_parted(report.masked, report.excluded)} cannot touch, by proof: the motion "
+            "is the same without their collisions, bit for bit"
         )
     if report.flags:
         yield f"exact: no state depends on {' and '.join(report.flags)}; they are off now"
     for assumed in _assumed(report):
         yield from wrapped(assumed)
     if report.verified:
-        seeds = ", ".join(map(str, report.verified.seeds))
-        yield from wrapped(f"verified on seeds {seeds}: {report.verified.sentence}")
+        fresh = report.verified.seeds
+        seeds = f"seed{'s' * (len(fresh) > 1)} {', '.join(map(str, fresh))}"
+        yield from wrapped(f"verified on {seeds}: {report.verified.sentence}")
     lines = [f"{each.file}:{each.line}: {each.element or 'removed'}" for each in report.lines]
     yield from shortened(lines, 12, PATCH)
-    kept = [f"{each.name}: {each.reason}" for each in report.kept]
-    for each in shortened(kept, 6, REPORT):
-        yield from wrapped(f"kept: {each}")
+    for note in _notes(report):
+        yield from wrapped(note)
     yield from _written(report, folder)
+
+
+def _notes(report: "TuneReport") -> Iterator[str]:
+    """Yield what was kept and why, then what the time did not allow for."""
+    from contactlab.schema.tune_report import REPORT
+    from contactlab.studies.search.subject import LIMITED
+    from contactlab.studies.search.wording import UNJUDGED
+
+    short = {each.name: each.reason for each in report.kept if each.name in LIMITED}
+    kept = [
+        f"{each.name}: {each.reason}"
+        for each in report.kept
+        if each.name not in short and each.reason != UNJUDGED
+    ]
+    yield from (f"kept: {each}" for each in shortened(kept, 6, REPORT))
+    yield from (f"note: {name}: {reason}" for name, reason in short.items())
+    if any(each.reason == UNJUDGED for each in report.kept):
+        yield f"note: {UNJUDGED}"
 
 
 def _written(report: "TuneReport", folder: Path) -> Iterator[str]:
@@ -319,26 +341,37 @@ def _written(report: "TuneReport", folder: Path) -> Iterator[str]:
     if report.file:
         patch = f", {PATCH}" if (folder / PATCH).is_file() else ""
         yield from wrapped(f"wrote {folder / report.file}{patch} and {REPORT}")
-        yield f"next: contactlab {folder / report.file}"
+        yield f"next: contactlab {shell_word(folder / report.file)}"
     else:
         yield f"{REPORT} in {folder}"
 
 
 def _assumed(report: "TuneReport") -> Iterator[str]:
     """Yield what a written model takes for granted, or what may be."""
-    if apart := report.stayed_apart:
+    if (apart := report.stayed_apart) and (apart.left_out or _saves(apart)):
         yield _apart(apart)
     if fewer := report.fewer_vertices:
         yield (
-            f"assumed: {len(fewer.meshes)} hulls of fewer vertices, which reach at most "
+            f"assumed: {plural(len(fewer.meshes), 'hull')} of fewer vertices, which reach at most "
             f"{1e3 * fewer.within:g} mm less"
         )
+
+
+def _saves(apart: "StayedApart") -> bool:
+    """Return whether leaving collisions out saves time, unless nobody measured it."""
+    return apart.price is None or apart.price.high < 1
+
+
+def _parted(geoms: Sequence[str], bodies: Sequence[object]) -> str:
+    """Return how many geoms, and pairs of bodies, there are of what does not touch."""
+    counts = (plural(len(geoms), "geom"), f"{plural(len(bodies), 'pair')} of bodies")
+    return " and ".join(text for text, some in zip(counts, (geoms, bodies), strict=True) if some)
 
 
 def _apart(apart: "StayedApart") -> str:
     from contactlab.studies.search.wording import price_text
 
-    what = f"{len(apart.geoms)} geoms and {len(apart.bodies)} pairs of bodies"
+    what = _parted(apart.geoms, apart.bodies)
     margin = f"{1e3 * apart.margin:g} mm"
     run = f"stayed {margin} apart in all that was run (the task, tilted, and twice its inputs)"
     if apart.left_out:

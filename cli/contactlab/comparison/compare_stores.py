@@ -36,6 +36,7 @@ from contactlab.judge.conclusion import exit_code
 from contactlab.judge.policies import check_names
 from contactlab.judge.subjects import CHANGED, NAMES, NOT_COMPARABLE, SAME, Subject
 from contactlab.judge.wording import plural
+from contactlab.printable import shell_word
 from contactlab.schema.comparison import (
     ComparedStore,
     ComparePolicy,
@@ -330,7 +331,7 @@ def conclusion(checks: Sequence[Finding]) -> tuple[Change, int, str]:
 
 def _advice(checks: Sequence[Finding], baseline: Store, candidate: Store) -> Iterator[str]:
     """Yield the commands to go on with, each after what it is for."""
-    old, new = baseline.address, candidate.address
+    old, new = shell_word(baseline.address), shell_word(candidate.address)
     order = ("failed", "warned", "noted")
     found = sorted((c for c in checks if c.outcome in order), key=lambda c: order.index(c.outcome))
     pair = next((pair for check in found for pair in check.worst if pair.candidate_run), None)

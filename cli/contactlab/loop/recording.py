@@ -26,6 +26,7 @@ from contactlab.loop.reader import LoopReader
 from contactlab.loop.simulation import other_parts
 from contactlab.measure import METRICS
 from contactlab.plugins import load_plugins, loaded_plugins
+from contactlab.printable import shell_word
 from contactlab.run.evidence_record import provenance
 from contactlab.run.sweep_runner import identity_fields, measured_columns, shared_fields
 from contactlab.run.tasks import Task
@@ -131,7 +132,9 @@ class Recording(Listener):
         said = f"{count} in {self.store}{f': {labels}' if labels else ''}"
         if not self.closed:
             return f"<recording, {said}>"
-        return f"{said}\nnext: contactlab report {self.store}" if self.episodes else f"<{said}>"
+        if not self.episodes:
+            return f"<{said}>"
+        return f"{said}\nnext: contactlab report {shell_word(self.store)}"
 
     def follow(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         """End the episode and record another simulation, as environments make when they are reset.

@@ -12,6 +12,7 @@ import numpy as np
 
 from contactlab.errors import ContactlabError, OutputError, StoreError
 from contactlab.plugins import extensions
+from contactlab.printable import shell_word
 from contactlab.reporting.report import ReportData
 from contactlab.store.finished_store import Store
 
@@ -89,7 +90,7 @@ def header_films(data: ReportData, worst: str | None) -> Films:
 
 def _undrawn(store: Store, run: str, error: ContactlabError) -> Films:
     """Return no film of a run and why; what another command cannot draw either has none."""
-    command = f"contactlab render {store.address} {run[:8]} -o run.mp4"
+    command = f"contactlab render {shell_word(store.address)} {run[:8]} -o run.mp4"
     return Films([], str(error), "" if isinstance(error, StoreError) else command)
 
 

@@ -28,6 +28,7 @@ from contactlab.page.map_cells import (
     most_frequent_failure,
 )
 from contactlab.palette import COLOURS, INK, UNCHANGED_COLOUR
+from contactlab.printable import shell_word
 from contactlab.reporting.map_axes import MapAxes
 from contactlab.reporting.report import ReportData
 from contactlab.reporting.report_columns import (
@@ -306,7 +307,8 @@ def compare_with_baseline(data: ReportData, baseline: Store) -> BaselineComparis
             check for outcome in _LISTED for check in report.findings if check.outcome == outcome
         ),
         maps=dict(_maps(data, baseline, pairing)),
-        command=f"contactlab compare {baseline.address} {store.address}{option}",
+        command=f"contactlab compare {shell_word(baseline.address)} "
+        f"{shell_word(store.address)}{option}",
     )
 
 

@@ -58,7 +58,7 @@ def read_task_options(
     """Read the options of a command; a SweepFileError says which is wrong, and how it is written.
 
     `within` is a tolerance of the task, such as `10%` or `1mm`, or that of one metric by its name:
-    `slip=1mm`.
+    `hold_slip=1mm`.
     """
     limits: dict[str, float] = {}
     units: dict[str, str] = {}
@@ -70,7 +70,7 @@ def read_task_options(
         if not 0 <= number < math.inf or not (name or is_task_s):
             raise SweepFileError(
                 f"'--within {text}' is no tolerance; write a share or a length, 10% or 1mm, or "
-                "METRIC=VALUE, such as slip=1mm"
+                "METRIC=VALUE, such as hold_slip=1mm"
             )
         if name:
             limits[name] = number

@@ -70,7 +70,9 @@ def contact_lines(contact: RestingContact) -> list[str]:
     rest = {"depth_at_rest": f"it does not rest at the end of its {contact.phase} phase"}
     if contact.expected_depth is not None:
         depth = contact.expected_depth
-        bears = f"{contact.load:.4g} N on each of {contact.contacts:.3g} contacts"
+        count = contact.contacts  # a mean over time
+        each = "one contact" if count == 1 else f"each of {count:.3g} contacts"
+        bears = f"{contact.load:.4g} N on {each}"
         rest = {
             "stiffness": f"{contact.load / depth:.4g} N/m at rest, load over depth",
             "depth_at_rest": f"{depth * 1e3:.4g} mm under {bears}; measured "

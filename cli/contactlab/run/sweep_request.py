@@ -1,5 +1,6 @@
 """From a sweep file to a request: its plan, its scene, and what may be named in it."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -201,6 +202,9 @@ def starter_sweep(reference: str, loader: SceneLoader) -> str:
     """Return the text of a sweep file to start from: around a scene's own values, and small."""
     scene = loader.open(reference)
     base = scene.base({})
+    step = base.settings["timestep"]
+    if not isinstance(step, float) or not 0 < step < math.inf:
+        raise SceneError(f"{scene.source.model}: its timestep is {step} s; write one above 0 there")
     shared = {name: base.settings[name] for name in base.settings.keys() - base.nonuniform}
     drive = "auto" if scene.source.manifest is None else None
     return starter(reference, shared, scene.duration, drive, loader.vocabulary(reference))

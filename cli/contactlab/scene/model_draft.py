@@ -361,9 +361,12 @@ class Draft:
         """Yield the changes of files, whose paths start in a folder."""
         for path, replacements in self._replacements():
             for replacement in replacements:
-                text = " ".join(replacement.text.decode(errors="replace").split())
                 line = line_of(self.before[path], replacement.start)
-                yield Change(path.relative_to(folder).as_posix(), line, text)
+                text = replacement.text.decode(errors="replace")
+                # What is inserted has an element in each line; a start tag may go over several.
+                is_inserted = text and replacement.start == replacement.end
+                for part in text.strip().splitlines() if is_inserted else [text]:
+                    yield Change(path.relative_to(folder).as_posix(), line, " ".join(part.split()))
 
 
 def _set_by(edits: ModelEdits) -> Iterator[tuple[str, str, str, str]]:

@@ -15,6 +15,7 @@ from xml.sax.saxutils import quoteattr
 
 from contactlab.scene.model_files import FileSearch, parse
 
+_FIRST_CHILD = re.compile(rb"[ \t]*\r?\n([ \t]+)<")
 _ATTRIBUTE = re.compile(rb"""\s([^\s=]+)\s*=\s*("[^"]*"|'[^']*')""")
 _MARKUP = re.compile(
     rb"""<!--.*?-->|<!\[CDATA\[.*?\]\]>|<[!?].*?>|<(?:[^"'>]|"[^"]*"|'[^']*')*>""", re.DOTALL
@@ -85,12 +86,17 @@ def without(data: bytes, element: ElementText) -> Replacement:
 
 
 def at_end(data: bytes, root: ElementText, lines: Iterable[str]) -> Replacement:
-    """Return the insertion of lines as the last in an element that has an end tag."""
+    """Return the insertion of lines as the last in an element that has an end tag.
+
+    They are indented as the element's first child is.
+    """
     newline = b"\r\n" if b"\r\n" in data else b"\n"
     stop = data.rindex(b"</", 0, root.end)
     start = data.rfind(b"\n", 0, stop) + 1
     place = stop if data[start:stop].strip() else start
-    text = b"".join(data[place:stop] + b"  " + line.encode() + newline for line in lines)
+    child = _FIRST_CHILD.match(data, root.inner, stop)
+    indent = child[1] if child else data[place:stop] + b"  "
+    text = b"".join(indent + line.encode() + newline for line in lines)
     return Replacement(place, place, text if place == start else newline + text)
 
 

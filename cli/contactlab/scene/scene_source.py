@@ -88,6 +88,7 @@ _MESH = "is a mesh, not a model; write an MJCF model that has it as an asset: <m
 FOREIGN_SUFFIXES: Mapping[str, str] = {
     ".xacro": "is a template of a model; expand it first: `xacro {name} > {stem}.urdf`",
     BINARY: "is compiled; name the MJCF or URDF that it is of",
+    ".mjcf": "has an ending that MuJoCo does not read; rename it to {stem}.xml",
     ".sdf": "is SDF, which MuJoCo does not read; export it as MJCF or URDF",
     **dict.fromkeys((".usd", ".usda", ".usdc", ".usdz"), _USD),
     **dict.fromkeys((".obj", ".stl", ".dae", ".ply", ".msh", ".glb"), _MESH),
@@ -136,13 +137,13 @@ def find_scene(
     if is_menagerie(reference):
         return _bare_model(menagerie_model(reference), menagerie_name(reference))
     path = (base or Path()) / Path(reference).expanduser()
-    if path.suffix in MODEL_SUFFIXES:
-        return _bare_model(path, path.stem)
     if foreign := FOREIGN_SUFFIXES.get(path.suffix.lower()):
         plain = path.name.partition(".")[0]
         raise SceneError(f"{path}: {foreign.format(name=path.name, stem=plain)}")
-    if path.is_file():
-        raise SceneError(f"{path}: no model; name an .xml, .mjcf or .urdf file")
+    if path.suffix in MODEL_SUFFIXES:
+        return _bare_model(path, path.stem)
+    if path.exists() and not path.is_dir():
+        raise SceneError(f"{path}: no model; name an .xml or .urdf file")
     if path.is_dir() and not (path / MANIFEST).is_file():
         raise SceneError(f"{path} has no {MANIFEST}; name {_models_in(path)}")
     if "/" in reference or (path / MANIFEST).is_file():
@@ -173,7 +174,7 @@ def _models_in(folder: Path) -> str:
     """Return the models of a folder in words: the first few, or that there is none."""
     names = sorted(path.name for path in folder.iterdir() if path.suffix in MODEL_SUFFIXES)
     if not names:
-        return "an .xml, .mjcf or .urdf file; it has none"
+        return "an .xml or .urdf file; it has none"
     listed = " or ".join(str(folder / name) for name in names[:_MOST_NAMED])
     return listed if len(names) <= _MOST_NAMED else f"one of its {len(names)} models, as {listed}"
 

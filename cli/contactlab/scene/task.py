@@ -10,6 +10,7 @@ import mujoco
 import numpy as np
 
 from contactlab.errors import SceneError
+from contactlab.printable import first_names
 from contactlab.scene.model_names import name_of
 from contactlab.schema.drive import Drive
 from contactlab.schema.task import DEFAULT_WITHIN, QPOS0, SEEDS, Phase, Task
@@ -78,7 +79,9 @@ def infer_task(  # noqa: PLR0913 - one argument a part of the task
     SceneError.unless_known(begin, known, f"the model has no keyframe '{begin}'")
     bodies = [name_of(model, "body", index) for index in range(model.nbody)]
     for name in watch:
-        SceneError.unless_known(name, bodies, f"the model has no body '{name}' to watch")
+        has = first_names(f"it has: {', '.join(bodies[1:])}")
+        message = f"the model has no body '{name}' to watch"
+        SceneError.unless_known(name, bodies, message, f"; {has}")
     moving = drive_of(model, begin) if drive == "auto" else drive
     two = moving == "exercise"
     seconds = duration or (_REST + _EXCITEMENT if two else HELD_DURATION)

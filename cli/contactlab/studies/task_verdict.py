@@ -35,7 +35,7 @@ def refuse_lengths(options: TaskOptions) -> None:
     if (options.within or (0, "1"))[1] != "1":
         raise SweepFileError(
             "'--within' is a share of the real forces here, such as 10%; a length is of a "
-            "metric: write METRIC=VALUE, such as slip=1mm"
+            "metric: write METRIC=VALUE, such as hold_slip=1mm"
         )
 
 

@@ -11,6 +11,7 @@ from contactlab.errors import ContactlabError, OutputError, suggestion
 from contactlab.loop.recording import Recording, record
 from contactlab.measure import labels_with
 from contactlab.page.report_files import write_page
+from contactlab.printable import shell_word
 from contactlab.scene.scene_source import MANIFEST, read_manifest
 from contactlab.schema.evidence import EvidenceRecord
 from contactlab.store.finished_store import Store
@@ -119,7 +120,7 @@ class ContactEvidence:
             raise AssertionError("\n".join([*wrong, *self._places()]))
 
     def _places(self) -> Iterator[str]:
-        yield f"store: {self.folder}  (contactlab show {self.folder})"
+        yield f"store: {self.folder}  (contactlab show {shell_word(self.folder)})"
         page = self.folder.with_name(f"{self.folder.name}.html")
         try:
             write_page(self._store(), page)

@@ -339,3 +339,10 @@ def test_the_step_that_holds_a_slider_is_where_plain_mujoco_begins_to_grow(
     for timestep in (0.5e-3, 1e-3, 2e-3, 4e-3, 5e-3, 7e-3, 10e-3, 20e-3):
         text = SLIDER.format(h=timestep, integrator=integrator, k=k, c=c, d=d)
         assert ("gain-step" in rules_of(linted(text))) == grows(text)
+
+
+@pytest.mark.parametrize("timestep", ["nan", "inf", "0", "-1"])
+def test_a_step_that_is_none_has_no_gains_to_hold(linted: Linted, timestep: str) -> None:
+    found = rules_of(linted(SLIDER.format(h=timestep, integrator="Euler", k=1e5, c=0, d=0)))
+    assert "option-value" in found
+    assert "gain-step" not in found

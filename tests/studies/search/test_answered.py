@@ -160,7 +160,7 @@ def test_what_saves_no_fifth_is_told_with_what_there_is_to_save(
     points = (report.now, own, rough, longer)
     assert unsaved(report.model_copy(update={"bare": price, "points": points})) == (
         "at its own step x0.50 without contacts and all other constraints, x0.93 at best "
-        "(island False), the next longer that was tried, 0.003 s, has 4 %"
+        "(island off), the next longer that was tried, 0.003 s, has 4 %"
     )
 
 

@@ -75,6 +75,24 @@ def test_a_limit_that_holds_is_needed_and_one_out_of_reach_is_kept(shed: PartsRe
     assert shed.twin
 
 
+@pytest.mark.parametrize(
+    ("own", "holds"),
+    [('frictionloss="20"', True), ('stiffness="400" springlength=".5"', True), ("", False)],
+)
+def test_a_tendon_is_needed_where_the_row_of_all_tendons_is(
+    tmp_path: Path, own: str, holds: bool
+) -> None:
+    """A weight of 9.81 N on a slide falls, unless the one tendon there is holds it."""
+    (tmp_path / "weight.xml").write_text(f"""<mujoco><option timestep="0.002"/><worldbody>
+      <body name="weight"><joint name="up" type="slide" axis="0 0 1"/><geom size=".1" mass="1"/>
+      </body></worldbody><tendon><fixed name="rope" {own}><joint joint="up" coef="1"/></fixed>
+      </tendon></mujoco>""")
+    task = read_task_options(drive="none", duration="0.1s")
+    found = run(PartsRequest(str(tmp_path / "weight.xml"), task=task), Session(tmp_path / "out"))
+    assert (part(found, "rope").worth == "needed") == holds
+    assert any(each.name == "slack tendons" for each in found.parts) == holds
+
+
 def part(report: PartsReport, name: str) -> PartWorth:
     """Return the one part of a name."""
     return next(each for each in report.parts if each.name == name)

@@ -245,7 +245,7 @@ def test_a_choice_says_what_it_changes() -> None:
     assert MODEL.geom_condim[0] == 6
     assert differing(choice.settings, made) == {}
     assert differing({"cone": "elliptic", "iterations": 100}, MODEL) == {"cone": "elliptic"}
-    assert described(choice.settings) == "cone elliptic, island False, geom_condim 3 of 1"
+    assert described(choice.settings) == "cone elliptic, island off, geom_condim 3 of 1"
     assert math.isclose(choice.at(5).multiple, 5)
 
 

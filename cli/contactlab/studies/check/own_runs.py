@@ -38,7 +38,7 @@ def check_task(checked: CheckedModel) -> Measured:
         checked.measure(
             "phantom_forces",
             most.get(phase.name, math.nan if phase.share is None else phase.share),
-            f"{phase.body}, {phase.name}",
+            f"{phase.body}, {phase.name}" + ", at most" * (phase.name in most),
             limit=task.within,
         )
         for phase in verdict.phases
@@ -64,7 +64,7 @@ def check_must(checked: CheckedModel) -> Measured:
     manifest = checked.scene.source.manifest
     required = checked.options.must or (manifest.must if manifest else ())
     if not required:
-        return Measured([], ["nothing is required"])
+        return Measured([], ["requirements: none is given, by --must or `must`"])
     labels = labels_with("required")
     measures: list[Measure] = []
     notes: list[str] = []

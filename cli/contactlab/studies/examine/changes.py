@@ -373,10 +373,7 @@ class Changes:
             if wanted == {remedy.accept}:
                 return remedy.edits, ""
         if not self._trial.wanted:
-            none = "no change of how the model is computed removes what the verdict names"
-            more = ", ".join(remedy.accept for remedy in helping)
-            hint = f"; accept another model by --accept {more}" if more else ""
-            return (numerical[0].edits, "") if numerical else (NO_EDITS, f"{none}{hint}")
+            return (numerical[0].edits, "") if numerical else (NO_EDITS, self._why_none(helping))
         by_word = {candidate.accept: candidate for candidate in self._candidates}
         unknown = [word for word in self._trial.wanted if word not in by_word]
         if unknown:
@@ -393,6 +390,14 @@ class Changes:
         if self._parts(whole := joined(accepted)):
             return whole.edits, ""
         return NO_EDITS, "what is accepted does not remove what the verdict names"
+
+    def _why_none(self, helping: Sequence[Remedy]) -> str:
+        """Return why no change of computation is written."""
+        more = ", ".join(remedy.accept for remedy in helping)
+        hint = f"; accept another model by --accept {more}" if more else ""
+        if self._verdict.word == "sound" and not self._again.labels:
+            return f"the model is sound as it is{hint}"
+        return f"no change of how the model is computed removes what the verdict names{hint}"
 
 
 def candidates_against_labels(

@@ -12,6 +12,7 @@ Source: MuJoCo's documentation, Computation > Numerical integration; LaSalle, Th
 control of discrete processes.
 """
 
+import math
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
@@ -153,7 +154,7 @@ def gain_step(linted: LintedModel) -> Iterator[Fault]:
     """One step of the integrator cannot hold the gains of servos, springs or tendons."""
     model = linted.model
     integrator, timestep = int(model.opt.integrator), float(model.opt.timestep)
-    if not model.nv or integrator == _DISCRETE:
+    if not model.nv or integrator == _DISCRETE or not 0 < timestep < math.inf:
         return
     start, data = next(iter(linted.starts.items()))
     late = integrator == _INTEGRATOR.mjINT_RK4 or bool(model.opt.disableflags & _EULERDAMP)

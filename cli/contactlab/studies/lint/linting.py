@@ -4,7 +4,7 @@ import re
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
-from contactlab.errors import SceneError
+from contactlab.errors import SceneError, no_file
 from contactlab.judge.subjects import OUTCOMES
 from contactlab.judge.wording import plural
 from contactlab.scene.model_files import FileSearch, parse
@@ -52,7 +52,7 @@ def _subjects(models: Iterable[str]) -> tuple[list[str], list[str]]:
             found[model] = None
             continue
         if not path.is_file():
-            raise SceneError(f"no model file {model}")
+            raise SceneError(no_file(path, "model file", MODEL_SUFFIXES))
         whole = list(map(str, _including(path)))
         if whole or _is_model(path):
             found |= dict.fromkeys(whole or [model])

@@ -91,9 +91,13 @@ def _has(model: mujoco.MjModel, name: str, value: object) -> bool:
 
 
 def described(settings: Mapping[str, object]) -> str:
-    """Return settings in a line; fields of many parts are counted."""
-    single = {name: value for name, value in settings.items() if "[" not in name}
-    parts = [f"{name} {as_written(value)}" for name, value in single.items()]
+    """Return settings in a line; fields of many parts are counted, effects are on or off."""
+    single = {name: as_written(value) for name, value in settings.items() if "[" not in name}
+    words = {True: "on", False: "off"}
+    parts = [
+        f"{name} {words[value] if isinstance(value, bool) else value}"
+        for name, value in single.items()
+    ]
     fields: dict[tuple[str, str], int] = {}
     for name, value in settings.items():
         if "[" in name:

@@ -36,6 +36,18 @@ from contactlab.studies.session import Session
 _MEASURING = 0.85  # of the time allowed, after which nothing more is begun
 _SAFEGUARDS = ("clamps", "limits", "margin")
 _TURNS = 5
+_TENDON = tuple(
+    field
+    for field in (
+        "tendon_stiffness",
+        "tendon_stiffnesspoly",
+        "tendon_damping",
+        "tendon_dampingpoly",
+        "tendon_frictionloss",
+    )
+    if hasattr(mujoco.MjModel, field)
+)
+"""Fields by which a tendon pulls within its limits, as far as this MuJoCo has them."""
 _NEVER = "cannot touch, whatever their joints do within their ranges"
 
 Change = Callable[[mujoco.MjModel], None]
@@ -228,9 +240,14 @@ def used_by(motions: Sequence[Motion]) -> Used:
                 limits.update(np.asarray(data.efc_id)[: data.nefc][kinds == limited[0]].tolist())
                 tendons.update(np.asarray(data.efc_id)[: data.nefc][kinds == limited[1]].tolist())
                 actuators.update(np.flatnonzero(data.actuator_force).tolist())
-    acting = _ids(motions[0].model.tendon_stiffness)
+    model = motions[0].model
+    pulling = (
+        tendon
+        for tendon in range(model.ntendon)
+        if any(np.any(getattr(model, field)[tendon]) for field in _TENDON)
+    )
     return Used(
-        frozenset(geoms), frozenset(limits), frozenset({*tendons, *acting}), frozenset(actuators)
+        frozenset(geoms), frozenset(limits), frozenset({*tendons, *pulling}), frozenset(actuators)
     )
 
 
@@ -240,7 +257,7 @@ def _pieces(model: mujoco.MjModel, used: Used, positions: Sequence[np.ndarray]) 
         without, name = _zero(joint, "jnt_limited"), name_of(model, "joint", joint)
         yield Part("limit", name, without, joint in used.limits, safeguard=True)
     for tendon in range(model.ntendon):
-        without = _zero(tendon, "tendon_stiffness", "tendon_limited")
+        without = _zero(tendon, *_TENDON, "tendon_limited")
         yield Part("tendon", name_of(model, "tendon", tendon), without, tendon in used.tendons)
     for actuator in range(model.nu):
         without = _zero(actuator, "actuator_gainprm", "actuator_biasprm")

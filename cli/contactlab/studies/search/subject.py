@@ -40,6 +40,8 @@ OFFERED_APART = 0.05
 """m: a distance of which is told what leaving out collisions would save."""
 SEARCHING = 0.6
 """Share of the time allowed; the rest is for files, fresh seeds and the clock."""
+LIMITED = ("errors of steps", "seeds", "windows")
+"""Names by which a report keeps what the time did not allow to look at."""
 _FINER = (2, 4, 8, 16)
 _RESOLVED = 0.2  # share of the limit that the fine motion's own error may have
 _RESOLVING, _AT_MOST = 0.15, 0.4

@@ -1,6 +1,6 @@
 """What was left of a failing model, as lines of text for 80 columns."""
 
-from contactlab.printable import visible, wrapped
+from contactlab.printable import shell_word, visible, wrapped
 from contactlab.schema.shrink_report import ShrinkReport
 
 
@@ -20,5 +20,5 @@ def shrink_lines(report: ShrinkReport) -> list[str]:
     if not report.finished:
         lines += wrapped("the time ended before all was tried; allow more with --max-time", "")
     lines.append(f"model, sweep and text of an issue: {report.folder}")
-    lines.append(f"run it: contactlab sweep {report.folder}/sweep.yaml")
+    lines.append(f"run it: contactlab sweep {shell_word(f'{report.folder}/sweep.yaml')}")
     return [visible(line) for line in lines]
