@@ -8,7 +8,7 @@ from types import FrameType
 from typing import NoReturn
 
 SECONDS = 120.0
-"""How long a factory, a policy's file or a plug-in may take to load."""
+"""How long a factory, a policy's file or a plug-in may take to load, and a policy to be made."""
 
 
 class _TooLongError(BaseException):

@@ -87,6 +87,16 @@ def tear(place: str) -> None:
     (store / JOURNAL).write_bytes(text[: len(text) // 2])
 
 
+def damage(place: str) -> None:
+    """Leave a finished store that has lost a trace."""
+    sweep(place)
+    next(Path(place).rglob("*.mcap")).unlink()
+
+
+def repair(place: str) -> None:
+    sweep(place, repair=True)
+
+
 def shards_of(place: str) -> list[str]:
     return [f"{place}parts/{number}" for number in (1, 2)]
 
@@ -130,6 +140,7 @@ LIVES = {
     "sweep": Life(grow, sweep),
     "graded": Life(grade, grade),
     "torn": Life(sweep, sweep, tear),
+    "repaired": Life(repair, repair, damage),
     "merge": Life(merge, merge_again, make_shards, "whole"),
     "baseline": Life(keep, keep, make_baseline, "kept/ball"),
 }

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 ROOT = Path(__file__).parents[2]
-FOLDER_LIVES = ("sweep", "graded", "torn", "merge", "baseline")
+FOLDER_LIVES = ("sweep", "graded", "torn", "repaired", "merge", "baseline")
 BUCKET_LIVES = ("sweep", "graded", "merge")
 Faults = list[dict[str, Any]]
 
@@ -57,14 +57,13 @@ def check(found: Faults, least: int) -> None:
 
 @pytest.mark.long
 def test_a_folder_outlives_a_fault_at_some_writes(faults: Any, tmp_path: Path) -> None:
-    check(faults("sweep", 122, str(tmp_path)), 3)
+    check(faults("sweep", 40, str(tmp_path)), 6)
 
 
 @pytest.mark.night
 @pytest.mark.parametrize("life", FOLDER_LIVES)
-def test_a_folder_outlives_a_fault_at_many_writes(faults: Any, tmp_path: Path, life: str) -> None:
-    """Each thirteenth; most are of Parquet, which writes a table in hundreds of parts."""
-    check(faults(life, 13, str(tmp_path)), 60)
+def test_a_folder_outlives_a_fault_at_each_write(faults: Any, tmp_path: Path, life: str) -> None:
+    check(faults(life, 1, str(tmp_path)), 60)
 
 
 @pytest.mark.long

@@ -11,6 +11,7 @@ import pyarrow.parquet as pq
 import pytest
 from tests.cart_pole import cart_pole
 
+from contactlab import code_limit
 from contactlab.errors import SceneError, StoreError
 from contactlab.run.stored_runs import replay, timed_run
 from contactlab.run.sweep_request import read_request
@@ -230,6 +231,21 @@ BAD = {
     "shape": ("wanted = wanted[:0]", "returned an array of shape"),
     "exit": ("raise SystemExit(3)", "SystemExit: 3"),
 }
+
+
+def test_one_that_is_never_made_ends_at_a_limit(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also without workers, whose runs have a limit of their own."""
+    monkeypatch.setattr(code_limit, "SECONDS", 0.5)
+    (folder / "hangs.py").write_text(
+        "class Hangs:\n    def __init__(self, model):\n        while True: pass\n"
+    )
+    swept(folder, policy="hangs.py:Hangs")
+    (row,) = rows(folder)
+    assert row["label"] == "invalid"
+    assert "policy Hangs: line 3 of hangs.py: " in row["status_reason"]
+    assert "did not return within 0.5 s" in row["status_reason"]
 
 
 @pytest.mark.parametrize("kind", BAD)

@@ -207,7 +207,8 @@ class _Flight:
 
     def _made(self, policy: PolicyClass, model: mujoco.MjModel) -> Policy:
         try:
-            made = policy(copy.copy(model))
+            with code_limit():
+                made = policy(copy.copy(model))
         except _MISTAKES as error:
             raise self._failed("", error) from error
         if not callable(made):
