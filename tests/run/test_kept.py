@@ -8,8 +8,7 @@ import pytest
 
 import contactlab
 from contactlab.plan.kept_traces import OF_MANY, KeptTraces
-from contactlab.plan.sweep_file import read_sweep
-from contactlab.run.sweep_request import SceneLoader
+from contactlab.run.sweep_request import read_request
 from contactlab.store.finished_store import Store
 from contactlab.store.verify_store import verify
 
@@ -67,8 +66,8 @@ def test_traces_of_many_runs() -> None:
         (100_001, {"trace": "all"}, "all"),
     ):
         sweep = {"version": 1, "scene": "ball_drop", "seeds": seeds, **told}
-        plan = read_sweep(sweep, SceneLoader(None).vocabulary).plan
-        assert plan.sweep.trace == rule
+        asked = read_request(sweep, "many", Path("store"), folder=Path(), workers=0)
+        assert asked.plan.sweep.trace == rule
     kept = KeptTraces.of(OF_MANY)
     stable = [kept.keeps(place, "stable", 100_001) for place in range(100_001)]
     assert sum(stable) == 1000

@@ -260,10 +260,10 @@ def _print_plan(plan: "Plan", forecast: "Forecast") -> None:
     for name, seconds in passes.items():
         if seconds:
             echo(f"       {_seconds(seconds)} of it for {name}")
-    echo(f"disk   {_megabytes((part * forecast.bytes[0], forecast.bytes[1]))} of traces")
+    echo(f"disk   {_sizes((part * forecast.bytes[0], forecast.bytes[1]))} of traces")
     for form, size in forecast.bytes_by_format.items():
         if form != plan.sweep.trace_format and size[1]:
-            echo(f"       {_megabytes(size)} with trace_format: {form}")
+            echo(f"       {_sizes(size)} with trace_format: {form}")
     if forecast.runs > MANY_RUNS and plan.sweep.trace == OF_MANY:
         echo(f"traces {OF_MANY}: of runs that are not stable and 1,000 others; or set trace: all")
     for warning in forecast.warnings:
@@ -275,9 +275,15 @@ def _range(values: tuple[object, ...]) -> str:
     return ", ".join(format_value(value) for value in shown)
 
 
-def _megabytes(size: tuple[float, float]) -> str:
-    return f"{size[0] / 1e6:.3g} to {size[1] / 1e6:.3g} MB"
+def _sizes(least_most: tuple[float, float]) -> str:
+    least, most = (
+        f"{size / 1e9:.3g} GB" if size >= 1e9 else f"{size / 1e6:.3g} MB" for size in least_most
+    )
+    return f"{least} to {most}"
 
 
 def _seconds(seconds: float) -> str:
-    return f"{seconds:.2g} s" if seconds < 120 else f"{seconds / 60:.2g} min"
+    for unit, size in (("s", 1), ("min", 60), ("h", 3600)):
+        if seconds < 99 * size:
+            return f"{seconds / size:.2g} {unit}"
+    return f"{seconds / 86_400:,.0f} days"

@@ -154,7 +154,7 @@ class SceneLoader:
         # What a manifest says is in the scene's own copy.
         own = self._undriven(sweep.scene).drive
         drive = None if scene.drive == own else scene.drive.drive
-        located = sweep.model_copy(update={"drive": drive})
+        located = read.plan.sweep.model_copy(update={"drive": drive})
         return scene.with_effects(effects_base(sweep.effects)), replace(read.plan, sweep=located)
 
     def vocabulary(self, reference: str, *, lenient: bool = False) -> Vocabulary:
