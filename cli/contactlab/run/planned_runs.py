@@ -89,7 +89,7 @@ class RunIndex:
         self._kept: list[RunSpec] | None = [] if plan.count <= MAX_KEPT else None
         rows = np.fromiter(self._checked_rows(), np.uint64)
         new, seeds = _firsts(rows), _firsts(np.array(plan.sweep.seed_values))
-        self.hash = hash_of_ids(rows[new])
+        self.hash = hash_of_ids([rows[new]])
         """A hash of the id of the first run of each row, which no part of the runs changes."""
         self._distinct = np.outer(new, seeds).ravel()[: plan.count]
 

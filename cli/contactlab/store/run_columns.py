@@ -126,11 +126,10 @@ class RunColumns:
 
     def plan_hash(self, seeds: int) -> str:
         """Return the hash of the plan whose runs these are all, where a row has so many seeds."""
-        firsts = [
+        return hash_of_ids(
             self._id_numbers(rows["run_id"])[numpy_array(rows["index"]) % seeds == 0]
             for rows in self.batches(["run_id", "index"])
-        ]
-        return hash_of_ids(np.concatenate([np.empty(0, np.uint64), *firsts]))
+        )
 
     def _id_numbers(self, ids: pa.Array) -> NDArray[np.uint64]:
         places, letters = _places(ids), ids.buffers()[2]
@@ -384,11 +383,15 @@ def rows_of(rows: _Rows, wanted: NDArray[np.bool_]) -> _Rows:
     return compute("take", rows, number_array(np.flatnonzero(wanted)))
 
 
-def hash_of_ids(ids: NDArray[np.uint64]) -> str:
-    """Return the hash of the ids of runs (n,) in an order; of the first of each row, a plan's."""
+def hash_of_ids(parts: Iterable[NDArray[np.uint64]]) -> str:
+    """Return the hash of the ids of runs in an order; of the first of each row, a plan's.
+
+    They come in parts (n,), of which each is written out some at a time.
+    """
     found = hashlib.sha256()
-    for first in range(0, len(ids), _HASHED):
-        found.update(ids[first : first + _HASHED].astype(">u8").tobytes().hex().encode())
+    for ids in parts:
+        for first in range(0, len(ids), _HASHED):
+            found.update(ids[first : first + _HASHED].astype(">u8").tobytes().hex().encode())
     return found.hexdigest()[:32]
 
 
