@@ -5,7 +5,10 @@ import copy
 import mujoco
 import pytest
 
-from contactlab.studies.search.answers import part_within, work_of
+from contactlab.studies.search.answers import Below, part_within, work_of
+from contactlab.studies.search.choice import Choice
+from contactlab.studies.search.searching import Tried
+from contactlab.studies.search.yardstick import Apart
 
 EULER = mujoco.MjModel.from_xml_string("<mujoco/>")
 
@@ -28,3 +31,23 @@ def test_what_failed_is_followed_by_steps_that_hold_in_first_order(ladder: float
     assert verdicts <= 1 + (0.6 < limit / (ladder * 10.0) < 1)
     # Nothing that the judge told no share of, or that failed within its limit, is tried unchanged.
     assert part_within(None, limit) == part_within(0.05, limit) < 1
+
+
+def _tried(multiple: int, share: float, integrator: str = "RK4") -> Tried:
+    error = Apart(share, "body", "phase", 0.0, share, share)
+    return Tried(Choice({"integrator": integrator}, multiple), error)
+
+
+def test_no_step_is_tried_again_that_was_too_long_for_its_integrator() -> None:
+    """Where errors fall fast with steps, a smaller one is no reason for a step that failed."""
+    below = Below().without(_tried(25, 0.03), 0.6)
+    assert not below.has(_tried(25, 0.01))
+    assert not below.has(_tried(28, 0.01))
+    assert below.has(_tried(24, 0.018))
+    assert below.has(_tried(15, 0.03))
+    assert not below.has(_tried(24, 0.02))
+    # Of another integrator, only the last one that failed tells.
+    after = below.without(_tried(6, 0.1, "Euler"), 0.6)
+    assert not after.has(_tried(28, 0.046))
+    assert after.has(_tried(24, 0.046))
+    assert after.has(_tried(28, 0.046, "implicit"))

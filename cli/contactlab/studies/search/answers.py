@@ -6,7 +6,8 @@ over, the safest that is known.
 
 import math
 import time
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from pathlib import Path
 from shutil import rmtree
@@ -25,7 +26,7 @@ from contactlab.studies.check.checked_model import CheckedModel
 from contactlab.studies.examine.changes import fresh
 from contactlab.studies.examine.examination import ExamineRequest, open_model
 from contactlab.studies.search.allowed_time import AllowedTime
-from contactlab.studies.search.choice import Choice, Key, described, differing
+from contactlab.studies.search.choice import INTEGRATOR, Choice, Key, described, differing
 from contactlab.studies.search.levers import Unsearched
 from contactlab.studies.search.searching import (
     SAME,
@@ -56,7 +57,7 @@ _TIMED = 12  # times that whole runs are timed, of two seeds: of a choice, and o
 _COMPILED = 5  # times that a verdict compiles the model: to write, compare, open and run it
 _LABELLED = 0.8  # s of CPU time that runs of a model, written and as it is, take to be labelled
 _LATE = 0.1  # of the time allowed, that the first verdict of an answer may end after it
-_MOST_TRIES, _MOST_MEASURED = 5, 25
+_MOST_TRIES, _MOST_MEASURED = 8, 25
 """Choices that are judged, and whose errors are looked at, on fresh seeds."""
 _WORTH_A_PROCESS = 0.3  # s that a task takes: what is shorter is over before a process has begun
 _MUCH_LESS = 0.6
@@ -91,20 +92,35 @@ class Answer:
 
 
 @dataclass(frozen=True)
-class _Below:
-    """What a choice has to be after one that failed: of a smaller error, or of shorter steps.
+class Below:
+    """What a choice has to be after those that failed: of a smaller error, or of shorter steps.
 
     Attributes:
-        error: so small, it may have any step.
+        error: so small, it may have any step that did not fail.
         multiple: in fine steps; so short, it may have any error that the bound allows.
+        failed: steps that failed, by integrator; no longer one of that is tried.
     """
 
     error: float = math.inf
     multiple: float = 0.0
+    failed: Mapping[object, int] = field(default_factory=dict[object, int])
 
     def has(self, tried: Tried) -> bool:
         """Return whether something lies below."""
+        if tried.choice.multiple >= self.failed.get(_integrator(tried), math.inf):
+            return False
         return share_of(tried) <= self.error or tried.choice.multiple <= self.multiple
+
+    def without(self, tried: Tried, part: float) -> "Below":
+        """Return what has to be after something else failed, of which a part may hold."""
+        step = tried.choice.multiple
+        name = _integrator(tried)
+        failed = {**self.failed, name: min(step, self.failed.get(name, step))}
+        return Below(part * share_of(tried), part * step, failed)
+
+
+def _integrator(tried: Tried) -> object:
+    return tried.choice.settings.get(INTEGRATOR)
 
 
 @dataclass(frozen=True)
@@ -185,7 +201,7 @@ class Answers:
 
         Once one failed, the rest of the time is for so many later answers as well.
         """
-        below, done = _Below(), {self.known.choice.key}
+        below, done = Below(), {self.known.choice.key}
         for number in range(_MOST_TRIES):
             late = -later * self.to_judge if number else _LATE * self._allowed.seconds
             if self._is_late(wanted, self._allowed.takes(self._written + self._begun) - late):
@@ -211,7 +227,7 @@ class Answers:
             if not wanted.sound:
                 limits += [said.high for said in self._said_now.values()]
             part = part_within(found.share, max(limits))
-            below = _Below(part * share_of(tried), part * tried.choice.multiple)
+            below = below.without(tried, part)
         self.drop(wanted)
         return None
 
@@ -251,7 +267,7 @@ class Answers:
                 break
 
     def _within(
-        self, wanted: Wanted, done: set[Key], below: _Below, late: float, *, last: bool
+        self, wanted: Wanted, done: set[Key], below: Below, late: float, *, last: bool
     ) -> tuple[Tried, Apart] | None:
         """Return the best that lies below, whose error on fresh seeds is within the limit.
 
@@ -302,7 +318,7 @@ class Answers:
         assert twin
         return price.ratio < SAVES and is_faster(price, twin)
 
-    def _next(self, done: set[Key], bound: Bound, below: _Below) -> Tried | None:
+    def _next(self, done: set[Key], bound: Bound, below: Below) -> Tried | None:
         """Return the best that was not verified yet and lies below: known, or at a shorter step."""
         search = self._search
 
