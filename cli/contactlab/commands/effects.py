@@ -1,6 +1,6 @@
 """`contactlab effects`: which effects a scene needs, and what each costs."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, Unpack
 
@@ -135,10 +135,14 @@ def _print_parts(report: "PartsReport", target: Path) -> None:
     echo("\n".join([*wrapped(report.task.line), *wrapped(head)]))
     shown = [part for part in report.parts if part.worth != "provably unused"]
     twin = report.twin
-    rows = [_part_row(part, report) for part in shown]
+    looked_at = [part for part in shown if part.share is not None or part.price]
+    rows = [_part_row(part, report) for part in looked_at]
     if twin:
         rows.append(("", "the model beside itself", "", "", "", price_text(twin)))
-    print_table(("", "left out", "verdict", "share", "in", "time without"), rows)
+    if rows:
+        print_table(("", "left out", "verdict", "share", "in", "time without"), rows)
+    for line in _unmeasured(shown, report):
+        echo("\n".join(wrapped(line)))
     unused = [part for part in report.parts if part.worth == "provably unused"]
     for reason in dict.fromkeys(part.reason for part in unused):
         names = ", ".join(part.name for part in unused if part.reason == reason)
@@ -149,6 +153,18 @@ def _print_parts(report: "PartsReport", target: Path) -> None:
     if report.ended:
         echo("the time was over before all was measured; give more with --max-time")
     echo(f"parts.json in {target}")
+
+
+def _unmeasured(shown: "Sequence[PartWorth]", report: "PartsReport") -> Iterator[str]:
+    """Yield the parts that have neither a share nor a time, by verdict and kind."""
+    names: dict[str, dict[str, list[str]]] = {}
+    for part in shown:
+        if part.share is None and part.price is None:
+            kind, name, verdict, *_ = _part_row(part, report)
+            names.setdefault(str(verdict), {}).setdefault(str(kind), []).append(str(name))
+    for verdict, kinds in names.items():
+        listed = (f"{kind}{'s' * (len(of) > 1)} {', '.join(of)}" for kind, of in kinds.items())
+        yield f"{verdict}: {'; '.join(listed)}"
 
 
 def _part_row(part: "PartWorth", report: "PartsReport") -> tuple[object, ...]:
