@@ -27,6 +27,7 @@ from contactlab.store.finished_store import Store
 _LEAST, _MOST = 1e-3, 10.0
 _TOLD = 0.1  # of the tolerance: rows that are shown
 _KINDS = {"numerics": "numerics", "model": "model", "effect": "effects", "unknown": "unknowns"}
+_TICKS = [float(f"{digits}e{power}") for power in range(-5, 3) for digits in (1, 1.5, 2, 3, 5, 7)]
 _BESIDE = 1.5  # room for words beside the fastest and the slowest, as a ratio of times
 _REMOVES, _REMAINS, _NOW = "removes the cause", "does not", "as written"
 
@@ -197,10 +198,12 @@ def _specification(rows: Rows, within: float) -> alt.TopLevelMixin:
         ).scale(type="log", nice=False, domain=shown),
         y=alt.Y("error:Q", title="error that is left")
         .scale(type="log", nice=False, padding=25)
-        .axis(format="%"),
+        .axis(format="~%", values=_TICKS),
     )
     points = layer.mark_point(filled=True, size=110, opacity=1).encode(
-        color=word_colours("kind", list(colours), list(colours.values())).title(None)
+        color=word_colours("kind", list(colours), list(colours.values()))
+        .title(None)
+        .legend(orient="bottom")
     )
     # Those that do not help crowd about the model as written.
     named = [row for row in rows if row["kind"] != _REMAINS]

@@ -29,11 +29,16 @@ def specification(report: TuneReport) -> alt.TopLevelMixin:
     lines, seen = _lines(report), {row["what"] for row in marked}
     colours = {mark: colour for mark, colour in zip(_MARKS, COLOURS, strict=False) if mark in seen}
     levels = layer_of("levels", lines).encode(y=alt.Y("error:Q"))
+    # Side by side, since lines of nearly the same error are nearly one.
+    names = [
+        layer_of(f"level {place}", [line])
+        .mark_text(align="left", baseline="bottom", dx=4, dy=-2, color=INK)
+        .encode(x=alt.value(place * _WIDTH / len(lines)), y=levels.encoding.y, text="text:N")
+        for place, line in enumerate(lines)
+    ]
     return alt.layer(
         levels.mark_rule(color=INK, strokeDash=[4, 3]),
-        levels.mark_text(align="left", baseline="bottom", dx=4, dy=-2, color=INK).encode(
-            x=alt.value(0), text="text:N"
-        ),
+        *names,
         spans.encode(x=x, y=alt.Y("low:Q"), y2="high:Q"),
         tried.mark_point(filled=True, size=40, color=OTHERS_COLOUR, opacity=1),
         special.mark_point(filled=True, size=110, opacity=1).encode(
