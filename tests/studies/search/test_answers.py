@@ -1,11 +1,14 @@
 """How long verdicts take, by what is judged."""
 
 import copy
+from types import SimpleNamespace
+from typing import Any
 
 import mujoco
 import pytest
 
-from contactlab.studies.search.answers import Below, part_within, work_of
+from contactlab.scene.task import infer_task
+from contactlab.studies.search.answers import Answers, Below, part_within, work_of
 from contactlab.studies.search.choice import Choice
 from contactlab.studies.search.searching import Tried
 from contactlab.studies.search.yardstick import Apart
@@ -51,3 +54,41 @@ def test_no_step_is_tried_again_that_was_too_long_for_its_integrator() -> None:
     assert not after.has(_tried(28, 0.046))
     assert after.has(_tried(24, 0.046))
     assert after.has(_tried(28, 0.046, "implicit"))
+
+
+@pytest.mark.parametrize(
+    ("left", "written", "labels", "unseen"),
+    [
+        (1e6, {}, ["tunneling"], False),
+        (1e6, {1: {"tunneling"}}, [], False),
+        (-1.0, {}, [], True),
+    ],
+    ids=["of one seed of the task", "as the model as written", "no time"],
+)
+def test_labels_are_looked_for_on_the_seeds_that_the_written_file_is_judged_by(
+    monkeypatch: pytest.MonkeyPatch,
+    left: float,
+    written: dict[int, set[str]],
+    labels: list[str],
+    unseen: bool,
+) -> None:
+    """No label on the fresh seed 3, and one on seed 1, which `contactlab FILE` has in its task."""
+    task = infer_task(EULER)
+    of: dict[str, dict[int, set[str]]] = {"now": written, "new": {1: {"tunneling"}}}
+
+    def seen(_: Answers, examined: Any, task: Any) -> set[str]:
+        return {label for seed in task.seeds for label in of[examined.name].get(seed, ())}
+
+    monkeypatch.setattr(Answers, "_labels", seen)
+    now = SimpleNamespace(name="now", task=task)
+    answers = Answers.__new__(Answers)
+    vars(answers).update(
+        _subject=SimpleNamespace(examined=now),
+        _allowed=SimpleNamespace(left=left),
+        _labels_now={},
+    )
+    fresh = task.model_copy(update={"seeds": (3,)})
+    new: Any = SimpleNamespace(name="new")
+    found, told = answers._new_labels(new, fresh)  # pyright: ignore[reportPrivateUsage]
+    assert found == labels
+    assert bool(told) == unseen

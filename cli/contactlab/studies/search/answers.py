@@ -18,6 +18,7 @@ import mujoco
 from contactlab.budget import ErrorBudget, Motion, Settings, error_budget, judge
 from contactlab.budget.measuring import evaluations
 from contactlab.errors import SceneError
+from contactlab.judge.wording import plural
 from contactlab.scene.model_names import geom_word
 from contactlab.scene.model_writer import WrittenModel, write_model
 from contactlab.schema.task import Task
@@ -442,7 +443,8 @@ class Answers:
         if said.word != "sound":
             holds = not wanted.sound and self._is_as_now(judged, said)
             why = f"{said.word}, as the model as written: {said.why}" if holds else said.why
-        labels = sorted(self._labels(examined, task) - self._now_labels(task)) if holds else ()
+        labels, unseen = self._new_labels(examined, task) if holds else ([], "")
+        why += unseen
         if labels:
             holds, why = False, f"labelled {' and '.join(labels)}, as the model as written is not"
         if holds and "apart" in tried.choice.cuts and (touched := self._touched()):
@@ -542,6 +544,28 @@ class Answers:
         verdict = judge(budget, task.within)
         reason = verdict.reasons[0].sentence if verdict.reasons else "sound"
         return _Judgement(verdict.word, budget.share, *_spread(budget), reason)
+
+    def _new_labels(self, examined: CheckedModel, task: Task) -> tuple[list[str], str]:
+        """Return the labels of a written model's runs that those of the model as written have not.
+
+        On fresh seeds, and on the task's own, of which `contactlab FILE` says its labels: on as
+        many as there is time for. The second text says of how many of them none was looked for.
+        """
+        begin = time.monotonic()
+        found = self._labels(examined, task)
+        took = max(time.monotonic() - begin, 1e-6) / len(task.seeds)
+        if new := found and found - self._now_labels(task):
+            return sorted(new), ""
+        own = self._examined.task.model_copy(update={"watched": task.watched})
+        count = min(len(own.seeds), max(0, int(self._allowed.left / took)))
+        if count:
+            own = own.model_copy(update={"seeds": own.seeds[:count]})
+            found = self._labels(examined, own)
+            if new := found and found - self._now_labels(own):
+                return sorted(new), ""
+        if unseen := len(self._examined.task.seeds) - count:
+            return [], f"; of {plural(unseen, 'seed')} of the task no time was left to see labels"
+        return [], ""
 
     def _now_labels(self, task: Task) -> set[str]:
         """Return what runs of the model as written are labelled, made once of the same seeds."""
