@@ -18,7 +18,7 @@ def of(*names: str) -> list[Case]:
     return [case for part in PARTS if part.name in names for case in part.cases]
 
 
-SHARED, NEW = of("held_back_6"), of(*(f"held_back_{number}" for number in range(7, 16)))
+SHARED, NEW = of("held_back_6"), of(*(f"held_back_{number}" for number in range(7, 17)))
 _OTHERS = [case for part in PARTS if part.name != "held_back_6" for case in part.cases]
 APART = _OTHERS + SHARED[:: 1 if WHOLE else 4]
 _FINE = [*of("held_back_4", "held_back_5"), *SHARED, *(case for case in NEW if not case.chaotic)]
