@@ -113,6 +113,19 @@ def test_what_sleeps_in_its_glide_is_woken() -> None:
     assert not tried["half the step"].removes
 
 
+def test_what_sleeps_as_it_starts_is_woken_though_its_finest_motion_sleeps_too() -> None:
+    """A door that moves by k x / c = .06 rad/s sleeps at once, at the finest step, too."""
+    xml = """<mujoco><option timestep=".005" sleep_tolerance=".08"><flag sleep="enable"/></option>
+        <worldbody><body name="door"><joint damping="40" stiffness="2" springref="69" axis="0 0 1"/>
+        <geom type="box" pos=".4 0 0" size=".4 .02 1" mass="25"/></body></worldbody></mujoco>"""
+    motion = motion_of(xml, 1.0)
+    verdict = judge(error_budget([motion], rows=[], settings=FAST))
+    awake = [one for one in CANDIDATES if one.name == "no sleep"]
+    [tried] = remedies([motion], verdict, candidates=awake, trial=Trial(FAST))
+    assert verdict.word == "unresolved"
+    assert tried.removes
+
+
 def test_a_light_part_holds_a_heavy_load_by_its_impedance() -> None:
     """A shackle of 5 g under a pound gives (1 - d) / d A f: of d = .95 more than solref mends."""
     xml = """<mujoco><worldbody><body name="hook"><joint type="slide" axis="0 0 1"/>

@@ -189,6 +189,7 @@ CANDIDATES: tuple[Candidate, ...] = (
         "unresolved",
         _awake,
         new=lambda model: bool(model.opt.enableflags & _SLEEP),
+        nearer=False,  # windows begin awake, and so do not show what sleep takes
     ),
     Candidate("Newton with 100 iterations", "unresolved", go_on, exercised="solver"),
     Candidate("implicitfast", "unresolved", _integrator(_IMPLICITFAST), new=_is_not(_IMPLICITFAST)),
@@ -485,7 +486,8 @@ def _waits_for_finer(candidate: Candidate, found: Remedy, word: Word, other: Can
 
 def _is_alike(candidate: Candidate, apart: float, moved: Sequence[tuple[int, float]]) -> bool:
     """Return whether a change moves the model as another of the same step does."""
-    return not candidate.physics and any(
+    compared = candidate.nearer and not candidate.physics
+    return compared and any(
         candidate.rate == rate and math.isclose(apart, each, rel_tol=_SAME)
         for rate, each in moved
         if math.isfinite(each)
