@@ -14,7 +14,7 @@ from contactlab.budget import (
     error_budget,
     judge,
 )
-from contactlab.errors import EngineError
+from contactlab.errors import EngineError, SweepFileError
 from contactlab.judge.limits import LIMITS
 from contactlab.plan.task_options import AS_INFERRED, TaskOptions
 from contactlab.printable import Told
@@ -37,6 +37,7 @@ from contactlab.studies.task_verdict import moves, verdict_of
 
 TASK_STORE = "run"
 """Name of the store of the task's runs, one for each of its seeds."""
+_FEWEST_STEPS = 10  # of a phase, whose last fifth says what rests
 
 
 @dataclass(frozen=True)
@@ -102,8 +103,18 @@ class CheckedModel:
 
     @cached_property
     def resolved(self) -> RunSpec:
-        """Everything that determines the run of the first seed."""
-        return self.scene.resolve(self.values, self.task.seeds[0], self.duration)
+        """Everything that determines the run of the first seed.
+
+        A SweepFileError says which step is too long for a phase of the task.
+        """
+        resolved = self.scene.resolve(self.values, self.task.seeds[0], self.duration)
+        shortest = min(phase.end - phase.begin for phase in self.task.phases)
+        if (longest := shortest / _FEWEST_STEPS) < resolved.timestep:
+            raise SweepFileError(
+                f"{self.reference}: a step of {resolved.timestep:g} s is too long for a phase of "
+                f"{shortest:g} s; set a timestep of at most {longest:g} s"
+            )
+        return resolved
 
     @property
     def base(self) -> CompiledScene:

@@ -15,7 +15,6 @@ from contactlab.studies.examine.resting_contacts import RestingPair, resting_con
 from contactlab.studies.session import Session
 
 WORDS = {**AT_REST, "restitution": ""}
-_FEWEST_STEPS = 10  # of a phase, whose last fifth says what rests
 _AGREE = 0.1  # share by which what is measured may miss what is asked for
 
 
@@ -55,12 +54,6 @@ def explain_contacts(
         return open_model(request, session)
 
     examined = with_settings()
-    step, first = examined.resolved.timestep, examined.task.phases[0]
-    if (longest := (first.end - first.begin) / _FEWEST_STEPS) < step:
-        raise SweepFileError(
-            f"{model}: a step of {step:g} s is too long for a phase of "
-            f"{first.end - first.begin:g} s; set a timestep of at most {longest:g} s"
-        )
     if not examined.base.pairs:
         raise SceneError(
             f"{model}: nothing touches in short runs from its start; choose another with --start, "
