@@ -25,7 +25,7 @@ def test_the_check_judges_what_a_run_may_be_off_by(checked: Checked, missed: Mis
         assert report.verdict
         assert report.verdict.word == word
         (result,) = report.checks
-        return max((measure.value for measure in missed(result)), default=0.0)
+        return max((measure.value or 0.0 for measure in missed(result)), default=0.0)
 
     share = largest_miss(1e-6, "unresolved")
     doubt = largest_miss(share, "not resolved")
