@@ -139,7 +139,6 @@ OF_OPTIONS = [
     Bad("sound.xml --watch nobody", "'nobody'", "it has: "),
     Bad("sound.xml --drive noise=-1", "--drive noise=-1", "write a number greater than 0"),
     Bad("explain sound.xml no-keyframe.xml", "no-keyframe.xml", "name one model"),
-    Bad("sound.xml --set timestep=3", "a step of 3 s", "a timestep of at most 0.1 s"),
     Bad("explain timestep=3 sound.xml", "a step of 3 s", "a timestep of at most"),
     Bad("schema nothing", "'nothing'", "there are sweep, scene"),
     Bad("tune sound.xml --set timestep=1ms", "'--set'", "contactlab tune --help"),

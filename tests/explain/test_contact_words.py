@@ -65,7 +65,7 @@ def test_a_run_is_as_deep_as_the_law_says(
     assert not missed
     (line,) = (each for each in lines if each.startswith("depth_at_rest"))
     assert float(line.split("measured ")[1].split()[0]) == pytest.approx(0.2, rel=0.02)
-    assert "19.62 N on each of 1 contacts" in line
+    assert "19.62 N on one contact" in line
 
 
 def test_force_begins_at_the_margin(tmp_path: Path) -> None:

@@ -2,6 +2,9 @@
 
 from collections.abc import Callable
 
+import pytest
+
+from contactlab.errors import SweepFileError
 from contactlab.schema.check_report import CheckResult, Measure
 from contactlab.schema.examination import Examination
 
@@ -31,3 +34,9 @@ def test_the_check_judges_what_a_run_may_be_off_by(checked: Checked, missed: Mis
     doubt = largest_miss(share, "not resolved")
     assert doubt > share
     assert largest_miss(doubt, "sound") == 0.0
+
+
+def test_a_phase_has_steps_of_which_a_fifth_says_what_rests(checked: Checked) -> None:
+    with pytest.raises(SweepFileError, match=r"at most 0\.04 s"):
+        checked(ROD, "task", assign=("timestep=0.041",), duration="0.6s")
+    assert checked(ROD, "task", assign=("timestep=0.04",), duration="0.6s").verdict

@@ -37,7 +37,7 @@ from contactlab.studies.task_verdict import moves, verdict_of
 
 TASK_STORE = "run"
 """Name of the store of the task's runs, one for each of its seeds."""
-_FEWEST_STEPS = 10  # of a phase, whose last fifth says what rests
+_FEWEST_STEPS = 5  # of a phase, whose last fifth says what rests
 
 
 @dataclass(frozen=True)
@@ -103,18 +103,8 @@ class CheckedModel:
 
     @cached_property
     def resolved(self) -> RunSpec:
-        """Everything that determines the run of the first seed.
-
-        A SweepFileError says which step is too long for a phase of the task.
-        """
-        resolved = self.scene.resolve(self.values, self.task.seeds[0], self.duration)
-        shortest = min(phase.end - phase.begin for phase in self.task.phases)
-        if (longest := shortest / _FEWEST_STEPS) < resolved.timestep:
-            raise SweepFileError(
-                f"{self.reference}: a step of {resolved.timestep:g} s is too long for a phase of "
-                f"{shortest:g} s; set a timestep of at most {longest:g} s"
-            )
-        return resolved
+        """Everything that determines the run of the first seed."""
+        return self.scene.resolve(self.values, self.task.seeds[0], self.duration)
 
     @property
     def base(self) -> CompiledScene:
@@ -203,7 +193,17 @@ class CheckedModel:
 
     @cached_property
     def runs(self) -> list[CheckedRun]:
-        """The runs of its task, one for each seed, with all checks of runs and their traces."""
+        """The runs of its task, one for each seed, with all checks of runs and their traces.
+
+        A SweepFileError says which step is too long for a phase of the task.
+        """
+        step = self.resolved.timestep
+        shortest = min(phase.end - phase.begin for phase in self.task.phases)
+        if round(shortest / step, 9) < _FEWEST_STEPS:
+            raise SweepFileError(
+                f"{self.reference}: a step of {step:g} s is too long for a phase of "
+                f"{shortest:g} s; set a timestep of at most {shortest / _FEWEST_STEPS:g} s"
+            )
         return self.run(TASK_STORE, "The model as it is", seeds=self.task.seeds)
 
     def run(
