@@ -262,7 +262,7 @@ def _searching(report: "TuneReport") -> Iterator[str]:
 
 def _judged(judged: "Judged", report: "TuneReport") -> str:
     share = "MuJoCo gave up" if judged.share is None else f"{percent(judged.share)} as written"
-    along = f"{judged.word}, {share}, along its own motion"
+    along = f"numerically {judged.word}, {share}, along its own motion"
     most = len(report.task.seeds)
     if len(judged.seeds) == most:
         return f"{along}: that of `contactlab MODEL`"
