@@ -31,10 +31,9 @@ def doubled(motion: Motion) -> Motion:
     return replace(motion, inputs=2 * motion.inputs, name=f"{motion.name}, doubled")
 
 
-def move_alike(motions: Sequence[Motion], others: Sequence[Motion], workers: int) -> bool:
-    """Return whether motions are the same bit for bit as others."""
-    pairs = zip(_whole(motions, workers), _whole(others, workers), strict=True)
-    return all(one.tobytes() == other.tobytes() for one, other in pairs)
+def bits_of(motions: Sequence[Motion], workers: int) -> Iterator[bytes]:
+    """Yield the bits of all states that each motion goes through."""
+    return (whole.tobytes() for whole in _whole(motions, workers))
 
 
 def positions_of(motions: Sequence[Motion], workers: int) -> Iterator[Floats]:

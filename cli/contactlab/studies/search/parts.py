@@ -9,6 +9,7 @@ import math
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from operator import eq
 
 import mujoco
 import numpy as np
@@ -27,7 +28,7 @@ from contactlab.schema.error_budget import BudgetPrice
 from contactlab.schema.parts_report import REPORT, PartKind, PartsReport, PartWorth, Worth
 from contactlab.studies.examine.examination import ExamineRequest, open_model
 from contactlab.studies.search.clock import Clock
-from contactlab.studies.search.exercise import TILT, doubled, move_alike, tilted
+from contactlab.studies.search.exercise import TILT, bits_of, doubled, tilted
 from contactlab.studies.search.tune_request import refuse_metrics
 from contactlab.studies.search.unused_pairs import untouched_geoms
 from contactlab.studies.search.yardstick import Apart, Yardsticks
@@ -134,9 +135,10 @@ def loads_of(motions: Sequence[Motion]) -> list[Motion]:
     return [*motions, *map(tilted, motions), *map(doubled, motions)]
 
 
-def _made(model: mujoco.MjModel, change: Change) -> mujoco.MjModel:
+def _made(model: mujoco.MjModel, *changes: Change) -> mujoco.MjModel:
     made = copy.copy(model)
-    change(made)
+    for change in changes:
+        change(made)
     return made
 
 
@@ -180,22 +182,18 @@ def parts_of(
     """
     model = motions[0].model
     found = [*_features(motions), *_pieces(model, used_by(motions), positions)]
+    own = [*bits_of(motions, threads)]
+
+    def unused(parts: Sequence[Part]) -> bool:
+        changes = [part.without for part in parts]
+        others = [replace(motion, model=_made(motion.model, *changes)) for motion in motions]
+        return all(map(eq, own, bits_of(others, threads)))
+
     idle = [part for part in found if not (part.exercised or part.proof)]
-    if _unused(idle, motions, threads):
+    if unused(idle):
         return found
-    used = [part for part in idle if not _unused([part], motions, threads)]
+    used = [part for part in idle if not unused([part])]
     return [replace(part, exercised=True) if part in used else part for part in found]
-
-
-def _unused(parts: Sequence[Part], motions: Sequence[Motion], threads: int) -> bool:
-    """Return whether motions without some parts are the same bit for bit."""
-
-    def without(model: mujoco.MjModel) -> None:
-        for part in parts:
-            part.without(model)
-
-    others = [replace(motion, model=_made(motion.model, without)) for motion in motions]
-    return move_alike(motions, others, threads)
 
 
 def _features(motions: Sequence[Motion]) -> Iterator[Part]:
