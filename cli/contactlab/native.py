@@ -69,7 +69,7 @@ def _compiler() -> list[str]:
     if found := shutil.which("cc"):
         return [found]
     if importlib.util.find_spec("ziglang"):
-        return [sys.executable, "-m", "ziglang", "cc"]
+        return [sys.executable, "-P", "-m", "ziglang", "cc"]
     raise CompilerError(
         "no C compiler; install cc or contactlab[fast], or set CONTACTLAB_KERNEL=off"
     )

@@ -247,7 +247,9 @@ def test_all_ways_to_simulate_work_under_the_oldest(
     monkeypatch.chdir(tmp_path)
     Path("claw.xml").write_text(claw())
     for command in ("examine", "grip"):
-        done = run_python(["contactlab", command, "claw.xml"], PROMISED[0], lambda _: None)
+        done = run_python(
+            ["-P", "-m", "contactlab", command, "claw.xml"], PROMISED[0], lambda _: None
+        )
         assert done.returncode in {0, 1}, "sound or not"
         assert "claw" in done.stdout
 

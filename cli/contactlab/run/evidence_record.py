@@ -4,7 +4,6 @@ import hashlib
 import math
 import os
 import platform
-import subprocess
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
@@ -25,6 +24,7 @@ from contactlab.engines.rollout_trace import trajectory_hash
 from contactlab.measure import METRICS, AppliedLabel, Assessment
 from contactlab.plugins import hash_of_packages
 from contactlab.resources import ADAPTERS
+from contactlab.run.git_commit import commit_of
 from contactlab.run.run_verdicts import judge, missing_effects, within_tolerances
 from contactlab.run.tasks import Finished, Task
 from contactlab.scene.effects.effect import NOT_IN_MODEL, EffectState
@@ -316,7 +316,7 @@ def engine() -> Engine:
 
 
 def provenance() -> Provenance:
-    """Return versions and machine, with the git revision of the current directory."""
+    """Return versions and machine, with the commit of the current folder."""
     return Provenance(
         contactlab=version("contactlab"),
         git_revision=_revision(),
@@ -347,14 +347,8 @@ def _cpu_info() -> dict[str, str]:
 
 
 def _revision() -> str | None:
-    """Return the commit of the working directory, with `+` if files differ from it."""
-    # A repository may name a program that watches its files; it may be a stranger's.
-    git = ["git", "-c", "core.fsmonitor=false"]
-    command = [*git, "describe", "--always", "--abbrev=40", "--dirty=+", "--exclude=*"]
+    """Return the commit of the current folder; None if it has none, or was removed."""
     try:
-        done = subprocess.run(  # noqa: S603
-            command, capture_output=True, text=True, check=True, timeout=10
-        )
-    except (OSError, subprocess.SubprocessError):
+        return commit_of(Path.cwd())
+    except OSError:
         return None
-    return done.stdout.strip()

@@ -55,11 +55,12 @@ def _numbers(version: str) -> tuple[int, ...]:
 def run_python(
     arguments: Sequence[str], version: str | None, notify: Callable[[str], None]
 ) -> "subprocess.CompletedProcess[str]":
-    """Run a module of this Python with another release of MuJoCo before the one installed here.
+    """Run this Python with another release of MuJoCo before the one installed here.
 
-    Its messages go where ours do; what it prints is returned. The release is that of the
-    environment that `--mujoco` makes, whose other packages are the same as those here. Raises an
-    EngineError if there is no such release, or it cannot be installed.
+    The arguments are those of the interpreter. Its messages go where ours do; what it prints is
+    returned. The release is that of the environment that `--mujoco` makes, whose other packages
+    are the same as those here. Raises an EngineError if there is no such release, or it cannot be
+    installed.
     """
     variables, path = dict(os.environ), [os.environ.get("PYTHONPATH", "")]
     other = find_interpreter(version, notify) if version else None
@@ -68,7 +69,7 @@ def run_python(
         path.insert(0, sysconfig.get_path("purelib", vars={"base": prefix, "platbase": prefix}))
     variables["PYTHONPATH"] = os.pathsep.join(folder for folder in path if folder)
     return subprocess.run(  # noqa: S603
-        [sys.executable, "-m", *arguments],
+        [sys.executable, *arguments],
         stdout=subprocess.PIPE,
         text=True,
         check=False,
@@ -88,7 +89,7 @@ def run_sweep(
     Raises a SweepFileError if it cannot be run, after its own message; a StoppedError if it was
     interrupted.
     """
-    arguments = ["contactlab", "sweep", source, "-o", str(store), *given]
+    arguments = ["-P", "-m", "contactlab", "sweep", source, "-o", str(store), *given]
     code = run_python(arguments, version, notify).returncode
     if code == StoppedError.exit_code:
         raise StoppedError("interrupted; run the same command again to resume")
@@ -103,7 +104,8 @@ def run_test(node: str, folder: Path, version: str, notify: Callable[[str], None
     """
     with write_errors(folder):
         folder.mkdir(parents=True, exist_ok=True)
-    arguments = ["pytest", "-q", "-p", "no:cacheprovider", node]
+    # A test is code of the folder that it lies in, and may import from there.
+    arguments = ["-m", "pytest", "-q", "-p", "no:cacheprovider", node]
     done = run_python([*arguments, f"--contact-evidence={folder}"], version, notify)
     printed = folder / "pytest.txt"
     printed.write_text(done.stdout, encoding="utf-8")
