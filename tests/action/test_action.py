@@ -187,3 +187,29 @@ def test_what_is_installed_can_draw_the_page() -> None:
     assert "${PACKAGE:-$GITHUB_ACTION_PATH}" in install["run"]
     needed = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["dependencies"]
     assert {"altair", "jinja2", "vl-convert-python"} <= {name.partition(">")[0] for name in needed}
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("package", ["", "/nowhere/contactlab.whl"])
+def test_modules_of_the_checkout_do_not_run_while_installing(tmp_path: Path, package: str) -> None:
+    """The step works in the folder that was checked out, which a pull request has filled."""
+    (step,) = (step for step in ACTION["runs"]["steps"] if step.get("name") == "Install contactlab")
+    for name in ("venv", "ensurepip", "pip", "random", "sitecustomize"):
+        (tmp_path / f"{name}.py").write_text(f"open({str(tmp_path / 'ran')!r}, 'w')\n")
+    python = tmp_path / "bin" / "python"
+    python.parent.mkdir()
+    python.symlink_to(sys.executable)
+    environment = os.environ | {
+        "GITHUB_ACTION_PATH": str(tmp_path),
+        "PACKAGE": package,
+        "PATH": f"{python.parent}:{os.environ['PATH']}",
+        "RUNNER_TEMP": str(tmp_path / "temp"),
+    }
+    command = ["/bin/bash", "-e", "-o", "pipefail", "-c", step["run"]]
+    done = subprocess.run(
+        command, check=False, cwd=tmp_path, env=environment, capture_output=True, text=True
+    )
+    # Neither is there to install, but an environment was made, and its pip was called.
+    assert done.returncode
+    assert "contactlab.whl" in done.stderr if package else "constraints/run.txt" in done.stderr
+    assert not (tmp_path / "ran").exists()

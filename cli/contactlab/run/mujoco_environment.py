@@ -28,6 +28,7 @@ OLDEST = "3.3.4"
 """The first release of MuJoCo whose specs can drop a part; every command runs on it."""
 _TOO_NEW = (5,)
 _ROBOTS = "mujoco-menagerie"  # robots that sweeps may name; no other optional package steps a model
+_UV_OF_MACHINE = (Path("/etc/uv/uv.toml"),)
 _MOST_LINES_OF_THE_INSTALLER = 6  # of what a failing installer prints
 
 
@@ -111,6 +112,32 @@ def install_commands(folder: Path, wanted: Sequence[str]) -> list[list[str]]:
     ]
 
 
+def run_installer(command: Sequence[str], folder: Path) -> "subprocess.CompletedProcess[str]":
+    """Run uv or pip in a folder of ours, so that only the user configures them.
+
+    The current folder may be a stranger's. A `uv.toml` or `pyproject.toml` in it or above it could
+    name the package index, from which code is installed.
+    """
+    return subprocess.run(  # noqa: S603
+        command,
+        capture_output=True,
+        text=True,
+        check=False,
+        cwd=folder,
+        env={**os.environ, **_uv_configuration()},
+    )
+
+
+def _uv_configuration() -> dict[str, str]:
+    """Return the variables by which uv reads the user's configuration, and none of a folder."""
+    named = os.environ.get("UV_CONFIG_FILE")
+    home = os.environ.get("XDG_CONFIG_HOME") or str(Path.home() / ".config")
+    found = [Path(named).absolute()] if named else [Path(home, "uv", "uv.toml"), *_UV_OF_MACHINE]
+    own = next((file for file in found if file.is_file()), None)
+    # A file that is named is read alone; uv itself says so if there is none.
+    return {"UV_CONFIG_FILE": str(own or found[0])} if own or named else {"UV_NO_CONFIG": "1"}
+
+
 def _existing(request: str) -> Interpreter:
     """Return an interpreter that the user names, after trying it."""
     python = Path(request).expanduser().absolute()
@@ -134,7 +161,7 @@ def make_environment(
     with tempfile.TemporaryDirectory(dir=folder.parent, prefix="new-") as beside:
         made = Path(beside) / "environment"
         for command in install_commands(made, wanted):
-            done = subprocess.run(command, capture_output=True, text=True, check=False)  # noqa: S603
+            done = run_installer(command, Path(beside))
             if done.returncode:
                 output = (done.stderr or done.stdout).strip().splitlines()
                 lines = [line.rstrip() for line in output if line.strip()][

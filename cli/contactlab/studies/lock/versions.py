@@ -5,11 +5,12 @@ import re
 import subprocess
 import sys
 import sysconfig
+import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from contactlab.errors import EngineError, StoppedError, SweepFileError
-from contactlab.run.mujoco_environment import OLDEST, find_interpreter, numbers_of
+from contactlab.run.mujoco_environment import OLDEST, find_interpreter, numbers_of, run_installer
 from contactlab.store.atomic_files import write_errors
 
 _LISTED = re.compile(r"^Available versions: (.+)$", re.MULTILINE)
@@ -37,9 +38,8 @@ def releases(first: str, last: str, given: Sequence[str] = ()) -> list[str]:
 
 def _listed() -> set[str]:
     pip = [sys.executable, "-P", "-m", "pip", "--disable-pip-version-check", "index", "versions"]
-    done = subprocess.run(  # noqa: S603
-        [*pip, "--only-binary", "mujoco", "mujoco"], capture_output=True, text=True, check=False
-    )
+    with tempfile.TemporaryDirectory() as empty:
+        done = run_installer([*pip, "--only-binary", "mujoco", "mujoco"], Path(empty))
     if (found := _LISTED.search(done.stdout)) is None:
         said = (done.stderr.strip().splitlines() or ["it printed nothing"])[-1]
         raise EngineError(f"pip cannot list the releases of MuJoCo ({said}); name them: --versions")
