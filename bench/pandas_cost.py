@@ -23,7 +23,7 @@ def main() -> None:
     """Print what the sweep takes with pandas, and without."""
     rounds = int(sys.argv[1]) if len(sys.argv) > 1 else 7
     if importlib.util.find_spec("pandas") is None:
-        raise SystemExit("there is no pandas here: pip install contactlab[frames]")
+        raise SystemExit("there is no pandas here: pip install pandas")
     adopt_orphans()
     found = list[tuple[float, float]]()
     with tempfile.TemporaryDirectory(prefix="contactlab-bench-") as name:

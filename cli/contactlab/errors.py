@@ -4,9 +4,11 @@ A message says what is wrong, where, and what to write instead.
 """
 
 import difflib
+import re
 import traceback
 from collections.abc import Collection, Generator, Iterable
 from contextlib import contextmanager
+from importlib.metadata import requires
 from pathlib import Path
 
 
@@ -153,9 +155,22 @@ def in_one_line(error: BaseException, caller: str) -> str:
     return f"{where}{type(error).__name__}" + (f": {text}" if text else "")
 
 
+_OF_EXTRA = re.compile(r"(?P<requirement>[^;]+);\s*extra\s*==\s*['\"](?P<extra>[\w-]+)['\"]")
+
+
+def install_command(extra: str) -> str:
+    """Return the command that installs what an extra needs, as the package's metadata has it.
+
+    It never names contactlab itself: on a package index, that name may be anybody's.
+    """
+    found = filter(None, map(_OF_EXTRA.fullmatch, requires("contactlab") or ()))
+    needed = [f"'{each['requirement'].strip()}'" for each in found if each["extra"] == extra]
+    return " ".join(["pip install", *needed])
+
+
 @contextmanager
 def optional(extra: str, purpose: str) -> Generator[None]:
-    """Turn a missing import into an OutputError that names the extra which installs it.
+    """Turn a missing import into an OutputError that says how to install what an extra needs.
 
     The purpose is what it is needed for.
     """
@@ -165,5 +180,5 @@ def optional(extra: str, purpose: str) -> Generator[None]:
         missing = error.name or str(error)
         raise OutputError(
             f"{purpose} needs {missing.partition('.')[0]}, which is not installed; "
-            f"pip install 'contactlab[{extra}]'"
+            f"{install_command(extra)}"
         ) from error

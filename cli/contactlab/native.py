@@ -14,7 +14,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from contactlab.errors import CompilerError
+from contactlab.errors import CompilerError, install_command
 from contactlab.resources import user_cache
 
 # Without fused multiplications, which round once where NumPy rounds twice.
@@ -71,5 +71,5 @@ def _compiler() -> list[str]:
     if importlib.util.find_spec("ziglang"):
         return [sys.executable, "-P", "-m", "ziglang", "cc"]
     raise CompilerError(
-        "no C compiler; install cc or contactlab[fast], or set CONTACTLAB_KERNEL=off"
+        f"no C compiler; install cc, or {install_command('fast')}, or set CONTACTLAB_KERNEL=off"
     )

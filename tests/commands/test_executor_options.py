@@ -57,4 +57,4 @@ def test_without_ray(contactlab: Any, small: Any, monkeypatch: pytest.MonkeyPatc
     monkeypatch.setitem(sys.modules, "ray", None)
     code, out, err = contactlab("sweep", str(small), "--executor", "ray")
     assert (code, out) == (2, "")
-    assert err.endswith("which is not installed; pip install 'contactlab[ray]'\n")
+    assert err.endswith("which is not installed; pip install 'ray>=2.60'\n")

@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from contactlab.errors import install_command
 from contactlab.run.sweep_request import read_request
 from contactlab.run.sweep_runner import run_sweep
 from contactlab.store.finished_store import Store
@@ -107,5 +108,5 @@ def test_what_is_not_installed_is_named_with_how_to_get_it(
     monkeypatch.setitem(sys.modules, module, None)
     done = contactlab("render", *store, "-o", f"run{suffix}")
     assert done.code == 2
-    assert f"needs {module}, which is not installed; pip install 'contactlab[{extra}]'" in done.err
+    assert f"needs {module}, which is not installed; {install_command(extra)}" in done.err
     assert not list(Path().glob("run*"))

@@ -101,7 +101,7 @@ def free_of_waiting(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_without_the_package_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "mujoco_menagerie", None)
-    with pytest.raises(SceneError, match=r"pip install 'contactlab\[menagerie\]'"):
+    with pytest.raises(SceneError, match="pip install 'mujoco-menagerie>="):
         find_scene(f"menagerie:{ROBOT}")
 
 

@@ -162,5 +162,5 @@ def test_not_installed(use: Use, monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(OutputError) as raised:
         act(parse_address("s3://bucket/store"))
     assert str(raised.value) == (
-        "a store at s3:// needs obstore, which is not installed; pip install 'contactlab[objects]'"
+        "a store at s3:// needs obstore, which is not installed; pip install 'obstore>=0.12'"
     )

@@ -24,7 +24,7 @@ from contactlab.code_limit import code_limit
 from contactlab.engines import PreparedRuns, Rollout
 from contactlab.engines.closed_loop import load_code, load_policy
 from contactlab.engines.engine import PolicyClass
-from contactlab.errors import SceneError, SweepFileError, in_one_line
+from contactlab.errors import SceneError, SweepFileError, in_one_line, install_command
 from contactlab.loop.player import Player
 from contactlab.loop.recording import lacking_checks
 from contactlab.loop.simulation import bare, simulation
@@ -122,8 +122,8 @@ class Environment:
                 import gymnasium  # noqa: PLC0415 # pyright: ignore[reportMissingImports] - an extra
             except ModuleNotFoundError as error:
                 raise SceneError(
-                    f"environment {self.name} is an id of Gymnasium, which is not installed: pip "
-                    "install 'contactlab[gymnasium]'; or write FILE.py:FACTORY"
+                    f"environment {self.name} is an id of Gymnasium, which is not installed; "
+                    f"{install_command('gymnasium')}, or write FILE.py:FACTORY"
                 ) from error
             return lambda: gymnasium.make(self.name)
         if not self.files[0].is_file():

@@ -18,7 +18,7 @@ from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
 from contactlab import resources
-from contactlab.errors import SceneError, no_file
+from contactlab.errors import SceneError, install_command, no_file
 from contactlab.plugins import extensions
 from contactlab.scene.model_files import SceneFiles, collect_files, relative_path
 from contactlab.scene.model_guards import check_places
@@ -74,8 +74,8 @@ def _package(reference: str) -> ModuleType:
         return importlib.import_module("mujoco_menagerie")
     except ModuleNotFoundError as error:
         raise SceneError(
-            f"'{reference}' needs the package mujoco-menagerie; "
-            "install it with `pip install 'contactlab[menagerie]'`"
+            f"'{reference}' needs mujoco-menagerie, which is not installed; "
+            f"{install_command('menagerie')}"
         ) from error
 
 
