@@ -12,7 +12,7 @@ INSTALL ?= $(BIN)/python -m pip install --quiet --disable-pip-version-check
 # Neighbouring tests share what they made; who gets idle takes half of what another has left.
 PYTEST := $(BIN)/python -m pytest -n auto --dist worksteal
 
-.PHONY: bounce test test-rest test-all test-night test-lowest check lint format stubs schemas snapshots picture constraints wheel
+.PHONY: bounce test test-rest test-all test-night test-lowest check lint format stubs schemas snapshots picture rates constraints wheel
 .PHONY: atlas atlas-compare attack bench kernel live site verdicts clean
 
 bounce: .venv/run
@@ -40,10 +40,16 @@ lint: .venv/dev stubs
 	$(BIN)/ruff check
 	$(BIN)/pyright
 	$(BIN)/lint-imports
+	$(BIN)/python -m tests.prose
 
 format: .venv/dev
 	$(BIN)/ruff format
 	$(BIN)/ruff check --fix
+	$(BIN)/python -m tests.prose --lower
+
+# How often cli/ breaks the rules of prose and names, per 1,000 words, and its functions in numbers.
+rates: .venv/dev
+	$(BIN)/python -m tests.prose --rates
 
 # MuJoCo ships no type stubs; these are derived from the installed version in seconds.
 stubs: .stubs/mujoco-stubs/py.typed
