@@ -12,7 +12,7 @@ INSTALL ?= $(BIN)/python -m pip install --quiet --disable-pip-version-check
 # Neighbouring tests share what they made; who gets idle takes half of what another has left.
 PYTEST := $(BIN)/python -m pytest -n auto --dist worksteal
 
-.PHONY: bounce test test-rest test-all test-night test-lowest check lint format stubs schemas snapshots picture rates constraints wheel
+.PHONY: bounce test test-rest test-all test-night test-lowest check lint format stubs schemas snapshots picture rates changelog constraints wheel
 .PHONY: atlas atlas-compare attack bench kernel live site verdicts clean
 
 bounce: .venv/run
@@ -41,11 +41,16 @@ lint: .venv/dev stubs
 	$(BIN)/pyright
 	$(BIN)/lint-imports
 	$(BIN)/python -m tests.prose
+	$(BIN)/towncrier build --draft --version next >/dev/null
 
 format: .venv/dev
 	$(BIN)/ruff format
 	$(BIN)/ruff check --fix
 	$(BIN)/python -m tests.prose --lower
+
+# Joins the fragments in changelog.d into a section for the version in pyproject.toml.
+changelog: .venv/dev
+	$(BIN)/towncrier build --yes
 
 # How often cli/ breaks the rules of prose and names, per 1,000 words, and its functions in numbers.
 rates: .venv/dev
@@ -104,8 +109,8 @@ bench: .venv/dev
 atlas: .venv/dev
 	$(BIN)/python -m atlas run "$(ROBOT_WHEELS)"
 
-# Fails if a verdict is another than in the records of the commit ATLAS_BEFORE, and the changelog does
-# not name its model.
+# Fails if a verdict differs from the records of the commit ATLAS_BEFORE, and neither a fragment in
+# changelog.d nor the newest section of the changelog names its model.
 ATLAS_BEFORE ?= origin/main
 atlas-compare: .venv/dev
 	rm -rf build/atlas-before && mkdir -p build/atlas-before

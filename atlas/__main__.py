@@ -149,18 +149,24 @@ def _examined(folder: Path, kind: str, seconds: int, family: Family) -> Entry:
 
 
 def compare(before: Path, changelog: Path) -> bool:
-    """Print which verdicts are others than before; return whether the changelog names them all.
+    """Print the verdicts that changed; return whether the changelog names the model of each.
 
-    What counts is its first section, of the release to come.
+    Fragments of changes since the last release count, and the newest section, which they become.
     """
-    told = changelog.read_text(encoding="utf-8").split("\n## ")[1]
-    others = list(differences(read_all(before), read_all(RECORDS)))
-    for each in others:
-        print(f"{'told' if each.name in told else 'UNTOLD':7} {each}")
-    untold = [each.name for each in others if each.name not in told]
-    if untold:
-        print(f"{changelog} says nothing of {len(untold)} verdicts that changed; name each there")
-    return not untold
+    news = _read_news(changelog)
+    changed = list(differences(read_all(before), read_all(RECORDS)))
+    for each in changed:
+        print(f"{'named' if each.name in news else 'UNNAMED':8} {each}")
+    unnamed = [each.name for each in changed if each.name not in news]
+    if unnamed:
+        print(f"{len(unnamed)} verdicts changed without a fragment; name each in changelog.d")
+    return not unnamed
+
+
+def _read_news(changelog: Path) -> str:
+    _, newest, *_ = [*changelog.read_text(encoding="utf-8").split("\n## "), ""]
+    fragments = sorted((changelog.parent / "changelog.d").glob("*.*.md"))
+    return "\n".join([newest, *(each.read_text(encoding="utf-8") for each in fragments)])
 
 
 _OF_CURRENT = {

@@ -105,19 +105,26 @@ def test_a_record_that_knew_one_change_is_still_read() -> None:
     assert (read.name, read.sound) == ("half the step", True)
 
 
-@pytest.mark.parametrize("told", [True, False])
-def test_a_verdict_that_changed_has_to_be_told_in_the_changelog(
-    told: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize("place", ["newest section", "fragment", "older section", "readme"])
+def test_a_changed_verdict_has_to_be_named_in_a_fragment_or_the_newest_section(
+    place: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     entry = JUDGED[0]
     before = tmp_path / "before"
     before.mkdir()
     old = entry.model_copy(update={"examination": None, "refused": "no answer"})
     record_of(entry.family[0], before).write_text(old.model_dump_json())
-    text = f"`{entry.name}` is judged" if told else "nothing"
+    newest, older = (
+        entry.name if place == f"{each} section" else "" for each in ("newest", "older")
+    )
     changelog = tmp_path / "CHANGELOG.md"
-    changelog.write_text(f"# Changelog\n\n## 2 - unreleased\n\n{text}\n\n## 1\n\n{entry.name}\n")
-    assert compare(before, changelog) == told
+    changelog.write_text(f"# Changelog\n\n## 2\n\n{newest}\n\n## 1\n\n{older}\n")
+    fragments = {"fragment": "hopper.changed.md", "readme": "README.md"}
+    (tmp_path / "changelog.d").mkdir()
+    (tmp_path / "changelog.d" / fragments.get(place, "other.added.md")).write_text(
+        f"`{entry.name}` is judged.\n" if place in fragments else "Nothing.\n"
+    )
+    assert compare(before, changelog) == (place in {"newest section", "fragment"})
     assert entry.name in capsys.readouterr().out
 
 
