@@ -12,7 +12,7 @@ INSTALL ?= $(BIN)/python -m pip install --quiet --disable-pip-version-check
 # Neighbouring tests share what they made; who gets idle takes half of what another has left.
 PYTEST := $(BIN)/python -m pytest -n auto --dist worksteal
 
-.PHONY: bounce test test-rest test-all test-night test-lowest check lint format stubs schemas snapshots picture rates changelog constraints wheel
+.PHONY: bounce test test-rest test-all test-night test-lowest check lint format stubs schemas guards picture rates changelog constraints wheel
 .PHONY: atlas atlas-compare attack bench kernel live site verdicts clean
 
 bounce: .venv/run
@@ -67,9 +67,10 @@ schemas: .venv/dev
 	$(BIN)/contactlab schema --write schemas
 	$(BIN)/python -m tests.docs.table_columns
 
-# What sweeps, help and the page come to, which a test compares with what it was.
-snapshots: .venv/dev
-	$(BIN)/python -m tests.snapshots
+# Records results and texts that tests compare. GUARDS=--slow records those of the night, too, and
+# GUARDS=--compare says what changed instead; kinds may be named.
+guards: .venv/dev
+	$(BIN)/python -m tests.guards $(GUARDS)
 
 # What `contactlab list sweeps` lists without the engine.
 sweeps/index.json: .venv/dev sweeps/*.yaml

@@ -7,12 +7,10 @@ import pytest
 from jsonschema import Draft7Validator, Draft202012Validator
 from pydantic import ValidationError
 
-from contactlab import resources
 from contactlab.schema.json_schemas import (
     EMITTED,
     WRITTEN,
     json_schemas,
-    schema_texts,
 )
 from contactlab.schema.sweep_schema import Sweep
 
@@ -194,9 +192,3 @@ def test_every_key_of_a_sweep_file_is_described() -> None:
 @pytest.mark.parametrize("name", sorted(EMITTED))
 def test_schemas_of_files_that_contactlab_writes_are_sound(name: str) -> None:
     Draft202012Validator.check_schema(json_schemas()[name])
-
-
-def test_the_published_schemas_are_those_of_the_models() -> None:
-    files = resources.SCHEMAS.glob("*.schema.json")
-    published = {file.name: file.read_text(encoding="utf-8") for file in files}
-    assert published == schema_texts()

@@ -2,12 +2,12 @@
 
 from collections.abc import Iterator
 
-from tests.snapshots.facts import section
+from tests.guards.records import Items
 
 _WIDTH = 100
 
 
-def help_text() -> str:
+def help_items() -> Items:
     """Return the help of all commands of contactlab's own, in the order of the command line."""
     import typer  # noqa: PLC0415 - collection is quick without
     from typer.testing import CliRunner  # noqa: PLC0415 - as above
@@ -17,7 +17,7 @@ def help_text() -> str:
     app = command_line()
     runner = CliRunner()
 
-    def helped(words: tuple[str, ...]) -> str:
+    def help_of(words: tuple[str, ...]) -> list[str]:
         done = runner.invoke(
             app,
             [*words, "--help"],
@@ -27,10 +27,14 @@ def help_text() -> str:
             catch_exceptions=False,
         )
         assert done.exit_code == 0, done.output
-        return section(" ".join(["contactlab", *words]), done.stdout.splitlines())
+        return done.stdout.splitlines()
 
-    texts = [helped(words) for words in _commands(typer.main.get_command(app))]
-    return "".join(texts).rstrip() + "\n"
+    commands = _commands(typer.main.get_command(app))
+    return {
+        "command": {
+            " ".join(["contactlab", *words]): {"help": help_of(words)} for words in commands
+        }
+    }
 
 
 def _commands(command: object, words: tuple[str, ...] = ()) -> Iterator[tuple[str, ...]]:
@@ -41,6 +45,6 @@ def _commands(command: object, words: tuple[str, ...] = ()) -> Iterator[tuple[st
 
 
 def _is_ours(command: object) -> bool:
-    """Whether a command is no other installed package's; a group has a callback of none."""
+    """Whether a command is not another installed package's; a group has no callback."""
     home = getattr(getattr(command, "callback", None), "__module__", "contactlab")
     return home.partition(".")[0].partition("_")[0] == "contactlab"
