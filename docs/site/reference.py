@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -65,9 +66,7 @@ def _command(*words: str) -> Iterator[str]:
 
 
 def _command_names(text: str) -> list[str]:
-    _, _, listed = text.partition("Commands:\n")
-    lines = [line for line in listed.splitlines() if line.startswith("  ") and line[2] != " "]
-    return [line.split()[0] for line in lines]
+    return re.findall(r"^  ([a-z]+) {2,}\S", text, re.MULTILINE)
 
 
 def _listed(command: str, title: str) -> Iterator[str]:
