@@ -75,6 +75,13 @@ class Given:
         """Change fields of one record."""
         self.runs[index] = self.runs[index].model_copy(update=changes)
 
+    def cost(self, index: int, cpu_s: float) -> None:
+        """Give one record another CPU time [s]."""
+        run = self.runs[index]
+        timestep = run.settings["timestep"]
+        assert isinstance(timestep, float)
+        self.change(index, cost=Cost.of(cpu_s, run.steps, timestep, None))
+
     def measure(self, index: int, **metrics: float | None) -> None:
         """Change metrics of one record."""
         self.change(index, metrics={**self.runs[index].metrics, **metrics})
@@ -119,7 +126,7 @@ def record(index: int, cone: str, timestep: float) -> EvidenceRecord:
         tolerances_met=None,
         trajectory_hash=f"{index:032x}",
         provenance=PROVENANCE,
-        cost=Cost(cpu_s=1.0, cpu_per_sim_s=1.0, latency_budget_s=None, latency_used=None),
+        cost=Cost.of(1.0, 10, timestep, None),
     )
 
 

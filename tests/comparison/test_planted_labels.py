@@ -15,6 +15,7 @@ from contactlab.writers import as_text
 
 Runs = Callable[[], Any]
 Stored = Callable[..., Path]
+LOOKED_FOR = {"version": 1, "scene": "ball", "thresholds": {}, "knife_edge": True}
 
 
 def policy(**changes: Any) -> ComparePolicy:
@@ -97,6 +98,8 @@ def test_knife_edge_runs_gate_nothing_and_are_counted(runs: Runs, stored: Stored
     for index in range(8):
         before.change(index, knife_edge=index == 0)
         after.change(index, knife_edge=index == 0)
+    for given in (before, after):
+        given.identity["resolved"] = LOOKED_FOR
     after.label(0, "tunneling")
     after.measure(0, depth=1.0)
     stores = stored("before", before), stored("after", after)
@@ -113,6 +116,8 @@ def test_many_more_knife_edge_runs_are_told(runs: Runs, stored: Stored) -> None:
     for index in range(8):
         before.change(index, knife_edge=False)
         after.change(index, knife_edge=index < 2)
+    for given in (before, after):
+        given.identity["resolved"] = LOOKED_FOR
     one, two = stored("before", before), stored("after", after)
     found = check(compare(one, two), "few knife-edge runs")
     assert (found.outcome, found.verdict) == ("warned", "worse")

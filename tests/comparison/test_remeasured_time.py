@@ -111,11 +111,11 @@ def test_runs_that_did_not_go_through_are_not_timed(
 ) -> None:
     crashed = runs()
     for index in range(1, 8):
-        crashed.change(index, status="crashed")
+        crashed.change(index, status="crashed", status_reason="it fell")
     compare(baseline, stored("crashed", crashed), remeasure=remeasure(8, timer(1), timer(2)))
     diary = (tmp_path / "diary").read_text().split()
     assert set(diary[1::2]) == {f"{1:016x}"}
-    crashed.change(0, status="crashed")
+    crashed.change(0, status="crashed", status_reason="it fell")
     report = compare(baseline, stored("all", crashed), remeasure=remeasure(8, timer(1), timer(2)))
     assert remeasured(report).outcome == "skipped"
     assert report.exit_code == 3

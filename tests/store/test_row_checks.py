@@ -51,7 +51,7 @@ KINDS = (pa.string(), pa.int64(), pa.float64(), pa.bool_(), pa.list_(pa.string()
 @pytest.fixture(scope="module")
 def sweep(identity_of: Callable[..., SweepIdentity]) -> SweepIdentity:
     asked = {"latency_budget": BUDGET, "accuracy": {"against": "own"}, "timing": {"rounds": 3}}
-    return identity_of(3, resolved=asked)
+    return identity_of(3, resolved={**asked, "knife_edge": True})
 
 
 @pytest.fixture(scope="module")
@@ -134,6 +134,14 @@ def planted(column: pa.Array, place: int) -> Iterator[pa.Array]:
 def test_sound_rows_are_not_suspected(sound: pa.RecordBatch, sweep: SweepIdentity) -> None:
     assert broken(sound, sweep) == [False] * 3
     assert RowChecks(sweep, SHARED).suspects(sound).tolist() == [False] * 3
+
+
+def test_a_knife_edge_that_was_not_looked_for_breaks_a_law(
+    sound: pa.RecordBatch, sweep: SweepIdentity
+) -> None:
+    other = sweep.model_copy(update={"resolved": {**sweep.resolved, "knife_edge": False}})
+    assert broken(sound, other) == [False, True, False]
+    assert RowChecks(other, SHARED).suspects(sound).tolist() == [False, True, False]
 
 
 @pytest.mark.long

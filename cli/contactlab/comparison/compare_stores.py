@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from contactlab.comparison.judged_share import judged_share_check
 from contactlab.comparison.metric_checks import Remeasure, metric_checks, remeasured_check
 from contactlab.comparison.outcome_checks import controlled_checks, outcome_checks
 from contactlab.comparison.pairing import (
@@ -48,7 +49,7 @@ from contactlab.schema.comparison import (
 from contactlab.schema.finding import Change, Finding
 from contactlab.store.finished_store import Store
 from contactlab.store.store_files import Address
-from contactlab.store.verify_store import verify
+from contactlab.store.verify_store import contradictory_records, verify
 
 DEFAULT_POLICY = ComparePolicy(version=1)
 _COMPARABLE = Subject("stores can be compared", "evidence", "gate")
@@ -104,6 +105,8 @@ def _refuse_same(one: Address, other: Address) -> None:
 def _open(role: str, address: Address, *, thorough: bool) -> Store:
     try:
         problems = verify(address, thorough=thorough)
+        if not problems and not thorough:
+            problems = contradictory_records(Store.unchecked(address))
     except StoreError as error:
         raise StoreError(f"the {role} cannot be read: {error}") from error
     if problems:
@@ -186,6 +189,7 @@ def _report(
         checks += outcomes
     else:
         checks += unpaired_checks(paired)
+        checks.append(judged_share_check(paired, gated))
         checks.append(knife_edge_check(paired))
         checks += of_labels
         checks += outcomes

@@ -9,6 +9,7 @@ from typing import Protocol
 
 import numpy as np
 
+from contactlab.comparison.judged_share import unless_unjudged
 from contactlab.comparison.pairing import PairedStores, Value, difference, groups
 from contactlab.contact.trace_arrays import Floats
 from contactlab.judge.policies import REMEASURED, EffectiveRule, effective_rule, kind_of
@@ -51,16 +52,19 @@ _MOST_REPEATS_OF_A_TIMING = 200
 def metric_checks(paired: PairedStores) -> Iterator[Finding]:
     """Yield the checks of every metric that the baseline or the candidate has."""
     measured = {**paired.candidate.columns.measured, **paired.baseline.columns.measured}
+    versions = paired.baseline.manifest.sweep.metric_versions
     for metric in measured.values():
         rule = effective_rule(metric, paired.policy)
         reason = _not_comparable(paired, metric, rule)
         columns = None if reason else paired.numbers(metric.name)
+        # A table that lacks a metric which its sweep measured was edited.
+        is_known = metric.name in {*paired.baseline.columns.measured, *versions}
         exempt = paired.half_checked & metric.second_pass
         for group, member in groups(paired.baseline, paired.pairing, rule.by):
             subject = Subject(
                 name=f"{metric.name} {'unchanged' if rule.better == 'none' else 'no worse'}",
                 kind=kind_of(metric.name),
-                level=rule.level if metric.name in paired.baseline.columns.measured else "note",
+                level=rule.level if is_known else "note",
                 group=group,
                 unit=metric.unit,
                 budget=rule.budget,
@@ -72,7 +76,10 @@ def metric_checks(paired: PairedStores) -> Iterator[Finding]:
                 rows = slice(None) if member.all() else np.flatnonzero(member)
                 before, after = (column.at(rows) for column in columns)
                 of = range(len(member)) if isinstance(rows, slice) else rows.tolist()
-                yield MetricPairs(paired, of, before, after, exempt[rows]).finding(subject, rule)
+                pairs = MetricPairs(paired, of, before, after, exempt[rows])
+                unjudged = after.valid & ~before.valid & ~pairs.exempt
+                found = pairs.finding(subject, rule)
+                yield unless_unjudged(paired, subject, found, unjudged, after.valid)
 
 
 def _not_comparable(paired: PairedStores, metric: Column, rule: EffectiveRule) -> str | None:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from contactlab.comparison.judged_share import unless_unjudged
 from contactlab.comparison.pairing import PairedStores, Rows, settings_of
 from contactlab.errors import StoreError
 from contactlab.judge.subjects import BETTER, CHANGED, SAME, WORSE, Mask, Subject
@@ -50,12 +51,17 @@ def outcome_checks(paired: PairedStores, against: str = _BASELINE) -> Iterator[F
     Good are the episodes that their loop calls a success or, where the policy asks for it, stable
     runs. It is worse only if the interval of the difference excludes what is tolerated.
     """
+    rules = paired.policy.outcomes
+    subject = Subject(f"no less {rules.good}", "outcomes", rules.level)
+    (before, rows), (after, others) = paired.sides
+    knew, knows = _ended(before, rules.good)[0][rows], _ended(after, rules.good)[0][others]
     found = _compared(paired, against)
     if found is not None:
         (low, high), message, judged = found
-        rules = paired.policy.outcomes
-        subject = Subject(f"no less {rules.good}", "outcomes", rules.level)
-        yield subject.single(_code(low, high, rules.tolerance), message, judged=judged)
+        checked = subject.single(_code(low, high, rules.tolerance), message, judged=judged)
+        yield unless_unjudged(paired, subject, checked, knows & ~knew, knows)
+    elif knows.any():
+        yield subject.skipped(f"no run of {against} says how it ended")
 
 
 def controlled_checks(by_control: PairedStores, of_control: PairedStores) -> Iterator[Finding]:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
+from contactlab.comparison.judged_share import unless_unjudged
 from contactlab.comparison.pairing import (
     PairedStores,
     Ranks,
@@ -52,8 +53,18 @@ def bitwise_equal(paired: PairedStores) -> Mask:
 
 def knife_edge(paired: PairedStores) -> Mask:
     """Return the pairs (n,) with a run whose label changes if it starts 1e-6 away."""
-    before, after = paired.numbers("knife_edge")
-    return (before.values == 1) | (after.values == 1)
+    before, after = knife_edges(paired)
+    return before | after
+
+
+def knife_edges(paired: PairedStores) -> tuple[Mask, Mask]:
+    """Return (n,) which runs of each store are on a knife edge, by a sweep that looked for them."""
+    columns = paired.numbers("knife_edge")
+    before, after = (
+        (column.values == 1) & bool(store.manifest.sweep.resolved.get("knife_edge"))
+        for column, (store, _) in zip(columns, paired.sides, strict=True)
+    )
+    return before, after
 
 
 def unpaired_checks(paired: PairedStores) -> Iterator[Finding]:
@@ -77,13 +88,12 @@ def knife_edge_check(paired: PairedStores) -> Finding:
     """Return whether few enough runs are on a knife edge."""
     rules = paired.policy.knife_edge
     subject = Subject("few knife-edge runs", "runs", rules.level)
-    columns = paired.numbers("knife_edge")
-    before, after = (int((column.values == 1).sum()) for column in columns)
+    before, after = (int(flags.sum()) for flags in knife_edges(paired))
     flagged = knife_edge(paired)
     total, excluded = len(flagged), int(flagged.sum()) if rules.exclude else 0
     too_many = after > max(rules.max_share * total, before)
     message = "not looked for"
-    if any(column.valid.any() for column in columns):
+    if any(store.manifest.sweep.resolved.get("knife_edge") for store, _ in paired.sides):
         allowed = format_percent(rules.max_share)
         message = f"{out_of(after, total)}, {before:,} in the baseline ({allowed} may be)"
         message += f"; {plural(excluded)} set apart" if excluded else ""
@@ -233,7 +243,9 @@ def expectation_checks(paired: PairedStores) -> Iterator[Finding]:
         shown = np.flatnonzero(verdicts == WORSE)[:MOST_SHOWN].tolist()
         worst = paired.run_pairs(shown, ["met"] * len(shown), ["not met"] * len(shown))
         subject = Subject(f"{name} still met", "labels", paired.policy.expectations)
-        yield subject.finding(verdicts[judged], message, worst)
+        found = subject.finding(verdicts[judged], message, worst)
+        unjudged = ~before.valid & (after.values == 0)
+        yield unless_unjudged(paired, subject, found, unjudged, after.valid)
 
 
 def recommendation_check(paired: PairedStores) -> Finding:

@@ -156,6 +156,11 @@ class ComparePolicy(Acceptances):
     expectations: Level = about(f"of runs that are no longer as expected; {LEVEL}", default="gate")
     missing_runs: Level = about(f"of runs that only the baseline has; {LEVEL}", default="gate")
     new_runs: Level = about(f"of runs that only the candidate has; {LEVEL}", default="note")
+    least_judged: Tolerance = about(
+        "share of the candidate's runs, of its metrics and of each metric's values that the "
+        "baseline must allow to judge; with less the stores are not comparable",
+        default=0.75,
+    )
     knife_edge: KnifeEdgeRules = about("knife-edge runs", default_factory=KnifeEdgeRules)
     recommendation: RecommendationRules = about(
         "the recommended configuration", default_factory=RecommendationRules

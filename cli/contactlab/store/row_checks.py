@@ -86,6 +86,8 @@ class RowChecks:
         for part in ("accuracy", "timing"):
             if not self._asked.get(part):
                 yield _has_part(columns, self._parts[part])
+        if "knife_edge" in columns and not self._asked.get("knife_edge"):
+            yield ~is_null(columns["knife_edge"])
         yield _wrong_cost(columns, self._asked.get("latency_budget"))
 
 

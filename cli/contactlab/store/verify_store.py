@@ -49,6 +49,7 @@ from contactlab.store.table_layout import (
 )
 
 MOST_PROBLEMS = 1000
+_MOST_RECORDS_AT_A_GLANCE = 1 << 17  # about two seconds; a baseline in a repository has fewer
 _READ_BYTES = 256 << 20
 """Traces up to this size in all are read where only a glance is asked for; of others, the size."""
 _MOST_DAMAGES_NAMED = 3
@@ -91,6 +92,23 @@ def _problems(store: Store, chosen: NDArray[np.bool_] | None, *, thorough: bool)
     except (StoreError, LookupError, ValueError, OSError) as error:
         yield f"{TABLE}: {error}"
     yield from _foreign_files(store)
+
+
+def contradictory_records(store: Store) -> list[str]:
+    """Return which records contradict the sweep or themselves, as a table that was edited does.
+
+    Traces are not read. Of a store of more than a hundred thousand runs, none is looked at.
+    """
+    problems = list[str]()
+    if store.columns.runs > _MOST_RECORDS_AT_A_GLANCE:
+        return problems
+    try:
+        rows = _suspected_rows(store, store.columns.batches(), traced=False)
+        for _ in _sound_records(store, rows, problems):
+            pass
+    except (StoreError, LookupError, ValueError, OSError) as error:
+        problems.append(f"{TABLE}: {error}")
+    return problems
 
 
 def unverified(store: Store) -> list[str]:
@@ -300,7 +318,18 @@ def _traced_records(
 ) -> Iterator[EvidenceRecord]:
     """Yield the records that have a trace, note which are damaged, and add all rows to a digest."""
     batches = map(digest.add, store.columns.batches())
-    for row in _suspected_rows(store, chosen_rows(batches, chosen)):
+    traced = not store.manifest.traces_left_out
+    rows = _suspected_rows(store, chosen_rows(batches, chosen), traced=traced)
+    for record in _sound_records(store, rows, problems):
+        if record.trace is not None and traced:
+            yield record
+
+
+def _sound_records(
+    store: Store, rows: Iterable[dict[str, Any]], problems: list[str]
+) -> Iterator[EvidenceRecord]:
+    """Yield the records that fit their schema, and note what is wrong with any."""
+    for row in rows:
         try:
             record = row_to_record(row, store.columns.shared)
         except (LookupError, TypeError, ValueError) as error:
@@ -309,17 +338,18 @@ def _traced_records(
         wrong = wrong_parts(row, record, store.manifest.sweep)
         where = f"{TABLE}: run {record.run_id}: its"
         problems += (f"{where} {name} is not what the rest of it gives" for name in wrong)
-        if record.trace is not None and not store.manifest.traces_left_out:
-            yield record
+        yield record
 
 
-def _suspected_rows(store: Store, batches: Iterable[pa.RecordBatch]) -> Iterator[dict[str, Any]]:
-    """Yield the rows that may break a law, or whose trace is to be read."""
-    columns, left_out = store.columns, store.manifest.traces_left_out
+def _suspected_rows(
+    store: Store, batches: Iterable[pa.RecordBatch], *, traced: bool
+) -> Iterator[dict[str, Any]]:
+    """Yield the rows that may break a law and, if they are asked for, those with a trace."""
+    columns = store.columns
     checks = RowChecks(store.manifest.sweep, columns.shared)
     for rows in batches:
         wanted = checks.suspects(rows)
-        if not left_out and "trace_file" in rows.schema.names:
+        if traced and "trace_file" in rows.schema.names:
             wanted = wanted | ~is_null(rows["trace_file"])
         found = rows_of(rows, wanted).to_pylist() if wanted.any() else []
         # Or they would be in memory beside those that follow, freed or not.
@@ -344,6 +374,8 @@ def wrong_parts(
         record.accuracy and not asked.get("accuracy")
     ):
         yield "accuracy or timing"
+    if record.knife_edge is not None and not asked.get("knife_edge"):
+        yield "knife_edge"
     cost, timestep = record.cost, record.settings.get("timestep")
     budget = asked.get("latency_budget")
     if not isinstance(timestep, int | float):

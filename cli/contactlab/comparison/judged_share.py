@@ -1,0 +1,53 @@
+"""How much of the candidate is judged: a baseline that leaves too little says nothing of it.
+
+Runs, metrics or values that only the candidate has are not judged, nor are pairs set apart as
+knife-edge runs. Each such part is counted and reported. Beyond the policy's share, the stores are
+not comparable: a baseline of which most was left out or blanked would else let anything pass.
+"""
+
+from contactlab.comparison.pairing import PairedStores
+from contactlab.judge.subjects import SAME, Mask, Subject
+from contactlab.judge.wording import format_percent, out_of
+from contactlab.schema.finding import Finding
+
+
+def is_too_little(paired: PairedStores, unjudged: int, total: int) -> bool:
+    """Return whether so many of all that the candidate has are more than the policy allows."""
+    return unjudged > (1 - paired.policy.least_judged) * total
+
+
+def judged_share_check(paired: PairedStores, gated: PairedStores) -> Finding:
+    """Return whether enough runs and metrics of the candidate have a counterpart that is judged."""
+    subject = Subject("enough is judged", "runs", "gate")
+    pairs, runs = len(paired.pairing.baseline), paired.candidate.columns.runs
+    apart = pairs - len(gated.pairing.baseline)
+    metrics = [*paired.candidate.columns.measured]
+    known = paired.baseline.columns.measured
+    unknown = sum(name not in known for name in metrics)
+    counted = (
+        (len(paired.pairing.new), runs, "run", "of the candidate not in the baseline"),
+        (apart, pairs, "pair", "set apart as knife-edge runs"),
+        (unknown, len(metrics), "metric", "of the candidate not in the baseline"),
+    )
+    told = [f"{out_of(n, total, noun)} {words}" for n, total, noun, words in counted if n]
+    if any(is_too_little(paired, n, total) for n, total, _, _ in counted):
+        least = format_percent(paired.policy.least_judged)
+        return subject.skipped(f"{'; '.join(told)}; at least {least} must be judged")
+    return subject.single(SAME, "; ".join(told) or "all of the candidate", judged=pairs - apart)
+
+
+def unless_unjudged(
+    paired: PairedStores, subject: Subject, found: Finding, unjudged: Mask, stated: Mask
+) -> Finding:
+    """Return a finding, unless the baseline lacks too many of the values that it needs.
+
+    Both masks are of pairs (n,): those of which the baseline says nothing although the candidate
+    does, and those of which the candidate does.
+    """
+    missing, total = int(unjudged.sum()), int(stated.sum())
+    if found.outcome == "failed" or not is_too_little(paired, missing, total):
+        return found
+    least = format_percent(paired.policy.least_judged)
+    return subject.skipped(
+        f"{out_of(missing, total)} without a value in the baseline; at least {least} must have one"
+    )
