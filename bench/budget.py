@@ -18,6 +18,7 @@ from contactlab.budget import ROWS, Motion, error_budget, judge, motion_of_run
 from contactlab.budget.motion import INTEGRATION
 from contactlab.budget.text import budget_lines
 from contactlab.engines import PreparedRuns
+from contactlab.parts import register_parts
 from contactlab.run.sweep_request import SceneLoader
 
 _TWELVE = (
@@ -79,4 +80,5 @@ def main() -> None:
 
 
 if __name__ == "__main__":
+    register_parts()
     main()

@@ -25,6 +25,7 @@ from pyarrow.compute import call_function
 from contactlab.comparison.compare_stores import compare
 from contactlab.comparison.report import report_of
 from contactlab.measure import LABELS, METRICS
+from contactlab.parts import register_parts
 from contactlab.schema.comparison import ComparePolicy
 from contactlab.store.finished_store import Store
 from contactlab.writers import as_junit, as_markdown, as_text
@@ -104,4 +105,5 @@ def made_up(index: Rows, *, last: int | None) -> dict[str, pa.Array]:
 
 
 if __name__ == "__main__":
+    register_parts()
     main()

@@ -18,6 +18,7 @@ from contactlab.engines.rollout_trace import make_trace
 from contactlab.engines.sampled_loads import with_loads
 from contactlab.measure import context_of
 from contactlab.measure.coverage import coverages
+from contactlab.parts import register_parts
 from contactlab.run.sweep_request import SceneLoader
 from contactlab.scene.run_setup import make_setup
 
@@ -62,4 +63,5 @@ def main() -> None:
 
 
 if __name__ == "__main__":
+    register_parts()
     main()

@@ -20,6 +20,7 @@ from bench.tune_error import Plain, shares
 
 from contactlab.budget import Motion
 from contactlab.budget.motion import INTEGRATION
+from contactlab.parts import register_parts
 from contactlab.plan.task_options import TaskOptions
 from contactlab.schema.parts_report import REPORT, PartsReport, PartWorth
 from contactlab.studies.examine.changes import fresh
@@ -134,4 +135,5 @@ def measure(folder: Path, model: str) -> str:
 
 
 if __name__ == "__main__":
+    register_parts()
     print(measure(Path(sys.argv[1]), *sys.argv[2:]), flush=True)

@@ -24,6 +24,7 @@ from contactlab.contact.trace_arrays import Floats
 from contactlab.engines import ENGINES
 from contactlab.engines.engine import PreparedRuns
 from contactlab.errors import ContactlabError
+from contactlab.parts import register_parts
 from contactlab.plan.overrides import Overrides
 from contactlab.resources import SWEEPS
 from contactlab.run.sweep_request import read_request
@@ -114,4 +115,5 @@ def main() -> None:
 
 
 if __name__ == "__main__":
+    register_parts()
     main()

@@ -22,6 +22,7 @@ import numpy as np
 import pyarrow.parquet as pq
 
 import contactlab
+from contactlab.parts import register_parts
 from contactlab.store.finished_store import Store
 from contactlab.store.store_files import IDENTITY, MANIFEST, TABLE
 from contactlab.store.table_layout import COLUMNS_OF_MACHINE
@@ -129,4 +130,5 @@ def likeness(one: Path, merged: Path) -> str:
 
 
 if __name__ == "__main__":
+    register_parts()
     main()

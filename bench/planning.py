@@ -18,6 +18,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from contactlab.parts import register_parts
+
 if TYPE_CHECKING:
     from contactlab.run.tasks import Finished
 
@@ -173,4 +175,5 @@ def hand_out(file: Path) -> None:
 
 
 if __name__ == "__main__":
+    register_parts()
     main()

@@ -17,6 +17,7 @@ import mujoco
 import numpy as np
 from scipy.spatial import ConvexHull
 
+from contactlab.parts import register_parts
 from contactlab.plan.task_options import TaskOptions
 from contactlab.scene.model_draft import ModelEdits
 from contactlab.scene.model_names import name_of
@@ -301,6 +302,7 @@ def _is_whole(own: mujoco.MjModel, slow: mujoco.MjModel, rate: int) -> bool:
 
 
 if __name__ == "__main__":
+    register_parts()
     if sys.argv[1] == "share":
         print(f"{share_of(*sys.argv[2:4], duration=0.5):.4f}")
         sys.exit()

@@ -22,6 +22,7 @@ from tests.planted_recordings import MODEL, WIDTH, plant
 
 from contactlab.contact.trace_arrays import Floats
 from contactlab.errors import SceneError
+from contactlab.parts import register_parts
 from contactlab.run.sweep_request import SceneLoader
 from contactlab.studies.fit.fitting import FitRequest, run
 from contactlab.studies.session import Session, Values
@@ -104,5 +105,6 @@ def main(first: int = 0, cases: int = 100, *, sweeps: bool = False) -> None:
 
 
 if __name__ == "__main__":
+    register_parts()
     numbers = [int(each) for each in sys.argv[1:] if each.isdecimal()]
     main(*numbers, sweeps="sweeps" in sys.argv)

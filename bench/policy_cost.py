@@ -15,6 +15,7 @@ from dataclasses import replace
 from pathlib import Path
 from statistics import median
 
+from contactlab.parts import register_parts
 from contactlab.run.sweep_request import read_request
 from contactlab.run.sweep_runner import run_sweep
 
@@ -106,4 +107,5 @@ def main() -> None:
 
 
 if __name__ == "__main__":
+    register_parts()
     main()

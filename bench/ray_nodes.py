@@ -22,6 +22,7 @@ from pathlib import Path
 from statistics import median
 from typing import Any, NamedTuple
 
+from contactlab.parts import register_parts
 from contactlab.run.ray.connection import ray_cluster
 from contactlab.run.sweep_request import SweepRequest, read_request
 from contactlab.run.sweep_runner import run_sweep
@@ -127,5 +128,6 @@ def main(rounds: int, seeds: int) -> None:
 
 
 if __name__ == "__main__":
+    register_parts()
     given = [int(each) for each in sys.argv[1:]]
     main(*given, *(ROUNDS, SEEDS)[len(given) :])

@@ -28,6 +28,7 @@ from bench.made_up import Rows, ids_of, parts_of, real_store, tables, write_stor
 from contactlab.contact.trace_arrays import Floats
 from contactlab.measure import METRICS
 from contactlab.page.report_files import write_page
+from contactlab.parts import register_parts
 from contactlab.schema.setting_values import as_number
 from contactlab.store.finished_store import Store
 
@@ -172,4 +173,5 @@ def made_up(
 
 
 if __name__ == "__main__":
+    register_parts()
     main()

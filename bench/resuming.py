@@ -21,6 +21,7 @@ from pathlib import Path
 import numpy as np
 from bench.planning import EnoughError, grid, spent_by
 
+from contactlab.parts import register_parts
 from contactlab.store.finished_store import Store
 from contactlab.store.row_journal import SEAL_SIZE, SHARED, row_extent, sealed
 
@@ -101,4 +102,5 @@ def resume(file: Path) -> None:
 
 
 if __name__ == "__main__":
+    register_parts()
     main()

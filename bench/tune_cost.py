@@ -19,6 +19,7 @@ import numpy.typing as npt
 
 from contactlab.budget import Motion
 from contactlab.budget.motion import INTEGRATION
+from contactlab.parts import register_parts
 from contactlab.plan.task_options import TaskOptions
 from contactlab.schema.task import Task
 from contactlab.schema.tune_report import REPORT, Point, TuneReport
@@ -125,4 +126,5 @@ def measure(folder: Path, original: str = "") -> str:
 
 
 if __name__ == "__main__":
+    register_parts()
     print(measure(Path(sys.argv[1]), *sys.argv[2:]))

@@ -15,6 +15,7 @@ from statistics import median
 import mujoco
 import numpy as np
 
+from contactlab.parts import register_parts
 from contactlab.plan.task_options import read_task_options
 from contactlab.schema.tune_report import REPORT
 from contactlab.studies.search.tune_request import TuneRequest
@@ -120,6 +121,7 @@ def measure(name: str, folder: Path) -> str:
 
 
 if __name__ == "__main__":
+    register_parts()
     Path(sys.argv[1]).mkdir(parents=True, exist_ok=True)
     for name in CASES:
         print(measure(name, Path(sys.argv[1])), flush=True)

@@ -18,6 +18,8 @@ from pathlib import Path
 
 from bench.planning import EnoughError, grid, spent_by
 
+from contactlab.parts import register_parts
+
 SIZES = (10_000, 100_000)
 _OTHERS = "duration: 0.1\ntrace: none\nchecks: none\n"
 
@@ -93,4 +95,5 @@ def measure(what: str, file: Path) -> None:
 
 
 if __name__ == "__main__":
+    register_parts()
     main()

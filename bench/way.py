@@ -1,18 +1,21 @@
 """The way of one value through the program: the files, functions and hops that a reader follows.
 
-Run: python -m bench.way solref|timestep|friction.slide [--functions]
+Run: python -m bench.way [solref|timestep|friction.slide [--functions]]
 
-One run of a sweep is made in this process (`contactlab sweep FILE --workers 0`), where an axis has
-a value that stands nowhere else. At each call of a function of the project and at each return, its
-arguments or local variables, its closure among them, are searched for the value: as a number, in a
-text, and in tuples, lists, sets and mappings, their keys too, down to three levels. A named tuple
-is a tuple; the fields of other objects are not searched, nor arrays: a function that hands an
-object on has no need to know what is in it. Counted are the files and the functions that hold the
-value at least once, and the hops: how often one event that holds it is in another file than the one
-before. The whole is counted first, with the summary that the command prints of the finished store;
-then what lies before the store is published, from when on the value is evidence. Nested functions
-and comprehensions are functions of their own. Bytes are not searched: they are what is written of
-the value. What imports run does not count.
+Without a value, it prints the dependencies of modules that no import statement shows, in the source
+and as commands run, and the cycles of modules.
+
+With one, one run of a sweep is made in this process (`contactlab sweep FILE --workers 0`), where an
+axis has a value that stands nowhere else. At each call of a function of the project and at each
+return, its arguments or local variables, its closure among them, are searched for the value: as a
+number, in a text, and in tuples, lists, sets and mappings, their keys too, down to three levels. A
+named tuple is a tuple; the fields of other objects are not searched, nor arrays: a function that
+hands an object on has no need to know what is in it. Counted are the files and the functions that
+hold the value at least once, and the hops: how often one event that holds it is in another file
+than the one before. The whole is counted first, with the summary that the command prints of the
+finished store; then what lies before the store is published, from when on the value is evidence.
+Nested functions and comprehensions are functions of their own. Bytes are not searched: they are
+what is written of the value. What imports run does not count.
 """
 
 import argparse
@@ -27,8 +30,11 @@ from itertools import pairwise
 from pathlib import Path
 from types import FrameType
 
+from bench.dependencies import cycles, imports, named_imports, watched_imports
+
 import contactlab
 from contactlab.command_line.main import main as command
+from contactlab.parts import register_parts
 from contactlab.run.sweep_runner import run_sweep
 
 PROJECT = Path(contactlab.__file__).parent
@@ -45,6 +51,16 @@ trace: all
 axes: {{{axis}: [{text}]}}
 """
 DEPTH = 3
+WATCHED = (
+    ("--help",),
+    ("list", "metrics"),
+    ("explain", "drift"),
+    ("sweep", "bounce", "--limit", "3", "-o", "store"),
+    ("verify", "store"),
+    ("report", "store"),
+    ("check", "ball_drop", "--only", "task", "-o", "check"),
+)
+"""Commands whose imports are watched, in one folder."""
 
 
 @dataclass(frozen=True)
@@ -124,12 +140,31 @@ def follow(axis: str) -> Way:
     return way
 
 
+def print_dependencies() -> None:
+    """Print dependencies by string and cycles of modules; exit with 1 if there are any."""
+    graph = imports(PROJECT)
+    found = [f"cycle of modules: {', '.join(cycle)}" for cycle in cycles(graph)]
+    found += [f"by a string: {place}" for place in named_imports(PROJECT)]
+    with tempfile.TemporaryDirectory(prefix="contactlab-bench-") as folder:
+        for words in WATCHED:
+            seen = watched_imports(words, Path(folder))
+            found += [f"by a string in `contactlab {' '.join(words)}`: {one}" for one in seen]
+    edges = sum(map(len, graph.values()))
+    print(f"{len(graph)} modules, {edges} imports, {len(WATCHED)} commands watched")
+    print("\n".join(found) or "no dependency by a string, no cycle of modules")
+    if found:
+        raise SystemExit(1)
+
+
 def main() -> None:
-    """Print the counts of one value, and the files in order."""
+    """Print the counts of one value, and the files in order; or the dependencies of modules."""
     parser = argparse.ArgumentParser(description=__doc__, allow_abbrev=False)
-    parser.add_argument("axis", choices=sorted(SENTINELS))
+    parser.add_argument("axis", choices=sorted(SENTINELS), nargs="?")
     parser.add_argument("--functions", action="store_true", help="list the functions of each file")
     asked = parser.parse_args()
+    if asked.axis is None:
+        print_dependencies()
+        return
     way = follow(asked.axis)
     print(counts(way.stops))
     print(f"{counts(way.stops[: way.published])} before it is evidence")
@@ -142,4 +177,5 @@ def main() -> None:
 
 
 if __name__ == "__main__":
+    register_parts()
     main()

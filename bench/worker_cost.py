@@ -24,6 +24,7 @@ from bench.reading_contacts import write_columns
 
 from contactlab.accuracy.reference import PlannedModel
 from contactlab.errors import StoppedError
+from contactlab.parts import register_parts
 from contactlab.plan.overrides import Overrides
 from contactlab.run import sweep_runner
 from contactlab.run.planned_runs import Preparer
@@ -116,4 +117,5 @@ def main() -> None:
 
 
 if __name__ == "__main__":
+    register_parts()
     main()

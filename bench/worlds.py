@@ -24,6 +24,7 @@ from mujoco import rollout
 from contactlab.engines import ENGINES
 from contactlab.engines.adapted_engine import AdaptedEngine
 from contactlab.engines.engine import PreparedRuns
+from contactlab.parts import register_parts
 from contactlab.plan.overrides import Overrides
 from contactlab.studies.parity.panel import Panel, roll_out
 
@@ -94,4 +95,5 @@ def main() -> None:
 
 
 if __name__ == "__main__":
+    register_parts()
     main()

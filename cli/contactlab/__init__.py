@@ -90,12 +90,15 @@ __all__ = [
 
 
 def __getattr__(name: str) -> "Any":  # noqa: ANN401 - each function has a type of its own
-    if name not in __all__:
-        return _installed(name)
     if name == "__version__":
         from importlib.metadata import version
 
         return version("contactlab")
+    from contactlab.parts import register_parts
+
+    register_parts()
+    if name not in __all__:
+        return _installed(name)
     if name == "open":
         from contactlab.store.finished_store import Store
 
@@ -108,9 +111,9 @@ def __getattr__(name: str) -> "Any":  # noqa: ANN401 - each function has a type 
         from contactlab.command_line.surroundings import progress
 
         return progress
-    from importlib import import_module
+    from contactlab.registry import own_parts
 
-    module = import_module(f"contactlab.commands.{name}")
+    module = own_parts("command module")[name].load()
     return getattr(module, name, module)
 
 

@@ -25,7 +25,9 @@ def main() -> None:
     """Run the command line; Ctrl-C is no error to report."""
     from contactlab.command_line.main import main as run  # noqa: PLC0415 - takes a while
     from contactlab.command_line.terminal import interrupt  # noqa: PLC0415 - as above
+    from contactlab.parts import register_parts  # noqa: PLC0415 - as above
 
+    register_parts()
     try:
         if _HEARD:
             signal.signal(signal.SIGINT, interrupt)

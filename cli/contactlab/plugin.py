@@ -4,8 +4,13 @@ docs/plugins.md describes it. A name is imported when it is used, so that a plug
 alone loads no engine.
 """
 
-from importlib import import_module
+from collections.abc import Iterator
+from types import ModuleType
 from typing import TYPE_CHECKING, Any
+
+from contactlab.parts import register_parts
+
+# ruff: noqa: PLC0415 - a name is imported when it is used
 
 if TYPE_CHECKING:
     from contactlab.engines.engine import (
@@ -76,23 +81,39 @@ __all__ = [
     "runs_where",
     "worst_pair",
 ]
-# The cheapest first; a package has all of its own entries before it gives a name.
-_HOMES = (
-    "contactlab.measure",
-    "contactlab.errors",
-    "contactlab.judge.limits",
-    "contactlab.engines.engine",
-    "contactlab.studies.check.check_entries",
-    "contactlab.studies.check.checked_model",
-)
+register_parts()
+
+
+def _homes() -> Iterator[ModuleType]:
+    """Yield the modules that define these names, each imported when it is reached.
+
+    The cheapest come first; a package has all of its own entries before it gives a name.
+    """
+    import contactlab.measure
+
+    yield contactlab.measure
+    import contactlab.errors
+
+    yield contactlab.errors
+    import contactlab.judge.limits
+
+    yield contactlab.judge.limits
+    import contactlab.engines.engine
+
+    yield contactlab.engines.engine
+    import contactlab.studies.check.check_entries
+
+    yield contactlab.studies.check.check_entries
+    import contactlab.studies.check.checked_model
+
+    yield contactlab.studies.check.checked_model
 
 
 def __getattr__(name: str) -> Any:  # noqa: ANN401 - each has a type of its own
     if name in __all__:
-        for home in _HOMES:
-            module = import_module(home)
-            if hasattr(module, name):
-                return getattr(module, name)
+        for home in _homes():
+            if hasattr(home, name):
+                return getattr(home, name)
     raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
 
 

@@ -13,7 +13,6 @@ import sys
 from collections.abc import Generator, Iterable, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from importlib import import_module
 from importlib.metadata import Distribution, EntryPoint, distributions, entry_points
 from importlib.util import find_spec
 from itertools import chain
@@ -22,7 +21,7 @@ from types import ModuleType
 
 from contactlab.code_limit import code_limit
 from contactlab.errors import PluginError, in_one_line, no_file
-from contactlab.registry import PARTS, REGISTRIES, Named, Part, transaction
+from contactlab.registry import REGISTRIES, Named, Part, own_parts, transaction
 
 GROUPS = {f"contactlab.{kind}s": kind for kind in ("metric", "label", "oracle", "check", "engine")}
 """Entry-point groups, with the kind of entry that each adds."""
@@ -34,10 +33,8 @@ def extensions(kind: str) -> dict[str, Part | EntryPoint]:
     These are contactlab's own parts and those of installed packages. They are loaded when they are
     asked for, and are no part of the evidence.
     """
-    # Our own may be of any package, so that they are found by a name, as a stranger's are.
-    import_module("contactlab.parts")
     installed = {entry.name: entry for entry in entry_points(group=f"contactlab.{kind}s")}
-    return dict(sorted({**PARTS.get(kind, {}), **installed}.items()))
+    return dict(sorted({**own_parts(kind), **installed}.items()))
 
 
 @dataclass(frozen=True)

@@ -80,14 +80,41 @@ class Part:
 
 
 PARTS: dict[str, dict[str, Part]] = {}
-"""contactlab's own extensions by kind and name."""
+"""contactlab's own extensions by kind and name, once the registry is filled."""
+_FILLERS: list[Callable[[], None]] = []
 
 
-def part(kind: str, *names: str) -> Callable[[Callable[[], Any]], Callable[[], Any]]:
+def add_part(kind: str, load: Callable[[], Any], *names: str) -> None:
     """Register a function that imports and returns an extension of a kind, under some names."""
+    PARTS.setdefault(kind, {}).update(dict.fromkeys(names, Part(load)))
 
-    def register(load: Callable[[], Any]) -> Callable[[], Any]:
-        PARTS.setdefault(kind, {}).update(dict.fromkeys(names, Part(load)))
-        return load
 
-    return register
+def fill_registry(*fillers: Callable[[], None]) -> None:
+    """Call functions that add parts, once each in this process.
+
+    An entry of the program calls it, since a registry imports none of the packages whose parts it
+    has. Workers call the same functions when they start.
+    """
+    for filler in fillers:
+        if filler not in _FILLERS:
+            filler()
+            _FILLERS.append(filler)
+
+
+def registry_fillers() -> tuple[Callable[[], None], ...]:
+    """Return the functions that filled the registry of this process."""
+    return tuple(_FILLERS)
+
+
+def own_parts(kind: str) -> dict[str, Part]:
+    """Return contactlab's own extensions of a kind by name.
+
+    Raises:
+        RuntimeError: no entry of the program has filled the registry of this process.
+    """
+    if not _FILLERS:
+        raise RuntimeError(
+            "the registry of contactlab is empty; call functions of `contactlab`, or import "
+            "`contactlab.plugin` first"
+        )
+    return dict(PARTS.get(kind, {}))

@@ -22,7 +22,6 @@ _ROOT = _INSTALLED if _INSTALLED.is_dir() else _CHECKOUT
 
 MODELS, SWEEPS, SCHEMAS = _ROOT / "models", _ROOT / "sweeps", _ROOT / "schemas"
 """The folders of shipped scenes, one folder each, of sweep files and of published schemas."""
-COMMANDS = Path(__file__).parent / "commands"
 ADAPTERS = _ROOT / "adapters"  # of engines that run in environments of their own
 
 

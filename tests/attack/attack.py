@@ -29,6 +29,7 @@ from unittest.mock import patch
 from tests.attack.mutations import MANIFEST, Mutation, Target, mutations, redo, reseal
 
 from contactlab.errors import ContactlabError
+from contactlab.parts import register_parts
 from contactlab.run import planned_runs
 from contactlab.run.recomputed_runs import (
     recomputed_problems,
@@ -42,6 +43,7 @@ from contactlab.run.tasks import ProgressCallback
 from contactlab.store.finished_store import Store
 from contactlab.store.verify_store import unverified, verify, write_baseline
 
+register_parts()
 MODEL = """
 <mujoco>
   <worldbody>

@@ -98,7 +98,7 @@ def test_a_reader_that_leaves_is_no_error(store: Path, tmp_path: Path) -> None:
     assert (tmp_path / store).is_dir()
     read, write = os.pipe()
     os.close(read)
-    command = [sys.executable, "-c", "from contactlab.command_line.main import main; main()"]
+    command = [sys.executable, "-c", "from contactlab.__main__ import main; main()"]
     with os.fdopen(write, "wb") as closed:
         done = subprocess.run(
             [*command, "show", "store", "--format", "json"],

@@ -13,7 +13,9 @@ def help_items() -> Items:
     from typer.testing import CliRunner  # noqa: PLC0415 - as above
 
     from contactlab.command_line.main import command_line  # noqa: PLC0415 - as above
+    from contactlab.parts import register_parts  # noqa: PLC0415 - as above
 
+    register_parts()
     app = command_line()
     runner = CliRunner()
 

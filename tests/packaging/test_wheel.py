@@ -54,7 +54,7 @@ def test_the_wheel_runs_from_anywhere(wheel: Path, tmp_path: Path) -> None:
     shutil.unpack_archive(wheel, tmp_path / "site", "zip")
     run = (
         "import contactlab, sys; assert 'site' in contactlab.__file__; "
-        "from contactlab.command_line.main import main; main()"
+        "from contactlab.__main__ import main; main()"
     )
     for arguments in (["sweep", "bounce", "--limit", "3", "--workers", "0"], ["scenes"]):
         done = subprocess.run(

@@ -36,7 +36,7 @@ def environment(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def contactlab(python: Path, *arguments: str, folder: Path) -> "subprocess.CompletedProcess[str]":
-    main = "from contactlab.command_line.main import main; main()"
+    main = "from contactlab.__main__ import main; main()"
     return subprocess.run(
         [python, "-c", main, *arguments],
         cwd=folder,

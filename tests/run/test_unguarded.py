@@ -11,8 +11,10 @@ SCRIPT = """
 from pathlib import Path
 from contactlab.run.sweep_request import SweepRequest, SceneLoader
 from contactlab.run.sweep_runner import run_sweep
+from contactlab.parts import register_parts
 from contactlab.plan.sweep_file import read_sweep
 
+register_parts()
 folder = Path(__file__).parent
 with (folder / "began").open("a") as log:
     print("once more", file=log)

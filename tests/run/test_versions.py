@@ -22,7 +22,7 @@ from contactlab.studies.lock.versions import run_python
 
 HERE = version("mujoco")
 OTHER = "3.17.0" if HERE != "3.17.0" else "3.16.0"
-MAIN = [sys.executable, "-c", "from contactlab.command_line.main import main; main()"]
+MAIN = [sys.executable, "-c", "from contactlab.__main__ import main; main()"]
 # Notes what it is told, and makes a Python that says what a real one would.
 UV = """#!/bin/sh
 echo "$@" >> "$NOTES"

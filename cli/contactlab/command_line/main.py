@@ -6,7 +6,6 @@ import os
 import sys
 import warnings
 from collections.abc import Sequence
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -74,7 +73,7 @@ def _add(app: typer.Typer, name: str, found: Sequence[Command], *, in_list: bool
     if [command.name for command in found] == [name]:
         app.command(name, epilog=found[0].end_of_help)(typed(found[0], in_list=in_list))
         return
-    doc = inspect.getdoc(import_module(found[0].function.__module__)) or ""
+    doc = inspect.getdoc(inspect.getmodule(found[0].function)) or ""
     group = typer.Typer(help=doc.partition("\n")[0], no_args_is_help=True)
     for command in found:
         inner = command.name.removeprefix(name).strip()

@@ -1,21 +1,16 @@
-"""The modules of commands: each is found by its name, and imported when the command is used."""
-
-from functools import cache
-from importlib import import_module
-from pkgutil import iter_modules
+"""The modules of commands, which the entry of the program registers; each is imported when used."""
 
 from contactlab.command_line.declaration import Command, declared, is_declared
-from contactlab.resources import COMMANDS
+from contactlab.registry import own_parts
 
 
-@cache
 def command_modules() -> tuple[str, ...]:
     """Return the names of modules, each the first word of its commands, sorted."""
-    return tuple(sorted(module.name for module in iter_modules([str(COMMANDS)])))
+    return tuple(own_parts("command module"))
 
 
 def commands_of(name: str) -> list[Command]:
     """Return the commands that a module declares, in its order."""
-    module = import_module(f"contactlab.commands.{name}")
+    module = own_parts("command module")[name].load()
     found = map(declared, filter(is_declared, vars(module).values()))
     return [command for command in found if command.function.__module__ == module.__name__]

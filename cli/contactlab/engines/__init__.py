@@ -1,16 +1,14 @@
 """Engines: from compiled models and start states to recorded trajectories.
 
-`ENGINES` has every engine by name; a module beside this one, or a plug-in, declares its own. What
-must know an engine asks it: nothing compares names.
+`ENGINES` has every engine by name; a module that is imported here, or a plug-in, declares its own.
+What must know an engine asks it: nothing compares names.
 """
 
-from importlib import import_module
-from pkgutil import iter_modules
-
-# The order of these imports is the order of engines in lists; others come after them.
+# The order of these imports is the order of engines in lists.
 # isort: off
 from contactlab.engines import mujoco_engine as mujoco_engine
 from contactlab.engines import impulse as impulse
+from contactlab.engines import adapted_engine as adapted_engine
 
 # isort: on
 from contactlab.engines.engine import ENGINES as ENGINES
@@ -26,8 +24,6 @@ from contactlab.errors import EngineError
 from contactlab.registry import settle
 from contactlab.scene.run_spec import RunSpec
 
-for _module in iter_modules(__path__):
-    import_module(f"{__name__}.{_module.name}")
 settle()
 
 

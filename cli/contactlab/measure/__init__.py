@@ -1,12 +1,12 @@
 """Traces to metrics and labels. A plug-in declares its own with the decorators exported here."""
 
-from importlib import import_module
-from pkgutil import iter_modules
-
 # The order of these imports is the order of metrics, and so of columns.
 # isort: off
 from contactlab.measure import penetration, motion, soft_contact, friction
 from contactlab.measure import grasp_hold, solver_work, oracle_error
+from contactlab.measure import run_integrity, backward_error, constraint_violation
+from contactlab.measure import energy_balance, friction_oracles, recorded_motion
+from contactlab.measure import required_contact, required_motion, requirement_margin
 
 # isort: on
 from contactlab.contact.trace_arrays import Floats as Floats
@@ -42,9 +42,11 @@ from contactlab.measure.entries import oracle as oracle
 from contactlab.measure.run_integrity import STABLE as STABLE
 from contactlab.registry import settle
 
-TOPICS = penetration, motion, soft_contact, friction, grasp_hold, solver_work, oracle_error
-"""Modules that declare metrics, in the order of the table's columns; others come after them."""
+TOPICS = (
+    *(penetration, motion, soft_contact, friction, grasp_hold, solver_work, oracle_error),
+    *(run_integrity, backward_error, constraint_violation, energy_balance, friction_oracles),
+    *(recorded_motion, required_contact, required_motion, requirement_margin),
+)
+"""Modules that declare metrics, labels and oracles, in the order of the table's columns."""
 
-for _module in iter_modules(__path__):
-    import_module(f"{__name__}.{_module.name}")
 settle()

@@ -13,12 +13,16 @@ from multiprocessing.process import BaseProcess
 from types import ModuleType
 from typing import TypeVar
 
+from contactlab.registry import own_parts, registry_fillers
+
 Value = TypeVar("Value")
 
 CONTEXT = multiprocessing.get_context("forkserver")
 STOP_SIGNALS = frozenset({signal.SIGINT, signal.SIGTERM})
+IN_FORK_SERVER = "CONTACTLAB_IN_FORK_SERVER"
+"""An environment variable that the fork server has when it starts, and removes."""
 # A worker has a core: BLAS's threads would share it, and wait for ever where none can be started.
-_ENVIRONMENT = {"PYTHONSAFEPATH": "1", "OPENBLAS_NUM_THREADS": "1"}
+_ENVIRONMENT = {"PYTHONSAFEPATH": "1", "OPENBLAS_NUM_THREADS": "1", IN_FORK_SERVER: "1"}
 # Of a folder's path, where 32 characters more and an end must fit into the 108 of an address.
 _MOST_CHARACTERS_OF_A_FOLDER = 75
 # How often, and how far apart [s], a process is started while the fork server is being replaced.
@@ -28,7 +32,10 @@ _START_ATTEMPTS, _START_PAUSE = 20, 0.1
 def start_server() -> None:
     """Start the server, if it does not run, and go on while it loads."""
     _place_socket()
-    CONTEXT.set_forkserver_preload(["contactlab.run.preloaded"])
+    # Workers call the functions that fill the registry: their modules are loaded for them, too.
+    preloaded = own_parts("fork server")["preloaded"].load()
+    fillers = [filler.__module__ for filler in registry_fillers()]
+    CONTEXT.set_forkserver_preload([preloaded.__name__, *fillers])
     with _own_imports(), signals_blocked():
         forkserver.ensure_running()
 

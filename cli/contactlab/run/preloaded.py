@@ -1,15 +1,36 @@
-"""Modules that the fork server loads, and workers have when they start."""
+"""Modules that the fork server loads when it imports this one, and workers have when they start.
+
+In any other process, importing it loads nothing.
+"""
 
 import os
-from importlib import import_module
 
-# GLFW starts a process as MuJoCo loads it, and cannot draw without a display.
-without_glfw = not os.environ.keys() & {"DISPLAY", "WAYLAND_DISPLAY", "MUJOCO_GL"}
-if without_glfw:
-    os.environ["MUJOCO_GL"] = "disable"
-# NumPy loads its two parts when they are used, which would be in each worker.
-for module in ("contactlab.startup", "numpy.ma", "numpy.random", "contactlab.run.worker_pool"):
-    import_module(module)
-import_module("contactlab.schema.evidence").EvidenceRecord.model_rebuild()
-if without_glfw:
-    del os.environ["MUJOCO_GL"]
+from contactlab.run.fork_server import IN_FORK_SERVER
+
+# Imported for their effect, in the fork server alone.
+# ruff: noqa: F401, PLC0415
+# pyright: reportUnusedImport=false
+
+
+def _load() -> None:
+    # GLFW starts a process as MuJoCo loads it, and cannot draw without a display.
+    without_glfw = not os.environ.keys() & {"DISPLAY", "WAYLAND_DISPLAY", "MUJOCO_GL"}
+    if without_glfw:
+        os.environ["MUJOCO_GL"] = "disable"
+    import contactlab.startup
+
+    # isort: split
+    # NumPy loads its two parts when they are used, which would be in each worker.
+    import numpy.ma
+    import numpy.random
+
+    import contactlab.run.worker_pool
+    from contactlab.schema.evidence import EvidenceRecord
+
+    EvidenceRecord.model_rebuild()
+    if without_glfw:
+        del os.environ["MUJOCO_GL"]
+
+
+if os.environ.pop(IN_FORK_SERVER, None):
+    _load()

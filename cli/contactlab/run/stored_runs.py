@@ -9,7 +9,7 @@ import gc
 import json
 import subprocess
 import sys
-from collections.abc import Generator, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from importlib.metadata import version
@@ -24,6 +24,7 @@ from contactlab.engines.rollout_trace import trajectory_hash
 from contactlab.errors import ContactlabError, PluginError, PolicyError, StoreError
 from contactlab.mjcf import MODEL_ENGINE
 from contactlab.plugins import loaded_plugins
+from contactlab.registry import fill_registry, registry_fillers
 from contactlab.run.planned_runs import stored_sweep_scene
 from contactlab.scene.compiled_scene import PreparedModel
 from contactlab.scene.initial_states import InitialStates
@@ -221,8 +222,9 @@ def timed_run(store: Store, run: str) -> tuple[TimesSteps, Segments]:
     return engine, Segments(model, start, work)
 
 
-def main() -> None:
-    """Answer until the input ends."""
+def main(*fillers: Callable[[], None]) -> None:
+    """Answer until the input ends; functions fill the registry."""
+    fill_registry(*fillers)
     silence_mujoco()
     gc.disable()
     try:
@@ -265,7 +267,11 @@ class TimingProcess:
 @contextmanager
 def timing_process(python: Path, store: Path) -> Generator[TimingProcess]:
     """Yield a process that times the runs of a store; raise PolicyError if it cannot."""
-    command = [str(python), "-P", "-c", f"from {__name__} import main; main()", str(store)]
+    fillers = registry_fillers()
+    imports = [f"from {each.__module__} import {each.__name__}" for each in (main, *fillers)]
+    call = f"{main.__name__}({', '.join(filler.__name__ for filler in fillers)})"
+    code = "; ".join([*imports, call])
+    command = [str(python), "-P", "-c", code, str(store)]
     try:
         process = subprocess.Popen(  # noqa: S603 - the user's own Python
             command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True

@@ -5,6 +5,7 @@ import shutil
 from dataclasses import replace
 from pathlib import Path
 
+from contactlab.registry import fill_registry
 from contactlab.run.tasks import Task
 
 _SCENES, _PLUGINS = "scenes", "plugins"
@@ -23,8 +24,12 @@ def pack_bundle(task: Task) -> bytes:
 
 
 def unpack_bundle(bundle: bytes, folder: Path) -> Task:
-    """Return the task of a bundle, after writing the bundle's files into a folder."""
+    """Return the task of a bundle, after writing the bundle's files into a folder.
+
+    The registry of this process is filled as that of the sweep's process is.
+    """
     task, files = pickle.loads(bundle)  # noqa: S301 - our own
+    fill_registry(*task.fillers)
     for part in (_SCENES, _PLUGINS):
         shutil.rmtree(folder / part, ignore_errors=True)
     for name, data in files.items():

@@ -6,7 +6,7 @@ All data here can be pickled.
 import json
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, Protocol
 
@@ -14,6 +14,7 @@ from contactlab.accuracy.discretization import Note
 from contactlab.errors import StoppedError
 from contactlab.plan.grid import Match
 from contactlab.plugins import Plugin
+from contactlab.registry import registry_fillers
 from contactlab.scene.drive.located_drive import LocatedDrive
 from contactlab.scene.run_spec import RunSpec
 from contactlab.schema.evidence import Provenance, SweepIdentity
@@ -64,6 +65,8 @@ class Task:
     # What is done with the runs: they are recorded, compared with a reference, or their work is
     # counted; times are taken by the process of the sweep itself.
     purpose: Purpose = "record"
+    # Functions that fill the registry of a worker, as they filled that of the sweep's process.
+    fillers: tuple[Callable[[], None], ...] = field(default_factory=registry_fillers)
 
 
 Job = tuple[RunSpec, ...]

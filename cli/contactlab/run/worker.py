@@ -33,6 +33,7 @@ from contactlab.errors import OutputError
 from contactlab.measure import assess
 from contactlab.plan.kept_traces import KeptTraces
 from contactlab.plugins import require_plugins
+from contactlab.registry import fill_registry
 from contactlab.run.evidence_record import (
     Common,
     Fields,
@@ -92,6 +93,7 @@ class Worker:
     """
 
     def __init__(self, task: Task, marker: Path | None, proceed: Proceed = proceed_always) -> None:
+        fill_registry(*task.fillers)
         require_plugins(task.plugins)
         self._task = task
         self._proceed = proceed

@@ -7,8 +7,12 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from contactlab.parts import register_parts
+
 if TYPE_CHECKING:
     from contactlab.testing.evidence import ContactEvidence
+
+register_parts()
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

@@ -1,11 +1,18 @@
 """Rules that a model's files are held against, compiled but not stepped: `contactlab lint`."""
 
-from importlib import import_module
-from pkgutil import iter_modules
-
 from contactlab.registry import settle
+from contactlab.studies.lint import (
+    capacity,
+    contacts,
+    files,
+    gains,
+    masses,
+    names,
+    options,
+    overlaps,
+    starts,
+)
 
-# Each module may declare rules.
-for _module in iter_modules(__path__):
-    import_module(f"{__name__}.{_module.name}")
+TOPICS = capacity, contacts, files, gains, masses, names, options, overlaps, starts
+"""Modules that declare rules."""
 settle()
