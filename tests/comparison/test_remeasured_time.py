@@ -75,7 +75,7 @@ def remeasure(runs: int, *pythons: Path) -> Remeasure:
         ((2.0, 1.0), "better", 0),
     ],
 )
-def test_a_slower_engine_fails_the_gate(  # noqa: PLR0917 - fixtures
+def test_a_slower_engine_fails_the_gate(
     baseline: Path,
     runs: Runs,
     stored: Stored,

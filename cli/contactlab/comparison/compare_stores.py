@@ -59,7 +59,7 @@ _JUDGED_ONE_BY_ONE = {"metric_versions", "thresholds"}
 _ABOUT_RUNS = {"runs", "labels", "metrics", "recommendation"}
 
 
-def compare(  # noqa: PLR0913 - one argument an option of the command
+def compare(
     baseline: Address,
     candidate: Address,
     policy: ComparePolicy = DEFAULT_POLICY,

@@ -128,7 +128,7 @@ class BatchStepper:
         return ""
 
 
-def roll_out(  # noqa: PLR0913 - those of an engine, and what steps
+def roll_out(
     models: Sequence[mujoco.MjModel],
     starts: InitialStates,
     steps: int,

@@ -57,7 +57,7 @@ def check_motion(model: mujoco.MjModel) -> None:
         )
 
 
-def infer_task(  # noqa: PLR0913 - one argument a part of the task
+def infer_task(
     model: mujoco.MjModel,
     *,
     start: str | None = None,

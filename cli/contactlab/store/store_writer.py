@@ -200,7 +200,7 @@ def _said(provenance: Provenance, times: tuple[str, str]) -> dict[str, Any]:
 
 
 @contextmanager
-def open_writer(  # noqa: PLR0913 - one argument an option of the command
+def open_writer(
     address: Address,
     identity: SweepIdentity,
     scene: CopyableFiles,
