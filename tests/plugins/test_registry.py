@@ -35,7 +35,7 @@ def test_a_registry_made_meanwhile_keeps_what_its_package_declared() -> None:
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
-        ({"severity": 46}, "severity is one of void, bad, poor, noted, good"),
+        ({"severity": 46}, "severity must be one of void, bad, poor, noted, good"),
         ({"letter": "ab"}, "letter 'ab' is not one character"),
         ({"colour": "red"}, "colour 'red' is not like '#1f77b4'"),
     ],

@@ -151,5 +151,5 @@ def test_means_over_runs_are_expected(sweeper: Any) -> None:
     assert not [*recomputed_problems(store)]
     silent = replace(store, manifest=store.manifest.model_copy(update={"unmet_means": ()}))
     assert [*recomputed_problems(silent)] == [
-        "manifest.json: its unmet means are not what the sweep expects"
+        "manifest.json: its unmet means contradict the expectations of the sweep"
     ]

@@ -206,7 +206,7 @@ def test_units_are_read() -> None:
         ("passes(box, slop)", "no body or site 'slop'"),
         ("held(box, by: bx)", "no body 'bx'; did you mean 'box'"),
         ("slides(world, until: 3 s)", "3 s is after the end of the run"),
-        ("stays(box, from: 1 s)", "1 s is not within the run"),
+        ("stays(box, from: 1 s)", "1 s is outside the run"),
     ],
 )
 def test_names_and_times_are_those_of_the_model(tmp_path: Path, text: str, said: str) -> None:

@@ -113,7 +113,7 @@ def test_what_bears_no_load_has_no_depth(tmp_path: Path) -> None:
     high = written(
         tmp_path, BALL.format(cone="elliptic", condim=3, friction=1, impratio=1, height=1)
     )
-    with pytest.raises(SceneError, match="no pair bears a load where the model is written"):
+    with pytest.raises(SceneError, match="no pair carries a load at the start of the model"):
         contactlab.sweep(
             {"version": 1, "scene": high, "axes": {"depth_at_rest": [1e-4]}},
             output=tmp_path / "deep",
@@ -124,9 +124,9 @@ def test_what_bears_no_load_has_no_depth(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("values", "message"),
     [
-        ({"stiffness": 1e9}, r"stiffness 1e\+09 N/m takes a timestep of at most .* it is 0.002 s"),
+        ({"stiffness": 1e9}, r"stiffness 1e\+09 N/m needs a timestep of at most .* it is 0.002 s"),
         ({"depth_at_rest": 0.06}, "60 mm is deeper than the smaller geom, which reaches 50 mm"),
-        ({"stiffness": 1e4, "solref.damping": 0.0}, "no damping ratio above 0"),
+        ({"stiffness": 1e4, "solref.damping": 0.0}, "damping ratio of solref is not above 0"),
     ],
 )
 def test_what_has_no_meaning_is_refused(
@@ -142,7 +142,7 @@ def test_geoms_that_cannot_have_both_are_refused(tmp_path: Path) -> None:
     """A mean of two geoms' time constants cannot be short for one pair and long for the others."""
     scene = Scene.open(written(tmp_path, BEAMS.format(place=".2 0 .05", mass=100)))
     run = scene.resolve({"stiffness": 1e4}, 0, 1.0)
-    with pytest.raises(SceneError, match="no solref of geoms mixes to what each pair takes"):
+    with pytest.raises(SceneError, match="no solref of the geoms gives each pair its value"):
         scene.base({}).prepare(run.edits())
 
 
@@ -186,7 +186,7 @@ def test_what_does_not_come_out_is_said(tmp_path: Path) -> None:
     # The impedance rises with depth, so that twice the load is less than twice as deep.
     assert 0.5 < (record.metrics["at_rest_error"] or 0) < 1
     assert record.labels[0].label == "oracle_miss"
-    assert "at rest, what is asked for is missed by" in record.labels[0].reason
+    assert "at rest, the relative error of the requested value is" in record.labels[0].reason
 
 
 @pytest.mark.parametrize("mixes", [(1, 1, 1), (1, 3, 2), (2, 3, 1), (1, 5, 2)])

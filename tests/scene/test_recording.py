@@ -207,14 +207,14 @@ def test_mistakes_of_every_kind_are_told_at_once(tmp_path: Path) -> None:
     text = refusal(tmp_path, columns, run="run", columns=names, leave_out=[7])
     for part in (
         "no column `speed`",
-        "column `brick.v` is no actuator, joint or body",
+        "column `brick.v` is not an actuator, joint or body",
         "no run to leave out: 7",
         "no finite number in column `brick.y`: row 6 (run 0)",
         "the quaternion of brick does not have the norm 1: row 701 (run 1)",
         "rows are missing (others are 5 ms apart) after: row 801 (run 1)",
-        "brick is elsewhere in one row: row 1251 (run 2)",
-        "brick rests above what it may touch (another body, unit or frame): row 2400 (run 3)",
-        "another unit or frame, or leave it out; most after: row 1250 (run 2)",
+        "brick jumps in one row only: row 1251 (run 2)",
+        "brick rests above the geoms it may touch; check body, unit and frame: row 2400 (run 3)",
+        "check unit and frame, or remove it; largest after: row 1250 (run 2)",
     ):
         assert part in text
     assert len(text.splitlines()) == 1 + 9
@@ -243,18 +243,18 @@ def test_names_and_cells_are_told_at_once(tmp_path: Path) -> None:
     columns["brick.x"] = np.where(np.arange(300) == 17, np.nan, columns["brick.x"])
     names = {**{name: name for name in POSE}, "cube.vx": "brick.vx", "brick.vy": "vy"}
     text = refusal(tmp_path, columns, columns=names)
-    for part in ("in column `brick.x`: row 18", "column `cube.vx` is no", "no column `vy`"):
+    for part in ("in column `brick.x`: row 18", "column `cube.vx` is not", "no column `vy`"):
         assert part in text
 
 
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"units": {**UNITS, "length": "mm"}}, "another body, unit"),
-        ({"units": {**UNITS, "length": "cm"}}, "another"),
+        ({"units": {**UNITS, "length": "mm"}}, "overlaps the geoms it may touch; check body, unit"),
+        ({"units": {**UNITS, "length": "cm"}}, "check"),
         ({"units": {**UNITS, "time": "ms"}}, "jumps"),
-        ({"turning": "world"}, "angular velocity is .* another unit or frame"),
-        ({"units": {**UNITS, "angle": "deg"}}, "angular velocity is .* another unit or frame"),
+        ({"turning": "world"}, "angular velocity differs .* check unit and frame"),
+        ({"units": {**UNITS, "angle": "deg"}}, "angular velocity differs .* check unit and frame"),
     ],
 )
 def test_other_units_and_frames_are_noticed(
@@ -310,7 +310,7 @@ def test_another_body_is_noticed_where_it_rests(tmp_path: Path, factor: float) -
     """A brick of another size rests at another height than the recorded one."""
     sizes = " ".join(str(factor * each) for each in (0.06, 0.04, 0.03))
     text = refusal(tmp_path, thrown(frames=600), BRICK.replace(".06 .04 .03", sizes))
-    assert "another body" in text
+    assert "check body, unit and frame" in text
 
 
 def test_joints_and_commands_of_an_arm(tmp_path: Path) -> None:

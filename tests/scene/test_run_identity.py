@@ -110,7 +110,7 @@ def test_the_files_content_counts(file: str, tmp_path: Path) -> None:
 def test_switches_that_an_older_engine_lacks_do_not_count(monkeypatch: pytest.MonkeyPatch) -> None:
     newest = {"speculative", "diagexact", "multiccd"}
     here = [run_id(BALL, {"island": False}), run_id(BALL, {})]
-    for table in ("_DISABLE", "_ENABLE"):
+    for table in ("_DISABLE_BITS", "_ENABLE_BITS"):
         kept = {
             name: bit for name, bit in getattr(model_edits, table).items() if name not in newest
         }

@@ -1,1 +1,1 @@
-"""From what a sweep names to compiled models: scenes, parameters, engine switches."""
+"""Scenes, parameters and engine switches: from the names in a sweep to compiled models."""

@@ -1,4 +1,4 @@
-"""Whether the degrees of a model are radians by their sizes."""
+"""Detects angles that are in radians although the model is compiled in degrees."""
 
 import math
 from collections.abc import Iterator
@@ -9,9 +9,9 @@ import numpy as np
 from contactlab.scene.model_names import name_of
 
 FEWEST = 2
-"""Joints from which most of them mean something."""
-_NARROW = math.radians(15)  # ranges that joints of robots rarely have
-_TURN = 2 * math.pi * (1 + 1e-3)  # as people round it
+"""Smallest number of limited hinges from which a majority is meaningful."""
+_NARROW_RANGE_RAD = math.radians(15)  # joints of robots rarely have a smaller range
+_FULL_TURN_RAD = 2 * math.pi * (1 + 1e-3)  # a full turn, with room for rounding by hand
 
 
 def limited_hinges(model: mujoco.MjModel) -> list[int]:
@@ -21,13 +21,13 @@ def limited_hinges(model: mujoco.MjModel) -> list[int]:
 
 
 def in_radians(model: mujoco.MjModel) -> Iterator[tuple[int, str]]:
-    """Yield the first hinge and a message, if what was read as degrees is radians by its size."""
+    """Yield the first hinge and a message if angles read as degrees have the size of radians."""
     hinges = limited_hinges(model)
     if len(hinges) < FEWEST:
         return
-    narrow = [joint for joint in hinges if np.ptp(model.jnt_range[joint]) < _NARROW]
+    narrow = [joint for joint in hinges if np.ptp(model.jnt_range[joint]) < _NARROW_RANGE_RAD]
     written = np.rad2deg(model.jnt_range[narrow])
-    if 2 * len(narrow) > len(hinges) and np.abs(written).max() <= _TURN:
+    if 2 * len(narrow) > len(hinges) and np.abs(written).max() <= _FULL_TURN_RAD:
         low, high = written[0].tolist()
         first = name_of(model, "joint", narrow[0])
         message = (

@@ -1,4 +1,4 @@
-"""Every axis that one scene offers."""
+"""Catalogue of every axis that one scene offers."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -21,7 +21,7 @@ from contactlab.schema.vocabulary import RECORDED_RUN, AxisSpec
 
 
 class EngineTraits(Protocol):
-    """Facts that a scene must know of an engine that may simulate its runs."""
+    """Facts about an engine that a scene needs if the engine may simulate its runs."""
 
     summary: str  # the engine, in a few words
     # Whether effects that provably change nothing may be left out of its models.
@@ -32,9 +32,9 @@ Engines = Mapping[str, EngineTraits]
 
 
 class SceneCatalogue:
-    """The axes of a scene: its own initial and structure values, parameters, effects.
+    """The axes of a scene: its initial and structure values, parameters, effects.
 
-    Model fields such as `dof_damping[hinge]` are found, but not listed.
+    Model fields such as `dof_damping[hinge]` are found but not listed.
     """
 
     def __init__(
@@ -45,28 +45,31 @@ class SceneCatalogue:
         recorded: Sequence[float] = (),
     ) -> None:
         self._model = base.model
-        self._axes = {axis.name: axis for axis in _axes(base, manifest, engines)}
+        self._list_axes = {axis.name: axis for axis in _list_axes(base, manifest, engines)}
         if recorded:
-            text = f"recorded run that a run starts as and is compared with, of {len(recorded)}"
+            text = f"recorded run, out of {len(recorded)}, to start from and to compare with"
             parse, known = number(known=recorded), tuple(recorded)
-            self._axes[RECORDED_RUN] = AxisSpec(RECORDED_RUN, "", text, parse, known=known)
+            self._list_axes[RECORDED_RUN] = AxisSpec(RECORDED_RUN, "", text, parse, known=known)
 
     @property
     def names(self) -> Sequence[str]:
         """Names to list and to suggest."""
-        return tuple(self._axes)
+        return tuple(self._list_axes)
 
     def find(self, name: str, *, lenient: bool = False) -> AxisSpec | None:
-        """Return the axis of a name, or None; if lenient, it accepts what newer versions have."""
+        """Return the axis with a name, or None. If lenient, it accepts values of newer versions."""
         try:
-            listed = self._axes.get(name) or DRIVE_AXES.get(name)
-            axis = listed or _missing_flag(name) or field_axis(self._model, name)
+            listed = self._list_axes.get(name) or DRIVE_AXES.get(name)
+            axis = listed or _axis_of_missing_flag(name) or field_axis(self._model, name)
         except ValueError:
             return None
         return axis and in_this_version(axis, lenient=lenient)
 
     def switched(self, manifest: SceneManifest | None) -> dict[str, object]:
-        """Return the effects that a scene switches itself; a SceneError if one is unknown."""
+        """Return the effects that the scene itself switches.
+
+        Raises a SceneError if one is unknown.
+        """
         switched: dict[str, object] = {}
         for name, value in switches(manifest.effects if manifest else {}).items():
             axis = self.find(name) if name in EFFECTS else None
@@ -79,21 +82,23 @@ class SceneCatalogue:
         return switched
 
 
-def _missing_flag(name: str) -> AxisSpec | None:
-    """Return the axis of a flag that this version lacks, which only accepts the default."""
+def _axis_of_missing_flag(name: str) -> AxisSpec | None:
     text = "effect of newer versions of MuJoCo"
     return AxisSpec(name, "", text, switch) if name in missing_flags() else None
 
 
-def _axes(base: CompiledScene, manifest: SceneManifest | None, engines: Engines) -> list[AxisSpec]:
+def _list_axes(
+    base: CompiledScene, manifest: SceneManifest | None, engines: Engines
+) -> list[AxisSpec]:
     axes: list[AxisSpec] = [
         parameter
         for parameter in PARAMETERS.values()
         if parameter.sets not in (*CONTACT, *AT_REST) or base.pairs
     ]
-    own = str(base.settings["engine"])  # of a loop, whose model no other engine records
+    # Only the loop engine can record the model of a loop.
+    own = str(base.settings["engine"])
     names = (own,) if own == LOOP_ENGINE else tuple(engines) or (MODEL_ENGINE,)
-    text = "what simulates the run (see `contactlab list engines`)"
+    text = "engine that simulates the run (see `contactlab list engines`)"
     axes.append(AxisSpec("engine", "", text, choice(names), names))
     if base.targets.subject is not None:
         text = f"mass of '{base.model.body(base.targets.subject).name}'; its inertia scales with it"
@@ -108,10 +113,10 @@ def _axes(base: CompiledScene, manifest: SceneManifest | None, engines: Engines)
         axes.append(AxisSpec("keyframe", "", "keyframe to start from", choice(words), words))
     own = [*manifest.initial.items(), *manifest.structure.items()] if manifest else []
     if base.model.njnt and "joint_speed" not in dict(own):
-        text = "speed of every joint at the start, either way by seed"
+        text = "speed of every joint at the start; the seed decides the direction"
         axes.append(AxisSpec("joint_speed", "rad/s", text, number(least=0)))
     if "perturbation" not in dict(own):
-        text = "factor of what a seed perturbs the start by; 0 starts exactly where the scene says"
+        text = "factor of the perturbation by a seed; 0 starts exactly as the scene defines"
         axes.append(AxisSpec("perturbation", "1", text, number()))
     taken = {"mass", "seed", "keyframe", RECORDED_RUN, *PARAMETERS, *EFFECTS}
     for name, _ in own:
@@ -119,11 +124,12 @@ def _axes(base: CompiledScene, manifest: SceneManifest | None, engines: Engines)
             raise SceneError(f"'{name}' is the name of another axis; rename it")
         taken.add(name)
     return [
-        AxisSpec(name, option.unit, option.description, _parser(option)) for name, option in own
+        AxisSpec(name, option.unit, option.description, _value_parser(option))
+        for name, option in own
     ] + axes
 
 
-def _parser(entry: InitialValue | StructureValue) -> Callable[[object], object]:
+def _value_parser(entry: InitialValue | StructureValue) -> Callable[[object], object]:
     if isinstance(entry, InitialValue):
         return number()
     if entry.integer:

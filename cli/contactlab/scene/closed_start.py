@@ -1,9 +1,9 @@
-"""The start that a model's equalities, limits and contacts allow, nearest to one that they do not.
+"""Finds the nearest start that a model's equalities, limits and contacts allow.
 
-What is open at the start is closed by force: as far as it is apart and as stiff as its constraint
-is, bodies are flung. The way to the allowed start is the one of least kinetic energy: rows with
-residual r and Jacobian J move positions by M^-1 J^T (J M^-1 J^T)^+ (-r), again and again, as Newton
-and Raphson do.
+Constraints that are open at the start are closed by force: the farther they are open and the
+stiffer they are, the harder bodies are flung. The correction to the allowed start is the one of
+least kinetic energy: rows with residual r and Jacobian J move positions by
+M^-1 J^T (J M^-1 J^T)^+ (-r), repeated as in Newton-Raphson iteration.
 """
 
 import copy
@@ -15,68 +15,70 @@ import numpy as np
 from contactlab.contact.trace_arrays import Floats
 
 OPEN = 0.01
-"""Share of the extent of what moves, or radians, from which a constraint is open."""
-_ROUNDS, _MOST_ROWS = 30, 300  # so that it takes less than a second
-_CLOSED = 1e-6  # share of that extent, or radians, below which it is closed
-_SINGULAR = 1e-9  # of rows that say the same
-_DENSE = int(mujoco.mjtJacobian.mjJAC_DENSE)
+"""A constraint violated by more is open: share of the extent of the moving geoms, or radians."""
+_MAX_ITERATIONS, _MAX_OPEN_ROWS = 30, 300  # keep the search below one second
+_CLOSED_TOLERANCE = (
+    1e-6  # a constraint violated by less is closed: share of that extent, or radians
+)
+_SINGULAR_RATIO = 1e-9  # relative singular value below which rows count as redundant
+_DENSE_JACOBIAN = int(mujoco.mjtJacobian.mjJAC_DENSE)
 _EQUALITY = int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
 _LIMIT = int(mujoco.mjtConstraint.mjCNSTR_LIMIT_JOINT)
 _JOINT = int(mujoco.mjtEq.mjEQ_JOINT)
-_TURNING = [int(mujoco.mjtJoint.mjJNT_BALL), int(mujoco.mjtJoint.mjJNT_HINGE)]
+_ROTATIONAL_JOINTS = [int(mujoco.mjtJoint.mjJNT_BALL), int(mujoco.mjtJoint.mjJNT_HINGE)]
 
 
 def closed_start(model: mujoco.MjModel, start: Floats, spec: int) -> Floats | None:
     """Return the (nq,) positions of the nearest start at which nothing is open.
 
-    `start` is a state that `spec` says the elements of. None where nothing is, or where no start
-    near it closes all.
+    `spec` lists the state elements in `start`. The result is None if nothing is open in `start`, or
+    if no nearby start closes everything.
     """
     frictionless = _without_friction(model)
     data = mujoco.MjData(frictionless)
     mujoco.mj_setState(frictionless, data, start, spec)
-    if _opened(frictionless, data) <= OPEN:
+    if _largest_violation(frictionless, data) <= OPEN:
         return None
-    for _ in range(_ROUNDS):
-        apart, sizes = _violations(frictionless, data)
-        if np.abs(apart / sizes).max(initial=0) <= _CLOSED:
+    for _ in range(_MAX_ITERATIONS):
+        apart, sizes = _row_violations(frictionless, data)
+        if np.abs(apart / sizes).max(initial=0) <= _CLOSED_TOLERANCE:
             return data.qpos.copy()
-        if np.count_nonzero(apart) > _MOST_ROWS:
+        if np.count_nonzero(apart) > _MAX_OPEN_ROWS:
             return None
         jacobian = data.efc_J.reshape(data.nefc, model.nv)[apart != 0]
         moved = np.zeros_like(jacobian)
         mujoco.mj_solveM(frictionless, data, moved, jacobian)
-        weights = np.linalg.pinv(jacobian @ moved.T, rcond=_SINGULAR, hermitian=True)
+        weights = np.linalg.pinv(jacobian @ moved.T, rcond=_SINGULAR_RATIO, hermitian=True)
         step = -moved.T @ (weights @ apart[apart != 0])
         if not np.abs(step).max() <= max(math.pi, moving_extent(frictionless, data)):
-            return None  # nor a number
+            return None  # too large a step, or NaN
         mujoco.mj_integratePos(frictionless, data.qpos, step, 1)
     return None
 
 
 def _without_friction(model: mujoco.MjModel) -> mujoco.MjModel:
-    """Return a copy whose rows are equalities, limits, and one for each contact."""
-    made = copy.copy(model)
-    made.opt.jacobian = _DENSE
-    made.geom_condim[:] = made.pair_dim[:] = 1
-    made.dof_frictionloss[:] = made.tendon_frictionloss[:] = 0
-    return made
+    """Return a copy with rows only for equalities, limits, and one row per contact."""
+    frictionless = copy.copy(model)
+    frictionless.opt.jacobian = _DENSE_JACOBIAN
+    frictionless.geom_condim[:] = frictionless.pair_dim[:] = 1
+    frictionless.dof_frictionloss[:] = frictionless.tendon_frictionloss[:] = 0
+    return frictionless
 
 
-def _opened(model: mujoco.MjModel, data: mujoco.MjData) -> float:
-    apart, sizes = _violations(model, data)
+def _largest_violation(model: mujoco.MjModel, data: mujoco.MjData) -> float:
+    apart, sizes = _row_violations(model, data)
     return float(np.abs(apart / sizes).max(initial=0))
 
 
-def _violations(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Floats, Floats]:
-    """Return how far each row is violated (nefc,), 0 where it is not, and what is large for it.
+def _row_violations(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Floats, Floats]:
+    """Return how far each row is violated (nefc,), 0 if it is not, and the scale of each row.
 
-    That is the extent of what moves, or a radian.
+    The scale is the extent of the moving geoms, or one radian.
     """
     mujoco.mj_fwdPosition(model, data)
     kinds, ids = data.efc_type, data.efc_id
     apart = np.where(kinds == _EQUALITY, data.efc_pos, np.minimum(data.efc_pos, 0))
-    turns = np.isin(model.jnt_type, _TURNING)
+    turns = np.isin(model.jnt_type, _ROTATIONAL_JOINTS)
     angles = np.zeros(len(kinds), bool)
     angles[kinds == _LIMIT] = turns[ids[kinds == _LIMIT]]
     joined = kinds == _EQUALITY
@@ -88,8 +90,8 @@ def _violations(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Floats, Flo
 def moving_extent(model: mujoco.MjModel, data: mujoco.MjData) -> float:
     """Return the longest side of the box around all geoms that move [m].
 
-    The hall around them may be a thousand times as large. At most it is the model's extent, as it
-    is where no geom moves.
+    The static geoms around them may be a thousand times larger. The result is at most the model's
+    extent, and equals it if no geom moves.
     """
     moves = (model.body_weldid[model.geom_bodyid] > 0) & (model.geom_rbound > 0)
     places, radii = data.geom_xpos[moves], model.geom_rbound[moves, None]

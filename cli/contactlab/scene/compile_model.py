@@ -1,7 +1,7 @@
-"""Compile a scene's model with its structure values written and recording sensors added.
+"""Compiles a scene's model with its structure values written and recording sensors added.
 
-The sensors' addresses in `sensordata` are known from here; so is why MuJoCo refuses a model, and
-which inertias its file writes that no body has.
+This module also provides the addresses of the sensors in `sensordata`, the reasons why MuJoCo
+refuses a model, and the inertias in a model file that no real body can have.
 """
 
 import re
@@ -36,36 +36,36 @@ PREFIX = "contactlab/"
 _FORCE, _LENGTH = "force/", "length/"
 _ALL_FIELDS = (1 << 9) - 1
 _FOUND_AND_DISTANCE = 1 << 0 | 1 << 3
-_FIRST = 0
-_NEAREST = 1
-_ABOVE_ZERO = ("timestep", "impratio")
-_NOT_BELOW_ZERO = (
+_REDUCE_TO_FIRST = 0
+_REDUCE_TO_NEAREST = 1
+_POSITIVE_OPTIONS = ("timestep", "impratio")
+_NONNEGATIVE_OPTIONS = (
     *("density", "viscosity"),
     *("iterations", "ls_iterations", "noslip_iterations", "ccd_iterations"),
 )
 _OBJ, _KIND = mujoco.mjtObj, mujoco.mjtSensor
-_NOTHING = (_OBJ.mjOBJ_UNKNOWN, "")
-_NOT_ALWAYS = ("kinetic", "potential", "momentum", "angular_momentum", "held")
+_NO_OBJECT = (_OBJ.mjOBJ_UNKNOWN, "")
+_OPTIONAL_SENSORS = ("kinetic", "potential", "momentum", "angular_momentum", "held")
 
 
 @dataclass(frozen=True)
 class SensorLayout:
-    """Addresses in `sensordata`; None for what is not recorded."""
+    """Addresses in `sensordata`; None for a quantity that is not recorded."""
 
     pairs: tuple[int, ...]  # where the contact slots of each monitored pair start
-    contacts: int  # of the count of all contacts, followed by their smallest distance
-    kinetic: int | None  # of the kinetic energy
-    potential: int | None  # of the potential energy
-    momentum: int | None  # of the velocity of the centre of mass
-    angular_momentum: int | None  # of the angular momentum
-    # Of the held body's position relative to its holder, followed by the holder's orientation.
+    contacts: int  # the count of all contacts, followed by their smallest distance
+    kinetic: int | None  # the kinetic energy
+    potential: int | None  # the potential energy
+    momentum: int | None  # the velocity of the center of mass
+    angular_momentum: int | None  # the angular momentum
+    # The held body's position relative to its holder, followed by the holder's orientation.
     held: int | None
-    forces: int  # of the first actuator's force, which those of the others follow
-    lengths: int  # of the first tendon's length, likewise
+    forces: int  # the first actuator's force, followed by the forces of the others
+    lengths: int  # the first tendon's length, followed by the lengths of the others
 
     def from_contacts(self) -> "SensorLayout":
-        """Return addresses in rows that begin with the count of all contacts, without pairs."""
-        moved = {name: getattr(self, name) for name in (*_NOT_ALWAYS, "forces", "lengths")}
+        """Return the addresses in rows that begin with the count of contacts, without pairs."""
+        moved = {name: getattr(self, name) for name in (*_OPTIONAL_SENSORS, "forces", "lengths")}
         moved = {name: size and size - self.contacts for name, size in moved.items()}
         return replace(self, pairs=(), contacts=0, **moved)
 
@@ -78,45 +78,50 @@ def add_sensors(
     free: bool,
     energy: bool,
 ) -> None:
-    """Add what a run records: contacts, energies, momenta, actuator forces, tendon lengths."""
+    """Add the recording sensors: contacts, energies, momenta, actuator forces, tendon lengths."""
     for pair in pairs:
-        sensor = _add_contacts(spec, pair.name, (_ALL_FIELDS, _FIRST, pair.slots), SLOT_WIDTH)
+        sensor = _add_contact_sensor(
+            spec, pair.name, (_ALL_FIELDS, _REDUCE_TO_FIRST, pair.slots), SLOT_WIDTH
+        )
         sensor.objtype = sensor.reftype = _OBJ.mjOBJ_BODY if pair.bodies else _OBJ.mjOBJ_GEOM
         sensor.objname, sensor.refname = pair.sides
-    _add_contacts(spec, "contacts", (_FOUND_AND_DISTANCE, _NEAREST, 1), 2)
+    _add_contact_sensor(spec, "contacts", (_FOUND_AND_DISTANCE, _REDUCE_TO_NEAREST, 1), 2)
     if energy:
-        _add(spec, "kinetic", _KIND.mjSENS_E_KINETIC)
-        _add(spec, "potential", _KIND.mjSENS_E_POTENTIAL)
+        _add_sensor(spec, "kinetic", _KIND.mjSENS_E_KINETIC)
+        _add_sensor(spec, "potential", _KIND.mjSENS_E_POTENTIAL)
     if free:
         world = (_OBJ.mjOBJ_BODY, "world")
-        _add(spec, "momentum", _KIND.mjSENS_SUBTREELINVEL, world)
-        _add(spec, "angular_momentum", _KIND.mjSENS_SUBTREEANGMOM, world)
+        _add_sensor(spec, "momentum", _KIND.mjSENS_SUBTREELINVEL, world)
+        _add_sensor(spec, "angular_momentum", _KIND.mjSENS_SUBTREEANGMOM, world)
     if holding:
         held, holder = (_OBJ.mjOBJ_XBODY, holding.subject), (_OBJ.mjOBJ_XBODY, holding.holder)
-        position = _add(spec, "held", _KIND.mjSENS_FRAMEPOS, held)
+        position = _add_sensor(spec, "held", _KIND.mjSENS_FRAMEPOS, held)
         position.reftype, position.refname = holder
-        _add(spec, "holder", _KIND.mjSENS_FRAMEQUAT, holder)
+        _add_sensor(spec, "holder", _KIND.mjSENS_FRAMEQUAT, holder)
     for name in [actuator.name for actuator in spec.actuators]:
-        _add(spec, _FORCE + name, _KIND.mjSENS_ACTUATORFRC, (_OBJ.mjOBJ_ACTUATOR, name))
+        _add_sensor(spec, _FORCE + name, _KIND.mjSENS_ACTUATORFRC, (_OBJ.mjOBJ_ACTUATOR, name))
     for name in [tendon.name for tendon in spec.tendons]:
-        _add(spec, _LENGTH + name, _KIND.mjSENS_TENDONPOS, (_OBJ.mjOBJ_TENDON, name))
+        _add_sensor(spec, _LENGTH + name, _KIND.mjSENS_TENDONPOS, (_OBJ.mjOBJ_TENDON, name))
 
 
-def _add(
-    spec: mujoco.MjSpec, name: str, kind: mujoco.mjtSensor, of: tuple[mujoco.mjtObj, str] = _NOTHING
+def _add_sensor(
+    spec: mujoco.MjSpec,
+    name: str,
+    kind: mujoco.mjtSensor,
+    of: tuple[mujoco.mjtObj, str] = _NO_OBJECT,
 ) -> MjsSensor:
     return spec.add_sensor(name=PREFIX + name, type=kind, objtype=of[0], objname=of[1])
 
 
-def _add_contacts(
+def _add_contact_sensor(
     spec: mujoco.MjSpec, name: str, settings: tuple[int, int, int], width: int
 ) -> MjsSensor:
-    """Add a contact sensor; where MuJoCo has none, a user sensor that the engine fills."""
+    """Add a contact sensor, or a user sensor for the engine to fill if MuJoCo has none."""
     if has_batch():
-        sensor = _add(spec, name, _KIND.mjSENS_CONTACT)
+        sensor = _add_sensor(spec, name, _KIND.mjSENS_CONTACT)
         sensor.intprm[:3] = settings
         return sensor
-    sensor = _add(spec, name, _KIND.mjSENS_USER)
+    sensor = _add_sensor(spec, name, _KIND.mjSENS_USER)
     sensor.dim = width * settings[2]
     sensor.needstage = mujoco.mjtStage.mjSTAGE_ACC
     sensor.datatype = mujoco.mjtDataType.mjDATATYPE_REAL
@@ -128,7 +133,8 @@ def find_layout(
 ) -> SensorLayout:
     """Return the addresses of the added sensors in a compiled model's `sensordata`.
 
-    Without them, those in rows that are read from a loop, in the order of `add_sensors`.
+    Without added sensors, return the addresses in the rows that are read from a loop, in the order
+    of `add_sensors`.
     """
     sensors = (model.sensor(index) for index in range(model.nsensor))
     found = {
@@ -143,13 +149,13 @@ def find_layout(
     return SensorLayout(
         pairs=tuple(found[pair.name] for pair in pairs),
         contacts=found["contacts"],
-        **{name: found.get(name) for name in _NOT_ALWAYS},
+        **{name: found.get(name) for name in _OPTIONAL_SENSORS},
         forces=found[_FORCE + model.actuator(0).name] if model.nu else 0,
         lengths=found[_LENGTH + model.tendon(0).name] if model.ntendon else 0,
     )
 
 
-_MOST_FAULTS_LISTED = 3
+_MAX_LISTED_FAULTS = 3
 _LINE = re.compile(r", line (\d+)")
 _FOLDER_HINT = {
     False: '<compiler meshdir="FOLDER"/>, relative to the model',
@@ -161,70 +167,70 @@ _BRACES = re.compile(r"\{([^{}]*)\}")
 def compile_model(
     source: SceneSource, structure: Mapping[str, object], edit: Callable[[mujoco.MjSpec], None]
 ) -> mujoco.MjModel:
-    """Compile a scene's structure after an edit of its specification; a SceneError says why not.
+    """Compile a scene's structure after an edit of its specification.
 
-    What is compiled already stays as it is.
+    A binary model is already compiled and is not edited. A SceneError explains a failure.
     """
-    with _model_file(source, structure) as path, _said_once(source):
+    with _model_file(source, structure) as path, _show_warnings_once(source):
         try:
             if path.suffix == BINARY:
-                return _checked(mujoco.MjModel.from_binary_path(str(path)), source)
+                return _recordable_model(mujoco.MjModel.from_binary_path(str(path)), source)
             spec = mujoco.MjSpec.from_file(str(path))
             for element in (*spec.meshes, *spec.hfields, *spec.skins, *spec.textures):
                 if found := source.content.resources.get(plain_name(element.file)):
                     element.file = str(found)
             name_by_address(spec)
             edit(spec)
-            return _checked(spec.compile(), source)
+            return _recordable_model(spec.compile(), source)
         except (ValueError, mujoco.FatalError) as error:
             raise compile_error(source.model, path, error) from error
 
 
-def _checked(model: mujoco.MjModel, source: SceneSource) -> mujoco.MjModel:
-    """Return a model that can be recorded; a SceneError says why not.
+def _recordable_model(model: mujoco.MjModel, source: SceneSource) -> mujoco.MjModel:
+    """Return the model if it can be recorded, and raise a SceneError with the reason otherwise.
 
-    Its options can be, but for the step, which a sweep may replace, and its actuators have one
-    control and one force.
+    Every option except the timestep, which a sweep may replace, must be valid, and each actuator
+    must have one control and one force.
     """
-    for option, told in wrong_options(model).items():
+    for option, problem in wrong_options(model).items():
         if option != "timestep":
-            raise SceneError(f"{source.model}: its {option} {told}, in <option {option}=.../>")
+            raise SceneError(f"{source.model}: {option} {problem}; see <option {option}=.../>")
     for actuator in range(getattr(model, "nactuator", 0)):
         controls, forces = model.actuator_ctrlnum[actuator], model.actuator_outnum[actuator]
         if (controls, forces) != (1, 1):
             name = model.actuator(actuator).name
             raise SceneError(
                 f"{source.model}: actuator '{name}' has {controls} controls and {forces} forces, "
-                "and contactlab records one of each; write an actuator for each of them, such as "
+                "but contactlab records one of each; write one actuator for each of them, such as "
                 '<position joint="..."/> or <motor gear="..."/>'
             )
     return model
 
 
 def wrong_options(model: mujoco.MjModel) -> Mapping[str, str]:
-    """Return the attributes of <option> that no simulation can have, and what is wrong with each.
+    """Return the attributes of <option> that no simulation can have, each with the problem.
 
-    They are not finite, or zero or negative where nothing in the world is.
+    The invalid values are not finite, or zero or negative although the quantity cannot be.
     """
-    found = dict[str, str]()
+    problems = dict[str, str]()
     for option in dir(model.opt):
         value = getattr(model.opt, option)
         if isinstance(value, float | np.ndarray) and not np.isfinite(value).all():
-            told = " ".join(f"{number:g}" for number in np.ravel(value))
-            found[option] = f"is {told}, which has to be finite"
-        elif option in _ABOVE_ZERO and value <= 0:
-            found[option] = f"is {value:g}, which has to be above 0"
-        elif option in _NOT_BELOW_ZERO and value < 0:
-            found[option] = f"is {value:g}, which has to be 0 or more"
-    return found
+            text = " ".join(f"{number:g}" for number in np.ravel(value))
+            problems[option] = f"is {text}, but must be finite"
+        elif option in _POSITIVE_OPTIONS and value <= 0:
+            problems[option] = f"is {value:g}, but must be above 0"
+        elif option in _NONNEGATIVE_OPTIONS and value < 0:
+            problems[option] = f"is {value:g}, but must be 0 or more"
+    return problems
 
 
-_said: set[tuple[Path, str]] = set()
+_shown_warnings: set[tuple[Path, str]] = set()
 
 
 @contextmanager
-def _said_once(source: SceneSource) -> Generator[None]:
-    """Say what MuJoCo warns of once for each model, and nothing for a store's copy of it."""
+def _show_warnings_once(source: SceneSource) -> Generator[None]:
+    """Show each warning of MuJoCo once per model, and none for a store's copy of the model."""
     silence_mujoco()
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
@@ -234,15 +240,15 @@ def _said_once(source: SceneSource) -> Generator[None]:
 
 
 def warn_once(source: SceneSource, text: str, kind: type[ModelWarning]) -> None:
-    """Warn of a model once in a process, and never of a store's copy of it."""
-    if not source.content.copied and (source.model, text) not in _said:
-        _said.add((source.model, text))
+    """Warn about a model once per process, and never about a store's copy of it."""
+    if not source.content.copied and (source.model, text) not in _shown_warnings:
+        _shown_warnings.add((source.model, text))
         warnings.warn(f"{source.model}: {text}", kind, stacklevel=2)
 
 
 @contextmanager
 def _model_file(source: SceneSource, structure: Mapping[str, object]) -> Generator[Path]:
-    """Yield the model file, in a copy of the scene where something is written into it."""
+    """Yield the model file, in a copy of the scene if something must be written into it."""
     content = source.content
     moved = content.copied and content.absolute
     if not structure and not moved:
@@ -282,7 +288,7 @@ def _write_structure(
 
 
 def _computed_text(name: str, value: object, braces: re.Match[str]) -> str:
-    """Return what replaces braces in a structure's text: the value itself if they are empty."""
+    """Return the replacement of braces in a structure's text: the value if they are empty."""
     if not braces[1]:
         return repr(value)
     try:
@@ -292,15 +298,15 @@ def _computed_text(name: str, value: object, braces: re.Match[str]) -> str:
 
 
 def compile_error(model: Path, tried: Path, error: Exception) -> SceneError:
-    """Return why a model, or the copy of it that was tried, does not compile, and what to write."""
+    """Return why a model does not compile, with corrections. `tried` may be a copy of `model`."""
     lines = str(error).strip().replace(str(tried), str(model)).splitlines()
     place = "".join(f":{found[1]}" for found in [_LINE.search(str(error))] if found)
-    hints = list(_missing_file(lines[0], model))
+    hints = list(_missing_file_hints(lines[0], model))
     if "inertia" in lines[0] and "XML Error" not in lines[0]:
         # MuJoCo gives no access to a specification that it failed to compile.
         faults = written_inertia_faults(mujoco.MjSpec.from_file(str(tried)))
         hints += [
-            f"body '{fault.body}': {fault.reason}" for fault in islice(faults, _MOST_FAULTS_LISTED)
+            f"body '{fault.body}': {fault.reason}" for fault in islice(faults, _MAX_LISTED_FAULTS)
         ]
     if "no decoder found" in lines[0]:
         hints.append(
@@ -311,8 +317,8 @@ def compile_error(model: Path, tried: Path, error: Exception) -> SceneError:
     )
 
 
-def _missing_file(message: str, model: Path) -> Iterator[str]:
-    """Yield where MuJoCo looked for a file that it cannot open."""
+def _missing_file_hints(message: str, model: Path) -> Iterator[str]:
+    """Yield the path where MuJoCo expected a file that it cannot open."""
     if "opening file" not in message:
         return
     for path in (reference.path for reference in FileSearch().references(model)):
@@ -329,9 +335,9 @@ Kind = Literal[
 
 @dataclass(frozen=True)
 class InertiaFault:
-    """A body whose mass or inertia no real body has.
+    """A body with a mass or inertia that no real body can have.
 
-    The value violates the limit, both in the unit; the reason is the whole fault in words.
+    The value violates the limit, both in the unit. The reason describes the whole fault as text.
     """
 
     body: str
@@ -343,18 +349,18 @@ class InertiaFault:
 
 
 def written_inertia_faults(spec: mujoco.MjSpec) -> Iterator[InertiaFault]:
-    """Yield the faults of the inertias that a model file writes out, before it is compiled."""
+    """Yield the faults of the inertias that a model file contains, before it is compiled."""
     compiler = spec.compiler
     if compiler.inertiafromgeom == mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE:
         return
     for body in spec.bodies[1:]:
-        # With joints, and no body fixed to it that could bring the inertia.
+        # It has joints, and no body is fixed to it that could supply the inertia.
         alone = bool(body.joints) and all(child.joints for child in body.bodies)
         if not body.explicitinertial and (body.geoms or not alone):
             continue
         name = body.name or f"body {body.id}"
         mass = max(float(body.mass), compiler.boundmass or -np.inf)
-        moments = np.maximum(_moments(body), compiler.boundinertia or -np.inf)
+        moments = np.maximum(_principal_moments(body), compiler.boundinertia or -np.inf)
         # A body fixed to another may have no inertia of its own, but not a negative one.
         lower = mujoco.mjMINVAL if alone else -np.finfo(float).tiny
         if not np.min([mass, *moments]) > lower:
@@ -363,9 +369,9 @@ def written_inertia_faults(spec: mujoco.MjSpec) -> Iterator[InertiaFault]:
             yield open_triangle(name, moments, balanced=bool(compiler.balanceinertia))
 
 
-def _moments(body: MjsBody) -> Floats:
+def _principal_moments(body: MjsBody) -> Floats:
     xx, yy, zz, xy, xz, yz = (float(entry) for entry in body.fullinertia)
-    # The first number is NaN where diaginertia gives the moments.
+    # The first number is NaN if diaginertia gives the moments.
     if np.isnan(xx):
         return np.array(body.inertia, np.float64)
     tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
@@ -373,9 +379,9 @@ def _moments(body: MjsBody) -> Floats:
 
 
 def not_positive(name: str, mass: float, moments: Floats) -> InertiaFault:
-    """Return the fault of a body whose mass or inertia is zero or negative."""
+    """Return the fault of a body with zero or negative mass or inertia."""
     reason = (
-        f"its mass is {mass:g} kg and its principal moments are {_listed(moments)} kg m^2; "
+        f"its mass is {mass:g} kg and its principal moments are {_moments_text(moments)} kg m^2; "
         "write all of them above 0"
     )
     least = float(np.min([mass, *moments]))
@@ -391,17 +397,17 @@ def closes(moments: Floats) -> bool:
 def open_triangle(name: str, moments: Floats, *, balanced: bool) -> InertiaFault:
     """Return the fault of principal moments [kg m^2] that violate the triangle inequality.
 
-    Balanced ones were replaced by their mean, by the compiler.
+    If `balanced`, the compiler replaced them by their mean.
     """
     low, middle, high = np.sort(moments).tolist()
     end = f"; balanceinertia replaced all three by their mean, {np.mean(moments):g}"
     reason = (
-        f"its principal moments are {_listed(moments)} kg m^2, and no mass distribution has "
+        f"its principal moments are {_moments_text(moments)} kg m^2, and no mass distribution has "
         f"{low:g} + {middle:g} < {high:g}" + (end if balanced else "")
     )
     kind = "balanced" if balanced else "triangle"
     return InertiaFault(name, kind, high, low + middle, "kg m^2", reason)
 
 
-def _listed(moments: Floats) -> str:
+def _moments_text(moments: Floats) -> str:
     return ", ".join(f"{moment:g}" for moment in moments)

@@ -1,4 +1,4 @@
-"""A scene's model, compiled once for each structure, with the sensors that record a run."""
+"""Compiles a scene's model once for each structure, with the sensors that record a run."""
 
 import copy
 import json
@@ -51,42 +51,42 @@ from contactlab.schema.task import QPOS0
 
 @dataclass(frozen=True, eq=False)
 class CompiledScene:
-    """One compiled structure of a scene, from which the models of its runs are made."""
+    """One compiled structure of a scene, the base of the models of its runs."""
 
     model: mujoco.MjModel  # the compiled model; never edited
-    pairs: tuple[MonitoredPair, ...]  # those that are monitored
+    pairs: tuple[MonitoredPair, ...]  # the monitored pairs
     layout: SensorLayout  # addresses of the recording sensors
     settings: Settings  # every setting of the model as written
     flags: Mapping[str, bool]  # every flag of the model as written
     targets: EditTargets  # where contact and mass settings go
-    nonuniform: frozenset[str]  # contact settings that not every target has as `settings` says
+    nonuniform: frozenset[str]  # contact settings in which some target differs from `settings`
     # Whether momentum is conserved: nothing static, no actuator and no external field acts.
     free: bool
-    holding: HoldSpec | None  # what holds the subject and when, if the manifest says
-    facts: ModelFacts  # what the structure decides about its effects
+    holding: HoldSpec | None  # the holder of the subject and the time, if the manifest has them
+    facts: ModelFacts  # facts of the structure that decide about its effects
 
     @property
     def size(self) -> int:
-        """Memory of the model, and of each that is made from it [bytes]; mostly meshes."""
+        """Memory of the model, and of each copy made for a run [bytes]; mostly meshes."""
         return int(mujoco.mj_sizeModel(self.model))
 
     @cached_property
     def id_entries(self) -> Mapping[str, str]:
-        """Text of each setting as written in the identity of a run, by name in their order."""
+        """Text in the identity of a run for each setting as written, sorted by name."""
         return {name: self.id_entry(name, value) for name, value in sorted(self.settings.items())}
 
     @cached_property
-    def _starts_unnamed(self) -> bool:
+    def _keyframes_are_unnamed(self) -> bool:
         return all(map(is_address, keyframe_names(self.model)))
 
     def id_entry(self, name: str, value: object) -> str:
-        """Return what the identity of a run says of a setting, as JSON; nothing if it is usual."""
+        """Return the JSON of a setting in the identity of a run; empty for its usual value."""
         if name not in self.settings and is_as_written(self.model, name, value):
             return ""
-        # Where no keyframe has a name, ids are those of versions that knew none of them.
-        if name == "keyframe" and value == QPOS0 and self._starts_unnamed:
+        # If no keyframe has a name, ids equal those of versions that did not know keyframes.
+        if name == "keyframe" and value == QPOS0 and self._keyframes_are_unnamed:
             return ""
-        return f"{_as_json(name)}:{_rounded(value)}"
+        return f"{_cached_json(name)}:{_rounded_json(value)}"
 
     def prepare(
         self,
@@ -97,8 +97,8 @@ class CompiledScene:
     ) -> "PreparedModel":
         """Return a copy of the model with settings and effects written, under a load.
 
-        The request decides the other effects, which stay as they are without one; proofs that look
-        at the run's initial state, n being 1, fail without one.
+        The request decides the other effects. Without a request they stay unchanged. Proofs that
+        depend on the initial state of the run (n is 1) fail without one.
         """
         model = copy.copy(self.model)
         keyframe = str({**self.settings, **edits}.get("keyframe", QPOS0))
@@ -127,29 +127,30 @@ class CompiledScene:
         )
 
 
-def _rounded(value: object) -> str:
-    """Return a value as JSON, rounded to 12 digits, since machines may differ in the last ones."""
+def _rounded_json(value: object) -> str:
+    """Return a value as JSON, rounded to 12 digits because machines may differ in the last ones."""
     if isinstance(value, tuple):
-        return f"[{','.join(map(_rounded, cast('tuple[object, ...]', value)))}]"
+        return f"[{','.join(map(_rounded_json, cast('tuple[object, ...]', value)))}]"
     if isinstance(value, float):
-        return _rounded_number(value) if value else repr(value)
-    return _as_json(value)
+        return _rounded_number_json(value) if value else repr(value)
+    return _cached_json(value)
 
 
 @lru_cache(maxsize=1 << 12)
-def _rounded_number(value: float) -> str:
-    """Return a number that is not 0, of which there are two, as JSON."""
+def _rounded_number_json(value: float) -> str:
+    """Return a nonzero number as JSON. Zero has two signs, so it is not cached here."""
     return json.dumps(float(f"{value:.12g}"))
 
 
-_as_json = lru_cache(maxsize=1 << 10, typed=True)(json.dumps)
+_cached_json = lru_cache(maxsize=1 << 10, typed=True)(json.dumps)
 
 
 @dataclass(frozen=True, eq=False)
 class PreparedModel:
-    """A model with a run's settings, and the effective contact parameters of monitored pairs.
+    """A model with the settings of a run, and the effective contact parameters of monitored pairs.
 
-    Contact parameters of the edited geoms were set. Effects are empty if they were not decided.
+    `edited_geoms` are the geoms with contact parameters that were set. `effects` is empty if the
+    effects were not decided.
     """
 
     model: mujoco.MjModel
@@ -166,11 +167,11 @@ class PreparedModel:
 def compile_scene(
     source: SceneSource, structure: Mapping[str, object], without: Collection[str] = ()
 ) -> CompiledScene:
-    """Compile one structure of a scene without some effects; a SceneError says why it cannot."""
+    """Compile one structure of a scene without some effects. A SceneError explains a failure."""
     plain = compile_model(source, structure, lambda _: None)
-    free = _is_free(plain)
+    free = _conserves_momentum(plain)
     with source.named_in_errors():
-        subject = _subject(plain, source.manifest)
+        subject = _find_subject(plain, source.manifest)
         declared = declared_pairs(plain, source.manifest.pairs) if source.manifest else ()
         keyframe = default_keyframe(plain, source.manifest)
         pairs = declared or detected_pairs(plain, keyframe)
@@ -206,7 +207,7 @@ def compile_scene(
 def full_structure(
     manifest: SceneManifest | None, values: Mapping[str, object]
 ) -> dict[str, object]:
-    """Return every structure value of a scene, its defaults where none is given."""
+    """Return every structure value of a scene, with defaults for missing values."""
     full: dict[str, object] = {}
     for name, entry in (manifest.structure if manifest else {}).items():
         value = as_number(values.get(name, entry.default))
@@ -214,7 +215,7 @@ def full_structure(
     return full
 
 
-def _subject(model: mujoco.MjModel, manifest: SceneManifest | None) -> int | None:
+def _find_subject(model: mujoco.MjModel, manifest: SceneManifest | None) -> int | None:
     """Return the manifest's subject, or the only moving body."""
     if manifest and manifest.subject:
         index = find_id(model, "body", manifest.subject)
@@ -229,7 +230,7 @@ def _subject(model: mujoco.MjModel, manifest: SceneManifest | None) -> int | Non
     return int(moving[0]) if len(moving) == 1 else None
 
 
-def _is_free(model: mujoco.MjModel) -> bool:
+def _conserves_momentum(model: mujoco.MjModel) -> bool:
     """Return whether momentum is conserved: free roots, no gravity, no external forces."""
     roots = set(np.flatnonzero(model.body_parentid == 0)[1:].tolist())
     free = set(model.jnt_bodyid[model.jnt_type == int(mujoco.mjtJoint.mjJNT_FREE)].tolist())

@@ -1,7 +1,8 @@
-"""Contacts by what they are at rest: the solref of each pair that the law of rest asks for.
+"""Sets contacts by their behavior at rest: computes the solref of each pair from the law of rest.
 
-At rest, depth r of a contact carries F with ``r = s F A (1 - d) dwidth^2 / (K d^2)``: d is the
-impedance at r, A = 1/m1 + 1/m2 as the engine has it, and s what a pyramidal cone makes of the load.
+At rest, depth r of a contact carries F with ``r = s F A (1 - d) dwidth^2 / (K d^2)``. d is the
+impedance at r, A = 1/m1 + 1/m2 as the engine computes it, and s the factor of a pyramidal cone on
+the load.
 """
 
 import copy
@@ -33,27 +34,28 @@ from contactlab.scene.keyframes import start_data
 from contactlab.scene.model_names import name_of
 from contactlab.schema.evidence import PairRecord
 
-_NEAR = 1e-3  # gap of what counts as touching where loads are found [m]
-_LOADED = 1e-6  # share of the greatest load from which a contact bears one
+_TOUCHING_GAP_M = 1e-3  # largest gap of geoms that count as touching when loads are computed [m]
+_MIN_LOAD_SHARE = 1e-6  # smallest load of a contact, as a share of the greatest load
 _MICROMETRE = 1e-6
-_EXACT = 1e-9
+_ROUNDING_TOLERANCE = 1e-9
 
 
 @dataclass(frozen=True)
 class ContactAtRest:
-    """Inputs of the law of rest for a pair, besides its load."""
+    """Inputs of the law of rest for a pair, except its load."""
 
     name: str
     solref: tuple[float, ...]
     solimp: tuple[float, ...]
-    inverse_mass: float  # of both sides [1/kg], as the engine has it
-    softness: float  # what its friction cone multiplies its load by
-    radius: float  # of the smaller geom [m]
+    inverse_mass: float  # sum of both sides [1/kg], as the engine computes it
+    softness: float  # factor of the friction cone on the load
+    radius: float  # radius of the smaller geom [m]
 
     def solref_of(self, depth: float, load: float, zeta: float) -> tuple[float, float]:
-        """Return the solref of a damping ratio with which a load [N] makes it so deep [m].
+        """Return the solref with which a load [N] reaches a depth [m] at a damping ratio.
 
-        In standard form. A SceneError says that the geom is not as thick, or nothing is damped.
+        It is in standard form. A SceneError says that the depth exceeds the geom, or that there is
+        no damping.
         """
         if depth >= self.radius:
             raise SceneError(
@@ -62,7 +64,8 @@ class ContactAtRest:
             )
         if not 0 < zeta < np.inf:
             raise SceneError(
-                f"{self.name}: solref has no damping ratio above 0, so that it never comes to rest"
+                f"{self.name}: the damping ratio of solref is not above 0, so the contact never "
+                "comes to rest; write a damping ratio such as 1"
             )
         weight = self.softness * load
         rate = float(stiffness_at_rest(depth, weight, self.inverse_mass, self.solimp)) ** 0.5
@@ -70,7 +73,7 @@ class ContactAtRest:
 
 
 def law_of_rest(model: mujoco.MjModel, pair: MonitoredPair, used: PairRecord) -> ContactAtRest:
-    """Return what the law of rest takes of a pair of effective parameters, of a run's model."""
+    """Return the inputs of the law of rest for a pair of a run's model."""
     geoms = [side[0] for side in pair.geoms]
     inverse = float(model.body_invweight0[model.geom_bodyid[geoms], 0].sum())
     softness, cone = 1.0, model.opt.cone
@@ -86,49 +89,50 @@ def write_at_rest(
 ) -> None:
     """Write a stiffness [N/m] or a depth at rest [m] of every monitored pair into a model.
 
-    Damping ratios stay. For a stiffness, the impedance becomes constant, so that contacts are
-    linear springs; for a depth, loads are those where a keyframe, or qpos0, is held still, and
-    pairs that bear none there are left as they are.
-    A SceneError says of which pair it has no meaning, or that the timestep is too long for it.
+    Damping ratios are unchanged. For a stiffness, the impedance becomes constant, so that contacts
+    are linear springs. For a depth, loads are computed with the model held still at a keyframe or
+    at qpos0, and pairs without a load there are left unchanged.
+
+    A SceneError names the pair for which the value has no meaning or the timestep is too long.
     """
     touch, deep = may_touch(model), name == "depth_at_rest"
-    loads = _loads(model, keyframe) if deep else {}
+    loads = _loads_at_rest(model, keyframe) if deep else {}
     rows = dict[tuple[int, int], Floats]()
     for pair in pairs:
         every = colliding(touch, pair)
-        borne = [load for geoms in every for load in loads.get(frozenset(geoms), ())]
-        if not (borne if deep else every):
+        carried = [load for geoms in every for load in loads.get(frozenset(geoms), ())]
+        if not (carried if deep else every):
             continue
         law = law_of_rest(model, pair, effective_parameters(model, pair))
-        if not deep:  # of any load: that of a micrometre, with constant impedance
+        if not deep:  # the load does not matter: take that of 1 micrometer, at constant impedance
             law = replace(law, solimp=(law.solimp[1], *law.solimp[1:]))
-        depth, load = (size, float(np.mean(borne))) if deep else (_MICROMETRE, size * _MICROMETRE)
+        depth, load = (size, float(np.mean(carried))) if deep else (_MICROMETRE, size * _MICROMETRE)
         solref = law.solref_of(depth, load, float(damping_ratio(law.solref)))
-        if model.opt.timestep > (1 + _EXACT) * largest_step(solref):
+        if model.opt.timestep > (1 + _ROUNDING_TOLERANCE) * largest_step(solref):
             raise SceneError(
-                f"{pair.name}: {name} {size:g} {AT_REST[name]} takes a timestep of at most "
+                f"{pair.name}: {name} {size:g} {AT_REST[name]} needs a timestep of at most "
                 f"{largest_step(solref):.3g} s; it is {model.opt.timestep:g} s"
             )
         rows |= dict.fromkeys(every, np.array([*solref, *law.solimp]))
     if not rows:
         raise SceneError(
-            f"no pair bears a load where the model is written, so that {name} has no meaning; "
-            "give a stiffness, or a keyframe at rest"
+            f"no pair carries a load at the start of the model, so {name} has no meaning; "
+            "write a stiffness, or start from a keyframe at rest"
         )
-    _write(model, rows)
+    _write_pair_parameters(model, rows)
 
 
-def _loads(model: mujoco.MjModel, keyframe: str) -> dict[frozenset[int], list[float]]:
-    """Return the loads [N] of the contacts of each two geoms where the model is held still.
+def _loads_at_rest(model: mujoco.MjModel, keyframe: str) -> dict[frozenset[int], list[float]]:
+    """Return the contact loads [N] of each two geoms when the model is held still.
 
-    Contacts without spring and damping, of the hardest impedance, leave no acceleration: their
-    forces are those of rest, wherever the solver's least ones are as good as any.
+    Contacts without spring and damping, at the hardest impedance, leave no acceleration. Their
+    forces are the forces at rest, wherever the least-norm forces of the solver are as good as any.
     """
     rigid = copy.copy(model)
     rigid.geom_solref[:] = rigid.pair_solref[:] = 0
     rigid.geom_solimp[:, :2] = rigid.pair_solimp[:, :2] = IMPEDANCE_RANGE[1]
-    rigid.geom_margin += _NEAR / 2
-    rigid.pair_margin += _NEAR
+    rigid.geom_margin += _TOUCHING_GAP_M / 2
+    rigid.pair_margin += _TOUCHING_GAP_M
     mujoco.mj_setConst(rigid, mujoco.MjData(rigid))
     data, force = start_data(rigid, keyframe), np.zeros(6)
     data.qvel[:] = 0
@@ -137,16 +141,18 @@ def _loads(model: mujoco.MjModel, keyframe: str) -> dict[frozenset[int], list[fl
     for index, geoms in enumerate(data.contact.geom.tolist()):
         mujoco.mj_contactForce(rigid, data, index, force)
         loads.setdefault(frozenset(geoms), []).append(float(force[0]))
-    least = _LOADED * max((load for shares in loads.values() for load in shares), default=0.0)
+    least = _MIN_LOAD_SHARE * max(
+        (load for shares in loads.values() for load in shares), default=0.0
+    )
     return {
         geoms: kept for geoms, load in loads.items() if (kept := [x for x in load if x > least])
     }
 
 
-def _write(model: mujoco.MjModel, rows: Mapping[tuple[int, int], Floats]) -> None:
-    """Write solref and solimp (7,) of pairs of geoms, so that they mix to what each should have.
+def _write_pair_parameters(model: mujoco.MjModel, rows: Mapping[tuple[int, int], Floats]) -> None:
+    """Write solref and solimp (7,) of geom pairs, so that they mix to the intended values.
 
-    A SceneError says that geoms in several pairs cannot have both.
+    A SceneError reports geoms in several pairs that cannot have the values of both.
     """
     mixed = {geoms: want for geoms, want in rows.items() if explicit_pair(model, *geoms) is None}
     for geoms in rows.keys() - mixed.keys():
@@ -159,16 +165,16 @@ def _write(model: mujoco.MjModel, rows: Mapping[tuple[int, int], Floats]) -> Non
     for row, (first, second) in enumerate(mixed):
         share = mixing_weight(model, first, second)
         weights[row] = share * (ids == first) + (1 - share) * (ids == second)
-    # The values nearest to the mean of what each geom's pairs should have.
+    # The values nearest to the mean over the intended values of each geom's pairs.
     used = weights > 0
     mean = used.T @ wanted / np.maximum(used.sum(axis=0), 1)[:, None]
     values = mean + np.linalg.pinv(weights) @ (wanted - weights @ mean)
-    apart = ~np.isclose(weights @ values, wanted, rtol=_EXACT, atol=0).all(axis=1)
+    apart = ~np.isclose(weights @ values, wanted, rtol=_ROUNDING_TOLERANCE, atol=0).all(axis=1)
     if apart.any() or (values[used.any(axis=0)] <= 0)[:, :2].any():
         first, second = (name_of(model, "geom", geom) for geom in [*mixed][int(apart.argmax())])
         raise SceneError(
-            f"{first}-{second}: its geoms are in other pairs too, and no solref of geoms mixes to "
-            "what each pair takes; name only the `pairs` that count in a scene, or write "
+            f"{first}-{second}: its geoms are in other pairs too, and no solref of the geoms gives "
+            "each pair its value; list only the relevant `pairs` in a scene, or write "
             f'<contact><pair geom1="{first}" geom2="{second}"/></contact> into the model'
         )
     for place, geom in enumerate(ids.tolist()):

@@ -1,9 +1,10 @@
-"""Which contact pairs of a model are monitored, and the parameters that their contacts have.
+"""Selects the monitored contact pairs of a model, and computes their contact parameters.
 
-An explicit <pair> decides; else the geom of higher priority; else friction and condim by maximum,
-solref and solimp by weights (element-wise minimum where a solref is in direct form), margin and gap
-always by sum. No friction is below MuJoCo's minimum, and the override flag replaces what its option
-has. Source: MuJoCo's documentation, Modeling > Contact parameters.
+An explicit <pair> decides; otherwise the geom of higher priority; otherwise friction and condim by
+maximum, solref and solimp by weights (element-wise minimum if a solref is in direct form), margin
+and gap always by sum. No friction is below MuJoCo's minimum, and the override flag replaces the
+parameters that have an override option. Source: MuJoCo's documentation, Modeling > Contact
+parameters.
 """
 
 from collections import Counter
@@ -25,14 +26,14 @@ from contactlab.schema.scene_manifest import PairEntry
 from contactlab.schema.task import QPOS0
 
 MAX_PAIRS = 64
-_SEARCH_STEPS = 2000
-_MANY_SLOTS = 16
-_MOST_SLOTS_OF_A_PAIR = 50
-"""Most contacts of two geoms in MuJoCo: mjMAXCONPAIR; only height fields need so many."""
-_SLOTS_ON_FIELDS = 400
-"""Slots for all that touches height fields, each of which takes 184 bytes a step."""
+_DETECTION_STEPS = 2000
+_BODY_PAIR_SLOTS = 16
+_MAX_PAIR_SLOTS = 50
+"""Most contacts of two geoms in MuJoCo: mjMAXCONPAIR; only height fields need this many."""
+_HEIGHT_FIELD_SLOTS = 400
+"""Slots for all contacts with height fields; each slot takes 184 bytes per step."""
 _GEOM = mujoco.mjtGeom
-_FLAT = (int(_GEOM.mjGEOM_PLANE), int(_GEOM.mjGEOM_HFIELD))
+_SURFACE_TYPES = (int(_GEOM.mjGEOM_PLANE), int(_GEOM.mjGEOM_HFIELD))
 
 
 @dataclass(frozen=True)
@@ -43,13 +44,16 @@ class MonitoredPair:
     sides: tuple[str, str]  # the names of both geoms or bodies
     bodies: bool  # whether the sides are bodies
     geoms: tuple[tuple[int, ...], tuple[int, ...]]  # ids of the geoms on each side
-    slots: int  # how many of its contacts are recorded each step
+    slots: int  # number of its contacts that are recorded each step
 
 
 def declared_pairs(
     model: mujoco.MjModel, entries: tuple[PairEntry, ...]
 ) -> tuple[MonitoredPair, ...]:
-    """Return the pairs that a manifest lists; a SceneError if one is unknown, or listed twice."""
+    """Return the pairs that a manifest lists.
+
+    Raises a SceneError if one is unknown or listed twice.
+    """
     pairs = tuple(pair for entry in entries for pair in entry_pairs(model, entry))
     names = [pair.name for pair in pairs]
     for name in names:
@@ -59,22 +63,22 @@ def declared_pairs(
 
 
 def detected_pairs(model: mujoco.MjModel, keyframe: str = QPOS0) -> tuple[MonitoredPair, ...]:
-    """Return the geom pairs that can touch; of more than 64, those that do touch in short runs.
+    """Return the geom pairs that can touch; if these are over 64, those that touch in short runs.
 
-    The runs start at qpos0 and at the keyframe: what touches depends on the posture, such as
+    The runs start at qpos0 and at the keyframe, because contacts depend on the posture, such as
     whether fingers are open or closed.
     """
     pairs = geom_pairs(may_touch(model))
     if len(pairs) > MAX_PAIRS:
-        pairs = _touching(model, {QPOS0, keyframe})[:MAX_PAIRS]
+        pairs = _touching_pairs(model, {QPOS0, keyframe})[:MAX_PAIRS]
     rough = [bool((model.geom_type[[*pair]] == _GEOM.mjGEOM_HFIELD).any()) for pair in pairs]
-    shared = min(_MOST_SLOTS_OF_A_PAIR, max(_MANY_SLOTS, _SLOTS_ON_FIELDS // max(sum(rough), 1)))
+    shared = min(_MAX_PAIR_SLOTS, max(_BODY_PAIR_SLOTS, _HEIGHT_FIELD_SLOTS // max(sum(rough), 1)))
     slots = [shared if is_rough else None for is_rough in rough]
     return tuple(_geom_pair(model, *pair, most) for pair, most in zip(pairs, slots, strict=True))
 
 
 def entry_pairs(model: mujoco.MjModel, entry: PairEntry) -> list[MonitoredPair]:
-    """Return the pairs that one entry of a manifest lists, see `declared_pairs`."""
+    """Return the pairs of one entry of a manifest; see `declared_pairs`."""
     if [entry.bodies, entry.chain, entry.geoms].count(None) != 2:
         raise SceneError("an entry of pairs takes exactly one of geoms, bodies and chain")
     if entry.bodies is not None:
@@ -89,16 +93,18 @@ def entry_pairs(model: mujoco.MjModel, entry: PairEntry) -> list[MonitoredPair]:
 
 def _geom_pair(model: mujoco.MjModel, first: int, second: int, slots: int | None) -> MonitoredPair:
     names = (name_of(model, "geom", first), name_of(model, "geom", second))
-    slots = slots or _default_slots(int(model.geom_type[first]), int(model.geom_type[second]))
+    slots = slots or _geom_pair_slots(int(model.geom_type[first]), int(model.geom_type[second]))
     return MonitoredPair("-".join(names), names, False, ((first,), (second,)), slots)
 
 
 def _body_pair(model: mujoco.MjModel, first: str, second: str, slots: int | None) -> MonitoredPair:
-    sides = (_geoms_of(model, first), _geoms_of(model, second))
-    return MonitoredPair(f"{first}-{second}", (first, second), True, sides, slots or _MANY_SLOTS)
+    sides = (_colliding_geoms(model, first), _colliding_geoms(model, second))
+    return MonitoredPair(
+        f"{first}-{second}", (first, second), True, sides, slots or _BODY_PAIR_SLOTS
+    )
 
 
-def _geoms_of(model: mujoco.MjModel, name: str) -> tuple[int, ...]:
+def _colliding_geoms(model: mujoco.MjModel, name: str) -> tuple[int, ...]:
     own = np.asarray(model.geom_bodyid) == known_id(model, "body", name)
     listed = np.isin(np.arange(model.ngeom), [model.pair_geom1, model.pair_geom2])
     solid = listed | (model.geom_contype != 0) | (model.geom_conaffinity != 0)
@@ -108,7 +114,7 @@ def _geoms_of(model: mujoco.MjModel, name: str) -> tuple[int, ...]:
     return tuple(geoms)
 
 
-def _default_slots(first: int, second: int) -> int:
+def _geom_pair_slots(first: int, second: int) -> int:
     shapes = {first, second}
     if _GEOM.mjGEOM_HFIELD in shapes:
         return mujoco.mjMAXCONPAIR
@@ -118,17 +124,22 @@ def _default_slots(first: int, second: int) -> int:
 
 
 def colliding(touch: NDArray[np.bool_], pair: MonitoredPair) -> list[tuple[int, int]]:
-    """Return the geoms of a pair, one of each side, that may touch; `touch` is from `may_touch`."""
+    """Return the geoms of a pair, one of each side, that may touch. `touch` is from `may_touch`."""
     return [geoms for geoms in product(*pair.geoms) if touch[geoms]]
 
 
 def half_extents(model: mujoco.MjModel) -> Floats:
-    """Return (ngeom,) half the smallest extents [m]; infinite for what has no other side."""
-    return np.where(np.isin(model.geom_type, _FLAT), np.inf, model.geom_aabb[:, 3:].min(axis=1))
+    """Return half the smallest extent of each geom (ngeom,) [m].
+
+    It is infinite for planes and height fields, which have no opposite side.
+    """
+    return np.where(
+        np.isin(model.geom_type, _SURFACE_TYPES), np.inf, model.geom_aabb[:, 3:].min(axis=1)
+    )
 
 
 def reaches(model: mujoco.MjModel) -> Floats:
-    """Return (nbody,) how far the geoms of each body reach from its frame [m]; 0 without geoms."""
+    """Return how far the geoms of each body reach from its frame [m] (nbody,); 0 without geoms."""
     reach = np.zeros(model.nbody)
     ends = np.linalg.norm(model.geom_pos, axis=1) + model.geom_rbound
     np.maximum.at(reach, model.geom_bodyid, ends)
@@ -138,11 +149,11 @@ def reaches(model: mujoco.MjModel) -> Floats:
 def may_touch(model: mujoco.MjModel, *, listed: bool = True) -> NDArray[np.bool_]:
     """Return (ngeom, ngeom) whether MuJoCo's collision filters let two geoms touch.
 
-    Those of <pair> elements touch whatever their masks say; if not listed, they do not count.
+    The geoms of <pair> elements touch whatever their masks are. If not `listed`, they do not count.
     Source: MuJoCo's documentation, Computation > Collision > Selection.
     """
     bodies = np.asarray(model.geom_bodyid)
-    welds, flat = model.body_weldid[bodies], np.isin(model.geom_type, _FLAT)
+    welds, flat = model.body_weldid[bodies], np.isin(model.geom_type, _SURFACE_TYPES)
     moving = model.body_dofnum[welds] > 0
     touch = masks_meet(model) & (welds[:, None] != welds) & ~(flat[:, None] & flat)
     touch &= moving[:, None] | moving
@@ -166,18 +177,18 @@ def masks_meet(model: mujoco.MjModel) -> NDArray[np.bool_]:
 
 
 def geom_pairs(touch: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """Return the pairs of geoms for which a symmetric (ngeom, ngeom) mask holds, in order."""
+    """Return the geom pairs with a true entry in a symmetric (ngeom, ngeom) mask, in order."""
     pairs: list[list[int]] = np.argwhere(np.triu(touch, 1)).tolist()
     return [(first, second) for first, second in pairs]
 
 
-def _touching(model: mujoco.MjModel, keyframes: set[str]) -> list[tuple[int, int]]:
-    """Return the geom pairs that touch in a short run from each start, most often first."""
+def _touching_pairs(model: mujoco.MjModel, keyframes: set[str]) -> list[tuple[int, int]]:
+    """Return the geom pairs that touch in a short run from each start, most frequent first."""
     silence_mujoco()
     counts: Counter[tuple[int, int]] = Counter()
     try:
         for data in [start_data(model, keyframe) for keyframe in keyframes]:
-            for _ in range(_SEARCH_STEPS):
+            for _ in range(_DETECTION_STEPS):
                 mujoco.mj_step(model, data)
                 touching = np.sort(data.contact.geom, axis=1).tolist()
                 # A contact of a flex has geom -1.
@@ -193,21 +204,27 @@ _MIN_WEIGHT = 1e-15
 def effective_parameters(model: mujoco.MjModel, pair: MonitoredPair) -> PairRecord:
     """Return the effective contact parameters of a pair's first two geoms.
 
-    For a pair of bodies these stand for all of their geoms, with the largest friction among them,
+    For a pair of bodies these represent all of their geoms, with the largest friction among them,
     which bounds the cone of every contact.
     """
     first, second = pair.geoms[0][0], pair.geoms[1][0]
     explicit = explicit_pair(model, first, second)
-    record = _explicit(model, explicit) if explicit is not None else _mixed(model, first, second)
+    record = (
+        _explicit_parameters(model, explicit)
+        if explicit is not None
+        else _mixed_parameters(model, first, second)
+    )
     frictions = [record.friction]
     if pair.bodies:
-        frictions += [_friction(model, *geoms) for geoms in product(*pair.geoms)]
-    changes: dict[str, object] = {"friction": _floats(np.max(frictions, axis=0), mujoco.mjMINMU)}
+        frictions += [_pair_friction(model, *geoms) for geoms in product(*pair.geoms)]
+    changes: dict[str, object] = {
+        "friction": _float_tuple(np.max(frictions, axis=0), mujoco.mjMINMU)
+    }
     if model.opt.enableflags & mujoco.mjtEnableBit.mjENBL_OVERRIDE:
         changes = {
-            "friction": _floats(model.opt.o_friction, mujoco.mjMINMU),
-            "solref": _floats(model.opt.o_solref),
-            "solimp": _floats(model.opt.o_solimp),
+            "friction": _float_tuple(model.opt.o_friction, mujoco.mjMINMU),
+            "solref": _float_tuple(model.opt.o_solref),
+            "solimp": _float_tuple(model.opt.o_solimp),
             "margin": float(model.opt.o_margin),
         }
     return record.model_copy(update=changes)
@@ -219,48 +236,49 @@ def explicit_pair(model: mujoco.MjModel, first: int, second: int) -> int | None:
     return next((index for index, pair in enumerate(pairs) if set(pair) == {first, second}), None)
 
 
-def _explicit(model: mujoco.MjModel, index: int) -> PairRecord:
+def _explicit_parameters(model: mujoco.MjModel, index: int) -> PairRecord:
     fields = {**{name: f"pair_{name}" for name in CONTACT}, "condim": "pair_dim"}
     return PairRecord(
         **{name: getattr(model, field)[index].tolist() for name, field in fields.items()}
     )
 
 
-def _mixed(model: mujoco.MjModel, first: int, second: int) -> PairRecord:
-    both, deciding = [first, second], _deciding(model, first, second)
+def _mixed_parameters(model: mujoco.MjModel, first: int, second: int) -> PairRecord:
+    both, deciding = [first, second], _deciding_geoms(model, first, second)
     weight = mixing_weight(model, first, second)
     (one, two), (solimp, other) = model.geom_solref[both], model.geom_solimp[both]
     mean = len(deciding) == 1 or (one[0] > 0 and two[0] > 0)
     return PairRecord(
         condim=int(model.geom_condim[deciding].max()),
-        friction=_friction(model, first, second),
-        solref=_floats(weight * one + (1 - weight) * two if mean else np.minimum(one, two)),
-        solimp=_floats(weight * solimp + (1 - weight) * other),
+        friction=_pair_friction(model, first, second),
+        solref=_float_tuple(weight * one + (1 - weight) * two if mean else np.minimum(one, two)),
+        solimp=_float_tuple(weight * solimp + (1 - weight) * other),
         margin=float(model.geom_margin[both].sum()),
         gap=float(model.geom_gap[both].sum()),
     )
 
 
-def _deciding(model: mujoco.MjModel, first: int, second: int) -> list[int]:
-    """Return the geom of higher priority, or both for a tie."""
+def _deciding_geoms(model: mujoco.MjModel, first: int, second: int) -> list[int]:
     most = max(model.geom_priority[first], model.geom_priority[second])
     return [geom for geom in (first, second) if model.geom_priority[geom] == most]
 
 
-def _friction(model: mujoco.MjModel, first: int, second: int) -> tuple[float, ...]:
-    three = model.geom_friction[_deciding(model, first, second)].max(axis=0)
+def _pair_friction(model: mujoco.MjModel, first: int, second: int) -> tuple[float, ...]:
+    three = model.geom_friction[_deciding_geoms(model, first, second)].max(axis=0)
     slide, torsion, roll = (float(value) for value in three)
     return slide, slide, torsion, roll, roll
 
 
 def mixing_weight(model: mujoco.MjModel, first: int, second: int) -> float:
     """Return the first geom's weight in the mean of solref, and of solimp."""
-    deciding = _deciding(model, first, second)
+    deciding = _deciding_geoms(model, first, second)
     if len(deciding) == 1:
         return float(deciding == [first])
     mixes = np.where(model.geom_solmix[deciding] < _MIN_WEIGHT, 0.0, model.geom_solmix[deciding])
     return float(mixes[0] / mixes.sum()) if mixes.any() else 0.5
 
 
-def _floats(values: np.ndarray | tuple[float, ...], least: float = -np.inf) -> tuple[float, ...]:
+def _float_tuple(
+    values: np.ndarray | tuple[float, ...], least: float = -np.inf
+) -> tuple[float, ...]:
     return tuple(np.maximum(values, least).tolist())

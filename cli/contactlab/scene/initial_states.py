@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 
 class InitialStates(NamedTuple):
-    """Initial states and inputs of n runs, its arrays in the order of `PARTS`.
+    """Initial states and inputs of n runs; the arrays are in the order of `PARTS`.
 
     The inputs are the controls, then `applied`, then `mocap`. Signals drive some of them over time;
     the others are constant.
@@ -43,7 +43,7 @@ class InitialStates(NamedTuple):
     # (n, 6 nbody) force [N] and torque [N m] on each body at the start, world frame.
     applied: Floats
     mocap: Floats  # (n, 7 nmocap) positions [m], then quaternions, of mocap bodies at the start
-    signals: tuple[Signals, ...]  # (n) what drives each run
+    signals: tuple[Signals, ...]  # (n) the signals that drive each run
 
     @property
     def driven(self) -> NDArray[np.intp]:
@@ -52,7 +52,7 @@ class InitialStates(NamedTuple):
         return np.array(sorted(driven), np.intp)
 
     def pick(self, run: int) -> "InitialStates":
-        """Return the initial state of one run, n being 1."""
+        """Return the initial state of one run (n is 1)."""
         picked = {name: getattr(self, name)[run : run + 1] for name in PARTS}
         return self._replace(**picked, signals=(self.signals[run],))
 
@@ -62,7 +62,7 @@ class InitialStates(NamedTuple):
         return self._replace(**picked, signals=tuple(self.signals[run] for run in runs))
 
     def acted_on(self, controls: Sequence[RecordedControls]) -> "InitialStates":
-        """Return these states with recorded inputs in place of any others, one for each run."""
+        """Return these states with recorded inputs, one for each run, in place of all others."""
         signals: list[Signals] = []
         for recorded, own in zip(controls, self.signals, strict=True):
             times, levels = recorded.knots
@@ -71,9 +71,10 @@ class InitialStates(NamedTuple):
         return at_begin(self._replace(signals=tuple(signals)))
 
     def applied_until(self, end: float) -> RecordedControls | None:
-        """Return what the signals of one run, n being 1, and its constant controls apply [s].
+        """Return the inputs of one run (n is 1) until `end` [s]: its signals and constant controls.
 
-        Signals are levels that are held, as those of an exercise. None if there is nothing.
+        The signals are held levels, such as those of a task's excitation. The result is None if
+        there are no inputs.
         """
         signals = self.signals[0]
         if not (signals.places.size or self.ctrl.any()):
@@ -101,8 +102,8 @@ class InitialStates(NamedTuple):
     ) -> Floats:
         """Return (T, nu + 6 nbody + 7 nmocap) the inputs of one run during some steps.
 
-        Step k has the inputs at time k timestep [s]; k need not be whole. Given a width, only the
-        first so many inputs are returned, among them all that are driven.
+        Step k has the inputs at time k * timestep [s]; k may be fractional. If `width` is set, only
+        the first `width` inputs are returned; they must include all driven inputs.
         """
         constant = np.concatenate([self.ctrl[run], self.applied[run], self.mocap[run]])[:width]
         signals = self.signals[run]
@@ -115,7 +116,7 @@ class InitialStates(NamedTuple):
     def control_ranges(self, run: int, end: float) -> Floats:
         """Return (nu, 2) the least and greatest value of each control of a run until `end` [s].
 
-        A level counts that a jump leaves between two steps.
+        Levels just before a jump between two steps count, too.
         """
         ranges, signals = np.stack([self.ctrl[run]] * 2, axis=1), self.signals[run]
         own = signals.places < len(ranges)
@@ -136,30 +137,32 @@ def apply_inputs(model: mujoco.MjModel, data: mujoco.MjData, inputs: Floats) -> 
         data.mocap_pos.flat[:], data.mocap_quat.flat[:] = inputs[poses:turns], inputs[turns:]
 
 
-_SEED_SCALE = 1e-4
+_SEED_PERTURBATION = 1e-4
 _FREE_DOFS = 6
-_NUDGE = 1e-6
-_PERTURBATION = 1e-8  # how far a perturbed copy starts from its run [m, rad, m/s, rad/s]
-# Where a joint's quaternion starts within its part of qpos.
-_ROTATIONS = {int(mujoco.mjtJoint.mjJNT_FREE): 3, int(mujoco.mjtJoint.mjJNT_BALL): 0}
+_NUDGE_SIZE = 1e-6
+_COPY_DISTANCE = (
+    1e-8  # distance between a perturbed copy and its run at the start [m, rad, m/s, rad/s]
+)
+# Offset of a joint's quaternion within its part of qpos.
+_QUATERNION_OFFSETS = {int(mujoco.mjtJoint.mjJNT_FREE): 3, int(mujoco.mjtJoint.mjJNT_BALL): 0}
 
 
-# How many coordinates of a joint a seed perturbs without a manifest; of others, one.
-_LOOSE = {int(mujoco.mjtJoint.mjJNT_FREE): 2, int(mujoco.mjtJoint.mjJNT_BALL): 0}
+# Number of coordinates of a joint that a seed perturbs without a manifest; one for other joints.
+_PERTURBED_COUNTS = {int(mujoco.mjtJoint.mjJNT_FREE): 2, int(mujoco.mjtJoint.mjJNT_BALL): 0}
 
 
 @dataclass(frozen=True)
 class InitialStateRule:
-    """How the initial states of one structure are made."""
+    """Rule that makes the initial states of one structure."""
 
     state: Floats  # one state of `InitialStates` in a row, of a keyframe or of `QPOS0`
-    starts: Mapping[str, int]  # where each of its parts starts
+    starts: Mapping[str, int]  # the index at which each part starts
     # Expressions over the initial values, with the indices that each sets.
     formulas: tuple[tuple[Expression, tuple[int, ...]], ...]
-    profiles: tuple[ControlProfile, ...]  # what inputs do over time
-    # Indices that a seed perturbs, with the sizes of that [m, rad, m/s or rad/s].
+    profiles: tuple[ControlProfile, ...]  # the inputs over time
+    # Indices that a seed perturbs, with the largest change [m, rad, m/s or rad/s].
     perturbed: Mapping[int, float]
-    quaternions: tuple[int, ...]  # where unit quaternions start
+    quaternions: tuple[int, ...]  # indices at which unit quaternions start
     recorded: "RecordedRuns | None" = None  # runs that start as recorded
     first_as_written: bool = False  # whether the seed 0 perturbs nothing
 
@@ -167,7 +170,7 @@ class InitialStateRule:
     def of(
         cls, model: mujoco.MjModel, manifest: SceneManifest | None, keyframe: str
     ) -> "InitialStateRule":
-        """Return how initial states are made, from a keyframe or `QPOS0`.
+        """Return the rule for initial states from a keyframe or `QPOS0`.
 
         A SceneError names coordinates of the manifest that the model lacks.
         """
@@ -177,7 +180,7 @@ class InitialStateRule:
         return cls(
             state=np.concatenate(fields),
             starts=part_starts(model),
-            formulas=tuple(_formulas(model, manifest)) if manifest else (),
+            formulas=tuple(_read_formulas(model, manifest)) if manifest else (),
             profiles=read_control(model, manifest),
             perturbed=_perturbed_coordinates(model, manifest),
             quaternions=quaternions(model),
@@ -197,21 +200,21 @@ class InitialStateRule:
 
     @property
     def driven_inputs(self) -> set[int]:
-        """Indices of the controls that the scene sets itself, at the start or over time."""
+        """Indices of the controls that the scene itself sets, at the start or over time."""
         first = self.starts["ctrl"]
         places = {place for profile in self.profiles for place in profile.inputs}
         places |= {place - first for _, indices in self.formulas for place in indices}
         return places & set(range(self.starts["applied"] - first))
 
     def nominal(self, initial: Mapping[str, float]) -> Floats:
-        """Return (nq,) the configuration of some initial values, which no seed perturbs."""
+        """Return the (nq,) unperturbed configuration for some initial values."""
         return initial_states(self, [(initial, 0, 0.0)]).qpos[0]
 
 
 def initial_states(
     rule: InitialStateRule, runs: Sequence[tuple[Mapping[str, float], int, float]]
 ) -> InitialStates:
-    """Return the initial states for each run's initial values, seed, and factor of its offsets."""
+    """Return the initial states from each run's initial values, seed, and perturbation factor."""
     states = np.tile(rule.state, (len(runs), 1))
     places, sizes = [*rule.perturbed], np.array([*rule.perturbed.values()])
     formulas = [(formula, list(indices)) for formula, indices in rule.formulas]
@@ -223,7 +226,7 @@ def initial_states(
             row[indices] = computed(formula, initial)
         if places and factor and (seed or not rule.first_as_written):
             row[places] += sizes * factor * np.random.default_rng(seed).uniform(-1, 1, len(places))
-    # Dividing by a norm of exactly 1 would be harmless; of 1 + 1e-16, it would change bits.
+    # Dividing by a norm of exactly 1 is harmless, but dividing by 1 + 1e-16 would change bits.
     for address in rule.quaternions if rule.formulas or rule.perturbed else ():
         part = states[:, address : address + 4]
         norm = np.linalg.norm(part, axis=1, keepdims=True)
@@ -251,36 +254,38 @@ def at_begin(starts: InitialStates) -> InitialStates:
 def nudged_states(
     rule: InitialStateRule, states: InitialStates, seeds: Sequence[int]
 ) -> InitialStates:
-    """Return initial states up to 1e-6 m or rad away; quaternions are not moved."""
+    """Return initial states up to 1e-6 m or rad away; quaternions are unchanged."""
     turning = {address + part for address in rule.quaternions for part in range(4)}
     moving = [index for index in range(states.qpos.shape[1]) if index not in turning]
     qpos = states.qpos.copy()
     for row, seed in zip(qpos, seeds, strict=True):
-        # A stream of its own: the seed's first one perturbs the start itself.
-        row[moving] += _NUDGE * np.random.default_rng([seed, 1]).uniform(-1, 1, len(moving))
+        # Use a separate random stream: the seed's first one perturbs the start itself.
+        row[moving] += _NUDGE_SIZE * np.random.default_rng([seed, 1]).uniform(-1, 1, len(moving))
     return states._replace(qpos=qpos)
 
 
 def perturbed_copy(start: InitialStates, joints: Joints, seed: int) -> InitialStates:
     """Return an initial state up to 1e-8 away in every position and velocity [m, rad, m/s, rad/s].
 
-    Quaternions are not moved: angular velocities separate them soon enough.
+    Quaternions are unchanged: angular velocities separate them soon enough.
     """
     generator = np.random.default_rng([seed, 2])
     qpos, qvel = start.qpos.copy(), start.qvel.copy()
     places = [*joints.scalars, *(point + axis for point in joints.points for axis in range(3))]
-    qpos[:, places] += _PERTURBATION * generator.uniform(-1, 1, len(places))
-    qvel += _PERTURBATION * generator.uniform(-1, 1, qvel.shape[1])
+    qpos[:, places] += _COPY_DISTANCE * generator.uniform(-1, 1, len(places))
+    qvel += _COPY_DISTANCE * generator.uniform(-1, 1, qvel.shape[1])
     return start._replace(qpos=qpos, qvel=qvel)
 
 
 def quaternions(model: mujoco.MjModel) -> tuple[int, ...]:
     """Return the indices in qpos where a unit quaternion starts."""
     joints = zip(model.jnt_type.tolist(), model.jnt_qposadr.tolist(), strict=True)
-    return tuple(start + _ROTATIONS[kind] for kind, start in joints if kind in _ROTATIONS)
+    return tuple(
+        start + _QUATERNION_OFFSETS[kind] for kind, start in joints if kind in _QUATERNION_OFFSETS
+    )
 
 
-def _formulas(
+def _read_formulas(
     model: mujoco.MjModel, manifest: SceneManifest
 ) -> list[tuple[Expression, tuple[int, ...]]]:
     formulas: list[tuple[Expression, tuple[int, ...]]] = []
@@ -296,10 +301,10 @@ def _formulas(
 def _perturbed_coordinates(
     model: mujoco.MjModel, manifest: SceneManifest | None
 ) -> Mapping[int, float]:
-    """Return which numbers of the state a seed perturbs, with how much at most.
+    """Return the state indices that a seed perturbs, each with the largest change.
 
-    Without a manifest: the horizontal position of free bodies, and every slide and hinge, but for
-    the seed 0, which starts as the model is written.
+    Without a manifest these are the horizontal position of free bodies, and every slide and hinge.
+    Seed 0 perturbs nothing then and starts as the model is written.
     """
     if manifest:
         if (perturb := manifest.perturb) is None:
@@ -313,16 +318,18 @@ def _perturbed_coordinates(
             for coordinate in match_coordinates(model, name)
         }
     joints = zip(model.jnt_type.tolist(), model.jnt_qposadr.tolist(), strict=True)
-    places = [start + place for kind, start in joints for place in range(_LOOSE.get(kind, 1))]
-    return dict.fromkeys(places, _SEED_SCALE)
+    places = [
+        start + place for kind, start in joints for place in range(_PERTURBED_COUNTS.get(kind, 1))
+    ]
+    return dict.fromkeys(places, _SEED_PERTURBATION)
 
 
 def joint_directions(model: mujoco.MjModel, seed: int) -> Floats:
-    """Return (nv,) the velocities of joints at unit speed, each either way.
+    """Return (nv,) the velocities of joints at unit speed, each in a random direction.
 
-    A hinge turns at 1 rad/s, a ball joint too, about a random axis, and so does a free body that
-    carries no joints; the base of others is at rest. A slide moves as fast as the tip of a body of
-    the model's mean size would at 1 rad/s.
+    A hinge turns at 1 rad/s. A ball joint turns at 1 rad/s about a random axis, and so does a free
+    body without other joints; a base with joints is at rest. A slide moves as fast as the tip of a
+    body of the model's mean size would at 1 rad/s.
     """
     generator = np.random.default_rng([seed, 3])
     velocity = np.zeros(model.nv)

@@ -1,4 +1,4 @@
-"""Keyframes of a model, and the state at which each starts."""
+"""Keyframes of a model, and the start state of each."""
 
 import mujoco
 import numpy as np
@@ -10,11 +10,11 @@ from contactlab.schema.task import QPOS0
 
 
 def default_keyframe(model: mujoco.MjModel, manifest: SceneManifest | None) -> str:
-    """Return the keyframe that runs start from unless their sweep says otherwise.
+    """Return the keyframe that runs start from unless their sweep sets another.
 
-    The manifest names it; a SceneError if the model lacks it. Without a manifest it is the model's
-    first with controls, or its first: in the reference configuration, links often intersect and
-    joints exceed their limits.
+    The manifest names it; a SceneError is raised if the model lacks it. Without a manifest it is
+    the model's first keyframe with controls, or its first one: in the reference configuration,
+    links often intersect and joints exceed their limits.
     """
     if manifest is None:
         return first_start(model)

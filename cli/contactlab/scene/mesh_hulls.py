@@ -1,4 +1,4 @@
-"""The hulls by which meshes collide."""
+"""Convex hulls of meshes, as used in collisions."""
 
 import mujoco
 import numpy as np
@@ -9,7 +9,7 @@ from contactlab.contact.trace_arrays import Floats
 def hull(model: mujoco.MjModel, mesh: int) -> Floats:
     """Return the (n, 3) vertices of a mesh's hull, in the frame of its geoms [m].
 
-    Of a mesh without the graph of a hull, these are all of its vertices.
+    For a mesh without a hull graph, these are all of its vertices.
     """
     first, count = int(model.mesh_vertadr[mesh]), int(model.mesh_vertnum[mesh])
     points = np.array(model.mesh_vert[first : first + count], np.float64)

@@ -1,7 +1,7 @@
-"""Changes of a model: of its specification, of its settings, and where they go in its files.
+"""Changes of a model: of its specification, of its settings, and of its files.
 
-Each is made at the element that an object of the model comes from, whose own attributes go over
-defaults and classes.
+Each change is made at the element that defines an object of the model. Attributes of that element
+override defaults and classes.
 """
 
 import re
@@ -43,7 +43,7 @@ PRIMITIVES: Mapping[str, mujoco.mjtGeom] = {
     "ellipsoid": mujoco.mjtGeom.mjGEOM_ELLIPSOID,
     "box": mujoco.mjtGeom.mjGEOM_BOX,
 }
-"""Shapes that MuJoCo fits to a mesh, by the name that a file has for them."""
+"""Shapes that MuJoCo fits to a mesh, by their name in a file."""
 
 
 @dataclass(frozen=True)
@@ -53,16 +53,16 @@ class ModelEdits:
     # Canonical values of axes that concern the model: options, flags, effects, contact parameters,
     # model fields.
     settings: Mapping[str, object] = field(default_factory=dict[str, object])
-    masked: tuple[str, ...] = ()  # geoms that take no part in collisions
+    masked: tuple[str, ...] = ()  # geoms that do not collide
     # Pairs of bodies that do not collide with each other.
     excluded: tuple[tuple[str, str], ...] = ()
-    # Bodies welded to the world that get a free joint, of a URDF.
+    # Bodies of a URDF that are welded to the world and get a free joint.
     freed: tuple[str, ...] = ()
-    # Geoms of meshes, each with the primitive that MuJoCo fits to its mesh in place of the hull.
+    # Mesh geoms, each with the primitive that MuJoCo fits to its mesh in place of the hull.
     fitted: tuple[tuple[str, str], ...] = ()
-    # Keyframes and the configuration that each then has; one of another name is added.
+    # Keyframes with their new configurations; a keyframe with a new name is added.
     posed: tuple[tuple[str, tuple[float, ...]], ...] = ()
-    # Names of sensors that are left out; one without a name is `sensor[3]`.
+    # Names of sensors to remove; a sensor without a name is called like `sensor[3]`.
     sensors: tuple[str, ...] = ()
     # Most vertices of the convex hulls of meshes, by name.
     hulls: Mapping[str, int] = field(default_factory=dict[str, int])
@@ -71,20 +71,20 @@ class ModelEdits:
 
     @property
     def parts(self) -> bool:
-        """Whether links that are in each other no longer touch."""
+        """Whether overlapping links no longer touch."""
         return bool(self.excluded or self.freed)
 
     @property
     def mends_start(self) -> bool:
-        """Whether a start that joints, contacts or equalities do not allow is mended."""
+        """Whether the changes fix a start that joints, contacts or equalities do not allow."""
         return self.parts or bool(self.posed)
 
 
 @dataclass(frozen=True)
 class Change:
-    """A change of a file: the line where it is made, and the element that then stands there.
+    """A change of a file: its line, and the element that then stands there.
 
-    Without an element, what stands there is removed.
+    Without an element, the text at that line is removed.
     """
 
     file: str
@@ -100,24 +100,23 @@ class Change:
         return f"{self.where}: {self.element or 'removed'}"
 
 
-_KINDS = {**KINDS, "sensor": "sensors", "mesh": "meshes"}
+_SPEC_LISTS = {**KINDS, "sensor": "sensors", "mesh": "meshes"}
 
 
-def _parts(spec: mujoco.MjSpec, kind: str) -> dict[str, Any]:
-    """Return the parts of a kind by name."""
-    return {element.name: element for element in getattr(spec, _KINDS[kind])}
+def _elements_by_name(spec: mujoco.MjSpec, kind: str) -> dict[str, Any]:
+    return {element.name: element for element in getattr(spec, _SPEC_LISTS[kind])}
 
 
-def _part(spec: mujoco.MjSpec, kind: str, name: str) -> Any:  # noqa: ANN401 - as MjSpec has them
-    parts = _parts(spec, kind)
+def _find_element(spec: mujoco.MjSpec, kind: str, name: str) -> Any:  # noqa: ANN401 - as MjSpec has them
+    parts = _elements_by_name(spec, kind)
     SceneError.unless_known(name, parts, f"no {kind} '{name}' in the model")
     return parts[name]
 
 
 class CompiledFiles(NamedTuple):
-    """A model with settings and without, and the lines of its parts' elements, by kind and name.
+    """A model with and without settings, and the lines of its elements, by kind and name.
 
-    MuJoCo keeps no line of some, which have 0.
+    The line is 0 for elements without a line in MuJoCo.
     """
 
     model: mujoco.MjModel
@@ -132,10 +131,12 @@ class CompiledFiles(NamedTuple):
         settings: Mapping[str, object],
         edit: Callable[[mujoco.MjSpec], None] = lambda _: None,
     ) -> "CompiledFiles":
-        """Compile files as a scene has them, without what records runs, and write settings."""
+        """Compile the files of a scene without recording sensors, and write settings."""
         plain, run = (scene.with_effects("all").resolve(axes, 0, None) for axes in ({}, settings))
         if own := [name for name in run.structure if name in settings]:
-            raise SceneError(f"cannot write '{own[0]}', which the scene itself puts into its model")
+            raise SceneError(
+                f"cannot write '{own[0]}' into the model files: the scene itself sets this value"
+            )
         lines: dict[str, dict[str, int]] = {}
 
         def change(spec: mujoco.MjSpec) -> None:
@@ -143,8 +144,8 @@ class CompiledFiles(NamedTuple):
                 sensor.name = sensor.name or f"sensor[{place}]"
             remove(spec, run.without)
             edit(spec)
-            for kind in _KINDS:
-                parts = _parts(spec, kind).items()
+            for kind in _SPEC_LISTS:
+                parts = _elements_by_name(spec, kind).items()
                 lines[kind] = {
                     name: int(element.info.rpartition(" ")[2] or 0) for name, element in parts
                 }
@@ -155,44 +156,46 @@ class CompiledFiles(NamedTuple):
 
 
 def edit_spec(spec: mujoco.MjSpec, edits: ModelEdits) -> None:
-    """Make the changes of a specification that are no settings."""
+    """Apply the changes of a specification that are not settings."""
     if edits.masked and spec.compiler.discardvisual:
         raise SceneError("cannot mask a geom: <compiler discardvisual> would remove it")
     for name in edits.masked:
-        geom = _part(spec, "geom", name)
+        geom = _find_element(spec, "geom", name)
         geom.contype = geom.conaffinity = 0
     for pair in edits.excluded:
-        one, other = (_part(spec, "body", name).name for name in pair)
+        one, other = (_find_element(spec, "body", name).name for name in pair)
         spec.add_exclude(bodyname1=one, bodyname2=other)
     for name in edits.freed:
-        spec.compiler.fusestatic = False  # else the world takes in what is welded to it
-        _part(spec, "body", name).add_freejoint()
+        spec.compiler.fusestatic = False  # otherwise bodies welded to the world merge into it
+        _find_element(spec, "body", name).add_freejoint()
     for name, primitive in edits.fitted:
-        _part(spec, "geom", name).type = PRIMITIVES[primitive]
-    _pose(spec, edits.posed)
+        _find_element(spec, "geom", name).type = PRIMITIVES[primitive]
+    _set_keyframe_positions(spec, edits.posed)
     for name, count in edits.hulls.items():
-        _part(spec, "mesh", name).maxhullvert = count
+        _find_element(spec, "mesh", name).maxhullvert = count
     for name in edits.sensors:
-        spec.delete(_part(spec, "sensor", name))
+        spec.delete(_find_element(spec, "sensor", name))
 
 
 def drop_textures(spec: mujoco.MjSpec) -> None:
-    """Leave out pictures, which no simulation reads and every copy of a model has."""
+    """Remove pictures, which no simulation reads and every copy of a model would contain."""
     for material in spec.materials:
         material.textures = [""] * len(material.textures)
     for texture in list(spec.textures):
         spec.delete(texture)
 
 
-def _pose(spec: mujoco.MjSpec, posed: Sequence[tuple[str, Sequence[float]]]) -> None:
-    """Give keyframes their positions; those that a specification lacks are added."""
+def _set_keyframe_positions(
+    spec: mujoco.MjSpec, posed: Sequence[tuple[str, Sequence[float]]]
+) -> None:
+    """Set the positions of keyframes, and add keyframes that a specification lacks."""
     for name, qpos in posed:
-        key = _parts(spec, "key").get(name) or spec.add_key(name=name)
+        key = _elements_by_name(spec, "key").get(name) or spec.add_key(name=name)
         key.qpos = qpos
 
 
-# Attributes that are not called as the field is, after its prefix.
-_ATTRIBUTES = {
+# Attributes with a name other than that of the field after its prefix.
+_ATTRIBUTE_NAMES = {
     "pair_dim": "condim",
     "jnt_solref": "solreflimit",
     "jnt_solimp": "solimplimit",
@@ -203,8 +206,8 @@ _ATTRIBUTES = {
     "tendon_solimp_lim": "solimplimit",
     "tendon_solimp_fri": "solimpfriction",
 }
-# Actuators that are written by gains: the attribute of a parameter, its place there, and its sign.
-_GAINS: Mapping[tuple[str, str], tuple[str, int | None, int] | None] = {
+# Actuators that are written by gains: the attribute, the index of the parameter, and its sign.
+_GAIN_ATTRIBUTES: Mapping[tuple[str, str], tuple[str, int | None, int] | None] = {
     ("position", "gainprm"): ("kp", 0, 1),
     ("position", "biasprm"): ("kv", 2, -1),
     ("velocity", "gainprm"): ("kv", 0, 1),
@@ -215,18 +218,18 @@ _GAINS: Mapping[tuple[str, str], tuple[str, int | None, int] | None] = {
     ("cylinder", "gainprm"): ("area", 0, 1),
     ("adhesion", "gainprm"): ("gain", 0, 1),
 }
-_NUMBERED = re.compile(r"body\[\d+\]")
-_TAG = re.compile(rb"<([^\s/>]+)")
+_UNNAMED_BODY = re.compile(r"body\[\d+\]")
+_TAG_NAME = re.compile(rb"<([^\s/>]+)")
 
 
 @dataclass(frozen=True)
 class Draft:
-    """Changes of a model's files, each at the element that an object comes from."""
+    """Changes of a model's files, each at the element that defines an object."""
 
     main: Path  # the main file, in a copy
-    before: Mapping[Path, bytes]  # what is in each file
-    origins: Origins  # where the elements come from
-    now: CompiledFiles  # the model as the files make it
+    before: Mapping[Path, bytes]  # the original content of each file
+    origins: Origins  # the file and line of each element
+    now: CompiledFiles  # the model compiled from the original files
     # Attributes to set.
     values: dict[Origin, dict[str, str]] = field(default_factory=lambda: defaultdict(dict))
     removed: set[Origin] = field(default_factory=set[Origin])  # elements to remove
@@ -243,63 +246,64 @@ class Draft:
         origins = Origins.lay_out(source.model, root)
         return cls(source.model, before, origins, CompiledFiles.of(scene, source, {}))
 
-    def _origin(self, kind: str, name: str) -> Origin:
+    def _find_origin(self, kind: str, name: str) -> Origin:
         origin = self.origins.by_line.get(self.now.lines[kind].get(name, 0))
         own, places = self.origins.keyframes, [*self.now.lines["key"]]
         if kind == "key" and len(own) == len(places):
             origin = own[places.index(name)]
         if origin is None:
-            raise SceneError(f"cannot write {kind} '{name}', which no element has for itself")
+            raise SceneError(f"cannot write {kind} '{name}': no element of a file defines it alone")
         return origin
 
     def described(self, model: mujoco.MjModel, field: str, row: int) -> str:
-        """Return what a row of a model's field belongs to, and what comes from the same element."""
+        """Name the object of a row of a model's field, and another one from the same element."""
         kind = FIELD_KINDS.get(field.partition("_")[0])
         if kind is None:
             return ""
         name, lines = object_name(model, field, row), self.now.lines[kind]
         others = [line for line in lines if line != name and lines[line] == lines[name] > 0]
-        beside = f" (from the same element as '{others[0]}')" if others else ""
-        return f" of {kind} '{name}'{beside}"
+        note = f" (from the same element as '{others[0]}')" if others else ""
+        return f" of {kind} '{name}'{note}"
 
     def set_fields(self, meant: CompiledFiles) -> None:
-        """Set the attributes of elements whose objects have other fields with settings."""
+        """Set the attributes of elements that get other field values from settings."""
         model, old, new = meant.model, fields_of(meant.plain), fields_of(meant.model)
         for name in filter(is_writable, new):
             prefix, _, own = name.partition("_")
             for row in differing_rows(old[name], new[name]):
                 part, values = object_name(model, name, row), new[name][row].tolist()
-                attribute = _ATTRIBUTES.get(name, own)
+                attribute = _ATTRIBUTE_NAMES.get(name, own)
                 if own in ("gainprm", "biasprm"):
-                    gain = _GAINS.get((self._tag("actuator", part), own), (own, None, 1))
+                    gain = _GAIN_ATTRIBUTES.get(
+                        (self._element_tag("actuator", part), own), (own, None, 1)
+                    )
                     if gain is None:
                         continue
                     attribute, place, sign = gain
                     values = values if place is None else sign * values[place]
-                self._set(FIELD_KINDS[prefix], part, attribute, mjcf_text(values))
+                self._set_attribute(FIELD_KINDS[prefix], part, attribute, mjcf_text(values))
 
-    def _tag(self, kind: str, name: str) -> str:
-        """Return the tag of the element that an object comes from."""
-        path, place = self._origin(kind, name)
+    def _element_tag(self, kind: str, name: str) -> str:
+        path, place = self._find_origin(kind, name)
         data = self.before[path]
-        found = _TAG.match(data, elements_of(data)[place].start)
+        found = _TAG_NAME.match(data, elements_of(data)[place].start)
         return found[1].decode() if found else ""
 
-    def _set(self, kind: str, name: str, attribute: str, value: str) -> None:
-        self.values[self._origin(kind, name)][attribute] = value
+    def _set_attribute(self, kind: str, name: str, attribute: str, value: str) -> None:
+        self.values[self._find_origin(kind, name)][attribute] = value
 
     def set_options(self, meant: CompiledFiles) -> None:
-        """Set the options and flags of a model: in the main file's elements, if they are last."""
+        """Set the options and flags of a model, in the main file's elements if these are last."""
         new, old = meant.model, meant.plain
         changed = [name for name in OPTIONS if read_option(new, name) != read_option(old, name)]
         options = {name: mjcf_text(read_option(new, name)) for name in changed}
         switched = [name for name in FLAGS if read_flag(new, name) != read_flag(old, name)]
         flags = {name: "enable" if read_flag(new, name) else "disable" for name in switched}
-        self._set_last("option", options)
-        self._set_last("flag", flags)
+        self._set_last_element("option", options)
+        self._set_last_element("flag", flags)
 
-    def _set_last(self, tag: str, found: Mapping[str, str]) -> None:
-        """Set attributes of the main file's <option> or <flag>, which go over all others."""
+    def _set_last_element(self, tag: str, found: Mapping[str, str]) -> None:
+        """Set attributes of the main file's <option> or <flag>, which override all others."""
         added = {"option": "<option{}/>", "flag": "<option><flag{}/></option>"}[tag]
         origin = self.origins.last.get(tag)
         if found and origin and origin[0] == self.main:
@@ -308,26 +312,26 @@ class Draft:
             self.added.append(added.format(attributes(found)))
 
     def set_parts(self, edits: ModelEdits, meant: CompiledFiles) -> None:
-        """Make the changes that no field of a compiled model has, and remove what it lacks."""
-        for change in _set_by(edits):
-            self._set(*change)
+        """Apply the changes that no field of a compiled model shows; remove deleted elements."""
+        for change in _attribute_edits(edits):
+            self._set_attribute(*change)
         for one, other in edits.excluded:
             pair = attributes({"body1": one, "body2": other})
             self.added.append(f"<contact><exclude{pair}/></contact>")
         for name in edits.freed:
-            self.inserted[self._origin("body", name)] = "<freejoint/>"
-        self._set_keys(edits.posed)
+            self.inserted[self._find_origin("body", name)] = "<freejoint/>"
+        self._set_keyframes(edits.posed)
         if edits.unflagged:
-            self._set_last("flag", dict.fromkeys(edits.unflagged, "disable"))
+            self._set_last_element("flag", dict.fromkeys(edits.unflagged, "disable"))
         for kind, lines in self.now.lines.items():
             for name in lines.keys() - meant.lines[kind].keys():
-                self.removed.add(self._origin(kind, name))
+                self.removed.add(self._find_origin(kind, name))
 
-    def _set_keys(self, posed: Sequence[tuple[str, Sequence[float]]]) -> None:
+    def _set_keyframes(self, posed: Sequence[tuple[str, Sequence[float]]]) -> None:
         for name, qpos in posed:
             text = mjcf_text(list(qpos))
             if name in self.now.lines["key"]:
-                self._set("key", name, "qpos", text)
+                self._set_attribute("key", name, "qpos", text)
             else:
                 key = attributes({"name": name, "qpos": text})
                 self.added.append(f"<keyframe><key{key}/></keyframe>")
@@ -351,26 +355,26 @@ class Draft:
             yield path, sorted(found)
 
     def texts(self) -> dict[Path, bytes]:
-        """Return the text of each file with the changes."""
+        """Return the text of each file with the changes applied."""
         return {
             path: replaced(self.before[path], replacements)
             for path, replacements in self._replacements()
         }
 
     def changes(self, folder: Path) -> Iterator[Change]:
-        """Yield the changes of files, whose paths start in a folder."""
+        """Yield the changes of the files, with paths relative to a folder."""
         for path, replacements in self._replacements():
             for replacement in replacements:
                 line = line_of(self.before[path], replacement.start)
                 text = replacement.text.decode(errors="replace")
-                # What is inserted has an element in each line; a start tag may go over several.
+                # Inserted text has one element per line; a start tag may span several lines.
                 is_inserted = text and replacement.start == replacement.end
                 for part in text.strip().splitlines() if is_inserted else [text]:
                     yield Change(path.relative_to(folder).as_posix(), line, " ".join(part.split()))
 
 
-def _set_by(edits: ModelEdits) -> Iterator[tuple[str, str, str, str]]:
-    """Yield the attributes that edits set: kind and name of a part, attribute and value."""
+def _attribute_edits(edits: ModelEdits) -> Iterator[tuple[str, str, str, str]]:
+    """Yield the attributes that edits set: kind and name of an element, attribute and value."""
     for name, attribute in product(edits.masked, ("contype", "conaffinity")):
         yield "geom", name, attribute, "0"
     for name, count in edits.hulls.items():
@@ -378,37 +382,39 @@ def _set_by(edits: ModelEdits) -> Iterator[tuple[str, str, str, str]]:
     for name, primitive in edits.fitted:
         yield "geom", name, "type", primitive
     for name in {name for pair in edits.excluded for name in pair}:
-        if _NUMBERED.fullmatch(name):  # its file has no name for it
+        if _UNNAMED_BODY.fullmatch(name):  # the body has no name in its file
             yield "body", name, "name", name
 
 
 def object_name(model: mujoco.MjModel, field: str, row: int) -> str:
-    """Return the name of what a row of a model's field belongs to."""
+    """Return the name of the object that a row of a model's field belongs to."""
     prefix = field.partition("_")[0]
     index = int(model.dof_jntid[row]) if prefix == "dof" else row
     return getattr(model, FIELD_KINDS[prefix])(index).name
 
 
 def mjcf_text(value: object) -> str:
-    """Return a number, several or a word as MJCF has it; no number loses a digit."""
+    """Return a number, several numbers or a word as MJCF text; no number loses a digit."""
     if isinstance(value, (list, tuple)):
         return " ".join(mjcf_text(item) for item in value)
     return str(value).removesuffix(".0")
 
 
 def differing_rows(some: np.ndarray, other: np.ndarray) -> list[int]:
-    """Return the rows in which two arrays differ in any bit."""
+    """Return the rows that differ in any bit between two arrays."""
     if some.tobytes() == other.tobytes():
         return []
     rows = enumerate(zip(some, other, strict=True))
     return [row for row, (one, two) in rows if one.tobytes() != two.tobytes()]
 
 
-_UNCOMPARED = re.compile("^_|buffer|name|path|signature")
+_UNCOMPARED_FIELDS = re.compile("^_|buffer|name|path|signature")
 
 
 def fields_of(owner: object) -> dict[str, np.ndarray]:
     """Return the fields of a model, or of its options, by name."""
-    found = {name: getattr(owner, name) for name in dir(owner) if not _UNCOMPARED.search(name)}
+    found = {
+        name: getattr(owner, name) for name in dir(owner) if not _UNCOMPARED_FIELDS.search(name)
+    }
     kinds = (int, float, np.ndarray)
     return {name: np.atleast_1d(value) for name, value in found.items() if isinstance(value, kinds)}

@@ -1,7 +1,7 @@
-"""A model's options, flags, contact parameters and fields, read as settings and written from them.
+"""Reads a model's options, flags, contact parameters and fields as settings, and writes them.
 
-Flags are MuJoCo's disable and enable bits, whichever this version has; each is an effect of
-the same name.
+Flags are MuJoCo's disable and enable bits in the installed version; each is an effect of the same
+name.
 """
 
 import re
@@ -21,7 +21,9 @@ from contactlab.scene.parameters import PARAMETERS, WORDS
 from contactlab.schema.setting_values import Settings, as_number, integer, number
 from contactlab.schema.vocabulary import AxisSpec
 
-_NAME = re.compile(r"(?P<field>[a-z]\w*)\[(?P<object>[^,\]]+(\[\d+\]_*)?)(,(?P<place>\d+))?\]")
+_FIELD_NAME = re.compile(
+    r"(?P<field>[a-z]\w*)\[(?P<object>[^,\]]+(\[\d+\]_*)?)(,(?P<place>\d+))?\]"
+)
 FIELD_KINDS = {
     "body": "body",
     "jnt": "joint",
@@ -32,23 +34,23 @@ FIELD_KINDS = {
     "tendon": "tendon",
     "actuator": "actuator",
 }
-"""Kind of object that the fields of a prefix belong to."""
-# Addresses, counts, ids and types are structure, which MuJoCo does not check; bounds, inertia and
-# broad phase are derived from sizes when a model is compiled, and not later; collision bits decide
-# which pairs are monitored.
-_STRUCTURE = (
+"""Kind of object for the prefix of a field."""
+# Addresses, counts, ids and types are structure, which MuJoCo does not check. Bounds, inertia and
+# broad phase are derived from sizes only when a model is compiled. Collision bits decide which
+# pairs are monitored.
+_STRUCTURE_FIELDS = (
     "adr|num|id|type|simple|sameframe|limited|signature|geom1|geom2|plugin|history|ctrlspec|size"
     "|rbound|aabb|conaffinity"
 )
 # MuJoCo derives these from other fields, and would overwrite them.
-_DERIVED = "weight0|subtreemass|M0|length0|acc0|lengthrange|dof_length|body_margin"
-_UNSWEPT = re.compile(f"({_STRUCTURE}|{_DERIVED})$")
+_DERIVED_FIELDS = "weight0|subtreemass|M0|length0|acc0|lengthrange|dof_length|body_margin"
+_READ_ONLY_FIELDS = re.compile(f"({_STRUCTURE_FIELDS}|{_DERIVED_FIELDS})$")
 
 
 def field_axis(model: mujoco.MjModel, name: str) -> AxisSpec | None:
-    """Return the axis of a model field, or None if the name is not of that form.
+    """Return the axis of a model field, or None if the name does not have the form of a field.
 
-    A ValueError says that it is, but that there is no such field, object or index.
+    A ValueError says that the field, object or index does not exist.
     """
     if (found := find_field(model, name)) is None:
         return None
@@ -69,7 +71,7 @@ def field_axis(model: mujoco.MjModel, name: str) -> AxisSpec | None:
 
 
 def is_as_written(model: mujoco.MjModel, name: str, value: object) -> bool:
-    """Return whether a setting is a model field that has this value already."""
+    """Return whether a setting is a model field that already has this value."""
     if (found := find_field(model, name)) is None:
         return False
     array, index = found
@@ -77,8 +79,8 @@ def is_as_written(model: mujoco.MjModel, name: str, value: object) -> bool:
 
 
 def find_field(model: mujoco.MjModel, name: str) -> tuple[np.ndarray, tuple[int, ...]] | None:
-    """Return a field's array and the index of the named object's row or element, if it is one."""
-    parts = _NAME.fullmatch(name)
+    """Return a field's array and the index of the named row or element; None for other names."""
+    parts = _FIELD_NAME.fullmatch(name)
     if parts is None:
         return None
     field, item, place = parts["field"], parts["object"], parts["place"]
@@ -101,8 +103,8 @@ def find_field(model: mujoco.MjModel, name: str) -> tuple[np.ndarray, tuple[int,
 
 
 def is_writable(field: str) -> bool:
-    """Return whether a model's field can be written, being neither structure nor derived."""
-    return field.partition("_")[0] in FIELD_KINDS and not _UNSWEPT.search(field)
+    """Return whether a model's field can be written: it is neither structure nor derived."""
+    return field.partition("_")[0] in FIELD_KINDS and not _READ_ONLY_FIELDS.search(field)
 
 
 def _element_parser(kind: np.dtype) -> Callable[[object], float]:
@@ -116,7 +118,7 @@ def _element_parser(kind: np.dtype) -> Callable[[object], float]:
 
 @dataclass(frozen=True)
 class EditTargets:
-    """Where contact and mass settings go.
+    """Geoms, pairs and body that contact and mass settings are written to.
 
     Contact settings go to the geoms and the explicit <pair> elements of the monitored pairs, `mass`
     to the subject, if there is one.
@@ -127,14 +129,14 @@ class EditTargets:
     subject: int | None
 
     def rows(self, field: str) -> list[int]:
-        """Return the rows of a field of geoms, or of <pair> elements, that are theirs."""
+        """Return the rows of the targets in a field of geoms or of <pair> elements."""
         return list(self.geoms if field.startswith("geom") else self.explicit)
 
 
 def find_targets(
     model: mujoco.MjModel, pairs: Sequence[MonitoredPair], subject: int | None
 ) -> EditTargets:
-    """Return the geoms and <pair> elements behind the monitored pairs."""
+    """Return the geoms and <pair> elements of the monitored pairs."""
     geoms: set[int] = set()
     explicit: set[int] = set()
     for both in (both for pair in pairs for both in product(*pair.geoms)):
@@ -149,20 +151,20 @@ def find_targets(
 def nonuniform_settings(
     model: mujoco.MjModel, settings: Settings, targets: EditTargets
 ) -> frozenset[str]:
-    """Return the contact settings that not every target has as `settings` says."""
+    """Return the contact settings in which some target differs from `settings`."""
     return frozenset(
         name
         for name in CONTACT
         if name in settings
-        for field, row in _rows(name, settings[name]).items()
+        for field, row in _setting_rows(name, settings[name]).items()
         if np.any(getattr(model, field)[targets.rows(field)] != row)
     )
 
 
-def _rows(name: str, value: object) -> dict[str, np.ndarray]:
+def _setting_rows(name: str, value: object) -> dict[str, np.ndarray]:
     """Return the model fields of a contact setting, each with the value of its rows.
 
-    Every monitored geom is given the pair's value, so that mixing equal values returns it.
+    Every monitored geom gets the pair's value, because mixing equal values returns that value.
     """
     row = np.asarray(value)
     if name == "friction":
@@ -177,7 +179,10 @@ def _rows(name: str, value: object) -> dict[str, np.ndarray]:
 def write_settings(
     model: mujoco.MjModel, changed: Mapping[str, object], targets: EditTargets
 ) -> bool:
-    """Write changed settings and flags into a model; return whether MuJoCo derives more of them."""
+    """Write changed settings and flags into a model.
+
+    Return whether derived fields must be renewed.
+    """
     inputs, derived = getattr(mujoco.MjModel, "_setconst_inputs", ()), False
     flags = dict[str, bool]()
     for name, value in changed.items():
@@ -186,7 +191,7 @@ def write_settings(
         if name in OPTIONS:
             write_option(model, name, value)
         elif name in CONTACT:
-            for field, row in _rows(name, value).items():
+            for field, row in _setting_rows(name, value).items():
                 getattr(model, field)[targets.rows(field)] = row
             derived |= name in ("margin", "gap")
         elif name == "mass":
@@ -201,9 +206,9 @@ def write_settings(
 
 
 def derive(model: mujoco.MjModel) -> None:
-    """Have MuJoCo derive what follows from a model's fields, and its mean inertia, in place.
+    """Let MuJoCo derive the dependent fields of a model, and its mean inertia, in place.
 
-    The mean inertia, a scale of the solver's tolerance, is kept where an author gave another.
+    The mean inertia, a scale of the solver's tolerance, is kept if the author set another value.
     """
     own = model.stat.meaninertia != _mean_inertia(model)
     mujoco.mj_setConst(model, mujoco.MjData(model))
@@ -212,12 +217,12 @@ def derive(model: mujoco.MjModel) -> None:
 
 
 def _mean_inertia(model: mujoco.MjModel) -> float:
-    """Return the mean inertia of degrees of freedom, as a model's compiler sums it."""
+    """Return the mean inertia of degrees of freedom, summed as in MuJoCo's compiler."""
     return sum(model.dof_M0.tolist()) / max(1, model.nv)
 
 
 def _write_mass(model: mujoco.MjModel, mass: float, subject: int | None) -> None:
-    """Scale the subject's mass and inertia alike, as another density would."""
+    """Scale the subject's mass and inertia equally, like another density would."""
     if subject is None:
         raise SceneError("`mass` needs a subject; name a body in the scene's `subject`")
     ratio = mass / float(model.body_mass[subject])
@@ -225,65 +230,75 @@ def _write_mass(model: mujoco.MjModel, mass: float, subject: int | None) -> None
     model.body_inertia[subject] *= ratio
 
 
-# Recording needs these: sensors carry the evidence, an automatic reset would hide a divergence, and
-# the energy flag makes the kinetic energy sensor lag a step.
-_FIXED = {"sensor": True, "autoreset": False, "energy": False, "fwdinv": False}
-# Override replaces the contact parameters of every geom, and so those of a sweep.
-_UNSUPPORTED = {"ipc", "override"}
-_DISABLE, _ENABLE = (
+# Recording needs these values: sensors provide the evidence, an automatic reset would hide a
+# divergence, and the energy flag makes the kinetic energy sensor lag by a step.
+_RECORDING_FLAGS = {"sensor": True, "autoreset": False, "energy": False, "fwdinv": False}
+# Override replaces the contact parameters of every geom, including those of a sweep.
+_UNSUPPORTED_FLAGS = {"ipc", "override"}
+_DISABLE_BITS, _ENABLE_BITS = (
     {name.lower(): bit for name, bit in enum_members(enum, prefix).items()}
     for enum, prefix in ((mujoco.mjtDisableBit, "mjDSBL_"), (mujoco.mjtEnableBit, "mjENBL_"))
 )
-FLAGS = tuple(sorted((_DISABLE.keys() | _ENABLE.keys()) - _FIXED.keys() - _UNSUPPORTED))
+FLAGS = tuple(
+    sorted(
+        (_DISABLE_BITS.keys() | _ENABLE_BITS.keys()) - _RECORDING_FLAGS.keys() - _UNSUPPORTED_FLAGS
+    )
+)
 
 
 def read_flags(model: mujoco.MjModel) -> dict[str, bool]:
     """Return every flag of a model; True means that its effect is on."""
-    return {name: read_flag(model, name) for name in sorted(_DISABLE | _ENABLE)} | _FIXED
+    return {
+        name: read_flag(model, name) for name in sorted(_DISABLE_BITS | _ENABLE_BITS)
+    } | _RECORDING_FLAGS
 
 
 def read_flag(model: mujoco.MjModel, name: str) -> bool:
-    """Return one flag of a model; True means that its effect is on, which this version may lack."""
-    if name in _DISABLE:
-        return not int(model.opt.disableflags) & _DISABLE[name]
-    return bool(int(model.opt.enableflags) & _ENABLE.get(name, 0))
+    """Return one flag of a model; True if its effect is on. The version may lack the flag."""
+    if name in _DISABLE_BITS:
+        return not int(model.opt.disableflags) & _DISABLE_BITS[name]
+    return bool(int(model.opt.enableflags) & _ENABLE_BITS.get(name, 0))
 
 
 def non_default(states: Mapping[str, bool]) -> dict[str, bool]:
     """Return the flags that differ from MuJoCo's defaults.
 
-    A version that lacks a flag behaves as with its default, so the result is the same for every
+    A version without a flag behaves as with its default, so the result is the same for every
     version.
     """
-    return {name: state for name, state in states.items() if state != (name in _DISABLE)}
+    return {name: state for name, state in states.items() if state != (name in _DISABLE_BITS)}
 
 
 def write_flags(model: mujoco.MjModel, states: Mapping[str, bool]) -> None:
-    """Set the given flags, and those that recording needs."""
-    for name, state in {**states, **_FIXED}.items():
-        disable = name in _DISABLE
-        field, bit = ("disableflags", _DISABLE[name]) if disable else ("enableflags", _ENABLE[name])
+    """Set flags, and those that recording needs."""
+    for name, state in {**states, **_RECORDING_FLAGS}.items():
+        disable = name in _DISABLE_BITS
+        field, bit = (
+            ("disableflags", _DISABLE_BITS[name])
+            if disable
+            else ("enableflags", _ENABLE_BITS[name])
+        )
         others = int(getattr(model.opt, field)) & ~bit
         setattr(model.opt, field, others | bit if state != disable else others)
 
 
 LOOP_ENGINE = "loop"
-"""Name of somebody's own loop, of which a store has the compiled model."""
+"""Engine name of a user's own simulation loop; the store has its compiled model."""
 
 
 def base_settings(
     model: mujoco.MjModel, pairs: Sequence[MonitoredPair], subject: int | None
 ) -> Settings:
-    """Return every setting of a compiled model: what a run has before its sweep changes any.
+    """Return every setting of a compiled model, before a sweep changes any.
 
-    Contact settings are those of the first monitored pair, since a sweep sets them for all pairs;
+    Contact settings are those of the first monitored pair, because a sweep sets them for all pairs;
     `mass` is the subject's, if there is one.
     """
     settings = Settings(engine=MODEL_ENGINE)
     settings |= {name: read_option(model, name) for name in OPTIONS}
     if pairs:
-        first = effective_parameters(model, pairs[0])
-        settings |= {name: getattr(first, name) for name in CONTACT}
+        parameters = effective_parameters(model, pairs[0])
+        settings |= {name: getattr(parameters, name) for name in CONTACT}
     if subject is not None:
         settings["mass"] = float(model.body_mass[subject])
     return settings

@@ -1,8 +1,8 @@
-"""The text of XML files: where elements stand, and changes that leave all else as it is.
+"""The text of XML files: positions of elements, and changes that leave everything else unchanged.
 
 MuJoCo keeps the line of each element that it reads, through <attach>, <replicate>, frames and
-classes, but not of what is included. Therefore files are laid out anew: what they include in its
-place, each element on a line of its own, and no line of one file among those of another.
+classes, but not through <include>. Therefore files are laid out again: included content replaces
+its <include>, each element stands on its own line, and no two files share a range of lines.
 """
 
 import re
@@ -17,13 +17,13 @@ from contactlab.scene.model_files import FileSearch, parse
 
 _FIRST_CHILD = re.compile(rb"[ \t]*\r?\n([ \t]+)<")
 _ATTRIBUTE = re.compile(rb"""\s([^\s=]+)\s*=\s*("[^"]*"|'[^']*')""")
-_MARKUP = re.compile(
+_XML_MARKUP = re.compile(
     rb"""<!--.*?-->|<!\[CDATA\[.*?\]\]>|<[!?].*?>|<(?:[^"'>]|"[^"]*"|'[^']*')*>""", re.DOTALL
 )
 
 
 class ElementText(NamedTuple):
-    """Where an element stands: its start tag in bytes [start, inner), all of it in [start, end)."""
+    """Position of an element: its start tag in bytes [start, inner), all of it in [start, end)."""
 
     start: int
     inner: int
@@ -31,7 +31,7 @@ class ElementText(NamedTuple):
 
 
 class Replacement(NamedTuple):
-    """Bytes [start, end) of a text, and what stands there instead."""
+    """Bytes [start, end) of a text, and the new text for them."""
 
     start: int
     end: int
@@ -44,7 +44,7 @@ def attributes(values: Mapping[str, str]) -> str:
 
 
 def line_of(data: bytes, place: int) -> int:
-    """Return the line of a place in a text; the first is 1."""
+    """Return the line of a byte position in a text; the first line is 1."""
     return data.count(b"\n", 0, place) + 1
 
 
@@ -52,7 +52,7 @@ def elements_of(data: bytes) -> list[ElementText]:
     """Return the elements of an XML text, in the order of their start tags."""
     found: list[ElementText] = []
     unclosed: list[int] = []
-    for markup in _MARKUP.finditer(data):
+    for markup in _XML_MARKUP.finditer(data):
         if markup[0].startswith(b"</"):
             place = unclosed.pop()
             found[place] = found[place]._replace(end=markup.end())
@@ -64,7 +64,7 @@ def elements_of(data: bytes) -> list[ElementText]:
 
 
 def with_attributes(data: bytes, element: ElementText, values: Mapping[str, str]) -> Replacement:
-    """Return an element's start tag with attributes set, new ones behind the others."""
+    """Return an element's start tag with attributes set; new ones follow the others."""
     missing = dict(values)
 
     def put(found: re.Match[bytes]) -> bytes:
@@ -78,7 +78,7 @@ def with_attributes(data: bytes, element: ElementText, values: Mapping[str, str]
 
 
 def without(data: bytes, element: ElementText) -> Replacement:
-    """Return the removal of an element, and of its lines if nothing else stands there."""
+    """Return the removal of an element, and of its lines if nothing else is on them."""
     start, end = data.rfind(b"\n", 0, element.start) + 1, data.find(b"\n", element.end) + 1
     if data[start : element.start].strip() or not end or data[element.end : end].strip():
         start, end = element.start, element.end
@@ -86,9 +86,9 @@ def without(data: bytes, element: ElementText) -> Replacement:
 
 
 def at_end(data: bytes, root: ElementText, lines: Iterable[str]) -> Replacement:
-    """Return the insertion of lines as the last in an element that has an end tag.
+    """Return the insertion of the last lines of an element that has an end tag.
 
-    They are indented as the element's first child is.
+    They are indented like the element's first child.
     """
     newline = b"\r\n" if b"\r\n" in data else b"\n"
     stop = data.rindex(b"</", 0, root.end)
@@ -101,32 +101,32 @@ def at_end(data: bytes, root: ElementText, lines: Iterable[str]) -> Replacement:
 
 
 def replaced(data: bytes, changes: Iterable[Replacement]) -> bytes:
-    """Return a text with replacements made, which do not overlap."""
+    """Return a text with non-overlapping replacements applied."""
     for start, end, text in sorted(changes, reverse=True):
         data = data[:start] + text + data[end:]
     return data
 
 
-Origin = tuple[Path, int]  # a file, and the place of an element among all that it has
+Origin = tuple[Path, int]  # a file, and the index of an element in it
 
 
 @dataclass(frozen=True)
 class Origins:
-    """Where elements come from."""
+    """Files and indices of the elements of a model that was laid out again."""
 
     search: FileSearch  # finds the files, in a copy of them
-    # Of the elements on each line of what was laid out.
+    # The origin of the element on each line of the laid-out text.
     by_line: dict[int, Origin] = field(default_factory=dict[int, Origin])
-    # Of the main file's last element of each tag, in what was laid out.
+    # The origin of the main file's last element of each tag.
     last: dict[str, Origin] = field(default_factory=dict[str, Origin])
-    # Of the main file's keyframes, of which MuJoCo keeps no line.
+    # The origins of the main file's keyframes; MuJoCo keeps no line of them.
     keyframes: list[Origin] = field(default_factory=list[Origin])
 
     @classmethod
     def lay_out(cls, main: Path, copy: Path) -> "Origins":
-        """Lay out a model of a copy, and the models that it attaches, over their files."""
+        """Lay out a copied model, and the models that it attaches, over their files."""
         found = cls(FileSearch(copy))
-        for root, path, origins in list(found._documents(main)):
+        for root, path, origins in list(found._laid_out_documents(main)):
             ET.indent(root)
             root.text = "\n" * (1 + max(found.by_line, default=0))
             ET.ElementTree(root).write(path)
@@ -139,21 +139,21 @@ class Origins:
                         found.keyframes.append(origins[element])
         return found
 
-    def _documents(
+    def _laid_out_documents(
         self, path: Path
     ) -> Iterator[tuple[ET.Element, Path, Mapping[ET.Element, Origin]]]:
         origins: dict[ET.Element, Origin] = {}
-        root = self._with_included(path, path.parent, origins)
+        root = self._inline_includes(path, path.parent, origins)
         self._name_assets(root, path, origins)
         yield root, path, origins
         for model in root.iter("model"):
             if name := model.get("file"):
-                yield from self._documents(self.search.named(path.parent, name).path)
+                yield from self._laid_out_documents(self.search.named(path.parent, name).path)
 
     def _name_assets(
         self, root: ET.Element, path: Path, origins: Mapping[ET.Element, Origin]
     ) -> None:
-        """Name in full what included files read from beside them, not by the model's folder."""
+        """Write full paths of assets that included files read from their own folder."""
         compiler: dict[str, str] = {}
         for element in root.iter("compiler"):
             compiler |= element.attrib
@@ -166,7 +166,7 @@ class Origins:
                     if found != here[key]:
                         element.set(key, str(found.path))
 
-    def _with_included(
+    def _inline_includes(
         self, path: Path, base: Path, origins: dict[ET.Element, Origin]
     ) -> ET.Element:
         root, own = parse(path), path.resolve()
@@ -175,5 +175,5 @@ class Origins:
             for place, child in reversed(list(enumerate(parent))):
                 if child.tag == "include":
                     inner = self.search.included(child, path, base).path
-                    parent[place : place + 1] = self._with_included(inner, base, origins)
+                    parent[place : place + 1] = self._inline_includes(inner, base, origins)
         return root

@@ -1,6 +1,6 @@
-"""A scene's model written with changes: in the text of its own files, compiled and compared.
+"""Writes a scene's model with changes into the text of its files, then compiles and compares it.
 
-What would make another model than is meant is refused.
+A result that differs from the intended model is refused.
 """
 
 import difflib
@@ -33,12 +33,12 @@ from contactlab.scene.scene_source import SceneSource, stored_scene
 
 @dataclass(frozen=True)
 class WrittenModel:
-    """A model whose files were written with changes."""
+    """A model with files that were written with changes."""
 
-    source: SceneSource  # the scene that has the written model
-    folder: Path  # of the files as they were, where the paths of the patch and of the changes start
-    patch: bytes  # turns them into the written ones, by `patch -p1`; empty for a URDF
-    changes: tuple[Change, ...]  # by files and lines
+    source: SceneSource  # the scene with the written model
+    folder: Path  # folder of the original files; paths in the patch and changes are relative to it
+    patch: bytes  # turns the original files into the written ones, by `patch -p1`; empty for a URDF
+    changes: tuple[Change, ...]  # changes by file and line
 
     @property
     def path(self) -> Path:
@@ -47,28 +47,28 @@ class WrittenModel:
 
     @property
     def reference(self) -> str:
-        """Scene that a sweep names."""
+        """The scene's name in a sweep."""
         return f"{self.source.path.parent}/" if self.source.manifest else str(self.path)
 
     @property
     def lines(self) -> tuple[str, ...]:
-        """The changes, as printed."""
+        """The changes as printed lines."""
         return tuple(map(str, self.changes))
 
 
 def write_model(scene: Scene, edits: ModelEdits, folder: Path, name: str = "") -> WrittenModel:
-    """Write a scene's files into a folder, the model with changes, if it then is what is meant.
+    """Write a scene's files into a folder with changes, if the result is the intended model.
 
-    The main file keeps its name unless another is given, and the patch, which lies beside it, has
-    the same; a URDF becomes MJCF. Raises a SceneError if something cannot be written, or makes
-    another model than is meant; an OutputError if the folder cannot be written, or is that of the
-    scene itself.
+    The main file keeps its name unless `name` is set. The patch lies next to it under the same
+    name. A URDF becomes MJCF. Raises a SceneError if something cannot be written, or if the result
+    differs from the intended model. Raises an OutputError if the folder cannot be written, or is
+    the scene's own.
     """
     source = scene.source
     if folder.resolve() == source.content.root.resolve():
-        raise OutputError(f"{folder} has the scene itself; write into another folder")
+        raise OutputError(f"{folder} is the folder of the scene; write into another folder")
     with TemporaryDirectory(prefix="contactlab-") as temporary, source.named_in_errors():
-        copied = _copied(source, Path(temporary).resolve(), name, fused=not edits.freed)
+        copied = _copy_scene(source, Path(temporary).resolve(), name, fused=not edits.freed)
         meant = CompiledFiles.of(scene, source, edits.settings, lambda spec: edit_spec(spec, edits))
         draft = Draft.of(scene, copied)
         draft.set_fields(meant)
@@ -78,53 +78,59 @@ def write_model(scene: Scene, edits: ModelEdits, folder: Path, name: str = "") -
         for path, text in after.items():
             path.write_bytes(text)
         try:
-            made = CompiledFiles.of(scene, copied, {})
+            compiled = CompiledFiles.of(scene, copied, {})
         except SceneError as error:
             reason = "; ".join(line.strip() for line in str(error).splitlines()[1:])
             raise SceneError(f"cannot be written: {reason}") from error
-        _check(made.model, meant.model, draft)
+        _refuse_differences(compiled.model, meant.model, draft)
         changed = [path for path in after if after[path] != before[path]]
         start = common_folder([copied.model, *changed])
-        patch = [_patch(path.relative_to(start), before[path], after[path]) for path in changed]
+        patch = [
+            _file_patch(path.relative_to(start), before[path], after[path]) for path in changed
+        ]
         written = WrittenModel(
-            source=_placed(copied, folder, name or copied.model.name),
+            source=_place_scene(copied, folder, name or copied.model.name),
             folder=source.content.root / start.relative_to(copied.content.root),
             patch=b"".join(patch) if copied.content.model == source.content.model else b"",
             changes=tuple(draft.changes(start)),
         )
-        beside = written.path.with_suffix(".patch")
-        beside.unlink(missing_ok=True)
+        patch_path = written.path.with_suffix(".patch")
+        patch_path.unlink(missing_ok=True)
         if written.patch:
-            beside.write_bytes(written.patch)
+            patch_path.write_bytes(written.patch)
         return written
 
 
-# What elements set comes before what follows from it.
-_SET_FIRST = tuple(f"{prefix}_" for prefix in FIELD_KINDS if prefix != "body")
+# Fields that elements set are compared before fields derived from them.
+_ELEMENT_FIELDS = tuple(f"{prefix}_" for prefix in FIELD_KINDS if prefix != "body")
 
 
-# MuJoCo's compiler finds the lengths of muscles by simulation, which a changed option rounds anew.
-_SIMULATED, _ROUNDING = "actuator_lengthrange", 1e-9
+# MuJoCo's compiler computes muscle lengths by simulation; changed options round them differently.
+_SIMULATED_FIELD, _ROUNDING_TOLERANCE = "actuator_lengthrange", 1e-9
 
 
-def _check(made: mujoco.MjModel, meant: mujoco.MjModel, draft: Draft) -> None:
-    """Refuse a model that differs from another, but for names and paths."""
+def _refuse_differences(made: mujoco.MjModel, meant: mujoco.MjModel, draft: Draft) -> None:
+    """Refuse a model that differs from another in more than names and paths."""
     for some, other in ((made, meant), (made.opt, meant.opt), (made.stat, meant.stat)):
         old, new = fields_of(some), fields_of(other)
-        for name in sorted(old, key=lambda name: not name.startswith(_SET_FIRST)):
+        for name in sorted(old, key=lambda name: not name.startswith(_ELEMENT_FIELDS)):
             if old[name].shape != new[name].shape:
-                raise SceneError(f"cannot be written: {name} has {len(old[name])} rows then")
-            if name == _SIMULATED and np.allclose(old[name], new[name], rtol=_ROUNDING):
+                rows, intended = len(old[name]), len(new[name])
+                raise SceneError(
+                    f"cannot be written: {name} would have {rows} rows, not {intended}"
+                )
+            if name == _SIMULATED_FIELD and np.allclose(
+                old[name], new[name], rtol=_ROUNDING_TOLERANCE
+            ):
                 continue
             for row in differing_rows(old[name], new[name])[:1]:
                 then, wanted = (mjcf_text(side[name][row].tolist()) for side in (old, new))
                 of = draft.described(made, name, row)
-                raise SceneError(f"cannot write {name}{of}: it is {then} then, not {wanted}")
+                raise SceneError(f"cannot write {name}{of}: it would be {then}, not {wanted}")
 
 
-def _patch(path: Path, before: bytes, after: bytes) -> bytes:
-    """Return a file's part of a patch: a unified diff of bytes."""
-    # What follows a tab is not part of a name, which may have spaces.
+def _file_patch(path: Path, before: bytes, after: bytes) -> bytes:
+    # The tab ends the name, which may contain spaces.
     name = path.as_posix().encode() + b"\t"
     old, new = (re.findall(rb"[^\n]*\n|[^\n]+", text) for text in (before, after))
     found = difflib.diff_bytes(difflib.unified_diff, old, new, b"a/" + name, b"b/" + name)
@@ -134,10 +140,10 @@ def _patch(path: Path, before: bytes, after: bytes) -> bytes:
     )
 
 
-def _copied(source: SceneSource, folder: Path, name: str, *, fused: bool) -> SceneSource:
-    """Copy a scene's files into a folder, a URDF as MJCF, under a name if one is given.
+def _copy_scene(source: SceneSource, folder: Path, name: str, *, fused: bool) -> SceneSource:
+    """Copy a scene's files into a folder, a URDF as MJCF, under `name` if it is set.
 
-    `fused` says whether bodies that are welded to others become parts of them, as an import does.
+    `fused` tells whether bodies welded to others merge into them, as at import.
     """
     content = source.content
     content.copy_to(folder)
@@ -147,7 +153,7 @@ def _copied(source: SceneSource, folder: Path, name: str, *, fused: bool) -> Sce
     }
     if model.suffix == ".urdf":
         model = model.with_name(name or f"{model.stem}.xml")
-        _convert(folder / content.model, folder / model, resources, fused=fused)
+        _convert_urdf(folder / content.model, folder / model, resources, fused=fused)
         files = (model, *(file for file in files if file != content.model))
     moved = replace(
         content, root=folder, model=model, files=files, resources=resources, copied=True
@@ -155,22 +161,22 @@ def _copied(source: SceneSource, folder: Path, name: str, *, fused: bool) -> Sce
     return replace(source, path=folder / relative_path(source.path, content.root), content=moved)
 
 
-def _convert(urdf: Path, mjcf: Path, resources: Mapping[str, Path], *, fused: bool) -> None:
-    """Save a URDF as MJCF in its place, every number exactly."""
+def _convert_urdf(urdf: Path, mjcf: Path, resources: Mapping[str, Path], *, fused: bool) -> None:
+    """Replace a URDF by MJCF, with every number exact."""
     spec = mujoco.MjSpec.from_file(str(urdf))
     spec.compiler.fusestatic = spec.compiler.fusestatic and fused
     for mesh in spec.meshes:
         if found := resources.get(plain_name(mesh.file)):
             mesh.file = relative_path(found, urdf.parent / spec.meshdir).as_posix()
-    # Versions before 4.0 round, and are refused where that shows.
+    # Versions before 4.0 round numbers; the comparison refuses results that differ.
     if hasattr(spec.compiler, "savecompiled"):
         spec.compiler.savecompiled = False
     mjcf.write_text(spec.to_xml(), encoding="utf-8")
     urdf.unlink()
 
 
-def _placed(source: SceneSource, folder: Path, name: str) -> SceneSource:
-    """Copy a scene that was written into its folder, its main file under a name."""
+def _place_scene(source: SceneSource, folder: Path, name: str) -> SceneSource:
+    """Copy a written scene into its folder, with its main file under a name."""
     root, model = source.content.root, source.model.with_name(name)
     if model != source.model and model.exists():
         raise SceneError(f"the model has another file {name}; choose another name")

@@ -1,6 +1,6 @@
 """Features that the installed version of MuJoCo lacks, and the versions that introduced them.
 
-Tried on every release from 3.3.0 to 4.0.0: each has what its enums name.
+Checked on every release from 3.3.0 to 4.0.0: each release has the features that its enums name.
 """
 
 import ctypes
@@ -14,12 +14,12 @@ import mujoco
 from contactlab.schema.vocabulary import AxisSpec
 
 VERSION: str = mujoco.__version__
-_BATCH = "3.17.0"
+_BATCH_VERSION = "3.17.0"
 
 
 @dataclass(frozen=True)
 class NewFeature:
-    """A value of an axis, or a state of a flag, that MuJoCo has since a version."""
+    """A value of an axis, or a state of a flag, that MuJoCo has had since a version."""
 
     axis: str
     value: str | bool
@@ -36,12 +36,12 @@ NEW_FEATURES = (
 )
 
 
-# As a switch takes them.
-_STATES: dict[str | bool, tuple[str, ...]] = {True: ("true", "on"), False: ("false", "off")}
+# Words that a switch accepts.
+_SWITCH_WORDS: dict[str | bool, tuple[str, ...]] = {True: ("true", "on"), False: ("false", "off")}
 
 
 def enum_members(enum: Any, prefix: str) -> dict[str, int]:  # noqa: ANN401 - a pybind11 enum
-    """Return the members of one of MuJoCo's enums without their prefix, in its order."""
+    """Return the members of a MuJoCo enum without their prefix, in its order."""
     return {
         name.removeprefix(prefix): int(value)
         for name, value in enum.__members__.items()
@@ -52,51 +52,53 @@ def enum_members(enum: Any, prefix: str) -> dict[str, int]:  # noqa: ANN401 - a 
 def has_batch() -> bool:
     """Return whether MuJoCo steps many simulations natively.
 
-    Its contact sensors measure all that a contact slot records since the version before.
+    The version before it introduced contact sensors that measure everything in a contact slot.
     """
-    return _reaches(_BATCH)
+    return _is_at_least(_BATCH_VERSION)
 
 
 def library_file() -> Path:
     """Return MuJoCo's shared library.
 
-    That of another release may lie beside it: 4.0.0 is two packages, of which installing an older
-    release replaces one.
+    The library of another release may lie in the same folder: 4.0.0 consists of two packages, and
+    installing an older release replaces only one of them.
     """
     (library,) = Path(mujoco.__file__).parent.glob(f"libmujoco*.so*{mujoco.__version__}")
     return library
 
 
 def missing_flags() -> frozenset[str]:
-    """Return the flags that this version lacks; it behaves as with their defaults."""
-    return frozenset(feature.axis for feature in _unsupported() if isinstance(feature.value, bool))
+    """Return the flags that this version lacks; it behaves as with their default values."""
+    return frozenset(
+        feature.axis for feature in _unsupported_features() if isinstance(feature.value, bool)
+    )
 
 
 def incomplete_axes() -> frozenset[str]:
-    """Return the axes of which this version lacks a value."""
-    return frozenset(feature.axis for feature in _unsupported())
+    """Return the axes with a value that this version lacks."""
+    return frozenset(feature.axis for feature in _unsupported_features())
 
 
 def why_unsupported(axis: str, value: object) -> str | None:
-    """Return why this version lacks a value of an axis; None if it is not known to."""
-    lacking = _lacking(axis, value)
+    """Return why this version lacks a value of an axis; None if it is not known to lack it."""
+    lacking = _missing_feature(axis, value)
     if lacking is None:
         return None
-    what = f"{axis} '{lacking.value}'" if isinstance(lacking.value, str) else f"flag '{axis}'"
+    feature = f"{axis} '{lacking.value}'" if isinstance(lacking.value, str) else f"flag '{axis}'"
     return (
-        f"MuJoCo {VERSION} has no {what}, which came with {lacking.version}; "
-        f"leave it out, or run with --mujoco {lacking.version}"
+        f"MuJoCo {VERSION} has no {feature}, which came with {lacking.version}; "
+        f"remove it, or run with --mujoco {lacking.version}"
     )
 
 
 def in_this_version(axis: AxisSpec, *, lenient: bool) -> AxisSpec:
-    """Return an axis that refuses what this version lacks, naming the version that has it.
+    """Return an axis that refuses values missing in this version, naming the version that has them.
 
-    A lenient one accepts it, for plans that then drop it.
+    A lenient axis accepts them, for plans that drop them later.
     """
 
     def parse(value: object) -> object:
-        lacking = _lacking(axis.name, value)
+        lacking = _missing_feature(axis.name, value)
         if lacking and not lenient:
             raise ValueError(why_unsupported(axis.name, value))
         return lacking.value if lacking else axis.parse(value)
@@ -104,24 +106,29 @@ def in_this_version(axis: AxisSpec, *, lenient: bool) -> AxisSpec:
     return replace(axis, parse=parse) if axis.name in incomplete_axes() else axis
 
 
-def _lacking(axis: str, value: object) -> NewFeature | None:
-    known = (feature for feature in _unsupported() if feature.axis == axis)
+def _missing_feature(axis: str, value: object) -> NewFeature | None:
+    known = (feature for feature in _unsupported_features() if feature.axis == axis)
     word = str(value).lower()
     return next(
-        (feature for feature in known if word in _STATES.get(feature.value, (feature.value,))), None
+        (
+            feature
+            for feature in known
+            if word in _SWITCH_WORDS.get(feature.value, (feature.value,))
+        ),
+        None,
     )
 
 
-def _unsupported() -> list[NewFeature]:
-    return [feature for feature in NEW_FEATURES if not _reaches(feature.version)]
+def _unsupported_features() -> list[NewFeature]:
+    return [feature for feature in NEW_FEATURES if not _is_at_least(feature.version)]
 
 
-def _reaches(version: str) -> bool:
-    return _parts(VERSION) >= _parts(version)
+def _is_at_least(version: str) -> bool:
+    return _version_numbers(VERSION) >= _version_numbers(version)
 
 
 @cache
-def _parts(version: str) -> tuple[int, ...]:
+def _version_numbers(version: str) -> tuple[int, ...]:
     """Return the first three numbers of a version such as 4.0.1.dev2."""
     return tuple(int(part) for part in version.split(".")[:3] if part.isdigit())
 
@@ -138,9 +145,9 @@ def silence_mujoco() -> None:
 
 @cache
 def _install_warning_handler() -> object:
-    """Install a warning handler, for versions before 3.10, whose log cannot be configured.
+    """Install a warning handler for versions before 3.10, which have no log configuration.
 
-    The cache keeps the function alive that MuJoCo calls.
+    The cache keeps a reference to the function that MuJoCo calls.
     """
     ignore = ctypes.CFUNCTYPE(None, ctypes.c_char_p)(lambda _: None)
     handler = ctypes.c_void_p.in_dll(ctypes.CDLL(str(library_file())), "mju_user_warning")

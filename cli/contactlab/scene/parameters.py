@@ -1,7 +1,7 @@
-"""The parameters that every scene offers as axes: name, unit, how a value changes the settings.
+"""The parameters that every scene offers as axes: name, unit, effect on the settings.
 
-Contact parameters are those of the monitored pairs; sources are MuJoCo's XML reference (option,
-geom) and its Modeling chapter (solver parameters). `contactlab.mjcf` says where each stands.
+Contact parameters are those of the monitored pairs. Sources are MuJoCo's XML reference (option,
+geom) and its Modeling chapter (solver parameters). `contactlab.mjcf` gives each one's MJCF element.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -33,17 +33,20 @@ Vector = tuple[float, ...]
 
 @dataclass(frozen=True)
 class Parameter(AxisSpec):
-    """An axis, and how its parsed value updates the settings; None sets a setting as a whole."""
+    """An axis with the function that writes its parsed value into the settings.
+
+    Without the function, the value replaces the whole setting.
+    """
 
     update: Update | None = None
 
     @property
     def sets(self) -> str:
-        """The setting that it changes, which is an attribute of MJCF."""
+        """The setting that it changes, an attribute of MJCF."""
         return attribute_of(self.name)
 
     def write(self, settings: Settings, value: object) -> None:
-        """Write a parsed value into the settings, other settings of its kind kept."""
+        """Write a parsed value into the settings, and keep other settings of its kind."""
         if self.update is None:
             settings[self.sets] = value
         else:
@@ -53,27 +56,27 @@ class Parameter(AxisSpec):
 PARAMETERS: Registry[Parameter] = Registry("parameter")
 """Every parameter, in the order in which values are applied."""
 
-_SPELLED = {"EULER": "Euler", "RK4": "RK4", "PGS": "PGS", "CG": "CG", "NEWTON": "Newton"}
+_MJCF_SPELLING = {"EULER": "Euler", "RK4": "RK4", "PGS": "PGS", "CG": "CG", "NEWTON": "Newton"}
 
 
-def _words(enum: object, prefix: str) -> tuple[str, ...]:
-    """Return the words of one of MuJoCo's enums as MJCF spells them, for as many as it has."""
-    return tuple(_SPELLED.get(name, name.lower()) for name in enum_members(enum, prefix))
+def _enum_keywords(enum: object, prefix: str) -> tuple[str, ...]:
+    """Return the keywords of a MuJoCo enum in MJCF's spelling."""
+    return tuple(_MJCF_SPELLING.get(name, name.lower()) for name in enum_members(enum, prefix))
 
 
 WORDS: Mapping[str, tuple[str, ...]] = {
-    "integrator": _words(mujoco.mjtIntegrator, "mjINT_"),
-    "cone": _words(mujoco.mjtCone, "mjCONE_"),
-    "solver": _words(mujoco.mjtSolver, "mjSOL_"),
-    "jacobian": _words(mujoco.mjtJacobian, "mjJAC_"),
+    "integrator": _enum_keywords(mujoco.mjtIntegrator, "mjINT_"),
+    "cone": _enum_keywords(mujoco.mjtCone, "mjCONE_"),
+    "solver": _enum_keywords(mujoco.mjtSolver, "mjSOL_"),
+    "jacobian": _enum_keywords(mujoco.mjtJacobian, "mjJAC_"),
 }
-"""The words of each option that takes one, in the order of the engine's enum."""
+"""The keywords of each option that takes one, in the order of the engine's enum."""
 
 
-def _set_places(
+def _set_numbers(
     name: str, *places: int, form: Callable[[Vector], Vector] = tuple, sign: float = 1.0
 ) -> Update:
-    """Set some of a setting's numbers, once it has a form, to one value."""
+    """Return the update that sets some numbers of a setting, converted by `form`, to a value."""
 
     def update(settings: Settings, value: object) -> None:
         current = list(form(as_vector(settings[name])))
@@ -85,12 +88,12 @@ def _set_places(
 
 
 def _standard_form(solref: Vector) -> Vector:
-    """Return a solref in standard form; a direct form is left for MuJoCo's default."""
+    """Return a solref in standard form; MuJoCo's default replaces a direct form."""
     return solref if solref[0] > 0 else (0.02, 1.0)
 
 
 def _direct_form(solref: Vector) -> Vector:
-    """Return a solref in direct form; a standard form is turned into its equal."""
+    """Return a solref in direct form; a standard form is converted to its equal."""
     if solref[0] <= 0:
         return solref
     stiffness, damping = stiffness_damping(solref)
@@ -101,7 +104,7 @@ _damping_ratio = cache(damping_ratio_of)
 
 
 def _set_restitution(settings: Settings, value: object) -> None:
-    """Keep the contact's natural frequency w and set the damping that restitution asks for."""
+    """Keep the contact's natural frequency w and set the damping for a restitution."""
     stiffness = -_direct_form(as_vector(settings["solref"]))[0]
     damping = 2.0 * float(_damping_ratio(as_number(value))) * stiffness**0.5
     settings["solref"] = (-stiffness, -damping)
@@ -113,7 +116,7 @@ def _set_gravity(settings: Settings, value: object) -> None:
 
 
 def _set_friction(settings: Settings, value: object) -> None:
-    """Set the contact's five coefficients by the three that MJCF gives a geom."""
+    """Set the contact's five coefficients from the three of a geom in MJCF."""
     slide, torsion, roll = as_vector(value)
     settings["friction"] = (slide, slide, torsion, roll, roll)
 
@@ -133,7 +136,7 @@ def _parse_condim(value: object) -> int:
 
 
 def _parse_solimp(value: object) -> object:
-    """Read five numbers; MJCF's defaults fill in for three."""
+    """Read five numbers, or three completed with MJCF's defaults."""
     parts = value.split() if isinstance(value, str) else value
     if isinstance(parts, (list, tuple)) and len(parts) == 3:
         parts = [*parts, 0.5, 2]
@@ -158,58 +161,62 @@ def _friction_mistake(value: tuple[float, ...]) -> str | None:
 
 
 def _split_solref(value: object) -> dict[str, float]:
-    """Name the parts of a solref by its form; the other form's are absent."""
+    """Return the named parts of a solref in its form; parts of the other form are absent."""
     first, second = as_vector(value)
     if first > 0:
-        return dict(zip(_STANDARD, (first, second), strict=True))
-    return dict(zip(_DIRECT, (-first, -second), strict=True))
+        return dict(zip(_STANDARD_PARTS, (first, second), strict=True))
+    return dict(zip(_DIRECT_PARTS, (-first, -second), strict=True))
 
 
-def _word(name: str, description: str) -> Parameter:
+def _keyword_parameter(name: str, description: str) -> Parameter:
     return Parameter(name, "", description, choice(WORDS[name]), WORDS[name])
 
 
-def _part(name: str, unit: str, description: str, parse: Parser, *places: int) -> Parameter:
-    """Return the parameter of one number of a setting, which stands in some places."""
+def _number_parameter(
+    name: str, unit: str, description: str, parse: Parser, *places: int
+) -> Parameter:
+    """Return the parameter of one number of a setting, which may have several indices."""
     return Parameter(
-        name, unit, description, parse, update=_set_places(attribute_of(name), *places)
+        name, unit, description, parse, update=_set_numbers(attribute_of(name), *places)
     )
 
 
-def _split(parts: tuple[str, ...], value: object) -> dict[str, float]:
+def _split_vector(parts: tuple[str, ...], value: object) -> dict[str, float]:
     return dict(zip(parts, as_vector(value), strict=True))
 
 
-_set_standard = partial(_set_places, "solref", form=_standard_form)
-_set_direct = partial(_set_places, "solref", form=_direct_form, sign=-1.0)
-_POSITIVE = number(above=0)
-_NOT_NEGATIVE = number(least=0)
-_SHARE = number(above=0, most=0.9999)
-_STANDARD, _DIRECT = (
+_set_standard = partial(_set_numbers, "solref", form=_standard_form)
+_set_direct = partial(_set_numbers, "solref", form=_direct_form, sign=-1.0)
+_POSITIVE_NUMBER = number(above=0)
+_NONNEGATIVE_NUMBER = number(least=0)
+_OPEN_FRACTION = number(above=0, most=0.9999)
+_STANDARD_PARTS, _DIRECT_PARTS = (
     ("solref.timeconst", "solref.dampratio"),
     ("solref.stiffness", "solref.damping"),
 )
-_SOLIMP = tuple(f"solimp.{part}" for part in ("dmin", "dmax", "width", "midpoint", "power"))
-_FRICTION = ("friction.slide", "friction.torsion", "friction.roll")
+_SOLIMP_PARTS = tuple(f"solimp.{part}" for part in ("dmin", "dmax", "width", "midpoint", "power"))
+_FRICTION_PARTS = ("friction.slide", "friction.torsion", "friction.roll")
 
 # The order is that of application: a restitution keeps the stiffness set before it.
 for parameter in (
-    Parameter("timestep", "s", "length of a step", _POSITIVE),
-    _word("integrator", "integrator"),
-    _word("cone", "friction cone"),
-    _word("solver", "constraint solver"),
-    _word("jacobian", "constraint Jacobian"),
+    Parameter("timestep", "s", "length of a step", _POSITIVE_NUMBER),
+    _keyword_parameter("integrator", "integrator"),
+    _keyword_parameter("cone", "friction cone"),
+    _keyword_parameter("solver", "constraint solver"),
+    _keyword_parameter("jacobian", "constraint Jacobian"),
     Parameter("iterations", "1", "most solver iterations", integer(1)),
-    Parameter("tolerance", "1", "solver tolerance", _NOT_NEGATIVE),
+    Parameter("tolerance", "1", "solver tolerance", _NONNEGATIVE_NUMBER),
     Parameter("ls_iterations", "1", "most line-search iterations", integer(1)),
-    Parameter("ls_tolerance", "1", "line-search tolerance", _NOT_NEGATIVE),
+    Parameter("ls_tolerance", "1", "line-search tolerance", _NONNEGATIVE_NUMBER),
     Parameter("noslip_iterations", "1", "most noslip iterations", integer(0)),
-    Parameter("noslip_tolerance", "1", "noslip tolerance", _NOT_NEGATIVE),
+    Parameter("noslip_tolerance", "1", "noslip tolerance", _NONNEGATIVE_NUMBER),
     Parameter("ccd_iterations", "1", "most iterations of convex collision detection", integer(1)),
-    Parameter("ccd_tolerance", "m", "tolerance of convex collision detection", _NOT_NEGATIVE),
-    Parameter("impratio", "1", "ratio of frictional to normal impedance", or_off(1.0, _POSITIVE)),
-    Parameter("density", "kg/m^3", "density of the medium", _NOT_NEGATIVE),
-    Parameter("viscosity", "Pa s", "viscosity of the medium", _NOT_NEGATIVE),
+    Parameter("ccd_tolerance", "m", "tolerance of convex collision detection", _NONNEGATIVE_NUMBER),
+    Parameter(
+        "impratio", "1", "ratio of frictional to normal impedance", or_off(1.0, _POSITIVE_NUMBER)
+    ),
+    Parameter("density", "kg/m^3", "density of the medium", _NONNEGATIVE_NUMBER),
+    Parameter("viscosity", "Pa s", "viscosity of the medium", _NONNEGATIVE_NUMBER),
     Parameter(
         "gravity",
         "m/s^2",
@@ -222,20 +229,36 @@ for parameter in (
         "s 1",
         "contact reference: time constant and damping ratio, or -stiffness and -damping",
         numbers(2, "timeconst dampratio", _solref_mistake),
-        conflicts=(*_STANDARD, *_DIRECT, "restitution"),
-        parts=(*_STANDARD, *_DIRECT),
+        conflicts=(*_STANDARD_PARTS, *_DIRECT_PARTS, "restitution"),
+        parts=(*_STANDARD_PARTS, *_DIRECT_PARTS),
         split=_split_solref,
     ),
-    Parameter(_STANDARD[0], "s", "time constant", _POSITIVE, (), _DIRECT, update=_set_standard(0)),
-    Parameter(_STANDARD[1], "1", "damping ratio", _POSITIVE, (), _DIRECT, update=_set_standard(1)),
-    Parameter(_DIRECT[0], "1/s^2", "stiffness K", _POSITIVE, update=_set_direct(0)),
-    Parameter(_DIRECT[1], "1/s", "damping B", _NOT_NEGATIVE, update=_set_direct(1)),
+    Parameter(
+        _STANDARD_PARTS[0],
+        "s",
+        "time constant",
+        _POSITIVE_NUMBER,
+        (),
+        _DIRECT_PARTS,
+        update=_set_standard(0),
+    ),
+    Parameter(
+        _STANDARD_PARTS[1],
+        "1",
+        "damping ratio",
+        _POSITIVE_NUMBER,
+        (),
+        _DIRECT_PARTS,
+        update=_set_standard(1),
+    ),
+    Parameter(_DIRECT_PARTS[0], "1/s^2", "stiffness K", _POSITIVE_NUMBER, update=_set_direct(0)),
+    Parameter(_DIRECT_PARTS[1], "1/s", "damping B", _NONNEGATIVE_NUMBER, update=_set_direct(1)),
     Parameter(
         "restitution",
         "1",
         "restitution: sets the damping that produces it at the contact's natural frequency",
         number(above=0, most=1.0),
-        conflicts=(*_STANDARD, _DIRECT[1]),
+        conflicts=(*_STANDARD_PARTS, _DIRECT_PARTS[1]),
         update=_set_restitution,
     ),
     Parameter(
@@ -243,55 +266,55 @@ for parameter in (
         "1",
         "contact impedance",
         _parse_solimp,
-        conflicts=_SOLIMP,
-        parts=_SOLIMP,
-        split=partial(_split, _SOLIMP),
+        conflicts=_SOLIMP_PARTS,
+        parts=_SOLIMP_PARTS,
+        split=partial(_split_vector, _SOLIMP_PARTS),
     ),
-    _part("solimp.dmin", "1", "impedance at zero depth", _SHARE, 0),
-    _part("solimp.dmax", "1", "impedance at full depth", _SHARE, 1),
-    _part("solimp.width", "m", "depth of full impedance", _POSITIVE, 2),
-    _part("solimp.midpoint", "1", "midpoint of the impedance curve", _SHARE, 3),
-    _part("solimp.power", "1", "power of the impedance curve", number(least=1), 4),
+    _number_parameter("solimp.dmin", "1", "impedance at zero depth", _OPEN_FRACTION, 0),
+    _number_parameter("solimp.dmax", "1", "impedance at full depth", _OPEN_FRACTION, 1),
+    _number_parameter("solimp.width", "m", "depth of full impedance", _POSITIVE_NUMBER, 2),
+    _number_parameter("solimp.midpoint", "1", "midpoint of the impedance curve", _OPEN_FRACTION, 3),
+    _number_parameter("solimp.power", "1", "power of the impedance curve", number(least=1), 4),
     Parameter(
         "friction",
         "1 m m",
         "sliding, torsional and rolling friction",
         numbers(3, "slide torsion roll; for one of them, sweep friction.slide", _friction_mistake),
-        conflicts=_FRICTION,
-        parts=_FRICTION,
-        split=partial(_split, _FRICTION),
+        conflicts=_FRICTION_PARTS,
+        parts=_FRICTION_PARTS,
+        split=partial(_split_vector, _FRICTION_PARTS),
         update=_set_friction,
     ),
-    _part("friction.slide", "1", "sliding friction", _NOT_NEGATIVE, 0, 1),
-    _part("friction.torsion", "m", "torsional friction", _NOT_NEGATIVE, 2),
-    _part("friction.roll", "m", "rolling friction", _NOT_NEGATIVE, 3, 4),
+    _number_parameter("friction.slide", "1", "sliding friction", _NONNEGATIVE_NUMBER, 0, 1),
+    _number_parameter("friction.torsion", "m", "torsional friction", _NONNEGATIVE_NUMBER, 2),
+    _number_parameter("friction.roll", "m", "rolling friction", _NONNEGATIVE_NUMBER, 3, 4),
     Parameter("condim", "1", "contact dimensions: 1, 3, 4 or 6", _parse_condim),
-    Parameter("margin", "m", "distance at which contact begins", _NOT_NEGATIVE),
+    Parameter("margin", "m", "distance at which contact begins", _NONNEGATIVE_NUMBER),
     Parameter(
         "stiffness",
         AT_REST["stiffness"],
         "load over depth of one contact, of any load: sets solref, and dmin of solimp to dmax",
-        _POSITIVE,
-        conflicts=("solref", _STANDARD[0], *_DIRECT, "solimp.dmin", "depth_at_rest"),
+        _POSITIVE_NUMBER,
+        conflicts=("solref", _STANDARD_PARTS[0], *_DIRECT_PARTS, "solimp.dmin", "depth_at_rest"),
     ),
     Parameter(
         "depth_at_rest",
         AT_REST["depth_at_rest"],
-        "depth of contacts under what they bear where the model is written: sets solref",
-        _POSITIVE,
-        conflicts=("solref", _STANDARD[0], *_DIRECT),
+        "depth of contacts under their load at the start of the model: sets solref",
+        _POSITIVE_NUMBER,
+        conflicts=("solref", _STANDARD_PARTS[0], *_DIRECT_PARTS),
     ),
     Parameter(
         "gap",
         "m",
         "distance beyond the margin within which contacts exist but exert no force",
-        _NOT_NEGATIVE,
+        _NONNEGATIVE_NUMBER,
     ),
 ):
     PARAMETERS.add(parameter)
-_RANK = {name: rank for rank, name in enumerate(PARAMETERS)}
+_APPLICATION_RANK = {name: rank for rank, name in enumerate(PARAMETERS)}
 
 
 def application_order(names: Iterable[str]) -> list[str]:
-    """Return axes in the order in which their values are applied: parameters come first."""
-    return sorted(names, key=lambda name: _RANK.get(name, len(_RANK)))
+    """Return axes in the order in which their values are applied; parameters come first."""
+    return sorted(names, key=lambda name: _APPLICATION_RANK.get(name, len(_APPLICATION_RANK)))

@@ -1,4 +1,4 @@
-"""Which bodies the parts of a model act on: what is said of a part is said of them."""
+"""Finds the bodies that the elements of a model act on; reports about an element name them."""
 
 from collections.abc import Iterable
 
@@ -7,22 +7,22 @@ import numpy as np
 
 from contactlab.scene.model_names import name_of
 
-_EQUALITY = mujoco.mjtEq
+_EQUALITY_TYPES = mujoco.mjtEq
 _TRN = mujoco.mjtTrn
 _WRAP = mujoco.mjtWrap
-_SITES = (int(_TRN.mjTRN_SITE), int(_TRN.mjTRN_SLIDERCRANK))
+_SITE_TRANSMISSIONS = (int(_TRN.mjTRN_SITE), int(_TRN.mjTRN_SLIDERCRANK))
 AT_JOINT = (int(_TRN.mjTRN_JOINT), int(_TRN.mjTRN_JOINTINPARENT))
 """Transmissions of actuators that move one joint."""
 
 
 def moving_bodies(model: mujoco.MjModel, bodies: Iterable[int]) -> tuple[str, ...]:
-    """Return the names of those bodies that can move, each once."""
-    kept = dict.fromkeys(int(body) for body in bodies if body >= 0 and model.body_weldid[body])
-    return tuple(name_of(model, "body", body) for body in kept)
+    """Return the names of the bodies that can move, each once."""
+    moving = dict.fromkeys(int(body) for body in bodies if body >= 0 and model.body_weldid[body])
+    return tuple(name_of(model, "body", body) for body in moving)
 
 
 def bodies_of_tendon(model: mujoco.MjModel, index: int) -> tuple[str, ...]:
-    """Return the bodies that a tendon runs along: of its sites, its joints and what it wraps."""
+    """Return the bodies along a tendon: of its sites, its joints and its wrapping geoms."""
     first = int(model.tendon_adr[index])
     part = slice(first, first + int(model.tendon_num[index]))
     kinds, objects = model.wrap_type[part], np.asarray(model.wrap_objid[part])
@@ -47,21 +47,21 @@ def bodies_of_actuator(model: mujoco.MjModel, index: int) -> tuple[str, ...]:
         return moving_bodies(model, np.asarray(model.jnt_bodyid)[ends[:1]])
     if kind == _TRN.mjTRN_TENDON:
         return bodies_of_tendon(model, int(ends[0]))
-    if kind in _SITES:
+    if kind in _SITE_TRANSMISSIONS:
         return moving_bodies(model, np.asarray(model.site_bodyid)[ends[ends >= 0]])
     return moving_bodies(model, ends[:1] if kind == _TRN.mjTRN_BODY else [])
 
 
 def bodies_of_equality(model: mujoco.MjModel, index: int) -> tuple[str, ...]:
-    """Return the bodies that an equality constraint connects; of a flex, none."""
+    """Return the bodies that an equality constraint connects; none for a flex."""
     kind = int(model.eq_type[index])
     ends = [int(model.eq_obj1id[index]), int(model.eq_obj2id[index])]
-    if kind == _EQUALITY.mjEQ_JOINT:
+    if kind == _EQUALITY_TYPES.mjEQ_JOINT:
         return moving_bodies(model, np.asarray(model.jnt_bodyid)[[end for end in ends if end >= 0]])
-    if kind == _EQUALITY.mjEQ_TENDON:
+    if kind == _EQUALITY_TYPES.mjEQ_TENDON:
         names = [bodies_of_tendon(model, end) for end in ends if end >= 0]
         return tuple(dict.fromkeys(name for each in names for name in each))
-    if kind not in {_EQUALITY.mjEQ_CONNECT, _EQUALITY.mjEQ_WELD}:
+    if kind not in {_EQUALITY_TYPES.mjEQ_CONNECT, _EQUALITY_TYPES.mjEQ_WELD}:
         return ()
     if model.eq_objtype[index] == int(mujoco.mjtObj.mjOBJ_SITE):
         ends = np.asarray(model.site_bodyid)[ends].tolist()
@@ -69,16 +69,16 @@ def bodies_of_equality(model: mujoco.MjModel, index: int) -> tuple[str, ...]:
 
 
 def hauled(model: mujoco.MjModel) -> np.ndarray:
-    """Return (neq,) whether an equality holds a body to one of mocap, which drives it.
+    """Return (neq,) whether an equality holds a body to a mocap body, which drives it.
 
-    As a servo's gain, how soft it is says how a hand is led, and not how rigid the model is; and
-    as a servo's error, how far the hand stays behind is no violation.
+    Its softness acts like the gain of a servo: it describes how a hand is led, not how rigid the
+    model is. Its violation acts like the error of a servo and is not a fault.
     """
-    kinds = (int(_EQUALITY.mjEQ_CONNECT), int(_EQUALITY.mjEQ_WELD))
-    found = np.zeros(model.neq, bool)
+    kinds = (int(_EQUALITY_TYPES.mjEQ_CONNECT), int(_EQUALITY_TYPES.mjEQ_WELD))
+    driven = np.zeros(model.neq, bool)
     for equality in np.flatnonzero(np.isin(model.eq_type, kinds)):
         ends = [int(ids[equality]) for ids in (model.eq_obj1id, model.eq_obj2id)]
         if int(model.eq_objtype[equality]) == mujoco.mjtObj.mjOBJ_SITE:
             ends = [int(model.site_bodyid[site]) for site in ends]
-        found[equality] = any(int(model.body_mocapid[body]) >= 0 for body in ends)
-    return found
+        driven[equality] = any(int(model.body_mocapid[body]) >= 0 for body in ends)
+    return driven

@@ -1,4 +1,4 @@
-"""The rows of a recording: matched with a model, in its units and frames, and checked."""
+"""Rows of a recording: matched with a model, converted to its units and frames, and checked."""
 
 from collections.abc import Iterator
 
@@ -14,30 +14,38 @@ from contactlab.scene.drive.recorded import RecordedTable
 from contactlab.scene.model_names import part_starts
 from contactlab.schema.scene_manifest import UNITS, Recording
 
-_GAP = 1.5  # time between rows, over the usual one, from which rows are missing
-_OFF_NORM = 0.01  # what rounding leaves of a quaternion's norm, at most
-_BEYOND = 0.05  # share of its range by which a joint may be beyond it
-_FASTEST = 100.0  # speed that nothing recorded has [m/s or rad/s]
-_AGREE = 0.25  # share by which recorded velocities may differ from those of the poses
-_ALONE = 5  # how much more than before and after what jumps in one row only moves
-WINDOW = 10  # rows over which noise of single ones does not count
-_SHOWN = 3  # places of one kind of mistake that are named
+_MAX_GAP_RATIO = (
+    1.5  # rows are missing if the time between two exceeds the usual one by this factor
+)
+_MAX_NORM_ERROR = 0.01  # largest deviation of a quaternion's norm from 1 that rounding explains
+_MAX_RANGE_EXCESS = (
+    0.05  # largest allowed excess of a joint over its range, as a share of the range
+)
+_MAX_SPEED = 100.0  # speed above every recorded motion [m/s or rad/s]
+_MAX_VELOCITY_DIFFERENCE = (
+    0.25  # largest relative difference of recorded velocities from those of the poses
+)
+_SINGLE_JUMP_RATIO = (
+    5  # a jump of a single row exceeds the motion before and after it by this factor
+)
+WINDOW = 10  # number of rows over which the noise of single rows averages out
+_MAX_LISTED_ROWS = 3  # number of rows listed for one kind of mistake
 
 
 class RecordedRows:
     """R rows of a recording, sorted by run, as states and inputs of a model.
 
-    `runs` are the rows of each run by its number, at `times` (R,) [s]; `qpos` (R, nq) and `qvel`
-    (R, nv) have NaN for what is none of the `parts` that were recorded, and `inputs` (R,) commands
-    by index. After the rows `within`, the same run goes on, at mean `rates` (R, nv).
+    `runs` are the rows of each run by its number, at `times` (R,) [s]. `qpos` (R, nq) and `qvel`
+    (R, nv) are NaN outside the recorded `parts`. `inputs` holds commands (R,) by index. The rows
+    `within` are followed by a row of the same run, at mean `rates` (R, nv).
     """
 
     def __init__(self, model: mujoco.MjModel, entry: Recording, table: RecordedTable) -> None:
-        """Read the rows; a SceneError has all that is wrong with them."""
+        """Read the rows. Raises a SceneError that lists all of their mistakes."""
         self._model, self._entry, self._name = model, entry, table.name
         keys = [entry.time, *([entry.run] if entry.run else [])]
         named = entry.columns or {column: column for column in table.columns if column not in keys}
-        # A joint's name is that of its coordinate, not of the control of its actuator.
+        # A joint's name denotes its coordinate, not the control of its actuator.
         joints = {model.joint(index).name for index in range(model.njnt)}
         named = {
             f"{name}.qpos" if name in joints else name: column for name, column in named.items()
@@ -47,43 +55,47 @@ class RecordedRows:
             self._mistakes += lacking
             self.refuse()
         self._unsound = set[float]()
-        self._sort(*(table.columns[key] for key in keys))
+        self._sort_by_run(*(table.columns[key] for key in keys))
         columns = {place: table.columns[name][self._order] for place, name in found.items()}
         names = [entry.time, *found.values()]
         for column, values in zip(names, [self.times, *columns.values()], strict=True):
             unknown = ~np.isfinite(values)
             self.note(f"no finite number in column `{column}`", np.flatnonzero(unknown))
             values[unknown] = np.nan
-        self._take(columns)
-        self._convert()
+        self._assign_columns(columns)
+        self._convert_units()
         self._check_times()
         self._check_velocities()
 
     @property
     def sound(self) -> tuple[float, ...]:
-        """The runs in none of whose rows a mistake was found."""
+        """The runs without mistakes in their rows."""
         return tuple(run for run in self.runs if run not in self._unsound)
 
-    def note(self, what: str, rows: NDArray[np.intp]) -> None:
-        """Note one kind of mistake, with the first of the rows that have it, if any."""
+    def note(self, mistake: str, rows: NDArray[np.intp]) -> None:
+        """Collect one kind of mistake with the first of its rows, if there are any."""
         if len(rows):
             self._unsound.update(self._numbers[rows].tolist())
             run = self._entry.run
             shown = [
                 f"row {self._order[row] + 1}" + (f" ({run} {self._numbers[row]:g})" if run else "")
-                for row in rows[:_SHOWN].tolist()
+                for row in rows[:_MAX_LISTED_ROWS].tolist()
             ]
-            more = f" and {len(rows) - _SHOWN:,} more" if len(rows) > _SHOWN else ""
-            self._mistakes.append(f"{what}: {', '.join(shown)}{more}")
+            more = (
+                f" and {len(rows) - _MAX_LISTED_ROWS:,} more"
+                if len(rows) > _MAX_LISTED_ROWS
+                else ""
+            )
+            self._mistakes.append(f"{mistake}: {', '.join(shown)}{more}")
 
     def refuse(self) -> None:
-        """Raise a SceneError with what was noted, if anything was."""
+        """Raise a SceneError with the collected mistakes, if there are any."""
         if self._mistakes:
-            head = f"{self._name} is no recording of this model:"
+            head = f"{self._name} is not a recording of this model:"
             raise SceneError("\n  ".join([head, *self._mistakes]))
 
-    def _sort(self, times: Floats, numbers: Floats | None = None) -> None:
-        """Sort rows by run; those of a run stay in the order of the file."""
+    def _sort_by_run(self, times: Floats, numbers: Floats | None = None) -> None:
+        """Sort rows by run; rows of a run keep the order of the file."""
         numbers = np.zeros(len(times)) if numbers is None else numbers
         order = np.argsort(numbers, kind="stable")
         self._order = order[~np.isin(numbers[order], self._entry.leave_out)]
@@ -94,15 +106,14 @@ class RecordedRows:
         ends = (first + counts).tolist()
         self.runs = dict(zip(ids.tolist(), map(slice, first.tolist(), ends), strict=True))
         odd = np.nan_to_num(self._numbers, nan=0.5, posinf=0.5, neginf=0.5) % 1
-        self.note("the number of a run is not whole", np.flatnonzero(odd))
+        self.note("the number of a run is not an integer", np.flatnonzero(odd))
         if unknown := sorted(set(self._entry.leave_out) - set(numbers.tolist())):
             self._mistakes.append(f"no run to leave out: {', '.join(map(str, unknown))}")
         if not self.runs:
             self._mistakes.append("it has no rows")
             self.refuse()
 
-    def _take(self, columns: dict[int, Floats]) -> None:
-        """Take the columns of the state and of inputs."""
+    def _assign_columns(self, columns: dict[int, Floats]) -> None:
         model, first = self._model, part_starts(self._model)["ctrl"]
         state = np.full((len(self._order), first), np.nan)
         self.inputs = dict[int, Floats]()
@@ -112,8 +123,8 @@ class RecordedRows:
             else:
                 self.inputs[place - first] = values
         self.qpos, self.qvel = state[:, : model.nq], state[:, model.nq : model.nq + model.nv]
-        given = np.isin(np.arange(model.nq), list(columns))
-        parts = [(part, given[part.qpos]) for part in _parts(model)]
+        is_recorded = np.isin(np.arange(model.nq), list(columns))
+        parts = [(part, is_recorded[part.qpos]) for part in _joint_parts(model)]
         self.parts = tuple(part for part, known in parts if known.all())
         for part, known in parts:
             if known.any() and not known.all():
@@ -122,8 +133,8 @@ class RecordedRows:
         if not self.parts:
             self._mistakes.append("no columns are a joint or a free body; name one")
 
-    def _convert(self) -> None:
-        """Convert what was recorded to metres and radians, and to the frames of the model."""
+    def _convert_units(self) -> None:
+        """Convert the rows to meters and radians, and to the frames of the model."""
         length, angle = UNITS[self._entry.units.length], UNITS[self._entry.units.angle]
         frame, turn = self._entry.frame, np.array([1.0, 0, 0, 0])
         if frame != "world":
@@ -134,8 +145,8 @@ class RecordedRows:
             if part.kind == "turn":
                 norm = np.linalg.norm(place, axis=1)
                 what = f"the quaternion of {part.joint} does not have the norm 1"
-                self.note(what, np.flatnonzero(np.abs(norm - 1) > _OFF_NORM))
-                place[:] = multiply(turn, place / np.maximum(norm, _OFF_NORM)[:, None])
+                self.note(what, np.flatnonzero(np.abs(norm - 1) > _MAX_NORM_ERROR))
+                place[:] = multiply(turn, place / np.maximum(norm, _MAX_NORM_ERROR)[:, None])
                 if self._entry.turning == "world":
                     speed[:] = rotate_back(place, rotate(turn, speed))
                 continue
@@ -145,24 +156,24 @@ class RecordedRows:
                 speed[:] = rotate(turn, speed)
 
     def _check_times(self) -> None:
-        """Find rows that are alone, late or missing, and joints beyond their ranges."""
+        """Find runs with one row, late or missing rows, and joints beyond their ranges."""
         single = [rows.start for rows in self.runs.values() if rows.stop - rows.start < 2]
         self.note("the only row of a run", np.array(single, np.intp))
         steps = np.diff(self.times)[self.within]
         self.note("time does not increase after", self.within[steps <= 0])
         usual = float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
         what = f"rows are missing (others are {usual * 1e3:.3g} ms apart) after"
-        self.note(what, self.within[steps > _GAP * usual])
+        self.note(what, self.within[steps > _MAX_GAP_RATIO * usual])
         for part in self.parts:
             joint = self._model.joint(part.joint)
             if part.kind in ("slide", "hinge") and self._model.jnt_limited[joint.id]:
                 low, high = joint.range
                 out = np.abs(self.qpos[:, part.qpos.start] - (low + high) / 2) / part.size
                 what = f"{part.joint} is beyond its range of {low:.3g} to {high:.3g}"
-                self.note(what, np.flatnonzero(out > 0.5 + _BEYOND))
+                self.note(what, np.flatnonzero(out > 0.5 + _MAX_RANGE_EXCESS))
 
     def _check_velocities(self) -> None:
-        """Find jumps, and recorded velocities that are not those of the poses; fill in others."""
+        """Find jumps, and velocities that contradict the poses; fill in missing velocities."""
         self.rates = np.full_like(self.qvel, np.nan)
         steps = np.diff(self.times, append=np.nan)
         qpos = np.where(np.isnan(self.qpos), self._model.qpos0, self.qpos)
@@ -171,19 +182,22 @@ class RecordedRows:
             mujoco.mj_differentiatePos(self._model, self.rates[row], steps[row], *pair)
         measured = (self.qvel + np.roll(self.qvel, -1, axis=0)) / 2
         for part in self.parts:
-            what = "angular velocity" if part.kind in ("turn", "hinge") else "velocity"
+            quantity = "angular velocity" if part.kind in ("turn", "hinge") else "velocity"
             rates = self.rates[:, part.qvel]
-            jumps = np.flatnonzero(np.linalg.norm(rates, axis=1) > _FASTEST)
-            self.note(f"{part.joint} jumps, or is in another unit ({what}), after", jumps)
-            self.note(f"{part.joint} is elsewhere in one row", _alone(rates * steps[:, None], part))
-            apart = measured[:, part.qvel] - rates
-            off, typical = _size(apart), _size(rates)
-            if off > _AGREE * typical:
+            jumps = np.flatnonzero(np.linalg.norm(rates, axis=1) > _MAX_SPEED)
+            self.note(f"{part.joint} jumps, or is in another unit ({quantity}), after", jumps)
+            self.note(
+                f"{part.joint} jumps in one row only",
+                _single_row_jumps(rates * steps[:, None], part),
+            )
+            difference = measured[:, part.qvel] - rates
+            off, typical = _smoothed_rms(difference), _smoothed_rms(rates)
+            if off > _MAX_VELOCITY_DIFFERENCE * typical:
                 self.note(
-                    f"{part.joint}: its {what} is {off:.3g} off that of its poses, which is "
-                    f"{typical:.3g} (root mean squares): another unit or frame, or leave it out; "
-                    "most after",
-                    np.array([np.nanargmax(np.linalg.norm(apart, axis=1))]),
+                    f"{part.joint}: its {quantity} differs by {off:.3g} from that of its poses, "
+                    f"which is {typical:.3g} (root mean squares); check unit and frame, or remove "
+                    "it; largest after",
+                    np.array([np.nanargmax(np.linalg.norm(difference, axis=1))]),
                 )
         total, count = np.zeros_like(self.qvel), np.zeros((len(self.qvel), 1))
         for rows in (self.within, self.within + 1):
@@ -192,8 +206,8 @@ class RecordedRows:
         self.qvel = np.where(np.isnan(self.qvel), total / np.maximum(count, 1), self.qvel)
 
 
-def _size(rates: Floats) -> float:
-    """Return the root mean square of rates (R, m), smoothed, as noise of poses grows with them.
+def _smoothed_rms(rates: Floats) -> float:
+    """Return the root mean square of smoothed rates (R, m); noise of poses grows in rates.
 
     Rows without a rate do not count.
     """
@@ -205,18 +219,23 @@ def _size(rates: Floats) -> float:
     return float(np.sqrt(np.square(smooth).sum(axis=0).mean()))
 
 
-def _alone(moved: Floats, part: RecordedPart) -> NDArray[np.intp]:
-    """Return rows to which a part comes from afar, and goes back; it moves by (R, m) after each."""
+def _single_row_jumps(moved: Floats, part: RecordedPart) -> NDArray[np.intp]:
+    """Return the rows with a jump of a part there and back.
+
+    The part moves by (R, m) after each row.
+    """
     far = np.linalg.norm(moved, axis=1)
     before, there, back, after = (far[k : len(far) - 3 + k] for k in range(4))
     turned = (moved[1:-2] * moved[2:-1]).sum(axis=1) < -there * back / 2
     least = np.minimum(there, back)
-    jumps = (least > _ALONE * np.maximum(before, after)) & (least > part.size / _ALONE)
+    jumps = (least > _SINGLE_JUMP_RATIO * np.maximum(before, after)) & (
+        least > part.size / _SINGLE_JUMP_RATIO
+    )
     return np.flatnonzero(turned & jumps) + 2
 
 
-def _parts(model: mujoco.MjModel) -> Iterator[RecordedPart]:
-    """Yield the parts of the state of each joint."""
+def _joint_parts(model: mujoco.MjModel) -> Iterator[RecordedPart]:
+    """Yield the recordable parts of the state of each joint."""
     hinge, slide = mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE
     for index in range(model.njnt):
         joint = model.joint(index)

@@ -1,4 +1,4 @@
-"""Recorded runs: how each starts, and what its simulation is compared with."""
+"""Recorded runs: the start of each, and the motion that its simulation is compared with."""
 
 import copy
 from collections.abc import Iterator, Sequence
@@ -16,46 +16,49 @@ from contactlab.scene.recorded_rows import WINDOW, RecordedRows
 from contactlab.scene.timed_inputs import Signals
 from contactlab.schema.scene_manifest import Recording
 
-_FLIGHT = 4  # rows of a free flight that tell its velocity
-_GRAVITY = (
-    0.2  # share by which free flight may miss gravity, where little tells how well it is known
+_MIN_FLIGHT_ROWS = 4  # fewest rows of a free flight that determine its velocity
+# Largest relative difference between free flight and gravity if there are few or damped flights.
+_MAX_GRAVITY_DIFFERENCE = 0.2
+_MAX_AIR_EFFECT = (
+    0.05  # largest relative difference due to air; tossed cubes of 0.37 kg fall at 0.981 g
 )
-_AIR = 0.05  # share by which air may; tossed cubes of 0.37 kg fall at 0.981 of it
-_FEW_FLIGHTS = 4  # fewer do not tell how well gravity is known
-_AFLOAT = 0.05  # how far above or within what carries it a body may rest, in widths
-_DEEPER = 5.0  # times as deep may it be within while it moves
-_STILL = 0.05  # how far what rests may move in the last rows, in widths
-_GRAIN = 0.1  # durations are whole multiples of it [s], so that runs of like length share jobs
-_FAR = 10.0  # distance beyond which none is measured [m]
-_IMPACT = 0.05  # how long after touch the first contact counts [s]
+_MIN_FLIGHTS = 4  # fewer flights do not show the uncertainty of gravity
+_MAX_SUPPORT_GAP = 0.05  # largest gap or depth of a resting body on its support, in body widths
+_MOVING_DEPTH_FACTOR = 5.0  # a moving body may be deeper by this factor
+_MAX_RESTING_MOTION = 0.05  # largest motion of a resting body in the last rows, in body widths
+_DURATION_GRAIN_S = (
+    0.1  # durations are multiples of it [s], so that runs of similar length share jobs
+)
+_MAX_MEASURED_DISTANCE_M = 10.0  # largest distance that is measured [m]
+_IMPACT_DURATION_S = 0.05  # duration of the first contact after touch [s]
 
 
 class RecordedRuns:
-    """The recorded runs of a table, in coordinates of a model, by their numbers, ascending."""
+    """The recorded runs of a table in coordinates of a model, by their number, ascending."""
 
     def __init__(self, model: mujoco.MjModel, entry: Recording, table: RecordedTable) -> None:
-        """Read the runs; a SceneError has all that is wrong with them."""
+        """Read the runs. Raises a SceneError that lists all of their mistakes."""
         self._model, self._rule, self._data = model, entry.start, mujoco.MjData(model)
         self._rows = rows = RecordedRows(model, entry, table)
         self._points = [part for part in rows.parts if part.kind == "point"]
         self.numbers = tuple(rows.runs)
-        self._starts = dict(self._found_starts())
+        self._starts = dict(self._find_starts())
         if model.opt.gravity.any():
             self._check_motion()
         rows.refuse()
 
     def lasts(self, number: float) -> float:
-        """Return how long a simulation of a run takes [s]: until its last row, or a bit more."""
+        """Return the duration of the simulation of a run [s]: until its last row, or a bit more."""
         rows = self._from_start(number)
         seconds = self._rows.times[rows.stop - 1] - self._rows.times[rows.start]
-        return round(float(np.ceil(seconds / _GRAIN - 1e-6)) * _GRAIN, 9)
+        return round(float(np.ceil(seconds / _DURATION_GRAIN_S - 1e-6)) * _DURATION_GRAIN_S, 9)
 
     def start(self, number: float) -> Floats:
-        """Return (nq + nv,) the state that a run starts from; NaN where it is not known."""
-        return np.concatenate([self._rows.qpos[self._starts[number]], self._velocity(number)])
+        """Return (nq + nv,) the state that a run starts from; NaN for unknown coordinates."""
+        return np.concatenate([self._rows.qpos[self._starts[number]], self._start_velocity(number)])
 
     def signals(self, number: float) -> Signals:
-        """Return what recorded commands do over time."""
+        """Return the recorded commands over time."""
         rows, inputs = self._from_start(number), self._rows.inputs
         if not inputs:
             return Signals.none()
@@ -64,7 +67,7 @@ class RecordedRuns:
         return Signals(np.array(list(inputs), np.intp), times[None], levels)
 
     def motion(self, numbers: Sequence[float]) -> RecordedMotion:
-        """Return what n runs are compared with."""
+        """Return the recorded motion that n runs are compared with."""
         runs = [self._from_start(number) for number in numbers]
         most = max(run.stop - run.start for run in runs)
 
@@ -76,17 +79,17 @@ class RecordedRuns:
 
         rows = self._rows
         times = padded(rows.times) - rows.times[[run.start for run in runs]][:, None]
-        touched = np.array([self._touched(run) for run in runs])
-        within = times - touched[:, None] >= np.array([0, _IMPACT])[:, None, None]
+        touched = np.array([self._first_touch_time(run) for run in runs])
+        within = times - touched[:, None] >= np.array([0, _IMPACT_DURATION_S])[:, None, None]
         impact = np.where(within.any(axis=2), within.argmax(axis=2) - [[1], [0]], -1)
         impact = np.where((impact >= 0).all(axis=0), impact, -1).T
-        lost = [self._lost(run.start + two) for run, two in zip(runs, impact, strict=True)]
+        lost = [self._energy_loss(run.start + two) for run, two in zip(runs, impact, strict=True)]
         known = np.where(impact[:, 0] >= 0, lost, np.nan)
         qpos, qvel = padded(rows.qpos), padded(rows.qvel)
         return RecordedMotion(rows.parts, times, qpos, qvel, touched, impact, known)
 
-    def _lost(self, rows: NDArray[np.intp]) -> float:
-        """Return how much less energy the model has in the second of two rows [J]."""
+    def _energy_loss(self, rows: NDArray[np.intp]) -> float:
+        """Return the energy that the model loses from the first to the second of two rows [J]."""
         qpos, qvel, data = self._rows.qpos[rows], self._rows.qvel[rows], self._data
         if np.isnan(qpos).any() or np.isnan(qvel).any():
             return np.nan
@@ -101,34 +104,38 @@ class RecordedRuns:
     def _from_start(self, number: float) -> slice:
         return slice(self._starts[number], self._rows.runs[number].stop)
 
-    def _found_starts(self) -> Iterator[tuple[float, int]]:
-        """Yield the row that each run starts from, and note which have none."""
+    def _find_starts(self) -> Iterator[tuple[float, int]]:
+        """Yield the start row of each run, and record a mistake for runs without one."""
         rule, without = self._rule, list[int]()
         for number in self._rows.sound:
-            if (start := self._start(self._rows.runs[number])) is None:
+            if (start := self._find_start_row(self._rows.runs[number])) is None:
                 without.append(self._rows.runs[number].start)
             else:
                 yield number, start
-        what = f"runs start after {rule.time:g} s, but one is shorter"
+        mistake = f"runs start after {rule.time:g} s, but a run is shorter"
         if rule.before_contact is not None:
-            what = "no recorded free body comes close to contact in the run of"
-        self._rows.note(what, np.array(without, np.intp))
+            mistake = "no recorded free body comes close to contact in the run of"
+        self._rows.note(mistake, np.array(without, np.intp))
 
-    def _start(self, rows: slice) -> int | None:
-        """Return the row that the run of some rows starts from, if any."""
+    def _find_start_row(self, rows: slice) -> int | None:
+        """Return the row at which the run of some rows starts, or None."""
         times, rule = self._rows.times[rows], self._rule
         if rule.before_contact is None:
             late = times - times[0] >= rule.time - 1e-9
             return rows.start + int(late.argmax()) if late[:-1].any() else None
-        near = (row for row in range(rows.start, rows.stop) if self._gap(row, bounding=True) <= 0)
+        near = (
+            row
+            for row in range(rows.start, rows.stop)
+            if self._distance_to_others(row, bounding=True) <= 0
+        )
         first = next(near, None)
         return None if first is None else max(first - rule.before_contact, rows.start)
 
-    def _velocity(self, number: float) -> Floats:
-        """Return (nv,) the velocity that a run starts with."""
+    def _start_velocity(self, number: float) -> Floats:
+        """Return (nv,) the start velocity of a run."""
         first, start, times = self._rows.runs[number].start, self._starts[number], self._rows.times
         velocity = self._rows.qvel[start].copy()
-        if self._rule.before_contact is None or start - first < _FLIGHT:
+        if self._rule.before_contact is None or start - first < _MIN_FLIGHT_ROWS:
             return velocity
         rows, steps = slice(first, start + 1), np.diff(times[first : start + 1])
         since = times[rows] - times[start - self._rule.lag]
@@ -141,8 +148,8 @@ class RecordedRuns:
         return velocity
 
     @cached_property
-    def _touching(self) -> tuple[list[tuple[int, int]], mujoco.MjModel]:
-        """Pairs of geoms by which recorded free bodies may touch others, and those as spheres."""
+    def _touchable_pairs(self) -> tuple[list[tuple[int, int]], mujoco.MjModel]:
+        """Geom pairs of recorded free bodies and others, and a model of bounding spheres."""
         model, spheres = self._model, copy.copy(self._model)
         roots = np.asarray(model.body_rootid)[model.geom_bodyid]
         own = np.isin(roots, model.body_rootid[[part.body for part in self._points]])
@@ -151,64 +158,74 @@ class RecordedRuns:
         spheres.geom_type[own] = int(mujoco.mjtGeom.mjGEOM_SPHERE)
         return geom_pairs(touch), spheres
 
-    def _gap(self, row: int, *, bounding: bool = False) -> float:
-        """Return how far recorded free bodies, or their bounding spheres, are from others [m]."""
-        qpos, data, (pairs, spheres) = self._rows.qpos[row], self._data, self._touching
+    def _distance_to_others(self, row: int, *, bounding: bool = False) -> float:
+        """Return the distance of recorded free bodies, or of their spheres, to others [m]."""
+        qpos, data, (pairs, spheres) = self._rows.qpos[row], self._data, self._touchable_pairs
         model = spheres if bounding else self._model
         np.copyto(data.qpos, qpos, where=np.isfinite(qpos))
         mujoco.mj_kinematics(model, data)
-        gaps = (mujoco.mj_geomDistance(model, data, *pair, _FAR, None) for pair in pairs)
-        return min(gaps, default=_FAR)
+        gaps = (
+            mujoco.mj_geomDistance(model, data, *pair, _MAX_MEASURED_DISTANCE_M, None)
+            for pair in pairs
+        )
+        return min(gaps, default=_MAX_MEASURED_DISTANCE_M)
 
-    def _touched(self, rows: slice) -> float:
-        """Return when a free body first touches anything, after the first of some rows [s]."""
+    def _first_touch_time(self, rows: slice) -> float:
+        """Return the time of the first contact of a free body, from the first of some rows [s]."""
         times, before = self._rows.times[rows] - self._rows.times[rows.start], np.nan
         for place, row in enumerate(range(rows.start, rows.stop)):
-            if (gap := self._gap(row)) <= 0:
+            if (gap := self._distance_to_others(row)) <= 0:
                 share = before / (before - gap) if place else 1.0
                 return float(times[place] - (1 - share) * (times[place] - times[max(place - 1, 0)]))
             before = gap
         return np.nan
 
     def _check_motion(self) -> None:
-        """Find whether free bodies fall and rest as those of the model do."""
+        """Check whether free bodies fall and rest like those of the model."""
         rows, gravity = self._rows, np.array(self._model.opt.gravity)
         runs = [rows.runs[start] for start in self._starts]
         ends = np.array([run.stop - 1 for run in runs], np.intp)
         before = np.array([max(run.stop - 1 - WINDOW, run.start) for run in runs], np.intp)
-        gaps = np.array([self._gap(row) for row in ends.tolist()])
+        gaps = np.array([self._distance_to_others(row) for row in ends.tolist()])
         for part in self._points:
             moved = rows.qpos[ends, part.qpos] - rows.qpos[before, part.qpos]
-            still = np.linalg.norm(moved, axis=1) < _STILL * part.size
-            far, deep = _AFLOAT * part.size, np.where(still, 1, _DEEPER) * _AFLOAT * part.size
-            for word, off in (("rests above", still & (gaps > far)), ("is within", gaps < -deep)):
-                what = f"{part.joint} {word} what it may touch (another body, unit or frame)"
-                rows.note(what, ends[off])
-            falls = np.array([self._fall(part, number) for number in self._starts]).reshape(-1, 3)
+            still = np.linalg.norm(moved, axis=1) < _MAX_RESTING_MOTION * part.size
+            far, deep = (
+                _MAX_SUPPORT_GAP * part.size,
+                np.where(still, 1, _MOVING_DEPTH_FACTOR) * _MAX_SUPPORT_GAP * part.size,
+            )
+            for word, off in (("rests above", still & (gaps > far)), ("overlaps", gaps < -deep)):
+                mistake = f"{part.joint} {word} the geoms it may touch; check body, unit and frame"
+                rows.note(mistake, ends[off])
+            falls = np.array(
+                [self._fall_acceleration(part, number) for number in self._starts]
+            ).reshape(-1, 3)
             falls = (falls @ gravity / (gravity @ gravity))[np.isfinite(falls).all(axis=1)]
             fall = float(np.median(falls)) if len(falls) else 1.0
-            if abs(fall - 1) > self._room(falls):
-                what = f"{part.joint} falls {fall:.3g} times as fast as in the model's gravity"
+            if abs(fall - 1) > self._allowed_gravity_difference(falls):
+                mistake = f"{part.joint} falls {fall:.3g} times as fast as in the model's gravity"
                 rows.note(
-                    f"{what} (another unit of length or time, or air that the model's `density` "
-                    "leaves out)",
+                    f"{mistake}; check the units of length and time, or set the model's `density` "
+                    "if air matters",
                     ends[:1],
                 )
 
-    def _room(self, falls: Floats) -> float:
-        """Return by how much the median of flights (n,) may miss gravity, as a share of it.
+    def _allowed_gravity_difference(self, falls: Floats) -> float:
+        """Return the allowed difference of the median flight (n,) from gravity, as a share of it.
 
         The standard error of a median is 1.25 times that of a mean, and a normal scatter 1.48 times
-        the median distance from the median; three of these errors are room for chance.
+        the median distance from the median. Three of these errors allow for chance.
         """
-        if len(falls) < _FEW_FLIGHTS or self._model.opt.density or self._model.opt.viscosity:
-            return _GRAVITY
+        if len(falls) < _MIN_FLIGHTS or self._model.opt.density or self._model.opt.viscosity:
+            return _MAX_GRAVITY_DIFFERENCE
         scatter = 1.48 * float(np.median(abs(falls - np.median(falls))))
-        return min(_GRAVITY, _AIR + 3 * 1.25 * scatter / np.sqrt(len(falls)))
+        return min(
+            _MAX_GRAVITY_DIFFERENCE, _MAX_AIR_EFFECT + 3 * 1.25 * scatter / np.sqrt(len(falls))
+        )
 
-    def _fall(self, part: RecordedPart, number: float) -> Floats:
-        """Return (3,) the acceleration before a run's start [m/s^2]; NaN where that is short."""
+    def _fall_acceleration(self, part: RecordedPart, number: float) -> Floats:
+        """Return (3,) the acceleration before a run's start [m/s^2]; NaN if that is too short."""
         rows = slice(self._rows.runs[number].start, self._starts[number] + 1)
-        if self._rule.before_contact is None or rows.stop - rows.start < 3 * _FLIGHT:
+        if self._rule.before_contact is None or rows.stop - rows.start < 3 * _MIN_FLIGHT_ROWS:
             return np.full(3, np.nan)
         return 2 * np.polyfit(self._rows.times[rows], self._rows.qpos[rows, part.qpos], 2)[0]

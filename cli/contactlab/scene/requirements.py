@@ -1,4 +1,4 @@
-"""Requirements of runs, found among the bodies, sites and contact pairs of a model."""
+"""Resolves requirements of runs against the bodies, sites and contact pairs of a model."""
 
 from collections.abc import Mapping, Sequence
 from functools import partial
@@ -22,11 +22,11 @@ from contactlab.schema.requirement import Requirement, read_requirement
 from contactlab.schema.scene_manifest import SceneManifest
 
 Asked = tuple[str, Sequence[bool]]
-"""What a sweep requires, and of which of n runs."""
+"""A requirement of a sweep, and a mask of the n runs that it applies to."""
 
-_ROUNDING = 1e-9
-_NEVER = (np.nan, np.nan)
-"""The window of a run that nothing is said of."""
+_ROUNDING_TOLERANCE = 1e-9
+_NO_WINDOW = (np.nan, np.nan)
+"""The window of a run without the requirement."""
 _CONJUGATE = np.array([1.0, -1.0, -1.0, -1.0])
 _BODY, _SITE = mujoco.mjtObj.mjOBJ_BODY, mujoco.mjtObj.mjOBJ_SITE
 _Frame = tuple[mujoco.mjtObj, int]
@@ -39,27 +39,27 @@ def required_of(
     models: Sequence[mujoco.MjModel],
     asked: Sequence[Asked],
 ) -> tuple[ExpectedContact | ExpectedMotion, ...]:
-    """Return what n runs of one structure must do, by their scene's words and their sweep's."""
+    """Return the requirements of n runs of one structure, from their scene and their sweep."""
     every = [True] * len(models)
     own = [(text, every) for text in (manifest.must if manifest else ())]
     found = list[ExpectedContact | ExpectedMotion]()
     for text, where in (*own, *asked):
-        said = read_requirement(text)
+        requirement = read_requirement(text)
         windows = np.array(
             [
-                _window(said, run.initial) if on else _NEVER
+                _requirement_window(requirement, run.initial) if on else _NO_WINDOW
                 for run, on in zip(runs, where, strict=True)
             ]
         )
-        if said.word in CONTACT_WORDS:
-            found.append(_contact(base, said, windows))
+        if requirement.word in CONTACT_WORDS:
+            found.append(_expected_contact(base, requirement, windows))
         else:
-            found.append(_motion(base, models, said, windows))
+            found.append(_expected_motion(base, models, requirement, windows))
     return tuple(found)
 
 
 def check_requirements(base: CompiledScene, manifest: SceneManifest) -> None:
-    """Check what a manifest requires; a SceneError says what is wrong."""
+    """Check the requirements of a manifest. Raises a SceneError with the mistake."""
     for place, text in enumerate(manifest.must):
         if mistake := mistake_in_requirement(text, base, manifest, manifest.duration):
             raise SceneError(f"must.{place}: {mistake}")
@@ -68,64 +68,71 @@ def check_requirements(base: CompiledScene, manifest: SceneManifest) -> None:
 def mistake_in_requirement(
     text: str, base: CompiledScene, manifest: SceneManifest | None, duration: float
 ) -> str | None:
-    """Return what is wrong with a requirement for runs of a duration [s]; None if it fits.
+    """Return the mistake in a requirement for runs of a duration [s]; None if there is none.
 
-    Times are those of the initial values that a manifest has by default.
+    Times are computed from the default initial values of a manifest.
     """
-    said, initial = read_requirement(text), manifest.initial if manifest else {}
-    if said.word in CONTACT_WORDS:
-        mistake = _unknown_pair(said, base)
+    requirement, initial = read_requirement(text), manifest.initial if manifest else {}
+    if requirement.word in CONTACT_WORDS:
+        mistake = _unknown_pair(requirement, base)
     else:
-        mistake = _unknown_name(said, base.model) or _unmonitored(said, base)
+        mistake = _unknown_name(requirement, base.model) or _unmonitored_contact(requirement, base)
     if mistake is None:
         try:
-            start, stop = _window(said, {name: value.default for name, value in initial.items()})
+            start, stop = _requirement_window(
+                requirement, {name: value.default for name, value in initial.items()}
+            )
         except SceneError as error:
             mistake = str(error)
         else:
-            mistake = _outside(start, stop, duration)
+            mistake = _window_mistake(start, stop, duration)
     return mistake and f"'{text}': {mistake}"
 
 
-def _outside(start: float, stop: float, duration: float) -> str | None:
+def _window_mistake(start: float, stop: float, duration: float) -> str | None:
     if not 0 <= start < duration:
-        return f"{start:g} s is not within the run, which takes {duration:g} s"
+        return f"{start:g} s is outside the run, which takes {duration:g} s"
     if not start < stop:
         return f"{stop:g} s is not after {start:g} s"
-    if np.isfinite(stop) and stop > duration * (1 + _ROUNDING):
+    if np.isfinite(stop) and stop > duration * (1 + _ROUNDING_TOLERANCE):
         return f"{stop:g} s is after the end of the run, which takes {duration:g} s"
     return None
 
 
-def _window(said: Requirement, initial: Mapping[str, float]) -> tuple[float, float]:
-    """Return from when to when something has to hold in a run [s]."""
+def _requirement_window(
+    requirement: Requirement, initial: Mapping[str, float]
+) -> tuple[float, float]:
+    """Return the start and end of a requirement in a run [s]."""
     start, stop = (
         default if term is None else computed(read_formula(term, f"`{key}` goes", initial), initial)
-        for term, key, default in ((said.start, "from", 0.0), (said.stop, "until", np.inf))
+        for term, key, default in (
+            (requirement.start, "from", 0.0),
+            (requirement.stop, "until", np.inf),
+        )
     )
     return start, stop
 
 
-def _unknown_pair(said: Requirement, base: CompiledScene) -> str | None:
-    """Return that no monitored pair is named so, if none is."""
-    (name,) = said.names
-    if _pairs_named(base, name):
+def _unknown_pair(requirement: Requirement, base: CompiledScene) -> str | None:
+    """Return the mistake if no monitored pair has the name."""
+    (name,) = requirement.names
+    if _find_pairs(base, name):
         return None
-    bodies, sides = _pair_names(base)
+    bodies, sides = _index_pairs(base)
     known = [*bodies, *sides]
-    hint = _hint(name, known) if known else "; name pairs in the `pairs` of a scene"
+    hint = _name_hint(name, known) if known else "; name pairs in the `pairs` of a scene"
     return f"'{name}' names no monitored pair{hint}"
 
 
-def _pairs_named(base: CompiledScene, name: str) -> tuple[int, ...]:
-    """Return the indices of the monitored pairs of a body or a pair, or of a pattern of such."""
-    for names in _pair_names(base):
+def _find_pairs(base: CompiledScene, name: str) -> tuple[int, ...]:
+    """Return the indices of the monitored pairs of a body, a pair, or a pattern of either."""
+    for names in _index_pairs(base):
         if found := matching(names, name):
             return tuple(sorted({index for known in found for index in names[known]}))
     return ()
 
 
-def _pair_names(base: CompiledScene) -> tuple[dict[str, list[int]], dict[str, list[int]]]:
+def _index_pairs(base: CompiledScene) -> tuple[dict[str, list[int]], dict[str, list[int]]]:
     """Return the indices of the monitored pairs of each body, and of each two sides."""
     bodies, both = dict[str, list[int]](), dict[str, list[int]]()
     for index, pair in enumerate(base.pairs):
@@ -138,94 +145,102 @@ def _pair_names(base: CompiledScene) -> tuple[dict[str, list[int]], dict[str, li
     return bodies, both
 
 
-def _contact(base: CompiledScene, said: Requirement, windows: Floats) -> ExpectedContact:
-    """Return what pairs should do in windows (n, 2) of n runs [s]."""
-    (name,) = said.names
+def _expected_contact(
+    base: CompiledScene, requirement: Requirement, windows: Floats
+) -> ExpectedContact:
+    """Return the contact that pairs must have in windows (n, 2) of n runs [s]."""
+    (name,) = requirement.names
     return ExpectedContact(
         name="every monitored pair" if name == "*" else name,
-        pairs=_pairs_named(base, name),
+        pairs=_find_pairs(base, name),
         window=windows,
-        word=cast("ContactWord", said.word),
-        end=said.end,
-        timed=(said.start, said.stop) != (None, None),
-        force=(said.least, said.limit) if said.unit == "N" else (-np.inf, np.inf),
-        depth=said.limit if said.word == "shallow" else np.inf,
+        word=cast("ContactWord", requirement.word),
+        end=requirement.end,
+        timed=(requirement.start, requirement.stop) != (None, None),
+        force=(requirement.least, requirement.limit)
+        if requirement.unit == "N"
+        else (-np.inf, np.inf),
+        depth=requirement.limit if requirement.word == "shallow" else np.inf,
     )
 
 
-def _unknown_name(said: Requirement, model: mujoco.MjModel) -> str | None:
-    """Return which name the model lacks."""
-    bodies, sites = _names(model, _BODY), _names(model, _SITE)
-    holder = () if said.holder is None else (said.holder,)
+def _unknown_name(requirement: Requirement, model: mujoco.MjModel) -> str | None:
+    """Return the mistake if the model lacks a name."""
+    bodies, sites = _object_names(model, _BODY), _object_names(model, _SITE)
+    holder = () if requirement.holder is None else (requirement.holder,)
     for name, kind in (
-        *((name, "body") for name in (said.names[0], *holder)),
-        *((name, "body or site") for name in said.names[1:]),
+        *((name, "body") for name in (requirement.names[0], *holder)),
+        *((name, "body or site") for name in requirement.names[1:]),
     ):
         known = bodies if kind == "body" else [*bodies, *sites]
         if name not in known:
-            return f"no {kind} '{name}'{_hint(name, known)}"
+            return f"no {kind} '{name}'{_name_hint(name, known)}"
     return None
 
 
-def _unmonitored(said: Requirement, base: CompiledScene) -> str | None:
-    """Return of what no contact is monitored, although one decides."""
-    body, holder = said.names[0], said.holder
+def _unmonitored_contact(requirement: Requirement, base: CompiledScene) -> str | None:
+    """Return the mistake if a requirement depends on contacts that are not monitored."""
+    body, holder = requirement.names[0], requirement.holder
     if holder is not None and not _pairs_between(base, body, holder):
         return (
-            f"no contact of '{body}' and '{holder}' is monitored; name one in the `pairs` of a "
-            "scene, or another body that holds it"
+            f"no contact of '{body}' and '{holder}' is monitored; add one to the `pairs` of a "
+            "scene, or name another body that holds it"
         )
     return None
 
 
-def _hint(name: str, known: Sequence[str]) -> str:
+def _name_hint(name: str, known: Sequence[str]) -> str:
     few = f"; write one of {', '.join(known)}" if 0 < len(known) <= 12 else ""
     return did_you_mean(name, known) or few
 
 
-def _motion(
+def _expected_motion(
     base: CompiledScene,
     models: Sequence[mujoco.MjModel],
-    said: Requirement,
+    requirement: Requirement,
     windows: Floats,
 ) -> ExpectedMotion:
-    """Return what a body should do in windows (n, 2) of n runs [s]."""
-    model, body = base.model, _id(base.model, _BODY, said.names[0])
+    """Return the motion that a body must have in windows (n, 2) of n runs [s]."""
+    model, body = base.model, _object_id(base.model, _BODY, requirement.names[0])
     frame: _Frame = (_BODY, 0)
-    if said.holder is not None:
-        frame = (_BODY, _id(model, _BODY, said.holder))
-    elif said.word == "passes":
-        kind = _BODY if said.names[1] in _names(model, _BODY) else _SITE
-        frame = (kind, _id(model, kind, said.names[1]))
-    ups = np.array([_up(each) for each in models])
-    axes = [_in_default_pose(each, body, up) for each, up in zip(models, ups, strict=True)]
+    if requirement.holder is not None:
+        frame = (_BODY, _object_id(model, _BODY, requirement.holder))
+    elif requirement.word == "passes":
+        kind = _BODY if requirement.names[1] in _object_names(model, _BODY) else _SITE
+        frame = (kind, _object_id(model, kind, requirement.names[1]))
+    ups = np.array([_up_direction(each) for each in models])
+    axes = [
+        _direction_in_default_pose(each, body, up) for each, up in zip(models, ups, strict=True)
+    ]
     return ExpectedMotion(
-        name=said.text,
-        word=cast("MotionWord", said.word),
+        name=requirement.text,
+        word=cast("MotionWord", requirement.word),
         window=windows,
-        limit=said.limit,
-        angular=said.unit == "rad",
-        placing=tuple(partial(_poses, each, body, frame) for each in models),
+        limit=requirement.limit,
+        angular=requirement.unit == "rad",
+        placing=tuple(partial(_poses_in_frame, each, body, frame) for each in models),
         up=ups,
         axis=np.array(axes),
         reach=float(reaches(model)[body]),
-        pairs=_pairs_between(base, said.names[0], said.holder) if said.holder else (),
+        pairs=_pairs_between(base, requirement.names[0], requirement.holder)
+        if requirement.holder
+        else (),
     )
 
 
-def _names(model: mujoco.MjModel, kind: mujoco.mjtObj) -> list[str]:
+def _object_names(model: mujoco.MjModel, kind: mujoco.mjtObj) -> list[str]:
     word, count = ("body", model.nbody) if kind == _BODY else ("site", model.nsite)
     return [name_of(model, word, index) for index in range(count)]
 
 
-def _id(model: mujoco.MjModel, kind: mujoco.mjtObj, name: str) -> int:
-    return _names(model, kind).index(name)
+def _object_id(model: mujoco.MjModel, kind: mujoco.mjtObj, name: str) -> int:
+    return _object_names(model, kind).index(name)
 
 
 def _pairs_between(base: CompiledScene, one: str, other: str) -> tuple[int, ...]:
-    """Return the monitored pairs of two bodies, with all that hangs on each."""
-    trees = [_tree(base.model, _id(base.model, _BODY, name)) for name in (one, other)]
-    # What hangs on the first does not hold it, even where that hangs on the second.
+    """Return the monitored pairs of two bodies, including all descendants of each."""
+    trees = [_subtree(base.model, _object_id(base.model, _BODY, name)) for name in (one, other)]
+    # Descendants of the first body do not hold it, even if they are also below the second.
     trees[1] -= trees[0]
     found: list[int] = []
     for index, pair in enumerate(base.pairs):
@@ -235,7 +250,7 @@ def _pairs_between(base: CompiledScene, one: str, other: str) -> tuple[int, ...]
     return tuple(found)
 
 
-def _tree(model: mujoco.MjModel, root: int) -> set[int]:
+def _subtree(model: mujoco.MjModel, root: int) -> set[int]:
     tree = {root}
     for body in range(root + 1, model.nbody):
         if int(model.body_parentid[body]) in tree:
@@ -243,18 +258,20 @@ def _tree(model: mujoco.MjModel, root: int) -> set[int]:
     return tree
 
 
-def _up(model: mujoco.MjModel) -> Floats:
+def _up_direction(model: mujoco.MjModel) -> Floats:
     size = float(np.linalg.norm(model.opt.gravity))
     return -np.asarray(model.opt.gravity) / size if size > 0 else np.array([0.0, 0.0, 1.0])
 
 
-def _in_default_pose(model: mujoco.MjModel, body: int, direction: Floats) -> Floats:
+def _direction_in_default_pose(model: mujoco.MjModel, body: int, direction: Floats) -> Floats:
     """Return (3,) a direction of the world in the frame of a body at qpos0."""
-    _, turn = _poses(model, body, (_BODY, 0), np.asarray(model.qpos0)[None])
+    _, turn = _poses_in_frame(model, body, (_BODY, 0), np.asarray(model.qpos0)[None])
     return rotate_back(turn[0], direction)
 
 
-def _poses(model: mujoco.MjModel, body: int, frame: _Frame, qpos: Floats) -> tuple[Floats, Floats]:
+def _poses_in_frame(
+    model: mujoco.MjModel, body: int, frame: _Frame, qpos: Floats
+) -> tuple[Floats, Floats]:
     """Return positions (M, 3) [m] and rotations (M, 4) of a body in a frame, for qpos (M, nq)."""
     data = mujoco.MjData(model)
     place, turn = np.empty((len(qpos), 3)), np.empty((len(qpos), 4))

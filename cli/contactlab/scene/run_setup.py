@@ -1,4 +1,4 @@
-"""Setup of a group of runs from their models, for measurements that need more than traces."""
+"""Builds the setup of a group of runs, for measurements that need more than traces."""
 
 import re
 from collections.abc import Hashable, Iterator, Mapping, Sequence
@@ -48,31 +48,31 @@ from contactlab.scene.run_spec import RunSpec, settings_table
 from contactlab.schema.drive import Drive, FileDrive, drive_word
 from contactlab.schema.scene_manifest import SceneManifest
 
-_GEOM = mujoco.mjtGeom
-_OVERRIDE = mujoco.mjtEnableBit.mjENBL_OVERRIDE
-_STEADY = ("none", "hold")
-_PUSH = re.compile(r"\.[ft][xyz]$")
+_GEOM_TYPES = mujoco.mjtGeom
+_OVERRIDE_FLAG = mujoco.mjtEnableBit.mjENBL_OVERRIDE
+_STEADY_DRIVES = ("none", "hold")
+_FORCE_COORDINATE = re.compile(r"\.[ft][xyz]$")
 
 
 def kind_of(run: RunSpec, model: mujoco.MjModel) -> Hashable:
-    """Return what runs of one structure must share to be recorded and measured together.
+    """Return the key that runs of one structure must share to be recorded and measured together.
 
-    `Setup` tells it of all of them at once, and so do the books of work.
+    `Setup` and the energy ledger hold one value for all runs of a group.
     """
-    return drive_word(run.drive), _may_push(run.drive), _kind_of_model(model)
+    return drive_word(run.drive), _may_push(run.drive), _model_kind(model)
 
 
 # Caches of one: each holds a model.
 @lru_cache(maxsize=1)
-def _kind_of_model(model: mujoco.MjModel) -> Hashable:
-    """Return a model's part of the kind, which runs of the model share."""
+def _model_kind(model: mujoco.MjModel) -> Hashable:
+    """Return the model's part of the key, which runs of the model share."""
     acts = is_passive(model), is_conservative(model), has_others(model), has_springs(model)
     acts += (has_moving_surfaces(model),)
     # Inputs that decide a pair's solimp width.
     mixed = model.geom_solimp[:, 2], model.geom_solmix, model.geom_priority
     widths = *mixed, model.pair_solimp[:, 2], model.opt.o_solimp[2:3]
     yields = tuple(width.tobytes() for width in widths)
-    return acts, yields, model.opt.integrator, model.opt.enableflags & _OVERRIDE
+    return acts, yields, model.opt.integrator, model.opt.enableflags & _OVERRIDE_FLAG
 
 
 def make_setup(
@@ -83,7 +83,7 @@ def make_setup(
     thresholds: Mapping[str, float],
     asked: Sequence[Asked] = (),
 ) -> Setup:
-    """Return the setup of n runs of one structure, with what their sweep says of them."""
+    """Return the setup of n runs of one structure, with the requirements of their sweep."""
     bodies, holding = _free_bodies(models), base.holding
     windows = [holding.window(run.initial) for run in runs] if holding else []
     oracle = manifest.oracle if manifest else None
@@ -97,14 +97,14 @@ def make_setup(
         moving_mass=np.array([model.body_mass[model.body_weldid != 0].sum() for model in models]),
         size=float(base.model.stat.meansize),
         exact=float(base.model.opt.ccd_tolerance),
-        steered=any(drive_word(run.drive) not in _STEADY for run in runs),
+        steered=any(drive_word(run.drive) not in _STEADY_DRIVES for run in runs),
         conveying=any(map(has_moving_surfaces, distinct)),
         passive=passive,
         conservative=passive and all(map(is_conservative, distinct)),
         free_bodies=tuple(bodies.values()),
         barriers=tuple(_barriers(base, bodies)),
-        **_of_base(base),
-        **_of_pairs(base, models[0]),
+        **_mechanism_entries(base),
+        **_pair_entries(base, models[0]),
         slots=np.array([pair.slots for pair in base.pairs], np.int32),
         duration=np.array([run.duration for run in runs]),
         limits_act=np.array([read_flag(model, "limit") for model in models]),
@@ -119,29 +119,29 @@ def make_setup(
 
 
 @lru_cache(maxsize=1)
-def _of_base(base: CompiledScene) -> Mapping[str, Any]:
-    """Return what the setup says of the parts of the model, which runs of a structure share."""
+def _mechanism_entries(base: CompiledScene) -> Mapping[str, Any]:
+    """Return the setup entries of joints and mechanism, which runs of a structure share."""
     return {"quaternions": quaternions(base.model), "mechanism": find_mechanism(base.model)}
 
 
 @lru_cache(maxsize=1)
-def _of_pairs(base: CompiledScene, model: mujoco.MjModel) -> Mapping[str, Any]:
-    """Return what the setup says of each pair, which runs of the model share."""
+def _pair_entries(base: CompiledScene, model: mujoco.MjModel) -> Mapping[str, Any]:
+    """Return the setup entries of each pair, which runs of the model share."""
     return {
         "thickness": _thicknesses(base),
-        "reaches": np.array([_reach(base.model, pair) for pair in base.pairs]),
+        "reaches": np.array([_smallest_diameter(base.model, pair) for pair in base.pairs]),
         "widths": np.array([effective_parameters(model, pair).solimp[2] for pair in base.pairs]),
         "masses": np.array([lighter_mass(base.model, pair) for pair in base.pairs]),
-        "sides": tuple(_sides(base.model, pair) for pair in base.pairs),
+        "sides": tuple(_movable_bodies(base.model, pair) for pair in base.pairs),
     }
 
 
 def _settings_at_rest(
     base: CompiledScene, runs: Sequence[RunSpec], models: Sequence[mujoco.MjModel]
 ) -> dict[str, list[object]]:
-    """Return the solref and solimp of runs where any ask for contacts at rest, as they follow.
+    """Return the derived solref and solimp of runs, if any of them sets contacts at rest.
 
-    They are NaN where pairs have others.
+    They are NaN for runs in which pairs differ.
     """
     asking = [bool(run.changed & AT_REST.keys()) for run in runs]
     if not any(asking):
@@ -162,18 +162,18 @@ def _common_parameter(base: CompiledScene, model: mujoco.MjModel, name: str) -> 
 
 
 def is_passive(model: mujoco.MjModel) -> bool:
-    """Return whether nothing drives a model: no actuator, plug-in, wind or surface that moves."""
+    """Return whether nothing drives a model: no actuator, plug-in, wind or moving surface."""
     driven = model.nu or model.nplugin or model.opt.wind.any() or model.body_gravcomp.any()
     return not driven and not has_moving_surfaces(model)
 
 
 def has_moving_surfaces(model: mujoco.MjModel) -> bool:
-    """Return whether a geom's surface moves while the geom does not, as a belt's; since 4.0."""
+    """Return whether a geom's surface moves while the geom rests, like a belt's; since 4.0."""
     return bool(getattr(model, "geom_surfacevel", np.zeros(1)).any())
 
 
 def is_conservative(model: mujoco.MjModel) -> bool:
-    """Return whether a model has nothing but gravity, springs and contacts, as far as is known."""
+    """Return whether a model has only gravity, springs and contacts, as far as it is known."""
     opt = model.opt
     acts = not is_passive(model) or model.nflex or model.neq or opt.density or opt.viscosity
     limits = model.jnt_limited.any() or model.tendon_limited.any()
@@ -190,21 +190,20 @@ def has_springs(model: mujoco.MjModel) -> bool:
 
 
 def has_others(model: mujoco.MjModel) -> bool:
-    """Return whether anything but constraints, actuators, gravity and springs may act."""
+    """Return whether forces other than constraints, actuators, gravity and springs may act."""
     opt = model.opt
     damped = model.dof_damping.any() or model.tendon_damping.any() or model.nflex
     return bool(damped or opt.density or opt.viscosity or model.body_gravcomp.any())
 
 
 def _may_push(drive: Drive) -> bool:
-    """Return whether a drive may exert forces on bodies."""
     return drive == "exercise" or isinstance(drive, FileDrive)
 
 
 def _is_pushed(manifest: SceneManifest | None, runs: Sequence[RunSpec]) -> bool:
-    """Return whether anything but the model itself may move bodies in any of the runs."""
+    """Return whether anything besides the model itself may move bodies in any of the runs."""
     initial = manifest.initial.values() if manifest else ()
-    pushed = any(_PUSH.search(name) for setting in initial for name in setting.sets)
+    pushed = any(_FORCE_COORDINATE.search(name) for setting in initial for name in setting.sets)
     driven = any(_may_push(run.drive) for run in runs)
     return pushed or driven or bool(manifest and manifest.control)
 
@@ -214,26 +213,26 @@ def _free_bodies(models: Sequence[mujoco.MjModel]) -> dict[int, FreeBody]:
     masses = np.array([compiled.body_subtreemass for compiled in models])
     weights = np.array([compiled.dof_invweight0 for compiled in models])
     bodies: dict[int, FreeBody] = {}
-    for joint in np.flatnonzero(model.jnt_type == _JOINT.mjJNT_FREE):
+    for joint in np.flatnonzero(model.jnt_type == _JOINT_TYPES.mjJNT_FREE):
         body = int(model.jnt_bodyid[joint])
         places = int(model.jnt_qposadr[joint]), int(model.jnt_dofadr[joint])
         mass = masses[:, body].copy()
-        # Of three inverse masses, whose mean is known, two are at least that of the whole.
+        # The mean of three inverse masses is known; two of them are at least that of the whole.
         share = 1 / (3 * weights[:, places[1]] * mass - 2)
         bodies[body] = FreeBody(name_of(model, "body", body), *places, mass, share)
     return bodies
 
 
 def _barriers(base: CompiledScene, bodies: Mapping[int, FreeBody]) -> Iterator[Barrier]:
-    """Yield the planes and boxes, fixed to the world, that free bodies can touch."""
-    for root, wall in _walls(base):
+    """Yield the planes and boxes fixed to the world that free bodies can touch."""
+    for root, wall in _find_walls(base):
         if body := bodies.get(root):
             yield Barrier(body=body, **wall)
 
 
 @lru_cache(maxsize=1)
-def _walls(base: CompiledScene) -> list[tuple[int, Mapping[str, Any]]]:
-    """Return the body that each may stop, and the rest of what a barrier says of it."""
+def _find_walls(base: CompiledScene) -> list[tuple[int, Mapping[str, Any]]]:
+    """Return the body that each wall may stop, and the remaining fields of its barrier."""
     model = base.model
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
@@ -243,25 +242,29 @@ def _walls(base: CompiledScene) -> list[tuple[int, Mapping[str, Any]]]:
             geom, mover = pair.geoms[wall][0], pair.geoms[other][0]
             kind, size = int(model.geom_type[geom]), model.geom_size[geom]
             still = model.body_weldid[model.geom_bodyid[geom]] == 0
-            if pair.bodies or not still or kind not in (_GEOM.mjGEOM_PLANE, _GEOM.mjGEOM_BOX):
+            if (
+                pair.bodies
+                or not still
+                or kind not in (_GEOM_TYPES.mjGEOM_PLANE, _GEOM_TYPES.mjGEOM_BOX)
+            ):
                 continue
             root = int(model.body_weldid[model.geom_bodyid[mover]])
             point, axes = data.geom_xpos[geom].copy(), data.geom_xmat[geom].reshape(3, 3)
             centre = rotate_back(data.xquat[root], data.geom_xpos[mover] - data.xpos[root])
             thin, reach = 2, np.inf
-            if kind == _GEOM.mjGEOM_BOX:
+            if kind == _GEOM_TYPES.mjGEOM_BOX:
                 thin = int(np.argmin(size))
                 reach = float(np.delete(size, thin).min())
             normal = axes[:, thin].copy()
-            said = {"point": point, "normal": normal, "reach": reach, "centre": centre}
-            walls.append((root, {"pair": index, **said}))
+            geometry = {"point": point, "normal": normal, "reach": reach, "centre": centre}
+            walls.append((root, {"pair": index, **geometry}))
     return walls
 
 
 def _thicknesses(base: CompiledScene) -> Floats:
     """Return (P,) half the smallest extent of each pair's thinnest geom that can collide [m].
 
-    Of geoms that differ in the width of their solimp, only the widest yield.
+    If geoms differ in the width of their solimp, only the widest deform.
     """
     touch, halves = may_touch(base.model), half_extents(base.model)
     widths = np.where(np.isfinite(halves), base.model.geom_solimp[:, 2], -np.inf)
@@ -270,25 +273,25 @@ def _thicknesses(base: CompiledScene) -> Floats:
     return np.array([halves[geoms].min(initial=np.inf) for geoms in soft])
 
 
-def _reach(model: mujoco.MjModel, pair: MonitoredPair) -> float:
+def _smallest_diameter(model: mujoco.MjModel, pair: MonitoredPair) -> float:
     """Return the diameter of the sphere about the pair's smallest geom [m]."""
     bounds = np.asarray(model.geom_rbound)[[geom for side in pair.geoms for geom in side]]
     return 2 * float(bounds.min(where=bounds > 0, initial=np.inf))
 
 
 def lighter_mass(model: mujoco.MjModel, pair: MonitoredPair) -> float:
-    """Return the mass of the lighter of the trees of bodies that a pair's sides are of [kg]."""
+    """Return the mass of the lighter body tree of a pair's sides [kg]."""
     bodies = np.asarray(model.geom_bodyid)[[side[0] for side in pair.geoms]]
     masses = model.body_subtreemass[model.body_rootid[bodies]]
     return float(np.where(model.body_weldid[bodies] > 0, masses, np.inf).min())
 
 
 def joints_of(model: mujoco.MjModel) -> Joints:
-    """Return the joints of a model, with the lengths that MuJoCo gives their degrees of freedom."""
+    """Return the joints of a model, with MuJoCo's lengths for their degrees of freedom."""
     kinds = np.asarray(model.jnt_type)
     places, dofs = np.asarray(model.jnt_qposadr), np.asarray(model.jnt_dofadr)
-    scalar = (kinds == _JOINT.mjJNT_SLIDE) | (kinds == _JOINT.mjJNT_HINGE)
-    free, ball = kinds == _JOINT.mjJNT_FREE, kinds == _JOINT.mjJNT_BALL
+    scalar = (kinds == _JOINT_TYPES.mjJNT_SLIDE) | (kinds == _JOINT_TYPES.mjJNT_HINGE)
+    free, ball = kinds == _JOINT_TYPES.mjJNT_FREE, kinds == _JOINT_TYPES.mjJNT_BALL
     turning = [*(dofs[free] + 3), *dofs[ball]]
     return Joints(
         scalars=tuple(places[scalar].tolist()),
@@ -299,25 +302,27 @@ def joints_of(model: mujoco.MjModel) -> Joints:
     )
 
 
-_EQUALITY = mujoco.mjtEq
-_JOINT = mujoco.mjtJoint
-_KINDS: tuple[PartKind, ...] = ("free", "ball", "slide", "hinge")
+_EQUALITY_TYPES = mujoco.mjtEq
+_JOINT_TYPES = mujoco.mjtJoint
+_JOINT_KINDS: tuple[PartKind, ...] = ("free", "ball", "slide", "hinge")
 
 
 def find_mechanism(model: mujoco.MjModel) -> Mechanism:
     """Return the joints, tendons, actuators and equalities of a compiled scene.
 
-    A joint without a name has its body's where that has no other.
+    A joint without a name gets its body's name if the body has no other joint.
     """
-    lengths = _limits(model.tendon_limited, model.tendon_range)
+    lengths = _infinite_if_unlimited(model.tendon_limited, model.tendon_range)
     margins = np.asarray(model.tendon_margin)
-    controls = _limits(model.actuator_ctrllimited, model.actuator_ctrlrange)
+    controls = _infinite_if_unlimited(model.actuator_ctrllimited, model.actuator_ctrlrange)
     springs = np.asarray(model.tendon_stiffness) != 0
     springs |= np.any(getattr(model, "tendon_stiffnesspoly", springs[:, None]), axis=1)
-    places = _limits(model.jnt_limited, model.jnt_range)
-    reach, ends = _reaches(model), np.where(hauled(model), np.inf, equality_reach(model))
+    places = _infinite_if_unlimited(model.jnt_limited, model.jnt_range)
+    reach, ends = _body_reaches(model), np.where(hauled(model), np.inf, equality_reach(model))
     return Mechanism(
-        joints=tuple(_joint(model, index, places[index], reach) for index in range(model.njnt)),
+        joints=tuple(
+            _describe_joint(model, index, places[index], reach) for index in range(model.njnt)
+        ),
         tendons=tuple(
             Part(
                 name_of(model, "tendon", index),
@@ -342,66 +347,69 @@ def find_mechanism(model: mujoco.MjModel) -> Mechanism:
         slack=np.where(springs[:, None], np.reshape(model.tendon_lengthspring, (-1, 2)), np.nan),
         forces=_force_limits(model),
         equalities=tuple(
-            _equality(model, index, places, reach, float(ends[index])) for index in range(model.neq)
+            _describe_equality(model, index, places, reach, float(ends[index]))
+            for index in range(model.neq)
         ),
     )
 
 
-def _reaches(model: mujoco.MjModel) -> Floats:
-    """Return (nbody,) how far bodies reach; without geoms, as far as bodies do on average [m]."""
+def _body_reaches(model: mujoco.MjModel) -> Floats:
+    """Return (nbody,) the reach of each body [m]; the mean body size for bodies without geoms."""
     reach = reaches(model)
     return np.where(reach > 0, reach, model.stat.meansize)
 
 
 def equality_reach(model: mujoco.MjModel) -> Floats:
-    """Return (neq,) the reach [m] of the smaller body that each connects or welds; else inf.
+    """Return (neq,) the reach [m] of the smaller body of each connect or weld; inf for others.
 
-    Reach is from where a site holds a body.
+    If a site holds a body, the reach is measured from the site.
     """
-    tied = np.isin(model.eq_type, (int(_EQUALITY.mjEQ_CONNECT), int(_EQUALITY.mjEQ_WELD)))
+    tied = np.isin(
+        model.eq_type, (int(_EQUALITY_TYPES.mjEQ_CONNECT), int(_EQUALITY_TYPES.mjEQ_WELD))
+    )
     sited = model.eq_objtype == int(mujoco.mjtObj.mjOBJ_SITE)
     ends = np.stack([model.eq_obj1id, model.eq_obj2id]) * tied
     owners = np.asarray(model.site_bodyid)
     away = np.linalg.norm(model.geom_pos - model.site_pos[:, None], axis=2) + model.geom_rbound
     from_sites = (away * (model.geom_bodyid == owners[:, None])).max(axis=1, initial=0)
-    reach = _reaches(model)[np.where(sited, 0, ends)]
+    reach = _body_reaches(model)[np.where(sited, 0, ends)]
     reach[:, sited] = np.where(from_sites > 0, from_sites, model.stat.meansize)[ends[:, sited]]
     ends[:, sited] = owners[ends[:, sited]]
     return np.where(ends > 0, reach, np.inf).min(axis=0)
 
 
-def _equality(
+def _describe_equality(
     model: mujoco.MjModel, index: int, places: Floats, reach: Floats, ends: float
 ) -> Equality:
     kind, first = int(model.eq_type[index]), int(model.eq_obj1id[index])
     name, bodies = name_of(model, "equality", index), bodies_of_equality(model, index)
-    if kind == _EQUALITY.mjEQ_TENDON:
+    if kind == _EQUALITY_TYPES.mjEQ_TENDON:
         return Equality(name, "m", _tendon_scale(model, first, reach), bodies=bodies)
-    if kind == _EQUALITY.mjEQ_FLEX:
+    if kind == _EQUALITY_TYPES.mjEQ_FLEX:
         edges = slice(model.flex_edgeadr[first], None)
         lengths = model.flexedge_length0[edges][: model.flex_edgenum[first]]
         return Equality(name, "m", float(lengths.mean()), elastic=True, bodies=bodies)
-    if kind != _EQUALITY.mjEQ_JOINT:
+    if kind != _EQUALITY_TYPES.mjEQ_JOINT:
         return Equality(name, "m", ends, bodies=bodies)
     low, high = places[first].tolist()
-    if int(model.jnt_type[first]) == _JOINT.mjJNT_HINGE:
+    if int(model.jnt_type[first]) == _JOINT_TYPES.mjJNT_HINGE:
         return Equality(name, "rad", min(high - low, QUARTER_TURN), bodies=bodies)
     scale = min(high - low, float(reach[model.jnt_bodyid[first]]))
     return Equality(name, "m", scale, bodies=bodies)
 
 
-def _limits(limited: np.ndarray, ranges: np.ndarray) -> Floats:
-    """Return (n, 2) ranges, infinite where nothing is limited."""
+def _infinite_if_unlimited(limited: np.ndarray, ranges: np.ndarray) -> Floats:
+    """Return (n, 2) ranges, infinite for unlimited entries."""
     infinite = np.array([-np.inf, np.inf])
     return np.where(np.asarray(limited, bool)[:, None], ranges, infinite).reshape(-1, 2)
 
 
-def _joint(model: mujoco.MjModel, index: int, places: Floats, reach: Floats) -> Part:
+def _describe_joint(model: mujoco.MjModel, index: int, places: Floats, reach: Floats) -> Part:
     joint, own = model.joint(index), name_of(model, "joint", index)
     body = int(joint.bodyid[0])
     borrowed = is_address(own) and model.body_jntnum[body] == 1
     low, high = places.tolist()
-    kind = _KINDS[int(joint.type[0])]
+    kind = _JOINT_KINDS[int(joint.type[0])]
     return Part(
         name=name_of(model, "body", body) if borrowed else own,
         kind=kind,
@@ -415,14 +423,13 @@ def _joint(model: mujoco.MjModel, index: int, places: Floats, reach: Floats) -> 
     )
 
 
-def _sides(model: mujoco.MjModel, pair: MonitoredPair) -> tuple[str, ...]:
-    """Return the bodies of a pair that can move."""
+def _movable_bodies(model: mujoco.MjModel, pair: MonitoredPair) -> tuple[str, ...]:
     return moving_bodies(model, model.geom_bodyid[[*pair.geoms[0], *pair.geoms[1]]])
 
 
 def _force_limits(model: mujoco.MjModel) -> Floats:
-    """Return (nu, 2) the limits of actuator forces, those of the joints that they move included."""
-    limits = _limits(model.actuator_forcelimited, model.actuator_forcerange)
+    """Return (nu, 2) the limits of actuator forces, including limits of the driven joints."""
+    limits = _infinite_if_unlimited(model.actuator_forcelimited, model.actuator_forcerange)
     for index in np.flatnonzero(np.isin(model.actuator_trntype, AT_JOINT)):
         joint, gear = model.actuator_trnid[index, 0], model.actuator_gear[index, 0]
         if model.jnt_actfrclimited[joint] and gear:
@@ -432,14 +439,14 @@ def _force_limits(model: mujoco.MjModel) -> Floats:
 
 
 def _tendon_scale(model: mujoco.MjModel, tendon: int, reach: Floats) -> float:
-    """Return a spatial tendon's length [m]; of a fixed one, the most that a joint makes of it.
+    """Return a spatial tendon's length [m], or a fixed tendon's largest length change by one joint.
 
-    A hinge does so in a quarter turn, and a slide by as much as its body reaches.
+    A hinge counts with a quarter turn, and a slide with the reach of its body.
     """
     wraps = slice(model.tendon_adr[tendon], model.tendon_adr[tendon] + model.tendon_num[tendon])
     if model.wrap_type[wraps.start] != int(mujoco.mjtWrap.mjWRAP_JOINT):
         return float(model.tendon_length0[tendon])
     joints = model.wrap_objid[wraps]
-    slides = model.jnt_type[joints] == int(_JOINT.mjJNT_SLIDE)
+    slides = model.jnt_type[joints] == int(_JOINT_TYPES.mjJNT_SLIDE)
     ways = np.where(slides, reach[model.jnt_bodyid[joints]], QUARTER_TURN)
     return float(np.abs(model.wrap_prm[wraps] * ways).max())

@@ -1,6 +1,6 @@
-"""From the values that a sweep gives a run to everything that decides it: settings, flags, effects.
+"""Derives everything that decides a run from its sweep values: settings, flags, effects.
 
-`write_axis` alone decides what the value of an axis does to the settings.
+Only `write_axis` decides how the value of an axis changes the settings.
 """
 
 import hashlib
@@ -25,11 +25,11 @@ from contactlab.schema.task import QPOS0
 
 @dataclass(frozen=True)
 class RunSpec:
-    """Everything besides the scene's files that decides a run's trajectory, and its place.
+    """Everything besides the scene's files that decides a run's trajectory, and its plan index.
 
-    It is resolved once, in the process of the sweep, and handed on as it is: jobs have it, workers
-    compile it, records tell it. Runs that differ only in their seed share their mappings, which
-    nobody may change.
+    It is resolved once, in the process of the sweep, and passed on unchanged: jobs contain it,
+    workers compile it, records store it. Runs that differ only in their seed share their mappings,
+    which must not be changed.
     """
 
     structure: Mapping[str, object]  # structure values, by name
@@ -37,19 +37,19 @@ class RunSpec:
     changed: frozenset[str]  # names of the settings that differ from the model as written
     flags: Mapping[str, bool]  # every engine flag
     initial: Mapping[str, float]  # the scene's initial values
-    seed: int  # what perturbs the initial state
+    seed: int  # seed of the perturbation of the initial state
     duration: float  # simulated time [s]
     effect_request: EffectRequest  # the effects that it requests
     without: frozenset[str]  # effects that its model is compiled without
-    drive: Drive = "none"  # what drives it, with the values of its axes
-    # Canonical values of the axes that its plan gives it.
+    drive: Drive = "none"  # its drive, with the values of the drive's axes
+    # Canonical values of the axes in its plan.
     axes: Mapping[str, object] = field(default_factory=dict[str, object])
     index: int = 0  # its place in the plan
-    run_id: str = ""  # as `Scene.run_id` says; empty where it is not planned
-    controls: str | None = None  # hash of what its policy did, for passes over recorded runs
+    run_id: str = ""  # see `Scene.run_id`; empty for a run that is not planned
+    controls: str | None = None  # hash of its policy's actions, for passes over recorded runs
 
     def __hash__(self) -> int:
-        """Return a hash of what tells planned runs apart; equal runs have equal ones."""
+        """Return a hash that differs between planned runs; equal runs have equal hashes."""
         return hash((self.run_id, self.index, self.seed))
 
     @property
@@ -69,7 +69,7 @@ class RunSpec:
 
     @property
     def joint_speed(self) -> float:
-        """How fast joints turn at the start, on top of the initial state [rad/s]."""
+        """Speed of joints at the start, added to the initial state [rad/s]."""
         return as_number(self.settings.get("joint_speed", 0.0))
 
     @property
@@ -79,7 +79,7 @@ class RunSpec:
 
     @cached_property
     def steps(self) -> int:
-        """Steps that cover the duration; at least one."""
+        """Number of steps that cover the duration; at least one."""
         return steps_of(self.duration, self.timestep)
 
     @property
@@ -88,22 +88,22 @@ class RunSpec:
         return {**self.structure, **self.settings, **self.initial}
 
     def planned(self, axes: Mapping[str, object], seed: int, run_id: str, index: int) -> "RunSpec":
-        """Return the run of another seed at a place of a plan."""
+        """Return the run with another seed at an index of a plan."""
         planned = object.__new__(RunSpec)
-        # A fifth of what `replace` takes, for each run of a plan.
+        # This takes a fifth of the time of `replace`, which matters for each run of a plan.
         vars(planned).update(vars(self), axes=axes, seed=seed, run_id=run_id, index=index)
         return planned
 
     def is_sibling(self, other: "RunSpec | None") -> bool:
-        """Return whether it differs from another run of its plan only in seed, id and place."""
+        """Return whether it differs from another run of its plan only in seed, id and index."""
         return other is not None and self.settings is other.settings
 
     def edits(self) -> dict[str, object]:
         """Return the settings, flags and effects to write into the compiled scene's model."""
-        # Model fields go last: they are more particular than the settings that write them too.
+        # Model fields go last: they override settings that write the same fields.
         names = sorted(self.changed & set(self.settings), key=lambda name: ("[" in name, name))
         edits = {name: self.settings[name] for name in names}
-        # Gravity is a setting, though there is a flag of that name too.
+        # Gravity is a setting, although a flag has the same name.
         flagged = sorted(self.changed & set(FLAGS) - set(self.settings))
         edits |= {name: self.flags[name] for name in flagged}
         requested = self.effect_request.requested
@@ -112,7 +112,7 @@ class RunSpec:
 
 
 def settings_table(runs: Sequence[RunSpec]) -> dict[str, list[object]]:
-    """Return the values of runs, run by run; NaN where a run has none of a name."""
+    """Return the values of runs by name, run by run; NaN if a run lacks the name."""
     names = dict.fromkeys(chain.from_iterable(run.values for run in runs))
     table: dict[str, list[object]] = {name: [] for name in names}
     for run in runs:
@@ -123,7 +123,7 @@ def settings_table(runs: Sequence[RunSpec]) -> dict[str, list[object]]:
 
 
 def steps_of(duration: float, timestep: float) -> int:
-    """Return how many steps cover a duration; at least one."""
+    """Return the number of steps that cover a duration; at least one."""
     return max(1, round(duration / timestep))
 
 
@@ -132,23 +132,23 @@ def write_axes(
 ) -> tuple[set[str], dict[str, bool]]:
     """Write the canonical values of axes of a model into settings and flags, in place.
 
-    Return the names of what they change, and the effects that they request.
+    Return the names of the changed settings, and the requested effects.
     """
     changed = set[str]()
     requested = dict[str, bool]()
     for axis in application_order([*values]):
         if axis in EFFECTS and axis not in PARAMETERS:
             requested[axis] = bool(values[axis])
-            if axis in _FLAGS:
+            if axis in _FLAG_NAMES:
                 flags[axis] = requested[axis]
         changed.update(write_axis(settings, axis, values[axis]))
     return changed, requested
 
 
 def write_axis(settings: Settings, axis: str, value: object) -> tuple[str, ...]:
-    """Write an axis' canonical value into settings, in place; return the names of what it changes.
+    """Write an axis' canonical value into settings, in place, and return the changed names.
 
-    That is the axis itself where settings do not carry it.
+    The changed name is the axis itself if settings do not contain it.
     """
     if axis in PARAMETERS:
         PARAMETERS[axis].write(settings, value)
@@ -161,28 +161,29 @@ def write_axis(settings: Settings, axis: str, value: object) -> tuple[str, ...]:
 
 
 START_SETTINGS = ("keyframe", "joint_speed", "perturbation")
-"""Settings that decide the initial state, besides initial values."""
+"""Settings that affect the initial state, besides initial values."""
 _ID_DIGITS = 16
-_FLAGS = frozenset(FLAGS)
-_json = json.JSONEncoder(sort_keys=True, separators=(",", ":")).encode
+_FLAG_NAMES = frozenset(FLAGS)
+_encode_json = json.JSONEncoder(sort_keys=True, separators=(",", ":")).encode
 
 
 def run_ids(base: CompiledScene, run: RunSpec, scene: str, seeds: Iterable[int]) -> Iterator[str]:
     """Yield the ids of a run with other seeds.
 
-    An id is a hash of JSON: of all that decides a run, without model fields that are as written.
-    Its structure with all effects is the base; `scene` is the hash of the scene's files.
+    An id is a hash of the JSON of everything that decides a run, without model fields that keep the
+    value in the file. `base` is its structure with all effects; `scene` is the hash of the scene's
+    files.
     """
     flags = non_default(run.flags) | other_effects(base, run)
     drive = {} if run.drive == "none" else {"drive": drive_identity(run.drive)}
-    head = _json({**drive, "duration": run.duration, "flags": flags, "scene": scene})
+    head = _encode_json({**drive, "duration": run.duration, "flags": flags, "scene": scene})
     own, entries = base.settings, dict(base.id_entries)
     for name, value in run.values.items():
         if value is not own.get(name):
             entries[name] = base.id_entry(name, value)
     settings = ",".join(filter(None, map(entries.__getitem__, sorted(entries))))
     over = run.changed & base.nonuniform
-    written_over = _json(sorted(over)) if over else "[]"
+    written_over = _encode_json(sorted(over)) if over else "[]"
     tail = f'"settings":{{{settings}}},"written_over":{written_over}}}'
     before, after = f'{head[:-1]},"seed":'.encode(), f",{tail}".encode()
     for seed in seeds:
@@ -191,11 +192,11 @@ def run_ids(base: CompiledScene, run: RunSpec, scene: str, seeds: Iterable[int])
 
 
 def other_effects(base: CompiledScene, run: RunSpec) -> dict[str, bool]:
-    """Return the requested effects that no flag or setting carries, where they change the run.
+    """Return the requested effects without flag or setting, if they change the run.
 
-    What is left out because it provably changes nothing is not part of a run's identity.
+    An effect that is left out because it provably changes nothing is not part of a run's identity.
     """
-    names = run.effect_request.requested.keys() & run.changed - _FLAGS - run.settings.keys()
+    names = run.effect_request.requested.keys() & run.changed - _FLAG_NAMES - run.settings.keys()
     if not names:
         return {}
     written = RunState(base.model, base.facts, straight=False)

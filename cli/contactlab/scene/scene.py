@@ -1,4 +1,4 @@
-"""A scene ready for its runs: from a run's values to settings, model and initial state."""
+"""A scene ready for its runs: derives settings, model and initial state from a run's values."""
 
 import copy
 import hashlib
@@ -66,17 +66,17 @@ _NO_ENGINES: Engines = MappingProxyType({})
 
 
 class Scene:
-    """A scene with its axes, what drives it but for their values, and what was compiled so far.
+    """A scene with its axes, its drive without values of its axes, and its compiled structures.
 
     `switched` are the effects that it switches itself, `lacking` the flags that this version of
-    MuJoCo lacks. If `auto`, what provably changes nothing is left out unless a sweep asks for it.
-    Its runs take `duration` [s] unless a sweep says otherwise.
+    MuJoCo lacks. If `auto`, effects that provably change nothing are left out unless a sweep
+    requests them. Its runs take `duration` [s] unless a sweep sets another.
     """
 
     def __init__(
         self, source: SceneSource, engines: Engines = _NO_ENGINES, tables: TableReader | None = None
     ) -> None:
-        """Compile a scene as its manifest has it, for MuJoCo alone unless engines are given.
+        """Compile a scene as its manifest has it, for MuJoCo alone unless `engines` lists others.
 
         Without a reader of tables, drives that need one are refused. A SceneError says that it does
         not compile, or that its manifest does not fit the model.
@@ -100,9 +100,9 @@ class Scene:
             self.switched = self.catalogue.switched(manifest)
             written = locate(manifest.drive if manifest else "none", source.path.parent)
         self.lacking = missing_flags()
-        # A bare model is taken as it is written.
+        # A model without a manifest keeps all effects as written.
         self.auto = manifest is not None and manifest.effects.get("base", "auto") == "auto"
-        self._drive_by(written)
+        self._set_drive(written)
         self.starts([self.resolve({}, 0, None)])
 
     @classmethod
@@ -115,9 +115,10 @@ class Scene:
         *,
         allow_code: bool = False,
     ) -> "Scene":
-        """Find and compile the scene that a sweep names, relative paths starting in a folder.
+        """Find and compile the scene of a reference; relative paths start in a folder.
 
-        A SceneError says that there is none, that it does not compile, or is code not allowed.
+        A SceneError says that it does not exist, does not compile, or contains code that is not
+        allowed.
         """
         return cls(find_scene(reference, folder, allow_code=allow_code), engines, tables)
 
@@ -134,21 +135,22 @@ class Scene:
     def with_effects(self, rest: str | None) -> "Scene":
         """Return the scene with another rule for effects that are not requested by name.
 
-        `auto` leaves out what provably changes nothing, `all` nothing; None is the scene's own.
+        `auto` leaves out effects that provably change nothing, `all` leaves out none, and None
+        keeps the scene's own rule.
         """
         scene = copy.copy(self)
         scene.auto = self.auto if rest is None else rest == "auto"
         return scene
 
     def with_drive(self, drive: Drive | None, folder: Path) -> "Scene":
-        """Return the scene with another drive, if any, whose relative paths start in a folder.
+        """Return the scene with another drive, if any; its relative paths start in a folder.
 
-        A SceneError says that the drive does not fit the model, or names a file that is missing.
+        A SceneError says that the drive does not fit the model, or names a missing file.
         """
         if drive is None:
             return self
         scene = copy.copy(self)
-        scene._drive_by(locate(drive, folder))
+        scene._set_drive(locate(drive, folder))
         return scene
 
     def _recorded_in(self, base: CompiledScene) -> RecordedRuns | None:
@@ -161,28 +163,28 @@ class Scene:
         columns = self._tables(self.source.path.parent / entry.file)
         return RecordedRuns(base.model, entry, RecordedTable(entry.file, columns))
 
-    def _lasts(self, initial: Mapping[str, float]) -> float:
-        """Return how long a run of initial values takes unless its sweep says otherwise [s]."""
+    def _default_duration(self, initial: Mapping[str, float]) -> float:
+        """Return the default duration of a run with some initial values [s]."""
         if self.recorded is None:
             return self.duration
         return min(self.duration, self.recorded.lasts(initial[RECORDED_RUN]))
 
-    def _drive_by(self, drive: LocatedDrive) -> None:
-        asked, model, manifest = drive.drive, self.base({}).model, self.source.manifest
-        if isinstance(asked, PolicyDrive) and not model.nu:
+    def _set_drive(self, drive: LocatedDrive) -> None:
+        requested, model, manifest = drive.drive, self.base({}).model, self.source.manifest
+        if isinstance(requested, PolicyDrive) and not model.nu:
             raise SceneError(
                 f"{self.source.model}: the model has no actuators for a policy to control"
             )
-        self.drive = LocatedDrive("none") if asked == "hold" and not model.nu else drive
+        self.drive = LocatedDrive("none") if requested == "hold" and not model.nu else drive
         self._table = None
-        if isinstance(asked, FileDrive):
+        if isinstance(requested, FileDrive):
             (file,) = drive.files
             if self._tables is None:
                 raise SceneError(f"{file.name}: tables of controls cannot be read here")
             self._table = RecordedTable(file.name, self._tables(file))
         end = self._table and self._table.end
         inferred = infer_task(
-            model, start=str(self.base({}).settings.get("keyframe", QPOS0)), drive=asked
+            model, start=str(self.base({}).settings.get("keyframe", QPOS0)), drive=requested
         )
         self.duration = manifest.duration if manifest else end or inferred.duration
         with self.source.named_in_errors():
@@ -200,7 +202,10 @@ class Scene:
         within: tuple[float, str] | None = None,
         seeds: Sequence[int] = SEEDS,
     ) -> Task:
-        """Return the task of runs of some values; a SceneError names a body that it lacks."""
+        """Return the task of runs with some values.
+
+        A SceneError names a body that the scene lacks.
+        """
         run = self.resolve(values, 0, duration)
         with self.source.named_in_errors():
             return infer_task(
@@ -217,7 +222,7 @@ class Scene:
     def base(
         self, structure: Mapping[str, object], without: frozenset[str] = frozenset()
     ) -> CompiledScene:
-        """Return the compiled scene of the given structure values, over the scene's defaults."""
+        """Return the compiled scene for structure values; missing ones are the scene's defaults."""
         full = full_structure(self.source.manifest, structure)
         key = tuple(full.values()), without
         if key not in self._compiled:
@@ -225,13 +230,13 @@ class Scene:
         return self._compiled[key]
 
     def base_of(self, run: RunSpec) -> CompiledScene:
-        """Return the compiled scene that a run's model is made from."""
+        """Return the compiled scene that a run's model is based on."""
         return self.base(run.structure, run.without)
 
     def resolve(self, values: Mapping[str, object], seed: int, duration: float | None) -> RunSpec:
         """Return everything that decides a run, from canonical values of axes by name.
 
-        Its duration [s] is the scene's own if none is given.
+        Without a duration [s], the scene's own is used.
         """
         structure, initial = dict(self._structure), dict(self._initial)
         driving: dict[str, object] = {}
@@ -245,7 +250,7 @@ class Scene:
             elif axis in DRIVE_AXES:
                 driving[axis] = value
             elif axis not in self.lacking:
-                # A version that lacks a flag behaves as with the default, the only value accepted.
+                # A version without a flag behaves as with its default, the only accepted value.
                 of_model[axis] = value
         base, drive = self.base(structure), with_values(self.drive.drive, driving)
         settings, flags = Settings(base.settings), dict(base.flags)
@@ -255,7 +260,7 @@ class Scene:
             drive = drive_of(base.model, str(settings.get("keyframe", QPOS0)))
         engine = self._engines.get(str(settings["engine"]))
         if isinstance(drive, PolicyDrive):
-            # It may look at what no metric reads.
+            # A policy may read sensors that no metric reads.
             requested.setdefault("sensor", True)
         auto = self.auto and (engine is None or engine.omits_unused_effects)
         request = EffectRequest(requested, frozenset(changed), auto)
@@ -266,26 +271,33 @@ class Scene:
             flags=flags,
             initial=initial,
             seed=seed,
-            duration=self._lasts(initial) if duration is None else duration,
+            duration=self._default_duration(initial) if duration is None else duration,
             effect_request=request,
             without=left_uncompiled(base.facts, request),
             drive=drive,
         )
 
     def as_written(self, run: RunSpec, scenario: Collection[str]) -> RunSpec:
-        """Return the scene as written, where a planned run has its scenario and start.
+        """Return the run of the scene as written, with the scenario and start of a planned run.
 
-        The axes of the scenario are kept, and those that decide the bodies, the start, the drive
+        It keeps the axes of the scenario, and those that decide the bodies, the start, the drive
         and the engine.
         """
-        kept = {"engine", *scenario, *run.structure, *run.initial, *START_SETTINGS, *DRIVE_AXES}
-        given = {name: value for name, value in run.axes.items() if name in kept}
-        return self.resolve(given, run.seed, run.duration)
+        kept_axes = {
+            "engine",
+            *scenario,
+            *run.structure,
+            *run.initial,
+            *START_SETTINGS,
+            *DRIVE_AXES,
+        }
+        values = {name: value for name, value in run.axes.items() if name in kept_axes}
+        return self.resolve(values, run.seed, run.duration)
 
     def run_id(self, run: RunSpec) -> str:
         """Return a hash of scene content, settings, seed and duration, but not of the engine.
 
-        Runs that are resolved to the same model and initial state have the same one.
+        Runs that resolve to the same model and initial state have the same id.
         """
         return next(run_ids(self.base(run.structure), run, self.hash, [run.seed]))
 
@@ -298,7 +310,7 @@ class Scene:
     ) -> Iterator[RunSpec]:
         """Yield the runs of canonical values of axes, one for each seed, with their ids.
 
-        The first has the place `first` in the plan. Equal runs of a plan have equal ids.
+        The first has the index `first` in the plan. Equal runs of a plan have equal ids.
         """
         run, ids = self.identified(values, seeds, duration)
         for index, (seed, run_id) in enumerate(zip(seeds, ids, strict=True), first):
@@ -307,48 +319,51 @@ class Scene:
     def identified(
         self, values: Mapping[str, object], seeds: Sequence[int], duration: float | None
     ) -> tuple[RunSpec, Iterator[str]]:
-        """Return what the runs of `planned` share, and their ids, of which no run is made."""
+        """Return the common part of the runs of `planned`, and their ids."""
         run = self.resolve(values, seeds[0], duration)
         return run, run_ids(self.base(run.structure), run, self.hash, seeds)
 
     def starts(self, runs: Sequence[RunSpec]) -> InitialStates:
-        """Return the initial states of runs of one structure; a SceneError if a drive is wrong."""
+        """Return the initial states of runs of one structure.
+
+        Raises a SceneError if a drive is wrong.
+        """
         groups = [list(group) for _, group in groupby(runs, lambda run: (run.keyframe, run.drive))]
         with self.source.named_in_errors():
-            starts = InitialStates.joined([self._starts(group) for group in groups])
+            starts = InitialStates.joined([self._group_starts(group) for group in groups])
         if any(run.joint_speed for run in runs):
             model = self.base(runs[0].structure).model
             added = [run.joint_speed * joint_directions(model, run.seed) for run in runs]
             starts = starts._replace(qvel=starts.qvel + added)
         if not isinstance(self.drive.drive, PolicyDrive):
             return starts
-        # Driven, but nobody knows how: these are the controls until the policy acts.
+        # The policy's controls are not known yet: these apply until the policy acts.
         return starts.acted_on([RecordedControls(np.zeros(1), row[None]) for row in starts.ctrl])
 
-    def _starts(self, runs: Sequence[RunSpec]) -> InitialStates:
+    def _group_starts(self, runs: Sequence[RunSpec]) -> InitialStates:
         if is_driven(runs[0].drive):
             return self._driving_of(runs[0]).starts(runs)
-        return initial_states(self._rule(runs[0]), [run.start for run in runs])
+        return initial_states(self._initial_state_rule(runs[0]), [run.start for run in runs])
 
     def motion(self, runs: Sequence[RunSpec]) -> RecordedMotion | None:
-        """Return what was recorded of runs of one structure; None without a recording."""
-        recorded = self._rule(runs[0]).recorded
+        """Return the recorded motion of runs of one structure; None without a recording."""
+        recorded = self._initial_state_rule(runs[0]).recorded
         return recorded and recorded.motion([run.initial[RECORDED_RUN] for run in runs])
 
     def nudged(self, starts: InitialStates, runs: Sequence[RunSpec]) -> InitialStates:
         """Return initial states moved by up to 1e-6 m or rad, by each run's seed."""
-        return nudged_states(self._rule(runs[0]), starts, [run.seed for run in runs])
+        return nudged_states(self._initial_state_rule(runs[0]), starts, [run.seed for run in runs])
 
     @property
     def is_timed(self) -> bool:
-        """Whether the scene has anything that depends on time: control, or a hold."""
+        """Whether anything in the scene depends on time: control, or a hold."""
         manifest = self.source.manifest
         return manifest is not None and bool(manifest.control or manifest.hold)
 
     def check_start(self, run: RunSpec) -> None:
-        """Compute what depends on time in a run, so that mistakes show before it starts.
+        """Compute the time-dependent inputs of a run, so that mistakes show before it starts.
 
-        A SceneError says that times decrease, that a hold is empty, or that a drive does not suit.
+        A SceneError says that times decrease, that a hold is empty, or that a drive does not fit.
         """
         self.starts([run])
         if holding := self.base(run.structure).holding:
@@ -359,10 +374,12 @@ class Scene:
         key = self._start_key(run), run.drive
         if key not in self._driving:
             model = self.base(run.structure).model
-            self._driving[key] = Driving(model, run.drive, self._rule(run), self._table)
+            self._driving[key] = Driving(
+                model, run.drive, self._initial_state_rule(run), self._table
+            )
         return self._driving[key]
 
-    def _rule(self, run: RunSpec) -> InitialStateRule:
+    def _initial_state_rule(self, run: RunSpec) -> InitialStateRule:
         key = self._start_key(run)
         if key not in self._rules:
             base, manifest = self.base(run.structure), self.source.manifest
@@ -377,9 +394,9 @@ class Scene:
     def prepare(
         self, run: RunSpec, start: InitialStates, compiled: mujoco.MjModel | None = None
     ) -> PreparedModel:
-        """Return a run's model, given its start (n = 1), without effects that it does not need.
+        """Return a run's model for its start (n is 1), without effects that it does not need.
 
-        It is made of what `compile_without_sensors` returned, if that is given.
+        It is based on the result of `compile_without_sensors`, if that is passed.
         """
         base = self.base_of(run)
         base = base if compiled is None else replace(base, model=compiled)
@@ -387,9 +404,9 @@ class Scene:
         return base.prepare(run.edits(), run.effect_request, start, load)
 
     def model_key(self, run: RunSpec) -> str:
-        """Return a hash that runs share if their models are the same, where starts are alike.
+        """Return a hash that runs share if their models are the same for similar starts.
 
-        They are alike if `is_straight` says the same of them.
+        Starts are similar if `is_straight` is the same for them.
         """
         drive = drive_identity(run.drive)
         held = run.initial if run.drive == "hold" else {}
@@ -398,5 +415,5 @@ class Scene:
         return hashlib.sha256(key.encode()).hexdigest()
 
     def compile_without_sensors(self, run: RunSpec) -> mujoco.MjModel:
-        """Compile the structure of a run without the sensors that record."""
+        """Compile the structure of a run without the recording sensors."""
         return compile_model(self.source, run.structure, lambda spec: remove(spec, run.without))

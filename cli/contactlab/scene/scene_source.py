@@ -1,4 +1,4 @@
-"""From what a sweep names as its scene to the files of the scene, their hash, and its manifest.
+"""Finds a scene's files, their hash, and its manifest from the scene's reference in a sweep.
 
 A scene is a shipped name, a folder with a manifest, a model file, or a robot of MuJoCo Menagerie:
 `menagerie:ROBOT[/ENTRY]`.
@@ -27,18 +27,18 @@ from contactlab.schema.requirement import explained
 from contactlab.schema.scene_manifest import SceneManifest
 from contactlab.schema.strict_model import check_extent
 
-_MOST_NAMED = 3
-_SCHEME, _ENVIRONMENT = "menagerie:", "environment:"
+_MAX_LISTED_MODELS = 3
+_MENAGERIE_SCHEME, _ENVIRONMENT_SCHEME = "menagerie:", "environment:"
 
 
 def is_menagerie(reference: str) -> bool:
     """Return whether a scene's reference names a robot of MuJoCo Menagerie."""
-    return reference.startswith(_SCHEME)
+    return reference.startswith(_MENAGERIE_SCHEME)
 
 
 def menagerie_name(reference: str) -> str:
     """Return the name of a robot's scene as a file name: `franka_emika_panda-panda`."""
-    return reference.removeprefix(_SCHEME).replace("/", "-")
+    return reference.removeprefix(_MENAGERIE_SCHEME).replace("/", "-")
 
 
 def menagerie_model(reference: str) -> Path:
@@ -48,7 +48,7 @@ def menagerie_model(reference: str) -> Path:
     package is not installed, knows no such robot or entry, or cannot get it.
     """
     package = _package(reference)
-    robot, _, entry = reference.removeprefix(_SCHEME).partition("/")
+    robot, _, entry = reference.removeprefix(_MENAGERIE_SCHEME).partition("/")
     robots: list[str] = package.names()
     message, listing = f"MuJoCo Menagerie has no robot '{robot}'", "`mujoco-menagerie names`"
     SceneError.unless_known(robot, robots, message, f"; {listing} lists them")
@@ -82,32 +82,34 @@ def _package(reference: str) -> ModuleType:
 MANIFEST = "scene.yaml"
 MODEL_SUFFIXES = {".xml", ".urdf", ".mjcf"}
 BINARY = ".mjb"
-"""A compiled model, as that of a loop or an environment: no sensors can be added to it."""
-_USD = "is USD, which MuJoCo does not read; export it as MJCF or URDF"
-_MESH = "is a mesh, not a model; write an MJCF model that has it as an asset: <mesh file={name!r}/>"
+"""Suffix of a compiled model, such as that of a loop or an environment; it takes no new sensors."""
+_USD_HINT = "is USD, which MuJoCo does not read; export it as MJCF or URDF"
+_MESH_HINT = (
+    "is a mesh, not a model; write an MJCF model with it as an asset: <mesh file={name!r}/>"
+)
 FOREIGN_SUFFIXES: Mapping[str, str] = {
     ".xacro": "is a template of a model; expand it first: `xacro {name} > {stem}.urdf`",
-    BINARY: "is compiled; name the MJCF or URDF that it is of",
+    BINARY: "is compiled; name the MJCF or URDF that it was compiled from",
     ".mjcf": "has an ending that MuJoCo does not read; rename it to {stem}.xml",
     ".sdf": "is SDF, which MuJoCo does not read; export it as MJCF or URDF",
-    **dict.fromkeys((".usd", ".usda", ".usdc", ".usdz"), _USD),
-    **dict.fromkeys((".obj", ".stl", ".dae", ".ply", ".msh", ".glb"), _MESH),
+    **dict.fromkeys((".usd", ".usda", ".usdc", ".usdz"), _USD_HINT),
+    **dict.fromkeys((".obj", ".stl", ".dae", ".ply", ".msh", ".glb"), _MESH_HINT),
 }
-"""What files that are no models are, by suffix, and what to do with them."""
+"""Kinds of files that are not models, by suffix, and how to convert them."""
 
 
 @dataclass(frozen=True)
 class SceneSource:
     """A scene on disk, at the path of its manifest or, without one, of its model.
 
-    Its name is the shipped name, the folder's or file's stem, or robot and entry.
+    Its name is the shipped name, the stem of the folder or file, or robot and entry.
     """
 
     name: str
     path: Path
     manifest: SceneManifest | None
     content: SceneFiles
-    environment: Any = None  # what opens and plays it, of another package
+    environment: Any = None  # the object of another package that opens and plays it
 
     @property
     def model(self) -> Path:
@@ -128,31 +130,31 @@ def find_scene(
 ) -> SceneSource:
     """Return the scene of a name, a folder with a manifest, a model file, a robot, an environment.
 
-    Relative paths start in the base folder, or in the working directory. A SceneError says that
-    there is no such scene, that its manifest is invalid, or that its code is not allowed.
+    Relative paths start in the base folder, or in the working directory. A SceneError says that the
+    scene does not exist, that its manifest is invalid, or that its code is not allowed.
     """
-    if reference.startswith(_ENVIRONMENT):
-        named = reference.removeprefix(_ENVIRONMENT)
-        return _environment(named, base or Path()).open(None, allow_code)
+    if reference.startswith(_ENVIRONMENT_SCHEME):
+        named = reference.removeprefix(_ENVIRONMENT_SCHEME)
+        return _open_environment(named, base or Path()).open(None, allow_code)
     if is_menagerie(reference):
-        return _bare_model(menagerie_model(reference), menagerie_name(reference))
+        return _scene_of_model(menagerie_model(reference), menagerie_name(reference))
     path = (base or Path()) / Path(reference).expanduser()
     if foreign := FOREIGN_SUFFIXES.get(path.suffix.lower()):
         plain = path.name.partition(".")[0]
         raise SceneError(f"{path}: {foreign.format(name=path.name, stem=plain)}")
     if path.suffix in MODEL_SUFFIXES:
-        return _bare_model(path, path.stem)
+        return _scene_of_model(path, path.stem)
     if path.exists() and not path.is_dir():
-        raise SceneError(f"{path}: no model; name an .xml or .urdf file")
+        raise SceneError(f"{path}: not a model; name an .xml or .urdf file")
     if path.is_dir() and not (path / MANIFEST).is_file():
-        raise SceneError(f"{path} has no {MANIFEST}; name {_models_in(path)}")
+        raise SceneError(f"{path} has no {MANIFEST}; name {_list_models(path)}")
     if "/" in reference or (path / MANIFEST).is_file():
-        return _folder(path, path.resolve().name, allow_code=allow_code)
-    return _folder(resources.scene_folder(reference), reference)
+        return _scene_of_folder(path, path.resolve().name, allow_code=allow_code)
+    return _scene_of_folder(resources.scene_folder(reference), reference)
 
 
 def reference_from(folder: Path, reference: str) -> str:
-    """Return the reference of a scene in files of a folder, as the working directory names it."""
+    """Return a scene's reference relative to a folder, from that in the working directory."""
     path = Path(reference).expanduser()
     named = path.suffix in MODEL_SUFFIXES or (path / MANIFEST).is_file() or "/" in reference
     if is_menagerie(reference) or not named:
@@ -166,30 +168,34 @@ def stored_scene(folder: Path, model: str, name: str) -> SceneSource:
     # Only the scene's own files were copied, so any manifest among them is the scene's.
     manifest = next(folder.rglob(MANIFEST), None)
     if manifest is not None:
-        return _folder(manifest.parent, name, copy=folder)
-    return _bare_model(folder / model, name, copy=folder)
+        return _scene_of_folder(manifest.parent, name, copy=folder)
+    return _scene_of_model(folder / model, name, copy=folder)
 
 
-def _models_in(folder: Path) -> str:
-    """Return the models of a folder in words: the first few, or that there is none."""
+def _list_models(folder: Path) -> str:
+    """Return the first few models of a folder as text, or that it has none."""
     names = sorted(path.name for path in folder.iterdir() if path.suffix in MODEL_SUFFIXES)
     if not names:
         return "an .xml or .urdf file; it has none"
-    listed = " or ".join(str(folder / name) for name in names[:_MOST_NAMED])
-    return listed if len(names) <= _MOST_NAMED else f"one of its {len(names)} models, as {listed}"
+    listed = " or ".join(str(folder / name) for name in names[:_MAX_LISTED_MODELS])
+    return (
+        listed
+        if len(names) <= _MAX_LISTED_MODELS
+        else f"one of its {len(names)} models, as {listed}"
+    )
 
 
-def _bare_model(path: Path, name: str, copy: Path | None = None) -> SceneSource:
+def _scene_of_model(path: Path, name: str, copy: Path | None = None) -> SceneSource:
     if not path.is_file():
         raise SceneError(no_file(path, "model file", MODEL_SUFFIXES))
     return SceneSource(name, path, None, collect_files(path, copy=copy))
 
 
-def _environment(name: str, folder: Path) -> Any:  # noqa: ANN401 - of another package
+def _open_environment(name: str, folder: Path) -> Any:  # noqa: ANN401 - of another package
     return extensions("environment")["mujoco"].load()(name, folder.absolute())
 
 
-def _folder(
+def _scene_of_folder(
     path: Path, name: str, copy: Path | None = None, *, allow_code: bool = False
 ) -> SceneSource:
     manifest = path / MANIFEST
@@ -199,11 +205,13 @@ def _folder(
         )
     check_places([manifest], path, copy)
     read = read_manifest(manifest)
-    environment = read.environment and _environment(read.environment, path)
+    environment = read.environment and _open_environment(read.environment, path)
     if environment and copy is None:
         return environment.open(read, allow_code)
     if read.model.endswith(BINARY) and copy is None:
-        raise SceneError(f"{path / read.model} is compiled; name the MJCF or URDF that it is of")
+        raise SceneError(
+            f"{path / read.model} is compiled; name the MJCF or URDF that it was compiled from"
+        )
     recorded = [read.recording.file] if read.recording else []
     named = [path / file for file in (*drive_files(read.drive), *recorded)]
     named += environment.files if environment else ()
@@ -212,14 +220,14 @@ def _folder(
 
 
 def read_manifest(path: Path) -> SceneManifest:
-    """Read a scene's manifest; a SceneError says that it is not YAML, or lists all wrong keys."""
+    """Read a scene's manifest. Raises a SceneError if it is not YAML, or with all wrong keys."""
     try:
-        return _manifest(path.read_text(encoding="utf-8-sig"))
+        return _parse_manifest(path.read_text(encoding="utf-8-sig"))
     except ValidationError as error:
         found = [
             ([str(part) for part in detail["loc"]], explained(detail)) for detail in error.errors()
         ]
-        # Parts with @ tell forms of a value apart.
+        # Parts with @ distinguish forms of a value; they are not keys.
         errors = [
             f"  {'.'.join(part for part in at if '@' not in part)}: {text}" for at, text in found
         ]
@@ -229,8 +237,8 @@ def read_manifest(path: Path) -> SceneManifest:
 
 
 @lru_cache(maxsize=4)
-def _manifest(text: str) -> SceneManifest:
-    """Return what YAML says, read once for a sweep's process and the workers forked from it."""
+def _parse_manifest(text: str) -> SceneManifest:
+    """Return the manifest in a YAML text, cached for a sweep's process and its forked workers."""
     check_extent(text)
     yaml = YAML(typ="safe", pure=True)
     yaml.composer.warn_double_anchors = False

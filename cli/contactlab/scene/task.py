@@ -1,7 +1,8 @@
-"""The task of a compiled model: one function infers it, and every study judges by it.
+"""Infers the task of a compiled model, which every study uses.
 
-The first of these that a model has: a keyframe that was named; the first keyframe with controls,
-as its author wrote them; else two phases from its first keyframe, or the reference configuration.
+The task starts from the first of these that a model has: a named keyframe; the first keyframe with
+controls, applied as its author wrote them. Otherwise it has two phases from the first keyframe, or
+from the reference configuration.
 """
 
 from collections.abc import Sequence
@@ -15,44 +16,44 @@ from contactlab.scene.model_names import name_of
 from contactlab.schema.drive import Drive
 from contactlab.schema.task import DEFAULT_WITHIN, QPOS0, SEEDS, Phase, Task
 
-_REST, _EXCITEMENT = 1.0, 2.0
+_REST_SECONDS, _EXCITATION_SECONDS = 1.0, 2.0
 HELD_DURATION = 2.0
-"""How long a task with one phase takes, unless something says otherwise [s]."""
+"""Default duration of a task with one phase [s]."""
 
 
 def keyframe_names(model: mujoco.MjModel) -> tuple[str, ...]:
-    """Return the names or addresses of a model's keyframes, but of none that are only reserved."""
+    """Return the names or addresses of a model's keyframes, without merely reserved ones."""
     names = (model.key(index).name for index in range(model.nkey))
     return tuple(name for name in names if name)
 
 
 def has_controls(model: mujoco.MjModel, keyframe: str) -> bool:
-    """Return whether a keyframe has controls: any that is not 0, which is what no control is."""
+    """Return whether a keyframe has controls, that is, any control other than 0."""
     return keyframe != QPOS0 and bool(np.any(model.key_ctrl[model.key(keyframe).id]))
 
 
 def first_start(model: mujoco.MjModel) -> str:
-    """Return the first keyframe with controls, else the first one, else `QPOS0`."""
+    """Return the first keyframe with controls; otherwise the first one; otherwise `QPOS0`."""
     known = keyframe_names(model)
     own = (name for name in known if has_controls(model, name))
     return next(own, next(iter(known), QPOS0))
 
 
 def drive_of(model: mujoco.MjModel, keyframe: str) -> Drive:
-    """Return what drives a model from a start: its controls, constant, or else an exercise."""
+    """Return the drive of a model from a start: its constant controls, or otherwise an exercise."""
     return "none" if has_controls(model, keyframe) else "exercise"
 
 
 def rest_time(duration: float) -> float:
-    """Return how long controls rest before an excitement [s]: a third of the time, 1 s at most."""
-    return min(_REST, duration / 3)
+    """Return the rest time before the excitation [s]: a third of the duration, at most 1 s."""
+    return min(_REST_SECONDS, duration / 3)
 
 
 def check_motion(model: mujoco.MjModel) -> None:
-    """Check that something moves; a SceneError says what to add."""
+    """Check that something moves. Raises a SceneError that tells how to fix the model."""
     if not model.nv or not np.any(model.body_mass[model.body_weldid > 0] > 0):
         raise SceneError(
-            "nothing in it moves that has mass, so there is nothing to judge; give a body a "
+            "the model has no movable body with mass, so there is nothing to judge; give a body a "
             "<joint/> or <freejoint/> and a geom, in a URDF a floating joint to a link named world"
         )
 
@@ -68,11 +69,11 @@ def infer_task(
     seeds: Sequence[int] = SEEDS,
     programmed: bool = False,
 ) -> Task:
-    """Return the task of a compiled model; what is given replaces what would be inferred.
+    """Return the task of a compiled model; arguments replace inferred values.
 
-    It takes 2 s, or 3 s where it has two phases: 1 s at rest, then 2 s of excitement. All
-    bodies are watched, within a share of 10 %. A SceneError names a keyframe or a body that the
-    model lacks.
+    It takes 2 s, or 3 s if it has two phases: 1 s at rest, then 2 s of excitation. All bodies are
+    observed, with a tolerance of 10 %. A SceneError names a keyframe or a body that the model
+    lacks.
     """
     begin = start or first_start(model)
     known = (*keyframe_names(model), QPOS0)
@@ -84,7 +85,7 @@ def infer_task(
         SceneError.unless_known(name, bodies, message, f"; {has}")
     moving = drive_of(model, begin) if drive == "auto" else drive
     two = moving == "exercise"
-    seconds = duration or (_REST + _EXCITEMENT if two else HELD_DURATION)
+    seconds = duration or (_REST_SECONDS + _EXCITATION_SECONDS if two else HELD_DURATION)
     if two:
         rest = rest_time(seconds)
         phases = (

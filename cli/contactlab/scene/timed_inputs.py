@@ -1,4 +1,4 @@
-"""Inputs along knots, and times at which something is held, in a scene."""
+"""Inputs of a scene interpolated between knots, and the time window of a hold."""
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ from contactlab.schema.strict_model import Term
 
 
 def read_formula(term: Term, where: str, initial: Collection[str]) -> Expression:
-    """Parse a number or an expression over initial values; a SceneError says where one is wrong."""
+    """Parse a number or an expression over initial values. A SceneError locates a mistake."""
     try:
         expression = Expression(str(term))
     except ExpressionError as error:
@@ -30,7 +30,10 @@ def read_formula(term: Term, where: str, initial: Collection[str]) -> Expression
 
 
 def computed(formula: Expression, initial: Mapping[str, float]) -> float:
-    """Return an expression's number for a run's initial values; a SceneError if it has none."""
+    """Return an expression's number for a run's initial values.
+
+    Raises a SceneError if it has none.
+    """
     try:
         result = formula.evaluate(initial)
     except ExpressionError as error:
@@ -40,13 +43,13 @@ def computed(formula: Expression, initial: Mapping[str, float]) -> float:
     return result
 
 
-_SNAP = 1e-6  # a knot this close to a step, in timesteps, is at that step
-_INPUTS = "ACTUATOR.ctrl, BODY.fx to .tz, or MOCAP_BODY.x to .qz"
+_SNAP_TIMESTEPS = 1e-6  # a knot this close to a step, in timesteps, is at that step
+_INPUT_FORMS = "ACTUATOR.ctrl, BODY.fx to .tz, or MOCAP_BODY.x to .qz"
 
 
 @dataclass(frozen=True)
 class ControlProfile:
-    """Course of the inputs that match a pattern, its name, over time: levels at knots.
+    """Levels at knots over time of the inputs that match a pattern, which is its name.
 
     Inputs are indices among those of `InitialStates`.
     """
@@ -59,69 +62,69 @@ class ControlProfile:
 
 @dataclass(frozen=True)
 class Signals:
-    """Courses of P inputs of a run: each interpolates linearly between its K knots.
+    """Levels of P inputs of a run over time: each interpolates linearly between its K knots.
 
-    Before its first knot an input has the first level, after its last knot the last; of two knots
-    at one time, the later one counts.
+    Before its first knot an input has the first level, after its last knot the last. If two knots
+    have the same time, the later one counts.
     """
 
-    places: NDArray[np.intp]  # (P,) their indices among the inputs
+    places: NDArray[np.intp]  # (P,) indices among the inputs
     times: Floats  # (P, K) times of the knots [s], non-decreasing; (1, K) if all inputs share them
     levels: Floats  # (P, K) values there
 
     @classmethod
     def none(cls) -> "Signals":
-        """Return the signals of a run whose inputs are constant."""
+        """Return the signals of a run with constant inputs."""
         return cls(np.empty(0, np.intp), np.empty((0, 0)), np.empty((0, 0)))
 
     def at(self, times: Floats) -> Floats:
         """Return (T, P) the inputs at some times [s]."""
         if len(self.times) == 1:
-            before, after, width, along = _between(times.tobytes(), self.times.tobytes())
+            before, after, width, along = _bracketing_knots(times.tobytes(), self.times.tobytes())
             first = self.levels.take(before, axis=1)
             return ((self.levels.take(after, axis=1) - first) / width * along + first).T
         lines = zip(self.times, self.levels, strict=True)
         return np.array([np.interp(times, *line) for line in lines]).reshape(-1, len(times)).T
 
     def at_steps(self, timestep: float) -> "Signals":
-        """Return the signals with knots that are at steps, but for rounding, exactly there.
+        """Return the signals with knots moved onto steps where they differ only by rounding.
 
-        So every timestep [s] sees the same levels, and clocks that add up timesteps do no harm.
+        Then every timestep [s] has the same levels, even if a clock accumulates rounding errors.
         """
         steps = np.round(self.times / timestep)
-        near = np.abs(self.times / timestep - steps) < _SNAP
+        near = np.abs(self.times / timestep - steps) < _SNAP_TIMESTEPS
         times = np.where(near, steps * timestep, self.times)
         return Signals(self.places, times, self.levels)
 
     def without(self, left: NDArray[np.bool_]) -> "Signals":
-        """Return the signals but for some, given (P,) whether each is left out."""
+        """Return the signals except those that `left` (P,) marks."""
         times = self.times if len(self.times) < len(left) else self.times[~left]
         return Signals(self.places[~left], times, self.levels[~left])
 
     def joined(self, other: "Signals") -> "Signals":
-        """Return these signals, and others of the same run for the inputs that these leave."""
+        """Return these signals, and others of the same run for inputs that these do not drive."""
         rest = other.without(np.isin(other.places, self.places)) if self.places.size else other
         if not (self.places.size and rest.places.size):
             return self if self.places.size else rest
         most = max(self.levels.shape[1], rest.levels.shape[1])
-        both = self._padded(most), rest._padded(most)
+        both = self._pad_knots(most), rest._pad_knots(most)
         arrays = [(side.places, side.times, side.levels) for side in both]
         return Signals(*(np.concatenate(parts) for parts in zip(*arrays, strict=True)))
 
-    def _padded(self, most: int) -> "Signals":
-        """Return the same signals with more knots, all of them the last one."""
+    def _pad_knots(self, most: int) -> "Signals":
+        """Return the same signals with more knots, all equal to the last one."""
         rest = ((0, 0), (0, most - self.levels.shape[1]))
         times = np.broadcast_to(self.times, self.levels.shape)
         return Signals(self.places, *(np.pad(part, rest, "edge") for part in (times, self.levels)))
 
 
 @lru_cache(maxsize=8)
-def _between(
+def _bracketing_knots(
     times: bytes, knots: bytes
 ) -> tuple[NDArray[np.intp], NDArray[np.intp], Floats, Floats]:
     """Return (T,) the knots before and after times, the time between them, and since the first [s].
 
-    Times and knots are float64; the runs of a job often share both, so that they are searched once.
+    Times and knots are float64. Runs of a job often share both, so the search result is cached.
     Before the first knot and after the last one, both knots are that one.
     """
     wanted, places = np.frombuffer(times), np.frombuffer(knots)
@@ -134,13 +137,13 @@ def _between(
 def read_control(
     model: mujoco.MjModel, manifest: SceneManifest | None
 ) -> tuple[ControlProfile, ...]:
-    """Return the profiles of a manifest's `control`; a SceneError says which one is wrong."""
+    """Return the profiles of a manifest's `control`. A SceneError names a wrong one."""
     if manifest is None:
         return ()
     profiles: list[ControlProfile] = []
-    taken, values = _set_at_start(model, manifest), manifest.initial
+    taken, values = _inputs_set_at_start(model, manifest), manifest.initial
     for name, entry in manifest.control.items():
-        inputs = _inputs(model, name)
+        inputs = _find_inputs(model, name)
         if clash := next((taken[taking] for taking in inputs if taking in taken), None):
             raise SceneError(f"control {name}: {clash} sets the same input; keep one of them")
         taken |= dict.fromkeys(inputs, f"control {name}")
@@ -153,25 +156,27 @@ def read_control(
 
 
 def control_signals(profiles: Sequence[ControlProfile], initial: Mapping[str, float]) -> Signals:
-    """Return the signals of profiles for a run's initial values; a SceneError if times decrease."""
+    """Return the signals of profiles for initial values. Raises a SceneError if times decrease."""
     if not profiles:
         return Signals.none()
     most = max(len(profile.times) for profile in profiles)
     places = [place for profile in profiles for place in profile.inputs]
-    rows = [_knots(profile, initial, most) for profile in profiles for _ in profile.inputs]
+    rows = [_padded_knots(profile, initial, most) for profile in profiles for _ in profile.inputs]
     times, levels = (np.array(part, np.float64) for part in zip(*rows, strict=True))
     return Signals(np.array(places, np.intp), times, levels)
 
 
-def _inputs(model: mujoco.MjModel, pattern: str) -> tuple[int, ...]:
+def _find_inputs(model: mujoco.MjModel, pattern: str) -> tuple[int, ...]:
     places, first = match_coordinates(model, pattern, mocap=True), part_starts(model)["ctrl"]
     if min(places) < first:
-        raise SceneError(f"control '{pattern}' is part of the state, not an input; write {_INPUTS}")
+        raise SceneError(
+            f"control '{pattern}' is part of the state, not an input; write {_INPUT_FORMS}"
+        )
     return tuple(place - first for place in places)
 
 
-def _set_at_start(model: mujoco.MjModel, manifest: SceneManifest) -> dict[int, str]:
-    """Return the inputs that initial values set already, with what sets them; state is below 0."""
+def _inputs_set_at_start(model: mujoco.MjModel, manifest: SceneManifest) -> dict[int, str]:
+    """Return inputs set by initial values, with their setter; state indices are negative."""
     first = part_starts(model)["ctrl"]
     return {
         place - first: f"initial value '{name}'"
@@ -181,7 +186,7 @@ def _set_at_start(model: mujoco.MjModel, manifest: SceneManifest) -> dict[int, s
     }
 
 
-def _knots(
+def _padded_knots(
     profile: ControlProfile, initial: Mapping[str, float], most: int
 ) -> tuple[list[float], list[float]]:
     """Return a profile's knots, padded with the last one."""
@@ -198,7 +203,7 @@ def _knots(
 
 @dataclass(frozen=True)
 class HoldSpec:
-    """Which body holds the subject, and the start and end [s] of when."""
+    """The body that holds the subject, and the start and end of the hold [s]."""
 
     subject: str
     holder: str
@@ -206,12 +211,12 @@ class HoldSpec:
     stop: Expression
 
     def window(self, initial: Mapping[str, float]) -> tuple[float, float]:
-        """Return its start and end [s] for initial values; a SceneError if it is empty."""
+        """Return its start and end [s] for initial values. Raises a SceneError if it is empty."""
         start, stop = computed(self.start, initial), computed(self.stop, initial)
         if not 0 <= start < stop:
             raise SceneError(
                 f"hold goes from {start:g} s to {stop:g} s for {dict(initial)}; "
-                "write a time from 0 on, and a later one"
+                "write a start of at least 0, and a later end"
             )
         return start, stop
 
@@ -219,7 +224,7 @@ class HoldSpec:
 def find_hold(
     model: mujoco.MjModel, manifest: SceneManifest | None, subject: int | None
 ) -> HoldSpec | None:
-    """Return the hold that a manifest declares, if any; a SceneError if it does not fit the run."""
+    """Return the hold that a manifest declares, if any. Raises a SceneError if it does not fit."""
     if manifest is None or manifest.hold is None:
         return None
     if subject is None:

@@ -1,9 +1,9 @@
-"""Pairs of geoms that can never touch, by proof: wherever their joints are within their ranges.
+"""Finds pairs of geoms that provably never touch, wherever their joints are within their ranges.
 
-Between two geoms are the joints of either body up to the body from which both hang. While one of
-them turns by an angle, no point that it carries moves further than that angle times its greatest
-distance from the joint. So a distance in the middle of a box of joint positions bounds those in all
-of it. Boxes are halved until the geoms are apart in each of them.
+Between two geoms are the joints of either body up to their common ancestor. While one of them turns
+by an angle, no point that it carries moves farther than that angle times its greatest distance from
+the joint. So the distance at the center of a box of joint positions bounds the distances in the
+whole box. Boxes are halved until the geoms are separated in each of them.
 """
 
 import copy
@@ -17,31 +17,31 @@ from contactlab.scene.contact_pairs import geom_pairs, may_touch
 from contactlab.scene.model_edits import read_flag
 
 GeomPair = tuple[int, int]
-_JOINT, _GEOM, _OFF = mujoco.mjtJoint, mujoco.mjtGeom, mujoco.mjtDisableBit
-_UNMEASURED = {int(_GEOM.mjGEOM_HFIELD), int(_GEOM.mjGEOM_SDF)}
-"""Shapes of which MuJoCo computes no distances."""
-_BEYOND = 0.1
-"""How far a joint may get beyond either limit, since limits are soft; as a share of its range."""
-_TOUCH = 1e-6  # distance [m] up to which geoms count as touching, beyond their margins
-_SAMPLES, _MOST_BOXES = 64, 4096
+_JOINT_TYPES, _GEOM_TYPES, _DISABLE_FLAGS = mujoco.mjtJoint, mujoco.mjtGeom, mujoco.mjtDisableBit
+_UNMEASURED_SHAPES = {int(_GEOM_TYPES.mjGEOM_HFIELD), int(_GEOM_TYPES.mjGEOM_SDF)}
+"""Shapes for which MuJoCo computes no distances."""
+_MAX_RANGE_EXCESS = 0.1
+"""Allowed excess of a joint over a limit, because limits are soft; as a share of its range."""
+_TOUCH_DISTANCE_M = 1e-6  # distance [m] up to which geoms count as touching, beyond their margins
+_RANDOM_SAMPLES, _MAX_BOXES = 64, 4096
 _FIRST_BOXES, _ALL_FIRST_BOXES = 128, 1 << 16
 
 
 def filtered_pairs(model: mujoco.MjModel) -> list[GeomPair]:
-    """Return the pairs of geoms, the lower id first, that may touch because their masks say so."""
+    """Return the pairs of geoms, lower id first, that may touch because of their masks."""
     return geom_pairs(may_touch(model, listed=False))
 
 
 class Clearance:
-    """How far apart geoms are, and how far joints bring them together."""
+    """Distances between geoms, and bounds of how far joints bring them together."""
 
     def __init__(self, model: mujoco.MjModel, runs: Sequence[Floats]) -> None:
         # Only the native functions compute distances of all shapes.
         self.model = copy.copy(model)
-        self.model.opt.disableflags &= ~int(_OFF.mjDSBL_NATIVECCD)
+        self.model.opt.disableflags &= ~int(_DISABLE_FLAGS.mjDSBL_NATIVECCD)
         self.data = mujoco.MjData(self.model)
         self.ranges = joint_ranges(model, runs)
-        self._extents = _extents(model, self.ranges)
+        self._joint_extents = _joint_extents(model, self.ranges)
 
     def place(self, qpos: Floats) -> None:
         """Put all bodies where a configuration (nq,) has them."""
@@ -49,16 +49,18 @@ class Clearance:
         mujoco.mj_kinematics(self.model, self.data)
 
     def distance(self, first: int, second: int, most: float) -> float:
-        """Return how far two placed geoms are from contact, up to `most` [m]; below 0 in it."""
+        """Return the distance of two placed geoms to contact, up to `most` [m]; below 0 inside."""
         model = self.model
         own = model.geom_margin[first] + model.geom_margin[second]
-        margin = _TOUCH + float(model.opt.o_margin if read_flag(model, "override") else own)
+        margin = _TOUCH_DISTANCE_M + float(
+            model.opt.o_margin if read_flag(model, "override") else own
+        )
         limit = most + margin
-        apart = mujoco.mj_geomDistance(self.model, self.data, first, second, limit, None)
-        return most if apart >= limit else apart - margin
+        gap = mujoco.mj_geomDistance(self.model, self.data, first, second, limit, None)
+        return most if gap >= limit else gap - margin
 
     def touching(self, qpos: Floats) -> set[GeomPair]:
-        """Return the pairs of geoms that touch in a configuration (nq,), the lower id first."""
+        """Return the pairs of geoms that touch in a configuration (nq,), lower id first."""
         self.place(qpos)
         mujoco.mj_comPos(self.model, self.data)
         mujoco.mj_collision(self.model, self.data)
@@ -68,60 +70,64 @@ class Clearance:
     def levers(self, pair: GeomPair) -> Floats | None:
         """Return (njnt,) how far each joint moves two geoms against each other at most.
 
-        In metres a radian, or a metre; 0 for joints that are not between them. None where there is
-        no bound: between them is a free or mocap body, a ball joint or a slide without limits, a
-        plane turns, MuJoCo cannot measure their distance, or it makes contacts with what would pass
-        within a step.
+        In meters per radian, or per meter; 0 for joints that are not between them. The result is
+        None if there is no bound: between them is a free or mocap body, a ball joint or a slide
+        without limits, a plane turns, MuJoCo cannot measure their distance, or it creates
+        speculative contacts for geoms that would pass within a step.
         """
-        model, found = self.model, np.zeros(self.model.njnt)
+        model, bounds = self.model, np.zeros(self.model.njnt)
         bodies = [int(model.geom_bodyid[geom]) for geom in pair]
-        above = [set(_upward(model, body)) for body in bodies]
+        above = [set(_body_and_ancestors(model, body)) for body in bodies]
         for geom, body, others in zip(pair, bodies, reversed(above), strict=True):
-            is_plane = model.geom_type[geom] == _GEOM.mjGEOM_PLANE
+            is_plane = model.geom_type[geom] == _GEOM_TYPES.mjGEOM_PLANE
             reach = np.inf if is_plane else float(model.geom_rbound[geom])
             reach += float(np.linalg.norm(model.geom_pos[geom]))
-            for parent in (ancestor for ancestor in _upward(model, body) if ancestor not in others):
+            for parent in (
+                ancestor for ancestor in _body_and_ancestors(model, body) if ancestor not in others
+            ):
                 if model.body_mocapid[parent] >= 0:
                     return None
-                reach += self._extents[parent]
-                found[model.jnt_bodyid == parent] = reach
+                reach += self._joint_extents[parent]
+                bounds[model.jnt_bodyid == parent] = reach
                 reach += float(np.linalg.norm(model.body_pos[parent]))
-        between = found > 0
-        bounded = np.isfinite(found).all() and np.isfinite(self.ranges[between]).all()
-        measured = not _UNMEASURED & set(model.geom_type[[*pair]].tolist())
+        between = bounds > 0
+        bounded = np.isfinite(bounds).all() and np.isfinite(self.ranges[between]).all()
+        measured = not _UNMEASURED_SHAPES & set(model.geom_type[[*pair]].tolist())
         if not bounded or not measured or read_flag(model, "speculative"):
             return None
-        return np.where(between & (model.jnt_type == _JOINT.mjJNT_SLIDE), 1.0, found)
+        return np.where(between & (model.jnt_type == _JOINT_TYPES.mjJNT_SLIDE), 1.0, bounds)
 
 
-def _extents(model: mujoco.MjModel, ranges: Floats) -> Floats:
-    """Return (nbody,) what the joints of each body add to the reach from its frame at most [m]."""
-    slides, extents = model.jnt_type == _JOINT.mjJNT_SLIDE, np.zeros(model.nbody)
+def _joint_extents(model: mujoco.MjModel, ranges: Floats) -> Floats:
+    """Return (nbody,) the largest distance that the joints of each body add to its reach [m]."""
+    slides, extents = model.jnt_type == _JOINT_TYPES.mjJNT_SLIDE, np.zeros(model.nbody)
     ways = np.abs(ranges - model.qpos0[model.jnt_qposadr][:, None]).max(axis=1, initial=0.0)
     anchors = 2 * np.linalg.norm(model.jnt_pos, axis=1)
     np.add.at(extents, model.jnt_bodyid, anchors + np.where(slides, ways, 0.0))
     return extents
 
 
-def _upward(model: mujoco.MjModel, body: int) -> Iterator[int]:
-    """Yield a body and all from which it hangs, but for the world."""
+def _body_and_ancestors(model: mujoco.MjModel, body: int) -> Iterator[int]:
+    """Yield a body and all of its ancestors except the world."""
     while body:
         yield body
         body = int(model.body_parentid[body])
 
 
 def joint_ranges(model: mujoco.MjModel, runs: Sequence[Floats]) -> Floats:
-    """Return (njnt, 2) where hinges and slides may be, somewhat beyond their limits.
+    """Return (njnt, 2) the positions that hinges and slides may have, somewhat beyond their limits.
 
-    A hinge without a limit goes once round, a slide without one anywhere; of others, NaN. A limit
-    counts as none that does not hold in the default pose, a keyframe or a run (T, nq).
+    A hinge without a limit covers a full turn, a slide without one everything; other joints have
+    NaN. A limit that is violated in the default pose, a keyframe or a run (T, nq) is ignored.
     """
     ends = np.full((model.njnt, 2), np.nan)
-    hinges, slides = (model.jnt_type == kind for kind in (_JOINT.mjJNT_HINGE, _JOINT.mjJNT_SLIDE))
+    hinges, slides = (
+        model.jnt_type == kind for kind in (_JOINT_TYPES.mjJNT_HINGE, _JOINT_TYPES.mjJNT_SLIDE)
+    )
     ends[hinges], ends[slides] = (-np.pi, np.pi), (-np.inf, np.inf)
     if read_flag(model, "limit") and read_flag(model, "constraint"):
         limited = np.asarray(model.jnt_limited, bool) & (hinges | slides)
-        spread = _BEYOND * np.ptp(model.jnt_range, axis=1, keepdims=True)
+        spread = _MAX_RANGE_EXCESS * np.ptp(model.jnt_range, axis=1, keepdims=True)
         allowed = model.jnt_range + spread * [-1, 1]
         places = np.concatenate([model.qpos0[None], model.key_qpos, *runs])[:, model.jnt_qposadr]
         limited &= ((places >= allowed[:, 0]) & (places <= allowed[:, 1])).all(axis=0)
@@ -132,27 +138,27 @@ def joint_ranges(model: mujoco.MjModel, runs: Sequence[Floats]) -> Floats:
 def unreachable_pairs(
     model: mujoco.MjModel, pairs: Iterable[GeomPair], runs: Sequence[Floats] = ()
 ) -> set[GeomPair]:
-    """Return the pairs that cannot touch, whatever joints do within a tenth beyond their ranges.
+    """Return the pairs that cannot touch while joints stay within a tenth beyond their ranges.
 
-    Runs (T, nq) show which joints their limits do not hold. Other pairs may be unable to touch as
-    well: only so many boxes are tried.
+    Runs (T, nq) show which limits do not hold their joints. Other pairs may be unable to touch as
+    well, because the number of boxes is limited.
     """
     clearance = Clearance(model, runs)
     levers = {pair: each for pair in pairs if (each := clearance.levers(pair)) is not None}
     known, generator = np.isfinite(clearance.ranges).all(axis=1), np.random.default_rng(0)
-    for _ in range(_SAMPLES):
+    for _ in range(_RANDOM_SAMPLES):
         qpos = model.qpos0.copy()
         qpos[model.jnt_qposadr[known]] = generator.uniform(*clearance.ranges[known].T)
         for pair in clearance.touching(qpos) & levers.keys():
             del levers[pair]
     first = min(_FIRST_BOXES, _ALL_FIRST_BOXES // max(1, len(levers)))
-    return {pair for pair, lever in levers.items() if _is_apart(clearance, pair, lever, first)}
+    return {pair for pair, lever in levers.items() if _is_separated(clearance, pair, lever, first)}
 
 
-def _is_apart(clearance: Clearance, pair: GeomPair, levers: Floats, first: int) -> bool:
-    """Return whether a pair is apart in all boxes of joint positions.
+def _is_separated(clearance: Clearance, pair: GeomPair, levers: Floats, first: int) -> bool:
+    """Return whether a pair is separated in all boxes of joint positions.
 
-    A search is given up that would take too many boxes at the pace of its first ones.
+    The search stops if it would take too many boxes at the pace of its first ones.
     """
     model, between = clearance.model, np.flatnonzero(levers)
     places, levers, ranges = model.jnt_qposadr[between], levers[between], clearance.ranges[between]
@@ -165,7 +171,7 @@ def _is_apart(clearance: Clearance, pair: GeomPair, levers: Floats, first: int) 
         clearance.place(qpos)
         slack = float(levers @ half)
         distance = clearance.distance(*pair, slack)
-        if distance <= 0 or (tried > first and tried > done * _MOST_BOXES):
+        if distance <= 0 or (tried > first and tried > done * _MAX_BOXES):
             return False
         if distance >= slack:
             done += share

@@ -131,7 +131,7 @@ def test_what_has_no_column_is_held(scene: Scene, tmp_path: Path) -> None:
 
 
 MISTAKES = {
-    "a name": ("time,servo,shoulder\n0,1,1\n1,1,1\n", "column `shoulder` is no actuator, joint or"),
+    "a name": ("time,servo,shoulder\n0,1,1\n1,1,1\n", "column `shoulder` is not an actuator"),
     "a near name": ("time,servp\n0,1\n1,1\n", "did you mean 'servo'"),
     "no number": ("time,servo\n0,1\n1,x\n", "row 2 of column `servo` is not a finite number"),
     "nan": ("time,servo\n0,1\n1,nan\n", "row 2 of column `servo` is not a finite number"),

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from contactlab.scene.effects.proofs import _DIRECT  # pyright: ignore[reportPrivateUsage]
+from contactlab.scene.effects.proofs import _SPECIAL_PAIRS  # pyright: ignore[reportPrivateUsage]
 
 _SHAPES = {
     "plane": ('type="plane" size="1 1 .1"', mujoco.mjtGeom.mjGEOM_PLANE),
@@ -21,7 +21,7 @@ _SHAPES = {
 _PAIRS = [
     pair
     for pair in combinations_with_replacement(_SHAPES, 2)
-    if tuple(sorted(int(_SHAPES[name][1]) for name in pair)) in _DIRECT
+    if tuple(sorted(int(_SHAPES[name][1]) for name in pair)) in _SPECIAL_PAIRS
 ]
 _OFF = int(mujoco.mjtDisableBit.mjDSBL_NATIVECCD)
 _MULTI = getattr(mujoco.mjtDisableBit, "mjDSBL_MULTICCD", None)

@@ -1,4 +1,4 @@
-"""Drives of the runs of one structure: controls at rest, signals, and a load that holds."""
+"""Drives of the runs of one structure: controls at rest, signals, and a holding load."""
 
 from collections.abc import Sequence
 from itertools import groupby
@@ -28,15 +28,15 @@ from contactlab.schema.drive import Drive, FileDrive, NoiseDrive, PolicyDrive
 
 
 def is_driven(drive: Drive) -> bool:
-    """Return whether a drive decides starts and signals; a policy does not, before its run."""
+    """Return whether a drive decides starts and signals; a policy does not before its run."""
     return drive != "none" and not isinstance(drive, PolicyDrive)
 
 
 class Driving:
     """Drives the runs of one structure that start from one keyframe.
 
-    No actuator is altered. Controls that neither a file nor the scene itself drives rest: as the
-    keyframe has them, else neutral. Its `load` holds the start, if the drive does.
+    No actuator is altered. Controls driven neither by a file nor by the scene itself rest: at the
+    keyframe's values, or otherwise at neutral ones. `load` holds the start, if the drive does.
     """
 
     def __init__(
@@ -46,9 +46,9 @@ class Driving:
         rule: InitialStateRule,
         table: RecordedTable | None,
     ) -> None:
-        """Find what drives the runs of a model, as written, whose initial states a rule makes.
+        """Prepare the drive of runs of an unchanged model with initial states from a rule.
 
-        Raises a SceneError if the drive's file does not suit the model.
+        Raises a SceneError if the drive's file does not fit the model.
         """
         self._model, self._drive, self._rule, self._recorded = model, drive, rule, None
         if isinstance(drive, FileDrive) and table is not None:
@@ -64,7 +64,7 @@ class Driving:
         self._shared = dict[tuple[float, ...], Signals]()
 
     def load(self, run: RunSpec) -> Load | None:
-        """Return the load that holds a run's start, before any seed perturbs it, if it is held."""
+        """Return the load that holds a run's unperturbed start, if the drive holds it."""
         if self._drive != "hold":
             return None
         key = tuple(run.initial.values())
@@ -76,29 +76,29 @@ class Driving:
         return self._loads[key]
 
     def starts(self, runs: Sequence[RunSpec]) -> InitialStates:
-        """Return the initial states of runs, driven.
+        """Return the initial states of runs, with their signals.
 
-        Raises a SceneError if a run is too long for the drive's file, or its steps too long for the
-        noise.
+        Raises a SceneError if a run is too long for the drive's file, or its timestep too long for
+        the noise.
         """
         starts = initial_states(self._rule, [run.start for run in runs])
         fields, signals = starts._asdict(), list(starts.signals)
         fields["ctrl"][:, self._resting] = self._rest[self._resting]
-        for _, group in groupby(enumerate(runs), lambda numbered: _pace(numbered[1])):
+        for _, group in groupby(enumerate(runs), lambda numbered: _signal_key(numbered[1])):
             places, alike = zip(*group, strict=True)
-            for place, driven in zip(places, self._signals(alike), strict=True):
+            for place, driven in zip(places, self._group_signals(alike), strict=True):
                 signals[place] = signals[place].joined(driven)
         for part, index, value in self._recorded.start if self._recorded else ():
             fields[part][:, index] = value
         return at_begin(starts._replace(signals=tuple(signals)))
 
     def unheld(self, run: RunSpec) -> str:
-        """Return what of a run's start a hold does not hold; empty for other drives."""
+        """Return the joints of a run's start that a hold does not hold; empty for other drives."""
         load = self.load(run)
         return unheld(self._model, self._rule.nominal(run.initial), load) if load else ""
 
-    def _signals(self, runs: Sequence[RunSpec]) -> Sequence[Signals]:
-        """Return what drives runs that differ in their seeds only, as `_pace` says."""
+    def _group_signals(self, runs: Sequence[RunSpec]) -> Sequence[Signals]:
+        """Return the signals of runs that differ only in their seeds; see `_signal_key`."""
         run = runs[0]
         if isinstance(self._drive, NoiseDrive):
             if self._drive.rate * run.timestep > 0.5:
@@ -110,26 +110,26 @@ class Driving:
             half = np.ptp(control_ranges(self._model).reshape(-1, 2), axis=1) / 2
             seeds = [run.seed for run in runs]
             noise = noise_signals(self._rest, half, self._drive, run.duration, seeds)
-            return [self._of_resting(setting) for setting in noise]
+            return [self._resting_only(setting) for setting in noise]
         if self._drive == "exercise":
-            return [self._excitement(run) for run in runs]
-        key = _pace(run)
+            return [self._excitation(run) for run in runs]
+        key = _signal_key(run)
         if key not in self._shared:
             held = self._recorded
             self._shared[key] = held.during(run.duration, run.timestep) if held else Signals.none()
         return [self._shared[key]] * len(runs)
 
-    def _excitement(self, run: RunSpec) -> Signals:
+    def _excitation(self, run: RunSpec) -> Signals:
         span = rest_time(run.duration), run.duration
         signals = excitement_signals(self._model, self._rest, span, run.seed)
-        return self._of_resting(signals.at_steps(run.timestep))
+        return self._resting_only(signals.at_steps(run.timestep))
 
-    def _of_resting(self, signals: Signals) -> Signals:
-        """Return signals without those of controls that something else drives."""
+    def _resting_only(self, signals: Signals) -> Signals:
+        """Return signals without controls that are driven otherwise."""
         other = np.setdiff1d(np.arange(self._model.nu), self._resting)
         return signals.without(np.isin(signals.places, other)) if other.size else signals
 
 
-def _pace(run: RunSpec) -> tuple[float, ...]:
-    """Return what runs share whose signals differ by their seeds only."""
+def _signal_key(run: RunSpec) -> tuple[float, ...]:
+    """Return the key of runs with signals that differ only by their seeds."""
     return run.timestep, run.duration, *run.initial.values()

@@ -1,19 +1,17 @@
-"""Hold a posture by an external load: springs and dampers between joints and the world.
+"""Holds a posture by an external load: springs and dampers between joints and the world.
 
-No actuator is touched: each keeps its controls, its limits and its gains. The load acts on the
-slides and hinges that actuators move. At the start it balances what else acts there,
-
+No actuator is changed: each keeps its controls, its limits and its gains. The load acts on the
+slides and hinges that actuators move. At the start it balances the other forces there,
     load = qfrc_bias - qfrc_passive - qfrc_actuator
+and around the start it acts as springs: with M the inertia matrix and K the springs, no rate of
+M^-1 K exceeds the square of 4 Hz, or of 12 Hz if legs carry a body, whatever the timestep of the
+model. Dampers are critical. A spring k at rest at q0 that balances a force f is one at rest at
+q0 + f / k, so springs and dampers of the joints themselves carry the load: they are added to those
+of the run's model, and MuJoCo integrates them like any other.
 
-and around it springs: with M the inertia matrix and K the springs, no rate of M^-1 K exceeds the
-square of 4 Hz, or of 12 Hz where legs carry a body, whatever the timestep of the model. Dampers
-are critical. A spring k at rest at q0 that balances a force f is one at rest at q0 + f / k, so that
-springs and dampers of the joints themselves carry the load: they are added to those of the run's
-model, and MuJoCo integrates them as any other.
-
-What stands on the ground bears more than gravity: the ground pushes back. So a robot whose root no
-actuator moves settles first, in a simulation of its own, and what the springs exert there joins the
-balance.
+A body standing on the ground carries more than gravity: the ground pushes back. So a robot without
+an actuator at its root settles first, in a separate simulation, and the spring forces at its end
+join the balance.
 """
 
 import copy
@@ -27,17 +25,18 @@ from numpy.typing import NDArray
 from contactlab.contact.trace_arrays import Floats
 
 # Highest natural frequency of the springs [rad/s]: a few hertz; more where legs carry a body.
-_FREQUENCY = 2 * np.pi * 4
-_CARRYING = 2 * np.pi * 12
-# A robot has settled below this speed [rad/s, m/s]; it is looked at so often, and so long [s].
-_STILL, _LOOK, _LONGEST = 0.02, 0.05, 1.0
-_TIMESTEP = 2e-3  # of settling, so that the load is the same for every timestep of the model [s]
-# How often it settles at most, and how near to its posture is near enough [rad or m].
-_ROUNDS, _NEAR = 10, 0.01
-_BEYOND = 1e-3  # how far beyond a limit a start is said to be [rad or m]
+_SPRING_RATE = 2 * np.pi * 4
+_LEG_SPRING_RATE = 2 * np.pi * 12
+# A robot has settled below this speed [rad/s, m/s]; interval and limit of the checks [s].
+_SETTLED_SPEED, _CHECK_INTERVAL_S, _MAX_SETTLING_S = 0.02, 0.05, 1.0
+# Timestep of settling [s]: fixed, so that the load is the same for every timestep of the model.
+_SETTLING_TIMESTEP_S = 2e-3
+# Maximum number of settling rounds, and the accepted distance to the posture [rad or m].
+_MAX_ROUNDS, _ACCEPTED_DISTANCE = 10, 0.01
+_MIN_REPORTED_EXCESS = 1e-3  # smallest excess of a start over a limit that is reported [rad or m]
 
-_SCALARS = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)
-_FREE = int(mujoco.mjtJoint.mjJNT_FREE)
+_SCALAR_JOINTS = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)
+_FREE_JOINT = int(mujoco.mjtJoint.mjJNT_FREE)
 
 
 @dataclass(frozen=True)
@@ -47,8 +46,8 @@ class Load:
     joints: NDArray[np.intp]  # (J,)
     stiffness: Floats  # (J,) [N m/rad or N/m]
     damping: Floats  # (J,) [N m s/rad or N s/m]
-    places: Floats  # (J,) where the springs pull to [rad or m]
-    balance: Floats  # (J,) what they exert there [N m or N]
+    places: Floats  # (J,) rest positions of the springs [rad or m]
+    balance: Floats  # (J,) forces of the springs there [N m or N]
 
     def write(self, model: mujoco.MjModel) -> None:
         """Add them to the springs and dampers of a model's joints, in place."""
@@ -62,101 +61,100 @@ class Load:
 
 
 def find_load(model: mujoco.MjModel, qpos: Floats, ctrl: Floats, act: Floats) -> Load:
-    """Return what holds qpos (nq,), or the next configuration within limits, of a model.
+    """Return the load that holds qpos (nq,) of a model, or the nearest configuration within limits.
 
-    Controls (nu,) and activations (na,) are those at the start. Joints whose springs follow a
-    polynomial are left alone: a load cannot be added to these.
+    Controls (nu,) and activations (na,) are those at the start. Joints with polynomial springs are
+    excluded, because a load cannot be added to them.
     """
-    data = _at(model, qpos, ctrl, act)
+    data = _forward_data(model, qpos, ctrl, act)
     moment = moments(model, data)
     moved = np.abs(moment).max(axis=0, initial=0) > 0
-    scalar = np.isin(model.jnt_type, _SCALARS)
+    scalar = np.isin(model.jnt_type, _SCALAR_JOINTS)
     curved = np.any(getattr(model, "jnt_stiffnesspoly", np.zeros((model.njnt, 1))), axis=1)
     joints = np.flatnonzero(scalar & ~curved & moved[model.jnt_dofadr])
     dofs, places = model.jnt_dofadr[joints], model.jnt_qposadr[joints]
     inertia = np.zeros((model.nv, model.nv))
     for column, unit in zip(inertia, np.eye(model.nv), strict=True):
         mujoco.mj_mulM(model, data, column, unit)
-    frequency = _CARRYING if _carried(model, moment).size else _FREQUENCY
+    frequency = _LEG_SPRING_RATE if _carried_bodies(model, moment).size else _SPRING_RATE
     compliance = np.abs(np.linalg.inv(inertia)[np.ix_(dofs, dofs)])
-    stiffness = frequency**2 * _bearable(compliance)
-    # In the units of `_bearable`, a joint moves the inertia that its own row of M has.
+    stiffness = frequency**2 * _stable_coefficients(compliance)
+    # In the units of `_stable_coefficients`, a joint moves the inertia on the diagonal of M.
     damping = 2 * np.sqrt(stiffness * np.diagonal(inertia)[dofs])
     wanted = np.array(qpos[places])
     limited = np.asarray(model.jnt_limited)[joints].astype(bool)
     within = np.clip(wanted, *np.asarray(model.jnt_range)[joints].T)
     forces = np.asarray(data.qfrc_bias - data.qfrc_passive - data.qfrc_actuator)[dofs]
     load = Load(joints, stiffness, damping, np.where(limited, within, wanted), forces)
-    return _supported(model, load, data) if _carried(model, moment).size else load
+    return _with_ground_reaction(model, load, data) if _carried_bodies(model, moment).size else load
 
 
-def _supported(model: mujoco.MjModel, load: Load, start: mujoco.MjData) -> Load:
-    """Return a load that also bears what the ground pushes back with.
+def _with_ground_reaction(model: mujoco.MjModel, load: Load, start: mujoco.MjData) -> Load:
+    """Return a load that also balances the reaction of the ground.
 
-    Each round settles with what springs exerted at the end of the last one, as long as that brings
-    the joints closer to their places.
+    Each round settles with the spring forces at the end of the previous one, as long as that brings
+    the joints closer to their positions.
     """
     found, least = load, np.inf
-    for _ in range(_ROUNDS):
+    for _ in range(_MAX_ROUNDS):
         held = copy.copy(model)
-        held.opt.timestep = _TIMESTEP
+        held.opt.timestep = _SETTLING_TIMESTEP_S
         load.write(held)
-        away = _settled(held, load, start)
+        away = _settled_distance(held, load, start)
         if not np.abs(away).max(initial=0.0) < least:
             break
         found, least = load, float(np.abs(away).max(initial=0.0))
-        if least < _NEAR:
+        if least < _ACCEPTED_DISTANCE:
             break
         load = replace(load, balance=load.balance - load.stiffness * away)
     return found
 
 
-def _settled(model: mujoco.MjModel, load: Load, start: mujoco.MjData) -> Floats:
-    """Return (J,) how far joints are from their places at rest; NaN if it diverges.
+def _settled_distance(model: mujoco.MjModel, load: Load, start: mujoco.MjData) -> Floats:
+    """Return (J,) the distance of joints from their positions at rest; NaN for a divergence.
 
-    What still moves after a while is so far on average, over the second half of that while.
+    For a robot that still moves at the time limit, it is the mean over the second half of the time.
     """
     data, looks = mujoco.MjData(model), list[Floats]()
     data.qpos[:], data.ctrl[:], data.act[:] = start.qpos, start.ctrl, start.act
-    steps = max(1, round(_LOOK / model.opt.timestep))
+    steps = max(1, round(_CHECK_INTERVAL_S / model.opt.timestep))
     places = model.jnt_qposadr[load.joints]
-    while data.time < _LONGEST:
+    while data.time < _MAX_SETTLING_S:
         with suppress(mujoco.FatalError):
             mujoco.mj_step(model, data, nstep=steps)
         if data.warning.number.any() or not data.time > len(looks) * steps * model.opt.timestep:
             return np.full(len(places), np.nan)
         looks.append(data.qpos[places] - load.places)
-        if np.abs(data.qvel).max(initial=0.0) < _STILL:
+        if np.abs(data.qvel).max(initial=0.0) < _SETTLED_SPEED:
             return looks[-1]
     return np.mean(looks[len(looks) // 2 :], axis=0)
 
 
 def unheld(model: mujoco.MjModel, qpos: Floats, load: Load) -> str:
-    """Return what a load does not hold of a model that starts at qpos (nq,); free bodies aside.
+    """Return the joints and bodies of a start qpos (nq,) that a load does not hold.
 
-    Empty if it holds all.
+    It is empty if the load holds everything. Free bodies do not count.
     """
-    jointed = np.flatnonzero(np.asarray(model.jnt_type) != _FREE)
+    jointed = np.flatnonzero(np.asarray(model.jnt_type) != _FREE_JOINT)
     beyond = np.abs(load.places - qpos[model.jnt_qposadr[load.joints]])
     parts = (
         ("no actuator moves", model.joint, np.setdiff1d(jointed, load.joints)),
-        ("fixed to a mocap body:", model.body, _fixed_to_mocap(model)),
+        ("fixed to a mocap body:", model.body, _bodies_fixed_to_mocap(model)),
         (
             f"up to {beyond.max(initial=0):.2g} beyond their limits at the start:",
             model.joint,
-            load.joints[beyond > _BEYOND],
+            load.joints[beyond > _MIN_REPORTED_EXCESS],
         ),
     )
-    said: list[str] = []
-    for what, element, ids in parts:
+    problems: list[str] = []
+    for problem, element, ids in parts:
         names = [str(element(index).name) for index in ids.tolist()]
         more = [f"{len(names) - 4} more"] if len(names) > 4 else []
-        said += [f"{what} {', '.join(names[:4] + more)}"] if names else []
-    return "; ".join(said)
+        problems += [f"{problem} {', '.join(names[:4] + more)}"] if names else []
+    return "; ".join(problems)
 
 
-def _fixed_to_mocap(model: mujoco.MjModel) -> NDArray[np.int32]:
-    """Return the bodies that a weld or connection fixes to a mocap body."""
+def _bodies_fixed_to_mocap(model: mujoco.MjModel) -> NDArray[np.int32]:
     kinds = int(mujoco.mjtEq.mjEQ_WELD), int(mujoco.mjtEq.mjEQ_CONNECT)
     chosen = np.isin(model.eq_type, kinds) & np.asarray(model.eq_active0).astype(bool)
     sides = np.stack([model.eq_obj1id, model.eq_obj2id], axis=1)[chosen]
@@ -168,7 +166,7 @@ def _fixed_to_mocap(model: mujoco.MjModel) -> NDArray[np.int32]:
 
 
 def moments(model: mujoco.MjModel, data: mujoco.MjData) -> Floats:
-    """Return (nu, nv) how the lengths of actuators change with joints."""
+    """Return (nu, nv) the derivatives of actuator lengths with respect to joints."""
     moment = np.zeros((model.nu, model.nv))
     rows = data.moment_rownnz, data.moment_rowadr
     values, columns = data.actuator_moment.ravel(), data.moment_colind.ravel()
@@ -176,26 +174,26 @@ def moments(model: mujoco.MjModel, data: mujoco.MjData) -> Floats:
     return moment
 
 
-def _at(model: mujoco.MjModel, qpos: Floats, ctrl: Floats, act: Floats) -> mujoco.MjData:
+def _forward_data(model: mujoco.MjModel, qpos: Floats, ctrl: Floats, act: Floats) -> mujoco.MjData:
     data = mujoco.MjData(model)
     data.qpos[:], data.ctrl[:], data.act[:] = qpos, ctrl, act
     mujoco.mj_forward(model, data)
     return data
 
 
-def _carried(model: mujoco.MjModel, moment: Floats) -> NDArray[np.int32]:
-    """Return the bodies of joints that no actuator moves but that carry some which one does."""
+def _carried_bodies(model: mujoco.MjModel, moment: Floats) -> NDArray[np.int32]:
+    """Return the bodies of unactuated joints that carry actuated ones."""
     moved = np.abs(moment).max(axis=0, initial=0) > 0
     above = np.asarray(model.dof_parentid)[moved]
     above = above[above >= 0]
     return np.asarray(model.dof_bodyid)[above[~moved[above]]]
 
 
-def _bearable(compliance: Floats) -> Floats:
-    """Return (J,) coefficients c such that no rate of M^-1 c exceeds 1, given |M^-1| (J, J).
+def _stable_coefficients(compliance: Floats) -> Floats:
+    """Return (J,) coefficients c such that no rate of M^-1 c exceeds 1, for |M^-1| (J, J).
 
-    By Gershgorin's theorem a rate is at most the largest sum of a row of |M^-1 c|, in any units;
-    here in those in which M^-1 has ones on its diagonal.
+    By Gershgorin's theorem a rate is at most the largest row sum of |M^-1 c|, in any units; here in
+    those in which M^-1 has ones on its diagonal.
     """
     units = np.sqrt(np.diagonal(compliance))
     return 1 / np.maximum((compliance / units).sum(axis=1) * units, np.finfo(float).tiny)

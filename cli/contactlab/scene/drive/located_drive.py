@@ -1,4 +1,4 @@
-"""A drive with its files: found, hashed, and copied into stores beside the scene."""
+"""A drive with its files: located, hashed, and copied into stores together with the scene."""
 
 import hashlib
 import shutil
@@ -20,9 +20,9 @@ _HASH_DIGITS = 16
 
 @dataclass(frozen=True)
 class LocatedDrive:
-    """A drive, with the names and the hash of its files, and where these lie.
+    """A drive with its files' names, hash and paths.
 
-    The first file is the one that drives; there are none for drives without files.
+    The first file is the one that drives; the list is empty for drives without files.
     """
 
     drive: Drive
@@ -36,14 +36,14 @@ class LocatedDrive:
         return None
 
     def found_in(self, copy: "LocatedDrive") -> "LocatedDrive":
-        """Return it, or its copy of the same hash where its own files are missing."""
+        """Return it, or its copy with the same hash if its own files are missing."""
         return self if all(file.is_file() for file in self.files) else copy
 
     def check(self) -> None:
-        """Check that its files are what they were; a SceneError names one that is not."""
+        """Check that its files are unchanged. Raises a SceneError that names a changed file."""
         assert isinstance(self.drive, FileDrive | PolicyDrive)
-        if (sha256 := _hash(self.files)) != self.drive.sha256:
-            raise SceneError(f"drive: {self.files[0]} is not what it was: its SHA-256 is {sha256}")
+        if (sha256 := _hash_files(self.files)) != self.drive.sha256:
+            raise SceneError(f"drive: {self.files[0]} has changed: its SHA-256 is now {sha256}")
 
     def copy_to(self, folder: Path) -> None:
         """Copy its files into a folder."""
@@ -53,14 +53,14 @@ class LocatedDrive:
 
 
 def locate(drive: Drive, folder: Path) -> LocatedDrive:
-    """Find the files of a drive, whose relative paths start at a folder.
+    """Find the files of a drive; relative paths start at a folder.
 
-    A SceneError names one that is missing, or is not what it was when a record or store hashed it.
+    A SceneError names a file that is missing, or that differs from the hash in a record or store.
     """
     if not isinstance(drive, FileDrive | PolicyDrive):
         return LocatedDrive(drive)
     files = tuple(folder / Path(file).expanduser() for file in drive_files(drive))
-    sha256 = drive.sha256 or _hash(files)
+    sha256 = drive.sha256 or _hash_files(files)
     if isinstance(drive, FileDrive):
         names: dict[str, object] = {"file": Path(drive.file).name}
     else:
@@ -71,14 +71,14 @@ def locate(drive: Drive, folder: Path) -> LocatedDrive:
     return located
 
 
-def _hash(files: tuple[Path, ...]) -> str:
+def _hash_files(files: tuple[Path, ...]) -> str:
     digest = hashlib.sha256()
     for file in files:
         try:
             data = file.read_bytes()
         except OSError as error:
             raise SceneError(f"drive: {no_file(file, 'file', {file.suffix})}") from error
-        # That of a file alone is what everybody computes.
+        # For a single file this is the usual SHA-256 of the file.
         head = f"{file.name}\0{len(data)}\0" if len(files) > 1 else ""
         digest.update(head.encode() + data)
     return digest.hexdigest()
@@ -90,29 +90,46 @@ def _share_or_seconds(value: object) -> object:
     return number(least=0)(value)
 
 
-_POSITIVE, _SIZE = number(above=0), number(least=0)
-_LATENCY = "from what a policy observes to its action; also as a share of its period: 50%"
+_POSITIVE_NUMBER, _NONNEGATIVE_NUMBER = number(above=0), number(least=0)
+_LATENCY_TEXT = "time from a policy's observation to its action; also as a share of its period: 50%"
 DRIVE_AXES: Mapping[str, AxisSpec] = {
     axis.name: axis
     for axis in (
-        AxisSpec("drive.noise", "1", "size of random controls, as a share of their range", _SIZE),
-        AxisSpec("drive.rate", "Hz", "how often a policy acts, or how fast noise is", _POSITIVE),
-        AxisSpec("drive.latency", "s", _LATENCY, _share_or_seconds),
-        AxisSpec("drive.noise.qpos", "m or rad", "noise of the positions it observes", _SIZE),
-        AxisSpec("drive.noise.qvel", "m/s or rad/s", "noise of the velocities", _SIZE),
+        AxisSpec(
+            "drive.noise",
+            "1",
+            "size of random controls, as a share of their range",
+            _NONNEGATIVE_NUMBER,
+        ),
+        AxisSpec(
+            "drive.rate",
+            "Hz",
+            "rate of a policy's actions, or bandwidth of noise",
+            _POSITIVE_NUMBER,
+        ),
+        AxisSpec("drive.latency", "s", _LATENCY_TEXT, _share_or_seconds),
+        AxisSpec(
+            "drive.noise.qpos",
+            "m or rad",
+            "noise of the positions a policy observes",
+            _NONNEGATIVE_NUMBER,
+        ),
+        AxisSpec(
+            "drive.noise.qvel", "m/s or rad/s", "noise of the velocities", _NONNEGATIVE_NUMBER
+        ),
     )
 }
-"""The numbers of drives, as axes; found by name, but not listed."""
+"""Numeric parameters of drives as axes; found by name, but not listed."""
 
 
 def with_values(drive: Drive, values: Mapping[str, object]) -> Drive:
-    """Return a drive with the values of axes; a SceneError if it has no such number."""
+    """Return a drive with the values of axes. Raises a SceneError for a number it does not have."""
     if not values:
         return drive
     known = drive_settings(drive)
     for name in values:
         message = f"{name}: the drive {drive_text(drive)} has no such number"
-        SceneError.unless_known(name, known, message, "; `drive` says what drives a run")
+        SceneError.unless_known(name, known, message, "; `drive` sets the drive of a run")
     assert not isinstance(drive, str)
     data = drive.model_dump()
     for name, value in values.items():

@@ -15,8 +15,8 @@ from contactlab.scene.part_bodies import AT_JOINT
 from contactlab.scene.timed_inputs import Signals
 
 TIME = "time"
-_ELEMENT = re.compile(r"(ctrl|qpos|qvel)\[(\d+)\]")
-_SNAP = 1e-6  # relative rounding of the time of the last row
+_INDEXED_NAME = re.compile(r"(ctrl|qpos|qvel)\[(\d+)\]")
+_TIME_ROUNDING = 1e-6  # relative rounding of the time of the last row
 
 TableReader = Callable[[Path], Mapping[str, Floats]]
 """Returns the columns of a file by name, each (T,)."""
@@ -24,7 +24,7 @@ TableReader = Callable[[Path], Mapping[str, Floats]]
 
 @dataclass(frozen=True)
 class RecordedTable:
-    """The table of this name: its columns by name, each (T,)."""
+    """A named table: its columns by name, each (T,)."""
 
     name: str
     columns: Mapping[str, Floats]
@@ -38,7 +38,7 @@ class RecordedTable:
     def matched(
         self, model: mujoco.MjModel, columns: Mapping[str, str]
     ) -> tuple[dict[int, str], list[str]]:
-        """Return columns by their places in a row of state and inputs, and all mistakes.
+        """Return columns by their indices in a row of state and inputs, and all mistakes.
 
         `columns` has the column of each name of an input, joint or body.
         """
@@ -46,7 +46,7 @@ class RecordedTable:
         for name, column in columns.items():
             if column not in self.columns:
                 mistakes.append(self.lacks(column))
-            place = _place(model, name, columns)
+            place = _find_place(model, name, columns)
             if isinstance(place, str):
                 mistakes.append(place)
             elif column in self.columns:
@@ -54,14 +54,14 @@ class RecordedTable:
         return found, mistakes
 
     def lacks(self, column: str) -> str:
-        """Return what to say of a column that is missing."""
+        """Return the message for a missing column."""
         hint = did_you_mean(column, self.columns) or f"; it has {', '.join(self.columns)}"
         return f"no column `{column}`{hint if self.columns else '; it is empty'}"
 
 
 @dataclass(frozen=True)
 class RecordedInputs:
-    """Controls that drive runs, and parts of their start, from the table of this name."""
+    """Controls that drive runs, and parts of their start, from a named table."""
 
     name: str
     signals: Signals
@@ -70,10 +70,11 @@ class RecordedInputs:
     def during(self, duration: float, timestep: float) -> Signals:
         """Return the signals for runs of a duration [s]; a SceneError if the last row is earlier.
 
-        Rows at steps are so to the bit: clocks that add up timesteps are off by their rounding.
+        Rows at steps are moved exactly onto them, because clocks that add up timesteps accumulate
+        rounding.
         """
         times = self.signals.times
-        if (end := float(times[0, -1])) < duration * (1 - _SNAP):
+        if (end := float(times[0, -1])) < duration * (1 - _TIME_ROUNDING):
             raise SceneError(
                 f"{self.name}: its last row is at {end:g} s of column `{TIME}`, but runs take "
                 f"{duration:g} s; write duration: {end:g}, or add rows"
@@ -82,10 +83,11 @@ class RecordedInputs:
 
 
 def read_recorded(model: mujoco.MjModel, table: RecordedTable, *, held: bool) -> RecordedInputs:
-    """Return what a table says about the runs of a model; its first row is their start.
+    """Return the inputs of runs of a model in a table; its first row is their start.
 
-    Each row is held until the next, or joined with it linearly. A SceneError says that there is no
-    time, that nothing is driven, or which names the model lacks and which values are no numbers.
+    Each row is held until the next, or linearly interpolated. A SceneError says that there is no
+    time, that nothing is driven, or lists names that the model lacks and values that are not
+    numbers.
     """
     name, columns = table.name, table.columns
     if TIME not in columns or not len(columns[TIME]):
@@ -110,12 +112,12 @@ def read_recorded(model: mujoco.MjModel, table: RecordedTable, *, held: bool) ->
         part, index = ("qpos", place) if place < model.nq else ("qvel", place - model.nq)
         start.append((part, index, float(columns[found[place]][0])))
     signals = Signals(np.array(list(driven), np.intp), times[None], np.array(list(driven.values())))
-    return RecordedInputs(name, _stepped(signals) if held else signals, tuple(start))
+    return RecordedInputs(name, _hold_levels(signals) if held else signals, tuple(start))
 
 
-def _place(model: mujoco.MjModel, column: str, columns: Collection[str]) -> int | str:
-    """Return the place of the input or coordinate that a name means; or why there is none."""
-    element = _ELEMENT.fullmatch(column)
+def _find_place(model: mujoco.MjModel, column: str, columns: Collection[str]) -> int | str:
+    """Return the index of the input or coordinate with a name, or the reason why there is none."""
+    element = _INDEXED_NAME.fullmatch(column)
     sizes = {"ctrl": model.nu, "qpos": model.nq, "qvel": model.nv}
     if element and int(element[2]) < sizes[element[1]]:
         return part_starts(model)[element[1]] + int(element[2])
@@ -133,11 +135,11 @@ def _place(model: mujoco.MjModel, column: str, columns: Collection[str]) -> int 
     some = [name for name in names if "." not in name] or sorted(known, key=known.__getitem__)
     such = f"; name them such as {', '.join(some[:4])}" if some else ""
     close = did_you_mean(column, names) or such
-    return f"column `{column}` is no actuator, joint or body of the model{close}"
+    return f"column `{column}` is not an actuator, joint or body of the model{close}"
 
 
 def _actuators_of_joints(model: mujoco.MjModel) -> dict[str, str]:
-    """Return the joints that one actuator moves, with that actuator's name."""
+    """Return the joints that exactly one actuator moves, with that actuator's name."""
     joints: dict[str, list[str]] = {}
     for actuator in range(model.nu):
         if model.actuator_trntype[actuator] in AT_JOINT:
@@ -146,7 +148,6 @@ def _actuators_of_joints(model: mujoco.MjModel) -> dict[str, str]:
     return {joint: names[0] for joint, names in joints.items() if len(names) == 1}
 
 
-def _stepped(signals: Signals) -> Signals:
-    """Return signals that stay at each level until the next knot."""
+def _hold_levels(signals: Signals) -> Signals:
     times, levels = np.repeat(signals.times, 2, axis=1)[:, 1:], signals.levels
     return Signals(signals.places, times, np.repeat(levels, 2, axis=1)[:, :-1])

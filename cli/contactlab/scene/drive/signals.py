@@ -1,6 +1,6 @@
-"""Signals that drive runs over time: noise, and an excitement by controls and pushes.
+"""Signals that drive runs over time: noise, and an excitation by controls and pushes.
 
-Both are made of knots at times in seconds, so that they are the same at every timestep.
+Both consist of knots at times in seconds, so that they are the same at every timestep.
 """
 
 from collections.abc import Sequence
@@ -14,71 +14,71 @@ from contactlab.scene.part_bodies import AT_JOINT
 from contactlab.scene.timed_inputs import Signals
 from contactlab.schema.drive import NoiseDrive
 
-_LEAST_SINES = 64  # sines of each control at least; their sum is nearly normal
-# Knots of a period of the highest frequency: linear between them, 1.4 % of it is lost.
-_KNOTS = 12
-# The seed's streams of random numbers for noise and for excitements; the first perturbs the start.
-_NOISE, _EXCITEMENT = 3, 4
+_MIN_SINES = 64  # fewest sines of each control; their sum is nearly normal
+# Knots per period of the highest frequency; linear interpolation loses 1.4 % of it.
+_KNOTS_PER_PERIOD = 12
+# The seed's random streams for noise and for excitations; the first stream perturbs the start.
+_NOISE_STREAM, _EXCITATION_STREAM = 3, 4
 
 CONTROL_RATE = 50.0
-"""How often the controls of an excitement change [Hz]; between, they are held."""
-_LOWEST, _HIGHEST = 0.5, 1.5  # frequencies of its sines [Hz]
-_SHARE = 0.7  # of the range of a control that a sine goes through
-_GROWTH = 0.2  # in which sines grow [s]
+"""Rate at which the controls of an excitation change [Hz]; they are held in between."""
+_MIN_SINE_HZ, _MAX_SINE_HZ = 0.5, 1.5  # frequencies of its sines [Hz]
+_RANGE_SHARE = 0.7  # share of a control's range that a sine covers
+_GROWTH_SECONDS = 0.2  # time in which sines grow to full amplitude [s]
 PUSH_TIME = 0.05
-"""How long a push lasts [s]."""
-_MOMENTS = 8  # different times at which bodies are pushed
+"""Duration of a push [s]."""
+_PUSH_MOMENTS = 8  # number of different times at which bodies are pushed
 _STANDARD_GRAVITY = 9.81
-# What an actuator without a range does at most: the acceleration of its joint [rad/s^2 or m/s^2],
+# Limits for an actuator without a range: the acceleration of its joint [rad/s^2 or m/s^2],
 # its speed [rad/s or m/s], and its length [rad or m].
-_ACCELERATION, _SPEED, _WAY = 10.0, 1.0, 0.5
+_DEFAULT_ACCELERATION, _DEFAULT_SPEED, _DEFAULT_LENGTH = 10.0, 1.0, 0.5
 
-_FIXED = int(mujoco.mjtGain.mjGAIN_FIXED)
-_AFFINE = int(mujoco.mjtBias.mjBIAS_AFFINE)
-_INTEGRATOR = int(mujoco.mjtDyn.mjDYN_INTEGRATOR)
-_MUSCLE = int(mujoco.mjtDyn.mjDYN_MUSCLE)
+_FIXED_GAIN = int(mujoco.mjtGain.mjGAIN_FIXED)
+_AFFINE_BIAS = int(mujoco.mjtBias.mjBIAS_AFFINE)
+_INTEGRATOR_DYNAMICS = int(mujoco.mjtDyn.mjDYN_INTEGRATOR)
+_MUSCLE_DYNAMICS = int(mujoco.mjtDyn.mjDYN_MUSCLE)
 
 
 def control_ranges(model: mujoco.MjModel) -> Floats:
     """Return (nu, 2) the least and largest control of each actuator.
 
-    The range of a control where it is limited. Else what follows from the actuator: the limits of
-    its joint for a position servo, a speed of 1 for a velocity servo, the range of its force for a
-    motor or, without one, what accelerates its joint by 10 rad/s^2 or m/s^2.
+    It is the range of a limited control. Otherwise it follows from the actuator: the limits of its
+    joint for a position servo, a speed of 1 for a velocity servo, the range of its force for a
+    motor or, without one, the control that accelerates its joint by 10 rad/s^2 or m/s^2.
     """
     ranges = np.array(model.actuator_ctrlrange, dtype=np.float64)
     limited = np.asarray(model.actuator_ctrllimited).astype(bool)
     for actuator in np.flatnonzero(~limited):
-        ranges[actuator] = _unlimited(model, int(actuator))
+        ranges[actuator] = _range_without_limits(model, int(actuator))
     return ranges
 
 
-def _unlimited(model: mujoco.MjModel, actuator: int) -> tuple[float, float]:
+def _range_without_limits(model: mujoco.MjModel, actuator: int) -> tuple[float, float]:
     gain, bias = float(model.actuator_gainprm[actuator, 0]), model.actuator_biasprm[actuator]
     dynamics = model.actuator_dyntype[actuator]
-    affine = model.actuator_biastype[actuator] == _AFFINE
-    if dynamics == _MUSCLE:
+    affine = model.actuator_biastype[actuator] == _AFFINE_BIAS
+    if dynamics == _MUSCLE_DYNAMICS:
         return 0.0, 1.0
-    if model.actuator_gaintype[actuator] != _FIXED or not gain:
+    if model.actuator_gaintype[actuator] != _FIXED_GAIN or not gain:
         ends = -1.0, 1.0
-    elif dynamics == _INTEGRATOR or (affine and bias[2] and not bias[1]):
-        ends = -_SPEED, _SPEED
+    elif dynamics == _INTEGRATOR_DYNAMICS or (affine and bias[2] and not bias[1]):
+        ends = -_DEFAULT_SPEED, _DEFAULT_SPEED
     elif affine and bias[1]:
-        ends = _servo_control(model, actuator, _lengths(model, actuator))
+        ends = _servo_control(model, actuator, _servo_lengths(model, actuator))
     elif model.actuator_forcelimited[actuator]:
         ends = model.actuator_forcerange[actuator] / gain
     else:
         rate = abs(gain) * float(model.actuator_acc0[actuator])
-        ends = np.array([-1.0, 1.0]) * (_ACCELERATION / rate if rate else 1.0)
+        ends = np.array([-1.0, 1.0]) * (_DEFAULT_ACCELERATION / rate if rate else 1.0)
     return float(min(ends)), float(max(ends))
 
 
-def _lengths(model: mujoco.MjModel, actuator: int) -> Floats:
-    """Return (2,) the lengths of a servo at the limits of its joint; without, some way about."""
+def _servo_lengths(model: mujoco.MjModel, actuator: int) -> Floats:
+    """Return (2,) the lengths of a servo at the limits of its joint, or at a default distance."""
     joint = int(model.actuator_trnid[actuator, 0])
     if model.actuator_trntype[actuator] in AT_JOINT and model.jnt_limited[joint]:
         return model.jnt_range[joint] * model.actuator_gear[actuator, 0]
-    return np.array([-_WAY, _WAY]) + model.actuator_length0[actuator]
+    return np.array([-_DEFAULT_LENGTH, _DEFAULT_LENGTH]) + model.actuator_length0[actuator]
 
 
 def _servo_control(model: mujoco.MjModel, actuator: int, lengths: Floats) -> Floats:
@@ -88,19 +88,19 @@ def _servo_control(model: mujoco.MjModel, actuator: int, lengths: Floats) -> Flo
 
 
 def neutral_controls(model: mujoco.MjModel, qpos: Floats) -> Floats:
-    """Return (nu,) the controls of a posture, (nq,), that comes without any.
+    """Return (nu,) the controls of a posture (nq,) that has no controls of its own.
 
     They are zero, or the middle of a range that excludes zero. A position servo holds a posture
-    that is another than the model's reference: it is there that its author wants it.
+    that differs from the model's reference, because its author intends that posture.
     """
     low, high = np.asarray(model.actuator_ctrlrange, dtype=np.float64).reshape(-1, 2).T
     limited = np.asarray(model.actuator_ctrllimited).astype(bool)
     outside = limited & ((low > 0) | (high < 0))
     controls = np.where(outside, (low + high) / 2, 0.0)
     held = np.flatnonzero(
-        (np.asarray(model.actuator_gaintype) == _FIXED)
-        & (np.asarray(model.actuator_biastype) == _AFFINE)
-        & (np.asarray(model.actuator_dyntype) != _INTEGRATOR)
+        (np.asarray(model.actuator_gaintype) == _FIXED_GAIN)
+        & (np.asarray(model.actuator_biastype) == _AFFINE_BIAS)
+        & (np.asarray(model.actuator_dyntype) != _INTEGRATOR_DYNAMICS)
         & (np.asarray(model.actuator_biasprm)[:, 1] < 0)
         & (np.asarray(model.actuator_gainprm)[:, 0] > 0)
     )
@@ -117,10 +117,10 @@ def neutral_controls(model: mujoco.MjModel, qpos: Floats) -> Floats:
 
 
 def pushed_bodies(model: mujoco.MjModel) -> NDArray[np.intp]:
-    """Return the bodies that an excitement pushes: free ones.
+    """Return the bodies that an excitation pushes: free ones.
 
-    Where there are neither such nor actuators, it pushes the last bodies of every chain, since
-    nothing would move otherwise.
+    If there are neither free bodies nor actuators, it pushes the last bodies of every chain,
+    because nothing would move otherwise.
     """
     free = np.asarray(model.jnt_type) == int(mujoco.mjtJoint.mjJNT_FREE)
     if free.any() or model.nu:
@@ -135,41 +135,44 @@ def excitement_signals(
 ) -> Signals:
     """Return sines of controls around the middle of their ranges, and pushes of bodies.
 
-    Controls leave those at rest, (nu,), at the begin of their span [s], and are held for 1 /
-    `CONTROL_RATE` each. Frequencies and phases are the seed's. A body is pushed once, by its weight
-    (with all that it carries) across gravity, for `PUSH_TIME`, in the first part of the span.
+    Controls start from the rest values (nu,) at the begin of their span [s], and are held for 1 /
+    `CONTROL_RATE` each. Frequencies and phases come from the seed. A body is pushed once, by its
+    weight (with everything that it carries) across gravity, for `PUSH_TIME`, in the first part of
+    the span.
     """
     begin, end = span
-    random = np.random.default_rng([seed, _EXCITEMENT])
-    hertz = random.uniform(_LOWEST, _HIGHEST, model.nu)
+    random = np.random.default_rng([seed, _EXCITATION_STREAM])
+    hertz = random.uniform(_MIN_SINE_HZ, _MAX_SINE_HZ, model.nu)
     phases = random.uniform(0, 2 * np.pi, model.nu)
     low, high = control_ranges(model).reshape(-1, 2).T
-    middle, reach = (low + high) / 2, _SHARE * (high - low) / 2
+    middle, reach = (low + high) / 2, _RANGE_SHARE * (high - low) / 2
 
     held = np.arange(max(int(np.ceil((end - begin) * CONTROL_RATE)), 1)) / CONTROL_RATE
-    moments = random.uniform(0, 1, _MOMENTS) * max(end - begin - 2 * PUSH_TIME, 0.0) / 2
+    moments = random.uniform(0, 1, _PUSH_MOMENTS) * max(end - begin - 2 * PUSH_TIME, 0.0) / 2
     bodies = pushed_bodies(model)
-    own = np.arange(len(bodies)) % _MOMENTS
+    own = np.arange(len(bodies)) % _PUSH_MOMENTS
     edges = [moments[np.unique(own)], moments[np.unique(own)] + PUSH_TIME] if len(bodies) else []
     times = np.unique(np.concatenate([held, *edges]))
-    # Between its own knots a control stays; the pushes of bodies have knots in between.
+    # A control is constant between its own knots; the pushes of bodies have knots in between.
     since = held[np.searchsorted(held, times, side="right") - 1]
 
     waves = np.sin(2 * np.pi * hertz[:, None] * since + phases[:, None])
-    growth = np.minimum(since / _GROWTH, 1.0)
+    growth = np.minimum(since / _GROWTH_SECONDS, 1.0)
     aims = middle[:, None] + reach[:, None] * waves
     controls = rest[:, None] + growth * (aims - rest[:, None])
-    forces = _pushes(model, bodies, random)
+    forces = _push_forces(model, bodies, random)
     active = (times >= moments[own][:, None]) & (times < moments[own][:, None] + PUSH_TIME)
     pushes = (forces[:, :, None] * active[:, None, :]).reshape(-1, len(times))
     places = [np.arange(model.nu), (model.nu + 6 * bodies[:, None] + np.arange(3)).ravel()]
     levels = np.concatenate([controls, pushes])
     before = np.concatenate([rest, np.zeros(len(pushes))])
-    return _steps(np.concatenate(places).astype(np.intp), begin + times, levels, before)
+    return _step_signals(np.concatenate(places).astype(np.intp), begin + times, levels, before)
 
 
-def _pushes(model: mujoco.MjModel, bodies: NDArray[np.intp], random: np.random.Generator) -> Floats:
-    """Return (n, 3) forces on bodies, of the size of their weights, across gravity [N]."""
+def _push_forces(
+    model: mujoco.MjModel, bodies: NDArray[np.intp], random: np.random.Generator
+) -> Floats:
+    """Return (n, 3) forces on bodies, as large as their weights, across gravity [N]."""
     gravity = np.array(model.opt.gravity)
     size = float(np.linalg.norm(gravity))
     down = gravity / size if size else np.zeros(3)
@@ -180,8 +183,10 @@ def _pushes(model: mujoco.MjModel, bodies: NDArray[np.intp], random: np.random.G
     return weights[:, None] * ways
 
 
-def _steps(places: NDArray[np.intp], times: Floats, levels: Floats, before: Floats) -> Signals:
-    """Return signals that have levels (P, K) from times (K,) on, and others (P,) before."""
+def _step_signals(
+    places: NDArray[np.intp], times: Floats, levels: Floats, before: Floats
+) -> Signals:
+    """Return signals with levels (P, K) from times (K,) on, and levels `before` (P,) earlier."""
     knots = np.repeat(times, 2)
     known = np.concatenate([before[:, None], levels], axis=1)
     return Signals(places, knots[None], np.repeat(known, 2, axis=1)[:, 1:-1])
@@ -190,24 +195,24 @@ def _steps(places: NDArray[np.intp], times: Floats, levels: Floats, before: Floa
 def noise_signals(
     rest: Floats, half: Floats, noise: NoiseDrive, end: float, seeds: Sequence[int]
 ) -> list[Signals]:
-    """Return noise of each seed around controls at rest (nu,): sines of equal size, random phases.
+    """Return noise of each seed around rest controls (nu,): sines of equal size with random phases.
 
-    Their frequencies are evenly spaced up to the highest, 64 or more, and so close that the sum
-    repeats after the run only, which ends at a time [s]. Its root mean square is a share of half
-    the range of each control, (nu,). It grows over the first period of its highest frequency.
+    Their frequencies, 64 or more, are evenly spaced up to the highest, and so close that the sum
+    repeats only after the end of the run, a time [s]. Its root mean square is a share of half the
+    range of each control (nu,). It grows over the first period of its highest frequency.
     """
-    sines = _LEAST_SINES
+    sines = _MIN_SINES
     while sines < end * noise.rate:
         sines *= 2
     shape = len(half), sines
-    streams = [np.random.default_rng([seed, _NOISE]) for seed in seeds]
+    streams = [np.random.default_rng([seed, _NOISE_STREAM]) for seed in seeds]
     phases = [random.uniform(0, 2 * np.pi, shape) for random in streams]
-    spectrum = np.zeros((len(seeds), len(half), sines * _KNOTS // 2 + 1), np.complex128)
+    spectrum = np.zeros((len(seeds), len(half), sines * _KNOTS_PER_PERIOD // 2 + 1), np.complex128)
     spectrum[:, :, 1 : sines + 1] = np.exp(1j * np.array(phases))
-    count = int(np.ceil(end * noise.rate * _KNOTS)) + 1
+    count = int(np.ceil(end * noise.rate * _KNOTS_PER_PERIOD)) + 1
     # A sine of size 1 has the mean square 1/2; `irfft` divides by the number of knots.
-    wave = np.fft.irfft(spectrum)[:, :, :count] * sines * _KNOTS / np.sqrt(2 * sines)
-    knots = np.arange(wave.shape[2]) / (noise.rate * _KNOTS)
+    wave = np.fft.irfft(spectrum)[:, :, :count] * sines * _KNOTS_PER_PERIOD / np.sqrt(2 * sines)
+    knots = np.arange(wave.shape[2]) / (noise.rate * _KNOTS_PER_PERIOD)
     wave *= np.minimum(knots * noise.rate, 1.0)
     levels = rest[:, None] + noise.noise * half[:, None] * wave
     return [Signals(np.arange(len(half)), knots[None], level) for level in levels]

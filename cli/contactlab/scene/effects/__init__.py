@@ -1,1 +1,1 @@
-"""Effects: what each is, which of them a run calls for, and how the others are left out."""
+"""Effects: their definitions, the choice of the effects of a run, and the removal of the others."""

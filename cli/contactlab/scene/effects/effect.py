@@ -12,17 +12,17 @@ from contactlab.scene.model_edits import read_flag, read_option, write_flags, wr
 from contactlab.schema.coverage import Feature
 from contactlab.schema.setting_values import Settings
 
-NOT_IN_MODEL = "not in the model"  # the reason of an effect that a model does not have
+NOT_IN_MODEL = "not in the model"  # reason for an effect that a model does not have
 
 Kind = Literal["physical", "numerical", "recording"]
 
 
 @dataclass(frozen=True)
 class EffectRequest:
-    """The effects that a run requests, those that the sweep or the scene switches by name.
+    """The effects that a run requests, switched by name by the sweep or the scene.
 
-    No effect is left out that would overwrite a changed setting; if auto, others are that provably
-    change nothing.
+    An effect is kept if leaving it out would overwrite a changed setting. If `auto`, other effects
+    are left out if they provably change nothing.
     """
 
     requested: Mapping[str, bool]
@@ -32,7 +32,7 @@ class EffectRequest:
 
 @dataclass(frozen=True)
 class Switch:
-    """How an effect is read from a model, and how it is turned on or off."""
+    """Functions that read an effect from a model, and turn it on or off."""
 
     is_on: Callable[[RunState], bool]  # returns whether a run's model has it
     # Turns it on or off in a compiled model, in place.
@@ -48,15 +48,15 @@ class Effect:
     """One physical or numerical feature that can be on or off."""
 
     name: str  # its name in sweeps, scenes and records
-    kind: Kind  # whether it is part of the physics, of how it is computed, or of what is recorded
-    what: str  # what it is
-    switch: Switch  # how it is turned on and off
+    kind: Kind  # whether it belongs to the physics, to the numerics, or to the recording
+    what: str  # its description
+    switch: Switch  # the functions that turn it on and off
     studied: bool = True  # whether studies change it; some effects define the model itself
-    called_by: str = ""  # what in a scene needs it
+    called_by: str = ""  # the part of a scene that needs it
     unused: Proof = never  # a proof that nothing changes without it
-    # What runs must exercise to show what it does; None where every run does.
+    # The feature that runs must exercise to show the effect; None if every run shows it.
     feature: Feature | None = None
-    # Axis values with which a study turns it on; none where studies do not.
+    # Axis values with which a study turns it on; empty if studies do not.
     on: Mapping[str, object] = field(default_factory=dict[str, object])
     # Axis values with which a study turns it off; its own axis, if left out.
     off: Mapping[str, object] = field(default_factory=dict[str, object])
@@ -68,7 +68,7 @@ class Effect:
         feature: Feature | None = None,
         **toggles: Mapping[str, object],
     ) -> "Effect":
-        """Return it with what needs it, and what turns it on or off in studies."""
+        """Return it with its need, and its axis values on and off in studies."""
         return replace(self, called_by=called_by, unused=unused, feature=feature, **toggles)
 
 
@@ -90,10 +90,10 @@ def by_flag(name: str) -> Switch:
 
 
 def by_condim(least: int, most: int) -> Switch:
-    """Return the switch of a friction effect, which is on where contacts have enough dimensions.
+    """Return the switch of a friction effect, which is on if contacts have enough dimensions.
 
-    Contacts take the larger condim of their two geoms, so that a bound on each geom bounds the
-    contact: to the least that the effect needs, or the most that are left without it.
+    Contacts take the larger condim of their two geoms, so a bound on each geom bounds the contact.
+    The bound is the least condim that the effect needs, or the most that remain without it.
     """
 
     def write(model: mujoco.MjModel, on: bool) -> None:
@@ -110,10 +110,10 @@ def by_options(
     on: Mapping[str, object],
     is_on: Callable[[Settings], bool] | None = None,
 ) -> Switch:
-    """Return the switch of an effect that is a matter of options.
+    """Return the switch of an effect that options control.
 
-    Settings turn it off and, where they are not empty, on. If `is_on` is left out, all settings
-    have it but those that turn it off.
+    The `off` settings turn it off, and the `on` settings, if not empty, turn it on. Without
+    `is_on`, all settings have the effect except those that turn it off.
     """
     values = {True: on, False: off}
     has = is_on or (lambda settings: any(settings[name] != off[name] for name in off))
@@ -123,7 +123,7 @@ def by_options(
             write_option(model, name, value)
 
     def fold(settings: Settings, state: bool) -> bool:
-        # Settings in this state already are kept: RK4 is as explicit as Euler.
+        # Settings that are in this state already are kept: RK4 is as explicit as Euler.
         if has(settings) != state:
             settings.update(values[state])
         return True
@@ -137,9 +137,9 @@ def by_options(
 
 
 def by_compiling(compiled: Callable[[RunState], bool], *fields: str) -> Switch:
-    """Return the switch of what is compiled or not.
+    """Return the switch of an effect that is compiled into the model or omitted.
 
-    Where it is compiled nevertheless, some fields of the model are zero without it.
+    If it is compiled although it is off, the named fields of the model are set to zero.
     """
 
     def write(model: mujoco.MjModel, on: bool) -> None:

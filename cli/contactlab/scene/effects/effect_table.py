@@ -1,6 +1,6 @@
-"""Every effect: what it is, how it is turned on and off, what calls for it, when it is unused.
+"""Table of every effect: its description, its switch, its need, and its proof of being unused.
 
-And which are on in a run, and why: by what its structure and initial state decide.
+It also decides the effects of a run, with reasons, from its structure and initial state.
 """
 
 from collections.abc import Collection, Mapping
@@ -33,13 +33,13 @@ EFFECTS: Registry[Effect] = Registry("effect")
 """Every effect that this version of MuJoCo has, in the order of records and tables."""
 
 
-def _flag(name: str, kind: Kind, what: str, *, studied: bool = True) -> Effect:
-    """Return the effect of one of MuJoCo's flags, which has its name."""
+def _flag_effect(name: str, kind: Kind, what: str, *, studied: bool = True) -> Effect:
+    """Return the effect of one of MuJoCo's flags, which has the same name."""
     return Effect(name, kind, what, by_flag(name), studied=studied)
 
 
 _EFFECTS = (
-    _flag("contact", "physical", "normal force between bodies that touch").needed_by(
+    _flag_effect("contact", "physical", "normal force between bodies that touch").needed_by(
         "geoms that can touch", proofs.no_contact, feature="contact"
     ),
     Effect("tangential_friction", "physical", "force against sliding", by_condim(3, 1)).needed_by(
@@ -86,53 +86,55 @@ _EFFECTS = (
         on={"impratio": 10.0},
         off={"impratio": 1.0},
     ),
-    _flag(
+    _flag_effect(
         "multiccd", "numerical", "several contacts between two convex shapes that meet in a face"
     ).needed_by(
         "meshes, cylinders or other shapes of the general collision function",
         proofs.no_general_collision,
         feature="contact",
     ),
-    _flag("nativeccd", "numerical", "the engine's own general collision function").needed_by(
+    _flag_effect("nativeccd", "numerical", "the engine's own general collision function").needed_by(
         "meshes, cylinders or other shapes of the general collision function",
         proofs.no_general_collision,
         feature="contact",
     ),
-    _flag("speculative", "numerical", "contacts with what a body would pass in a step").needed_by(
+    _flag_effect(
+        "speculative", "numerical", "contacts with what a body would pass in a step"
+    ).needed_by(
         "bodies that may move farther than their size in a step",
         proofs.no_contact,
         feature="contact",
         on={"speculative": True},
     ),
-    _flag(
+    _flag_effect(
         "midphase", "numerical", "sorting the geoms of a body before they are compared"
     ).needed_by("bodies of several geoms", proofs.no_crowd, feature="contact"),
-    _flag(
+    _flag_effect(
         "filterparent", "physical", "no contact between a body and its parent", studied=False
     ).needed_by("geoms that can touch"),
-    _flag(
+    _flag_effect(
         "constraint",
         "physical",
         "all that is solved: contact, limits, equalities, friction loss",
         studied=False,
     ).needed_by("anything to solve"),
-    _flag("island", "numerical", "groups of bodies that touch are solved apart").needed_by(
+    _flag_effect("island", "numerical", "groups of bodies that touch are solved apart").needed_by(
         "several trees of bodies", proofs.one_tree
     ),
-    # What sleeps is an island; where islands are left out, sleep brings them back.
-    _flag("sleep", "numerical", "bodies at rest are left alone").needed_by(
+    # Sleeping bodies form an island, so sleep turns islands on again.
+    _flag_effect("sleep", "numerical", "bodies at rest are left alone").needed_by(
         "bodies at rest", on={"sleep": True, "island": True}
     ),
-    _flag("warmstart", "numerical", "the solver starts from the last step's solution").needed_by(
-        "anything to solve", proofs.no_constraint
-    ),
-    _flag("refsafe", "numerical", "time constants of at least two steps").needed_by(
+    _flag_effect(
+        "warmstart", "numerical", "the solver starts from the last step's solution"
+    ).needed_by("anything to solve", proofs.no_constraint),
+    _flag_effect("refsafe", "numerical", "time constants of at least two steps").needed_by(
         "contacts too stiff for the timestep"
     ),
-    _flag(
+    _flag_effect(
         "diagexact", "numerical", "the exact inertia behind each contact, not its estimate"
     ).needed_by("chains of bodies", proofs.no_constraint, on={"diagexact": True}),
-    _flag("gravity", "physical", "weight").needed_by(
+    _flag_effect("gravity", "physical", "weight").needed_by(
         "gravity above zero",
         where("gravity is zero", lambda run: not run.model.opt.gravity.any()),
         feature="motion",
@@ -144,31 +146,31 @@ _EFFECTS = (
         "forces of the medium and of wind",
         by_options(off={"density": 0.0, "viscosity": 0.0, "wind": (0.0, 0.0, 0.0)}, on={}),
     ).needed_by("a medium of some density or viscosity", proofs.no_air, feature="motion"),
-    _flag("spring", "physical", "springs of joints and tendons").needed_by(
+    _flag_effect("spring", "physical", "springs of joints and tendons").needed_by(
         "springs", proofs.no_spring, feature="motion"
     ),
-    _flag("damper", "physical", "damping of joints and tendons").needed_by(
+    _flag_effect("damper", "physical", "damping of joints and tendons").needed_by(
         "damping", proofs.no_damping, feature="motion"
     ),
-    _flag(
+    _flag_effect(
         "eulerdamp", "numerical", "joint damping taken at the step's end by the Euler integrator"
     ).needed_by("joint damping", proofs.no_joint_damping, feature="motion"),
-    _flag("frictionloss", "physical", "dry friction in joints and tendons").needed_by(
+    _flag_effect("frictionloss", "physical", "dry friction in joints and tendons").needed_by(
         "friction loss above zero",
         zero("no joint or tendon has friction loss", *proofs.FRICTION_LOSS),
         feature="motion",
     ),
-    _flag("limit", "physical", "ends of joints and tendons").needed_by(
+    _flag_effect("limit", "physical", "ends of joints and tendons").needed_by(
         "limits", proofs.no_limit, feature="limit"
     ),
-    _flag("equality", "physical", "equality constraints").needed_by(
+    _flag_effect("equality", "physical", "equality constraints").needed_by(
         "equalities", proofs.no_equality, feature="equality"
     ),
     Effect(
         "tendon",
         "physical",
         "springs, damping, friction, inertia and limits of tendons",
-        # Those that only transmit, for actuators or equalities, have no effect of their own.
+        # Tendons that only transmit, for actuators or equalities, have no effect of their own.
         by_compiling(
             lambda run: (
                 run.facts.tendons > 0
@@ -184,10 +186,10 @@ _EFFECTS = (
         ),
         feature="tendon",
     ),
-    _flag("actuation", "physical", "actuators").needed_by(
+    _flag_effect("actuation", "physical", "actuators").needed_by(
         "actuators", zero("no actuator", "nu"), feature="actuation"
     ),
-    _flag("clampctrl", "physical", "limits of controls").needed_by(
+    _flag_effect("clampctrl", "physical", "limits of controls").needed_by(
         "limited controls",
         zero("no control is limited", "actuator_ctrllimited"),
         feature="clamping",
@@ -202,9 +204,9 @@ _EFFECTS = (
             on={"integrator": "implicitfast"},
         ),
     ).needed_by("damping and actuators that are stiff for the timestep", on={"implicit": True}),
-    _flag("invdiscrete", "numerical", "inverse dynamics of whole steps", studied=False).needed_by(
-        "inverse dynamics"
-    ),
+    _flag_effect(
+        "invdiscrete", "numerical", "inverse dynamics of whole steps", studied=False
+    ).needed_by("inverse dynamics"),
     Effect(
         "sensor",
         "recording",
@@ -220,7 +222,10 @@ _EFFECTS = (
         "kinetic and potential energy",
         by_compiling(lambda run: run.facts.energy),
     ).needed_by("metrics of energy and speed"),
-    *(_flag(name, "numerical", "engine switch").needed_by("whoever sets it") for name in FLAGS),
+    *(
+        _flag_effect(name, "numerical", "engine switch").needed_by("whoever sets it")
+        for name in FLAGS
+    ),
 )
 
 for effect in _EFFECTS:
@@ -230,33 +235,33 @@ for effect in _EFFECTS:
 
 
 def is_straight(model: mujoco.MjModel, start: InitialStates) -> bool:
-    """Return whether everything at a start (n being 1) moves, and is pushed, along z at most."""
+    """Return whether everything at a start (n is 1) moves, and is pushed, at most along z."""
     speed, push = start.qvel[0], start.applied[0]
     if speed.any():
-        speed = speed[_but_vertical(model)]
+        speed = speed[_is_not_vertical(model)]
     if push.any():
         push = np.delete(push.reshape(-1, 6), 2, axis=1)
     return not (speed.any() or push.any() or start.driven.size)
 
 
 @lru_cache(maxsize=1)
-def _but_vertical(model: mujoco.MjModel) -> NDArray[np.bool_]:
-    """Return (nv,) which degrees of freedom are not those along z of free joints."""
+def _is_not_vertical(model: mujoco.MjModel) -> NDArray[np.bool_]:
+    """Return a mask (nv,) of degrees of freedom other than those along z of free joints."""
     free = np.asarray(model.jnt_dofadr)[model.jnt_type == int(mujoco.mjtJoint.mjJNT_FREE)]
     return ~np.isin(np.arange(model.nv), free + 2)
 
 
-_COMPILED = ("sensor", "tendon", "energy")
+_COMPILED_EFFECTS = ("sensor", "tendon", "energy")
 
 
 def choose(run: RunState, request: EffectRequest) -> dict[str, EffectState]:
-    """Decide every effect of a run, into whose model its settings and request are written."""
-    return {name: _choose(effect, run, request) for name, effect in EFFECTS.items()}
+    """Decide every effect of a run; its settings and request are already written in its model."""
+    return {name: _choose_effect(effect, run, request) for name, effect in EFFECTS.items()}
 
 
 def leave_out(run: RunState, chosen: Mapping[str, EffectState]) -> None:
     """Turn off the effects that are not chosen in a run's model, in place."""
-    # All are read before any is written: friction effects share condim.
+    # Read all effects before writing any, because friction effects share condim.
     off = [
         effect
         for name, effect in EFFECTS.items()
@@ -266,11 +271,11 @@ def leave_out(run: RunState, chosen: Mapping[str, EffectState]) -> None:
         effect.switch.write(run.model, False)
 
 
-def _choose(effect: Effect, run: RunState, request: EffectRequest) -> EffectState:
+def _choose_effect(effect: Effect, run: RunState, request: EffectRequest) -> EffectState:
     on = effect.switch.is_on(run)
     if effect.name in request.requested:
         # A tendon that is left out may still be in the model, idle.
-        requested = request.requested[effect.name] or effect.name not in _COMPILED
+        requested = request.requested[effect.name] or effect.name not in _COMPILED_EFFECTS
         return EffectState(on and requested, "as asked")
     if not on:
         return EffectState(on=False, reason=NOT_IN_MODEL)
@@ -283,7 +288,7 @@ def _choose(effect: Effect, run: RunState, request: EffectRequest) -> EffectStat
 
 
 def left_uncompiled(facts: ModelFacts, request: EffectRequest) -> frozenset[str]:
-    """Return the effects that a run's model is compiled without, by facts of the whole model."""
+    """Return the effects without which a run's model is compiled, from facts of the whole model."""
     requested, default = request.requested, not request.auto
     out: set[str] = set()
     if facts.sensors and not requested.get("sensor", default):
@@ -299,7 +304,7 @@ def left_uncompiled(facts: ModelFacts, request: EffectRequest) -> frozenset[str]
 
 
 def remove(spec: mujoco.MjSpec, without: Collection[str]) -> None:
-    """Delete sensors and tendons from a model's specification, before its run's own are added."""
+    """Delete sensors and tendons from a specification, before recording sensors are added."""
     for sensor in list(spec.sensors) if "sensor" in without else ():
         if not sensor.name.startswith(PREFIX) and sensor.type != mujoco.mjtSensor.mjSENS_PLUGIN:
             spec.delete(sensor)

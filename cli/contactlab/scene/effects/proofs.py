@@ -1,7 +1,7 @@
 """Proofs that nothing changes in a run without an effect: the reason, or None without a proof.
 
-The proofs rest on MuJoCo's code path: what is absent is not computed, and a force of exactly zero
-leaves the state as it is, to rounding.
+The proofs rest on MuJoCo's code path: absent features are not computed, and a force of exactly zero
+leaves the state unchanged, up to rounding.
 """
 
 from collections.abc import Callable
@@ -15,39 +15,39 @@ from contactlab.scene.compile_model import PREFIX
 from contactlab.scene.contact_pairs import masks_meet
 from contactlab.scene.model_edits import read_flag
 
-_GEOM = mujoco.mjtGeom
-_JOINT = mujoco.mjtJoint
-# Of more geoms, which can touch is not determined: the table of all pairs would be too large.
-_MOST_GEOMS_PROVEN = 2000
-_ROUND = {int(_GEOM.mjGEOM_SPHERE), int(_GEOM.mjGEOM_CAPSULE)}
-_BOX, _CYLINDER = int(_GEOM.mjGEOM_BOX), int(_GEOM.mjGEOM_CYLINDER)
-# Fields of the model, of which not every version has all.
+_GEOM_TYPES = mujoco.mjtGeom
+_JOINT_TYPES = mujoco.mjtJoint
+# With more geoms, touchable pairs are not computed: the table of all pairs would be too large.
+_MAX_GEOMS = 2000
+_ROUND_SHAPES = {int(_GEOM_TYPES.mjGEOM_SPHERE), int(_GEOM_TYPES.mjGEOM_CAPSULE)}
+_BOX, _CYLINDER = int(_GEOM_TYPES.mjGEOM_BOX), int(_GEOM_TYPES.mjGEOM_CYLINDER)
+# Fields of the model; some versions lack some of them.
 DAMPING = "dof_damping", "dof_dampingpoly", "actuator_damping", "actuator_dampingpoly"
 FRICTION_LOSS = "dof_frictionloss", "tendon_frictionloss"
-_TENDON_DAMPING, _TENDON_SPRINGS = (
+_TENDON_DAMPING_FIELDS, _TENDON_SPRING_FIELDS = (
     (f"tendon_{name}", f"tendon_{name}poly") for name in ("damping", "stiffness")
 )
-_SPRINGS = "jnt_stiffness", "jnt_stiffnesspoly", *_TENDON_SPRINGS
+_SPRING_FIELDS = "jnt_stiffness", "jnt_stiffnesspoly", *_TENDON_SPRING_FIELDS
 TENDON_EFFECTS = (
-    *(*_TENDON_SPRINGS, *_TENDON_DAMPING),
+    *(*_TENDON_SPRING_FIELDS, *_TENDON_DAMPING_FIELDS),
     *("tendon_frictionloss", "tendon_armature", "tendon_limited"),
 )
-# Pairs with a collision function of their own; others go through the general one.
-_DIRECT = (
-    {(first, second) for first in _ROUND for second in _ROUND if first <= second}
-    | {(int(_GEOM.mjGEOM_PLANE), shape) for shape in (*_ROUND, _BOX, _CYLINDER)}
-    | {(shape, _BOX) for shape in (*_ROUND, _BOX)}
-    | {(int(_GEOM.mjGEOM_SPHERE), _CYLINDER)}
+# Pairs with a special collision function; others use the general one.
+_SPECIAL_PAIRS = (
+    {(first, second) for first in _ROUND_SHAPES for second in _ROUND_SHAPES if first <= second}
+    | {(int(_GEOM_TYPES.mjGEOM_PLANE), shape) for shape in (*_ROUND_SHAPES, _BOX, _CYLINDER)}
+    | {(shape, _BOX) for shape in (*_ROUND_SHAPES, _BOX)}
+    | {(int(_GEOM_TYPES.mjGEOM_SPHERE), _CYLINDER)}
 )
 
 
 class ModelFacts:
-    """Facts about effects that a compiled structure, recording sensors included, decides."""
+    """Facts about effects that a compiled structure, including recording sensors, decides."""
 
     def __init__(self, model: mujoco.MjModel, *, energy: bool) -> None:
         self._model = model
         self.energy = energy
-        # Those that do not record the run, but for those of MuJoCo plugins.
+        # Sensors that do not record the run, except those of MuJoCo plugins.
         self.sensors = sum(
             not model.sensor(index).name.startswith(PREFIX)
             and model.sensor_type[index] != mujoco.mjtSensor.mjSENS_PLUGIN
@@ -56,14 +56,14 @@ class ModelFacts:
         self.tendons = int(model.ntendon)
 
     @cached_property
-    def _touching(self) -> np.ndarray | None:
+    def _touchable_pairs(self) -> np.ndarray | None:
         """(n, 2) pairs of geoms that could touch, or None if that is unknown.
 
-        A superset of what MuJoCo lets touch: parents and children, and exclusions, are not
-        filtered.
+        A superset of the pairs that MuJoCo lets touch: parents and children, and exclusions, are
+        not filtered.
         """
         model = self._model
-        many = model.ngeom > _MOST_GEOMS_PROVEN
+        many = model.ngeom > _MAX_GEOMS
         if many or model.nflex or model.nplugin or read_flag(model, "override"):
             return None
         weld = np.asarray(model.body_weldid)[model.geom_bodyid]
@@ -73,18 +73,18 @@ class ModelFacts:
 
     @cached_property
     def kinds(self) -> frozenset[tuple[int, int]] | None:
-        """Pairs of geom types that can touch, the smaller first; None where that is not known."""
-        if self._touching is None:
+        """Pairs of geom types that can touch, the smaller first; None if unknown."""
+        if self._touchable_pairs is None:
             return None
-        types = np.sort(np.asarray(self._model.geom_type)[self._touching], axis=1)
-        flat = {int(_GEOM.mjGEOM_PLANE), int(_GEOM.mjGEOM_HFIELD)}
+        types = np.sort(np.asarray(self._model.geom_type)[self._touchable_pairs], axis=1)
+        flat = {int(_GEOM_TYPES.mjGEOM_PLANE), int(_GEOM_TYPES.mjGEOM_HFIELD)}
         pairs = {(int(first), int(second)) for first, second in types}
         return frozenset(pair for pair in pairs if not set(pair) <= flat)
 
     @cached_property
     def level(self) -> bool:
-        """Whether only free spheres, mass at their centres, and horizontal planes can touch."""
-        model, touching = self._model, self._touching
+        """Whether only centered free spheres and horizontal planes can touch."""
+        model, touching = self._model, self._touchable_pairs
         if model.nu or model.neq or model.ntendon or model.nplugin or model.nmocap:
             return False
         data = mujoco.MjData(model)
@@ -96,10 +96,10 @@ class ModelFacts:
     @cached_property
     def turning(self) -> bool:
         """Whether a body that can touch another can turn."""
-        if self._touching is None or self._model.nmocap:
+        if self._touchable_pairs is None or self._model.nmocap:
             return True
-        bodies = np.unique(np.asarray(self._model.geom_bodyid)[self._touching.ravel()])
-        return any(_turns(self._model, int(body)) for body in bodies)
+        bodies = np.unique(np.asarray(self._model.geom_bodyid)[self._touchable_pairs.ravel()])
+        return any(_can_rotate(self._model, int(body)) for body in bodies)
 
     @property
     def crowded(self) -> bool:
@@ -108,7 +108,7 @@ class ModelFacts:
 
     @cached_property
     def idle_tendons(self) -> bool:
-        """Whether its tendons can do nothing but be measured, by sensors that can be left out."""
+        """Whether its tendons only serve sensors that can be left out."""
         model = self._model
         driven = (np.asarray(model.actuator_trntype) == mujoco.mjtTrn.mjTRN_TENDON).any()
         tied = (np.asarray(model.eq_type) == mujoco.mjtEq.mjEQ_TENDON).any()
@@ -120,7 +120,7 @@ class ModelFacts:
 def _is_level_pair(model: mujoco.MjModel, data: mujoco.MjData, first: int, second: int) -> bool:
     plane, sphere = sorted((first, second), key=lambda geom: int(model.geom_type[geom]))
     types = (int(model.geom_type[plane]), int(model.geom_type[sphere]))
-    if types != (_GEOM.mjGEOM_PLANE, _GEOM.mjGEOM_SPHERE):
+    if types != (_GEOM_TYPES.mjGEOM_PLANE, _GEOM_TYPES.mjGEOM_SPHERE):
         return False
     body = int(model.geom_bodyid[sphere])
     normal = np.asarray(data.geom_xmat[plane]).reshape(3, 3)[:, 2]
@@ -129,20 +129,20 @@ def _is_level_pair(model: mujoco.MjModel, data: mujoco.MjData, first: int, secon
 
 
 def _is_free_sphere(model: mujoco.MjModel, body: int, geom: int) -> bool:
-    """Return whether a body is free, alone, and has its centre of mass at a geom's centre."""
+    """Return whether a body is free, alone, and has its center of mass at a geom's center."""
     free = model.body_jntnum[body] == 1 and (
-        model.jnt_type[model.body_jntadr[body]] == _JOINT.mjJNT_FREE
+        model.jnt_type[model.body_jntadr[body]] == _JOINT_TYPES.mjJNT_FREE
     )
     alone = model.body_parentid[body] == 0 and not (np.asarray(model.body_parentid) == body).any()
     centred = np.array_equal(model.geom_pos[geom], model.body_ipos[body])
     return bool(free and alone and centred)
 
 
-def _turns(model: mujoco.MjModel, body: int) -> bool:
-    """Return whether a joint between a body and the world can turn it."""
+def _can_rotate(model: mujoco.MjModel, body: int) -> bool:
+    """Return whether a joint between a body and the world can rotate the body."""
     while body:
         first, count = int(model.body_jntadr[body]), int(model.body_jntnum[body])
-        if any(model.jnt_type[first : first + count] != _JOINT.mjJNT_SLIDE):
+        if any(model.jnt_type[first : first + count] != _JOINT_TYPES.mjJNT_SLIDE):
             return True
         body = int(model.body_parentid[body])
     return False
@@ -150,21 +150,21 @@ def _turns(model: mujoco.MjModel, body: int) -> bool:
 
 @dataclass(frozen=True)
 class RunState:
-    """A run as the proofs see it, before it starts."""
+    """State of a run before it starts, as the proofs use it."""
 
-    # The user's model, its settings written: never one that a drive changed.
+    # The user's model with its settings written, never a model changed by a drive.
     model: mujoco.MjModel
-    facts: ModelFacts  # what its structure decides
-    straight: bool  # whether nothing turns or moves sideways at the start, or is pushed to
+    facts: ModelFacts  # facts of its structure
+    straight: bool  # whether nothing turns, moves sideways, or is pushed to do so at the start
     loaded: bool = False  # whether springs from outside of the model hold its joints
 
 
 Proof = Callable[[RunState], str | None]
-"""Returns why nothing changes in a run without an effect; None where that is not proven."""
+"""Returns why nothing changes in a run without an effect; None without a proof."""
 
 
 def where(reason: str, holds: Callable[[RunState], object]) -> Proof:
-    """Return a proof by what holds in a run."""
+    """Return a proof from a condition on a run."""
     return lambda run: reason if holds(run) else None
 
 
@@ -174,17 +174,17 @@ def zero(reason: str, *fields: str) -> Proof:
 
 
 def either(*proofs: Proof) -> Proof:
-    """Return a proof by the first of some that holds."""
+    """Return the proof by the first of some proofs that holds."""
     return lambda run: next(filter(None, (proof(run) for proof in proofs)), None)
 
 
 def acts(model: mujoco.MjModel, *fields: str) -> bool:
-    """Return whether any coefficient in some fields of a model, if it has them, is not zero."""
+    """Return whether any coefficient in existing fields of a model is not zero."""
     return any(np.any(getattr(model, field, 0)) for field in fields)
 
 
 def most_condim(model: mujoco.MjModel) -> int:
-    """Return the most dimensions that any contact of a model could have; 0 without geoms."""
+    """Return the largest possible contact dimension in a model; 0 without geoms."""
     solid = np.asarray(model.geom_contype) | np.asarray(model.geom_conaffinity)
     flex = np.asarray(model.flex_condim if model.nflex else [], dtype=np.int32)
     return int(np.concatenate([model.geom_condim[solid != 0], model.pair_dim, flex]).max(initial=0))
@@ -201,11 +201,11 @@ def _is_elliptic(model: mujoco.MjModel) -> bool:
 
 
 def _falls_straight(run: RunState) -> bool:
-    """Return whether only spheres fall, straight and onto horizontal planes, and so never slide.
+    """Return whether only spheres fall, straight and onto horizontal planes, and never slide.
 
-    The contact lies under its centre, so that no force turns it. Elliptic cones treat the normal
-    separately; of pyramids, only those with a coefficient of 1 in three dimensions add up to the
-    same normal force.
+    The contact lies under the sphere's center, so no force turns it. Elliptic cones treat the
+    normal separately. Of pyramids, only those with a coefficient of 1 in three dimensions add up to
+    the same normal force.
     """
     model, gravity = run.model, np.asarray(run.model.opt.gravity)
     if not run.straight or not run.facts.level or gravity[:2].any():
@@ -219,21 +219,23 @@ def _falls_straight(run: RunState) -> bool:
 never = where("", lambda _: False)
 no_contact = where("no two geoms can touch", lambda run: run.facts.kinds == frozenset())
 no_limit = zero("no joint or tendon has a limit", "jnt_limited", "tendon_limited")
-# Where springs and damping are off, MuJoCo skips the other passive forces too, and a load that
-# holds joints acts through both.
+# With springs and damping off, MuJoCo also skips the other passive forces; and a holding load acts
+# through both.
 no_damping = where(
     "no joint or tendon is damped",
     lambda run: (
         not (
             run.loaded
             or _has_other_forces(run.model)
-            or acts(run.model, *DAMPING, *_TENDON_DAMPING)
+            or acts(run.model, *DAMPING, *_TENDON_DAMPING_FIELDS)
         )
     ),
 )
 no_spring = where(
     "no joint or tendon is a spring",
-    lambda run: not (run.loaded or _has_other_forces(run.model) or acts(run.model, *_SPRINGS)),
+    lambda run: (
+        not (run.loaded or _has_other_forces(run.model) or acts(run.model, *_SPRING_FIELDS))
+    ),
 )
 no_joint_damping = where(
     "no joint is damped", lambda run: not (run.loaded or acts(run.model, *DAMPING))
@@ -267,7 +269,7 @@ no_general_collision = either(
         lambda run: (
             not read_flag(run.model, "speculative")
             and run.facts.kinds is not None
-            and run.facts.kinds <= _DIRECT
+            and run.facts.kinds <= _SPECIAL_PAIRS
         ),
     ),
 )
@@ -293,5 +295,5 @@ no_equality = either(
 
 
 def no_noslip(run: RunState) -> str | None:
-    """No contact or joint has friction that could slip."""
+    """Return the reason if no contact or joint has friction that could slip."""
     return None if acts(run.model, *FRICTION_LOSS) else no_friction(run)
