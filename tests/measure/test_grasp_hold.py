@@ -256,7 +256,7 @@ def test_what_nothing_touches_is_not_held(trace_of: Make, setup_of: Make, pair_o
     assert measured(trace, setup, "hold_contact") == 0
     (label,) = assess(trace, setup).labels[0]
     assert label.label == "slipping"
-    assert "nothing bore force in 100%" in label.reason
+    assert "no contact carried force in 100%" in label.reason
 
 
 def test_contacts_beyond_the_slots_are_said(trace_of: Make, setup_of: Make, pair_of: Make) -> None:
@@ -267,7 +267,7 @@ def test_contacts_beyond_the_slots_are_said(trace_of: Make, setup_of: Make, pair
     assert found.metrics["contacts_cut"][0] == 3
     (label,) = found.labels[0]
     assert (label.label, label.step) == ("contacts_cut", 30)
-    assert "up to 5 contacts, of which 2 were recorded, in 3 steps" in label.reason
+    assert "up to 5 contacts, but only 2 were recorded, in 3 steps" in label.reason
     assert assess(trace, setup_of(trace, slots=np.array([5]))).labels[0][0].label == "stable"
 
 

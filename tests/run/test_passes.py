@@ -59,8 +59,8 @@ def whole(tmp_path_factory: pytest.TempPathFactory, make_sweeper: Callable[[Path
 @pytest.mark.parametrize(
     ("label", "after", "workers"),
     [
-        pytest.param("held against references", 5, 0, marks=pytest.mark.night),
-        pytest.param("held against references", 5, 2, marks=pytest.mark.night),
+        pytest.param("compared with references", 5, 0, marks=pytest.mark.night),
+        pytest.param("compared with references", 5, 2, marks=pytest.mark.night),
         ("counted", 1, 0),
         pytest.param("counted", 12, 2, marks=pytest.mark.night),
         pytest.param("timed", 7, 0, marks=pytest.mark.night),
@@ -83,7 +83,7 @@ def test_stopped_in_a_pass_it_goes_on(
 @pytest.mark.long
 def test_torn_notes_are_made_again(sweeper: Any, whole: Any) -> None:
     with pytest.raises(StopError):
-        sweeper.run(PASSES, progress=Stop("held against references", 7))
+        sweeper.run(PASSES, progress=Stop("compared with references", 7))
     notes = sweeper.folder / "store" / "notes.jsonl"
     notes.write_bytes(notes.read_bytes()[:-10])
     sweeper.run(PASSES)

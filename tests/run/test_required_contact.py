@@ -177,7 +177,7 @@ def test_times_may_be_those_of_the_scene(tmp_path: Path) -> None:
     [
         ("sticks(floor-bax)", r"must.1: 'sticks.*' names .* 'floor-box'"),
         ("rolls(bal)", "'bal' names no monitored pair; did you mean 'ball'"),
-        ("'sticks(box, from: late * 3)'", "1.2 s is not within the run"),
+        ("'sticks(box, from: late * 3)'", "1.2 s is outside the run"),
         ("'sticks(box, until: 2)'", "2 s is after the end of the run"),
         ("'sticks(box, from: late, until: 0.3)'", "0.3 s is not after 0.4 s"),
         ("'sticks(box, until: lat)'", "`until` goes from unknown lat; write one of late"),

@@ -1,4 +1,4 @@
-"""Traces to metrics and labels. A plug-in declares its own with the decorators exported here."""
+"""Metrics and labels of traces. A plug-in declares its own with the decorators exported here."""
 
 # The order of these imports is the order of metrics, and so of columns.
 # isort: off

@@ -1,4 +1,4 @@
-"""How much, as a person would say it, of numbers that a failing run takes beyond all sense."""
+"""Formats amounts as a person would say them; numbers of failing runs may be absurdly large."""
 
 import math
 
@@ -13,7 +13,7 @@ def amount(number: float) -> str:
 
 
 def part_of(ratio: float) -> str:
-    """Return how much of something, which follows: `12% of`, `4,618 times`, `2e-07 of`."""
+    """Return a ratio as the phrase before a noun: `12% of`, `4,618 times`, `2e-07 of`."""
     if not abs(ratio) < 1:
         return f"{amount(ratio)} times" if math.isfinite(ratio) else amount(ratio)
     return f"{ratio:.2g} of" if abs(ratio) < 1e-4 else f"{100 * ratio:.3g}% of"

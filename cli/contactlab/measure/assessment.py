@@ -1,4 +1,4 @@
-"""Every metric, label and series of a trace."""
+"""Computes every metric, label and series of a trace."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -18,15 +18,15 @@ from contactlab.measure.run_integrity import STABLE, invalid
 from contactlab.measure.second_look import suspects
 from contactlab.schema.coverage import Coverage
 
-Failures = dict[int, list[str]]  # why metrics and labels fail, by run
+Failures = dict[int, list[str]]  # error messages of metrics and labels, by run
 
 _Result = TypeVar("_Result")
 
 
 class AppliedLabel(NamedTuple):
-    """A label that applies to a run: why, the first step it is met at, and of which bodies.
+    """A label that applies to a run: the reason, the first step at which it applies, its bodies.
 
-    Of no body is what is of the whole run.
+    A label of the whole run has no bodies.
     """
 
     label: str
@@ -39,15 +39,15 @@ class AppliedLabel(NamedTuple):
 class Assessment:
     """Measurements of n runs."""
 
-    metrics: dict[str, Floats]  # every metric by name, (n,) each; NaN where it does not apply
+    metrics: dict[str, Floats]  # every metric by name, (n,) each; NaN if it does not apply
     # For each run the labels that apply, worst first; `stable` if none does.
     labels: tuple[tuple[AppliedLabel, ...], ...]
     pairs: StackedPairs  # the contacts of the monitored pairs
-    # (n,) whether a second pass is due: for a label, or a sign that none judges.
+    # (n,) whether a second pass is due: because of a label, or of a sign that no label covers.
     suspect: NDArray[np.bool_]
-    # For each run the body that its backward error is of; None where none was measured.
+    # For each run the body with its backward error; None if none was measured.
     backward_error_body: tuple[str, ...] | None = None
-    # What each run exercised; None where the setup does not ask.
+    # The coverage of each run; None if the setup does not request it.
     coverage: tuple[Coverage, ...] | None = None
 
     @property
@@ -57,15 +57,17 @@ class Assessment:
 
 
 def assess(trace: Trace, setup: Setup, checks: SelfChecks | None = None) -> Assessment:
-    """Measure and label the runs of a trace, with what a second pass found if there was one.
+    """Measure and label the runs of a trace, with the results of a second pass if there was one.
 
-    A SceneError if the setup names an oracle or a threshold that does not exist.
+    Raises a SceneError if the setup names an oracle or a threshold that does not exist.
     """
     context = context_of(trace, setup, checks)
     failures: Failures = {}
     with np.errstate(all="ignore"):
-        metrics = {name: _values(metric, context, failures) for name, metric in METRICS.items()}
-        labels = _labels(MeasuredRuns(context, metrics), failures)
+        metrics = {
+            name: _measure_metric(metric, context, failures) for name, metric in METRICS.items()
+        }
+        labels = _measure_labels(MeasuredRuns(context, metrics), failures)
         suspect = np.array([own[0].label != STABLE.name for own in labels])
         if checks is None and trace.steps:
             suspect |= suspects(context)
@@ -74,22 +76,22 @@ def assess(trace: Trace, setup: Setup, checks: SelfChecks | None = None) -> Asse
     return Assessment(metrics, labels, context.pairs, suspect, bodies or None, covered)
 
 
-def _values(metric: Metric, context: Context, failures: Failures) -> Floats:
+def _measure_metric(metric: Metric, context: Context, failures: Failures) -> Floats:
     def measured(runs: MeasuredRuns) -> Sequence[float]:
         return metric.of(runs.context).tolist()
 
     runs = MeasuredRuns(context, {})
-    return np.array(_tried(f"metric '{metric.name}'", measured, runs, failures, np.nan))
+    return np.array(_measure_or_fail(f"metric '{metric.name}'", measured, runs, failures, np.nan))
 
 
-def _labels(runs: MeasuredRuns, failures: Failures) -> tuple[tuple[AppliedLabel, ...], ...]:
+def _measure_labels(runs: MeasuredRuns, failures: Failures) -> tuple[tuple[AppliedLabel, ...], ...]:
     applied: list[list[AppliedLabel]] = [[] for _ in range(runs.context.trace.runs)]
     for name, label in LABELS.items():
-        onsets = _tried(f"label '{name}'", label.of, runs, failures, None)
+        onsets = _measure_or_fail(f"label '{name}'", label.of, runs, failures, None)
         for own, onset in zip(applied, onsets, strict=True):
             if onset:
                 own.append(AppliedLabel(name, *onset))
-    applied = [[*_with_causes(runs.context, *indexed)] for indexed in enumerate(applied)]
+    applied = [[*_add_causes(runs.context, *indexed)] for indexed in enumerate(applied)]
     for run, reasons in failures.items():
         others = [verdict for verdict in applied[run] if verdict.label != invalid.__name__]
         applied[run] = [AppliedLabel(invalid.__name__, "; ".join(reasons), 0), *others]
@@ -97,8 +99,8 @@ def _labels(runs: MeasuredRuns, failures: Failures) -> tuple[tuple[AppliedLabel,
     return tuple(tuple(labels) or none for labels in applied)
 
 
-def _with_causes(context: Context, run: int, labels: list[AppliedLabel]) -> Iterator[AppliedLabel]:
-    """Yield labels of a run, those that may be numerical with whether they are."""
+def _add_causes(context: Context, run: int, labels: list[AppliedLabel]) -> Iterator[AppliedLabel]:
+    """Yield labels of a run; labels that may be numerical get their cause in the reason."""
     traced, resolved = labels_with("numerical"), resolved_runs(context)
     for label in labels:
         if resolved is None or label.label not in traced:
@@ -108,14 +110,14 @@ def _with_causes(context: Context, run: int, labels: list[AppliedLabel]) -> Iter
             yield label._replace(reason=f"{label.reason}; {cause}: {phantom_forces(context, run)}")
 
 
-def _tried(
+def _measure_or_fail(
     name: str,
     measure: Callable[[MeasuredRuns], Sequence[_Result]],
     runs: MeasuredRuns,
     failures: Failures,
     missing: _Result,
 ) -> Sequence[_Result]:
-    """Return what is measured of each run; `missing`, and why, for runs for which that fails."""
+    """Return the measurements of each run; for a failed run, `missing` and the error message."""
     count = runs.context.trace.runs
     try:
         return measure(runs)
@@ -126,11 +128,11 @@ def _tried(
             reason = f"{name} failed: {type(error).__name__}: {error}"
             failures.setdefault(0, []).append(reason)
             return [missing]
-    # One by one, so that a run's outcome does not depend on those that it is measured with.
+    # Measure runs one by one, so that a run's result does not depend on the other runs.
     results: list[_Result] = []
     for run in range(count):
         alone: Failures = {}
-        results += _tried(name, measure, runs.only(run), alone, missing)
+        results += _measure_or_fail(name, measure, runs.only(run), alone, missing)
         if alone:
             failures.setdefault(run, []).extend(alone[0])
     return results

@@ -1,4 +1,4 @@
-"""The backward error of runs that had a second pass: phantom forces over real ones."""
+"""The backward error of runs that had a second pass: residual forces over real ones."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,77 +20,83 @@ TOLERANCE = Threshold(
     "backward_error",
     0.1,
     "1",
-    "The share within which a run is the motion of its model, and its energy the model's.",
+    "Largest share of the real forces, and of the energy, that a numerical error may have.",
 )
 
 
 @metric("1", "lower", 1e-9, kind="check")
 def backward_error(context: Context) -> Floats:
-    """Phantom forces under which the run would be its model's motion, over the real ones.
+    """Numerical error: residual forces that make the run its model's exact motion, over real ones.
 
     On the worst body, in windows of 40 ms, against references at a quarter of the step with a
-    solver that goes on: docs/budget.md. Not defined where the engine warned.
+    solver that iterates to convergence: docs/budget.md. Not defined if the engine warned.
     """
-    share = _of(context, "share")
+    share = _error_field(context, "share")
     return np.where(np.isinf(share), np.nan, share)
 
 
 @metric("s", kind="check")
 def backward_error_time(context: Context) -> Floats:
-    """When the window begins in which backward_error is largest."""
-    return _of(context, "time")
+    """Start time of the window in which backward_error is largest."""
+    return _error_field(context, "time")
 
 
 @metric("1", version=3, kind="check")
 def backward_error_energy(context: Context) -> Floats:
-    """Share of energy that the run gains, if positive, and its model does not: docs/budget.md."""
-    return _of(context, "energy")
+    """Share of energy that the run gains, and its model does not: docs/budget.md.
+
+    It is negative for a loss.
+    """
+    return _error_field(context, "energy")
 
 
-def _of(context: Context, name: str) -> Floats:
+def _error_field(context: Context, name: str) -> Floats:
     if context.checks is None or not context.checks.backward:
         return context.undefined()
     return np.array([getattr(error, name) for error in context.checks.backward], np.float64)
 
 
 def resolved_runs(context: Context) -> NDArray[np.bool_] | None:
-    """Return (n,) whether runs are the motion of their model; None where nobody asked."""
+    """Return (n,) whether runs are the motion of their model; None if it was not measured."""
     if context.checks is None or not context.checks.backward:
         return None
     within = limits(context.setup.thresholds)[TOLERANCE.name]
-    return ~((_of(context, "share") > within) | (np.abs(_of(context, "energy")) > within))
+    return ~(
+        (_error_field(context, "share") > within)
+        | (np.abs(_error_field(context, "energy")) > within)
+    )
 
 
 def unresolved_runs(context: Context) -> list[int]:
-    """Return the runs that are not the motion of their model; none where nobody asked."""
+    """Return the runs that are not the motion of their model; empty if it was not measured."""
     resolved = resolved_runs(context)
     return [] if resolved is None else runs_where(~resolved)
 
 
 def phantom_forces(context: Context, run: int) -> str:
-    """Say how large phantom forces on a run are, and on which body."""
+    """Return text about the numerical error of a run and the body with it."""
     assert context.checks is not None
     error = context.checks.backward[run]
     if np.isinf(error.share):
         return "the engine warned"
-    return f"phantom forces of {part_of(error.share)} the real ones on {error.body}"
+    return f"numerical error of {part_of(error.share)} the real forces on {error.body}"
 
 
 def energy_drifts(runs: MeasuredRuns, sign: int) -> Found:
-    """Yield the runs whose energy drifts up (1) or down (-1), as that of their model does not."""
-    within, drifts = runs.limits[TOLERANCE.name], _of(runs.context, "energy")
+    """Yield runs with an energy drift up (1) or down (-1) that their model does not have."""
+    within, drifts = runs.limits[TOLERANCE.name], _error_field(runs.context, "energy")
     verb = "gains" if sign > 0 else "loses"
     for run in runs_where(sign * drifts > within):
         part = part_of(abs(drifts[run]))
-        reason = f"the run {verb} {part} the energy of its motion, which its model does not"
+        reason = f"the run {verb} {part} the energy of its motion, but its model does not"
         where, step = most_in(runs.context, run)
         yield run, Onset(f"{reason}{where} (limit {within:g})", step)
 
 
 def most_in(context: Context, run: int) -> tuple[str, int]:
-    """Say in which body a run changes energy most, and return the step at which it does.
+    """Return text about the body with the largest energy change, and its step.
 
-    An energy is of the whole run, whatever is watched: the body is named, and filters nothing.
+    Energy belongs to the whole run, whatever is observed: the body is named but filters nothing.
     """
     backward = context.checks.backward if context.checks else ()
     if not backward or not backward[run].energy_body:
@@ -105,15 +111,15 @@ def most_in(context: Context, run: int) -> tuple[str, int]:
     thresholds=(TOLERANCE,),
     letter="J",
     colour="#a2130b",
-    advice="the change that its budget names: contactlab examine MODEL",
+    advice="the fix that its error budget names: contactlab examine MODEL",
 )
 def step_dependent(runs: MeasuredRuns) -> Found:
-    """The run is not the motion of its model: phantom forces are large beside the real ones.
+    """The run is not the motion of its model: its numerical error is large.
 
-    They are measured within windows of 40 ms, so chaos is none of it.
+    It is measured within windows of 40 ms, so chaos does not contribute.
     """
     context, within = runs.context, runs.limits[TOLERANCE.name]
-    for run in runs_where(_of(context, "share") > within):
+    for run in runs_where(_error_field(context, "share") > within):
         assert context.checks is not None
         error = context.checks.backward[run]
         step = round(error.time / context.trace.timestep[run])

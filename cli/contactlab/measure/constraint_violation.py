@@ -1,4 +1,4 @@
-"""How far constraints other than contacts give way: limits of joints and tendons, equalities."""
+"""Violation of constraints other than contacts: limits of joints and tendons, equalities."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -11,50 +11,54 @@ from contactlab.measure.backward_error import TOLERANCE, phantom_forces, unresol
 from contactlab.measure.context import Context, cached, first_step, runs_where, worst_pair
 from contactlab.measure.entries import Found, MeasuredRuns, Onset, Threshold, label, metric
 
-_PEAK = Threshold(
+_PEAK_THRESHOLD = Threshold(
     "constraint_violation",
     0.5,
     "1",
-    "Beyond the middle of its range, or of the body that it holds, nothing is held any more.",
+    "A constraint off by half its range, or half the held body, no longer holds.",
 )
-_STILL = 0.1  # Quantile of what bears at rest; what is shaken swings back from its limits
+# Quantile of the violation that counts as resting; a shaken part swings back from its limits.
+_RESTING_QUANTILE = 0.1
 
 
 @dataclass(frozen=True)
 class _Violation:
-    """How far one constraint of n runs was violated, in `unit`."""
+    """Violation of one constraint in n runs, in `unit`."""
 
     name: str
     unit: str
-    scale: float  # what that is large or small against
-    peak: Floats  # (n,) the largest; of limits, beyond that of the start
+    scale: float  # reference size for the violation
+    peak: Floats  # (n,) the largest; for limits, beyond that at the start
     rest: Floats  # (n,) the median of the last quarter, likewise
-    course: Floats | None = None  # (n, N) over time; None for what is sampled
-    bodies: tuple[str, ...] = ()  # that it holds
+    course: Floats | None = None  # (n, N) over time; None for a sampled violation
+    bodies: tuple[str, ...] = ()  # the bodies that it holds
 
 
 @cached
-def _violations(context: Context) -> list[_Violation]:
+def _find_violations(context: Context) -> list[_Violation]:
     mechanism, trace = context.setup.mechanism, context.trace
     if mechanism is None:
         return []
-    found = [_of_limit(context, part, _places(context, part)) for part in mechanism.joints]
+    found = [
+        _limit_violation(context, part, _joint_positions(context, part))
+        for part in mechanism.joints
+    ]
     if trace.lengths is not None:
         of_tendons = zip(mechanism.tendons, np.moveaxis(trace.lengths, 2, 0), strict=True)
-        found += [_of_limit(context, part, length) for part, length in of_tendons]
+        found += [_limit_violation(context, part, length) for part, length in of_tendons]
     if trace.equality_gaps is not None:
         gaps = np.moveaxis(trace.equality_gaps, 0, 2)
         for one, (peak, rest) in zip(mechanism.equalities, gaps, strict=True):
             most = peak * np.nan if one.elastic else peak
             found.append(_Violation(one.name, one.unit, one.scale, most, rest, bodies=one.bodies))
-    found += _of_brakes(context, mechanism)
+    found += _brake_violations(context, mechanism)
     return [
         violation for violation in found if violation is not None and np.isfinite(violation.scale)
     ]
 
 
-def _of_brakes(context: Context, mechanism: Mechanism) -> Iterator[_Violation]:
-    """Yield how far what friction loss should hold would creep in the time of the run."""
+def _brake_violations(context: Context, mechanism: Mechanism) -> Iterator[_Violation]:
+    """Yield the distance that parts held by friction loss would creep during the run."""
     if context.trace.creep is None:
         return
     moved = context.trace.creep * context.seconds[:, None]
@@ -68,17 +72,17 @@ def _of_brakes(context: Context, mechanism: Mechanism) -> Iterator[_Violation]:
         yield _Violation(name, unit, scale, peak, crept, bodies=part.bodies)
 
 
-def _places(context: Context, joint: Part) -> Floats:
-    """Return (n, N) where a joint is; of a ball joint, how far it is turned."""
+def _joint_positions(context: Context, joint: Part) -> Floats:
+    """Return (n, N) the position of a joint; for a ball joint, its angle."""
     places = context.trace.qpos[:, :-1, joint.place]
     return 2 * np.arccos(np.minimum(np.abs(places), 1)) if joint.kind == "ball" else places
 
 
-def _of_limit(context: Context, part: Part, places: Floats) -> _Violation | None:
+def _limit_violation(context: Context, part: Part, places: Floats) -> _Violation | None:
     if part.kind == "free" or not np.isfinite(part.high) or places.shape[1] == 0:
         return None
     beyond = np.maximum(np.maximum(part.low - places, places - part.high), 0)
-    # What acts ahead of an end by a wide margin keeps off it.
+    # A limit with a wide margin already acts ahead of its end.
     ahead = np.minimum(places - part.low, part.high - places)
     ahead = np.where(ahead < part.margin, np.maximum(ahead, 0), 0)
     if context.setup.limits_act is not None:
@@ -90,7 +94,7 @@ def _of_limit(context: Context, part: Part, places: Floats) -> _Violation | None
     width = part.high - (0 if part.kind == "ball" else part.low)
     # A range may be next to nothing, to lock a joint.
     scale = np.clip(width, QUARTER_TURN / 2, QUARTER_TURN) if turns else max(width, part.reach)
-    rest = np.quantile((beyond + ahead)[:, 3 * beyond.shape[1] // 4 :], _STILL, axis=1)
+    rest = np.quantile((beyond + ahead)[:, 3 * beyond.shape[1] // 4 :], _RESTING_QUANTILE, axis=1)
     unit = "rad" if turns else "m"
     peak = beyond.max(axis=1)
     return _Violation(f"the limit of {part.name}", unit, scale, peak, rest, beyond, part.bodies)
@@ -98,14 +102,15 @@ def _of_limit(context: Context, part: Part, places: Floats) -> _Violation | None
 
 @metric("1", "lower", 1e-9)
 def constraint_violation(context: Context) -> Floats:
-    """Largest violation of a limit or an equality, over what it is large or small against.
+    """Largest violation of a limit or an equality, relative to its scale.
 
-    For a limit, beyond what it was at the start: its range, at least the body's reach or an eighth
-    of a turn, at most a quarter. For an equality, at sampled states: the reach of the smaller body
-    that it connects, the length of a tendon, or as for limits.
+    For a limit, the violation beyond that at the start; its scale is its range, at least the body's
+    reach or an eighth of a turn, at most a quarter turn. For an equality, at sampled states; its
+    scale is the reach of the smaller body that it connects, the length of a tendon, or as for
+    limits.
     """
     return worst_pair(
-        context, [violation.peak / violation.scale for violation in _violations(context)]
+        context, [violation.peak / violation.scale for violation in _find_violations(context)]
     )
 
 
@@ -113,18 +118,18 @@ def constraint_violation(context: Context) -> Floats:
 def constraint_violation_rest(context: Context) -> Floats:
     """Median violation of a limit or an equality in the last quarter; see constraint_violation.
 
-    Likewise how far friction loss lets creep what it could hold, over reach or a quarter turn.
+    Also the creep of parts that friction loss could hold, over reach or a quarter turn.
     """
     return worst_pair(
-        context, [violation.rest / violation.scale for violation in _violations(context)]
+        context, [violation.rest / violation.scale for violation in _find_violations(context)]
     )
 
 
 def _overshoots(runs: MeasuredRuns) -> Found:
-    """Yield runs in which a limit gives way, and which are not the motion of their model."""
+    """Yield runs in which a limit yields, and which are not the motion of their model."""
     context, limit = runs.context, runs.limits[TOLERANCE.name]
     for run in () if context.setup.steered else unresolved_runs(context):
-        for violation in _violations(context):
+        for violation in _find_violations(context):
             most = violation.peak[run]
             if violation.course is not None and most > limit * violation.scale:
                 off = f"{violation.name} is off by {most:.3g} {violation.unit}"
@@ -136,18 +141,18 @@ def _overshoots(runs: MeasuredRuns) -> Found:
 @label(
     "bad",
     rank=5,
-    thresholds=(_PEAK, TOLERANCE),
+    thresholds=(_PEAK_THRESHOLD, TOLERANCE),
     letter="V",
     colour="#703efa",
     advice="a shorter time constant of limit or equality, or less load",
 )
 def constraint_violated(runs: MeasuredRuns) -> Found:
-    """A limit was pushed through, or a loop, weld, gear, rope or brake gives way."""
+    """A limit was pushed through, or a loop, weld, gear, rope or brake yields."""
     quarter = 3 * runs.context.trace.steps // 4
     at_rest = "constraint_violation_rest", TOLERANCE, " at rest", quarter
-    for name, judge, when, begin in ((_PEAK.name, _PEAK, "", 0), at_rest):
+    for name, judge, when, begin in ((_PEAK_THRESHOLD.name, _PEAK_THRESHOLD, "", 0), at_rest):
         for run, _, limit in runs.over(name, judge.name):
-            found = _violations(runs.context)
+            found = _find_violations(runs.context)
             amounts = [violation.rest[run] if when else violation.peak[run] for violation in found]
             scales = [violation.scale for violation in found]
             parts = np.divide(amounts, scales)

@@ -20,23 +20,26 @@ from contactlab.measure.net_contact import NetContact, net_contact
 
 Cached = TypeVar("Cached")
 
-_OF_SERIES = [entry.name for entry in fields(PairSeries)][1:]
-_ROWS = 1 << 11  # of states that go through together, and so fit into the cache
-_ROUNDING = 1e-6  # Share of a step by which a time may miss a whole number of steps
-HAIR = 0.01  # Share of a body's mean size that what hardly moves rises by, or has as an arm
-_SLOW = 0.1
-"""How many of its sizes a second what hardly moves goes, which is in any unit of length."""
+_SERIES_FIELDS = [entry.name for entry in fields(PairSeries)][1:]
+_BLOCK_ROWS = 1 << 11  # states that are processed together, so that they fit into the cache
+_STEP_ROUNDING = (
+    1e-6  # largest deviation of a time from a whole number of steps, as a share of a step
+)
+HAIR = 0.01  # negligible rise or lever arm, as a share of a body's mean size
+_NEGLIGIBLE_SPEED = 0.1
+"""Negligible speed in body sizes per second, so that it holds in any unit of length."""
 
 
 @dataclass(frozen=True)
 class StackedPairs:
-    """The monitored pairs of a trace, in rows: all that never touch share one.
+    """The monitored pairs of a trace, in rows: all pairs that never touch share one row.
 
     Attributes:
         names: the name of each pair.
-        places: the place of the pair of each row; of those that never touch, that of the last.
+        places: the index of the pair in each row; for the shared row, that of the last such pair.
         rows: (P,) the row of each pair.
-        net: the contacts of each row, reduced: (R, n, N) where one pair has (n, N), and (R, n).
+        net: the contacts of each row, reduced: (R, n, N) for quantities with (n, N) per pair, and
+            (R, n).
     """
 
     names: list[str]
@@ -47,7 +50,7 @@ class StackedPairs:
     @cached_property
     def series(self) -> tuple[PairSeries, ...]:
         """The net quantities of each pair over time."""
-        stacked = [getattr(self.net.series, name) for name in _OF_SERIES]
+        stacked = [getattr(self.net.series, name) for name in _SERIES_FIELDS]
         named = zip(self.names, self.rows.tolist(), strict=True)
         return tuple(PairSeries(name, *(array[row] for array in stacked)) for name, row in named)
 
@@ -58,7 +61,7 @@ class Context:
 
     Attributes:
         pairs: the monitored pairs.
-        checks: what a second pass found, if there was one.
+        checks: the results of a second pass, if there was one.
         cache: results of `cached` functions.
     """
 
@@ -89,7 +92,7 @@ class Context:
         return self.trace.timestep * self.trace.steps
 
     def setting(self, name: str) -> Floats:
-        """Return a setting of every run: (n,) for a number, (n, k) for k of them."""
+        """Return a setting of every run: (n,) for a number, (n, k) for k numbers."""
         return np.asarray(self.setup.settings[name], dtype=np.float64)
 
     def position(self, body: FreeBody) -> Floats:
@@ -129,8 +132,8 @@ def context_of(trace: Trace, setup: Setup, checks: SelfChecks | None = None) -> 
 
 
 def rows_of(trace: Trace) -> tuple[list[int], NDArray[np.intp]]:
-    """Return the place of the pair of each row, and the row of each pair."""
-    # Those that never touch may share one array.
+    """Return the index of the pair in each row, and the row of each pair."""
+    # Pairs that never touch may share one array.
     slots = {id(pair.slots): pair for pair in trace.pairs}
     touches = {key: pair.found.any() for key, pair in slots.items()}
     touched = np.array([touches[id(pair.slots)] for pair in trace.pairs], np.bool_)
@@ -153,10 +156,10 @@ def cached(function: Callable[[Context], Cached]) -> Callable[[Context], Cached]
 
 @cached
 def contact_depths(context: Context) -> tuple[NDArray[np.bool_], Floats]:
-    """Return (R, n, N) whether each row of pairs touches, and its depth [m], 0 where apart.
+    """Return (R, n, N) whether each row of pairs touches, and its depth [m], 0 without contact.
 
-    A scene without monitored pairs counts all its contacts as one. Depths are NaN in runs whose
-    contacts are speculative.
+    In a scene without monitored pairs, all contacts count as one pair. Depths are NaN in runs with
+    speculative contacts.
     """
     trace, series, speculative = context.trace, context.net.series, context.setup.speculative
     alone = not trace.pairs
@@ -169,16 +172,16 @@ def contact_depths(context: Context) -> tuple[NDArray[np.bool_], Floats]:
 
 @cached
 def bearing(context: Context) -> NDArray[np.bool_]:
-    """Return (R, n, N) where each row of pairs bears force."""
+    """Return (R, n, N) whether each row of pairs carries force."""
     return context.net.series.normal > 0
 
 
 def squares_from(states: Floats, starts: Sequence[int], width: int = 3) -> Floats:
-    """Return (B, n, T) squared lengths of vectors that start at some places of states (n, T, k)."""
+    """Return (B, n, T) squared lengths of vectors at some start indices of states (n, T, k)."""
     places = np.array(starts, np.intp)[:, None] + range(width)
     squares = np.empty((len(starts), *states.shape[:2]))
     squares = np.empty((len(starts), *states.shape[:2]))
-    stride = max(1, _ROWS // max(1, states.shape[1]))
+    stride = max(1, _BLOCK_ROWS // max(1, states.shape[1]))
     for first in range(0, len(states), stride):
         some = slice(first, first + stride)
         parts = states[some].transpose(2, 0, 1)[places]
@@ -214,8 +217,8 @@ def energy(context: Context) -> Floats:
 def energy_budget(context: Context) -> Floats:
     """Return (n,) the energy at the start that could become motion [J].
 
-    Kinetic energy at the start plus the potential energy above the lowest that the run reaches,
-    so that the datum of the potential drops out.
+    Kinetic energy at the start plus the potential energy above the lowest in the run, so that the
+    datum of the potential cancels.
     """
     heights = potential(context)
     return kinetic(context)[:, 0] + heights[:, 0] - heights.min(axis=1)
@@ -228,9 +231,12 @@ def free_mass(context: Context) -> Floats:
 
 @cached
 def least_energy(context: Context) -> Floats:
-    """Return (n,) the least energy [J] that counts: all rises by 1 % of a body, at 0.1 a second."""
+    """Return (n,) the least energy [J] that counts.
+
+    It lifts everything by 1 % of a body's mean size, and moves it at 0.1 mean sizes a second.
+    """
     size = context.setup.size
-    least = gravity(context) * HAIR * size + 0.5 * (_SLOW * size) ** 2
+    least = gravity(context) * HAIR * size + 0.5 * (_NEGLIGIBLE_SPEED * size) ** 2
     return np.maximum(context.setup.moving_mass * least, np.finfo(float).tiny)
 
 
@@ -247,30 +253,30 @@ def down(context: Context) -> Floats:
 
 
 def worst_body(context: Context, values: Sequence[Floats] | Floats) -> Floats:
-    """Return (n,) the largest of values (n,) over free bodies; NaN where there are none."""
+    """Return (n,) the largest of values (n,) over free bodies; NaN without free bodies."""
     return np.maximum.reduce(values) if len(values) else context.undefined()
 
 
 def worst_pair(context: Context, values: Sequence[Floats] | Floats) -> Floats:
-    """Return (n,) the largest of values (n,) over pairs; NaN where it applies to none."""
+    """Return (n,) the largest of values (n,) over pairs; NaN if it applies to no pair."""
     return np.fmax.reduce(values) if len(values) else context.undefined()
 
 
 def bodies_of_pair(context: Context, place: int) -> tuple[str, ...]:
-    """Return the bodies of a monitored pair that can move."""
+    """Return the movable bodies of a monitored pair."""
     sides = context.setup.sides
     return sides[place] if sides else ()
 
 
 def name_of_worst(context: Context, values: Floats, run: int) -> str:
-    """Return the name of the pair of which a quantity (R, n) is largest in a run."""
+    """Return the name of the pair with the largest quantity (R, n) in a run."""
     if not context.trace.pairs:
         return "the model"
     return context.pairs.names[context.pairs.places[int(np.nanargmax(values[:, run]))]]
 
 
 def bodies_beyond(context: Context, values: Floats, run: int, limit: float) -> tuple[str, ...]:
-    """Return the bodies of all pairs of which a quantity (R, n) exceeds a limit in a run."""
+    """Return the bodies of all pairs with a quantity (R, n) above a limit in a run."""
     rows = runs_where(values[:, run] > limit) if context.trace.pairs else []
     places = (context.pairs.places[row] for row in rows)
     return tuple(dict.fromkeys(body for place in places for body in bodies_of_pair(context, place)))
@@ -289,7 +295,7 @@ def distance_from_rest(context: Context, steps: ArrayLike) -> Floats:
 
 
 def semi_implicit(context: Context) -> Floats:
-    """Return (n,) 1 where positions move with the velocity after a step, 0 for RK4."""
+    """Return (n,) 1 if positions move with the velocity after a step, 0 for RK4."""
     return np.array([name != "RK4" for name in context.setup.settings["integrator"]], np.float64)
 
 
@@ -306,40 +312,41 @@ def gravity(context: Context) -> Floats:
 
 @cached
 def hold_window(context: Context) -> NDArray[np.bool_]:
-    """Return (n, N) the steps that begin in [from, to) of the hold; none where runs end before."""
+    """Return (n, N) the steps that begin in [from, to) of the hold; none if runs end earlier."""
     trace, hold = context.trace, context.setup.hold
     if hold is None:
         return np.zeros(trace.contacts.shape, dtype=np.bool_)
     first, last = (
-        np.ceil(times / trace.timestep - _ROUNDING)[:, None] for times in (hold.start, hold.stop)
+        np.ceil(times / trace.timestep - _STEP_ROUNDING)[:, None]
+        for times in (hold.start, hold.stop)
     )
     steps = np.arange(trace.steps)
-    # A run of a duration that is no whole number of steps may be half a step short.
+    # A run may be half a step short if its duration is not a whole number of steps.
     return (steps >= first) & (steps < last) & (last <= trace.steps + 1)
 
 
 @cached
 def hold_seconds(context: Context) -> Floats:
-    """Return (n,) the length of the hold window [s]; NaN where there is none."""
+    """Return (n,) the length of the hold window [s]; NaN without one."""
     steps = count(hold_window(context))
     return np.where(steps > 0, steps, np.nan) * context.trace.timestep
 
 
 def count(mask: NDArray[np.bool_]) -> NDArray[np.intp]:
-    """Return (...) in how many steps a mask (..., N) holds, faster than by a sum."""
+    """Return (...) the number of true steps of a mask (..., N), faster than by a sum."""
     return np.bitwise_count(np.packbits(mask, axis=-1)).sum(axis=-1, dtype=np.intp)
 
 
 def share(mask: NDArray[np.bool_]) -> Floats:
-    """Return (...) the share of the steps at which a mask (..., N) holds."""
+    """Return (...) the share of true steps of a mask (..., N)."""
     return count(mask) / mask.shape[-1]
 
 
 def runs_where(mask: NDArray[np.bool_]) -> list[int]:
-    """Return the runs in which a mask (n,) holds."""
+    """Return the runs with a true entry in a mask (n,)."""
     return mask.nonzero()[0].tolist() if mask.any() else []
 
 
 def first_step(mask: NDArray[np.bool_]) -> int:
-    """Return the first step in which a mask (N,) holds; 0 if none."""
+    """Return the first true step of a mask (N,); 0 if there is none."""
     return int(mask.argmax())

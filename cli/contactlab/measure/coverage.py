@@ -1,7 +1,8 @@
 """Coverage of runs: parts that moved, were loaded, touched, slid, rolled, or met limits.
 
-A limit of a joint or a tendon acts exactly where the engine has a constraint for it: nearer to its
-end than its margin. Nothing stops the motion before, so that no timestep hides that it was reached.
+A limit of a joint or a tendon acts exactly when the engine has a constraint for it: nearer to its
+end than its margin. Nothing stops the motion earlier, so a coarse timestep cannot hide that the
+limit was reached.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -24,21 +25,19 @@ from contactlab.measure.context import Context, bearing, share
 from contactlab.schema.coverage import Coverage, End
 
 TURNING = 0.1
-"""Least angular velocity [rad/s] of a contact that rolls or spins; soft ones rock more slowly."""
-_LEAST_LOAD_SHARE = (
-    1e-4  # Share of the model's weight below which an equality bears next to nothing
-)
-_AT_LIMIT = 1e-9  # Share of its range by which a force at its limit may miss it by rounding
-_LARGEST = float(np.finfo(np.float64).max)
+"""Least angular velocity [rad/s] of a rolling or spinning contact; soft ones rock more slowly."""
+_LEAST_LOAD_SHARE = 1e-4  # smallest load of an equality that counts, as a share of the weight
+_LIMIT_ROUNDING = 1e-9  # rounding of a force at its limit, as a share of its range
+_LARGEST_NUMBER = float(np.finfo(np.float64).max)
 _RANGE = ("low", "high", "margin")
-_ENDS: tuple[tuple[End, ...], ...] = ((), ("upper",), ("lower",), ("lower", "upper"))
+_END_CODES: tuple[tuple[End, ...], ...] = ((), ("upper",), ("lower",), ("lower", "upper"))
 
 Fields = Mapping[str, NDArray[Any]]
-"""Measures of parts, (n, parts) for each field of the record; NaN where it does not apply."""
+"""Measures of parts, (n, parts) for each field of the record; NaN if it does not apply."""
 
 
 def coverages(context: Context) -> tuple[Coverage, ...] | None:
-    """Return what each run of a context exercised; None if its setup names no mechanism."""
+    """Return the coverage of each run of a context; None if its setup names no mechanism."""
     trace, mechanism = context.trace, context.setup.mechanism
     n = trace.runs
     if mechanism is None:
@@ -46,11 +45,11 @@ def coverages(context: Context) -> tuple[Coverage, ...] | None:
     if not trace.steps:
         return tuple(Coverage() for _ in range(n))
     with np.errstate(all="ignore"):
-        joints = _rows(mechanism.joints, _joints(mechanism.joints, trace.qpos), n)
-        tendons = _rows(mechanism.tendons, _tendons(mechanism, trace.lengths), n)
-        actuators = _rows(mechanism.actuators, _actuators(mechanism, trace), n)
+        joints = _rows_by_part(mechanism.joints, _joint_fields(mechanism.joints, trace.qpos), n)
+        tendons = _rows_by_part(mechanism.tendons, _tendon_fields(mechanism, trace.lengths), n)
+        actuators = _rows_by_part(mechanism.actuators, _actuator_fields(mechanism, trace), n)
         touched = [trace.pairs[place] for place in context.pairs.places]
-        pairs = _rows(touched, _pairs(context), n)
+        pairs = _rows_by_part(touched, _pair_fields(context), n)
     loads = np.zeros((n, 0)) if trace.equality_loads is None else trace.equality_loads
     weight = context.setup.moving_mass * context.setup.pull
     loads = np.where(loads < _LEAST_LOAD_SHARE * weight[:, None], 0, loads)
@@ -70,32 +69,32 @@ def coverages(context: Context) -> tuple[Coverage, ...] | None:
     return tuple(map(Coverage.model_validate, covered))
 
 
-def _rows(
+def _rows_by_part(
     parts: Sequence[Part | PairTrace], fields: Fields, runs: int
 ) -> list[dict[str, dict[str, Any]]]:
-    """Return what each part did in each run, by name; infinities become the largest numbers."""
+    """Return the measures of each part in each run, by name; infinities become largest numbers."""
     values = np.stack([*fields.values()], axis=-1) if parts else np.zeros((runs, 0, 0))
     return [
-        {part.name: _row(fields, row) for part, row in zip(parts, rows, strict=True)}
-        for rows in np.clip(values, -_LARGEST, _LARGEST).tolist()
+        {part.name: _row_by_field(fields, row) for part, row in zip(parts, rows, strict=True)}
+        for rows in np.clip(values, -_LARGEST_NUMBER, _LARGEST_NUMBER).tolist()
     ]
 
 
-def _row(names: Iterable[str], values: Sequence[float]) -> dict[str, Any]:
+def _row_by_field(names: Iterable[str], values: Sequence[float]) -> dict[str, Any]:
     """Return the values of a row that are not NaN."""
     return {
-        name: _ENDS[int(value)] if name == "ends" else value
+        name: _END_CODES[int(value)] if name == "ends" else value
         for name, value in zip(names, values, strict=True)
         if not isnan(value)
     }
 
 
-def _joints(joints: Sequence[Part], qpos: Floats) -> Fields:
+def _joint_fields(joints: Sequence[Part], qpos: Floats) -> Fields:
     widths = [3 if joint.kind == "free" else 1 for joint in joints]
     columns = [
         joint.place + k for joint, width in zip(joints, widths, strict=True) for k in range(width)
     ]
-    # Run by run, so that its rows stay in the cache.
+    # Process run by run, so that its rows stay in the cache.
     ends = [(rows.min(axis=0), rows.max(axis=0)) for rows in qpos]
     first, last = np.moveaxis(np.array(ends)[..., columns], 1, 0)
     starts = np.cumsum([0, *widths])[:-1]
@@ -105,25 +104,25 @@ def _joints(joints: Sequence[Part], qpos: Floats) -> Fields:
         if joint.kind == "free":
             span = slice(start, start + 3)
             moved[:, index] = np.sqrt(squared_lengths(last[:, span] - first[:, span]))
-            turned[:, index] = _turned(qpos, joint.place + 3)
+            turned[:, index] = _largest_rotation(qpos, joint.place + 3)
         if joint.kind == "ball":
             angle = 2 * np.arccos(np.abs(qpos[:, :, joint.place]).min(axis=1))
             least[:, index] = greatest[:, index] = angle
-            moved[:, index] = _turned(qpos, joint.place)
-    return {**_travel(joints, least, greatest, moved), "turned": turned}
+            moved[:, index] = _largest_rotation(qpos, joint.place)
+    return {**_travel_fields(joints, least, greatest, moved), "turned": turned}
 
 
-def _turned(qpos: Floats, place: int) -> Floats:
-    """Return (n,) the largest angle [rad] of the quaternion at a place of qpos from its first."""
+def _largest_rotation(qpos: Floats, place: int) -> Floats:
+    """Return (n,) the largest angle [rad] of the quaternion at an index of qpos to its first."""
     first = np.zeros((len(qpos), qpos.shape[2], 1))
     first[:, place : place + 4, 0] = qpos[:, 0, place : place + 4]
-    # As a product of whole rows, which is faster than gathering four columns of them.
+    # A product of whole rows is faster than gathering four of their columns.
     cosine = np.abs(qpos @ first).min(axis=(1, 2))
     return 2 * np.arccos(np.minimum(cosine, 1))
 
 
-def _travel(parts: Sequence[Part], least: Floats, greatest: Floats, moved: Floats) -> Fields:
-    """Return travels from the least and greatest place of each part in each run, (n, parts)."""
+def _travel_fields(parts: Sequence[Part], least: Floats, greatest: Floats, moved: Floats) -> Fields:
+    """Return travels from the least and greatest position of each part in each run, (n, parts)."""
     low, high, margin = (np.array([getattr(part, name) for part in parts]) for name in _RANGE)
     balls = np.array([part.kind == "ball" for part in parts])
     span = high - np.where(balls, 0, low)
@@ -134,37 +133,37 @@ def _travel(parts: Sequence[Part], least: Floats, greatest: Floats, moved: Float
     }
 
 
-def _tendons(mechanism: Mechanism, lengths: Floats | None) -> Fields:
+def _tendon_fields(mechanism: Mechanism, lengths: Floats | None) -> Fields:
     if lengths is None or not mechanism.tendons:
         return {}
     least, greatest = lengths.min(axis=1), lengths.max(axis=1)
     short, long = mechanism.slack.T
     stretched = np.maximum(np.maximum(short - least, greatest - long), 0)
-    travel = _travel(mechanism.tendons, least, greatest, greatest - least)
+    travel = _travel_fields(mechanism.tendons, least, greatest, greatest - least)
     return {**travel, "stretched": stretched}
 
 
-def _actuators(mechanism: Mechanism, trace: Trace) -> Fields:
+def _actuator_fields(mechanism: Mechanism, trace: Trace) -> Fields:
     shape = (trace.runs, trace.steps, len(mechanism.actuators))
     forces = np.zeros(shape) if trace.forces is None else trace.forces
     ranges = trace.control_ranges
     controls = np.zeros((trace.runs, shape[2], 2)) if ranges is None else ranges
     low, high = mechanism.forces.T
-    slack = np.where(np.isfinite(high - low), _AT_LIMIT * (high - low), 0)
+    slack = np.where(np.isfinite(high - low), _LIMIT_ROUNDING * (high - low), 0)
     at_limit = (forces <= low + slack) | (forces >= high - slack)
     least, greatest = controls[:, :, 0], controls[:, :, 1]
     first = np.array([actuator.low for actuator in mechanism.actuators])
     last = np.array([actuator.high for actuator in mechanism.actuators])
     used = np.clip(greatest, first, last) - np.clip(least, first, last)
     return {
-        **_travel(mechanism.actuators, least, greatest, used),
+        **_travel_fields(mechanism.actuators, least, greatest, used),
         "force": np.abs(forces).max(axis=1),
         "saturated": at_limit.mean(axis=1),
     }
 
 
-def _pairs(context: Context) -> Fields:
-    """Return what pairs did in each run; all contacts of one turn as its first one does."""
+def _pair_fields(context: Context) -> Fields:
+    """Return the coverage of pairs in each run; all contacts of a pair turn like its first one."""
     net, series, bears = context.net, context.net.series, bearing(context)
     sticks, largest = series.mode == STICK, series.normal.max(axis=-1)
     shares = {

@@ -1,4 +1,4 @@
-"""The energy of a run against the work of all that acts in it, whatever drives the model."""
+"""The energy of a run against the work of all forces in it, whatever drives the model."""
 
 import numpy as np
 
@@ -16,27 +16,29 @@ from contactlab.measure.context import (
 )
 from contactlab.measure.entries import Found, MeasuredRuns, Onset, label, metric
 
-_LIFT = 0.04  # Share of a body's mean size; a gain that counts lifts all by 1.2 % of it
+_LIFT_SHARE = (
+    0.04  # share of a body's mean size; a gain that counts lifts everything by 1.2 % of it
+)
 
 
 @cached
-def _scale(context: Context) -> Floats:
-    """Return (n,) peak kinetic energy [J], at least what lifts all by 4 % of a body."""
-    lift = context.setup.moving_mass * gravity(context) * _LIFT * context.setup.size
+def _energy_scale(context: Context) -> Floats:
+    """Return (n,) peak kinetic energy [J], at least that to lift everything by 4 % of a body."""
+    lift = context.setup.moving_mass * gravity(context) * _LIFT_SHARE * context.setup.size
     return np.maximum(peak_kinetic(context), np.maximum(lift, least_energy(context)))
 
 
 @cached
-def _unexplained(context: Context) -> Floats:
+def _unexplained_energy(context: Context) -> Floats:
     """Return (n, N) the energy before each step that no force explains, as a share of the scale.
 
-    Without books, it is what changed in steps without contact, if then nothing may change.
+    Without an energy ledger, it is the change in steps without contact, if nothing may change then.
     """
     trace, change = context.trace, np.diff(energy(context), axis=1)
     if trace.work is None and not context.setup.conservative:
         change[:] = np.nan
     elif trace.steps > 1:
-        # Steps move with the velocity at their end: it belongs to the middle of the step before.
+        # Steps move with the velocity at their end, which belongs to the middle of the step before.
         lag, (first, second) = np.diff(trace.potential, axis=1) / 2, trace.kinetic[:, :2].T
         before = lag[:, 0] * np.sqrt(first / np.maximum(second, np.finfo(float).tiny))
         lags = trace.work is not None or semi_implicit(context)[:, None]
@@ -46,9 +48,9 @@ def _unexplained(context: Context) -> Floats:
     elif context.setup.conservative:
         touching = trace.contacts > 0
         change[touching[:, :-1]] = 0
-        # A contact may act in the later stages of a step that begins and ends without one.
+        # A contact may act in the later stages of a step that begins and ends without contact.
         change[(semi_implicit(context) == 0) & touching.any(axis=1)] = 0
-    share = np.cumsum(change, axis=1) / _scale(context)[:, None]
+    share = np.cumsum(change, axis=1) / _energy_scale(context)[:, None]
     return np.concatenate([np.zeros((len(share), 1)), share], axis=1)
 
 
@@ -57,32 +59,33 @@ def integration_gain(context: Context) -> Floats:
     """Most energy that the integrator added, over the largest kinetic energy.
 
     The change of mechanical energy since the start less the work of all other forces, each with the
-    mean velocity over a step. The largest kinetic energy counts as at least what lifts all that
-    moves by 4 % of a body's mean size. Where nothing but gravity, springs and contacts acts, it is
-    what changed in steps without contact. Else not defined with RK4, flexes and plug-ins.
+    mean velocity over a step. The largest kinetic energy counts as at least the energy to lift
+    everything that moves by 4 % of a body's mean size. If only gravity, springs and contacts act,
+    it is the change in steps without contact. Otherwise not defined with RK4, flexes and plug-ins.
     """
-    return _unexplained(context).max(axis=1)
+    return _unexplained_energy(context).max(axis=1)
 
 
 @metric("1", "lower", 1e-9, version=3, kind="detail", requires="energy")
 def integration_loss(context: Context) -> Floats:
-    """Energy that the integrator took for good, over the largest kinetic; see integration_gain.
+    """Energy that the integrator removed for good, over the largest kinetic; see integration_gain.
 
-    The median of the last quarter, since steps give and take in turn where springs swing.
+    The median of the last quarter, because steps with swinging springs alternately add and remove
+    energy.
     """
-    return -median(_unexplained(context)[:, 3 * context.trace.steps // 4 :])
+    return -median(_unexplained_energy(context)[:, 3 * context.trace.steps // 4 :])
 
 
 @metric("1", "lower", 1e-9, kind="detail", requires="energy")
 def constraint_gain(context: Context) -> Floats:
-    """Most energy that constraints gave beyond what they had stored, over the largest kinetic one.
+    """Most energy that constraints gave beyond their stored energy, over the largest kinetic one.
 
-    In the stretch of the run in which they gave most; where it begins with something constrained,
-    as far as energy rose by more than actuators and all else gave. They had stored at most half of
-    what their springs press with at rest times violation, and all that they carry times violation.
-    Not defined with RK4, where nothing but
-    gravity, springs and contacts acts, so that energy_gain judges, and where moving mocap bodies,
-    surface velocities or adhesion act through constraints.
+    In the stretch of the run in which they gave most; if that stretch begins with an active
+    constraint, at most the rise of energy beyond the work of actuators and other forces. The stored
+    energy is at most half the spring force at rest times violation, and the whole carried force
+    times violation. Not defined with RK4; if only gravity, springs and contacts act, so that
+    energy_gain applies; and if moving mocap bodies, surface velocities or adhesion act through
+    constraints.
     """
     trace = context.trace
     if trace.given is None or trace.work is None:
@@ -96,16 +99,19 @@ def constraint_gain(context: Context) -> Floats:
     given = done[runs, end + 1] - done[runs, first]
     others = given[:, ACTUATORS] + given[:, OTHERS]
     held = np.minimum(given[:, CONSTRAINTS], risen - np.maximum(others, 0)) - trace.given[:, 2]
-    return np.where(trace.given[:, 2] > 0, held, given[:, CONSTRAINTS]) / _scale(context)
+    return np.where(trace.given[:, 2] > 0, held, given[:, CONSTRAINTS]) / _energy_scale(context)
 
 
 @cached
 def constraint_loss(context: Context) -> Floats:
-    """Return (n,) share of kinetic energy that constraints took of what is passive, untouched."""
+    """Return (n,) the share of kinetic energy that constraints removed.
+
+    Only for passive models; 0 for runs with contacts.
+    """
     trace = context.trace
     if trace.work is None or not context.setup.passive:
         return context.undefined()
-    taken = -trace.work[..., CONSTRAINTS].sum(axis=1) / _scale(context)
+    taken = -trace.work[..., CONSTRAINTS].sum(axis=1) / _energy_scale(context)
     return np.where(trace.contacts.any(axis=1), 0, taken)
 
 
@@ -118,7 +124,7 @@ def constraint_loss(context: Context) -> Floats:
     advice="a shorter timestep, or integrator RK4 for free motion",
 )
 def energy_loss(runs: MeasuredRuns) -> Found:
-    """The run loses energy that its own model, stepped more finely, keeps."""
+    """The run loses energy, but its model, simulated with finer steps, keeps it."""
     return energy_drifts(runs, -1)
 
 
@@ -133,10 +139,10 @@ def energy_loss(runs: MeasuredRuns) -> Found:
     traits=("numerical",),
 )
 def generous_constraints(runs: MeasuredRuns) -> Found:
-    """Contacts, limits or equalities gave more than they had stored, as their model does not."""
+    """Contacts, limits or equalities gave more energy than they stored, unlike in their model."""
     given, unresolved = runs.context.trace.given, unresolved_runs(runs.context)
     for run, gain, limit in runs.over("constraint_gain", TOLERANCE.name):
         if run in unresolved:
-            reason = f"constraints gave {part_of(gain)} the largest kinetic energy beyond what they"
+            reason = f"constraints gave {part_of(gain)} the largest kinetic energy beyond their"
             step = 0 if given is None else int(given[run, 1])
-            yield run, Onset(f"{reason} had stored (limit {limit:g})", step)
+            yield run, Onset(f"{reason} stored energy (limit {limit:g})", step)

@@ -1,6 +1,6 @@
 """Metrics, labels and oracles, and the decorators that declare them.
 
-An entry is declared where it is computed: a decorator on its function states what is known of it,
+An entry is declared next to its computation: a decorator on its function states its properties,
 and the function's docstring is its published definition. Plug-ins use the same decorators.
 """
 
@@ -29,18 +29,26 @@ OracleFunction = Callable[[Context], tuple[Floats, Floats]]
 
 Severity = Literal["void", "bad", "poor", "noted", "good"]
 SEVERITIES: Mapping[Severity, str] = {
-    "void": "nothing that was measured of the run means anything",
+    "void": "no measurement of the run is meaningful",
     "bad": "the run is physically wrong",
     "poor": "the run is worse than wanted",
-    "noted": "the run is not as expected, or not known as a whole",
+    "noted": "the run is not as expected, or only partly known",
     "good": "no other label applies",
 }
 """The bands of labels with their meanings, worst first."""
 Trait = Literal["grip", "no impact", "numerical", "required"]
-_COLOUR = re.compile("#[0-9a-f]{6}")
-_TOLERANCES = {"m": 1e-4, "m/s": 1e-3, "rad": 0.01, "1": 0.01, "any": 0.01, "s": 0.02, "J": 1e-3}
-"""By unit: 0.1 mm is the penetration that the guideline accepts; 1 mm/s is a fifth of what tells
-sliding from sticking; ratios count to 1 %."""
+_COLOUR_CODE = re.compile("#[0-9a-f]{6}")
+_UNIT_TOLERANCES = {
+    "m": 1e-4,
+    "m/s": 1e-3,
+    "rad": 0.01,
+    "1": 0.01,
+    "any": 0.01,
+    "s": 0.02,
+    "J": 1e-3,
+}
+"""By unit: 0.1 mm is the penetration that the guideline accepts; 1 mm/s is a fifth of the speed
+that distinguishes sliding from sticking; ratios count to 1 %."""
 
 
 @dataclass(frozen=True)
@@ -48,22 +56,23 @@ class Metric:
     """One number per run, and how to read it.
 
     Attributes:
-        unit: its unit; `1` for counts and ratios, `any` where it depends on the scene.
-        better: which direction is an improvement; `none` where it depends on what is wanted.
+        unit: its unit; `1` for counts and ratios, `any` if it depends on the scene.
+        better: which direction is an improvement; `none` if it depends on the user's goal.
         resolution: magnitude below which the value is 0, in its unit.
-        definition: what it is, in words, with its source.
-        function: the metric of every run of a context, (n,); NaN where it does not apply.
+        definition: its definition as text, with its source.
+        function: the metric of every run of a context, (n,); NaN if it does not apply.
         name: its name in sweeps, evidence and reports.
-        tolerance: change, in its unit, below which an effect is said to leave it as it is.
+        tolerance: change, in its unit, below which an effect counts as leaving it unchanged.
         version: grows whenever the definition changes.
-        kind: `physics` for a result of the simulated physics, `work` for what the solver was given
-            and did, `check` for what only the second pass measures, `detail` for a number that
-            explains another metric and is judged nowhere.
-        requires: what must be recorded: energies, or distances that are depths, which those of
+        kind: `physics` for a result of the simulated physics, `work` for the solver's settings and
+            work, `check` for a number that only the second pass measures, `detail` for a number
+                that
+            explains another metric and has no limit of its own.
+        requires: data that must be recorded: energies, or distances that are depths; distances of
             speculative contacts are not.
         equivalence: whether another engine must reproduce it (`check repeat`).
-        heading: its heading in the summary of a sweep; empty where it is not in it.
-        rule: how `compare` judges it, where the rule of all metrics does not fit.
+        heading: its heading in the summary of a sweep; empty if it is not in it.
+        rule: how `compare` judges it, if the rule of all metrics does not fit.
     """
 
     unit: str
@@ -91,7 +100,7 @@ class Metric:
 
 
 class MetricOptions(TypedDict, total=False):
-    """Options of `metric` beside unit, direction and resolution; see `Metric`."""
+    """Options of `metric` besides unit, direction and resolution; see `Metric`."""
 
     name: str
     tolerance: float
@@ -104,9 +113,9 @@ class MetricOptions(TypedDict, total=False):
 
 
 class Onset(NamedTuple):
-    """Why a label applies to a run, the first step at which it does, and the bodies it is of.
+    """The reason why a label applies to a run, the first step at which it does, and its bodies.
 
-    Without bodies it is of the whole run, and holds whatever is watched.
+    Without bodies it belongs to the whole run, and holds whatever is observed.
     """
 
     reason: str
@@ -117,7 +126,7 @@ class Onset(NamedTuple):
 Onsets = dict[int, Onset]  # onsets of one label by run; runs without one are absent
 
 Found = Iterator[tuple[int, Onset]]
-"""The same one by one; of several of one run, the first counts, and the bodies of all."""
+"""Onsets one by one; of several onsets of one run, the first counts, with the bodies of all."""
 
 
 @dataclass(frozen=True)
@@ -137,7 +146,7 @@ class MeasuredRuns:
         return limits(self.context.setup.thresholds)
 
     def over(self, metric: str, threshold: str = "") -> list[tuple[int, float, float]]:
-        """Return run, value and limit where a metric exceeds a threshold, by default its own."""
+        """Return run, value and limit if a metric exceeds a threshold, by default its own."""
         values, limit = self.metrics[metric], self.limits.get(threshold or metric, np.inf)
         return [(run, float(values[run]), limit) for run in runs_where(values > limit)]
 
@@ -156,9 +165,9 @@ class Threshold:
 
     Attributes:
         name: its name in scenes and sweeps.
-        default: its value where neither sets it; None if it then limits nothing.
+        default: its value if neither sets it; None if it then limits nothing.
         unit: its unit; `1` for counts and ratios.
-        source: where the default is from, and what it limits if not the metric of its name.
+        source: the source of the default, and the limited quantity if not the metric of its name.
     """
 
     name: str
@@ -169,21 +178,21 @@ class Threshold:
 
 @dataclass(frozen=True)
 class Label:
-    """A named outcome of a run, and all that is said and drawn of it.
+    """A named outcome of a run, with everything that is printed and drawn about it.
 
     Attributes:
         name: its name in sweeps, evidence and reports.
-        meaning: what it says of a run, in words.
+        meaning: its statement about a run, as text.
         severity: its band; the worst of a run's labels is that of the worst band.
-        rank: its place within the band: the higher, the worse; of equal ones the first declared.
-        advice: what to change; it follows "change:".
-        letter: one character for it on maps; of a letter that is taken, or none, another is used.
+        rank: its order within the band: the higher, the worse; of equal ones the first declared.
+        advice: the recommended change; it follows "change:".
+        letter: one character for it on maps; if it is taken or empty, another letter is used.
         colour: its colour in pictures, `#rrggbb`; grey without one.
         thresholds: the limits that its rule reads.
-        traits: what else holds of it: `grip` if it says that a grip does not hold, `pair` if it is
-            what a scene's expectations of pairs find, `numerical` if its cause may be the step,
-            `no impact` if the first contact of its runs is no impact of rigid bodies.
-        rule: finds the runs that it applies to; None where it is known from outside the trace.
+        traits: further properties: `grip` if it says that a grip does not hold, `required` if it
+            reports a violated requirement of a scene, `numerical` if its cause may be the step,
+            `no impact` if the first contact of its runs is not an impact of rigid bodies.
+        rule: finds the runs that it applies to; None if it is known from outside the trace.
     """
 
     name: str
@@ -198,21 +207,21 @@ class Label:
     rule: LabelRule | None = None
 
     def __post_init__(self) -> None:
-        """Raise PluginError for a severity, letter or colour that is none."""
+        """Raise PluginError for an invalid severity, letter or colour."""
         if self.severity not in SEVERITIES:
             bands = ", ".join(SEVERITIES)
             raise PluginError(
-                f"label '{self.name}': severity is one of {bands}; for the order "
-                "within it there is `rank`"
+                f"label '{self.name}': severity must be one of {bands}; set the order "
+                "within it by `rank`"
             )
         if len(self.letter) > 1:
             raise PluginError(f"label '{self.name}': letter '{self.letter}' is not one character")
-        if self.colour and not _COLOUR.fullmatch(self.colour):
+        if self.colour and not _COLOUR_CODE.fullmatch(self.colour):
             raise PluginError(f"label '{self.name}': colour '{self.colour}' is not like '#1f77b4'")
 
     @property
     def facts(self) -> LabelFacts:
-        """Words, letter and colour of it."""
+        """Its texts, letter and colour."""
         return LabelFacts(
             meaning=self.meaning, advice=self.advice, letter=self.letter, colour=self.colour
         )
@@ -229,7 +238,7 @@ class Label:
 
     @property
     def voids(self) -> bool:
-        """Whether nothing that was measured of the run means anything."""
+        """Whether no measurement of the run is meaningful."""
         return self.severity == "void"
 
     @property
@@ -238,7 +247,7 @@ class Label:
         return self.rule is not None and self.rule.__module__.partition(".")[0] != "contactlab"
 
     def of(self, runs: MeasuredRuns) -> list[Onset | None]:
-        """Return why the label applies, for each run; None where it does not."""
+        """Return the onset of the label for each run; None if it does not apply."""
         found = self.rule(runs) if self.rule else ()
         first: Onsets = {}
         for run, onset in found.items() if isinstance(found, dict) else found:
@@ -250,7 +259,7 @@ class Label:
 
 
 class OracleResult(NamedTuple):
-    """Values that a closed form expects of n runs, those measured, and their gap, each (n,)."""
+    """Expected values of a closed form for n runs, measured values, and their gap, each (n,)."""
 
     expected: Floats
     measured: Floats
@@ -259,14 +268,15 @@ class OracleResult(NamedTuple):
 
 @dataclass(frozen=True)
 class Oracle:
-    """A closed form that says what a scene should do.
+    """A closed form for the behavior of a scene.
 
     Attributes:
         name: its name in scenes.
-        unit: unit of what is expected and measured.
-        relative: whether the error is a share of what is expected; else it has the same unit.
+        unit: unit of the expected and measured values.
+        relative: whether the error is a share of the expected value; otherwise it has the same
+            unit.
         settings: names of the settings that it reads.
-        definition: the law, with its source, and what is measured against it.
+        definition: the law, with its source, and the measured quantity.
         function: expected and measured values of every run, each (n,).
     """
 
@@ -278,7 +288,7 @@ class Oracle:
     function: OracleFunction
 
     def of(self, context: Context) -> OracleResult:
-        """Return what the law expects of every run of a context, and how far off it is."""
+        """Return the expected and measured values of every run of a context, and the error."""
         with np.errstate(all="ignore"):
             expected, measured = self.function(context)
             error = np.abs(measured - expected)
@@ -314,14 +324,14 @@ ORACLES: Registry[Oracle] = Registry("oracle")
 def metric(
     unit: str, better: Direction = "none", resolution: float = 0, **options: Unpack[MetricOptions]
 ) -> Callable[[MetricFunction], MetricFunction]:
-    """Declare a metric: what the function returns, as its docstring defines it.
+    """Declare a metric: the function computes it, and its docstring defines it.
 
-    Arguments are those of `Metric`; unless given, the name is the function's, and the tolerance
-    that of the unit. A PluginError if the name is taken, or the function has no docstring.
+    Arguments are those of `Metric`; by default, the name is the function's, and the tolerance that
+    of the unit. Raises a PluginError if the name is taken, or the function has no docstring.
     """
 
     def declare(function: MetricFunction) -> MetricFunction:
-        usual = MetricOptions(name=function.__name__, tolerance=_TOLERANCES.get(unit, 0.0))
+        usual = MetricOptions(name=function.__name__, tolerance=_UNIT_TOLERANCES.get(unit, 0.0))
         given: MetricOptions = {**usual, **options}
         METRICS.add(Metric(unit, better, resolution, _definition(function), function, **given))
         return function
@@ -330,7 +340,7 @@ def metric(
 
 
 class LabelOptions(TypedDict, total=False):
-    """Options of `label` beside the severity; see `Label`."""
+    """Options of `label` besides the severity; see `Label`."""
 
     name: str
     rank: float
@@ -342,10 +352,10 @@ class LabelOptions(TypedDict, total=False):
 
 
 def label(severity: Severity, **options: Unpack[LabelOptions]) -> Callable[[LabelRule], LabelRule]:
-    """Declare a label: the function finds the runs that it applies to; its docstring says why.
+    """Declare a label: the function finds its runs, and its docstring is its meaning.
 
     Arguments are those of `Label`: a threshold may belong to several labels, and the name is the
-    function's unless given. A PluginError if a name is taken, or there is no docstring.
+    function's by default. Raises a PluginError if a name is taken, or there is no docstring.
     """
 
     def declare(rule: LabelRule) -> LabelRule:
@@ -357,7 +367,7 @@ def label(severity: Severity, **options: Unpack[LabelOptions]) -> Callable[[Labe
 
 
 def added_labels() -> dict[str, dict[str, str]]:
-    """Return the facts of all labels that plug-ins declare, as a store has them."""
+    """Return the facts of all labels that plug-ins declare, as written in a store."""
     return {name: label.facts.model_dump() for name, label in LABELS.items() if label.is_added}
 
 
@@ -369,9 +379,9 @@ def labels_with(trait: Trait) -> frozenset[str]:
 def oracle(
     unit: str, settings: tuple[str, ...], *, relative: bool
 ) -> Callable[[OracleFunction], OracleFunction]:
-    """Declare an oracle: the function returns what is expected and what was measured; see `Oracle`.
+    """Declare an oracle: the function returns expected and measured values; see `Oracle`.
 
-    A PluginError if the name is taken, or the function has no docstring.
+    Raises a PluginError if the name is taken, or the function has no docstring.
     """
 
     def declare(function: OracleFunction) -> OracleFunction:
@@ -383,15 +393,15 @@ def oracle(
 
 
 def _definition(function: Callable[..., object]) -> str:
-    """Return a function's docstring in one paragraph; `python -OO` leaves none."""
+    """Return a function's docstring in one paragraph; `python -OO` removes it."""
     text = " ".join(cleandoc(function.__doc__ or "").split())
     if not text and sys.flags.optimize < 2:
-        raise PluginError(f"'{function.__name__}' has no docstring, which would be its definition")
+        raise PluginError(f"'{function.__name__}' has no docstring; write its definition there")
     return text
 
 
 def limits(overrides: Mapping[str, float]) -> dict[str, float]:
-    """Return the value of every threshold that has one; a SceneError if there is no such name."""
+    """Return the value of every threshold that has one. Raises a SceneError for an unknown name."""
     rest = f"; there are {', '.join(THRESHOLDS)}"
     for name in overrides:
         SceneError.unless_known(name, THRESHOLDS, f"no threshold '{name}'", rest=rest)

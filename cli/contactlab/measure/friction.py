@@ -1,8 +1,8 @@
-"""Friction: slip, creep, what the cone allows, and chatter.
+"""Friction: slip, creep, cone limits, and chatter.
 
-A pair chatters that keeps losing its contact, or switching between stick and slide. One that sticks
-well inside its friction bound has no reason to part: losing all its contacts and regaining them,
-over and over, is the chatter of a contact too stiff or too weakly damped for its timestep. Sliding
+A pair chatters if it keeps losing its contact, or switching between stick and slide. A pair that
+sticks well inside its friction bound has no reason to separate: if it loses all its contacts and
+regains them, over and over, the contact is too stiff or too weakly damped for its timestep. Sliding
 bodies hop too, but at the bound; bodies that bounce to rest touch less hard every time.
 """
 
@@ -38,29 +38,37 @@ from contactlab.measure.context import (
 from contactlab.measure.entries import Found, MeasuredRuns, Onset, Threshold, label, metric
 from contactlab.measure.stick_slip import HELD_USAGE, IMPACT, Spans, changes, spans
 
-_CREEP_SPEED = Threshold("creep_speed", None, "m/s", "Set where what sticks should stay.")
+_CREEP_SPEED = Threshold("creep_speed", None, "m/s", "Set it if sticking bodies should stay.")
 _MODE_SWITCHES = Threshold(
     "mode_switches",
     5,
     "1/s",
     "Guideline for a pad that does not chatter; also on contact_losses.",
 )
-_FEWEST = Threshold("mode_switch_count", 3, "1", "Fewest of chatter: a stop and a start are none.")
-_ENDS = 0.01  # Share of a range of force that is as good as its end
-_OF_SCENES = {"creep_speed", "drift", "rest_speed"}  # Thresholds that say how still is still
-_STEADILY = 0.2  # Share by which the speed of what creeps steadily may change
-_FRICTIONAL = slice(FORCE.start + 1, TORQUE.stop)  # Two forces, torsion and two rolling torques
-_AS_HARD = 0.99  # Share of the last peak force that the next contact must have; bounces lose more
-_SLIPS = 0.02  # Half extents between two switches of what chatters as it hops; trembling, 0.003
-_BEARS = 0.9  # Share of the time in contact, below which it hops
-_SPREAD = 0.25  # Least share of the time in contact that the middle half of chatter's events spans
+_MIN_EVENTS = Threshold(
+    "mode_switch_count", 3, "1", "Fewest events of chatter: a stop and a start are not chatter."
+)
+_FORCE_END_SHARE = (
+    0.01  # distance to the end of a force range that counts as its end, as a share of the range
+)
+_SCENE_THRESHOLDS = {"creep_speed", "drift", "rest_speed"}  # thresholds of scenes that define rest
+_MAX_SPEED_CHANGE = 0.2  # largest relative change of the speed of steady creep
+_FRICTION_FIELDS = slice(
+    FORCE.start + 1, TORQUE.stop
+)  # two forces, torsion and two rolling torques
+_MIN_PEAK_RATIO = 0.99  # smallest ratio of the next to the last peak force; bounces lose more
+# Slip between two switches of a chattering pair that hops, in half extents; trembling has 0.003.
+_MIN_HOP_SLIP = 0.02
+_MIN_CONTACT_SHARE = 0.9  # share of the time in contact below which a pair hops
+# Smallest share of the time in contact that the middle half of the events of chatter spans.
+_MIN_EVENT_SPREAD = 0.25
 Events = tuple[NDArray[np.intp], NDArray[np.intp]]
 """Runs and steps of events, in order of run and time."""
 
 
 @cached
 def switch_masks(context: Context) -> NDArray[np.bool_]:
-    """Return (R, n, N - 1) where pairs change between stick and slide."""
+    """Return (R, n, N - 1) the steps at which pairs change between stick and slide."""
     series = context.net.series
     masks = np.zeros(series.mode[..., 1:].shape, np.bool_)
     for row in runs_where((series.mode == SLIDE).any(axis=(1, 2))):
@@ -83,12 +91,12 @@ def mode_switches(context: Context) -> Floats:
 def slip_distance(context: Context) -> Floats:
     """Slip speed summed over the time in which the pair sticks or slides, worst pair.
 
-    On hops of up to 100 ms between contacts it is interpolated between the speeds beside them.
+    On hops of up to 100 ms between contacts it is interpolated between the neighboring speeds.
     """
-    return worst_pair(context, _with_hops(context).sum(axis=-1)) * context.trace.timestep
+    return worst_pair(context, _slip_with_hops(context).sum(axis=-1)) * context.trace.timestep
 
 
-def _with_hops(context: Context) -> Floats:
+def _slip_with_hops(context: Context) -> Floats:
     """Return (R, n, N) the slip speeds of pairs, interpolated on their hops."""
     slip = context.net.series.slip
     hops = (context.net.series.mode != NO_CONTACT) & ~bearing(context)
@@ -104,14 +112,14 @@ def _with_hops(context: Context) -> Floats:
 def creep_speed(context: Context) -> Floats:
     """Mean slip speed of a sticking pair over the last fifth of the run, worst pair.
 
-    Averaged over the steps in which it bears force. Soft contact creeps under any tangential
+    Averaged over the steps in which it carries force. Soft contact creeps under any tangential
     load, at (1 - d0) / (d0 impratio b N) times the acceleration that load would cause.
     """
-    return worst_pair(context, _creeps(context))
+    return worst_pair(context, _creep_speeds(context))
 
 
 @cached
-def _creeps(context: Context) -> Floats:
+def _creep_speeds(context: Context) -> Floats:
     series, last = context.net.series, context.last_fifth
     sticking = (series.mode[..., last] == STICK) & bearing(context)[..., last]
     return (series.slip[..., last] * sticking).sum(axis=-1) / count(sticking)
@@ -119,31 +127,31 @@ def _creeps(context: Context) -> Floats:
 
 @metric("1", "lower", 1e-9, kind="detail")
 def crept(context: Context) -> Floats:
-    """How far what friction should hold creeps in the time of the run, over its size.
+    """Distance by which sticking bodies creep during the run, over their size.
 
     Median slip of pairs that stick through the last half, by less than 0.9 of the friction bound,
-    and do neither roll nor slow down: of each over the greatest extent of its smaller geom; of all
-    together, as far as a free body moves by as much, over twice its reach. Not defined under
-    controls that change, nor where a surface moves by itself, as a belt's.
+    and neither roll nor slow down. Each pair counts over the greatest extent of its smaller geom;
+    all pairs together count, up to the distance that a free body moves, over twice its reach. Not
+    defined under changing controls, nor if a surface moves relative to its geom, like a belt's.
     """
     moved = context.setup.steered or context.setup.conveying
-    shares = [] if moved else [*_crept(context).values()]
+    shares = [] if moved else [*_creep_shares(context).values()]
     return worst_pair(context, shares)
 
 
 @cached
-def _crept(context: Context) -> dict[str, Floats]:
-    """Return (n,) how far each pair creeps, and each free body, over its size."""
+def _creep_shares(context: Context) -> dict[str, Floats]:
+    """Return (n,) the creep distance of each pair, and of each free body, over its size."""
     steps, mechanism, pairs = context.trace.steps, context.setup.mechanism, context.pairs
     half, late = slice(steps // 2, None), slice(3 * steps // 4, None)
     series, extents = context.net.series, context.setup.thickness[pairs.places, None, None]
     used, slip = series.usage[..., half], series.slip[..., half]
     held = (series.mode[..., half] == STICK) & (used > 0) & (used < HELD_USAGE)
-    held &= context.net.rolling[..., half] * extents <= slip  # What rolls leaves where it slipped.
+    held &= context.net.rolling[..., half] * extents <= slip  # A rolling body leaves the spot.
     speed = median(series.slip[..., late])
-    # What settles slows down.
+    # A settling pair slows down.
     before = median(series.slip[..., half.start : late.start])
-    steady = (np.abs(before - speed) < _STEADILY * speed) & (share(held) > 0.9)
+    steady = (np.abs(before - speed) < _MAX_SPEED_CHANGE * speed) & (share(held) > 0.9)
     ways = (steady * context.seconds * speed)[pairs.rows]
     shares = dict(zip(pairs.names, ways / context.setup.reaches[:, None], strict=True))
     together = sum(ways, np.zeros(context.trace.runs))
@@ -164,7 +172,7 @@ def cone_violation(context: Context) -> Floats:
 
 @metric("J", "lower", 1e-12)
 def complementarity(context: Context) -> Floats:
-    """Largest product of a contact's normal force and its positive distance, where margins act."""
+    """Largest product of a contact's normal force and its positive distance, with margins."""
     return worst_pair(context, context.net.detached)
 
 
@@ -183,38 +191,38 @@ def normal_impulse(context: Context) -> Floats:
     advice="an elliptic cone with impratio 10, or a shorter time constant of solref",
 )
 def creep(runs: MeasuredRuns) -> Found:
-    """A sticking pair slips faster than the scene accepts; or far for its size, if none says."""
+    """A sticking pair slips faster than the scene accepts; or far for its size, if none is set."""
     for run, speed, limit in runs.over("creep_speed"):
-        name = name_of_worst(runs.context, _creeps(runs.context), run)
+        name = name_of_worst(runs.context, _creep_speeds(runs.context), run)
         reason = f"{name} sticks, but slips at {speed:.3g} m/s (limit {limit:g} m/s)"
-        bodies = bodies_beyond(runs.context, _creeps(runs.context), run, limit)
+        bodies = bodies_beyond(runs.context, _creep_speeds(runs.context), run, limit)
         yield run, Onset(reason, runs.context.last_fifth.start, bodies)
-    judged = not _OF_SCENES.isdisjoint(runs.context.setup.thresholds)
+    judged = not _SCENE_THRESHOLDS.isdisjoint(runs.context.setup.thresholds)
     for run, way, limit in () if judged else runs.over("crept", TOLERANCE.name):
-        crept = _crept(runs.context)
+        crept = _creep_shares(runs.context)
         name = max(crept, key=lambda pair: np.nan_to_num(crept[pair][run]))
         reason = f"{name} sticks, but would creep by {way:.3g} of its size (limit {limit:g})"
         far = (part for part, ways in crept.items() if ways[run] > limit)
-        bodies = dict.fromkeys(body for part in far for body in _bodies_of(runs.context, part))
+        bodies = dict.fromkeys(body for part in far for body in _bodies_of_part(runs.context, part))
         yield run, Onset(reason, runs.context.last_fifth.start, tuple(bodies))
 
 
-def _bodies_of(context: Context, part: str) -> tuple[str, ...]:
-    """Return the bodies of what creeps: a free body, or a pair."""
+def _bodies_of_part(context: Context, part: str) -> tuple[str, ...]:
+    """Return the bodies of a creeping part: a free body, or a pair."""
     names = context.pairs.names
     return bodies_of_pair(context, names.index(part)) if part in names else (part,)
 
 
 @metric("1/s", "lower", tolerance=5.0)
 def contact_losses(context: Context) -> Floats:
-    """How often a sticking pair loses all contact and regains it, over simulated time; worst pair.
+    """Rate at which a sticking pair loses all contact and regains it; worst pair.
 
-    Gaps no longer than the contact before, with less than 0.9 of the friction bound in use on both
-    sides, after which it meets as hard as before, as fast as after a fall of 5 ms. A pad with
-    more than 5 a second chatters.
+    Counted are gaps no longer than the contact before, with less than 0.9 of the friction bound in
+    use on both sides, after which the pair meets as hard as before, as fast as after a fall of 5
+    ms. A pad with more than 5 a second chatters.
     """
     counts = np.zeros((len(context.pairs.places), context.trace.runs))
-    for row, gaps in _all_losses(context).items():
+    for row, gaps in _all_lost_contacts(context).items():
         counts[row] = np.bincount(gaps.run, minlength=context.trace.runs) / context.seconds
     return worst_pair(context, counts)
 
@@ -222,7 +230,7 @@ def contact_losses(context: Context) -> Floats:
 @label(
     "poor",
     rank=6,
-    thresholds=(_MODE_SWITCHES, _FEWEST),
+    thresholds=(_MODE_SWITCHES, _MIN_EVENTS),
     letter="C",
     colour="#b4531d",
     advice="solimp 0.99 0.999 0.001, or a shorter timestep where solref is underdamped",
@@ -231,9 +239,9 @@ def contact_losses(context: Context) -> Floats:
 def chatter(runs: MeasuredRuns) -> Found:
     """A pair keeps switching between stick and slide, or losing contact; or a servo keeps hunting.
 
-    Not while bodies come to rest, nor outside of the hold window of a scene that has one. Where a
-    run is the motion of its model, what a changing drive does is none, and dry friction may stick
-    and slide: but for what a scene says is held.
+    Not while bodies come to rest, nor outside of the hold window of a scene that has one. If a run
+    is the motion of its model, switches under a changing drive do not count, and dry friction may
+    stick and slide; except for bodies that a scene declares as held.
     """
     context = runs.context
     held, resolved = context.setup.hold is not None, resolved_runs(context)
@@ -245,23 +253,23 @@ def chatter(runs: MeasuredRuns) -> Found:
     for row in runs_where(np.asarray(masks.any(axis=(1, 2)))):
         place = context.pairs.places[row]
         extent = context.setup.thickness[place]
-        # What tumbles is held and slides in turn as it meets with one point after another.
+        # A tumbling body alternately sticks and slides as it touches with one point after another.
         tumbles = context.net.rolling[row] * extent > context.net.series.slip[row]
         run, step = np.nonzero(masks[row] & ~tumbles[:, 1:])
-        what = f"{context.pairs.names[place]} switched {{}} times between {between}"
-        least = 0.0 if held or np.isinf(extent) else _SLIPS * extent
-        yield from _often(runs, row, (run, step + 1), what, least)
-    for row, gaps in () if held else _all_losses(context).items():
-        what = f"{context.pairs.names[context.pairs.places[row]]} lost its contact {{}} times"
-        what = f"{what} while it stuck"
+        event = f"{context.pairs.names[place]} switched {{}} times between {between}"
+        least = 0.0 if held or np.isinf(extent) else _MIN_HOP_SLIP * extent
+        yield from _find_frequent(runs, row, (run, step + 1), event, least)
+    for row, gaps in () if held else _all_lost_contacts(context).items():
+        event = f"{context.pairs.names[context.pairs.places[row]]} lost its contact {{}} times"
+        event = f"{event} while it stuck"
         kept = ~driven[gaps.run]
-        yield from _often(runs, row, (gaps.run[kept], gaps.start[kept]), what)
-    yield from _hunting(runs)
+        yield from _find_frequent(runs, row, (gaps.run[kept], gaps.start[kept]), event)
+    yield from _find_hunting(runs)
 
 
 @cached
 def hold_switch_masks(context: Context) -> NDArray[np.bool_]:
-    """Return (R, n, N - 1) where the mode of pairs changes within the hold window.
+    """Return (R, n, N - 1) the steps at which the mode of pairs changes within the hold window.
 
     Contact that a sticking pair loses or regains counts too; sliding pairs hop.
     """
@@ -274,10 +282,10 @@ def hold_switch_masks(context: Context) -> NDArray[np.bool_]:
 def lost_contacts(context: Context, row: int) -> Spans:
     """Return the gaps between contacts of a row of pairs that stick before, in and after them.
 
-    A gap counts if it is at most as long as the contact before it, if on both of its sides every
-    contact uses less than 0.9 of its bound on force, torsion and rolling together, and if the pair
-    then meets as fast as after a fall of 5 ms, and at least as hard, by peak force to within 1 %,
-    as before.
+    A gap counts if it is at most as long as the contact before it; if on both of its sides every
+    contact uses less than 0.9 of its bound on force, torsion and rolling together; and if the pair
+    then meets as fast as after a fall of 5 ms, and at least as hard as before, by peak force to
+    within 1 %.
     """
     bears, series = bearing(context)[row], context.net.series
     touch, gap = spans(bears), spans(~bears)
@@ -285,36 +293,36 @@ def lost_contacts(context: Context, row: int) -> Spans:
     found = Spans(gap.run[inner], gap.start[inner], gap.stop[inner])
     if not inner.any():
         return found
-    before = _ending(touch, found)
+    before = _contacts_before(touch, found)
     kept = found.stop - found.start <= touch.stop[before] - touch.start[before]
     kept &= series.mode[row, found.run, found.start] == STICK
     for step in (found.start - 1, found.stop):
-        kept[kept] &= _is_held(context, row, found.run[kept], step[kept])
+        kept[kept] &= _sticks_inside_cone(context, row, found.run[kept], step[kept])
     pair = context.trace.pairs[context.pairs.places[row]]
     meeting = pair.slots[found.run[kept], found.stop[kept]]
     speed = np.abs(meeting[..., LINEAR_VELOCITY.start]).max(axis=1, initial=0)
     kept[kept] &= speed >= IMPACT * context.setup.pull[found.run[kept]]
     forces, ends = series.normal[row], (before[kept], before[kept] + 1)
-    peaks = [_peak(forces, touch, places) for places in ends]
-    kept[kept] = peaks[1] >= _AS_HARD * peaks[0]
+    peaks = [_peak_forces(forces, touch, places) for places in ends]
+    kept[kept] = peaks[1] >= _MIN_PEAK_RATIO * peaks[0]
     return Spans(found.run[kept], found.start[kept], found.stop[kept])
 
 
 @cached
-def _all_losses(context: Context) -> dict[int, Spans]:
-    """Return, for rows of pairs that part, the gaps in which they lose contact while they stick."""
+def _all_lost_contacts(context: Context) -> dict[int, Spans]:
+    """Return the gaps in which pairs lose contact while they stick, by row of pairs."""
     bears = bearing(context)
     parts = (bears[..., :-1] > bears[..., 1:]).any(axis=(1, 2))
     return {row: lost_contacts(context, row) for row in runs_where(np.asarray(parts))}
 
 
-def _is_held(
+def _sticks_inside_cone(
     context: Context, row: int, run: NDArray[np.intp], step: NDArray[np.intp]
 ) -> NDArray[np.bool_]:
-    """Return where a pair sticks and each of its contacts is well inside its whole cone."""
+    """Return whether a pair sticks and each of its contacts is well inside its whole cone."""
     pair = context.trace.pairs[context.pairs.places[row]]
     slots = pair.slots[run, step]
-    acting = np.abs(slots[..., _FRICTIONAL])
+    acting = np.abs(slots[..., _FRICTION_FIELDS])
     bound = slots[..., FORCE.start, None] * pair.friction[run][:, None]
     share = np.divide(acting, bound, out=np.zeros_like(acting), where=acting > 0)
     elliptic = context.setup.elliptic[run][:, None]
@@ -323,26 +331,26 @@ def _is_held(
     return sticks & (used < HELD_USAGE).all(axis=1)
 
 
-def _ending(touch: Spans, gap: Spans) -> NDArray[np.intp]:
-    """Return the places of the contacts that end where the gaps start; the next follow them."""
+def _contacts_before(touch: Spans, gap: Spans) -> NDArray[np.intp]:
+    """Return the indices of the contacts that end where the gaps start; the next ones follow."""
     width = int(max(touch.stop.max(initial=0), gap.stop.max(initial=0))) + 1
     return np.searchsorted(touch.run * width + touch.stop, gap.run * width + gap.start)
 
 
-def _peak(forces: Floats, touch: Spans, places: NDArray[np.intp]) -> Floats:
+def _peak_forces(forces: Floats, touch: Spans, places: NDArray[np.intp]) -> Floats:
     stretches = zip(touch.run[places], touch.start[places], touch.stop[places], strict=True)
     return np.array([forces[run, start:stop].max() for run, start, stop in stretches])
 
 
-def _hunting(runs: MeasuredRuns) -> Found:
-    """Find actuators that go from one end of their force to the other, with constant controls."""
-    context, limit = runs.context, runs.limits[_FEWEST.name]
+def _find_hunting(runs: MeasuredRuns) -> Found:
+    """Find actuators that go from one end of their force to the other under constant controls."""
+    context, limit = runs.context, runs.limits[_MIN_EVENTS.name]
     trace, mechanism = context.trace, context.setup.mechanism
     if trace.forces is None or not trace.forces.size or mechanism is None or context.setup.steered:
         return
     (low, high), half = mechanism.forces.T, slice(trace.steps // 2, None)
     share = (trace.forces[:, half] - low) / (high - low)
-    ends = np.where(share > 1 - _ENDS, 1, 0) - (share < _ENDS)
+    ends = np.where(share > 1 - _FORCE_END_SHARE, 1, 0) - (share < _FORCE_END_SHARE)
     ranges = trace.control_ranges
     still = True if ranges is None else np.ptp(ranges, axis=2) == 0
     for run, place in np.argwhere(still & (ends != 0).any(axis=1)).tolist():
@@ -353,18 +361,18 @@ def _hunting(runs: MeasuredRuns) -> Found:
             yield run, Onset(reason, half.start, mechanism.actuators[place].bodies)
 
 
-def _often(
+def _find_frequent(
     runs: MeasuredRuns,
     row: int,
     events: Events,
-    what: str,
+    event: str,
     least: float = 0.0,
 ) -> Found:
     """Find runs with too many events a second that do not end as the run settles.
 
-    What hops has to slip by as much as `least` [m] from one to the next, in the median.
+    A hopping pair must slip by at least `least` [m] between events, in the median.
     """
-    limit, fewest = runs.limits[_MODE_SWITCHES.name], runs.limits[_FEWEST.name]
+    limit, fewest = runs.limits[_MODE_SWITCHES.name], runs.limits[_MIN_EVENTS.name]
     series, held = runs.context.net.series, runs.context.setup.hold is not None
     seconds = hold_seconds(runs.context) if held else runs.context.seconds
     counts = np.bincount(events[0], minlength=runs.context.trace.runs)
@@ -372,16 +380,18 @@ def _often(
         steps = events[1][events[0] == run]
         slips = np.add.reduceat(series.slip[row, run], steps) * runs.context.trace.timestep[run]
         touching = series.mode[row, run] != NO_CONTACT
-        hops = bearing(runs.context)[row, run].sum() < _BEARS * touching.sum()
+        hops = bearing(runs.context)[row, run].sum() < _MIN_CONTACT_SHARE * touching.sum()
         if hops and np.median(slips) < least:
             continue
         if held:
             touching &= hold_window(runs.context)[run]
-        # What meets for a moment may rattle; parts that tumble to rest switch often for a while.
+        # Pairs in brief contact may rattle; parts that tumble to rest switch often for a while.
         moment = min(fewest / limit / runs.context.trace.timestep[run], len(touching) / 2)
         early, late = np.quantile(steps, (0.25, 0.75))
-        if late - early >= _SPREAD * touching.sum() and (held or touching.sum() >= moment):
+        if late - early >= _MIN_EVENT_SPREAD * touching.sum() and (
+            held or touching.sum() >= moment
+        ):
             rate = counts[run] / seconds[run]
-            reason = f"{what.format(counts[run])}, {rate:.3g} times a second (limit {limit:g})"
+            reason = f"{event.format(counts[run])}, {rate:.3g} times a second (limit {limit:g})"
             place = runs.context.pairs.places[row]
             yield run, Onset(reason, int(steps[0]), bodies_of_pair(runs.context, place))

@@ -8,13 +8,15 @@ from contactlab.measure.context import Context, distance_from_rest, friction, gr
 from contactlab.measure.entries import oracle
 
 _LADDER_LENGTH = 1.0
-_LEAN = 2
-_FALLEN = np.radians(5)
-_HALF_LENGTH = 0.5
-_RADIUS = 0.01
-_STEPS = 100
-_LEFT = 0.05  # Share of the slip at the start that counts as rolling; soft contact creeps by less
-_SPHERE = 3.5  # 1 + m r^2 / I of a homogeneous sphere
+_LEAN_INDEX = 2
+_FALL_ANGLE_RAD = np.radians(5)
+_ROD_HALF_LENGTH = 0.5
+_ROD_RADIUS = 0.01
+_INTEGRATION_STEPS = 100
+_ROLLING_SLIP_SHARE = (
+    0.05  # share of the initial slip below which a ball rolls; soft contact creeps by less
+)
+_SPHERE_FACTOR = 3.5  # 1 + m r^2 / I of a homogeneous sphere
 
 
 @oracle("m", ("speed", "friction", "timestep", "integrator"), relative=True)
@@ -36,11 +38,11 @@ def sliding_distance(context: Context) -> tuple[Floats, Floats]:
 
 @oracle("1", ("tilt", "weight", "direction", "friction", "integrator"), relative=False)
 def incline(context: Context) -> tuple[Floats, Floats]:
-    """Share max(1 - mu N / F, 0) of its frictionless way that a box slides down a slope.
+    """Share max(1 - mu N / F, 0) of its frictionless travel that a box slides down a slope.
 
     F = `weight` sin(tilt) and N = `weight` cos(tilt); without friction F moves it by F t^2 / (2 m)
     (Coulomb; t^2 is (h n) h (n + 1) after n semi-implicit steps). Measured: displacement of the
-    first free body along the load over that way; creep in soft contact counts.
+    first free body along the load over that travel; creep in soft contact counts.
     """
     tilt = np.radians(context.setting("tilt"))
     weight = context.setting("weight") / context.setup.free_bodies[0].mass
@@ -49,16 +51,19 @@ def incline(context: Context) -> tuple[Floats, Floats]:
 
 @oracle("1", ("push", "direction", "friction", "integrator"), relative=False)
 def pushed_box(context: Context) -> tuple[Floats, Floats]:
-    """Share max(1 - mu m g / F, 0) of its frictionless way that a pushed box slides.
+    """Share max(1 - mu m g / F, 0) of its frictionless travel that a pushed box slides.
 
-    F = `push`; without friction it moves the box as in incline, and so it is measured.
+    F = `push`; without friction it moves the box as in incline. Measured: as in incline.
     """
     load = context.setting("push") / context.setup.free_bodies[0].mass
     return _moved_share(context, load, gravity(context))
 
 
 def _moved_share(context: Context, load: Floats, pressure: Floats) -> tuple[Floats, Floats]:
-    """Return what a load moves, with friction, of its way without; both over mass [m/s^2]."""
+    """Return a load's travel over its frictionless travel, expected and measured.
+
+    Load and pressure are over mass [m/s^2].
+    """
     angle = np.radians(context.setting("direction"))
     moved = context.displacement(context.setup.free_bodies[0])
     along = moved[:, 0] * np.cos(angle) + moved[:, 1] * np.sin(angle)
@@ -70,14 +75,14 @@ def _moved_share(context: Context, load: Floats, pressure: Floats) -> tuple[Floa
 def ladder(context: Context) -> tuple[Floats, Floats]:
     """Whether a ladder on a rough floor falls along a smooth wall: 1 if so, 0 if it stands.
 
-    A uniform ladder of L = 1 m whose ends have radius r stands while
-    tan(angle) <= 2 mu (1 + r / (L cos(angle))), the angle from the vertical (moments about the
-    foot). Measured: the angle gained, by the third degree of freedom, over 5 degrees, at most 1.
+    A uniform ladder of L = 1 m with ends of radius r stands while tan(angle) <= 2 mu (1 + r / (L
+    cos(angle))), the angle from the vertical (moments about the foot). Measured: the increase of
+    the angle, by the third degree of freedom, over 5 degrees, at most 1.
     """
     angle, radius = np.radians(context.setting("angle")), context.setup.thickness[0]
     grip = 2 * friction(context) * (1 + radius / (_LADDER_LENGTH * np.cos(angle)))
-    lean = context.trace.qpos[:, :, _LEAN]
-    gained = (lean[:, -1] - lean[:, 0]) / _FALLEN
+    lean = context.trace.qpos[:, :, _LEAN_INDEX]
+    gained = (lean[:, -1] - lean[:, 0]) / _FALL_ANGLE_RAD
     return np.where(np.tan(angle) > grip, 1.0, 0.0), np.minimum(gained, 1)
 
 
@@ -85,11 +90,11 @@ def ladder(context: Context) -> tuple[Floats, Floats]:
 def tip_travel(context: Context) -> tuple[Floats, Floats]:
     """Distance that a rod of 1 m, free in a plane, slides on its round end of 10 mm radius.
 
-    Newton's laws with N = m (g - l sin w^2) / (1 + 3 cos (cos + mu sin)) and friction mu N
-    against the slip, integrated to second order; mu is negative where the end leads. An end that
-    stops stays, and stops at once where N would be negative (Painlevé; J. J. Moreau calls it a
-    frictional catastrophe). Joints are x, z and angle, in this order. Measured: the end's travel
-    over the whole run.
+    Newton's laws with N = m (g - l sin w^2) / (1 + 3 cos (cos + mu sin)) and friction mu N against
+    the slip, integrated to second order; mu is negative if the end leads. An end that stops stays,
+    and stops at once if N would be negative (Painlevé; J. J. Moreau calls it a frictional
+    catastrophe). Joints are x, z and angle, in this order. Measured: the end's travel over the
+    whole run.
     """
     states = context.trace.qpos, context.trace.qvel
     start, last = (
@@ -98,62 +103,63 @@ def tip_travel(context: Context) -> tuple[Floats, Floats]:
     )
     mu = context.setting("friction")[:, 0]
     expected = rod_tip_travel(start, mu, gravity(context), context.seconds)
-    return expected, _end(last) - _end(start)
+    return expected, _end_position(last) - _end_position(start)
 
 
 def rod_tip_travel(rod: Floats, mu: Floats, fall: Floats, duration: Floats) -> Floats:
-    """Return (n,) how far the touching end's centre moves [m]; it stays where it stops or jams.
+    """Return (n,) how far the touching end's center moves [m]; it stays after it stops or jams.
 
-    `rod` (4, n) has where its centre is along the floor [m], its angle over the floor [rad], and
-    the rates of both; `mu` (n,) is the end's friction, `fall` gravity [m/s^2], and time is in s.
+    `rod` (4, n) holds the position of its center along the floor [m], its angle over the floor
+    [rad], and the rates of both; `mu` (n,) is the end's friction, `fall` gravity [m/s^2], and time
+    is in s.
     """
-    forward, step = np.sign(_slip_speed(rod)), duration / _STEPS
+    forward, step = np.sign(_slip_speed(rod)), duration / _INTEGRATION_STEPS
     drag = forward * mu
     stuck = np.zeros(len(mu), dtype=np.bool_)
-    travel, place = np.zeros(len(mu)), _end(rod)
-    for _ in range(_STEPS):
-        middle = rod + step / 2 * _rate(rod, drag, fall)
-        rod = rod + step * _rate(middle, drag, fall)
+    travel, place = np.zeros(len(mu)), _end_position(rod)
+    for _ in range(_INTEGRATION_STEPS):
+        middle = rod + step / 2 * _rod_rates(rod, drag, fall)
+        rod = rod + step * _rod_rates(middle, drag, fall)
         stuck |= (tip_compliance(rod[1], drag) <= 0) | (_slip_speed(rod) * forward <= 0)
-        travel, place = travel + np.where(stuck, 0, _end(rod) - place), _end(rod)
+        travel, place = travel + np.where(stuck, 0, _end_position(rod) - place), _end_position(rod)
     return travel
 
 
 def _slip_speed(rod: Floats) -> Floats:
-    """Return (n,) speed of the rod's material where it touches [m/s]."""
+    """Return (n,) speed of the rod's material at the contact [m/s]."""
     _, angle, speed, turning = rod
-    return speed + (_HALF_LENGTH * np.sin(angle) + _RADIUS) * turning
+    return speed + (_ROD_HALF_LENGTH * np.sin(angle) + _ROD_RADIUS) * turning
 
 
 def tip_compliance(angle: Floats, drag: Floats) -> Floats:
     """Return (n,) mass times acceleration of the touching end by a normal force, over that force.
 
-    A thin rod of length 2 l has inertia m l^2 / 3 about its centre. Where this is not positive,
+    A thin rod of length 2 l has inertia m l^2 / 3 about its center. If the result is not positive,
     pressing the end pulls it down, and no normal force can hold it: Painlevé's paradox. `drag` is
     the friction coefficient with the sign of the slip speed, `angle` [rad] is over the floor.
     """
-    across, up = np.cos(angle), np.sin(angle) + _RADIUS / _HALF_LENGTH
+    across, up = np.cos(angle), np.sin(angle) + _ROD_RADIUS / _ROD_HALF_LENGTH
     return 1 + 3 * across * (across + drag * up)
 
 
-def _rate(rod: Floats, drag: Floats, fall: Floats) -> Floats:
+def _rod_rates(rod: Floats, drag: Floats, fall: Floats) -> Floats:
     _, angle, speed, turning = rod
     across, up = np.cos(angle), np.sin(angle)
-    sink = fall - _HALF_LENGTH * up * turning**2
+    sink = fall - _ROD_HALF_LENGTH * up * turning**2
     normal = np.maximum(sink, 0) / tip_compliance(angle, drag)
-    arm = across + drag * (up + _RADIUS / _HALF_LENGTH)
-    return np.stack([speed, turning, -drag * normal, -3 / _HALF_LENGTH * arm * normal])
+    arm = across + drag * (up + _ROD_RADIUS / _ROD_HALF_LENGTH)
+    return np.stack([speed, turning, -drag * normal, -3 / _ROD_HALF_LENGTH * arm * normal])
 
 
-def _end(rod: Floats) -> Floats:
-    return rod[0] - _HALF_LENGTH * np.cos(rod[1])
+def _end_position(rod: Floats) -> Floats:
+    return rod[0] - _ROD_HALF_LENGTH * np.cos(rod[1])
 
 
 @oracle("1", ("tilt", "weight", "direction", "friction", "integrator"), relative=True)
 def roll_down(context: Context) -> tuple[Floats, Floats]:
-    """Share of its frictionless way that a homogeneous sphere rolls down a slope: 5/7.
+    """Share of its frictionless travel that a homogeneous sphere rolls down a slope: 5/7.
 
-    If mu >= (2/7) tan(tilt), and else 1 - mu / tan(tilt). Measured: displacement of the first free
+    If mu >= (2/7) tan(tilt); otherwise 1 - mu / tan(tilt). Measured: displacement of the first free
     body down the slope over g sin(tilt) t^2 / 2, with m g the scene's `weight`.
     """
     tilt = np.radians(context.setting("tilt"))
@@ -166,14 +172,15 @@ def roll_down(context: Context) -> tuple[Floats, Floats]:
 def slide_to_roll(context: Context) -> tuple[Floats, Floats]:
     """Time until a homogeneous sphere that starts to slide at v0 without turning rolls.
 
-    It slips at v0 - (7/2) mu g t. Measured: when |v| - r |w| of the first free body is 5 % of v0.
+    It slips at v0 - (7/2) mu g t. Measured: time when |v| - r |w| of the first free body is 5 % of
+    v0.
     """
-    speed = _speed(context)
-    slip = speed - context.setup.thickness[0] * _spin(context)
-    rolls = slip <= _LEFT * speed[:, :1]
+    speed = _body_speed(context)
+    slip = speed - context.setup.thickness[0] * _body_angular_speed(context)
+    rolls = slip <= _ROLLING_SLIP_SHARE * speed[:, :1]
     time = rolls.argmax(axis=1) * context.trace.timestep
     stop = 2 * speed[:, 0] / (7 * friction(context) * gravity(context))
-    return (1 - _LEFT) * stop, np.where(rolls.any(axis=1), time, np.nan)
+    return (1 - _ROLLING_SLIP_SHARE) * stop, np.where(rolls.any(axis=1), time, np.nan)
 
 
 @oracle("m/s^2", ("friction",), relative=True)
@@ -183,7 +190,7 @@ def roll_friction(context: Context) -> tuple[Floats, Floats]:
     The moment mu_r N turns m r^2 7/5. Measured: mean deceleration of the first free body, which
     must not stop within the run.
     """
-    speed, radius = _speed(context), context.setup.thickness[0]
+    speed, radius = _body_speed(context), context.setup.thickness[0]
     expected = friction(context, 3) * gravity(context) / (1.4 * radius)
     return expected, (speed[:, 0] - speed[:, -1]) / context.seconds
 
@@ -195,7 +202,7 @@ def spin_down(context: Context) -> tuple[Floats, Floats]:
     The moment mu_t N about the normal turns m r^2 2/5. Measured: mean angular deceleration of the
     first free body, which must not stop within the run.
     """
-    rate, radius = _spin(context), context.setup.thickness[0]
+    rate, radius = _body_angular_speed(context), context.setup.thickness[0]
     expected = friction(context, 2) * gravity(context) / (0.4 * radius**2)
     return expected, (rate[:, 0] - rate[:, -1]) / context.seconds
 
@@ -204,29 +211,27 @@ def spin_down(context: Context) -> tuple[Floats, Floats]:
 def rolling_plate(context: Context) -> tuple[Floats, Floats]:
     """Squared velocity error of a plate pulled over the ground and of balls that roll on it: 0.
 
-    A plate M that F pulls and that carries n homogeneous balls m slides with f1 = mu (M + n m) g;
-    balls that roll on it take f2 = ((F - f1) / M) / (3.5 / m + n / M) each. So it accelerates at
-    (F - f1 - n f2) / M and a ball at f2 / m. Measured: squared velocity errors of the plate and of
-    a ball, averaged over time (and over the balls) and added.
+    A plate M, pulled by F and carrying n homogeneous balls m, slides with f1 = mu (M + n m) g;
+    balls that roll on it take f2 = ((F - f1) / M) / (3.5 / m + n / M) each. So it accelerates at (F
+    - f1 - n f2) / M and a ball at f2 / m. Measured: squared velocity errors of the plate and of a
+    ball, averaged over time (and over the balls) and added.
     """
     plate, *balls = context.setup.free_bodies
     mass, count = balls[0].mass, len(balls)
     whole = plate.mass + sum(ball.mass for ball in balls)
     drag = context.trace.pairs[0].friction[:, 0] * whole * gravity(context)
     surplus = context.setting("force") - drag
-    push = surplus / plate.mass / (_SPHERE / mass + count / plate.mass)
+    push = surplus / plate.mass / (_SPHERE_FACTOR / mass + count / plate.mass)
     error = _velocity_error(context, plate, (surplus - count * push) / plate.mass)
     errors = [_velocity_error(context, ball, push / mass) for ball in balls]
     return np.zeros_like(error), error + sum(errors, np.zeros_like(error)) / count
 
 
-def _speed(context: Context) -> Floats:
-    """Return (n, N + 1) the first free body's speed [m/s]."""
+def _body_speed(context: Context) -> Floats:
     return np.sqrt(squared_lengths(context.velocity(context.setup.free_bodies[0])))
 
 
-def _spin(context: Context) -> Floats:
-    """Return (n, N + 1) the first free body's angular speed [rad/s]."""
+def _body_angular_speed(context: Context) -> Floats:
     return np.sqrt(squared_lengths(context.turning(context.setup.free_bodies[0])))
 
 

@@ -1,6 +1,6 @@
-"""A body that should be held: metrics over the time in which it should be, and their labels.
+"""A body that should be held: metrics over its hold window, and their labels.
 
-Runs that end over a step before their hold window does are not measured.
+Runs that end more than a step before the end of their hold window are not measured.
 """
 
 from collections.abc import Iterator
@@ -41,17 +41,17 @@ _EXPLOITED = Threshold(
     "exploited",
     None,
     "m",
-    "On hold_penetration. Unless set, half of the thinner geom's half extent, as at rest.",
+    "On hold_penetration. By default half of the thinner geom's half extent, as at rest.",
 )
 _BROKEN = Threshold(
-    "broken", None, "m", "On hold_penetration. Unless set, the thinner geom's half extent."
+    "broken", None, "m", "On hold_penetration. By default the thinner geom's half extent."
 )
 _HOLD_SLIP = Threshold(
-    "hold_slip", None, "m", "Unless set, the tolerance of the smaller geom's greatest extent."
+    "hold_slip", None, "m", "By default the tolerance times the smaller geom's greatest extent."
 )
-_HOLD_OFFSET = Threshold("hold_offset", None, "m", "Set where the subject begins in its grip.")
+_HOLD_OFFSET = Threshold("hold_offset", None, "m", "Set it if the subject begins in its grip.")
 _HOLD_CONTACT = Threshold(
-    "hold_contact", 0.5, "1", "At least: what is held touches most of the time."
+    "hold_contact", 0.5, "1", "A minimum: a held body touches most of the time."
 )
 
 
@@ -59,29 +59,29 @@ _HOLD_CONTACT = Threshold(
 def hold_switches(context: Context) -> Floats:
     """Changes of a pair's mode over the hold window, worst pair.
 
-    As in mode_switches, and each time that a sticking pair loses or regains its contact.
+    As in mode_switches; also each time that a sticking pair loses or regains its contact.
     """
     return worst_pair(context, count(hold_switch_masks(context)) / hold_seconds(context))
 
 
 @metric("m", "lower", 1e-9, requires="depth", equivalence=True, heading="hold depth [m]")
 def hold_penetration(context: Context) -> Floats:
-    """Penetration as in penetration_mean, and with its bands, over the hold window alone."""
+    """Penetration as in penetration_mean, with its bands, over the hold window only."""
     return worst_pair(context, mean_depths(context, hold_window(context)))
 
 
 @metric("m", "lower", 1e-9, equivalence=True, heading="hold slip [m]")
 def hold_slip(context: Context) -> Floats:
-    """Farthest that a pair slips within the hold window, worst pair.
+    """Farthest slip of a pair within the hold window, worst pair.
 
     Its tangential velocity, weighted by normal force, summed in the world frame: jitter cancels.
     """
-    return worst_pair(context, _slips(context))
+    return worst_pair(context, _hold_slips(context))
 
 
 @cached
-def _slips(context: Context) -> Floats:
-    """Return (R, n) how far [m] pairs slip within the hold window; none without one."""
+def _hold_slips(context: Context) -> Floats:
+    """Return (R, n) the slip [m] of pairs within the hold window; empty without one."""
     inside = hold_window(context)
     steps = np.flatnonzero(inside.any(axis=0))
     if not len(steps):
@@ -97,7 +97,7 @@ def _slips(context: Context) -> Floats:
 
 @metric("m", resolution=1e-9)
 def hold_drop(context: Context) -> Floats:
-    """How far the subject sinks from its holder within the hold window; negative if it rises."""
+    """Distance that the subject sinks from its holder in the hold window; negative if it rises."""
     held, inside = context.trace.held, hold_window(context)
     if held is None:
         return context.undefined()
@@ -110,17 +110,17 @@ def hold_drop(context: Context) -> Floats:
 
 @metric("m", "lower", 1e-9)
 def hold_offset(context: Context) -> Floats:
-    """Farthest that the subject is within the hold window from where its holder had it at first."""
+    """Farthest distance of the subject in the hold window from its first position in its holder."""
     held, inside = context.trace.held, hold_window(context)
     if held is None:
         return context.undefined()
-    farthest = np.where(inside, _offsets(held), 0).max(axis=1)
+    farthest = np.where(inside, _hold_offsets(held), 0).max(axis=1)
     return np.where(inside.any(axis=1), farthest, np.nan)
 
 
 @metric("1", "higher")
 def hold_contact(context: Context) -> Floats:
-    """Share of the steps of the hold window in which a monitored pair bears force."""
+    """Share of the steps of the hold window in which a monitored pair carries force."""
     inside = hold_window(context)
     if not context.trace.pairs:
         return context.undefined()
@@ -138,8 +138,8 @@ def hold_contact(context: Context) -> Floats:
     traits=("grip",),
 )
 def exploited(runs: MeasuredRuns) -> Found:
-    """The grip relies on penetration, as no solid body could."""
-    return _deep(runs, "exploited", 2)
+    """The grip relies on penetration that no solid body allows."""
+    return _find_deep_pairs(runs, "exploited", 2)
 
 
 @label(
@@ -155,8 +155,8 @@ def exploited(runs: MeasuredRuns) -> Found:
     ),
 )
 def broken(runs: MeasuredRuns) -> Found:
-    """The penetration of a grip is so deep that its contact means nothing."""
-    return _deep(runs, "broken", 1)
+    """The penetration of a grip is so deep that its contact is meaningless."""
+    return _find_deep_pairs(runs, "broken", 1)
 
 
 @label(
@@ -169,43 +169,43 @@ def broken(runs: MeasuredRuns) -> Found:
     traits=("grip",),
 )
 def slipping(runs: MeasuredRuns) -> Found:
-    """A body that should be held slips, is no longer in its place, or bears no force."""
+    """A body that should be held slips, leaves its place, or carries no force."""
     window, held = hold_window(runs.context), runs.context.trace.held
     share, seconds = runs.metrics["hold_contact"], hold_seconds(runs.context)
     for run in runs_where(share < runs.limits["hold_contact"]):
-        reason = f"nothing bore force in {1 - share[run]:.0%} of the time in which it should hold"
+        reason = f"no contact carried force in {1 - share[run]:.0%} of the hold time"
         yield run, Onset(reason, first_step(window[run]))
     for run, offset, limit in runs.over("hold_offset"):
         assert held is not None
-        reason = f"it was {offset:.3g} m from its place in the grip when it should be held"
-        step = first_step(_offsets(held)[run] > limit)
+        reason = f"it was {offset:.3g} m from its place in the grip in the hold time"
+        step = first_step(_hold_offsets(held)[run] > limit)
         yield run, Onset(f"{reason} (limit {limit:g} m)", step)
     reaches = runs.context.setup.reaches[runs.context.pairs.places]
-    limits = _limits(runs, _HOLD_SLIP.name, runs.limits[TOLERANCE.name] * reaches)
-    for run, row, slip in _beyond(_slips(runs.context), limits):
-        name, bodies = _pair(runs.context, row)
+    limits = _row_limits(runs, _HOLD_SLIP.name, runs.limits[TOLERANCE.name] * reaches)
+    for run, row, slip in _amounts_beyond(_hold_slips(runs.context), limits):
+        name, bodies = _name_and_bodies(runs.context, row)
         reason = f"{name} slipped {slip:.3g} m in {seconds[run]:.3g} s"
         yield run, Onset(f"{reason} (limit {limits[row]:.3g} m)", first_step(window[run]), bodies)
 
 
-def _deep(runs: MeasuredRuns, threshold: str, parts: int) -> Found:
-    """Find pairs that are deeper while they hold than a limit, or than part of a half extent."""
+def _find_deep_pairs(runs: MeasuredRuns, threshold: str, parts: int) -> Found:
+    """Find pairs that are deeper during the hold than a limit, or than a part of a half extent."""
     context, inside = runs.context, hold_window(runs.context)
-    limits = _limits(runs, threshold, context.setup.thickness[context.pairs.places] / parts)
-    for run, row, depth in _beyond(mean_depths(context, inside), limits):
-        name, bodies = _pair(context, row)
+    limits = _row_limits(runs, threshold, context.setup.thickness[context.pairs.places] / parts)
+    for run, row, depth in _amounts_beyond(mean_depths(context, inside), limits):
+        name, bodies = _name_and_bodies(context, row)
         step = first_step((contact_depths(context)[1][row, run] > limits[row]) & inside[run])
         reason = f"{name} is {depth:.3g} m deep on average (limit {limits[row]:.3g} m)"
         yield run, Onset(reason, step, bodies)
 
 
-def _limits(runs: MeasuredRuns, threshold: str, shares: Floats) -> Floats:
-    """Return (R,) the limit of each row of pairs: what was set, or a share of its size."""
+def _row_limits(runs: MeasuredRuns, threshold: str, shares: Floats) -> Floats:
+    """Return (R,) the limit of each row of pairs: the threshold, or a share of its size."""
     return np.broadcast_to(runs.limits.get(threshold, shares), shares.shape)
 
 
-def _beyond(amounts: Floats, limits: Floats) -> Iterator[tuple[int, int, float]]:
-    """Yield runs, rows and amounts (R, n) beyond limits (R,), of each run the farthest first."""
+def _amounts_beyond(amounts: Floats, limits: Floats) -> Iterator[tuple[int, int, float]]:
+    """Yield runs, rows and amounts (R, n) beyond limits (R,), for each run the farthest first."""
     parts = amounts / limits[:, None] if len(amounts) else amounts
     for run in range(amounts.shape[1]):
         for row in np.argsort(-parts[:, run]).tolist():
@@ -213,14 +213,13 @@ def _beyond(amounts: Floats, limits: Floats) -> Iterator[tuple[int, int, float]]
                 yield run, row, float(amounts[row, run])
 
 
-def _pair(context: Context, row: int) -> tuple[str, tuple[str, ...]]:
-    """Return the name and the bodies of a row of pairs."""
+def _name_and_bodies(context: Context, row: int) -> tuple[str, tuple[str, ...]]:
     place = context.pairs.places[row]
     return context.pairs.names[place], bodies_of_pair(context, place)
 
 
-def _offsets(held: HeldPose) -> Floats:
-    """Return (n, N) how far [m] the subject is from where its holder had it at the start."""
+def _hold_offsets(held: HeldPose) -> Floats:
+    """Return (n, N) the distance [m] of the subject from its start position in its holder."""
     moved = held.position - held.position[:, :1]
     return np.sqrt((moved * moved).sum(axis=2))
 

@@ -1,4 +1,4 @@
-"""How bodies move: what must not grow by itself, and what should stay where it was."""
+"""Motion of bodies: quantities that must not grow alone, and places that must not change."""
 
 from collections.abc import Sequence
 from operator import itemgetter
@@ -36,17 +36,17 @@ _ENERGY_GAIN = Threshold(
     "energy_gain",
     0.01,
     "1",
-    "A passive scene gains nothing; what rises by a tenth of the tolerance is no rounding.",
+    "A passive scene gains no energy; a rise by a tenth of the tolerance is not rounding.",
 )
-_DRIFT = Threshold("drift", None, "m", "Set where bodies should stay.")
-_REST_SPEED = Threshold("rest_speed", None, "m/s", "Set where bodies should come to rest.")
-_SETTLED = 1e-6
-_HAIR = 0.1  # Share of the thinner body's half extent that a start may be deep
+_DRIFT = Threshold("drift", None, "m", "Set it if bodies should stay.")
+_REST_SPEED = Threshold("rest_speed", None, "m/s", "Set it if bodies should come to rest.")
+_SETTLED_SHARE = 1e-6  # share of the peak kinetic energy below which a run has settled
+_START_DEPTH_SHARE = 0.1  # allowed depth of a start, as a share of the thinner body's half extent
 
 
 @cached
 def energy_scale(context: Context) -> Floats:
-    """Return (n,) the energy [J] that energy gains are a share of."""
+    """Return (n,) the reference energy [J] for energy gains."""
     return np.maximum(energy_budget(context), least_energy(context))
 
 
@@ -54,9 +54,10 @@ def energy_scale(context: Context) -> Floats:
 def energy_gain(context: Context) -> Floats:
     """Largest mechanical energy over that at the start, less 1, in a passive scene.
 
-    The datum is the lowest potential energy of the run; the energy at the start counts as at least
-    what lifts all by 1 % of a mean body, with what a start a hair deep, or outside of limits, has
-    stored. The swing that semi-implicit steps give springs does not count.
+    The datum is the lowest potential energy of the run. The energy at the start counts as at least
+    the energy to lift everything by 1 % of a mean body, with the energy stored by a slightly deep
+    start, or one outside of limits. The oscillation that semi-implicit steps give springs does not
+    count.
     """
     if not context.setup.passive:
         return context.undefined()
@@ -106,7 +107,7 @@ def momentum_drift(context: Context) -> Floats:
 
 @metric("1", "lower", 1e-12, requires="energy")
 def spin_drift(context: Context) -> Floats:
-    """Largest change of angular momentum about the centre of mass in a free system.
+    """Largest change of angular momentum about the center of mass in a free system.
 
     As a share of its largest magnitude, which counts as at least 1 % of a body times sqrt(2 m K).
     """
@@ -120,8 +121,8 @@ def spin_drift(context: Context) -> Floats:
 
 @metric("s", "lower", requires="energy")
 def settle_time(context: Context) -> Floats:
-    """Time after which kinetic energy stays below 1e-6 of its peak, if it does at the end."""
-    limit = _SETTLED * np.maximum(peak_kinetic(context), least_energy(context))
+    """Time after which kinetic energy stays below 1e-6 of its peak, if it does so until the end."""
+    limit = _SETTLED_SHARE * np.maximum(peak_kinetic(context), least_energy(context))
     moving = kinetic(context) > limit[:, None]
     settled = context.trace.steps - moving[:, ::-1].argmax(axis=1)
     steps = np.where(moving.any(axis=1), settled, 0)
@@ -142,13 +143,13 @@ def drift(context: Context) -> Floats:
     For bodies at rest it is creep, which grows with time and vanishes with impratio.
     """
     below, bodies = down(context), context.setup.free_bodies
-    squares = [_across(context.displacement(body), below) for body in bodies]
+    squares = [_squared_across(context.displacement(body), below) for body in bodies]
     return np.sqrt(worst_body(context, squares))
 
 
 @metric("m", "lower", 1e-12)
 def drop(context: Context) -> Floats:
-    """Most that a free body sinks along gravity over the run; negative where all rise."""
+    """Most that a free body sinks along gravity over the run; negative if all rise."""
     below, bodies = down(context), context.setup.free_bodies
     sunk = [(context.displacement(body) * below).sum(axis=1) for body in bodies]
     return worst_body(context, sunk)
@@ -163,7 +164,10 @@ def rest_speed(context: Context) -> Floats:
 
 @metric("any", resolution=1e-9)
 def joint_travel(context: Context) -> Floats:
-    """Way there and back of the degree of freedom, of no free body, that moves most [m or rad]."""
+    """Path length, back and forth, of the joint coordinate that moves most [m or rad].
+
+    Free bodies do not count.
+    """
     free = {body.dof + place for body in context.setup.free_bodies for place in range(6)}
     jointed = [place for place in range(context.trace.qvel.shape[2]) if place not in free]
     if not jointed:
@@ -199,9 +203,10 @@ def turn(context: Context) -> Floats:
     traits=("numerical",),
 )
 def energy_injection(runs: MeasuredRuns) -> Found:
-    """A passive scene gained energy or ejected a body too fast, or a run gains and its model not.
+    """A passive scene gained energy or ejected a body, or a run gains but its model does not.
 
-    What a passive scene may not gain is an invariant; what any run gains, its drift of energy.
+    A passive scene must not gain energy: an invariant. For any run, the gain is its drift of
+    energy.
     """
     context = runs.context
     for run, gain, limit in runs.over("energy_gain"):
@@ -220,8 +225,10 @@ def energy_injection(runs: MeasuredRuns) -> Found:
             for squares, most in zip(squared_speeds(context), bounds, strict=True)
         ]
         names = _names_where(context, fast)
-        reason = f"{_first(names)} moved {part_of(ratio)} as fast as the energy at the start allows"
-        yield run, Onset(f"{reason} (limit {limit:.3g})", max(_first_of(fast) - 1, 0), names)
+        reason = (
+            f"{_first_name(names)} moved {part_of(ratio)} as fast as the energy at the start allows"
+        )
+        yield run, Onset(f"{reason} (limit {limit:.3g})", max(_first_step_of(fast) - 1, 0), names)
     yield from energy_drifts(runs, 1)
 
 
@@ -234,9 +241,10 @@ def energy_injection(runs: MeasuredRuns) -> Found:
     advice="sleep off, or a lower sleep_tolerance",
 )
 def asleep_unsupported(runs: MeasuredRuns) -> Found:
-    """A body was put to sleep where nothing holds it, in mid-air or in mid-motion.
+    """A body was put to sleep although nothing holds it, in mid-air or in mid-motion.
 
-    Awake it would have gone on by more than a hair, and by more than the tolerance of its way.
+    Awake it would have moved on by more than 1 % of a mean body, and by more than the tolerance of
+    its path.
     """
     setup, sleeper = runs.context.setup, runs.context.trace.sleeper
     if setup.mechanism is None or sleeper is None:
@@ -245,8 +253,8 @@ def asleep_unsupported(runs: MeasuredRuns) -> Found:
     for run in runs_where((sleeper[:, 1] > limit) & (sleeper[:, 0] > hair)):
         gone, share, place, step = sleeper[run]
         joint = setup.mechanism.joints[int(place)]
-        what = f"{joint.name} sleeps, but awake would have gone on by {gone:.3g} m"
-        reason = f"{what}, {share:.3g} of its way (limit {limit:g})"
+        motion = f"{joint.name} sleeps, but awake would have moved on by {gone:.3g} m"
+        reason = f"{motion}, {share:.3g} of its path (limit {limit:g})"
         yield run, Onset(reason, int(step), joint.bodies)
 
 
@@ -264,10 +272,10 @@ def drifting(runs: MeasuredRuns) -> Found:
     places = [runs.context.position(body) for body in runs.context.setup.free_bodies]
     for run, moved, limit in runs.over("drift"):
         below, paths = down(runs.context)[run], [place[run] - place[run, 0] for place in places]
-        away = [np.sqrt(_across(path, below)) > limit for path in paths]
+        away = [np.sqrt(_squared_across(path, below)) > limit for path in paths]
         names = _names_where(runs.context, [path[-1:] for path in away])
-        reason = f"{_first(names)} ended {moved:.3g} m away from its start (limit {limit:g} m)"
-        yield run, Onset(reason, _first_of(away) - 1, names)
+        reason = f"{_first_name(names)} ended {moved:.3g} m away from its start (limit {limit:g} m)"
+        yield run, Onset(reason, _first_step_of(away) - 1, names)
 
 
 @label(
@@ -279,21 +287,24 @@ def drifting(runs: MeasuredRuns) -> Found:
     advice="a longer run, or more damping",
 )
 def unsettled(runs: MeasuredRuns) -> Found:
-    """A body still moves in the last fifth of the run, where the scene says that all rest."""
+    """A body still moves in the last fifth of the run, although the scene requires rest."""
     squares, start = squared_speeds(runs.context), runs.context.last_fifth.start
     for run, speed, limit in runs.over("rest_speed"):
         fast = squares[:, run, start + 1 :] > limit**2
         names = _names_where(runs.context, [*fast])
-        reason = f"{_first(names)} moved at {speed:.3g} m/s in the last fifth (limit {limit:g} m/s)"
-        yield run, Onset(reason, start + _first_of([*fast]), names)
+        reason = (
+            f"{_first_name(names)} moved at {speed:.3g} m/s in the last fifth (limit {limit:g} m/s)"
+        )
+        yield run, Onset(reason, start + _first_step_of([*fast]), names)
 
 
 @cached
 def _level_energy(context: Context) -> Floats:
-    """Return (n, N) mechanical energy [J] without the swing that a step gives it at a spring.
+    """Return (n, N) mechanical energy [J] without the oscillation that a step gives it at a spring.
 
     Semi-implicit velocities lag behind positions by half a step. In a mean over two states in which
-    later kinetic and earlier potential energy count three times, second order does not swing.
+    later kinetic and earlier potential energy count three times, the second-order oscillation
+    cancels.
     """
     values = energy(context)
     if not context.setup.springs or context.trace.steps < 2:
@@ -308,12 +319,16 @@ def _level_energy(context: Context) -> Floats:
 def _stored_at_start(context: Context) -> Floats:
     """Return (n,) the energy [J] that constraints have stored at the start.
 
-    Contacts at most depth, from as far off as any ever was in their margin, times force, then or at
-    the end, and what lifts all by a tenth of the thinner half extent.
+    Contacts store at most depth, from the farthest distance ever seen in their margin, times force
+    at the start or the end; and at most the energy to lift everything by a tenth of the thinner
+    half extent.
     """
-    most, given = _HAIR * context.setup.moving_mass * gravity(context), context.trace.given
+    most, given = (
+        _START_DEPTH_SHARE * context.setup.moving_mass * gravity(context),
+        context.trace.given,
+    )
     stored = np.zeros(context.trace.runs) if given is None else np.nan_to_num(given[:, 3])
-    # What does not touch at the start stores nothing, unless its force at the end is no number.
+    # Pairs without contact at the start store nothing, unless their force at the end is NaN.
     ends = context.net.found[..., 0].any(axis=1), context.net.series.normal[..., -1]
     for row in runs_where(np.asarray(ends[0] | ~np.isfinite(ends[1]).all(axis=1))):
         place = context.pairs.places[row]
@@ -328,23 +343,23 @@ def _stored_at_start(context: Context) -> Floats:
 
 
 def _names_where(context: Context, masks: Sequence[NDArray[np.bool_]]) -> tuple[str, ...]:
-    """Return the names of free bodies of which a mask holds anywhere, the first to do so first."""
+    """Return the names of free bodies with any true step in their mask, earliest first."""
     bodies = zip(context.setup.free_bodies, masks, strict=True)
     held = [(first_step(mask), body.name) for body, mask in bodies if mask.any()]
     return tuple(name for _, name in sorted(held, key=itemgetter(0)))
 
 
-def _first(names: Sequence[str]) -> str:
+def _first_name(names: Sequence[str]) -> str:
     return names[0] if names else "a body"
 
 
-def _first_of(masks: list[NDArray[np.bool_]]) -> int:
-    """Return the first place at which one of some masks holds; 0 if none does."""
+def _first_step_of(masks: list[NDArray[np.bool_]]) -> int:
+    """Return the first step at which any of some masks is true; 0 if none is."""
     return first_step(np.logical_or.reduce(masks))
 
 
 def _speed_bound(context: Context, body: FreeBody) -> Floats:
-    """Return (n,) the most [m/s] that a body's frame can move at with all of the energy budget."""
+    """Return (n,) the highest speed [m/s] of a body's frame with all of the energy budget."""
     energies = np.maximum(energy_budget(context) + _stored_at_start(context), least_energy(context))
     return np.sqrt(2 * energies / (body.share * body.mass))
 
@@ -360,7 +375,7 @@ def _largest_change(vectors: Floats) -> Floats:
     return np.sqrt(squared_lengths(vectors - vectors[:, :1]).max(axis=1))
 
 
-def _across(vectors: Floats, below: Floats) -> Floats:
+def _squared_across(vectors: Floats, below: Floats) -> Floats:
     """Return the squared length of vectors (..., 3) across a unit vector or zero (..., 3)."""
     across = vectors - (vectors * below).sum(axis=-1, keepdims=True) * below
     return (across * across).sum(axis=-1)

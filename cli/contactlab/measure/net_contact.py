@@ -27,13 +27,13 @@ from contactlab.contact.trace_arrays import (
 from contactlab.measure.stick_slip import modes
 
 Complexes = NDArray[np.complex128]
-"""Two numbers each: components along two tangents, or just neighbours that move as one."""
+"""Two numbers each: components along two tangents, or neighbors that are moved together."""
 
 _NORMAL_FORCE = FORCE.start
 _TANGENTIAL_FORCE = slice(FORCE.start + 1, FORCE.stop)
-_SLIP = slice(LINEAR_VELOCITY.start + 1, LINEAR_VELOCITY.stop)
-_FRAME = slice(NORMAL.start, TANGENT.stop)
-_FORCELESS = 1e-9  # Share of a run's largest normal force below which directions are rounding
+_SLIP_FIELDS = slice(LINEAR_VELOCITY.start + 1, LINEAR_VELOCITY.stop)
+_FRAME_FIELDS = slice(NORMAL.start, TANGENT.stop)
+_FORCELESS_SHARE = 1e-9  # share of a run's largest normal force below which directions are rounding
 
 
 @dataclass(frozen=True)
@@ -43,26 +43,26 @@ class NetContact:
     series: PairSeries  # the net quantities over time, (R, n, N)
     found: Integers  # (R, n, N) contacts that matched, recorded or not
     hardest: Floats  # (R, n, N) largest normal force of one contact [N]
-    grip: Floats  # (R, n, N) share of the bound that the contacts use, each by itself
+    grip: Floats  # (R, n, N) share of the bound that the contacts use, each alone
     rolling: Floats
     """(R, n, N) relative angular speed of the first contact about its tangents [rad/s]."""
     spinning: Floats  # (R, n, N) the same about its normal
-    excess: Floats  # (R, n) most that one contact's tangential force exceeds its bound, as a share
-    detached: Floats  # (R, n) most that a contact's normal force times its positive distance is [J]
+    excess: Floats  # (R, n) largest relative excess of a contact's tangential force over its bound
+    detached: Floats  # (R, n) largest product of normal force and positive distance [J]
     farthest: Floats  # (R, n) largest distance of a contact [m]; 0 if all overlap
     standoff: Floats  # (R, n) mean positive distance of contacts, weighted by normal force [m]
 
 
 @dataclass(frozen=True)
 class _Cone:
-    """Friction bound of one pair in one run: on the 2-norm if elliptic, else on the 1-norm."""
+    """Friction bound of one pair in one run: on the 2-norm if elliptic, otherwise on the 1-norm."""
 
     friction: float  # the coefficient along the first tangent
     stretch: float  # `friction` over the coefficient along the second
     elliptic: bool
 
     def norm(self, force: Complexes, out_of_plane: Floats | None = None) -> Floats:
-        """Return what the cone bounds of forces [N]; the 2-norm adds their square off the plane."""
+        """Return the bounded norm of forces [N]; the 2-norm adds their square off the plane."""
         across = force.imag if self.stretch == 1 else force.imag * self.stretch
         if not self.elliptic:
             return np.abs(force.real) + np.abs(across)
@@ -89,9 +89,9 @@ def net_contact(
     timestep: Floats,
     steps: int,
 ) -> NetContact:
-    """Reduce the slots of pairs, run by run, so that what is gathered stays in the cache.
+    """Reduce the slots of pairs, run by run, so that gathered data stays in the cache.
 
-    Slots that a run never fills, which come last, are left out. `pull` (n,) is gravity [m/s^2],
+    Slots that a run never fills, which come last, are omitted. `pull` (n,) is gravity [m/s^2],
     `elliptic` (n,) the cone's form, and `timestep` (n,) [s] the length of a step.
     """
     shape = len(pairs), len(timestep), steps
@@ -106,7 +106,7 @@ def net_contact(
         stretch = np.where(first == second, 1, first / second)
         for run in range(shape[1]):
             cone = _Cone(first[run].item(), stretch[run].item(), elliptic[run].item())
-            reduced = _reduced(pair.slots[run], contacts[row, run], cone)
+            reduced = _reduce_run(pair.slots[run], contacts[row, run], cone)
             series[row, :, run], worst[row, :, run] = reduced
     normal, tangential, usage, slip, distance, *others = np.moveaxis(series, 1, 0)
     hardest, grip, rolling, spinning = others
@@ -115,52 +115,52 @@ def net_contact(
     return NetContact(shown, found, hardest, grip, rolling, spinning, *np.moveaxis(worst, 1, 0))
 
 
-def _reduced(
+def _reduce_run(
     slots: Floats, contacts: NDArray[np.int32], cone: _Cone
 ) -> tuple[tuple[Floats, ...], tuple[Any, ...]]:
-    """Return series (N,) and the worst of a run, of slots (N, S, 23); S is cut to the filled."""
-    columns = _gather(slots[:, : max(contacts.max(initial=0), 1)])
+    """Return the series (N,) and worst values of a run from its filled slots (N, S, 23)."""
+    columns = _gather_columns(slots[:, : max(contacts.max(initial=0), 1)])
     normal, tangential, used, slip, each = _sum_slots(columns, cone)
     bound = cone.friction * normal
     spin, along, across = columns.turning
     series = (
         normal,
         tangential,
-        _ratio(used, bound),
+        _safe_ratio(used, bound),
         slip,
-        _least(columns.distance, contacts),
+        _least_distance(columns.distance, contacts),
         columns.normal.max(axis=0),
-        _ratio(each, bound),
+        _safe_ratio(each, bound),
         np.sqrt(along * along + across * across),
         np.abs(spin),
     )
     apart = columns.normal * np.maximum(columns.distance, 0)
     standoff = apart.sum() / max(columns.normal.sum(), np.finfo(float).tiny)
     farthest = columns.distance.max(initial=0)
-    return series, (_excess(columns, cone), apart.max(initial=0), farthest, standoff)
+    return series, (_cone_excess(columns, cone), apart.max(initial=0), farthest, standoff)
 
 
-def _gather(slots: Floats) -> _SlotColumns:
+def _gather_columns(slots: Floats) -> _SlotColumns:
     if slots.strides[-1] != slots.itemsize:
         slots = np.ascontiguousarray(slots)
     return _SlotColumns(
         normal=np.ascontiguousarray(slots[:, :, _NORMAL_FORCE].T),
         distance=np.ascontiguousarray(slots[:, :, DISTANCE].T),
-        force=_by_twos(slots, _TANGENTIAL_FORCE)[0],
-        velocity=_by_twos(slots, _SLIP)[0],
+        force=_complex_field(slots, _TANGENTIAL_FORCE)[0],
+        velocity=_complex_field(slots, _SLIP_FIELDS)[0],
         turning=np.ascontiguousarray(slots[:, 0, ANGULAR_VELOCITY].T),
-        frame=_by_twos(slots, _FRAME) if slots.shape[1] > 1 else None,
+        frame=_complex_field(slots, _FRAME_FIELDS) if slots.shape[1] > 1 else None,
     )
 
 
-def _by_twos(slots: Floats, field: slice) -> Complexes:
-    """Return (k, S, N) a field of 2 k numbers."""
+def _complex_field(slots: Floats, field: slice) -> Complexes:
+    """Return (k, S, N) a field of 2 k numbers as complex numbers."""
     pairs = slots[:, :, field].view(np.complex128)
     return np.ascontiguousarray(pairs.transpose(2, 1, 0))
 
 
 def _sum_slots(columns: _SlotColumns, cone: _Cone) -> tuple[Floats, Floats, Floats, Floats, Floats]:
-    """Sum the slots of one run, in the first contact's frame or, where they differ, the world's.
+    """Sum the slots of one run, in the first contact's frame or, if frames differ, in the world's.
 
     Returns (N,) normal and tangential force, the latter in the cone's norm, mean slip velocity
     [m/s] weighted by normal force, and the sum of the norms of single tangential forces.
@@ -182,11 +182,11 @@ def _sum_slots(columns: _SlotColumns, cone: _Cone) -> tuple[Floats, Floats, Floa
 def _sum_in_world(
     columns: _SlotColumns, frame: Complexes, cone: _Cone, steps: NDArray[np.intp]
 ) -> Floats:
-    """Return (3, steps) tangential force, in the cone's norm, and velocity times normal force."""
+    """Return (3, steps) tangential force, its norm of the cone, and velocity times normal force."""
     first, second, third = frame
     tangent = np.stack((second.imag, third.real, third.imag))
     x, y, z, (p, q, r) = first.real, first.imag, second.real, tangent
-    # The cross product, whose sums would end in other bits in the layout that np.cross gives it.
+    # The cross product by hand: in the layout of np.cross, sums would round differently.
     cotangent = np.stack((y * r - z * q, z * p - x * r, x * q - y * p))
 
     def total(pairs: Complexes) -> Floats:
@@ -205,21 +205,21 @@ def _modulus(pair: Complexes) -> Floats:
     return np.sqrt(pair.real * pair.real + pair.imag * pair.imag)
 
 
-def _ratio(part: Floats, whole: Floats) -> Floats:
-    """Return part / whole, and 0 where the whole is not positive."""
+def _safe_ratio(part: Floats, whole: Floats) -> Floats:
+    """Return part / whole, or 0 if the whole is not positive."""
     return part / np.where(whole > 0, whole, np.inf)
 
 
-def _least(distance: Floats, contacts: NDArray[np.int32]) -> Floats:
-    """Return the least distance over the filled slots, which come first; 0 where none is."""
+def _least_distance(distance: Floats, contacts: NDArray[np.int32]) -> Floats:
+    """Return the least distance over the filled slots, which come first; 0 without any."""
     if not (distance > 0).any():
         return distance.min(axis=0)
     filled = np.arange(len(distance))[:, None] < contacts
     return np.where(contacts > 0, np.where(filled, distance, np.inf).min(axis=0), 0)
 
 
-def _excess(columns: _SlotColumns, cone: _Cone) -> Floats:
+def _cone_excess(columns: _SlotColumns, cone: _Cone) -> Floats:
     used, bound = cone.norm(columns.force), cone.friction * columns.normal
     over = used > bound
-    over &= columns.normal > _FORCELESS * columns.normal.max(initial=0)
+    over &= columns.normal > _FORCELESS_SHARE * columns.normal.max(initial=0)
     return (used[over] / bound[over]).max(initial=1) - 1

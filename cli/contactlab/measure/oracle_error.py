@@ -1,4 +1,4 @@
-"""How far runs are from their closed form, and closed forms of motion without contact."""
+"""Errors of runs against their closed form, and closed forms of motion without contact."""
 
 import numpy as np
 
@@ -30,22 +30,22 @@ from contactlab.measure.motion import energy_scale
 @metric("any", kind="detail", heading="expected")
 def oracle_expected(context: Context) -> Floats:
     """Expected value by the scene's closed form, in the unit of that oracle."""
-    return _result(context).expected
+    return _oracle_result(context).expected
 
 
 @metric("any", kind="detail", heading="measured")
 def oracle_measured(context: Context) -> Floats:
-    """Measured value of what the scene's closed form expects, in the same unit."""
-    return _result(context).measured
+    """Measured value of the quantity in the scene's closed form, in the same unit."""
+    return _oracle_result(context).measured
 
 
 @metric("any", "lower", 1e-9, equivalence=True)
 def oracle_error(context: Context) -> Floats:
     """Error against the scene's closed form, as a share or in its unit as the oracle defines.
 
-    It is the modelling error of soft contact, which no timestep removes, and discretisation.
+    It is the modeling error of soft contact, which no timestep removes, and discretization.
     """
-    return _result(context).error
+    return _oracle_result(context).error
 
 
 @label(
@@ -54,12 +54,12 @@ def oracle_error(context: Context) -> Floats:
     thresholds=(TOLERANCE,),
     letter="O",
     colour="#507954",
-    advice="a shorter timestep; what then stays is the model's, as of pyramidal cones",
+    advice="a shorter timestep; an error that remains is the model's, as of pyramidal cones",
 )
 def oracle_miss(runs: MeasuredRuns) -> Found:
     """The error against the scene's closed form exceeds the limit, or nothing could be measured.
 
-    Or pairs at rest are not as stiff, or deep, as is asked for.
+    Or pairs at rest miss the requested stiffness or depth.
     """
     setup, last = runs.context.setup, runs.context.trace.steps - 1
     names = "oracle_expected", "oracle_measured", "oracle_error"
@@ -68,18 +68,19 @@ def oracle_miss(runs: MeasuredRuns) -> Found:
     for run in runs_where(unmet | (error > setup.oracle_tolerance)):
         reason = f"{setup.oracle}: expected {expected[run]:.4g}, "
         if unmet[run]:
-            reason += "but nothing could be measured, as the motion never came to it"
+            reason += "but nothing could be measured, because the motion never reached it"
         else:
             limit = f"(limit {setup.oracle_tolerance:g})"
             reason += f"measured {measured[run]:.4g}, error {error[run]:.3g} {limit}"
         yield run, Onset(reason, last)
     for run, error, limit in runs.over("at_rest_error", TOLERANCE.name):
-        reason = f"at rest, what is asked for is missed by {error:.3g} of it (limit {limit:g})"
+        reason = f"at rest, the relative error of the requested value is {error:.3g}"
+        reason = f"{reason} (limit {limit:g})"
         yield run, Onset(reason, last)
 
 
 @cached
-def _result(context: Context) -> OracleResult:
+def _oracle_result(context: Context) -> OracleResult:
     name = context.setup.oracle
     if name is None:
         return OracleResult(context.undefined(), context.undefined(), context.undefined())
@@ -88,14 +89,14 @@ def _result(context: Context) -> OracleResult:
     return ORACLES[name].of(context)
 
 
-_AXIS = np.array([0.0, 0.0, 1.0])
+_TOP_AXIS = np.array([0.0, 0.0, 1.0])
 
 _DUPLICATIONS = 30
 
 
 @oracle("m", ("integrator",), relative=False)
 def free_fall(context: Context) -> tuple[Floats, Floats]:
-    """Distance of a falling body from where gravity alone takes it: 0.
+    """Distance of a falling body from its position under gravity alone: 0.
 
     After N steps of length h that is x0 + v0 h N + g h^2 N (N + 1) / 2 by semi-implicit steps, and
     x0 + v0 h N + g (h N)^2 / 2 by RK4: exact. Measured: largest distance of the first free body.
@@ -124,7 +125,7 @@ def conserved_energy(context: Context) -> tuple[Floats, Floats]:
 def braking_angle(context: Context) -> tuple[Floats, Floats]:
     """Angle w I / c by which a hinge of inertia I with damping c turns until it stands.
 
-    I w + c q is constant, which every implicit and every Runge-Kutta step keeps to the last digit;
+    I w + c q is constant, and every implicit and every Runge-Kutta step keeps it to the last digit;
     I is twice the kinetic energy at the start over w^2. Measured: turn of the first joint.
     """
     speed = context.trace.qvel[:, 0, 0]
@@ -141,11 +142,11 @@ def precession(context: Context) -> tuple[Floats, Floats]:
     The start must be steady: the slow root W of I1 cos(tilt) W^2 - I3 spin W + m g l = 0, with
     moments about the pivot. Measured: azimuth of z of the first joint's body over time.
     """
-    # Of a ball joint and of a free joint that comes first, w starts where the quaternion does.
+    # For a ball joint and for a first free joint, w starts at the index of the quaternion.
     first = context.setup.quaternions[0]
     attitude = context.trace.qpos[:, :, first : first + 4]
     turning = context.trace.qvel[:, 0, first : first + 3]
-    axis = rotate(attitude, _AXIS)
+    axis = rotate(attitude, _TOP_AXIS)
     start = axis[:, 0]
     moving = np.cross(rotate(attitude[:, 0], turning), start)
     rate = (start[:, 0] * moving[:, 1] - start[:, 1] * moving[:, 0]) / (start[:, :2] ** 2).sum(1)
@@ -174,9 +175,9 @@ def flip_time(context: Context) -> tuple[Floats, Floats]:
 def middle_axis_flip(inertia: Floats, turning: Floats) -> Floats:
     """Return (n,) the time [s] at which the rotation about the middle axis changes sign.
 
-    Euler's equations keep ``w1^2 + b1 w2^2`` and ``w3^2 + b3 w2^2``, with axis 2 the middle one,
-    so that dt = dw2 / (c sqrt(p q)), with p and q those squares: Carlson's integral R_F. `inertia`
-    (n, 3) are principal moments [kg m^2], and `turning` (n, 3) [rad/s] is along their axes.
+    Euler's equations keep ``w1^2 + b1 w2^2`` and ``w3^2 + b3 w2^2``, with axis 2 the middle one, so
+    that dt = dw2 / (c sqrt(p q)), with p and q those squares: Carlson's integral R_F. `inertia` (n,
+    3) are principal moments [kg m^2], and `turning` (n, 3) [rad/s] is along their axes.
     """
     first, middle, third = inertia.T
     rate = np.abs(third - first) / middle
@@ -212,7 +213,7 @@ def carlson_rf(x: Floats, y: Floats, z: Floats) -> Floats:
 
 
 def _first_zero(context: Context, values: Floats) -> Floats:
-    """Return (n,) when [s] values (n, N + 1) first change sign, on a line between two states."""
+    """Return (n,) the time [s] of the first sign change of values (n, N + 1), interpolated."""
     crossed = values[:, 1:] * values[:, :-1] < 0
     step = crossed.argmax(axis=1)
     rows = np.arange(len(values))

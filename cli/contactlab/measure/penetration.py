@@ -1,4 +1,4 @@
-"""How deep and how hard bodies press each other, and labels of what sinks, rests deep or passes."""
+"""Depth and force of contact between bodies, and labels of sinking, deep and passing bodies."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,37 +27,44 @@ _PIERCED = Threshold(
     "pierced",
     None,
     "m",
-    "On penetration_max where no fixed surface must not be passed. Unless set, half the smallest "
-    "extent of the pair's thinnest geom, and in planes and height fields for more than 0.1 s.",
+    "On penetration_max of pairs without a fixed surface. By default half the smallest extent of "
+    "the pair's thinnest geom, and in planes and height fields for more than 0.1 s.",
 )
 _STEADY = Threshold(
     "penetration_steady",
     None,
     "m",
-    "Unless set, contacts may be as deep as half of the half extent of the pair's thinnest geom; "
-    "down to a third of it where one bears one to two times `weights_borne`, and up to two thirds "
-    "where their solimp is as wide as that half.",
+    "By default contacts may be as deep as half of the half extent of the pair's thinnest geom; "
+    "down to a third of it if one carries one to two times `weights_borne`, and up to two thirds "
+    "if their solimp is as wide as that half.",
 )
 _STANDOFF = Threshold(
     "standoff",
     0.5,
     "1",
-    "Contacts may bear as far outside of a geom as they may rest inside of it.",
+    "Contacts may carry load as far outside of a geom as they may rest inside of it.",
 )
-_RESTING = 0.9  # Share of the last half in which a pair must touch to count as resting
-_LASTING = 0.5  # Share of the last fifth in which a steady pair must touch; sliding ones hop
-_DRIVEN = 0.75  # Share of it in which a pair under a drive must be deep to count as resting
-_SOFT = 1.5  # Part of the half extent that what is soft by a solimp as wide as that may be deep
-_FELT = 1e-6  # Share of the weight from which a force counts
-_EDGEWAYS = 1.1  # Half extents that a geom may dip wherever it comes out: it may be thin across
-_BRIEF = 2  # Steps in which it then has to turn back; what pads sink in by lasts
-_SAME = 0.9  # Share of its depth at which such a pair was from the start
-_DIP = 0.1  # Longest time [s] for which a geom may dip beyond its middle
+_RESTING_SHARE = 0.9  # share of the last half in which a pair must touch to count as resting
+_STEADY_CONTACT_SHARE = (
+    0.5  # share of the last fifth in which a steady pair must touch; sliding ones hop
+)
+_DRIVEN_DEEP_SHARE = (
+    0.75  # share of it in which a pair under a drive must be deep to count as resting
+)
+_SOFT_DIVISOR = (
+    1.5  # divisor of the half extent for the allowed depth of pairs with such a wide solimp
+)
+_MIN_FORCE_SHARE = 1e-6  # smallest force that counts, as a share of the weight
+# Depth in half extents that a geom may reach on either side: it may be thin across.
+_MAX_DIP_DEPTH = 1.1
+_MAX_DIP_STEPS = 2  # steps in which it must then turn back; pads that sink in stay longer
+_IDLE_DEPTH_RATIO = 0.9  # smallest ratio of the first to the largest depth of an idle pair
+_MAX_DIP_SECONDS = 0.1  # longest time [s] for which a geom may dip beyond its middle
 
 
 @metric("m", "lower", 1e-9, requires="depth", equivalence=True, heading="depth [m]")
 def penetration_max(context: Context) -> Floats:
-    """Largest penetration, which is minus distance, of any contact; not of speculative ones."""
+    """Largest penetration, that is, minus distance, of any contact; not for speculative ones."""
     return worst_pair(context, contact_depths(context)[1].max(axis=-1))
 
 
@@ -65,8 +72,8 @@ def penetration_max(context: Context) -> Floats:
 def penetration_mean(context: Context) -> Floats:
     """Penetration of a pair's deepest contact, averaged over the steps in which it touches.
 
-    The worst pair counts. Bands for grasps that can be held in a hand: under 1 mm plausible, over
-    3 mm exploited, over 5 mm broken.
+    The worst pair counts. Bands for grasps that can be held in a hand: under 1 mm plausible, over 3
+    mm exploited, over 5 mm broken.
     """
     return worst_pair(context, mean_depths(context, np.True_))
 
@@ -84,15 +91,15 @@ def steady_depths(context: Context) -> Floats:
     tail = context.last_fifth
     steps = count(touching[..., tail])
     mean = depth[..., tail].sum(axis=-1) / steps
-    return np.where(share(touching[..., tail]) >= _LASTING, mean, np.nan)
+    return np.where(share(touching[..., tail]) >= _STEADY_CONTACT_SHARE, mean, np.nan)
 
 
 @metric("m", "lower", 1e-9, requires="depth", equivalence=True)
 def penetration_steady(context: Context) -> Floats:
     """Resting penetration: penetration_mean over the last fifth of the run.
 
-    Only pairs that touch in half of it count, since others bounce. It is compliance, which follows
-    from load, mass, solref and solimp, and which a smaller timestep does not cure.
+    Only pairs that touch in half of it count, because others bounce. It is compliance, which
+    follows from load, mass, solref and solimp, and which a smaller timestep does not reduce.
     """
     return worst_pair(context, steady_depths(context))
 
@@ -101,24 +108,24 @@ def penetration_steady(context: Context) -> Floats:
 def penetration_growth(context: Context) -> Floats:
     """Rate at which resting pairs sink into each other in the last half of the run.
 
-    Median penetration of the last quarter minus that of the third, which counts in proportion to
-    the median of the hardest contact's force where loads grow, over a quarter of the run; worst of
-    the pairs that touch in 90 % of that half.
+    Median penetration of the last quarter minus that of the third, over a quarter of the run; the
+    third quarter's is scaled by the median force of the hardest contact if loads grow. Worst of the
+    pairs that touch in 90 % of that half.
     """
     quarter = context.trace.steps // 4
     if quarter == 0:
         return context.undefined()
-    return worst_pair(context, _gains(context)) / (quarter * context.trace.timestep)
+    return worst_pair(context, _depth_gains(context)) / (quarter * context.trace.timestep)
 
 
 @cached
-def _gains(context: Context) -> Floats:
+def _depth_gains(context: Context) -> Floats:
     """Return (R, n) how much deeper [m] pairs rest in the last quarter than in the one before."""
     touching, depth = contact_depths(context)
     quarter = context.trace.steps // 4
     last = slice(context.trace.steps - quarter, None)
     third = slice(last.start - quarter, last.start)
-    resting = (share(touching[..., third.start :]) >= _RESTING).nonzero()
+    resting = (share(touching[..., third.start :]) >= _RESTING_SHARE).nonzero()
 
     def medians(values: Floats) -> list[Floats]:
         return [median(values[..., part][resting]) for part in (third, last)]
@@ -135,25 +142,27 @@ def _gains(context: Context) -> Floats:
 
 @metric("1", "lower", 1e-9, kind="detail", requires="depth")
 def standoff(context: Context) -> Floats:
-    """Distance at which a pair's contacts bear, over half the extent of the thinner geom.
+    """Distance at which a pair's contacts carry load, over half the extent of the thinner geom.
 
-    Mean positive distance, weighted by normal force; worst pair. Forces below a millionth of
-    the weight do not count. Not defined for speculative contacts.
+    Mean positive distance, weighted by normal force; worst pair. Forces below a millionth of the
+    weight do not count. Not defined for speculative contacts.
     """
     worst, speculative = worst_pair(context, _standoffs(context)), context.setup.speculative
     return worst if speculative is None else np.where(speculative, np.nan, worst)
 
 
 def _standoffs(context: Context) -> Floats:
-    """Return (R, n) distances at which contacts bear, over half the extent of the thinner geom."""
+    """Return (R, n) distances at which contacts carry load, over half extents of thinner geoms."""
     force, places = context.net.series.normal.mean(axis=-1), context.pairs.places
     shares = context.net.standoff / context.setup.thickness[places, None]
-    return np.where(force >= _FELT * context.setup.moving_mass * context.setup.pull, shares, 0)
+    return np.where(
+        force >= _MIN_FORCE_SHARE * context.setup.moving_mass * context.setup.pull, shares, 0
+    )
 
 
 @metric("m", "higher", 1e-9, requires="depth")
 def distance_min(context: Context) -> Floats:
-    """Least signed distance of any contact in the model; positive where margins never close."""
+    """Least signed distance of any contact in the model; positive if margins never close."""
     touching = context.trace.contacts > 0
     least = np.where(touching, context.trace.least_distance, np.inf).min(axis=1)
     return np.where(touching.any(axis=1), least, np.nan)
@@ -172,17 +181,17 @@ def distance_min(context: Context) -> Floats:
     ),
 )
 def tunneling(runs: MeasuredRuns) -> Found:
-    """A body's centre crossed a surface or a geom, or it overlaps beyond the thinner's middle."""
+    """A body's center crossed a surface or a geom, or it overlaps beyond the thinner's middle."""
     passed = [
-        (run, Onset(_through(passage), passage.step, passage.bodies))
+        (run, Onset(_passage_reason(passage), passage.step, passage.bodies))
         for run, passages in enumerate(runs.context.trace.passages)
         for passage in passages
     ]
-    found = [*_crossed(runs.context), *_pierced(runs), *passed]
+    found = [*_find_crossings(runs.context), *_find_pierced(runs), *passed]
     yield from sorted(found, key=lambda placed: placed[1].step)
 
 
-def _through(passage: Passage) -> str:
+def _passage_reason(passage: Passage) -> str:
     return f"{passage.mover} passed through {passage.wall}"
 
 
@@ -195,9 +204,10 @@ def _through(passage: Passage) -> str:
     advice="margin 0, or gap as large as margin",
 )
 def contact_at_distance(runs: MeasuredRuns) -> Found:
-    """A body is carried or pushed by contacts whose margin keeps it away."""
+    """A body is carried or pushed by contacts with a margin that keeps it away."""
     for run, part, limit in runs.over("standoff"):
-        reason = f"contacts bear at {part:.3g} of the thinner body's half extent (limit {limit:g})"
+        reason = f"contacts carry load at {part:.3g} of the thinner body's half extent"
+        reason = f"{reason} (limit {limit:g})"
         bodies = bodies_beyond(runs.context, _standoffs(runs.context), run, limit)
         yield run, Onset(reason, first_step(runs.context.trace.contacts[run] > 0), bodies)
 
@@ -213,18 +223,18 @@ def contact_at_distance(runs: MeasuredRuns) -> Found:
     traits=("numerical",),
 )
 def sinking(runs: MeasuredRuns) -> Found:
-    """A resting pair keeps sinking into each other, under controls that do not change."""
+    """A resting pair keeps sinking into each other, under constant controls."""
     if runs.context.setup.steered:
         return
     context, limit = runs.context, runs.limits[TOLERANCE.name]
     if not context.pairs.places:
         return
-    # What sinks in a quarter of the run sinks by four times as much in all of it.
-    parts = 4 * _gains(context) / context.setup.thickness[context.pairs.places, None]
+    # A pair sinks four times as far in the whole run as in a quarter of it.
+    parts = 4 * _depth_gains(context) / context.setup.thickness[context.pairs.places, None]
     worst = worst_pair(context, parts)
     for run in runs_where(worst > limit):
         name = name_of_worst(context, parts, run)
-        reason = f"{name} would sink by {worst[run]:.3g} of its half extent in the time of the run"
+        reason = f"{name} would sink by {worst[run]:.3g} of its half extent during the run"
         bodies = bodies_beyond(context, parts, run, limit)
         yield run, Onset(f"{reason} (limit {limit:g})", context.trace.steps // 2, bodies)
 
@@ -245,17 +255,17 @@ def deep_penetration(runs: MeasuredRuns) -> Found:
     steady, places = steady_depths(context), context.pairs.places
     accepted = np.full(steady.shape, setup.size / 2 if given is None else given)
     if given is None and places:
-        loads = _borne(context)[places] / runs.limits[PRESSED.name]
+        loads = _carried_weights(context)[places] / runs.limits[PRESSED.name]
         width, thickness = setup.widths[places, None], setup.thickness[places, None]
-        parts = np.where(width < thickness / 2, 2 + np.log2(np.clip(loads, 1, 2)), _SOFT)
+        parts = np.where(width < thickness / 2, 2 + np.log2(np.clip(loads, 1, 2)), _SOFT_DIVISOR)
         accepted = thickness / parts
     deep = steady > accepted
     for row in reversed(runs_where(np.asarray(deep.any(axis=1)))):
         depth = contact_depths(context)[1][row, :, context.last_fifth]
-        # What a drive presses down for a moment does not rest.
+        # A pair that a drive presses down for a moment does not rest.
         lasts = share(depth > accepted[row, :, None])
-        lasts = lasts >= (_DRIVEN if setup.steered else 0)
-        for run in runs_where(deep[row] & lasts & ~_idle(context, row)):
+        lasts = lasts >= (_DRIVEN_DEEP_SHARE if setup.steered else 0)
+        for run in runs_where(deep[row] & lasts & ~_always_overlaps(context, row)):
             name = context.pairs.names[places[row]] if places else "the model"
             limit = accepted[row, run]
             reason = f"{name} rests {steady[row, run]:.3g} m deep (limit {limit:.3g} m)"
@@ -263,8 +273,8 @@ def deep_penetration(runs: MeasuredRuns) -> Found:
             yield run, Onset(reason, step, bodies_of_pair(context, places[row]) if places else ())
 
 
-def _pierced(runs: MeasuredRuns) -> Found:
-    """Find pairs without a barrier that are deeper in each other than half the thinner."""
+def _find_pierced(runs: MeasuredRuns) -> Found:
+    """Find pairs without a barrier that overlap by more than half the thinner geom."""
     context, given = runs.context, runs.limits.get("pierced")
     guarded = {barrier.pair for barrier in context.setup.barriers}
     for row, place in enumerate(context.pairs.places):
@@ -274,37 +284,39 @@ def _pierced(runs: MeasuredRuns) -> Found:
         where = f"{limit:.3g} m" if given else f"its middle, {limit:.3g} m from the surface"
         deep = spans(depth > limit)
         for run, start, stop in np.transpose((deep.run, deep.start, deep.stop)).tolist():
-            dips = _idle(context, row)[run] or _dips(context, row, run, slice(start, stop))
+            dips = _always_overlaps(context, row)[run] or _turns_back(
+                context, row, run, slice(start, stop)
+            )
             if given or not dips:
                 reason = f"{context.pairs.names[place]} is deeper than {where}"
                 yield run, Onset(reason, start, bodies_of_pair(context, place))
 
 
-def _idle(context: Context, row: int) -> NDArray[np.bool_]:
-    """Return (n,) whether a pair always lay where it can move neither side, as at a hinge."""
+def _always_overlaps(context: Context, row: int) -> NDArray[np.bool_]:
+    """Return (n,) whether a pair always overlaps and can move neither side, like at a hinge."""
     if context.checks is None or not context.trace.pairs:
         return np.zeros(context.trace.runs, bool)
     depth, squeeze = contact_depths(context)[1][row], context.checks.squeeze
     held = np.isnan(squeeze[:, context.pairs.places[row]])
-    return held & (depth[:, 0] > _SAME * depth.max(axis=1))
+    return held & (depth[:, 0] > _IDLE_DEPTH_RATIO * depth.max(axis=1))
 
 
-def _dips(context: Context, row: int, run: int, deep: slice) -> bool:
-    """Return whether what dips beyond its middle turns back on its own side, as its model does."""
+def _turns_back(context: Context, row: int, run: int, deep: slice) -> bool:
+    """Return whether a geom beyond the middle turns back on its own side, as its model does."""
     trace, resolved = context.trace, resolved_runs(context)
     index = context.pairs.places[row]
-    soon = deep.start > 0 and (deep.stop - deep.start) * trace.timestep[run] <= _DIP
+    soon = deep.start > 0 and (deep.stop - deep.start) * trace.timestep[run] <= _MAX_DIP_SECONDS
     depth = contact_depths(context)[1][row, run]
     left = deep.stop < trace.steps and depth[deep.stop] == 0
     extent, ends = context.setup.thickness[index], [deep.start, min(deep.stop, trace.steps - 1)]
     first, last = trace.pairs[index].slots[run, ends, 0, NORMAL]
-    brief = deep.stop - deep.start <= _BRIEF and depth[deep].max() < _EDGEWAYS * extent
+    brief = deep.stop - deep.start <= _MAX_DIP_STEPS and depth[deep].max() < _MAX_DIP_DEPTH * extent
     turns = soon and not left and (brief or first @ last > 0)
     return bool(resolved is not None and resolved[run] and turns)
 
 
-def _crossed(context: Context) -> Found:
-    """Find the first step in which the centre of what a barrier stops passes its mid-plane."""
+def _find_crossings(context: Context) -> Found:
+    """Find the first step in which the center of a stopped geom passes a barrier's mid-plane."""
     for barrier in context.setup.barriers:
         place = context.position(barrier.body)
         if barrier.centre.any():
@@ -339,35 +351,39 @@ PRESSED = Threshold(
     "weights_borne",
     10.0,
     "1",
-    "Weight is a tenth of what presses a pair; and it does so half as hard, at least, when nothing "
-    "but contact has acted for a while.",
+    "Weight is a tenth of the pressing force; and contact alone, after a while, presses at least "
+    "half as hard.",
 )
-_ALONE = 0.5
-_NO_MASS = 1e9  # Weights that only a contact bears along which no joint moves
+_MIN_SQUEEZE_SHARE = 0.5
+_MAX_WEIGHTS = 1e9  # larger loads in weights occur only along directions in which no joint moves
 
 
-def _weights(context: Context) -> Floats:
-    """Return (P, n) the weight of the lighter of what each pair presses on [N]."""
+def _lighter_weights(context: Context) -> Floats:
+    """Return (P, n) the weight of the lighter side of each pair [N]."""
     return context.setup.masses[:, None] * context.setup.pull
 
 
 @cached
-def _borne(context: Context) -> Floats:
+def _carried_weights(context: Context) -> Floats:
     """Return (P, n) the median of each pair's normal force in the last fifth, in weights."""
     forces = median(context.net.series.normal[..., context.last_fifth])
-    borne = forces[context.pairs.rows] / _weights(context)
-    return borne * (borne < _NO_MASS)
+    borne = forces[context.pairs.rows] / _lighter_weights(context)
+    return borne * (borne < _MAX_WEIGHTS)
 
 
 @metric("1", "lower", 1e-6, kind="detail")
 def weights_borne(context: Context) -> Floats:
     """Median normal force of a pair in the last fifth over the weight of the lighter side, worst.
 
-    Weights are those of the trees of bodies that the pair's sides belong to; without gravity, what
-    moves them by a mean size in a tenth of a second squared. Not defined under a drive that keeps
+    Weights are those of the body trees of the pair's sides; without gravity, the force that moves
+    them by a mean size in a tenth of a second squared. Not defined under a drive that keeps
     changing the controls.
     """
-    return context.undefined() if context.setup.steered else worst_pair(context, _borne(context))
+    return (
+        context.undefined()
+        if context.setup.steered
+        else worst_pair(context, _carried_weights(context))
+    )
 
 
 @label(
@@ -379,14 +395,16 @@ def weights_borne(context: Context) -> Floats:
     advice="start bodies apart: they overlap in the keyframe, or are closed onto each other",
 )
 def squeezed(runs: MeasuredRuns) -> Found:
-    """Bodies at rest press each other with many times their weight, by nothing but overlap."""
+    """Bodies at rest press each other with many times their weight, only because they overlap."""
     context, checks = runs.context, runs.context.checks
     if checks is None:
         return
     for run, _, limit in runs.over(PRESSED.name):
-        borne = _borne(context)[:, run]
-        alone = checks.squeeze[run] / _weights(context)[:, run] >= _ALONE * borne
-        for pair in runs_where(alone & (borne > limit)):
-            amount = f"{borne[pair]:.3g} times the weight of the lighter (limit {limit:g})"
+        carried = _carried_weights(context)[:, run]
+        alone = (
+            checks.squeeze[run] / _lighter_weights(context)[:, run] >= _MIN_SQUEEZE_SHARE * carried
+        )
+        for pair in runs_where(alone & (carried > limit)):
+            amount = f"{carried[pair]:.3g} times the weight of the lighter (limit {limit:g})"
             reason = f"{context.pairs.names[pair]} is squeezed by {amount}"
             yield run, Onset(reason, context.last_fifth.start, bodies_of_pair(context, pair))

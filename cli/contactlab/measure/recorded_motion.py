@@ -1,4 +1,4 @@
-"""How far runs are from what was recorded of them."""
+"""Distances between runs and their recordings."""
 
 from collections.abc import Callable
 
@@ -9,16 +9,16 @@ from contactlab.contact.trace_arrays import Floats, squared_lengths
 from contactlab.measure.context import Context, cached, contact_depths, down, energy, worst_body
 from contactlab.measure.entries import metric
 
-_ROUNDING = 1e-6  # share of a step by which a recorded time may be after the last one
+_STEP_ROUNDING = 1e-6  # allowed delay of a recorded time after the last state, as a share of a step
 
 
 @cached
-def _simulated(context: Context) -> tuple[Floats, Floats]:
+def _simulated_states(context: Context) -> tuple[Floats, Floats]:
     """Return (n, M, nq) and (n, M, nv) states at recorded times; NaN after the end of a run."""
     trace, recorded = context.trace, context.setup.recorded
     assert recorded is not None
     places = recorded.times / trace.timestep[:, None]
-    within = places <= trace.steps + _ROUNDING
+    within = places <= trace.steps + _STEP_ROUNDING
     before = np.minimum(np.where(within, places, 0).astype(np.intp), trace.steps - 1)
     share = np.where(within, places - before, np.nan)[..., None]
     runs = np.arange(trace.runs)[:, None]
@@ -28,76 +28,99 @@ def _simulated(context: Context) -> tuple[Floats, Floats]:
 
 
 @cached
-def _offsets(context: Context) -> dict[str, Floats]:
-    """Return (n, M) distances from the recording, each of what is off most; NaN without one.
+def _recording_distances(context: Context) -> dict[str, Floats]:
+    """Return (n, M) distances from the recording, each of the part that differs most.
 
-    Positions [m], rotations [rad], velocities [m/s], and shares of the size of what is off [1].
-    Runs that ended early have none.
+    Positions [m], rotations [rad], velocities [m/s], and shares of the size of the part [1]; NaN
+    where nothing was recorded. It is empty for runs that ended early.
     """
     recorded = context.setup.recorded
     assert recorded is not None
     if context.trace.steps < context.trace.steps_asked:
         return {}
     found: dict[str, list[Floats]] = {}
-    qpos, qvel = _simulated(context)
+    qpos, qvel = _simulated_states(context)
     for part in recorded.parts:
         there, here = qpos[..., part.qpos], recorded.qpos[..., part.qpos]
-        apart = np.sqrt(squared_lengths(there - here))
+        distance = np.sqrt(squared_lengths(there - here))
         if part.kind == "turn":
-            apart = angles_between(there.reshape(-1, 4), here.reshape(-1, 4)).reshape(apart.shape)
+            distance = angles_between(there.reshape(-1, 4), here.reshape(-1, 4)).reshape(
+                distance.shape
+            )
         name = "position" if part.kind in ("point", "slide") else "rotation"
-        found.setdefault(name, []).append(apart)
-        found.setdefault("share", []).append(np.where(np.isnan(apart), np.nan, apart / part.size))
+        found.setdefault(name, []).append(distance)
+        found.setdefault("share", []).append(
+            np.where(np.isnan(distance), np.nan, distance / part.size)
+        )
         if part.kind == "point":
             speeds = np.linalg.norm((qvel - recorded.qvel)[..., part.qvel], axis=2)
             found.setdefault("velocity", []).append(speeds)
     return {name: np.fmax.reduce(values) for name, values in found.items()}
 
 
-def _last(context: Context, values: Floats) -> Floats:
-    """Return (n, ...) what values (n, M, ...) are at the last recorded time within each run."""
-    known = np.isfinite(_simulated(context)[0][..., 0])
+def _last_value(context: Context, values: Floats) -> Floats:
+    """Return (n, ...) the values (n, M, ...) at the last recorded time within each run."""
+    known = np.isfinite(_simulated_states(context)[0][..., 0])
     return values[np.arange(len(values)), known.sum(axis=1) - 1]
 
 
-def _mean(_: Context, values: Floats) -> Floats:
+def _mean_value(_: Context, values: Floats) -> Floats:
     return np.nanmean(values, axis=1)
 
 
-def _peak(_: Context, values: Floats) -> Floats:
+def _peak_value(_: Context, values: Floats) -> Floats:
     return np.max(values, axis=1, where=np.isfinite(values), initial=0.0)
 
 
-def _declare(name: str, unit: str, reduce: Callable[[Context, Floats], Floats], text: str) -> None:
-    """Declare a metric: what one quantity, as the name says, is over time."""
+def _declare_metric(
+    name: str, unit: str, reduce: Callable[[Context, Floats], Floats], text: str
+) -> None:
+    """Declare a metric that reduces one quantity, named in the metric's name, over time."""
     quantity = (*name.split("_"), "share")[1]
 
     def measured(context: Context) -> Floats:
-        values = _offsets(context).get(quantity) if context.setup.recorded else None
+        values = _recording_distances(context).get(quantity) if context.setup.recorded else None
         return context.undefined() if values is None else reduce(context, values)
 
     measured.__doc__ = text
     metric(unit, "lower", name=name, heading=name if name == "reality" else "")(measured)
 
 
-_PLACE, _TURN = "distance of bodies and slides from", "angle of bodies and hinges to"
-_SHARE = "Mean distance from the recording: of bodies in widths, of joints in shares of their range"
+_PLACE_TEXT, _TURN_TEXT = "distance of bodies and slides from", "angle of bodies and hinges to"
+_SHARE_TEXT = (
+    "Mean distance from the recording: of bodies in widths, of joints in shares of their range"
+)
 for _entry in (
-    ("reality", "1", _mean, f"{_SHARE}. A width is the smallest side of the box around a body."),
-    ("reality_position", "m", _mean, f"Mean {_PLACE} the recording, over time."),
-    ("reality_position_peak", "m", _peak, f"Largest {_PLACE} the recording."),
-    ("reality_position_end", "m", _last, f"Final {_PLACE} the recording: where they stopped."),
-    ("reality_rotation", "rad", _mean, f"Mean {_TURN} the recording, over time."),
-    ("reality_rotation_peak", "rad", _peak, f"Largest {_TURN} the recording."),
-    ("reality_rotation_end", "rad", _last, f"Final {_TURN} the recording."),
-    ("reality_velocity", "m/s", _mean, "Mean difference of bodies' velocities from recorded ones."),
+    (
+        "reality",
+        "1",
+        _mean_value,
+        f"{_SHARE_TEXT}. A width is the smallest side of the box around a body.",
+    ),
+    ("reality_position", "m", _mean_value, f"Mean {_PLACE_TEXT} the recording, over time."),
+    ("reality_position_peak", "m", _peak_value, f"Largest {_PLACE_TEXT} the recording."),
+    (
+        "reality_position_end",
+        "m",
+        _last_value,
+        f"Final {_PLACE_TEXT} the recording: where they stopped.",
+    ),
+    ("reality_rotation", "rad", _mean_value, f"Mean {_TURN_TEXT} the recording, over time."),
+    ("reality_rotation_peak", "rad", _peak_value, f"Largest {_TURN_TEXT} the recording."),
+    ("reality_rotation_end", "rad", _last_value, f"Final {_TURN_TEXT} the recording."),
+    (
+        "reality_velocity",
+        "m/s",
+        _mean_value,
+        "Mean difference of bodies' velocities from recorded ones.",
+    ),
 ):
-    _declare(*_entry)
+    _declare_metric(*_entry)
 
 
 @metric("s")
 def reality_delay(context: Context) -> Floats:
-    """Time of the first contact, less when the recorded body first touches what it may touch."""
+    """Time of the first contact, less that at which the recorded body first touches anything."""
     recorded = context.setup.recorded
     if recorded is None:
         return context.undefined()
@@ -110,10 +133,10 @@ def reality_delay(context: Context) -> Floats:
 def reality_impulse(context: Context) -> Floats:
     """Difference of the impulse of the first contact from the recorded one, to 50 ms after it."""
     recorded = context.setup.recorded
-    if recorded is None or not _offsets(context):
+    if recorded is None or not _recording_distances(context):
         return context.undefined()
-    apart, rows = _simulated(context)[1] - recorded.qvel, np.arange(context.trace.runs)
-    before, after = (apart[rows, side] for side in recorded.impact.T)
+    difference, rows = _simulated_states(context)[1] - recorded.qvel, np.arange(context.trace.runs)
+    before, after = (difference[rows, side] for side in recorded.impact.T)
     hit = np.where(recorded.impact[:, :1] >= 0, after - before, np.nan)
     bodies = context.setup.free_bodies
     changes = [np.linalg.norm(hit[:, body.dof : body.dof + 3], axis=1) for body in bodies]
@@ -123,9 +146,9 @@ def reality_impulse(context: Context) -> Floats:
 
 @metric("J", requires="energy")
 def reality_energy(context: Context) -> Floats:
-    """Energy that the first contact takes, to 50 ms after it, less what it takes as recorded."""
+    """Energy that the first contact takes, to 50 ms after it, less that in the recording."""
     recorded = context.setup.recorded
-    if recorded is None or not _offsets(context):
+    if recorded is None or not _recording_distances(context):
         return context.undefined()
     steps = np.take_along_axis(recorded.times, recorded.impact, axis=1)
     steps /= context.trace.timestep[:, None]
@@ -137,23 +160,23 @@ def reality_energy(context: Context) -> Floats:
 
 @metric("1", "higher")
 def reality_side(context: Context) -> Floats:
-    """1 if every free body ends with the side down that it was recorded with, else 0."""
+    """1 if every free body ends on the same side as in the recording, otherwise 0."""
     recorded, same = context.setup.recorded, list[Floats]()
-    if recorded is None or not _offsets(context):
+    if recorded is None or not _recording_distances(context):
         return context.undefined()
     for body in context.setup.free_bodies:
         turn = slice(body.qpos + 3, body.qpos + 7)
         ends = [
-            _last(context, positions[..., turn])
-            for positions in (_simulated(context)[0], recorded.qpos)
+            _last_value(context, positions[..., turn])
+            for positions in (_simulated_states(context)[0], recorded.qpos)
         ]
-        here, there = (_side(rotate_back(end, down(context))) for end in ends)
+        here, there = (_nearest_axis(rotate_back(end, down(context))) for end in ends)
         same.append(np.where(np.isnan(here + there), np.nan, here == there))
     return np.fmin.reduce(same) if same else context.undefined()
 
 
-def _side(direction: Floats) -> Floats:
-    """Return (n,) which of a body's six axes is nearest to a direction (n, 3); NaN if unknown."""
+def _nearest_axis(direction: Floats) -> Floats:
+    """Return (n,) the body axis, of six, nearest to a direction (n, 3); NaN if unknown."""
     axis = np.abs(direction).argmax(axis=1)
     sign = np.take_along_axis(direction, axis[:, None], axis=1)[:, 0]
     return np.where(np.isnan(sign), np.nan, 2.0 * axis + (sign > 0))

@@ -1,4 +1,4 @@
-"""The labels of pairs that do not touch as their scene or sweep says that they must."""
+"""Labels of pairs that do not touch as their scene or sweep requires."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -14,15 +14,15 @@ from contactlab.measure.coverage import TURNING
 from contactlab.measure.entries import Found, MeasuredRuns, Onset, Threshold, label
 from contactlab.measure.stick_slip import spans
 
-_VERBS = {"sticks": "stick", "slides": "slide", "rolls": "roll"}
+_REQUIRED_VERBS = {"sticks": "stick", "slides": "slide", "rolls": "roll"}
 MODE_HOLD = Threshold(
-    "mode_hold", 0.02, "s", "Shortest that counts; sliding is told from sticking in 4 to 24 ms."
+    "mode_hold", 0.02, "s", "Shortest that counts; 4 to 24 ms distinguish sliding from sticking."
 )
-_ROUNDING = 1e-6  # Share of a step by which a time may miss the start of a step
+_STEP_ROUNDING = 1e-6  # largest deviation of a time from the start of a step, as a share of a step
 
 Mask = NDArray[np.bool_]
 Faults = Iterator[tuple[str, str, Mask]]
-"""What is required, what is met instead, and the steps (N,) in which it is met."""
+"""The requirement, the observation instead, and the steps (N,) of the observation."""
 
 
 @label(
@@ -35,8 +35,8 @@ Faults = Iterator[tuple[str, str, Mask]]
     traits=("required",),
 )
 def unexpected_slide(runs: MeasuredRuns) -> Found:
-    """A pair slides that must stick or roll."""
-    return _found(runs, SLIDE)
+    """A pair slides although it must stick or roll."""
+    return _find_violations(runs, SLIDE)
 
 
 @label(
@@ -49,8 +49,8 @@ def unexpected_slide(runs: MeasuredRuns) -> Found:
     traits=("required",),
 )
 def unexpected_stick(runs: MeasuredRuns) -> Found:
-    """A pair sticks that must slide."""
-    return _found(runs, STICK)
+    """A pair sticks although it must slide."""
+    return _find_violations(runs, STICK)
 
 
 @label(
@@ -59,17 +59,17 @@ def unexpected_stick(runs: MeasuredRuns) -> Found:
     thresholds=(MODE_HOLD,),
     letter="5",
     colour="#b3d789",
-    advice="`must` says what has to hold: mend the model, or what is required of it",
+    advice="fix the model, or correct the requirement in `must`",
     traits=("required",),
 )
 def pair_expectation(runs: MeasuredRuns) -> Found:
-    """A pair does not press, touch, part or roll as it must, or is deeper."""
-    return _found(runs, NO_CONTACT)
+    """A pair does not press, touch, separate or roll as it must, or is deeper."""
+    return _find_violations(runs, NO_CONTACT)
 
 
 @dataclass(frozen=True)
-class _Stretch:
-    """The steps (N,) of a run in which pairs must do something, and how many of them count."""
+class _RequiredStretch:
+    """The steps (N,) of a run with a requirement of pairs, and the shortest number that counts."""
 
     context: Context
     expected: ExpectedContact
@@ -92,79 +92,82 @@ class _Stretch:
         return self.expected.word in ({"slides"} if mode == STICK else {"sticks", "rolls"})
 
     def in_mode(self, row: int, mode: int) -> Mask:
-        """Return (N,) where a pair is in a mode that it must not be in.
+        """Return (N,) the steps in which a pair is in a mode that it must not be in.
 
-        That is until its other mode first lasts, or after it last did, where that is what is said.
+        If the requirement is for the first or last mode only, these are the steps until the other
+        mode first lasts, or after it last did.
         """
         series = self.context.net.series.mode[row, self.run]
         other = lasting(self.inside & (series == STICK + SLIDE - mode), self.width)
         good = np.flatnonzero(other).tolist()
         first, last = (good[0], good[-1]) if good else (None, None)
         part = {"first": slice(first), "last": slice(last, None), "": slice(None)}
-        said, where = part[self.expected.end or ""], np.zeros_like(self.inside)
-        where[said] = (self.inside & (series == mode))[said]
+        part_slice, where = part[self.expected.end or ""], np.zeros_like(self.inside)
+        where[part_slice] = (self.inside & (series == mode))[part_slice]
         return where
 
     @cached_property
     def touching(self) -> Mask:
-        """(N,) where any of the pairs touches."""
+        """(N,) whether any of the pairs touches."""
         modes = self.context.net.series.mode[self._rows, self.run]
         return self.inside & (modes != NO_CONTACT).any(axis=0)
 
     @property
     def untouched(self) -> Mask:
-        """(N,) where none of the pairs touches although one must."""
-        must = self.expected.word in _VERBS or self.expected.force[0] > 0
+        """(N,) whether none of the pairs touches although one must."""
+        must = self.expected.word in _REQUIRED_VERBS or self.expected.force[0] > 0
         must &= self.expected.timed or not self.touching.any()
         return self.inside & ~self.touching & must
 
     def pressed(self, row: int) -> Mask:
-        """Return (N,) where a pair bears force."""
+        """Return (N,) whether a pair carries force."""
         return self.inside & (self.context.net.series.normal[row, self.run] > 0)
 
     def unturned(self, row: int) -> Mask:
-        """Return (N,) where a pair sticks and does not turn."""
+        """Return (N,) whether a pair sticks and does not turn."""
         still = self.pressed(row) & (self.context.net.rolling[row, self.run] <= TURNING)
         return still & (self.context.net.series.mode[row, self.run] == STICK)
 
     @property
     def mean_force(self) -> Floats:
-        """Means of the pairs' forces together, over the steps that count from each on [N].
+        """Means of the total force of the pairs, over the steps that count from each step on [N].
 
-        (N,), NaN where they are not judged: without a time, while nothing touches.
+        (N,), NaN at steps that are not judged: without contact, if the requirement has no time.
         """
         series = self.context.net.series.normal
         total = np.sum([series[row, self.run] for _, row in self.pairs], axis=0)
         judged = self.inside if self.expected.timed else self.touching
-        return _averaged(total, judged, self.width)
+        return _moving_means(total, judged, self.width)
 
     def depth(self, row: int) -> Floats:
-        """Return (N,) the depth of a pair [m], 0 where nothing is said of it."""
+        """Return (N,) the depth of a pair [m], 0 outside of the requirement's time."""
         return np.where(self.inside, contact_depths(self.context)[1][row, self.run], 0)
 
 
-def _stretches(context: Context, hold: float) -> Iterator[_Stretch]:
-    """Yield what pairs must do in each run, if something is said of it."""
-    time = context.trace.time[:, :-1] + _ROUNDING * context.trace.timestep[:, None]
+def _required_stretches(context: Context, hold: float) -> Iterator[_RequiredStretch]:
+    """Yield the requirements of pairs in each run."""
+    time = context.trace.time[:, :-1] + _STEP_ROUNDING * context.trace.timestep[:, None]
     for expected in context.setup.expected:
         if isinstance(expected, ExpectedContact) and expected.pairs:
             start, stop = np.moveaxis(expected.window[:, :, None], 1, 0)
             inside = (time >= start) & (time < stop)
             for run in runs_where(inside.any(axis=1)):
-                yield _Stretch(
+                yield _RequiredStretch(
                     context, expected, run, inside[run], steps_that_count(context, run, hold)
                 )
 
 
 def steps_that_count(context: Context, run: int, hold: float) -> int:
-    """Return how many steps of a run the shortest time takes that counts [s]."""
-    return max(int(np.ceil(hold / context.trace.timestep[run] - _ROUNDING)), 1)
+    """Return the number of steps of a run in the shortest time that counts [s]."""
+    return max(int(np.ceil(hold / context.trace.timestep[run] - _STEP_ROUNDING)), 1)
 
 
-def _found(runs: MeasuredRuns, mode: int) -> Found:
-    """Find what pairs do unexpectedly: slide, stick, or anything else."""
-    for stretch in _stretches(runs.context, runs.limits["mode_hold"]):
-        found = _misfits(stretch) if mode == NO_CONTACT else _wrong_modes(stretch, mode)
+def _find_violations(runs: MeasuredRuns, mode: int) -> Found:
+    """Find unexpected behavior of pairs: sliding, sticking, or anything else."""
+    for stretch in _required_stretches(runs.context, runs.limits["mode_hold"]):
+        found = (
+            _find_mismatches(stretch) if mode == NO_CONTACT else _find_wrong_modes(stretch, mode)
+        )
         for wanted, met, where in found:
             step = first_step(where)
             time = runs.context.trace.time[stretch.run, step]
@@ -172,26 +175,26 @@ def _found(runs: MeasuredRuns, mode: int) -> Found:
 
 
 def contact_margins(context: Context, hold: float) -> Floats:
-    """Return (n,) the least margin of what pairs must do; infinite where nothing is said of any.
+    """Return (n,) the least margin of the requirements of pairs; infinite without requirements.
 
-    Of modes, a margin is 1 less the longest time [s] in another over the shortest that counts,
-    `hold`; of forces and depths it is a share of the limit.
+    For modes, a margin is 1 less the longest time [s] in another mode over the shortest that
+    counts, `hold`; for forces and depths it is a share of the limit.
     """
     least = np.full(context.trace.runs, np.inf)
-    for stretch in _stretches(context, hold):
-        margins = (*_margins_of_modes(stretch), *_margins_of_contact(stretch))
+    for stretch in _required_stretches(context, hold):
+        margins = (*_mode_margins(stretch), *_pair_margins(stretch))
         least[stretch.run] = min(least[stretch.run], *margins, np.inf)
     return least
 
 
-def _margins_of_modes(stretch: _Stretch) -> Iterator[float]:
+def _mode_margins(stretch: _RequiredStretch) -> Iterator[float]:
     for mode in (SLIDE, STICK):
         if stretch.forbids(mode):
             for _, row in stretch.pairs:
                 yield 1 - longest(stretch.in_mode(row, mode)) / stretch.width
 
 
-def _margins_of_contact(stretch: _Stretch) -> Iterator[float]:
+def _pair_margins(stretch: _RequiredStretch) -> Iterator[float]:
     word, width = stretch.expected.word, stretch.width
     if stretch.expected.end is not None:
         return
@@ -211,7 +214,7 @@ def _margins_of_contact(stretch: _Stretch) -> Iterator[float]:
         yield (most - high) / (abs(most) or 1) if np.isfinite(most) else np.inf
 
 
-def _wrong_modes(stretch: _Stretch, met: int) -> Faults:
+def _find_wrong_modes(stretch: _RequiredStretch, met: int) -> Faults:
     if not stretch.forbids(met):
         return
     slips, when = stretch.context.net.series.slip, stretch.expected.end or ""
@@ -220,22 +223,22 @@ def _wrong_modes(stretch: _Stretch, met: int) -> Faults:
         if where.any():
             slides = f"slides, at up to {slips[row, stretch.run, where].max():.3g} m/s"
             does = slides if met == SLIDE else "sticks"
-            verb = _VERBS[stretch.expected.word]
+            verb = _REQUIRED_VERBS[stretch.expected.word]
             yield f"{name} should {verb} {when}".rstrip(), does, where
 
 
-def _misfits(stretch: _Stretch) -> Faults:
+def _find_mismatches(stretch: _RequiredStretch) -> Faults:
     expected, timestep = stretch.expected, stretch.context.trace.timestep[stretch.run]
     if expected.end is not None:
         return
     least, most = expected.force
     apart = lasting(stretch.untouched, stretch.width)
     if apart.any():
-        wanted = _VERBS.get(expected.word, f"press with {least:.3g} N or more")
+        wanted = _REQUIRED_VERBS.get(expected.word, f"press with {least:.3g} N or more")
         met = f"touches nothing for {np.count_nonzero(apart) * timestep:.3g} s"
         yield f"{expected.name} should {wanted}", met, apart
     for name, row in stretch.pairs:
-        yield from _misfits_of_pair(stretch, name, row)
+        yield from _pair_mismatches(stretch, name, row)
     if expected.word != "presses":
         return
     mean = stretch.mean_force
@@ -248,7 +251,7 @@ def _misfits(stretch: _Stretch) -> Faults:
             yield f"{expected.name} should press with {bound}", met, beyond
 
 
-def _misfits_of_pair(stretch: _Stretch, name: str, row: int) -> Faults:
+def _pair_mismatches(stretch: _RequiredStretch, name: str, row: int) -> Faults:
     expected, run, word = stretch.expected, stretch.run, stretch.expected.word
     if word == "apart" and (pressed := stretch.pressed(row)).any():
         force = stretch.context.net.series.normal[row, run, pressed].max()
@@ -264,7 +267,7 @@ def _misfits_of_pair(stretch: _Stretch, name: str, row: int) -> Faults:
 
 
 def lasting(mask: Mask, shortest: int) -> Mask:
-    """Return (N,) where a mask holds for at least so many steps together."""
+    """Return (N,) the true steps of a mask that last for at least `shortest` steps."""
     found, lasting = spans(mask[None]), mask.copy()
     for start, stop in zip(found.start, found.stop, strict=True):
         lasting[start:stop] = stop - start >= shortest
@@ -272,12 +275,12 @@ def lasting(mask: Mask, shortest: int) -> Mask:
 
 
 def longest(mask: Mask) -> int:
-    """Return for how many steps together a mask (N,) holds at most."""
+    """Return the largest number of consecutive true steps of a mask (N,)."""
     found = spans(mask[None])
     return int((found.stop - found.start).max(initial=0))
 
 
-def _averaged(force: Floats, judged: Mask, width: int) -> Floats:
+def _moving_means(force: Floats, judged: Mask, width: int) -> Floats:
     """Return (N,) means over `width` steps from each on, or over all of a shorter stretch."""
     means, found = np.full(len(force), np.nan), spans(judged[None])
     for start, stop in zip(found.start.tolist(), found.stop.tolist(), strict=True):

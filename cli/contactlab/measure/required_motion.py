@@ -1,4 +1,4 @@
-"""The label of bodies that do not move as their scene or sweep says that they must."""
+"""Label of bodies that do not move as their scene or sweep requires."""
 
 from collections import defaultdict
 from collections.abc import Iterator
@@ -19,15 +19,15 @@ from contactlab.measure.required_contact import (
     steps_that_count,
 )
 
-_ROUNDING = 1e-6  # share of a step by which a time may miss that of a state
-_DOES = {
+_STEP_ROUNDING = 1e-6  # largest deviation of a time from that of a state, as a share of a step
+_DEPARTURE_VERBS = {
     "held": "moves in its grip by",
     "still": "moves by",
     "stays": "goes",
     "upright": "tilts by",
 }
 Fault = tuple[str, int]
-"""What is met instead, and the state in which it is first."""
+"""The observation that violates a requirement, and its first state."""
 
 
 @label(
@@ -36,15 +36,15 @@ Fault = tuple[str, int]
     thresholds=(MODE_HOLD,),
     letter="7",
     colour="#8cbf7a",
-    advice="`must` says what has to hold: mend the model, or what is required of it",
+    advice="fix the model, or correct the requirement in `must`",
     traits=("required",),
 )
 def broken_requirement(runs: MeasuredRuns) -> Found:
-    """A body is not held, still, upright, passing or staying although it must."""
+    """A body is not held, still, upright, passing or staying although it must be."""
     context, hold = runs.context, runs.limits["mode_hold"]
     faults = defaultdict[int, list[tuple[int, str, int]]](list)
-    for path in _paths(context):
-        for met, state in _faults(context, path, hold):
+    for path in _required_paths(context):
+        for met, state in _find_faults(context, path, hold):
             step = min(state, context.trace.steps - 1)
             faults[path.run].append((step, f"{path.expected.name}: {met}", state))
     for run, found in sorted(faults.items()):
@@ -54,8 +54,8 @@ def broken_requirement(runs: MeasuredRuns) -> Found:
         yield run, Onset("; ".join(reasons), found[0][0])
 
 
-class _Path(NamedTuple):
-    """Where a body of a run is, in states in which something is required of it."""
+class _RequiredPath(NamedTuple):
+    """Poses of a body of a run, in states with a requirement."""
 
     expected: ExpectedMotion
     run: int
@@ -65,10 +65,10 @@ class _Path(NamedTuple):
 
 
 @cached
-def _paths(context: Context) -> list[_Path]:
-    """Return the path of each body that something is required of, in each run."""
-    paths, time = list[_Path](), context.trace.time
-    slack = _ROUNDING * context.trace.timestep[:, None]
+def _required_paths(context: Context) -> list[_RequiredPath]:
+    """Return the path of each body with a requirement, in each run."""
+    paths, time = list[_RequiredPath](), context.trace.time
+    slack = _STEP_ROUNDING * context.trace.timestep[:, None]
     for expected in context.setup.expected:
         if isinstance(expected, ExpectedMotion):
             start, stop = np.moveaxis(expected.window[:, :, None], 1, 0)
@@ -76,73 +76,74 @@ def _paths(context: Context) -> list[_Path]:
             for run in runs_where(inside.any(axis=1)):
                 states = np.flatnonzero(inside[run])
                 poses = expected.placing[run](context.trace.qpos[run, states])
-                paths.append(_Path(expected, run, states, *poses))
+                paths.append(_RequiredPath(expected, run, states, *poses))
     return paths
 
 
 def motion_margins(context: Context, hold: float) -> Floats:
-    """Return (n,) the least margin of what bodies must do, as a share of its limit.
+    """Return (n,) the least margin of the requirements of bodies, as a share of the limit.
 
-    Of what holds a body, 1 less the longest time [s] in which that does not touch it over the
-    shortest that counts, `hold`. Infinite where nothing is said of any; NaN where a state is no
-    number.
+    For the holder of a body, 1 less the longest time [s] in which it does not touch the body over
+    the shortest that counts, `hold`. Infinite without requirements; NaN if a state is NaN.
     """
     least = np.full(context.trace.runs, np.inf)
-    for path in _paths(context):
-        least[path.run] = np.minimum(least[path.run], _margin(context, path, hold))
+    for path in _required_paths(context):
+        least[path.run] = np.minimum(least[path.run], _path_margin(context, path, hold))
     return least
 
 
-def _margin(context: Context, path: _Path, hold: float) -> float:
+def _path_margin(context: Context, path: _RequiredPath, hold: float) -> float:
     limit = path.expected.limit
     if path.expected.word == "passes":
-        _, beside = _crossings(path.place)
+        _, offset = _crossings(path.place)
         height = np.abs(path.place[:, 2])
-        return float(1 - beside.min() / limit if len(beside) else -height.min() / limit)
-    amount, _ = _departure(path)
+        return float(1 - offset.min() / limit if len(offset) else -height.min() / limit)
+    amount, _ = _path_departure(path)
     margin = float(1 - amount.max() / limit)
     if path.expected.word == "held":
         width = steps_that_count(context, path.run, hold)
-        apart = _let_go(context, path)[1]
+        apart = _steps_without_contact(context, path)[1]
         return float(np.minimum(margin, 1 - longest(apart) / width))
     return margin
 
 
-def _let_go(context: Context, path: _Path) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
-    """Return steps, and in which of them nothing touches the body that should hold it."""
+def _steps_without_contact(
+    context: Context, path: _RequiredPath
+) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
+    """Return steps, and a mask of those in which the holder does not touch the body."""
     rows = context.pairs.rows[[*path.expected.pairs]]
     steps = path.states[path.states < context.trace.steps]
     touching = (context.net.series.mode[rows, path.run] != NO_CONTACT).any(axis=0)
     return steps, ~touching[steps]
 
 
-def _faults(context: Context, path: _Path, hold: float) -> Iterator[Fault]:
-    """Yield the first of what a body does otherwise."""
+def _find_faults(context: Context, path: _RequiredPath, hold: float) -> Iterator[Fault]:
+    """Yield the first violation by a body."""
     expected, states = path.expected, path.states
     if expected.word == "passes":
-        yield from _missed(path)
+        yield from _missed_hole(path)
         return
-    amount, unit = _departure(path)
-    # A state that is no number departs by more than any tolerance.
+    amount, unit = _path_departure(path)
+    # A state with NaN departs by more than any tolerance.
     beyond = ~(amount <= expected.limit)
     if beyond.any():
         worst = float(np.nanmax(np.where(np.isfinite(amount), amount, np.inf)))
         state = int(states[first_step(beyond)])
-        far = _worded(worst, unit)
-        over = _worded(worst - expected.limit, unit)
+        far = _amount_text(worst, unit)
+        over = _amount_text(worst - expected.limit, unit)
         where = " from where it was" if expected.word == "stays" else ""
-        yield f"{_DOES[expected.word]} up to {far}{where}, {over} too much", state
+        yield f"{_DEPARTURE_VERBS[expected.word]} up to {far}{where}, {over} too much", state
         return
     if expected.word == "held":
-        steps, free = _let_go(context, path)
+        steps, free = _steps_without_contact(context, path)
         apart = lasting(free, steps_that_count(context, path.run, hold))
         if apart.any():
             seconds = np.count_nonzero(apart) * float(context.trace.timestep[path.run])
             yield f"its holder does not touch it for {seconds:.3g} s", int(steps[first_step(apart)])
 
 
-def _departure(path: _Path) -> tuple[Floats, str]:
-    """Return (M,) how far a body departs from where it should be, and the unit."""
+def _path_departure(path: _RequiredPath) -> tuple[Floats, str]:
+    """Return (M,) the departure of a body from its required pose, and the unit."""
     expected, run, _, place, turn = path
     if expected.word == "upright":
         axis = np.broadcast_to(expected.axis[run], (len(turn), 3))
@@ -151,7 +152,7 @@ def _departure(path: _Path) -> tuple[Floats, str]:
     moved = np.linalg.norm(place - place[0], axis=1)
     if expected.word != "still":
         return moved, "m"
-    # Half the angle between two rotations is that between their quaternions.
+    # The angle between two quaternions is half that between their rotations.
     half = np.arccos(np.clip(np.abs(turn @ turn[0]), 0, 1))
     if expected.angular:
         return 2 * half, "rad"
@@ -159,9 +160,10 @@ def _departure(path: _Path) -> tuple[Floats, str]:
 
 
 def _crossings(place: Floats) -> tuple[NDArray[np.intp], Floats]:
-    """Return before which states a path (M, 3) crosses the plane of a hole, and how far beside it.
+    """Return the states before which a path (M, 3) crosses a hole's plane, and the offsets.
 
-    The path is in the frame of the hole, across whose z axis the plane lies.
+    The path is in the frame of the hole, with the plane across its z axis; offsets are distances to
+    that axis.
     """
     height = place[:, 2]
     before = np.flatnonzero(np.sign(height[:-1]) * np.sign(height[1:]) <= 0)
@@ -171,24 +173,22 @@ def _crossings(place: Floats) -> tuple[NDArray[np.intp], Floats]:
     return before, np.linalg.norm(crossing, axis=1)
 
 
-def _missed(path: _Path) -> Iterator[Fault]:
-    """Yield that a path does not cross the plane of a hole near enough."""
+def _missed_hole(path: _RequiredPath) -> Iterator[Fault]:
+    """Yield the violation that a path does not cross the plane of a hole near enough."""
     height, limit = path.place[:, 2], path.expected.limit
-    before, beside = _crossings(path.place)
+    before, offset = _crossings(path.place)
     if not len(before):
-        away = _worded(float(np.nanmin(np.abs(height))), "m")
+        away = _amount_text(float(np.nanmin(np.abs(height))), "m")
         yield f"it stays on one side, {away} away", int(path.states[-1])
-    elif not (beside <= limit).any():
-        nearest = int(np.nanargmin(beside))
-        least = float(beside[nearest])
+    elif not (offset <= limit).any():
+        nearest = int(np.nanargmin(offset))
+        least = float(offset[nearest])
         state = int(path.states[before[nearest]])
-        yield (
-            f"it passes {_worded(least, 'm')} beside it, {_worded(least - limit, 'm')} too much",
-            state,
-        )
+        far = _amount_text(least - limit, "m")
+        yield f"it passes at {_amount_text(least, 'm')}, which is {far} too far", state
 
 
-def _worded(amount: float, unit: str) -> str:
+def _amount_text(amount: float, unit: str) -> str:
     if unit == "rad":
         return f"{np.degrees(amount):.3g} deg"
     return f"{amount * 1e3:.3g} mm" if amount < 1 else f"{amount:.3g} m"

@@ -1,4 +1,4 @@
-"""The margin by which runs meet what `must` says of them."""
+"""The margin by which runs meet the requirements in `must`."""
 
 import numpy as np
 
@@ -11,10 +11,10 @@ from contactlab.measure.required_motion import motion_margins
 
 @metric("1", "higher", 1e-9, kind="detail")
 def requirement_margin(context: Context) -> Floats:
-    """The least of what is left of any limit that `must` sets, as a share of it.
+    """The least remaining margin of any limit in `must`, as a share of the limit.
 
-    1 where nothing of any is used, negative where one is exceeded: docs/driving.md says what is
-    measured of each word. Not defined where nothing is required, or a state is no number.
+    It is 1 if no limit is used at all, negative if one is exceeded; docs/driving.md lists the
+    measured quantity of each word. Not defined without requirements, or if a state is NaN.
     """
     hold = limits(context.setup.thresholds)[MODE_HOLD.name]
     least = np.minimum(motion_margins(context, hold), contact_margins(context, hold))

@@ -1,4 +1,4 @@
-"""Labels of runs that are no simulation at all: clock, numbers, length; and of good runs."""
+"""Labels of runs that are not valid simulations: clock, numbers, length; and of good runs."""
 
 import numpy as np
 
@@ -38,9 +38,13 @@ STABLE = LABELS.add(
 )
 
 
-_CLOCK = Threshold("clock_error", 1e-9, "1", "Share of a timestep; rounding is 1000 times less.")
-_QUATERNION = Threshold("quaternion_error", 1e-3, "1", "Off unit norm; the engine keeps 1e-16.")
-_FULL = {"contactfull", "cnstrfull"}  # warnings of memory for contacts and constraints
+_CLOCK_THRESHOLD = Threshold(
+    "clock_error", 1e-9, "1", "Share of a timestep; rounding is 1000 times less."
+)
+_QUATERNION_THRESHOLD = Threshold(
+    "quaternion_error", 1e-3, "1", "Off unit norm; the engine keeps 1e-16."
+)
+_MEMORY_WARNINGS = {"contactfull", "cnstrfull"}  # warnings of memory for contacts and constraints
 
 
 @label(
@@ -48,7 +52,7 @@ _FULL = {"contactfull", "cnstrfull"}  # warnings of memory for contacts and cons
     rank=3,
     letter="3",
     colour="#363636",
-    advice="read the reason: it says what the engine refuses, and what to write instead",
+    advice="read the reason: it names the refused input and the correction",
     traits=("no impact",),
 )
 def invalid(runs: MeasuredRuns) -> Found:
@@ -70,17 +74,17 @@ def invalid(runs: MeasuredRuns) -> Found:
     advice="give <size memory> more, or fewer geoms that collide",
 )
 def buffer_overflow(runs: MeasuredRuns) -> Found:
-    """The engine dropped contacts or constraints, since a buffer was too small for them."""
+    """The engine dropped contacts or constraints, because a buffer was too small for them."""
     for run, counts in enumerate(runs.context.trace.warnings):
-        if full := _FULL & counts.keys():
+        if full := _MEMORY_WARNINGS & counts.keys():
             reason = f"too small: {', '.join(sorted(full))}; give the engine more memory"
-            yield run, Onset(reason, _last(runs.context))
+            yield run, Onset(reason, _last_step(runs.context))
 
 
 @label(
     "void",
     rank=1,
-    thresholds=(_CLOCK, _QUATERNION),
+    thresholds=(_CLOCK_THRESHOLD, _QUATERNION_THRESHOLD),
     letter="D",
     colour="#f7015c",
     advice="a shorter timestep; then look for light bodies on stiff joints or strong motors",
@@ -89,7 +93,13 @@ def buffer_overflow(runs: MeasuredRuns) -> Found:
 def diverged(runs: MeasuredRuns) -> Found:
     """The simulation failed: a warning, a wrong number, clock or quaternion, or an early end."""
     signs: dict[int, list[Onset]] = {}
-    for check in (_warnings, _cut_short, _not_finite, _clock, _quaternions):
+    for check in (
+        _find_warnings,
+        _find_early_ends,
+        _find_non_finite,
+        _find_clock_errors,
+        _find_quaternion_errors,
+    ):
         for run, onset in check(runs):
             signs.setdefault(run, []).append(onset)
     for run, found in signs.items():
@@ -97,36 +107,36 @@ def diverged(runs: MeasuredRuns) -> Found:
         yield run, Onset(reason, min(sign.step for sign in found))
 
 
-def _warnings(runs: MeasuredRuns) -> Found:
+def _find_warnings(runs: MeasuredRuns) -> Found:
     for run, found in enumerate(runs.context.trace.warnings):
-        counts = {name: count for name, count in found.items() if name not in _FULL}
+        counts = {name: count for name, count in found.items() if name not in _MEMORY_WARNINGS}
         raised = [f"{name} x{count}" for name, count in counts.items() if count > 0]
         if raised:
-            yield run, Onset(f"engine warnings: {', '.join(raised)}", _last(runs.context))
+            yield run, Onset(f"engine warnings: {', '.join(raised)}", _last_step(runs.context))
 
 
-def _cut_short(runs: MeasuredRuns) -> Found:
+def _find_early_ends(runs: MeasuredRuns) -> Found:
     trace = runs.context.trace
     if trace.steps < trace.steps_asked:
         reason = f"stopped after {trace.steps} of {trace.steps_asked} steps"
         for run in range(trace.runs):
-            yield run, Onset(reason, _last(runs.context))
+            yield run, Onset(reason, _last_step(runs.context))
 
 
-def _not_finite(runs: MeasuredRuns) -> Found:
+def _find_non_finite(runs: MeasuredRuns) -> Found:
     trace = runs.context.trace
-    watched = {"qpos": trace.qpos, "qvel": trace.qvel}
+    checked = {"qpos": trace.qpos, "qvel": trace.qvel}
     if trace.has_energy:
-        watched["energy"] = energy(runs.context)[:, :, None]
-    for name, values in watched.items():
-        # A sum is finite only if every number in it is; the step is looked up where it is not.
+        checked["energy"] = energy(runs.context)[:, :, None]
+    for name, values in checked.items():
+        # A sum is finite only if all of its numbers are; the step is looked up only otherwise.
         for run in runs_where(~np.isfinite(values.sum(axis=(1, 2)))):
             bad = ~np.isfinite(values[run]).all(axis=1)
             step = first_step(bad) if name == "energy" else max(first_step(bad) - 1, 0)
             yield run, Onset(f"{name} is not finite", step)
 
 
-def _clock(runs: MeasuredRuns) -> Found:
+def _find_clock_errors(runs: MeasuredRuns) -> Found:
     trace, limit = runs.context.trace, runs.limits["clock_error"]
     if trace.steps == 0:
         return
@@ -141,7 +151,7 @@ def _clock(runs: MeasuredRuns) -> Found:
         yield run, Onset(f"{reason}{trace.timestep[run]:.3g} s", step)
 
 
-def _quaternions(runs: MeasuredRuns) -> Found:
+def _find_quaternion_errors(runs: MeasuredRuns) -> Found:
     limit = runs.limits["quaternion_error"]
     low, high = (1 - limit) ** 2, (1 + limit) ** 2
     starts = runs.context.setup.quaternions
@@ -156,5 +166,5 @@ def _quaternions(runs: MeasuredRuns) -> Found:
             yield run, Onset(reason, max(state - 1, 0))
 
 
-def _last(context: Context) -> int:
+def _last_step(context: Context) -> int:
     return max(context.trace.steps - 1, 0)

@@ -1,4 +1,4 @@
-"""Which runs deserve a second pass although no label says so."""
+"""Selects runs for a second pass although no label applies."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,13 +17,18 @@ from contactlab.measure.entries import limits
 from contactlab.measure.penetration import PRESSED, weights_borne
 from contactlab.measure.solver_work import stuck_share
 
-_TO_AND_FRO = 0.15  # Amplitude of what alternates from step to step over speed
-_FEWEST = 3  # Speeds that can go to and fro
-_MOVING = 0.1  # Least speed of what does not come to rest [rad/s, or mean body sizes a second]
-_MOSTLY = 0.5  # Share of steps
-_RATTLES = 0.1  # Share of the first half's steps in which the number of contacts changes
-# Whether degrees of freedom move along, by kind of joint.
-_ALONG = {"free": [True] * 3 + [False] * 3, "ball": [False] * 3, "slide": [True], "hinge": [False]}
+_MIN_OSCILLATION = 0.15  # smallest amplitude of a step-to-step oscillation, over the speed
+_MIN_SPEEDS = 3  # fewest speeds that can show an oscillation
+_MIN_MOVING_SPEED = 0.1  # smallest speed of a moving body [rad/s, or mean body sizes a second]
+_MIN_SATURATED_SHARE = 0.5  # share of steps with all iterations used
+_MIN_RATTLE_SHARE = 0.1  # share of the first half's steps in which the number of contacts changes
+# Whether degrees of freedom are translations, by kind of joint.
+_IS_TRANSLATION = {
+    "free": [True] * 3 + [False] * 3,
+    "ball": [False] * 3,
+    "slide": [True],
+    "hinge": [False],
+}
 
 
 def _late_speeds(context: Context) -> Floats:
@@ -31,40 +36,45 @@ def _late_speeds(context: Context) -> Floats:
     late, mechanism = context.trace.qvel[:, 3 * context.trace.steps // 4 :], context.setup.mechanism
     if mechanism is None:
         return late
-    along = [moves for joint in mechanism.joints for moves in _ALONG[joint.kind]]
+    along = [moves for joint in mechanism.joints for moves in _IS_TRANSLATION[joint.kind]]
     return late / np.where(along, context.setup.size, 1.0)
 
 
-def _shakes(context: Context, late: Floats) -> NDArray[np.bool_]:
-    """Return (n,) whether speeds go to and fro from step to step, by a share of gravity.
+def _oscillates(context: Context, late: Floats) -> NDArray[np.bool_]:
+    """Return (n,) whether speeds oscillate from step to step, by a share of gravity.
 
-    Those of free joints only where nothing touches, since bodies hop as they slide.
+    Free joints count only without contact, because bodies hop as they slide.
     """
     mechanism = context.setup.mechanism
     size, joints = context.setup.size, mechanism.joints if mechanism else ()
-    hinged = [joint.kind != "free" for joint in joints for _ in _ALONG[joint.kind]] or [True]
+    hinged = [joint.kind != "free" for joint in joints for _ in _IS_TRANSLATION[joint.kind]] or [
+        True
+    ]
     aloft = context.trace.contacts.max(axis=1, initial=0)[:, None] == 0
-    if late.shape[1] < _FEWEST:
+    if late.shape[1] < _MIN_SPEEDS:
         return np.zeros(len(late), bool)
     swing = median(np.swapaxes(np.abs(np.diff(late, n=2, axis=1)) / 4, 1, 2))
-    swing *= (swing >= _TO_AND_FRO * np.sqrt((late**2).mean(axis=1))) & (np.array(hinged) | aloft)
+    swing *= (swing >= _MIN_OSCILLATION * np.sqrt((late**2).mean(axis=1))) & (
+        np.array(hinged) | aloft
+    )
     acceleration = 2 * size * swing.max(axis=1, initial=0) / context.trace.timestep
     return acceleration > limits(context.setup.thresholds)[TOLERANCE.name] * context.setup.pull
 
 
 def suspects(context: Context) -> NDArray[np.bool_]:
-    """Return (n,) which runs deserve a second look although no label says so.
+    """Return (n,) which runs need a second pass although no label applies.
 
-    It has what shakes in its steps, is pressed hard at rest or against a limit, has a solver that
-    uses all its iterations, gains or loses energy in constraints or by its steps, does not come to
-    rest under constant controls, or has a body that moved far from where it rested or rattled.
+    Such a run oscillates in its steps, is pressed hard at rest or against a limit, has a solver
+    that uses all its iterations, gains or loses energy in constraints or by its steps, does not
+    come to rest under constant controls, or has a body that moved far from its rest position or
+    rattled.
     """
     trace, ranges = context.trace, context.trace.control_ranges
     most = limits(context.setup.thresholds)
     late = _late_speeds(context)
-    found = _shakes(context, late)
+    found = _oscillates(context, late)
     found |= weights_borne(context) > most[PRESSED.name]
-    found |= stuck_share(context) >= _MOSTLY
+    found |= stuck_share(context) >= _MIN_SATURATED_SHARE
     within = most[TOLERANCE.name]
     found |= (constraint_loss(context) > within) & (stuck_share(context) == 0)
     found |= constraint_gain(context) > within
@@ -72,14 +82,14 @@ def suspects(context: Context) -> NDArray[np.bool_]:
     found |= constraint_violation(context) > within
     if ranges is not None and ranges.shape[1]:
         constant = (ranges[..., 0] == ranges[..., 1]).all(axis=1)
-        found |= constant & (np.sqrt((late**2).mean(axis=(1, 2))) > _MOVING)
+        found |= constant & (np.sqrt((late**2).mean(axis=(1, 2))) > _MIN_MOVING_SPEED)
     changes = (np.diff(trace.contacts[:, : trace.steps // 2]) != 0).sum(axis=1)
-    rattles = changes > _RATTLES * trace.steps / 2
+    rattles = changes > _MIN_RATTLE_SHARE * trace.steps / 2
     squares = squared_speeds(context)
     early = squares[..., : 1 + trace.steps // 10]
     first, fastest = (np.sqrt(speeds.max(axis=2)) for speeds in (early, squares))
     for body, rested in zip(context.setup.free_bodies, first < 0.01 * fastest, strict=True):
-        # What falls or rolls from the start was not at rest.
+        # A body that falls or rolls from the start was not at rest.
         far = np.sqrt(squared_lengths(context.displacement(body))) > context.setup.size
         found |= (rested | rattles) & far & (trace.contacts[:, :1] > 0).any(axis=1)
     return found

@@ -22,13 +22,15 @@ from contactlab.measure.penetration import steady_depths
 from contactlab.measure.stick_slip import IMPACT, Rows, Spans, spans
 from contactlab.mjcf import AT_REST
 
-_IMPACTS = 5
-_WEAKEST = 0.3
-_OFF_CENTRE = 0.1  # Share of a lever arm that may lie across the surface in a central impact
-_CORNERS = 4  # Contacts between two boxes, or a box and the floor, that meet face to face
-_RESTING = 0.9  # Share of the last fifth in which a pair at rest touches
-_TRUNK = 10.0
-_BALL = 2 / 7  # 1 / (1 + 5 / 2): what a hit at a ball's surface has to overcome sideways
+_MAX_IMPACTS = 5
+_MIN_SPEED_RATIO = 0.3
+_MAX_OFF_CENTER = 0.1  # largest share of a lever arm across the surface in a central impact
+_CORNER_CONTACTS = 4  # contacts of two boxes, or a box and the floor, face to face
+_RESTING_SHARE = 0.9  # share of the last fifth in which a pair at rest touches
+_TRUNK_MASS_KG = 10.0
+_BALL_INERTIA_SHARE = (
+    2 / 7
+)  # 1 / (1 + 5 / 2): relative sideways inertia of a hit at a ball's surface
 
 
 @metric("1", resolution=1e-6, version=2)
@@ -42,47 +44,47 @@ def restitution_measured(context: Context) -> Floats:
     runs = context.trace.runs
     total, count = np.zeros(runs), np.zeros(runs)
     for barrier in context.setup.barriers:
-        run, ratio = _bounces(context, barrier)
+        run, ratio = _find_bounces(context, barrier)
         total += np.bincount(run, weights=ratio, minlength=runs)
         count += np.bincount(run, minlength=runs)
     return np.where(count > 0, total / np.where(count > 0, count, 1), np.nan)
 
 
-def _bounces(context: Context, barrier: Barrier) -> tuple[Rows, Floats]:
+def _find_bounces(context: Context, barrier: Barrier) -> tuple[Rows, Floats]:
     """Return run and restitution of the impacts that count, in order of run and time."""
     touches, rank = _first_touches(context, barrier)
     if not rank.size:
         return rank, np.empty(0)
-    approach, rebound = _speeds(context, barrier, touches)
+    approach, rebound = _touch_speeds(context, barrier, touches)
     first = np.zeros(context.trace.runs)
     first[touches.run[rank == 0]] = np.nan_to_num(approach[rank == 0])
     counts = (approach >= IMPACT * context.setup.pull[touches.run]) & (
-        approach >= _WEAKEST * first[touches.run]
+        approach >= _MIN_SPEED_RATIO * first[touches.run]
     )
-    counts &= np.isfinite(rebound) & _central(context, barrier, touches)
+    counts &= np.isfinite(rebound) & _is_central(context, barrier, touches)
     return touches.run[counts], rebound[counts] / approach[counts]
 
 
 def _first_touches(context: Context, barrier: Barrier) -> tuple[Spans, Rows]:
-    """Return each run's first contacts that have a flight before and after, and their number."""
+    """Return each run's first contacts with a flight before and after, and their number."""
     found = spans(context.net.series.contacts[context.pairs.rows[barrier.pair]] > 0)
     whole = (found.start > 0) & (found.stop < context.trace.steps)
     run = found.run[whole]
     rank = np.arange(len(run)) - np.searchsorted(run, run)
-    few = rank < _IMPACTS
+    few = rank < _MAX_IMPACTS
     starts, stops = found.start[whole][few], found.stop[whole][few]
     return Spans(run[few], starts, stops), rank[few]
 
 
-def _speeds(context: Context, barrier: Barrier, touches: Spans) -> tuple[Floats, Floats]:
-    """Return the speeds [m/s] at touch before and after each contact, NaN where it is no bounce.
+def _touch_speeds(context: Context, barrier: Barrier, touches: Spans) -> tuple[Floats, Floats]:
+    """Return the speeds [m/s] at touch before and after each contact, NaN if it is not a bounce.
 
-    Carried from free flight to the height of touch: ``v^2 + 2 g s`` is constant, with s the gap. Of
-    a speculative contact that height is unknown, and the speed is that of the sample.
+    Extrapolated from free flight to the height of touch: ``v^2 + 2 g s`` is constant, with s the
+    gap. For a speculative contact that height is unknown, and the speed is that of the sample.
     """
     speculative = context.setup.speculative
     known = 1.0 if speculative is None else ~speculative[touches.run]
-    side = np.sign(_height(context, barrier, np.arange(context.trace.runs), 0))[touches.run]
+    side = np.sign(_height_above(context, barrier, np.arange(context.trace.runs), 0))[touches.run]
     normal = side[:, None] * barrier.normal
     distance = context.net.series.distance[context.pairs.rows[barrier.pair]]
     fall = -(context.setup.gravity[touches.run] * normal).sum(axis=1)
@@ -92,8 +94,8 @@ def _speeds(context: Context, barrier: Barrier, touches: Spans) -> tuple[Floats,
         dof = barrier.body.dof
         away = (context.trace.qvel[*where, dof : dof + 3] * normal).sum(axis=1)
         depth = distance[touches.run, touching]
-        at_touch = side * _height(context, barrier, touches.run, touching) - depth
-        gap = side * _height(context, barrier, *where) - at_touch
+        at_touch = side * _height_above(context, barrier, touches.run, touching) - depth
+        gap = side * _height_above(context, barrier, *where) - at_touch
         square = np.maximum(away**2 + 2 * fall * gap * known, 0)
         return np.where(away * direction > 0, np.sqrt(square), np.nan)
 
@@ -101,7 +103,7 @@ def _speeds(context: Context, barrier: Barrier, touches: Spans) -> tuple[Floats,
     return before, speed(touches.stop, touches.stop - 1, 1)
 
 
-def _central(context: Context, barrier: Barrier, touches: Spans) -> NDArray[np.bool_]:
+def _is_central(context: Context, barrier: Barrier, touches: Spans) -> NDArray[np.bool_]:
     """Return whether the line of the first force of each contact passes near the body's origin."""
     slots = context.trace.pairs[barrier.pair].slots[touches.run, touches.start]
     start = barrier.body.qpos
@@ -112,10 +114,10 @@ def _central(context: Context, barrier: Barrier, touches: Spans) -> NDArray[np.b
     weights = slots[..., FORCE.start, None] + np.finfo(float).tiny * (slots[..., FOUND, None] > 0)
     arm = sum_of_slots(arms * weights, axis=1)
     across = arm - (arm @ barrier.normal)[:, None] * barrier.normal
-    return np.linalg.norm(across, axis=1) <= _OFF_CENTRE * np.linalg.norm(arm, axis=1)
+    return np.linalg.norm(across, axis=1) <= _MAX_OFF_CENTER * np.linalg.norm(arm, axis=1)
 
 
-def _height(context: Context, barrier: Barrier, run: Rows, step: Rows | int) -> Floats:
+def _height_above(context: Context, barrier: Barrier, run: Rows, step: Rows | int) -> Floats:
     """Return signed heights [m] of the body's origin above the barrier's mid-plane."""
     start = barrier.body.qpos
     return (context.trace.qpos[run, step, start : start + 3] - barrier.point) @ barrier.normal
@@ -123,7 +125,7 @@ def _height(context: Context, barrier: Barrier, run: Rows, step: Rows | int) -> 
 
 @metric("1", "lower", 1e-9, requires="depth")
 def at_rest_error(context: Context) -> Floats:
-    """Share by which resting pairs miss the `stiffness` or `depth_at_rest` that is asked for.
+    """Relative error of the requested `stiffness` or `depth_at_rest` of resting pairs.
 
     In the last fifth of the run: load over depth of all contacts of a pair, or their mean depth,
     from where force begins; worst of the pairs that touch in 90 % of it.
@@ -133,7 +135,7 @@ def at_rest_error(context: Context) -> Floats:
     for pair in context.trace.pairs if asked else ():
         begin = context.setting("margin")[:, None, None]
         slots = pair.slots[:, tail]
-        rests = (slots[..., FOUND] > 0).any(axis=2).mean(axis=1) >= _RESTING
+        rests = (slots[..., FOUND] > 0).any(axis=2).mean(axis=1) >= _RESTING_SHARE
         depth = _mean_of_contacts(pair, tail, begin - slots[..., DISTANCE])
         found = {
             "stiffness": _mean_of_contacts(pair, tail, slots[..., FORCE.start]) / depth,
@@ -153,8 +155,9 @@ def restitution_of_solref(context: Context) -> Floats:
 def restitution(context: Context) -> tuple[Floats, Floats]:
     """Restitution e = exp(-2 zeta acos(zeta) / sqrt(1 - zeta^2)), zeta the damping ratio of solref.
 
-    The oscillator of MuJoCo's contact with constant impedance, whose force only pushes; for impacts
-    fast beside g / w and w timestep <= 0.1, w its rate. Measured: restitution_measured.
+    The oscillator of MuJoCo's contact with constant impedance and a force that only pushes; for
+    impacts fast compared with g / w and w timestep <= 0.1, w its rate. Measured:
+    restitution_measured.
     """
     return restitution_of_solref(context), restitution_measured(context)
 
@@ -164,7 +167,7 @@ def pair_restitution(context: Context) -> tuple[Floats, Floats]:
     """Restitution of two free bodies, e = exp(-2 zeta acos(zeta) / sqrt(1 - zeta^2)).
 
     zeta is the damping ratio of solref, a rate, for bodies of any mass. Measured: relative velocity
-    of the first two free bodies in the last state over that in the first, along the centres.
+    of the first two free bodies in the last state over that in the first, along the centers.
     """
     one, other = (context.velocity(body) for body in context.setup.free_bodies[:2])
     approach, parting = (one[:, state] - other[:, state] for state in (0, -1))
@@ -176,9 +179,10 @@ def pair_restitution(context: Context) -> tuple[Floats, Floats]:
 def impact_depth(context: Context) -> tuple[Floats, Floats]:
     """Depth of an impact, (v / w) exp(-zeta acos(zeta) / sqrt(1 - zeta^2)).
 
-    Where an oscillator of rate w and damping ratio zeta hit at speed v, fast beside g / w, turns
-    back: 0.368 v tc at critical damping. Not defined for speculative contacts. Measured: the
-    largest penetration of any pair. Both are over the distance that the body moves in a step.
+    The turning point of an oscillator of rate w and damping ratio zeta hit at speed v, fast
+    compared with g / w: 0.368 v tc at critical damping. Not defined for speculative contacts.
+    Measured: the largest penetration of any pair. Both are over the distance that the body moves in
+    a step.
     """
     solref, speed = context.setting("solref"), context.setting("speed")
     rate = np.sqrt(stiffness_damping(solref)[0])
@@ -192,19 +196,19 @@ def impact_depth(context: Context) -> tuple[Floats, Floats]:
 
 @oracle("m/s", ("solref", "solimp", "overlap"), relative=True)
 def separation_speed(context: Context) -> tuple[Floats, Floats]:
-    """Speed v = w r exp(-zeta acos(zeta) / sqrt(1 - zeta^2)) at which overlapping bodies part.
+    """Speed v = w r exp(-zeta acos(zeta) / sqrt(1 - zeta^2)) at which overlapping bodies separate.
 
     The contact's oscillator, of rate w and damping ratio zeta, from overlap r at rest; K and B of N
-    equal contacts are N / (1 + (N - 1) d) times one's, for constant impedance d without friction or
-    gravity. Measured: relative speed of the first two free bodies in the last state.
+    equal contacts are N / (1 + (N - 1) d) times those of one, for constant impedance d without
+    friction or gravity. Measured: relative speed of the first two free bodies in the last state.
     """
     solref = context.setting("solref")
     stiffness, _ = stiffness_damping(solref)
-    # Each of N contacts is regularised for itself: together they reach d N / (1 + (N - 1) d).
+    # Each of N contacts is regularized separately: together they reach d N / (1 + (N - 1) d).
     contacts, impedance = context.trace.pairs[0].found[:, 0], context.setting("solimp")[:, 1]
     shared = contacts / (1 + (contacts - 1) * impedance)
-    kept = np.sqrt(restitution_of(damping_ratio(solref) * np.sqrt(shared)))
-    speed = np.sqrt(stiffness * shared) * context.setting("overlap") * kept
+    restitution_root = np.sqrt(restitution_of(damping_ratio(solref) * np.sqrt(shared)))
+    speed = np.sqrt(stiffness * shared) * context.setting("overlap") * restitution_root
     one, other = (context.velocity(body)[:, -1] for body in context.setup.free_bodies[:2])
     return speed, np.linalg.norm(other - one, axis=1)
 
@@ -229,14 +233,14 @@ def oblique_impact(context: Context) -> tuple[Floats, Floats]:
 
 @oracle("1", ("friction", "solref", "cut"), relative=False)
 def throw(context: Context) -> tuple[Floats, Floats]:
-    """Tangent of the angle by which friction throws a ball off the line of centres.
+    """Tangent of the angle by which friction throws a ball off the line of centers.
 
-    mu while two equal solid balls slide on each other, and 2/7 tan(cut) / (1 + e) if friction
-    stops that, whichever is less (Coulomb's law for impulses). Measured: velocity of the second
-    free body, which was at rest, in the last state; line of centres at first touch.
+    mu while two equal solid balls slide on each other, and 2/7 tan(cut) / (1 + e) if friction stops
+    that, whichever is less (Coulomb's law for impulses). Measured: velocity of the second free
+    body, which was at rest, in the last state; line of centers at first touch.
     """
     kept = restitution_of_solref(context)
-    stick = _BALL * np.tan(np.radians(context.setting("cut"))) / (1 + kept)
+    stick = _BALL_INERTIA_SHARE * np.tan(np.radians(context.setting("cut"))) / (1 + kept)
     pair = context.trace.pairs[0]
     first = pair.touching[:, :, 0].argmax(axis=1)
     line = pair.slots[np.arange(len(first)), first, 0, NORMAL]
@@ -248,9 +252,9 @@ def throw(context: Context) -> tuple[Floats, Floats]:
 
 @oracle("deg", ("angle",), relative=False)
 def swing_transfer(context: Context) -> tuple[Floats, Floats]:
-    """Angle to which the last pendulum of a cradle swings: that from which the first came.
+    """Angle to which the last pendulum of a cradle swings: the start angle of the first.
 
-    Equal balls hand on all momentum and energy. Measured: the last hinge's angle where it first
+    Equal balls transfer all momentum and energy. Measured: the last hinge's angle at which it first
     comes to rest after it has left by over a degree.
     """
     swing = -context.trace.qpos[:, :, -1]
@@ -291,9 +295,9 @@ def stack_sag(context: Context) -> tuple[Floats, Floats]:
     inverse = 1 / mass
     inverse[:, 1:] += 1 / mass[:, :-1]
     solref, solimp = context.setting("solref"), context.setting("solimp")
-    depths = resting_depth(carried / _CORNERS, inverse, solref[:, None], solimp[:, None])
+    depths = resting_depth(carried / _CORNER_CONTACTS, inverse, solref[:, None], solimp[:, None])
     layers = [_mean_depth(pair, context.last_fifth) for pair in context.trace.pairs]
-    # One by one: of a single run NumPy adds them in another order.
+    # Add one by one: for a single run NumPy would add them in another order.
     return depths.sum(axis=1), sum(layers, np.zeros(context.trace.runs))
 
 
@@ -306,11 +310,11 @@ def foot_depth(context: Context) -> tuple[Floats, Floats]:
     lengthened to two timesteps, and solimp. Measured: the metric penetration_steady.
     """
     foot = context.setting("mass")
-    robot = foot + _TRUNK
+    robot = foot + _TRUNK_MASS_KG
     # Along the leg the foot moves alone, across it with the trunk.
     inverse = (1 / foot + 2 / robot) / 3
     solref, solimp = context.setting("solref"), context.setting("solimp")
-    expected = resting_depth(robot * gravity(context) / _CORNERS, inverse, solref, solimp)
+    expected = resting_depth(robot * gravity(context) / _CORNER_CONTACTS, inverse, solref, solimp)
     return expected, steady_depths(context)[0]
 
 
@@ -320,7 +324,7 @@ def _mean_depth(pair: PairTrace, tail: slice) -> Floats:
 
 
 def _mean_of_contacts(pair: PairTrace, tail: slice, values: Floats) -> Floats:
-    """Return (n,) what values (n, T, S) are, averaged over a pair's contacts and then over time."""
+    """Return (n,) values (n, T, S), averaged over a pair's contacts and then over time."""
     total = sum_of_slots(values * (pair.slots[:, tail, :, FOUND] > 0), axis=2)
     touching = np.minimum(pair.slots[:, tail, 0, FOUND], pair.slots.shape[2])
     return (total / np.maximum(touching, 1)).mean(axis=1)

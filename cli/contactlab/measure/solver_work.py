@@ -1,4 +1,4 @@
-"""The solver's work, whether it got done, and whether a second pass finds it consistent."""
+"""The solver's work, its convergence, and its consistency in a second pass."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,15 +10,19 @@ from contactlab.measure.context import Context, cached, count, first_step, runs_
 from contactlab.measure.entries import Found, MeasuredRuns, Onset, Threshold, label, metric
 from contactlab.schema.comparison import MetricRule
 
-_DISTANCE = Threshold(
+_DISTANCE_THRESHOLD = Threshold(
     "distance_error",
     None,
     "m",
-    "On overlap_missed and distance_phantom. Unless set, a hundred times ccd_tolerance, to which "
-    "the model's collisions are exact.",
+    "On overlap_missed and distance_phantom. By default a hundred times ccd_tolerance, the "
+    "accuracy of the model's collisions.",
 )
-_EXACT = 100  # How many times coarser than collisions are what is wrong of them is
-_SUSTAINED = 0.99  # Quantile of the residual in contact: a single hard step is no failure
+_DISTANCE_ERROR_FACTOR = (
+    100  # ratio of the smallest reported distance error to the accuracy of collisions
+)
+_SUSTAINED_QUANTILE = (
+    0.99  # quantile of the residual in contact: a single hard step is not a failure
+)
 
 
 @metric("1", "lower", kind="work", rule=MetricRule(rel=0.05, abs=0.05))
@@ -41,7 +45,7 @@ def solver_iterations(context: Context) -> Floats:
 
 @metric("1", "lower", kind="work")
 def saturated_share(context: Context) -> Floats:
-    """Share of the steps in which an island used all its iterations, which alone is no failure."""
+    """Share of the steps in which an island used all its iterations; alone not a failure."""
     return share(saturated(context))
 
 
@@ -59,8 +63,8 @@ def contacts_max(context: Context) -> Floats:
 
 @metric("1", "lower", kind="work")
 def contacts_cut(context: Context) -> Floats:
-    """Steps in which a monitored pair had more contacts than slots; the rest went unrecorded."""
-    return count(np.logical_or.reduce(_cut(context))).astype(np.float64)
+    """Steps in which a monitored pair had more contacts than slots; the rest is not recorded."""
+    return count(np.logical_or.reduce(_has_cut_contacts(context))).astype(np.float64)
 
 
 @metric("1", kind="work")
@@ -81,7 +85,7 @@ def ungraded_contacts(context: Context) -> Floats:
 def solver_nonconvergence(runs: MeasuredRuns) -> Found:
     """The solver used all its iterations, and forces and accelerations still differ."""
     context, allowed = runs.context, runs.context.setup.iterations
-    # A hit alone is no failure: an easy problem is solved by the one iteration it is given.
+    # A hit alone is not a failure: one allowed iteration solves an easy problem.
     hit = saturated(context)
     residual = sustained_residual(context, hit)
     for run in runs_where(residual > runs.limits[TOLERANCE.name]):
@@ -100,54 +104,54 @@ def solver_nonconvergence(runs: MeasuredRuns) -> Found:
     advice="more `slots` of the pair in the scene",
 )
 def unrecorded_contacts(runs: MeasuredRuns) -> Found:
-    """A pair had more contacts than slots; what is measured is of the recorded ones alone."""
+    """A pair had more contacts than slots; measurements use the recorded ones only."""
     context = runs.context
-    for row, run in np.argwhere(_cut(context).any(axis=2)).tolist():
-        place, cut = context.pairs.places[row], _cut(context)[row, run]
+    for row, run in np.argwhere(_has_cut_contacts(context).any(axis=2)).tolist():
+        place, cut = context.pairs.places[row], _has_cut_contacts(context)[row, run]
         name, slots = context.pairs.names[place], context.setup.slots[place]
         most = int(context.net.found[row, run].max())
-        had = f"{name} had up to {most} contacts, of which {slots} were recorded"
+        had = f"{name} had up to {most} contacts, but only {slots} were recorded"
         reason = f"{had}, in {cut.sum()} steps; give the pair more `slots`"
         yield run, Onset(reason, first_step(cut))
 
 
 @cached
 def saturated(context: Context) -> NDArray[np.bool_]:
-    """Return (n, N) whether the solver used all the iterations that it may."""
+    """Return (n, N) whether the solver used all allowed iterations."""
     return context.trace.iterations_most >= context.setup.iterations[:, None]
 
 
 @cached
-def _constrained(context: Context) -> NDArray[np.bool_]:
-    """Return (n, N) where there are contacts, or constraints that the solver had work with."""
+def _has_constraints(context: Context) -> NDArray[np.bool_]:
+    """Return (n, N) whether there are contacts, or other constraints that the solver worked on."""
     return (context.trace.contacts > 0) | (context.trace.iterations > 0)
 
 
 def stuck_share(context: Context) -> Floats:
     """Return (n,) the share of the steps with constraints in which all iterations were used."""
-    constrained = _constrained(context)
+    constrained = _has_constraints(context)
     return count(saturated(context) & constrained) / count(constrained)
 
 
 def sustained_residual(context: Context, where: NDArray[np.bool_]) -> Floats:
-    """Return (n,) what is sustained in all steps with constraints of the residual in some; else 0.
+    """Return (n,) the sustained residual over all constrained steps; it is 0 outside of `where`.
 
-    Of few steps by themselves, it would be that of a single one.
+    A quantile over few chosen steps alone would be the residual of a single step.
     """
     if context.checks is None:
         return context.undefined()
-    chosen, constrained = np.where(where, context.checks.residual, 0.0), _constrained(context)
+    chosen, constrained = np.where(where, context.checks.residual, 0.0), _has_constraints(context)
     return np.array(
         [
-            np.quantile(residual[mask], _SUSTAINED) if mask.any() else 0.0
+            np.quantile(residual[mask], _SUSTAINED_QUANTILE) if mask.any() else 0.0
             for residual, mask in zip(chosen, constrained, strict=True)
         ]
     )
 
 
 @cached
-def _cut(context: Context) -> NDArray[np.bool_]:
-    """Return (R, n, N) where pairs had more contacts than slots."""
+def _has_cut_contacts(context: Context) -> NDArray[np.bool_]:
+    """Return (R, n, N) whether pairs had more contacts than slots."""
     return context.net.found > context.setup.slots[context.pairs.places, None, None]
 
 
@@ -157,7 +161,7 @@ def solver_residual(context: Context) -> Floats:
 
     By the flag fwdinv, in constraint space; 99th percentile of the steps with constraints. Not
     defined with noslip, which changes forces after the solver. The largest force counts as at least
-    what accelerates the model by a thousandth of gravity.
+    the force that accelerates the model by a thousandth of gravity.
     """
     return sustained_residual(context, np.ones(context.trace.contacts.shape, dtype=np.bool_))
 
@@ -176,7 +180,7 @@ def overlap_missed(context: Context) -> Floats:
 
 @metric("m", "lower", 1e-9, kind="check")
 def distance_phantom(context: Context) -> Floats:
-    """Largest distance beyond what a contact reports at sampled states (mj_geomDistance).
+    """Largest distance beyond that reported by a contact at sampled states (mj_geomDistance).
 
     Not defined for speculative contacts.
     """
@@ -185,7 +189,7 @@ def distance_phantom(context: Context) -> Floats:
 
 @metric("1", "higher", kind="check")
 def repeats(context: Context) -> Floats:
-    """1 if a second rollout gives every state again, bit for bit, else 0."""
+    """1 if a second rollout reproduces every state bit for bit, otherwise 0."""
     checks = context.checks
     return context.undefined() if checks is None else checks.repeats.astype(np.float64)
 
@@ -201,7 +205,7 @@ def repeats(context: Context) -> Floats:
 def solver_inconsistent(runs: MeasuredRuns) -> Found:
     """The solver stopped early and wrong or left the cone, or a sparse Jacobian or run differs.
 
-    That it stopped early counts in runs alone that are not known to be the motion of their model.
+    An early stop counts only in runs that are not known to be the motion of their model.
     """
     context, checks = runs.context, runs.context.checks
     for run, excess, limit in runs.over("cone_violation", TOLERANCE.name):
@@ -211,7 +215,7 @@ def solver_inconsistent(runs: MeasuredRuns) -> Found:
     early = ~saturated(context)
     residual, limit = sustained_residual(context, early), runs.limits[TOLERANCE.name]
     resolved = resolved_runs(context)
-    # Of a solver that was content, a few wrong forces may be worth nothing to the motion.
+    # If the solver converged, a few wrong forces may not matter for the motion.
     known = np.zeros(len(residual), dtype=np.bool_) if resolved is None else resolved
     for run in runs_where((residual > limit) & ~known):
         differ = f"forces and accelerations differ by {residual[run]:.2g} of the largest force"
@@ -228,7 +232,7 @@ def solver_inconsistent(runs: MeasuredRuns) -> Found:
 @label(
     "bad",
     rank=6,
-    thresholds=(_DISTANCE,),
+    thresholds=(_DISTANCE_THRESHOLD,),
     letter="M",
     colour="#4210a9",
     advice="contype, conaffinity and exclude: let the pair collide; multiccd for meshes",
@@ -237,27 +241,31 @@ def solver_inconsistent(runs: MeasuredRuns) -> Found:
 def missed_contact(runs: MeasuredRuns) -> Found:
     """A monitored pair overlaps without a contact."""
     if checks := runs.context.checks:
-        yield from _misjudged(runs, checks.overlap, "a pair overlaps without any contact")
+        yield from _find_distance_errors(
+            runs, checks.overlap, "a pair overlaps without any contact"
+        )
 
 
 @label(
     "bad",
     rank=4,
-    thresholds=(_DISTANCE,),
+    thresholds=(_DISTANCE_THRESHOLD,),
     letter="H",
     colour="#867efa",
-    advice="margin 0, or a convex shape that is nearer to what is seen",
+    advice="margin 0, or a convex shape that is closer to the visible shape",
 )
 def phantom_contact(runs: MeasuredRuns) -> Found:
     """A contact is reported between separated bodies."""
     if checks := runs.context.checks:
-        yield from _misjudged(runs, checks.apart, "a contact is deeper than its bodies")
+        yield from _find_distance_errors(runs, checks.apart, "a contact is deeper than its bodies")
 
 
-def _misjudged(runs: MeasuredRuns, amounts: Floats, what: str) -> Found:
-    limit = runs.limits.get(_DISTANCE.name, _EXACT * runs.context.setup.exact)
+def _find_distance_errors(runs: MeasuredRuns, amounts: Floats, fault: str) -> Found:
+    limit = runs.limits.get(
+        _DISTANCE_THRESHOLD.name, _DISTANCE_ERROR_FACTOR * runs.context.setup.exact
+    )
     checks = runs.context.checks
     for run in runs_where(amounts.max(axis=1) > limit):
         first = first_step(amounts[run] > limit)
-        reason = f"{what}, by {amounts[run].max():.3g} m (limit {limit:g} m)"
+        reason = f"{fault}, by {amounts[run].max():.3g} m (limit {limit:g} m)"
         yield run, Onset(reason, int(checks.geometry_steps[first]) if checks else 0)

@@ -1,16 +1,16 @@
-"""Stick or slide: what a pair does over time, from its net force and slip.
+"""Stick or slide: the mode of a pair over time, from its net force and slip.
 
-The rule, with hysteresis, for samples that bear force:
+The rule, with hysteresis, for samples that carry force:
 
 * slide from the sample where the friction bound is in full use (usage >= .999) and the pair slips
-  as fast as gravity makes what falls for 0.5 ms, 4.9 mm/s on Earth, or faster; stick from the
-  sample where usage is below .98 or slip below half of that; between the two nothing changes. For
-  entering, usage is that of the net force, since single contacts of a body at rest may be at their
-  bound; for leaving, it is that of the contacts one by one, since those of a body that turns as it
+  at least as fast as after a free fall of 0.5 ms, 4.9 mm/s on Earth; stick from the sample where
+  usage is below .98 or slip below half of that; between the two nothing changes. For entering,
+  usage is that of the net force, because single contacts of a body at rest may be at their bound;
+  for leaving, it is that of the contacts one by one, because those of a body that turns as it
   slides pull in different directions;
 * a contact that begins, or begins again after more than 100 ms, sticks unless it meets the rule
   for sliding;
-* a gap between contacts of up to 100 ms holds the last mode: sliding bodies hop by micrometres,
+* a gap between contacts of up to 100 ms holds the last mode: sliding bodies hop by micrometers,
   and touch in half of the steps only. Longer gaps, and the time before the first contact, are
   NO_CONTACT throughout. A gap that the end of the run cuts off counts by its length so far.
 """
@@ -23,21 +23,21 @@ from numpy.typing import NDArray
 from contactlab.contact.trace_arrays import NO_CONTACT, SLIDE, STICK, Floats
 
 ENTER_USAGE, LEAVE_USAGE = 0.999, 0.98
-ENTER_SLIP, LEAVE_SLIP = 5e-4, 2.5e-4  # Times in which gravity gives as much speed [s]
+ENTER_SLIP, LEAVE_SLIP = 5e-4, 2.5e-4  # slip speeds over gravity: times of a free fall [s]
 IMPACT = 10 * ENTER_SLIP
-"""Time in which gravity gives the least speed of an impact [s]; hops of what rests are slower."""
-HELD_USAGE = 0.9  # Share of the friction bound below which a sticking pair holds
-LONGEST_GAP = 0.1  # Longest gap between contacts [s] that holds the mode
+"""Fall time that gives the least speed of an impact [s]; hops of resting bodies are slower."""
+HELD_USAGE = 0.9  # share of the friction bound below which a sticking pair holds
+LONGEST_GAP = 0.1  # longest gap between contacts [s] that holds the mode
 Modes = NDArray[np.int8]
 Rows = NDArray[np.intp]
 
-_NOTHING = 0
-_PARTED = 3  # stands for NO_CONTACT among the events, where 0 means that nothing happens
+_NO_EVENT = 0
+_SEPARATED = 3  # stands for NO_CONTACT among the events, where 0 means that nothing happens
 
 
 @dataclass(frozen=True)
 class Spans:
-    """Stretches of steps [start, stop) in which something holds, in order of run and time."""
+    """Stretches of steps [start, stop) in which a condition holds, in order of run and time."""
 
     run: Rows
     start: Rows
@@ -45,7 +45,7 @@ class Spans:
 
 
 def spans(mask: NDArray[np.bool_]) -> Spans:
-    """Return the stretches in which `mask` (n, N) holds."""
+    """Return the stretches of true steps in `mask` (n, N)."""
     runs, steps = mask.shape
     padded = np.zeros((runs, steps + 2), dtype=np.bool_)
     padded[:, 1:-1] = mask
@@ -60,8 +60,8 @@ def modes(
     """Return the modes (..., n, N) of pairs by the rule of this module.
 
     (..., n, N) each: whether they carry a normal force, the share of the friction bound that the
-    net force uses and that the contacts use by themselves, and slip over gravity [s]; and timesteps
-    (n,) [s].
+    net force uses and that the single contacts use, and slip over gravity [s]; and timesteps (n,)
+    [s].
     """
     *shape, steps = bearing.shape
     longest = np.broadcast_to(np.floor(LONGEST_GAP / timestep + 1e-6), shape).ravel()
@@ -69,42 +69,41 @@ def modes(
     leave = ((grip < LEAVE_USAGE) | (slip < LEAVE_SLIP)) & bearing
     events = (enter * np.int8(SLIDE) + leave * np.int8(STICK)).reshape(len(longest), steps)
     _mark_long_gaps(events, bearing.reshape(events.shape), longest)
-    return _hold_last(events).reshape(bearing.shape)
+    return _hold_last_event(events).reshape(bearing.shape)
 
 
 def _mark_long_gaps(events: Modes, bearing: NDArray[np.bool_], longest: Floats) -> None:
-    """Set events where nothing has touched for too long, and where contact begins again."""
+    """Set events at the start of long gaps, and where contact begins again."""
     steps = bearing.shape[1]
     gaps = spans(~bearing)
     long = (gaps.start == 0) | (gaps.stop - gaps.start > longest[gaps.run])
-    events[gaps.run[long], gaps.start[long]] = _PARTED
+    events[gaps.run[long], gaps.start[long]] = _SEPARATED
     again = long & (gaps.stop < steps)
-    _begin(events, gaps.run[again], gaps.stop[again])
+    _begin_contact(events, gaps.run[again], gaps.stop[again])
     if steps:
         first = np.flatnonzero(bearing[:, 0])
-        _begin(events, first, np.zeros_like(first))
+        _begin_contact(events, first, np.zeros_like(first))
 
 
-def _begin(events: Modes, run: Rows, step: Rows) -> None:
+def _begin_contact(events: Modes, run: Rows, step: Rows) -> None:
     events[run, step] = np.where(events[run, step] == SLIDE, SLIDE, STICK)
 
 
-def _hold_last(events: Modes) -> Modes:
+def _hold_last_event(events: Modes) -> Modes:
     """Return at each sample the last event at or before it."""
     step = np.arange(1, events.shape[1] + 1, dtype=np.int32) * 4
-    dated = np.where(events == _NOTHING, 0, step + events)
+    dated = np.where(events == _NO_EVENT, 0, step + events)
     held = (np.maximum.accumulate(dated, axis=1) & 3).astype(np.int8)
-    held[held == _PARTED] = NO_CONTACT
+    held[held == _SEPARATED] = NO_CONTACT
     return held
 
 
 def changes(mode: Modes, normal: Floats, usage: Floats) -> NDArray[np.bool_]:
-    """Return (n, N - 1) where a pair changes between stick and slide at the next sample.
+    """Return (n, N - 1) whether a pair changes between stick and slide at the next sample.
 
-    (n, N) each: its mode, normal force, and share of the friction bound in use.
-
-    Sticking that never uses less than 0.9 of the friction bound is part of the slides beside it:
-    a slow slide, whose speed wavers about the least that counts as sliding, does not stick.
+    (n, N) each: its mode, normal force, and share of the friction bound in use. Sticking that never
+    uses less than 0.9 of the friction bound belongs to the neighboring slides: a slow slide with a
+    speed near the least that counts as sliding does not stick.
     """
     stick = spans(mode == STICK)
     held = (normal > 0) & (usage < HELD_USAGE)

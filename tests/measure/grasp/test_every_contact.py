@@ -73,4 +73,4 @@ def test_what_does_not_fit_is_labelled(tmp_path: Path) -> None:
     row = swept(tmp_path, "./mug_drop")
     assert row["label"] == "contacts_cut"
     assert row["contacts_cut"] > 0
-    assert "floor-mug had up to 52 contacts, of which 20 were recorded" in row["label_reason"]
+    assert "floor-mug had up to 52 contacts, but only 20 were recorded" in row["label_reason"]
