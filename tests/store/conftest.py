@@ -270,7 +270,7 @@ def bucket(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> s
     def in_memory(bucket: str, *, prefix: str, **_: object) -> MemoryStore:
         return stores.setdefault((bucket, prefix), MemoryStore())
 
-    monkeypatch.setitem(client._STORES, "s3", in_memory)  # pyright: ignore[reportPrivateUsage]
+    monkeypatch.setitem(client._STORE_CLASSES, "s3", in_memory)  # pyright: ignore[reportPrivateUsage]
     for name in ("AWS_ENDPOINT_URL", "AWS_EC2_METADATA_DISABLED"):
         monkeypatch.delenv(name, raising=False)
     # What a process fetched of a store, it knows by the store's address.

@@ -73,7 +73,7 @@ def test_nothing_else_is_replaced(store: Path, tmp_path: Path) -> None:
     strange = tmp_path / "strange"
     strange.mkdir()
     (strange / "thesis.tex").write_text("")
-    with pytest.raises(OutputError, match="is no baseline, so it is not replaced"):
+    with pytest.raises(OutputError, match="is not a baseline, so it is not replaced"):
         write_baseline(store, strange)
     assert files(strange) == {"thesis.tex"}
 
@@ -94,7 +94,9 @@ def test_a_baseline_has_the_digest_of_its_stores_records(store: Path, tmp_path: 
 
 def test_only_the_pinned_baseline_is_replaced(store: Path, tmp_path: Path) -> None:
     digest = write_baseline(store, tmp_path / "baseline").digest
-    with pytest.raises(OutputError, match=f"has the digest {digest}, not 0+; it is not replaced"):
+    with pytest.raises(
+        OutputError, match=f"has the digest {digest}, not 0+, so it is not replaced"
+    ):
         write_baseline(store, tmp_path / "baseline", "0" * 64)
     assert write_baseline(store, tmp_path / "baseline", digest).digest == digest
 

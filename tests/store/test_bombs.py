@@ -50,8 +50,8 @@ def test_a_table_has_no_more_rows_than_the_manifest_says(
 
 
 def test_a_row_is_of_bounded_size(store: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(runs_table, "_MOST_TABLE", 1 << 20)
-    monkeypatch.setattr(runs_table, "_MOST_ROW", 1 << 10)
+    monkeypatch.setattr(runs_table, "_MAX_TABLE_BYTES", 1 << 20)
+    monkeypatch.setattr(runs_table, "_MAX_ROW_BYTES", 1 << 10)
     path = store / "runs.parquet"
     table = pq.read_table(path)
     reasons = pa.array([["x" * (500 << 10)]] * 3)
@@ -60,7 +60,7 @@ def test_a_row_is_of_bounded_size(store: Path, monkeypatch: pytest.MonkeyPatch) 
     pq.write_table(changed, path, compression="zstd", use_dictionary=False)
     assert path.stat().st_size < 1 << 17
     redo_hash(store, "runs.parquet")
-    with pytest.raises(StoreError, match="claims to hold 1,5"):
+    with pytest.raises(StoreError, match="its header declares 1,5"):
         Store.open(store)
 
 

@@ -140,7 +140,7 @@ def test_nobody_listens(use: Use, monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.usefixtures("object_server")
 def test_nobody_answers(use: Use, monkeypatch: pytest.MonkeyPatch) -> None:
     """With the patience of a second instead of twelve."""
-    monkeypatch.setattr("contactlab.store.objects.client._SILENCE", timedelta(seconds=1))
+    monkeypatch.setattr("contactlab.store.objects.client._READ_TIMEOUT", timedelta(seconds=1))
     with listening() as port:
         point_to(monkeypatch, port)
         start = time.monotonic()

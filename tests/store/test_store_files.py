@@ -124,7 +124,7 @@ def test_links_out_of_a_store_are_not_followed(store: Path, tmp_path: Path, name
 def test_a_pipe_in_place_of_a_trace_is_named(store: Path) -> None:
     (store / TRACE).unlink()
     os.mkfifo(store / TRACE)
-    with pytest.raises(StoreError, match="no regular file"):
+    with pytest.raises(StoreError, match="not a regular file"):
         Store.open(store).trace("0" * 16)
 
 

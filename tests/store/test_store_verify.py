@@ -102,9 +102,9 @@ def test_runs_that_are_not_all_there(
     path.write_text(json.dumps(manifest))
     assert verify(store) == [
         "manifest.json: 2 runs, but the sweep has 3",
-        "runs.parquet: its runs, in their order, are not those of the plan's hash",
+        "runs.parquet: its runs, in their order, do not match the plan's hash",
         "traces/02/0000000000000002.mcap: belongs to no run",
-        "runs.parquet: its records are not those of the manifest's digest",
+        "runs.parquet: its records do not match the manifest's digest",
     ]
 
 
@@ -114,8 +114,8 @@ def test_a_manifest_of_another_sweep(store: Path) -> None:
     manifest["sweep"]["name"] = "another"
     path.write_text(json.dumps(manifest))
     assert verify(store) == [
-        "sweep.json: names another sweep than manifest.json",
-        "manifest.json: another sweep than runs.parquet",
+        "sweep.json and manifest.json name different sweeps",
+        "manifest.json and runs.parquet differ in sweep",
     ]
 
 
@@ -172,7 +172,7 @@ def test_a_run_has_the_worst_of_its_labels(
     labels = tuple(LabelEntry(label=name, reason="as planted", step=1) for name in names)
     store_of(tmp_path / "store", [record_of(0, label=names[place], labels=labels)])
     where = "runs.parquet: run 0000000000000000: its"
-    wrong = [] if place == 0 else [f"{where} label is not what the rest of it gives"]
+    wrong = [] if place == 0 else [f"{where} label contradicts its other values"]
     assert verify(tmp_path / "store") == wrong
 
 
@@ -222,4 +222,4 @@ def test_a_forged_unit_in_the_list_of_columns(store: Path) -> None:
 
     forge(store, listed)
     where = "runs.parquet: column duration"
-    assert verify(store) == [f"{where} is described otherwise in the file's list of columns"]
+    assert verify(store) == [f"{where} differs from its description in the list of columns"]

@@ -1,1 +1,1 @@
-"""The store: traces in MCAP, one table in Parquet, a manifest written last."""
+"""The store: traces in MCAP, one table in Parquet, and a manifest that is written last."""

@@ -1,4 +1,4 @@
-"""Rows of a store's table, grouped by the axes of their runs, so that a group is resolved once."""
+"""Groups rows of a store's table by the axes of their runs, so that each group is resolved once."""
 
 from collections.abc import Iterator, Sequence
 from functools import cached_property
@@ -16,15 +16,15 @@ from contactlab.store.table_layout import AXES_COLUMN
 
 
 class AlikeRows:
-    """Some rows, of which those with equal axes and durations are a group."""
+    """Some rows, grouped by equal axes and durations."""
 
     def __init__(self, rows: pa.RecordBatch) -> None:
         """Group the rows, which have at least their ids, axes and durations."""
         self._rows = rows
         axes = rows[AXES_COLUMN.name]
-        codes = _codes(compute("binary_join", axes, text_scalar("\n")))
+        codes = _equality_codes(compute("binary_join", axes, text_scalar("\n")))
         for name in ("duration", *{*compute("list_flatten", axes).to_pylist()}):
-            codes = _numbered(codes * (len(rows) + 1) + _codes(rows[name]))
+            codes = _dense_codes(codes * (len(rows) + 1) + _equality_codes(rows[name]))
         _, firsts, group = np.unique(codes, return_index=True, return_inverse=True)
         self._firsts, self._group = firsts, group
 
@@ -59,7 +59,7 @@ class AlikeRows:
         return {name: self.value(name, row) for name in self.value(AXES_COLUMN.name, row)}
 
     def value(self, name: str, row: int) -> Any:  # noqa: ANN401 - of the column's type
-        """Return what a row holds in a column."""
+        """Return the value of a row in a column."""
         return self._rows[name][row].as_py()
 
     def values(self, name: str) -> list[Any]:
@@ -73,23 +73,23 @@ class AlikeRows:
         return self._rows.select([*names]).to_pylist()
 
     def differs(self, name: str) -> NDArray[np.bool_]:
-        """Return (n,) whether a row's entries in a column of structs are not its group's first."""
+        """Return (n,) whether rows differ from their group's first in a column of structs."""
         first, found = number_array(self._firsts[self._group]), np.zeros(len(self._rows), bool)
         for entry in self._rows[name].flatten():
             found |= ~same(entry, compute("take", entry, first))
         return found
 
 
-def _codes(column: pa.Array) -> NDArray[np.int64]:
-    """Return (n,) numbers up to n that are equal where values are, to the bit."""
+def _equality_codes(column: pa.Array) -> NDArray[np.int64]:
+    """Return (n,) numbers up to n that are equal if values are equal to the bit."""
     if pa.types.is_string(column.type):
         encode = pc.DictionaryEncodeOptions("encode")
         indices = compute("dictionary_encode", column, options=encode).indices
         return numpy_array(indices).astype(np.int64)
     values = numpy_array(column)
     bits = values.view(np.int64) if values.dtype.kind == "f" else values
-    return np.where(is_null(column), 0, 1 + _numbered(bits))
+    return np.where(is_null(column), 0, 1 + _dense_codes(bits))
 
 
-def _numbered(codes: NDArray[Any]) -> NDArray[np.int64]:
+def _dense_codes(codes: NDArray[Any]) -> NDArray[np.int64]:
     return np.unique(codes, return_inverse=True)[1].astype(np.int64)

@@ -1,7 +1,7 @@
-"""Numbers that Arrow and NumPy hand to each other, and Arrow's scalars, by the bytes they hold.
+"""Exchanges numbers and scalars between Arrow and NumPy by their bytes.
 
-`pa.array`, `pa.scalar` and `to_numpy` ask whether something of pandas is wanted, and import pandas
-for that wherever it is installed, which takes a third of a second.
+`pa.array`, `pa.scalar` and `to_numpy` check for pandas objects, and for that import pandas wherever
+it is installed, which takes a third of a second.
 """
 
 from typing import Any
@@ -24,14 +24,14 @@ def zero(kind: pa.DataType) -> pa.Scalar:
 
 
 def text_scalar(text: str) -> pa.Scalar:
-    """Return a text as a value of Arrow."""
+    """Return a text as an Arrow scalar."""
     content = text.encode()
     ends = pa.py_buffer(np.array([0, len(content)], np.int32))
     return pa.Array.from_buffers(pa.string(), 1, [None, ends, pa.py_buffer(content)])[0]
 
 
 def numpy_array(column: pa.Array | pa.ChunkedArray) -> NDArray[Any]:
-    """Return the (n,) numbers or booleans of a column; where it is null, anything."""
+    """Return the (n,) numbers or booleans of a column; entries at nulls are arbitrary."""
     if isinstance(column, pa.ChunkedArray):
         kind = _number_type(column.type)
         return np.concatenate([np.empty(0, kind), *map(numpy_array, column.chunks)])

@@ -1,4 +1,4 @@
-"""Files that are replaced as a whole or not at all."""
+"""Replaces files as a whole or not at all."""
 
 import ctypes
 import errno
@@ -16,17 +16,17 @@ from contactlab.errors import OutputError
 
 TEMPORARY_SUFFIX = ".tmp"
 _TEMPORARY = re.compile(r"(\.[0-9a-f]{8})?\.tmp$")
-_COMMIT_INTERVAL = 0.5  # pause between two syncs [s]; with the sync itself, well within a second
-_AT_CWD, _RENAME_EXCHANGE = -100, 2  # of renameat2(2), from linux/fcntl.h and linux/fs.h
+_COMMIT_INTERVAL = 0.5  # pause between two syncs [s]; with the sync it is well below a second
+_AT_CURRENT_FOLDER, _RENAME_EXCHANGE = -100, 2  # of renameat2(2), from linux/fcntl.h and linux/fs.h
 _LIBC = ctypes.CDLL(None, use_errno=True)
 
 
 @contextmanager
 def atomic_write(target: Path, *, durable: bool = False) -> Generator[Path]:
-    """Yield a temporary path beside the target, which replaces the target on success.
+    """Yield a temporary path next to the target, which replaces the target on success.
 
-    No other process, nor a link that one left, has its name. Where it is durable, it is synced to
-    the disk. Raises an OutputError if the file cannot be written; nothing is left behind.
+    No other process, and no link left by one, has its name. If `durable`, it is synced to the disk.
+    Raises an OutputError if the file cannot be written; nothing is left behind.
     """
     temporary = target.with_name(_temporary_name(target.name))
     try:
@@ -38,12 +38,12 @@ def atomic_write(target: Path, *, durable: bool = False) -> Generator[Path]:
             if durable:
                 sync_path(target.parent)
     except BaseException:
-        _discard(temporary)
+        _remove_if_possible(temporary)
         raise
 
 
 def write_file(target: str, data: bytes) -> None:
-    """Create or replace a file, as `atomic_write` does, without what paths take for a small one."""
+    """Create or replace a file like `atomic_write`, without the cost of paths for small files."""
     temporary = _temporary_name(target)
     try:
         with write_errors(target):
@@ -53,12 +53,12 @@ def write_file(target: str, data: bytes) -> None:
                     rest = rest[file.write(rest) :]
             os.replace(temporary, target)  # noqa: PTH105 - a path would take as long as the rest
     except BaseException:
-        _discard(Path(temporary))
+        _remove_if_possible(Path(temporary))
         raise
 
 
-def _discard(temporary: Path) -> None:
-    """Remove a file if that is possible: what failed before says why it may not be."""
+def _remove_if_possible(temporary: Path) -> None:
+    """Remove a file if possible; the earlier error explains a failure."""
     with suppress(OSError):
         temporary.unlink()
 
@@ -68,12 +68,12 @@ def _temporary_name(target: str) -> str:
 
 
 def target_name(name: str) -> str:
-    """Return the name of the file that a temporary one was to replace; any other name as it is."""
+    """Return the target name of a temporary file; other names are unchanged."""
     return _TEMPORARY.sub("", name)
 
 
 def write_error(path: object, error: OSError) -> OutputError:
-    """Return the error for a path that cannot be written, with its remedy."""
+    """Return the error for a path that cannot be written, with advice."""
     remedy = "choose another folder with -o"
     if error.errno in {errno.ENOSPC, errno.EDQUOT}:
         remedy = "free some space and run the same command again; it resumes where it stopped"
@@ -85,10 +85,10 @@ def write_error(path: object, error: OSError) -> OutputError:
 
 @contextmanager
 def write_errors(path: object, *, within: bool = False) -> Generator[None]:
-    """Turn errors of the system into one that names a path that cannot be written.
+    """Convert errors of the system into one that names a path that cannot be written.
 
-    `within` a folder, that is the file which the system names. A time limit of whoever called,
-    which Python raises without a number of the system's, passes.
+    With `within`, the path is a folder, and the error names the file that the system names. A time
+    limit of the caller, which Python raises without an error number, passes unchanged.
     """
     try:
         yield
@@ -111,13 +111,15 @@ def hashes_below(folder: Path) -> dict[str, str]:
 
 
 def exchange_folders(new: Path, target: Path) -> None:
-    """Put a folder into the place of another, and that one into its place: in one step on Linux.
+    """Exchange two folders, on Linux in one step.
 
-    Where the system or the file system cannot, the target is `old` beside the new one for a moment.
+    If the system or the file system cannot, the target is `old` next to the new one for a moment.
     """
     rename = getattr(_LIBC, "renameat2", None)
     paths = os.fsencode(new.absolute()), os.fsencode(target.absolute())
-    if rename is None or rename(_AT_CWD, paths[0], _AT_CWD, paths[1], _RENAME_EXCHANGE):
+    if rename is None or rename(
+        _AT_CURRENT_FOLDER, paths[0], _AT_CURRENT_FOLDER, paths[1], _RENAME_EXCHANGE
+    ):
         target.rename(old := new.with_name("old"))
         try:
             new.rename(target)
@@ -130,7 +132,7 @@ def sync_filesystem(folder: Path) -> None:
     """Sync everything written to the folder's file system to disk."""
     handle = os.open(folder, os.O_RDONLY)
     try:
-        # Linux syncs one file system; elsewhere all of them are.
+        # Linux can sync one file system; other systems sync all of them.
         if (syncfs := getattr(_LIBC, "syncfs", None)) is None:
             os.sync()
         elif syncfs(handle):
@@ -141,10 +143,10 @@ def sync_filesystem(folder: Path) -> None:
 
 
 class GroupCommit:
-    """Syncs a file system half a second after the first of many changes, in a thread of its own.
+    """Syncs a file system half a second after the first of many changes, in a separate thread.
 
-    What is written outlives a power cut a second later at most, however fast it is written.
-    Methods raise an OutputError once a change could not be synced.
+    Written data survives a power cut after one second, however fast it is written. Methods raise an
+    OutputError once a change could not be synced.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -153,7 +155,7 @@ class GroupCommit:
         self._failure: OSError | None = None
 
     def changed(self) -> None:
-        """Note that something was written."""
+        """Request a sync after a change."""
         self._raise_failure()
         if self._timer is None:
             self._timer = Timer(_COMMIT_INTERVAL, self._sync)
@@ -161,15 +163,15 @@ class GroupCommit:
             self._timer.start()
 
     def close(self) -> None:
-        """Sync what is not yet."""
+        """Sync all remaining changes."""
         if (timer := self._timer) is not None:
             timer.cancel()
-        # Also where a sync is under way: this returns once all is on the disk.
+        # Even during another sync, this returns only after all data is on the disk.
         self._sync()
         self._raise_failure()
 
     def _sync(self) -> None:
-        # First, so that a change during the sync calls for another one.
+        # Reset first, so that a change during the sync requests another one.
         self._timer = None
         try:
             sync_filesystem(self._folder)

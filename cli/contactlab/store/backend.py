@@ -1,4 +1,4 @@
-"""Operations that a store needs of the place it lies in."""
+"""Operations that a store needs from its location."""
 
 from collections.abc import Collection, Generator, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager
@@ -24,13 +24,13 @@ class WriteSession(Protocol):
         """Remove the whole store, the manifest first and the identity last."""
 
     def begin(self, identity: SweepIdentity) -> None:
-        """Make a new store of the local folder's scene and the identity, which comes last."""
+        """Make a new store from the local folder's scene and the identity, which comes last."""
 
     def fetch_journal(self) -> None:
-        """Have the rows and notes of an unfinished store in the local folder."""
+        """Fetch the rows and notes of an unfinished store into the local folder."""
 
     def replace_journal(self) -> None:
-        """Make the local journal the store's, without the rows that it lacks."""
+        """Make the local journal the store's; rows missing in it are removed."""
 
     def add_lines(self, name: str, lines: Sequence[bytes]) -> None:
         """Store lines that were appended to a local file, in the background."""
@@ -43,11 +43,11 @@ class WriteSession(Protocol):
         ...
 
     def publish(self, manifest: StoreManifest) -> StoreManifest:
-        """Store the table and, last, the manifest; return the manifest that the store now has."""
+        """Store the table and, last, the manifest. Return the manifest in the store."""
         ...
 
     def unpublish(self) -> None:
-        """Make a finished store an unfinished one with the rows of the local journal."""
+        """Make a finished store unfinished, with the rows of the local journal."""
 
     def remove_journal(self) -> None:
         """Remove the rows and notes of a finished store."""
@@ -57,14 +57,14 @@ class WriteSession(Protocol):
 
 
 class Backend(Protocol):
-    """Where a store lies. File names are relative to it, with slashes.
+    """The location of a store. File names are relative to it, with slashes.
 
-    Methods raise the class of error that `backend_at` was given, or OutputError on writing.
+    Methods raise the error class passed to `backend_at`, or OutputError on writing.
     """
 
     @property
     def address(self) -> Address:
-        """Where it is."""
+        """Its address."""
         ...
 
     def top_names(self) -> set[str]:
@@ -72,14 +72,14 @@ class Backend(Protocol):
         ...
 
     def read(self, name: str) -> bytes | None:
-        """Return the content of a file; None if there is none."""
+        """Return the content of a file; None if it does not exist."""
         ...
 
     def put(self, name: str, data: bytes) -> None:
         """Create or replace a file as a whole."""
 
     def delete(self, names: Iterable[str]) -> None:
-        """Delete files; missing ones are no error."""
+        """Delete files; missing ones are ignored."""
 
     def local_copy(self, manifest: bytes, names: Collection[str]) -> Path:
         """Return a local folder with a manifest and its files; it exists until the process ends."""
@@ -90,11 +90,11 @@ class Backend(Protocol):
         ...
 
     def trace_size(self, name: str) -> int | None:
-        """Return the size of a trace [bytes]; None if there is none."""
+        """Return the size of a trace [bytes]; None if it does not exist."""
         ...
 
     def holds_trace(self, name: str, size: int, sha256: str) -> bool:
-        """Return whether there is a trace of this size and content."""
+        """Return whether a trace with this size and content exists."""
         ...
 
     def trace_names(self) -> list[str]:
@@ -110,13 +110,13 @@ class Backend(Protocol):
         ...
 
     def leftovers(self) -> list[str]:
-        """Return the names of what an interrupted write left, sorted."""
+        """Return the names of files left by an interrupted write, sorted."""
         ...
 
     def foreign_names(self) -> list[str]:
-        """Return the names of what does not belong to a store, sorted."""
+        """Return the names of entries that do not belong to a store, sorted."""
         ...
 
     def write_session(self) -> AbstractContextManager[WriteSession]:
-        """Lock the store, until the process ends at the latest."""
+        """Lock the store, at the latest until the process ends."""
         ...

@@ -1,4 +1,4 @@
-"""The tables of controls, forces and poses that drive runs: .csv, .parquet, .npz, .mcap."""
+"""Reads tables of controls, forces and poses that drive runs: .csv, .parquet, .npz, .mcap."""
 
 import csv
 import json
@@ -19,17 +19,17 @@ Columns = dict[str, NDArray[np.float64]]
 def read_control_table(path: Path) -> Columns:
     """Return the columns of a table by name, each (T,).
 
-    A column of vectors, as arrays of .npz files are, becomes `NAME[0]`, `NAME[1]`, ... Raises a
-    SceneError if it cannot be read, or has cells that are no numbers, or columns of two lengths.
+    A column of vectors, such as the arrays of .npz files, becomes `NAME[0]`, `NAME[1]`, ... Raises
+    a SceneError if it cannot be read, or has cells that are not numbers, or columns of two lengths.
     """
     read = _READERS.get(path.suffix.lower())
     if read is None:
         known = ", ".join(_READERS)
-        raise SceneError(f"{path.name} is no table of columns; write a file {known}")
+        raise SceneError(f"{path.name} is not a table of columns; write a file {known}")
     try:
         columns = read(path)
     except Exception as error:
-        # Each format's library raises errors of its own.
+        # Each format's library raises different errors.
         reason = str(error) or type(error).__name__
         raise SceneError(f"cannot read {path}: {reason}") from error
     lengths = {name: len(values) for name, values in columns.items()}
@@ -37,7 +37,7 @@ def read_control_table(path: Path) -> Columns:
         fewest, most = min(lengths, key=lengths.__getitem__), max(lengths, key=lengths.__getitem__)
         raise SceneError(
             f"{path.name}: column `{fewest}` has {lengths[fewest]} rows, but `{most}` has "
-            f"{lengths[most]}; write as many"
+            f"{lengths[most]}; write columns of equal length"
         )
     return columns
 
@@ -53,11 +53,13 @@ def _read_csv(path: Path) -> Columns:
     for number, row in enumerate(rows[1:], 1):
         if len(row) != len(names):
             raise ValueError(f"row {number} has {len(row)} cells, not {len(names)}")
-    return {name: np.array([_number(row[k]) for row in rows[1:]]) for k, name in enumerate(names)}
+    return {
+        name: np.array([_number_or_nan(row[k]) for row in rows[1:]]) for k, name in enumerate(names)
+    }
 
 
-def _number(cell: str) -> float:
-    """Return the number that a cell is, or NaN: words may stand beside what is used."""
+def _number_or_nan(cell: str) -> float:
+    """Return the number in a cell, or NaN: unused columns may contain words."""
     try:
         return float(cell)
     except ValueError:
@@ -70,28 +72,30 @@ def _read_table(path: Path) -> Columns:
     else:
         with pa.ipc.open_file(path) as file:
             table = file.read_all()
-    return _columns(dict(zip(table.column_names, map(_cells, table.columns), strict=True)))
+    return _split_vectors(
+        dict(zip(table.column_names, map(_column_cells, table.columns), strict=True))
+    )
 
 
-def _cells(column: pa.ChunkedArray) -> object:
+def _column_cells(column: pa.ChunkedArray) -> object:
     kind, unused = column.type, np.full(len(column), np.nan)
     vectors = pa.types.is_list(kind) or pa.types.is_large_list(kind)
     if vectors or pa.types.is_fixed_size_list(kind):
         rows = column.to_pylist()
         numbers = pa.types.is_primitive(kind.value_type)
         return rows if numbers and len({row and len(row) for row in rows}) == 1 else unused
-    # Words and pictures may stand beside what is used; they are no numbers.
+    # Unused columns may contain words and pictures, which are not numbers.
     known = pa.types.is_primitive(kind) or pa.types.is_decimal(kind)
     return column.to_numpy() if known else unused
 
 
 def _read_npz(path: Path) -> Columns:
     with path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
-        return _columns({name: arrays[name] for name in arrays.files})
+        return _split_vectors({name: arrays[name] for name in arrays.files})
 
 
-def _columns(arrays: Mapping[str, object]) -> Columns:
-    """Return columns of numbers; those of vectors are split."""
+def _split_vectors(arrays: Mapping[str, object]) -> Columns:
+    """Return columns of numbers; vectors are split."""
     columns: Columns = {}
     for name, values in arrays.items():
         array = np.asarray(values, np.float64)
@@ -105,9 +109,9 @@ def _columns(arrays: Mapping[str, object]) -> Columns:
 
 
 def _read_mcap(path: Path) -> Columns:
-    """Return what JSON messages say: numbers by name, or lists of `name` and `position`.
+    """Return the content of JSON messages: numbers by name, or lists of `name` and `position`.
 
-    Of a trace of a run, it is the states.
+    For a trace of a run, it is the states.
     """
     from mcap.reader import make_reader  # noqa: PLC0415 - takes a while
 
@@ -119,7 +123,7 @@ def _read_mcap(path: Path) -> Columns:
         for _, channel, message in make_reader(file).iter_messages():
             if channel.topic == STATE_TOPIC and "nq" in channel.metadata:
                 trace = read_trace(path)
-                return _columns({"time": trace.time, "qpos": trace.qpos, "qvel": trace.qvel})
+                return _split_vectors({"time": trace.time, "qpos": trace.qpos, "qvel": trace.qvel})
             if channel.message_encoding != "json":
                 raise ValueError(
                     f"topic {channel.topic} is encoded as {channel.message_encoding}; write JSON"
@@ -132,7 +136,7 @@ def _read_mcap(path: Path) -> Columns:
                 )
             rows.append({"time": message.log_time * 1e-9, **data})
     names = dict.fromkeys(chain.from_iterable(rows))
-    return _columns({name: [row.get(name, np.nan) for row in rows] for name in names})
+    return _split_vectors({name: [row.get(name, np.nan) for row in rows] for name in names})
 
 
 _READERS: Mapping[str, Callable[[Path], Columns]] = {

@@ -1,4 +1,4 @@
-"""Read a finished store."""
+"""Reads a finished store."""
 
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from contextlib import closing, contextmanager
@@ -47,8 +47,8 @@ if TYPE_CHECKING:
     from contactlab.store.mcap.trace_reader import StoredTrace
 
 _MAX_SIMILAR = 32
-_SHOWN = ("run_id", "label", "label_reason")
-_MOST_ROWS_SHOWN = 20
+_SHOWN_COLUMNS = ("run_id", "label", "label_reason")
+_MAX_SHOWN_ROWS = 20
 _Content = TypeVar("_Content")
 
 
@@ -56,19 +56,19 @@ _Content = TypeVar("_Content")
 class Runs:
     """Every run of a store as a row, in plan order.
 
-    Whatever reads Arrow reads it as it is: polars, DuckDB and pandas take it by the Arrow
+    Libraries that read Arrow, such as polars, DuckDB and pandas, read it directly through the Arrow
     PyCapsule interface.
     """
 
     arrow: pa.Table  # the table; units and descriptions are in the metadata of its fields
 
     def to_pandas(self) -> Any:  # noqa: ANN401 - pandas is not a dependency
-        """Return a pandas DataFrame; an OutputError says that pandas is not installed."""
+        """Return a pandas DataFrame. Raises an OutputError if pandas is not installed."""
         with optional("frames", "to_pandas()"):
             return self.arrow.to_pandas()
 
     def to_polars(self) -> Any:  # noqa: ANN401 - polars is not a dependency
-        """Return a polars DataFrame; an OutputError says that polars is not installed."""
+        """Return a polars DataFrame. Raises an OutputError if polars is not installed."""
         with optional("frames", "to_polars()"):
             import polars as pl  # noqa: PLC0415 - is not a dependency
         return pl.from_arrow(self.arrow)
@@ -83,30 +83,30 @@ class Runs:
         return f"<{len(self)} runs, {self.arrow.num_columns} columns>"
 
     def _repr_html_(self) -> str:
-        rows = self.arrow.select(list(_SHOWN)).slice(0, _MOST_ROWS_SHOWN).to_pylist()
+        rows = self.arrow.select(list(_SHOWN_COLUMNS)).slice(0, _MAX_SHOWN_ROWS).to_pylist()
         more = (
-            f"<p>and {len(self) - _MOST_ROWS_SHOWN:,} more</p>"
-            if len(self) > _MOST_ROWS_SHOWN
+            f"<p>and {len(self) - _MAX_SHOWN_ROWS:,} more</p>"
+            if len(self) > _MAX_SHOWN_ROWS
             else ""
         )
-        return _table(_SHOWN, (row.values() for row in rows)) + more
+        return _html_table(_SHOWN_COLUMNS, (row.values() for row in rows)) + more
 
 
 @dataclass(frozen=True, repr=False)
 class Store:
     """A finished store."""
 
-    path: Path  # local folder with everything but, in object storage, the traces
-    manifest: StoreManifest  # what it holds
+    path: Path  # local folder with everything, except traces in object storage
+    manifest: StoreManifest  # description of its content
     address: Address
 
     @classmethod
     def open(cls, address: str | Address) -> "Store":
-        """Open a store; all but its traces is fetched from object storage.
+        """Open a store; everything except its traces is fetched from object storage.
 
-        The table is as it was written: it has the hash and the counts that the manifest states. The
-        address is a folder, or one in object storage: `s3://bucket/prefix`. Raises a StoreError if
-        there is none, it is unfinished, damaged or of another version.
+        The table is unchanged: it has the hash and the counts in the manifest. The address is a
+        folder, or one in object storage: `s3://bucket/prefix`. Raises a StoreError if it does not
+        exist, is unfinished, damaged or of another version.
         """
         store = cls.unchecked(address)
         table = stored_file(store.path, TABLE)
@@ -121,12 +121,12 @@ class Store:
 
     @classmethod
     def unchecked(cls, address: str | Address) -> "Store":
-        """Open a store without a look at its table; see `open`."""
+        """Open a store without checking its table; see `open`."""
         address = parse_address(address)
         backend = backend_at(address, StoreError)
         data = backend.read(MANIFEST)
         if data is None:
-            raise _no_manifest(backend)
+            raise _missing_manifest_error(backend)
         manifest = parse_manifest(data, address)
         store = cls(backend.local_copy(data, manifest.files), manifest, address)
         if table := stored_file(store.path, TABLE):
@@ -134,14 +134,14 @@ class Store:
         return store
 
     def miscounts(self) -> Iterator[str]:
-        """Yield which counts of the manifest are not those of the table."""
+        """Yield the counts of the manifest that differ from those of the table."""
         for name, counted in count_outcomes(self.columns.batches(OUTCOME_COLUMNS)).items():
             if (stated := getattr(self.manifest, name)) != counted:
                 yield f"{name} is {stated}, but {TABLE} has {counted}"
 
     @cached_property
     def backend(self) -> Backend:
-        """The place that it lies in."""
+        """The backend of its location."""
         return backend_at(self.address, StoreError)
 
     def __repr__(self) -> str:
@@ -152,10 +152,13 @@ class Store:
     def _repr_html_(self) -> str:
         name, scene = escape(str(self.address)), escape(self.manifest.sweep.scene)
         head = f"<p><b>{name}</b>: {self.manifest.runs} runs of {scene}</p>"
-        return head + _table(("label", "runs"), self.manifest.labels.items())
+        return head + _html_table(("label", "runs"), self.manifest.labels.items())
 
     def file(self, name: str) -> Path:
-        """Return the local path of a file but a trace; raise StoreError if there is none."""
+        """Return the local path of a file other than a trace.
+
+        Raises a StoreError if it is missing.
+        """
         path = stored_file(self.path, name)
         if path is None:
             raise StoreError(f"{self.address / name} is missing")
@@ -163,12 +166,12 @@ class Store:
 
     @property
     def digest(self) -> str:
-        """Digest that pins a store: SHA-256 of its manifest, which binds all the rest."""
+        """Digest that pins a store: SHA-256 of its manifest, which has the hashes of the rest."""
         return sha256_of(self.file(MANIFEST))
 
     @property
     def physics(self) -> str:
-        """Digest of what was computed, without clocks: two honest repeats have the same one."""
+        """Digest of the computed results, without clocks; repeated computations have the same."""
         return self.manifest.physics or digests_of(self.file(TABLE)).physics
 
     @property
@@ -183,22 +186,22 @@ class Store:
 
     @cached_property
     def columns(self) -> RunColumns:
-        """The same table column by column, as NumPy arrays."""
+        """The same table by column, as NumPy arrays."""
         return RunColumns(self.path, self.address)
 
     @property
     def units(self) -> dict[str, str]:
-        """The unit of every column that holds numbers; `1` for counts and ratios."""
+        """The unit of every numeric column; `1` for counts and ratios."""
         return {name: column.unit for name, column in self.columns.described.items() if column.unit}
 
     @property
     def scene_folder(self) -> Path:
-        """Local folder of the scene's files, none of which is a link to another place."""
+        """Local folder of the scene's files, none of them a link to another place."""
         check_tree(self.path / SCENES)
         return self.path / SCENES / self.manifest.sweep.scene_hash
 
     def records(self, chosen: NDArray[np.bool_] | None = None) -> Iterator[EvidenceRecord]:
-        """Yield all records in plan order, or those chosen (runs,).
+        """Yield all records in plan order, or only the `chosen` ones (runs,).
 
         Raises a StoreError if the table is damaged.
         """
@@ -206,7 +209,7 @@ class Store:
             yield self._record_of(row)
 
     def record_at(self, row: int) -> EvidenceRecord:
-        """Return the record of a run, given its row; see `records`."""
+        """Return the record of the run in a row; see `records`."""
         return self._record_of(self.columns.row(row))
 
     def _record_of(self, row: Mapping[str, Any]) -> EvidenceRecord:
@@ -216,14 +219,14 @@ class Store:
             raise StoreError(f"{self.address / TABLE} is damaged: {error}") from error
 
     def record(self, run: str) -> EvidenceRecord:
-        """Return the record of a run, given its id or a unique prefix of it.
+        """Return the record of a run by its id or a unique prefix of it.
 
         Raises a StoreError if no run or more than one has this id.
         """
         matches = [
             rows.start + place
             for rows, ids in self.columns.parts("run_id")
-            for place in np.flatnonzero(numpy_array(_matches(ids, "starts_with", run))).tolist()
+            for place in np.flatnonzero(numpy_array(_match_ids(ids, "starts_with", run))).tolist()
         ]
         if len(matches) == 0:
             hint = did_you_mean(run, similar_ids(run, self.columns.run_ids))
@@ -237,7 +240,10 @@ class Store:
         return self.record_at(matches[0])
 
     def controls(self, record: EvidenceRecord) -> RecordedControls | None:
-        """Return what a run's policy did, None without one; raise StoreError if it is lost."""
+        """Return the controls of a run's policy, None without one.
+
+        Raises a StoreError if they are lost.
+        """
         if record.controls is not None:
             return read_controls(self.backend, record.controls)
         if isinstance(record.drive, PolicyDrive):
@@ -248,7 +254,7 @@ class Store:
         return None
 
     def trace(self, run: EvidenceRecord | str) -> "StoredTrace":
-        """Return the stored trace of a run, given its record, its id, or a unique prefix of it.
+        """Return the stored trace of a run by its record, its id, or a unique prefix of it.
 
         Raises a StoreError if there is no such run, its trace was not kept, or the trace is
         damaged.
@@ -258,7 +264,7 @@ class Store:
         return self._read_trace(run, read_trace)
 
     def trace_messages(self, run: EvidenceRecord | str) -> bytes:
-        """Return the trace of a run as a file of messages, which viewers open; raises likewise."""
+        """Return a run's trace as a file of messages, which viewers open; errors as in `trace`."""
         from contactlab.store.mcap.trace_reader import read_messages  # noqa: PLC0415 - takes a while
 
         return self._read_trace(run, read_messages)
@@ -279,14 +285,17 @@ class Store:
         with self.trace_file(record.trace) as path:
             if sha256_of(path) != record.trace.sha256:
                 raise StoreError(
-                    f"{self.address / record.trace.file}: changed since it was written; the run "
-                    "has to be repeated"
+                    f"{self.address / record.trace.file}: changed since it was written; repeat "
+                    "the run"
                 )
             return read(path, self.address / record.trace.file)
 
     @contextmanager
     def trace_file(self, trace: TraceFile) -> Generator[Path]:
-        """Yield a local file with a trace, for the context; raise StoreError if it is missing."""
+        """Yield a local file with a trace, for the context.
+
+        Raises a StoreError if it is missing.
+        """
         with closing(self.backend.local_files([trace.file])) as files:
             path = next(files)
             if path is None:
@@ -295,9 +304,9 @@ class Store:
 
 
 def similar_ids(run: str, ids: pa.Array) -> list[str]:
-    """Return at most 64 ids, however many there are, to look for the one that was mistyped.
+    """Return at most 64 ids, however many there are, as candidates for a mistyped one.
 
-    They share the longest possible prefix or suffix with the given one.
+    They share the longest possible prefix or suffix with it.
     """
     found: list[str] = []
     lengths = range(1, len(run) + 1)
@@ -307,9 +316,9 @@ def similar_ids(run: str, ids: pa.Array) -> list[str]:
     ):
         longest = ids[:0]
         for part in parts:
-            # What shares more is among those that share less.
+            # Ids that share a longer part are among those that share a shorter one.
             among = longest if len(longest) else ids
-            matches = among.filter(_matches(among, function, part))
+            matches = among.filter(_match_ids(among, function, part))
             if not len(matches):
                 break
             longest = matches
@@ -317,35 +326,37 @@ def similar_ids(run: str, ids: pa.Array) -> list[str]:
     return found
 
 
-def _matches(ids: pa.Array, function: str, part: str) -> pa.BooleanArray:
+def _match_ids(ids: pa.Array, function: str, part: str) -> pa.BooleanArray:
     return pc.call_function(function, [ids], pc.MatchSubstringOptions(part))
 
 
-_WRITES = "`contactlab sweep` writes one"
+_WRITER_HINT = "`contactlab sweep` writes one"
 
 
-def _instead(address: Address) -> str:
-    """Return what may have been meant by an address that holds nothing."""
+def _address_suggestion(address: Address) -> str:
+    """Return a suggestion for an address without a store."""
     if not isinstance(address, Path) or not address.parent.is_dir():
-        return f"; {_WRITES}"
+        return f"; {_WRITER_HINT}"
     if address.is_file():
-        return f", which is a file; a store is a folder: {_WRITES}"
+        return f", which is a file; a store is a folder: {_WRITER_HINT}"
     stores = [folder.parent.name for folder in address.parent.glob(f"*/{MANIFEST}")]
-    return did_you_mean(address.name, stores) or f"; {_WRITES}"
+    return did_you_mean(address.name, stores) or f"; {_WRITER_HINT}"
 
 
-def _no_manifest(backend: Backend) -> StoreError:
+def _missing_manifest_error(backend: Backend) -> StoreError:
     names = backend.top_names()
     if not names:
-        return StoreError(f"no store at {backend.address}{_instead(backend.address)}")
+        return StoreError(f"no store at {backend.address}{_address_suggestion(backend.address)}")
     if IDENTITY in names:
         return StoreError(f"{backend.address} is unfinished; run its sweep again to resume it")
-    return StoreError(f"{backend.address} is not a store: it has no {MANIFEST}; {_WRITES}")
+    return StoreError(f"{backend.address} is not a store: it has no {MANIFEST}; {_WRITER_HINT}")
 
 
-def _table(header: Iterable[object], rows: Iterable[Iterable[object]]) -> str:
-    return f"<table>{_row('th', header)}{''.join(_row('td', row) for row in rows)}</table>"
+def _html_table(header: Iterable[object], rows: Iterable[Iterable[object]]) -> str:
+    return (
+        f"<table>{_html_row('th', header)}{''.join(_html_row('td', row) for row in rows)}</table>"
+    )
 
 
-def _row(tag: str, cells: Iterable[object]) -> str:
+def _html_row(tag: str, cells: Iterable[object]) -> str:
     return f"<tr>{''.join(f'<{tag}>{escape(str(cell))}</{tag}>' for cell in cells)}</tr>"

@@ -40,12 +40,12 @@ from contactlab.store.store_files import (
     stored_size,
 )
 
-_FILES = (MANIFEST, IDENTITY, TABLE, JOURNAL, NOTES)
-_OWN = {SCENES, TRACES, CONTROLS, LOCK, *_FILES}
+_FILE_NAMES = (MANIFEST, IDENTITY, TABLE, JOURNAL, NOTES)
+_STORE_NAMES = {SCENES, TRACES, CONTROLS, LOCK, *_FILE_NAMES}
 
 
 class FolderBackend:
-    """See `Backend`."""
+    """Backend in a local folder; see `Backend`."""
 
     def __init__(self, folder: Path, error: type[ContactlabError]) -> None:
         self.address = folder
@@ -57,7 +57,7 @@ class FolderBackend:
         return {path.name for path in self.address.iterdir()} if self.address.is_dir() else set()
 
     def read(self, name: str) -> bytes | None:
-        """Return the content of a file; None if there is none."""
+        """Return the content of a file; None if it does not exist."""
         try:
             return read_stored(self.address, name)
         except OSError as error:
@@ -66,7 +66,7 @@ class FolderBackend:
     def put(self, name: str, data: bytes) -> None:
         """Create or replace a file as a whole."""
         folder = name.rpartition("/")[0]
-        # Remembered: asking the system for each file takes longer.
+        # Cached, because asking the system for each file takes longer.
         if folder not in self._made:
             with write_errors(self.address / name):
                 (self.address / folder).mkdir(parents=True, exist_ok=True)
@@ -74,7 +74,7 @@ class FolderBackend:
         write_file(f"{self.address}/{name}", data)
 
     def delete(self, names: Iterable[str]) -> None:
-        """Delete files; missing ones are no error."""
+        """Delete files; missing ones are ignored."""
         for path in (self.address / name for name in names):
             with write_errors(path):
                 path.unlink(missing_ok=True)
@@ -89,16 +89,16 @@ class FolderBackend:
         return self.address / name
 
     def trace_size(self, name: str) -> int | None:
-        """Return the size of a trace [bytes]; None if there is none."""
+        """Return the size of a trace [bytes]; None if it does not exist."""
         return stored_size(self.address, name)
 
     def holds_trace(self, name: str, size: int, sha256: str) -> bool:
-        """Return whether there is a trace of this size and content."""
+        """Return whether a trace with this size and content exists."""
         return self.trace_size(name) == size and sha256_of(self.address / name) == sha256
 
     def trace_names(self) -> list[str]:
         """Return the names of all traces, sorted."""
-        return self._relative((self.address / TRACES).rglob("*.mcap"))
+        return self._relative_names((self.address / TRACES).rglob("*.mcap"))
 
     def local_files(self, names: Iterable[str]) -> Generator[Path | None]:
         """Yield a local file for each trace, valid until the next one; None if it is missing."""
@@ -116,24 +116,26 @@ class FolderBackend:
                 yield prefix
 
     def leftovers(self) -> list[str]:
-        """Return the names of what an interrupted write left, sorted."""
+        """Return the names of files left by an interrupted write, sorted."""
         journals = (self.address / name for name in (JOURNAL, NOTES))
         temporary = self.address.rglob("*" + TEMPORARY_SUFFIX)
-        return self._relative([*(path for path in journals if path.exists()), *temporary])
+        return self._relative_names([*(path for path in journals if path.exists()), *temporary])
 
     def foreign_names(self) -> list[str]:
-        """Return the names of what does not belong to a store, sorted."""
-        return sorted(name for name in self.top_names() if target_name(name) not in _OWN)
+        """Return the names of entries that do not belong to a store, sorted."""
+        return sorted(name for name in self.top_names() if target_name(name) not in _STORE_NAMES)
 
     def temporaries(self) -> list[str]:
-        """Return the names of temporary files at the top that stopped processes have left."""
-        return [name for name in self.top_names() - {*_FILES} if target_name(name) in _FILES]
+        """Return the names of temporary files at the top left by stopped processes."""
+        return [
+            name for name in self.top_names() - {*_FILE_NAMES} if target_name(name) in _FILE_NAMES
+        ]
 
     @contextmanager
     def write_session(self) -> Generator["FolderSession"]:
         """Hold the store's lock, which the system releases when the process ends."""
         self.address.mkdir(parents=True, exist_ok=True)
-        for name in (name for name in self.top_names() if target_name(name) in _OWN):
+        for name in (name for name in self.top_names() if target_name(name) in _STORE_NAMES):
             check_tree(self.address / name)
         with (self.address / LOCK).open("a") as lock:
             try:
@@ -143,12 +145,12 @@ class FolderBackend:
                 raise OutputError(message) from error
             yield FolderSession(self)
 
-    def _relative(self, paths: Iterable[Path]) -> list[str]:
+    def _relative_names(self, paths: Iterable[Path]) -> list[str]:
         return [path.relative_to(self.address).as_posix() for path in sorted(paths)]
 
 
 class FolderSession:
-    """See `WriteSession`; the local folder is the store itself."""
+    """Session of a store in a local folder, which is the store itself; see `WriteSession`."""
 
     def __init__(self, backend: FolderBackend) -> None:
         self.folder = backend.address
@@ -158,27 +160,27 @@ class FolderSession:
     def clear(self) -> None:
         """Remove the whole store."""
         # The manifest goes first and the identity last: a half-removed store must not look
-        # finished, nor have runs of no sweep.
+        # finished, nor contain runs without a sweep.
         self._backend.delete([MANIFEST, JOURNAL, NOTES, TABLE, IDENTITY])
         for name in (SCENES, TRACES, CONTROLS):
             shutil.rmtree(self.folder / name, ignore_errors=True)
 
     def begin(self, identity: SweepIdentity) -> None:
-        """Make a new store of the local folder's scene and the identity, which comes last."""
+        """Make a new store from the local folder's scene and the identity, which comes last."""
         (self.folder / TRACES).mkdir(exist_ok=True)
         sync_filesystem(self.folder)
         with atomic_write(self.folder / IDENTITY, durable=True) as temporary:
             temporary.write_text(document_json(identity), encoding="utf-8")
 
     def fetch_journal(self) -> None:
-        """Have the rows and notes of an unfinished store in the local folder."""
+        """Prepare the rows and notes of an unfinished store in the local folder."""
         self.remove_temporaries()
 
     def replace_journal(self) -> None:
-        """Make the local journal the store's, without the rows that it lacks."""
+        """Do nothing: the local journal is the store's."""
 
     def add_lines(self, name: str, lines: Sequence[bytes]) -> None:
-        """Have lines that were appended to a local file on the disk within a second."""
+        """Write lines that were appended to a local file to disk within a second."""
         del name, lines
         self._commit = self._commit or GroupCommit(self.folder)
         self._commit.changed()
@@ -194,7 +196,7 @@ class FolderSession:
         return self.folder / TABLE
 
     def publish(self, manifest: StoreManifest) -> StoreManifest:
-        """Store the table and, last, the manifest; return the manifest that the store now has."""
+        """Store the table and, last, the manifest. Return the manifest in the store."""
         self.remove_temporaries()
         sync_filesystem(self.folder)
         with atomic_write(self.folder / MANIFEST, durable=True) as temporary:
@@ -203,7 +205,7 @@ class FolderSession:
         return manifest
 
     def unpublish(self) -> None:
-        """Make a finished store an unfinished one with the rows of the local journal."""
+        """Make a finished store unfinished, with the rows of the local journal."""
         self._backend.delete([MANIFEST])
         sync_filesystem(self.folder)
 
@@ -212,7 +214,7 @@ class FolderSession:
         self._backend.delete([JOURNAL, NOTES, *self._backend.temporaries()])
 
     def remove_temporaries(self) -> None:
-        """Remove temporary files that stopped processes have left, such as killed workers."""
+        """Remove temporary files left by stopped processes, such as killed workers."""
         self._backend.delete(self._backend.temporaries())
         for name in (TRACES, CONTROLS):
             for leftover in (self.folder / name).rglob("*" + TEMPORARY_SUFFIX):
@@ -222,7 +224,7 @@ class FolderSession:
 def backend_at(address: Address, error: type[ContactlabError]) -> Backend:
     """Return the backend of a store; make it in the process that uses it.
 
-    Errors of object storage and of reading are of the given class.
+    Errors of object storage and of reading are of the `error` class.
     """
     if isinstance(address, Path):
         return FolderBackend(address, error)

@@ -1,7 +1,7 @@
-"""Rows that may contradict the schema of a record, the sweep, or themselves, by whole columns.
+"""Finds rows that may contradict the schema of a record, the sweep, or themselves.
 
-A record is built, and checked field by field, only of the rows that are named here. Every row that
-breaks a law is named; one that is named may yet be sound.
+Whole columns are checked at once. A record is built, and checked field by field, only for the rows
+found here. Every row that violates a rule is found; a row that is found may still be valid.
 """
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -33,24 +33,24 @@ from contactlab.store.table_layout import (
 
 Columns = Mapping[str, pa.Array]
 Truths = NDArray[np.bool_]
-_TEXT, _REAL, _WHOLE, _TRUTH = pa.string(), pa.float64(), pa.int64(), pa.bool_()
-_SCALARS = frozenset({_TEXT, _REAL, _WHOLE, _TRUTH})
-_SETTINGS = _SCALARS | {pa.list_(_REAL)}
+_TEXT_TYPE, _REAL_TYPE, _WHOLE_TYPE, _TRUTH_TYPE = pa.string(), pa.float64(), pa.int64(), pa.bool_()
+_SCALAR_TYPES = frozenset({_TEXT_TYPE, _REAL_TYPE, _WHOLE_TYPE, _TRUTH_TYPE})
+_SETTING_TYPES = _SCALAR_TYPES | {pa.list_(_REAL_TYPE)}
 _LISTS_OF_LABELS = {
-    "labels": pa.list_(_TEXT),
-    "label_reasons": pa.list_(_TEXT),
-    "label_steps": pa.list_(_WHOLE),
-    "label_bodies": pa.list_(pa.list_(_TEXT)),
+    "labels": pa.list_(_TEXT_TYPE),
+    "label_reasons": pa.list_(_TEXT_TYPE),
+    "label_steps": pa.list_(_WHOLE_TYPE),
+    "label_bodies": pa.list_(pa.list_(_TEXT_TYPE)),
 }
-_UNRESTRICTED = (str, int, float, bool, tuple[str, ...], tuple[float, ...])
-"""Types of fields that take whatever a column of their type can hold, but for NaN and infinity."""
-_MOST_KNOWN = 1 << 12  # texts of a column that are remembered as fitting
+_UNRESTRICTED_TYPES = (str, int, float, bool, tuple[str, ...], tuple[float, ...])
+"""Types of fields that accept every value of their column's type, except NaN and infinity."""
+_MAX_KNOWN_TEXTS = 1 << 12  # number of texts of a column that are cached as valid
 
 
 class RowChecks:
-    """Names the rows of a store's table whose records have to be built.
+    """Finds the rows of a store's table for which records must be built and checked.
 
-    They are rows of a sweep, with the fields that all of them share.
+    The rows are of a sweep, with the fields that all of them share.
     """
 
     def __init__(self, sweep: SweepIdentity, shared: Mapping[str, Any]) -> None:
@@ -62,23 +62,23 @@ class RowChecks:
         }
 
     def suspects(self, rows: pa.RecordBatch) -> Truths:
-        """Return (n,) which of some rows may break a law; there is at least one row."""
+        """Return (n,) a mask of rows that may violate a rule; there is at least one row."""
         columns = dict(zip(rows.schema.names, rows.columns, strict=True))
         try:
-            # A fault of what all rows share, or of the columns that there are, shows in each.
+            # A fault of shared fields, or of the set of columns, shows in every row.
             row_to_record(rows.slice(0, 1).to_pylist()[0], self._shared)
-            return reduce(np.logical_or, self._laws(columns))
+            return reduce(np.logical_or, self._rule_violations(columns))
         except (LookupError, TypeError, ValueError, pa.ArrowException):
             return np.ones(len(rows), bool)
 
-    def _laws(self, columns: Columns) -> Iterator[Truths]:
-        """Yield (n,) which rows may break each law."""
+    def _rule_violations(self, columns: Columns) -> Iterator[Truths]:
+        """Yield (n,) a mask of rows that may violate each rule."""
         yield from (check(columns) for check in self._fields if check.name in columns)
         for part, checks in self._parts.items():
             yield _wrong_part(columns, part, checks)
         yield _wrong_axes(columns)
         for name in self._shared["units"]:
-            yield _wrong_values(columns[name], {_REAL, _WHOLE})
+            yield _wrong_values(columns[name], {_REAL_TYPE, _WHOLE_TYPE})
         yield _wrong_labels(columns)
         through = compute("equal", columns["status"], text_scalar("ok"))
         yield numpy_array(through) != is_null(columns["status_reason"])
@@ -92,7 +92,7 @@ class RowChecks:
 
 
 class _FieldCheck:
-    """Says in which rows the column of a field holds what the field does not take."""
+    """Finds rows with a value that the field of their column does not accept."""
 
     def __init__(self, stored: StoredField) -> None:
         self.name = stored.column.name
@@ -102,15 +102,15 @@ class _FieldCheck:
         self._known = set[str]()
 
     def __call__(self, columns: Columns) -> Truths:
-        """Return (n,) the rows whose value the field does not take."""
+        """Return (n,) a mask of rows with a value that the field does not accept."""
         column, stored = columns[self.name], self._stored
-        wrong = is_null(column) & (not self._takes_null)
+        wrong = is_null(column) & (not self._accepts_null)
         if column.null_count == len(column):
             return wrong
         if stored.is_struct:
             (_, entry) = get_args(stored.info.annotation)
             kind = type_of_field(entry)
-            return wrong | _wrong_struct(column, _SETTINGS if kind is None else {kind})
+            return wrong | _wrong_struct(column, _SETTING_TYPES if kind is None else {kind})
         if as_made(column.type) != stored.column.type:
             return np.ones(len(column), bool)
         if self._is_plain:
@@ -118,33 +118,35 @@ class _FieldCheck:
         return wrong | self._wrong_texts(column)
 
     @cached_property
-    def _takes_null(self) -> bool:
-        # Null instead of JSON is a field that is left out.
-        return not self.required if self._stored.is_json else self._takes(None)
+    def _accepts_null(self) -> bool:
+        # Null instead of JSON means that the field is omitted.
+        return not self.required if self._stored.is_json else self._accepts(None)
 
     @cached_property
-    def _model(self) -> type[Model]:
+    def _value_model(self) -> type[Model]:
         info = self._stored.info
         kind = Annotated[info.annotation, *info.metadata] if info.metadata else info.annotation
         field: Any = list[kind], ...
         return create_model("Checked", __base__=Model, values=field)
 
-    def _takes(self, *values: object) -> bool:
-        """Return whether the field takes each of some values."""
+    def _accepts(self, *values: object) -> bool:
+        """Return whether the field accepts each of some values."""
         try:
-            self._model.model_validate({"values": [*map(self._stored.restored, values)]})
+            self._value_model.model_validate({"values": [*map(self._stored.restored, values)]})
         except ValueError:
             return False
         return True
 
     def _wrong_texts(self, column: pa.Array) -> Truths:
-        """Return (n,) which texts the field does not take; each different one is tried once."""
+        """Return (n,) a mask of texts that the field does not accept; each text is tried once."""
         different = {text for text in column.unique().to_pylist() if text is not None}
         tried = different - self._known
         wrong = (
-            set[str]() if self._takes(*tried) else {text for text in tried if not self._takes(text)}
+            set[str]()
+            if self._accepts(*tried)
+            else {text for text in tried if not self._accepts(text)}
         )
-        if len(self._known) < _MOST_KNOWN:
+        if len(self._known) < _MAX_KNOWN_TEXTS:
             self._known |= different - wrong
         if not wrong:
             return np.zeros(len(column), bool)
@@ -152,16 +154,16 @@ class _FieldCheck:
 
 
 def _is_unrestricted(info: FieldInfo) -> bool:
-    """Return whether a field takes all that a column of its type holds but NaN and infinity."""
+    """Return whether a field accepts all values of its column's type except NaN and infinity."""
     annotation = info.annotation
     optional = get_origin(annotation) in {Union, UnionType}
     kinds = [kind for kind in get_args(annotation) if kind is not NoneType] if optional else []
     rules = [rule for rule in info.metadata if not isinstance(rule, InTable)]
-    return not rules and all(kind in _UNRESTRICTED for kind in kinds or [annotation])
+    return not rules and all(kind in _UNRESTRICTED_TYPES for kind in kinds or [annotation])
 
 
 def _wrong_values(column: pa.Array, kinds: Collection[pa.DataType]) -> Truths:
-    """Return (n,) which values are NaN or infinite, or lists with nulls; all if of another type."""
+    """Return (n,) a mask of NaN, infinities, and lists with nulls; all if the type differs."""
     kind = as_made(column.type)
     if kind not in kinds:
         return np.ones(len(column), bool)
@@ -175,7 +177,7 @@ def _wrong_values(column: pa.Array, kinds: Collection[pa.DataType]) -> Truths:
 
 
 def _any_of_lists(column: pa.Array, entries: Truths) -> Truths:
-    """Return (n,) the lists of which any entry is marked, given all of them in a row."""
+    """Return (n,) a mask of lists with any marked entry, from the mask of all entries."""
     found = np.zeros(len(column), bool)
     if entries.any():
         found[np.repeat(np.arange(len(column)), list_lengths(column))[entries]] = True
@@ -188,13 +190,13 @@ def _wrong_struct(column: pa.Array, kinds: Collection[pa.DataType]) -> Truths:
 
 
 def _has_part(columns: Columns, checks: Sequence[_FieldCheck]) -> Truths:
-    """Return (n,) which rows have anything of a part of the record."""
+    """Return (n,) a mask of rows that have any field of a part of the record."""
     there = (~is_null(columns[check.name]) for check in checks if check.name in columns)
     return reduce(np.logical_or, there, np.zeros(len(columns["run_id"]), bool))
 
 
 def _wrong_part(columns: Columns, part: str, checks: Sequence[_FieldCheck]) -> Truths:
-    """Return (n,) in which rows a part of the record lacks a field, or has a wrong one."""
+    """Return (n,) a mask of rows in which a part of the record has a missing or wrong field."""
     has = _has_part(columns, checks)
     wrong = ~has & EvidenceRecord.model_fields[part].is_required()
     for check in checks:
@@ -209,21 +211,21 @@ def _wrong_axes(columns: Columns) -> Truths:
     names = columns[AXES_COLUMN.name]
     wrong = is_null(names) | _wrong_values(names, {AXES_COLUMN.type})
     for name in compute("list_flatten", names).unique().to_pylist():
-        wrong |= _wrong_values(columns[name], _SCALARS) if name is not None else True
+        wrong |= _wrong_values(columns[name], _SCALAR_TYPES) if name is not None else True
     return wrong
 
 
 def _wrong_labels(columns: Columns) -> Truths:
-    """Return (n,) which rows have labels that lack an entry, or another worst one than they say."""
+    """Return (n,) a mask of rows with incomplete labels, or with a wrong worst label."""
     names = columns["labels"]
     lengths = list_lengths(names)
     wrong = np.zeros(len(names), bool)
-    # Stores of version 0.2 do not say of which bodies a label is.
+    # Stores of version 0.2 do not have the bodies of labels.
     for name in (name for name in OF_LABELS if name in columns):
         column, kind = columns[name], _LISTS_OF_LABELS[name]
         wrong |= is_null(column) | (list_lengths(column) != lengths)
         if name == "label_steps":
-            # A label may have none.
+            # A label may have no step.
             wrong |= as_made(column.type) != kind
         elif name == "label_bodies":
             bodies = compute("list_flatten", column)
@@ -232,34 +234,34 @@ def _wrong_labels(columns: Columns) -> Truths:
         else:
             wrong |= _wrong_values(column, {kind})
     for one, several in (("label_reason", "label_reasons"), ("label_step", "label_steps")):
-        wrong |= ~same(columns[one], _first_of(columns[several]))
-    return wrong | ((lengths > 0) & ~same(columns["label"], _first_of(names)))
+        wrong |= ~same(columns[one], _first_entries(columns[several]))
+    return wrong | ((lengths > 0) & ~same(columns["label"], _first_entries(names)))
 
 
 def is_null(column: pa.Array) -> Truths:
-    """Return (n,) where a column has nothing."""
+    """Return (n,) a mask of nulls in a column."""
     if column.null_count in {0, len(column)}:
         return np.full(len(column), column.null_count > 0)
     return numpy_array(compute("is_null", column))
 
 
 def list_lengths(lists: pa.Array) -> NDArray[np.int64]:
-    """Return (n,) the lengths of lists, 0 where there is none."""
+    """Return (n,) the lengths of lists, 0 for nulls."""
     lengths = compute("list_value_length", lists)
     return np.where(is_null(lengths), 0, numpy_array(lengths)).astype(np.int64)
 
 
-def _first_of(lists: pa.Array) -> pa.Array:
-    """Return (n,) the first entry of each list, null of an empty one."""
+def _first_entries(lists: pa.Array) -> pa.Array:
+    """Return (n,) the first entry of each list, null for an empty one."""
     lengths, entries = list_lengths(lists), compute("list_flatten", lists)
     places = np.cumsum(lengths) - lengths
-    # One entry more, which is null.
+    # Append a null entry, which empty lists refer to.
     ends = pa.concat_arrays([entries, pa.nulls(1, entries.type)])
     return compute("take", ends, number_array(np.where(lengths > 0, places, len(entries))))
 
 
 def same(one: pa.Array, other: pa.Array) -> Truths:
-    """Return (n,) where two columns of one type are equal, or both null."""
+    """Return (n,) whether entries of two columns of one type are equal, or both null."""
     null, also = is_null(one), is_null(other)
     if not pa.types.is_list(one.type):
         return np.where(null | also, null & also, numpy_array(compute("equal", one, other)))
@@ -270,7 +272,7 @@ def same(one: pa.Array, other: pa.Array) -> Truths:
 
 
 def _misnamed_traces(columns: Columns) -> Truths:
-    """Return (n,) which traces are not in the file that their run's id names."""
+    """Return (n,) a mask of traces in a file with a name other than their run's id."""
     files = columns["trace_file"]
     if files.null_count == len(files):
         return np.zeros(len(files), bool)
@@ -279,10 +281,10 @@ def _misnamed_traces(columns: Columns) -> Truths:
 
 
 def _wrong_cost(columns: Columns, budget: float | None) -> Truths:
-    """Return (n,) which costs are not what `Cost.of` makes of their CPU time."""
+    """Return (n,) a mask of costs that differ from `Cost.of` for their CPU time."""
     settings = columns["settings"]
     timestep = settings.field(settings.type.get_field_index("timestep"))
-    if timestep.type not in {_REAL, _WHOLE}:
+    if timestep.type not in {_REAL_TYPE, _WHOLE_TYPE}:
         return np.ones(len(settings), bool)
     of_sim, of_budget, used = (
         columns[f"cost_{name}"] for name in ("cpu_per_sim_s", "latency_budget_s", "latency_used")

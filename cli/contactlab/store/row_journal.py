@@ -1,10 +1,10 @@
-"""The journal of an unfinished store: one row a line, appended as runs finish.
+"""The journal of an unfinished store: one row per line, appended as runs finish.
 
-Each line ends with a checksum of its own, as each frame of a write-ahead log does. A process killed
-in mid-write leaves a torn last line, which is dropped on resuming; any other damage is named.
-What the rows of a job share is on a line before them, which they name by its checksum.
-So are rows of another sweep; runs that are not stored as they were written are run again.
-Results of later passes go to notes beside the journal until the store is finished.
+Each line ends with a checksum, like each frame of a write-ahead log. A process killed during a
+write leaves an incomplete last line, which is dropped on resuming; any other damage is reported.
+Fields shared by the rows of a job are on a line before them, which they name by its checksum. Rows
+of another sweep are reported, too; runs that are not stored as written are run again. Results of
+later passes go to notes next to the journal until the store is finished.
 """
 
 import itertools
@@ -32,18 +32,18 @@ FAILED_STATUSES = frozenset({"crashed", "error", "timeout"})
 Row = Mapping[str, Any]
 IsPlanned = Callable[[str, int], bool]
 
-_SEAL = b"\t%08x\n"
-SEAL_SIZE = 10  # bytes that a sealed line ends with
+_CHECKSUM_FORMAT = b"\t%08x\n"
+SEAL_SIZE = 10  # number of bytes of the checksum at the end of a line
 SHARED = b"shared"
 
 
 def sealed(row: bytes) -> bytes:
     """Return a row as a line: its JSON, a tab, its CRC-32 as 8 hex digits, the line end."""
-    return row + _SEAL % zlib.crc32(row)
+    return row + _CHECKSUM_FORMAT % zlib.crc32(row)
 
 
 def lines_of(rows: Iterable[bytes], shared: bytes) -> list[bytes]:
-    """Return rows as lines, after a line of what they share, if anything."""
+    """Return rows as lines, after a line with their shared fields, if any."""
     if not shared:
         return [sealed(row) for row in rows]
     first = sealed(shared + b"\t" + SHARED)
@@ -51,16 +51,16 @@ def lines_of(rows: Iterable[bytes], shared: bytes) -> list[bytes]:
 
 
 def row_extent(line: bytes) -> tuple[int, bytes]:
-    """Return how many bytes of a whole line are its row, and the name of what the row shares.
+    """Return the number of bytes of the row in a whole line, and the name of its shared fields.
 
-    The name is `SHARED` of the line that holds it, and empty of a row that shares nothing.
+    The name is `SHARED` for the line with the shared fields, and empty for a row without any.
     """
     size = line.find(b"\t")
     return size, line[size + 1 : -SEAL_SIZE]
 
 
 def parsed(line: bytes) -> dict[str, Any]:
-    """Return what a whole line has by itself; a ValueError says how it is damaged."""
+    """Return the row's own fields in a whole line. Raises a ValueError that describes damage."""
     if line != sealed(line[:-SEAL_SIZE]):
         raise ValueError("does not match its checksum")
     try:
@@ -73,19 +73,19 @@ def parsed(line: bytes) -> dict[str, Any]:
 
 
 class _LineReader:
-    """Reads the lines of a journal in their order, and checks rows as `mend_journal` says."""
+    """Reads the lines of a journal in their order, and checks rows; see `mend_journal`."""
 
     def __init__(self, check: Callable[[Row], None] = lambda _: None) -> None:
         self._check, self._name, self._shared = check, b"", dict[str, Any]()
 
     def row(self, line: bytes) -> dict[str, Any] | None:
-        """Return the row of a whole line, None of what rows share; see `parsed`."""
+        """Return the row of a whole line, None for a line of shared fields; see `parsed`."""
         row, name = parsed(line), row_extent(line)[1]
         if name == SHARED:
             self._name, self._shared = line[1 - SEAL_SIZE : -1], row
             return None
         if name not in (b"", self._name):
-            raise ValueError("refers to shared fields that no earlier line has")
+            raise ValueError("refers to shared fields that are not in an earlier line")
         row = {**self._shared, **row} if name else row
         self._check(row)
         return row
@@ -99,12 +99,12 @@ def mend_journal(
     repair: bool = False,
     shown_path: object = None,
 ) -> frozenset[str]:
-    """Drop lines that are torn or repeated, and those of runs that are not stored completely.
+    """Drop incomplete or repeated lines, and those of runs that are not stored completely.
 
-    Returns the ids of the runs that stay. The check of a row raises a ValueError if it does not
-    belong there. To repair, damaged lines are dropped too. Errors name the journal by the shown
-    path. Raises a StoreError if a line is damaged, and it is not the last, which a kill leaves
-    torn; an OutputError if the journal cannot be rewritten.
+    Returns the ids of the remaining runs. The check of a row raises a ValueError if it does not
+    belong there. With `repair`, damaged lines are dropped, too. Errors name the journal by the
+    shown path. Raises a StoreError if a line is damaged, unless it is the last, which a killed
+    process leaves incomplete; an OutputError if the journal cannot be rewritten.
     """
     path = folder / JOURNAL
     if not path.is_file():
@@ -123,7 +123,7 @@ def mend_journal(
                 if repair:
                     continue
                 raise StoreError(
-                    f"{shown_path or path}, line {number} {error}; add --repair to keep the sound "
+                    f"{shown_path or path}, line {number} {error}; add --repair to keep the valid "
                     "runs and run the others again"
                 ) from error
             good[-1] = row is None or (row["run_id"] not in kept and is_complete(row))
@@ -138,20 +138,20 @@ def _keep_lines(path: Path, good: Iterable[int]) -> None:
     with (
         path.open("rb") as lines,
         atomic_write(path, durable=True) as temporary,
-        temporary.open("wb") as mended,
+        temporary.open("wb") as repaired,
     ):
-        mended.writelines(itertools.compress(lines, good))
+        repaired.writelines(itertools.compress(lines, good))
 
 
 def end_torn_line(path: Path) -> None:
-    """End the last line of a file if it is torn, so that the next does not become part of it."""
+    """End the last line of a file if it is incomplete, so that the next line stays separate."""
     if path.is_file() and not path.read_bytes().endswith(b"\n"):
         with path.open("ab") as lines:
             lines.write(b"\n")
 
 
 def read_lines(path: Path) -> Iterator[dict[str, Any]]:
-    """Yield the sound rows of a journal or of notes; none if there is no such file."""
+    """Yield the valid rows of a journal or of notes; empty if the file does not exist."""
     if not path.is_file():
         return
     reader = _LineReader()
@@ -171,7 +171,7 @@ def amend_journal(folder: Path, amendments: Mapping[str, Row]) -> None:
 
 
 def write_journal(path: Path, rows: Iterable[Row]) -> None:
-    """Replace a journal's rows, all or none; the new ones may be read from the journal itself."""
+    """Replace all rows of a journal atomically; the new ones may come from the journal itself."""
     with atomic_write(path, durable=True) as temporary, temporary.open("wb") as lines:
         lines.writelines(sealed(json.dumps(row).encode()) for row in rows)
 
@@ -193,36 +193,36 @@ class _RowHead(BaseModel):
 
 @dataclass(frozen=True)
 class ResumedRows:
-    """Checks the rows of a sweep that its store holds already."""
+    """Checks the rows of a sweep that are already in its store."""
 
     backend: Backend
     identity: SweepIdentity
-    is_planned: IsPlanned  # whether a run of this id is at this place of the plan
+    is_planned: IsPlanned  # whether a run with this id is at this index of the plan
     retry_failed: bool  # whether failed runs are removed
-    repair: bool  # whether runs whose evidence contradicts itself are removed
+    repair: bool  # whether runs with contradictory evidence are removed
 
     def check(self, row: Row) -> None:
-        """Check that a row is of this sweep, all of it to repair; a ValueError says why not."""
+        """Check that a row belongs to this sweep, with `repair` completely. Raises a ValueError."""
         try:
             head = _RowHead.model_validate(row)
             if self.repair:
-                self._record(row)
+                self._build_record(row)
         except ValidationError as error:
             first = error.errors()[0]
             where = ".".join(map(str, first["loc"]))
-            raise ValueError(f"is no row of a run: {where}: {first['msg']}") from error
+            raise ValueError(f"is not a valid run record: {where}: {first['msg']}") from error
         except (LookupError, TypeError) as error:
-            raise ValueError(f"is no row of a run: it lacks {error}") from error
+            raise ValueError(f"is not a valid run record: it lacks {error}") from error
         if not self.is_planned(head.run_id, head.index):
             raise ValueError(f"holds run {head.run_id}, which is not run {head.index} of the plan")
         if head.scene_hash != self.identity.scene_hash:
             raise ValueError(
-                f"holds run {head.run_id} of scene {head.scene_hash}, not of this sweep's, "
-                f"{self.identity.scene_hash}"
+                f"holds run {head.run_id} of scene {head.scene_hash}, but the scene of this sweep "
+                f"is {self.identity.scene_hash}"
             )
 
     def keeps(self, row: Row) -> bool:
-        """Return whether a run stays: it need not be retried, and what it names is as written."""
+        """Return whether a run stays: it need not be retried, and its files are unchanged."""
         name = row.get("trace_file")
         if self.retry_failed and row["status"] in FAILED_STATUSES:
             self.backend.delete([name] if name else [])
@@ -238,12 +238,12 @@ class ResumedRows:
     def _contradicts(self, row: Row, name: str) -> bool:
         from contactlab.store.mcap.trace_reader import trace_problems  # noqa: PLC0415 - takes a while
 
-        record = self._record(row)
+        record = self._build_record(row)
         with closing(self.backend.local_files([name])) as files:
             path = next(files)
             return path is None or any(trace_problems(path, record, but=("units",)))
 
-    def _record(self, row: Row) -> EvidenceRecord:
+    def _build_record(self, row: Row) -> EvidenceRecord:
         versions = self.identity.metric_versions
         absent = dict.fromkeys([*(column.name for column in FIXED_COLUMNS), *versions])
         return row_to_record(

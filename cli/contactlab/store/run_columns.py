@@ -28,18 +28,18 @@ from contactlab.store.store_files import TABLE, Address, stored_file
 from contactlab.store.table_layout import Column, column_of
 
 _ID_DIGITS = 16
-_BATCH = 1 << 12
-"""Rows that are in memory at once, where all of their columns may be."""
-_MOST_PARTS = 4  # parts of rows that are kept for who asks for rows next to each other
-_HASHED = 1 << 16  # ids that are written out at once
-_MOST_CATEGORIES = 64  # a bit each in a 64-bit mask
+_BATCH_ROWS = 1 << 12
+"""Rows that are in memory at once, possibly with all of their columns."""
+_MAX_CACHED_PARTS = 4  # cached parts of rows, for requests of neighboring rows
+_HASH_BLOCK = 1 << 16  # ids that are converted to text at once
+_MAX_CATEGORIES = 64  # a bit each in a 64-bit mask
 
 
 class NumberColumn(NamedTuple):
     """A column of numbers."""
 
-    values: NDArray[np.float64]  # (n,) NaN where there is none
-    valid: NDArray[np.bool_]  # (n,) whether there is one; a valid value may be NaN too
+    values: NDArray[np.float64]  # (n,) NaN for nulls
+    valid: NDArray[np.bool_]  # (n,) whether a value exists; a valid value may be NaN, too
 
     def at(self, rows: NDArray[np.integer[Any]] | slice) -> "NumberColumn":
         """Return the numbers of some rows."""
@@ -47,16 +47,16 @@ class NumberColumn(NamedTuple):
 
 
 class CodedColumn(NamedTuple):
-    """A column with each of its values once."""
+    """A column with each of its distinct values once."""
 
     codes: NDArray[np.integer]  # (n,) index of a run's value in `values`
-    values: tuple[Any, ...]  # those that occur, at last None if runs have none
+    values: tuple[Any, ...]  # the distinct values, with None last if runs lack a value
 
 
 class RunColumns:
     """The table in the folder of a store, read column by column on demand.
 
-    A StoreError, which names the store's address, says that there is no table, that it is damaged,
+    A StoreError, which names the store's address, says that the table does not exist or is damaged,
     or that it lacks a requested column.
     """
 
@@ -65,7 +65,7 @@ class RunColumns:
         with table_errors(self.path):
             self._source = stored_file(store, TABLE) or store / TABLE
             self._file = pq.ParquetFile(self._source)
-        self._part_of = lru_cache(_MOST_PARTS)(self._read_part)
+        self._part_of = lru_cache(_MAX_CACHED_PARTS)(self._read_part)
 
     @property
     def runs(self) -> int:
@@ -84,7 +84,7 @@ class RunColumns:
 
     @cached_property
     def listed(self) -> Mapping[str, Any]:
-        """What the file says of its columns for readers of no Arrow; empty if it says nothing."""
+        """The file's description of columns for readers without Arrow; empty if it has none."""
         return listed_columns(self.schema)
 
     @cached_property
@@ -101,15 +101,17 @@ class RunColumns:
         """Return the table, or some of its columns."""
         with table_errors(self.path):
             table = self._file.read(names and list(names), use_threads=False)
-            # Text that is no UTF-8 is damage too.
+            # Text that is not UTF-8 is damage, too.
             table.validate(full=True)
             return table
 
     def batches(self, names: Sequence[str] | None = None) -> Iterator[pa.RecordBatch]:
-        """Yield some thousand rows at a time, or some of their columns."""
+        """Yield some thousand rows at a time, with all or some columns."""
         with table_errors(self.path):
-            # Not in a loop, which would hold a batch while the next one is read.
-            yield from map(_validated, batches_of(self._file, _BATCH, names and list(names)))
+            # A loop would keep a batch alive while the next one is read.
+            yield from map(
+                _validate_rows, batches_of(self._file, _BATCH_ROWS, names and list(names))
+            )
 
     @cached_property
     def run_ids(self) -> pa.Array:
@@ -118,21 +120,21 @@ class RunColumns:
         return pa.chunked_array(parts, pa.string()).combine_chunks()
 
     def ids(self) -> NDArray[np.uint64]:
-        """Return (runs,) the ids of the runs, as the numbers of 64 bits that they write."""
+        """Return (runs,) the ids of the runs as 64-bit numbers."""
         found = np.empty(self.runs, np.uint64)
         for rows, ids in self.parts("run_id"):
             found[rows] = self._id_numbers(ids)
         return found
 
     def plan_hash(self, seeds: int) -> str:
-        """Return the hash of the plan whose runs these are all, where a row has so many seeds."""
+        """Return the hash of the plan with all of these runs, with `seeds` seeds per row."""
         return hash_of_ids(
             self._id_numbers(rows["run_id"])[numpy_array(rows["index"]) % seeds == 0]
             for rows in self.batches(["run_id", "index"])
         )
 
     def _id_numbers(self, ids: pa.Array) -> NDArray[np.uint64]:
-        places, letters = _places(ids), ids.buffers()[2]
+        places, letters = _text_bounds(ids), ids.buffers()[2]
         if ids.null_count or (np.diff(places) != _ID_DIGITS).any():
             raise StoreError(f"{self.path} is damaged: ids of runs have {_ID_DIGITS} digits")
         digits = np.frombuffer(letters or b"", np.uint8)[slice(*places[[0, -1]])]
@@ -145,7 +147,7 @@ class RunColumns:
         return str(self.some(["run_id"], [row])[0]["run_id"])
 
     def place_of(self, run: str) -> int | None:
-        """Return the row of a run, given its id; None if there is none."""
+        """Return the row of a run by its id; None if it does not exist."""
         for rows, ids in self.parts("run_id"):
             if (place := ids.index(text_scalar(run)).as_py()) >= 0:
                 return rows.start + place
@@ -160,10 +162,10 @@ class RunColumns:
         return tuple(name for name in self.schema.names if name in used)
 
     def varies(self, name: str) -> bool:
-        """Return whether a column has more than one value, none being one."""
+        """Return whether a column has more than one value; null counts as a value."""
         found = set[Any]()
         for _, column in self.parts(name):
-            found.update(_listed(column.unique()))
+            found.update(_python_values(column.unique()))
             if len(found) > 1:
                 return True
         return False
@@ -174,64 +176,64 @@ class RunColumns:
         return pa.types.is_floating(kind) or pa.types.is_integer(kind) or pa.types.is_boolean(kind)
 
     def given(self, name: str) -> NDArray[np.bool_]:
-        """Return (runs,) whether a column holds anything."""
+        """Return (runs,) whether a column has a value."""
         found = np.empty(self.runs, np.bool_)
         for rows, column in self.parts(name):
             found[rows] = numpy_array(compute("is_valid", column))
         return found
 
     def has_finite(self, name: str) -> bool:
-        """Return whether a column of numbers holds any that is finite."""
-        return any(np.isfinite(_numbers_of(part).values).any() for _, part in self.parts(name))
+        """Return whether a numeric column has any finite value."""
+        return any(np.isfinite(_number_column(part).values).any() for _, part in self.parts(name))
 
     def numbers(self, name: str) -> NumberColumn:
         """Return a column of numbers, or of booleans as 1 and 0."""
         values, valid = np.empty(self.runs), np.empty(self.runs, np.bool_)
         for rows, column in self.parts(name):
-            values[rows], valid[rows] = _numbers_of(column)
+            values[rows], valid[rows] = _number_column(column)
         return NumberColumn(values, valid)
 
     def ranked(
         self, name: str, also: Sequence[float] = ()
     ) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
-        """Return the different numbers of a column and some others, and the place of each run's.
+        """Return the distinct numbers of a column and `also`, and the index of each run's number.
 
-        They ascend, and end with NaN if any run (n,) has none.
+        They ascend, and end with NaN if any run (n,) has no value.
         """
-        different = [np.unique(_numbers_of(column).values) for _, column in self.parts(name)]
+        different = [np.unique(_number_column(column).values) for _, column in self.parts(name)]
         values = np.unique(np.concatenate([np.array(also, float), *different]))
         places = np.empty(self.runs, np.int32)
         for rows, column in self.parts(name):
-            places[rows] = np.searchsorted(values, _numbers_of(column).values)
+            places[rows] = np.searchsorted(values, _number_column(column).values)
         return values, places
 
     def coded(self, name: str) -> CodedColumn:
-        """Return a column by the codes that it is stored with, its text not written out."""
+        """Return a column by its stored codes, without expanding its text."""
         found, known, nulls = np.empty(self.runs, np.int32), dict[Any, int](), False
         by_codes = pq.ParquetFile(
             self._source, metadata=self._file.metadata, read_dictionary=[name]
         )
         for rows, column in self.parts(name, by_codes):
             encoded = column.dictionary_encode()
-            words = _listed(encoded.dictionary)
+            words = _python_values(encoded.dictionary)
             codes = np.array([known.setdefault(word, len(known)) for word in words], np.int32)
-            given = numpy_array(compute("is_valid", encoded.indices))
-            nulls = nulls or not given.all()
+            is_valid = numpy_array(compute("is_valid", encoded.indices))
+            nulls = nulls or not is_valid.all()
             found[rows] = -1
-            found[rows][given] = codes[numpy_array(encoded.indices)[given]]
+            found[rows][is_valid] = codes[numpy_array(encoded.indices)[is_valid]]
         found[found < 0] = len(known)
         return CodedColumn(found, (*known, *([None] if nulls else [])))
 
     def string_sets(self, name: str) -> tuple[NDArray[np.int64], tuple[str, ...]]:
-        """Return a column of lists of strings, and the strings, of which there are at most 64.
+        """Return a column of lists of strings as bit masks, and the strings, at most 64.
 
-        It is (n,) a bit mask, whose bit i says whether string i is in the list.
+        Bit i of a mask (n,) tells whether string i is in the list.
         """
         masks, known = np.zeros(self.runs, np.int64), dict[str, int]()
         for rows, lists in self.parts(name):
             entries = compute("list_flatten", lists).dictionary_encode()
             words = [known.setdefault(word, len(known)) for word in entries.dictionary.to_pylist()]
-            if len(known) > _MOST_CATEGORIES:
+            if len(known) > _MAX_CATEGORIES:
                 raise StoreError(
                     f"{self.path} is damaged: {len(known)} different strings in '{name}'"
                 )
@@ -241,7 +243,7 @@ class RunColumns:
         return masks, tuple(known)
 
     def byte_strings(self, name: str) -> NDArray[np.bytes_]:
-        """Return (n,) strings as fixed-length bytes, for ids and hashes; empty where null."""
+        """Return (n,) strings as fixed-length bytes, for ids and hashes; empty for nulls."""
         lengths = (compute("binary_length", column) for _, column in self.parts(name))
         width = max((compute("max", part).as_py() or 1 for part in lengths), default=1)
         found = np.empty(self.runs, f"S{width}")
@@ -256,38 +258,40 @@ class RunColumns:
         return self.some(["run_id", "seed", *self.axis_names], rows)
 
     def some(self, names: Sequence[str], rows: Sequence[int]) -> list[dict[str, Any]]:
-        """Return what some runs have in some columns, reading no more than their row groups."""
+        """Return the values of some runs in some columns, reading only their row groups."""
         found: list[dict[str, Any]] = []
         with table_errors(self.path):
             for row in rows:
-                start, part = self._holding(row, tuple(names))
+                start, part = self._find_part(row, tuple(names))
                 found += part.slice(row - start, 1).to_pylist()
         return found
 
-    def _holding(self, row: int, names: tuple[str, ...]) -> tuple[int, pa.RecordBatch]:
-        """Return the part of a row group that has a row, and its first row."""
-        group = int(np.searchsorted(self._ends, row, side="right"))
-        first = int(self._ends[group - 1]) if group else 0
+    def _find_part(self, row: int, names: tuple[str, ...]) -> tuple[int, pa.RecordBatch]:
+        """Return the first row, and the content, of the part of a row group with a row."""
+        group = int(np.searchsorted(self._group_ends, row, side="right"))
+        first = int(self._group_ends[group - 1]) if group else 0
         number = (row - first) // GROUP
         return first + number * GROUP, self._part_of(group, number, names)
 
     @cached_property
-    def _ends(self) -> NDArray[np.int64]:
-        """Where each row group ends."""
+    def _group_ends(self) -> NDArray[np.int64]:
+        """End row of each row group."""
         meta = self._file.metadata
         sizes = [meta.row_group(group).num_rows for group in range(meta.num_row_groups)]
         return np.cumsum(np.array(sizes, np.int64))
 
     def to_pydict(self, names: Sequence[str]) -> dict[str, list[Any]]:
-        """Return some columns as lists of Python values, None where null."""
+        """Return some columns as lists of Python values, None for nulls."""
         return self.arrow(names).to_pydict()
 
     def values(self, name: str) -> set[Any]:
-        """Return what a column holds, None where it holds nothing."""
-        return {value for part in self.batches([name]) for value in _listed(part[0].unique())}
+        """Return the distinct values of a column, with None for nulls."""
+        return {
+            value for part in self.batches([name]) for value in _python_values(part[0].unique())
+        }
 
     def distinct(self, names: Sequence[str]) -> Iterator[dict[str, Any]]:
-        """Yield what rows hold in some columns, some rows at a time, and of these each once."""
+        """Yield the distinct values of rows in some columns, for some rows at a time."""
         with table_errors(self.path):
             for rows in batches_of(self._file, GROUP, [*names]):
                 columns = rows.to_pydict()
@@ -295,7 +299,7 @@ class RunColumns:
                     yield dict(zip(columns, values, strict=True))
 
     def present(self, names: Sequence[str]) -> Iterator[dict[str, Any]]:
-        """Yield what rows hold in some columns where the first is not null, likewise."""
+        """Yield the values of rows in some columns if the first is not null, likewise."""
         with table_errors(self.path):
             for rows in batches_of(self._file, GROUP, [*names]):
                 part = rows.select([*names])
@@ -303,13 +307,13 @@ class RunColumns:
                 yield from compute("filter", part, is_there).to_pylist()
 
     def row(self, index: int) -> dict[str, Any]:
-        """Return one row of the table, reading no more than its row group."""
+        """Return one row of the table, reading only its row group."""
         return self.some(self.schema.names, [index])[0]
 
     def parts(
         self, name: str, file: pq.ParquetFile | None = None
     ) -> Iterator[tuple[slice, pa.Array]]:
-        """Yield a column some rows at a time, with the rows that each part has."""
+        """Yield a column some rows at a time, each part with its rows."""
         if name not in self.schema.names:
             raise StoreError(f"{self.path} has no column '{name}'")
         stop = 0
@@ -319,11 +323,11 @@ class RunColumns:
                 yield slice(start, stop), batch.column(0)
 
     def between(self, name: str, rows: slice) -> pa.ChunkedArray:
-        """Return a column of the rows from one to another, reading no more than their groups."""
+        """Return a column of consecutive rows, reading only their row groups."""
         parts, at = list[pa.Array](), rows.start
         with table_errors(self.path):
             while at < rows.stop:
-                start, part = self._holding(at, (name,))
+                start, part = self._find_part(at, (name,))
                 parts.append(part.column(0).slice(at - start, rows.stop - at))
                 at = start + len(part)
         return pa.chunked_array(parts)
@@ -334,7 +338,7 @@ class RunColumns:
 
 
 def equal_texts(one: RunColumns, other: RunColumns, name: str) -> NDArray[np.bool_]:
-    """Return (runs,) where a column of texts is equal, and there, in two tables of as many runs."""
+    """Return (runs,) whether a text column is equal, and not null, in two equally long tables."""
     equal = np.zeros(one.runs, np.bool_)
     for rows, ours in one.parts(name):
         theirs = other.between(name, rows)
@@ -349,7 +353,7 @@ _Rows = TypeVar("_Rows", pa.RecordBatch, pa.Array)
 def chosen_rows(
     batches: Iterator[pa.RecordBatch], chosen: NDArray[np.bool_] | None
 ) -> Iterator[pa.RecordBatch]:
-    """Return the rows of batches, some at a time, or of them those chosen (runs,)."""
+    """Return the rows of batches, or only the `chosen` ones (runs,), some at a time."""
     return batches if chosen is None else _chosen_rows(batches, chosen)
 
 
@@ -363,39 +367,39 @@ def _chosen_rows(
         start += len(batch)
 
 
-def _numbers_of(column: pa.Array) -> NumberColumn:
+def _number_column(column: pa.Array) -> NumberColumn:
     valid = numpy_array(compute("is_valid", column))
     return NumberColumn(np.where(valid, numpy_array(column), np.nan), valid)
 
 
-def _listed(values: pa.Array) -> list[Any]:
-    """Return values as those of Python; what is not a number, which equals no other, is one."""
+def _python_values(values: pa.Array) -> list[Any]:
+    """Return values as Python objects; NaN become one object, because NaN equals no other."""
     return [math.nan if value != value else value for value in values.to_pylist()]  # noqa: PLR0124
 
 
-def _validated(rows: pa.RecordBatch) -> pa.RecordBatch:
+def _validate_rows(rows: pa.RecordBatch) -> pa.RecordBatch:
     rows.validate(full=True)
     return rows
 
 
 def rows_of(rows: _Rows, wanted: NDArray[np.bool_]) -> _Rows:
-    """Return the rows, or entries of a column, (n,) that are wanted."""
+    """Return the wanted (n,) rows, or entries of a column."""
     return compute("take", rows, number_array(np.flatnonzero(wanted)))
 
 
 def hash_of_ids(parts: Iterable[NDArray[np.uint64]]) -> str:
-    """Return the hash of the ids of runs in an order; of the first of each row, a plan's.
+    """Return the hash of run ids in an order; for the first run of each row it is that of the plan.
 
-    They come in parts (n,), of which each is written out some at a time.
+    They come in parts (n,), each converted to text some ids at a time.
     """
     found = hashlib.sha256()
     for ids in parts:
-        for first in range(0, len(ids), _HASHED):
-            found.update(ids[first : first + _HASHED].astype(">u8").tobytes().hex().encode())
+        for first in range(0, len(ids), _HASH_BLOCK):
+            found.update(ids[first : first + _HASH_BLOCK].astype(">u8").tobytes().hex().encode())
     return found.hexdigest()[:32]
 
 
-def _places(texts: pa.Array) -> NDArray[np.int32]:
-    """Return (n + 1,) where texts begin and end in their letters."""
+def _text_bounds(texts: pa.Array) -> NDArray[np.int32]:
+    """Return (n + 1,) the start and end indices of texts in their letters."""
     places = np.frombuffer(texts.buffers()[1] or bytes(4), np.int32)
     return places[texts.offset : texts.offset + len(texts) + 1]

@@ -1,6 +1,6 @@
-"""`runs.parquet`: one row a run, in plan order.
+"""`runs.parquet`: one row per run, in plan order.
 
-The table is written from the journal in groups of rows, of which one at a time is in memory.
+The table is written from the journal in groups of rows, with one group at a time in memory.
 """
 
 import hashlib
@@ -38,76 +38,85 @@ from contactlab.store.table_layout import (
 )
 
 OUTCOME_COLUMNS = ["label", "status", "trace_file", "expectation_met"]
-_COLUMNS = b"contactlab.columns"
-_SHARED = b"contactlab.shared"
+_COLUMNS_KEY = b"contactlab.columns"
+_SHARED_KEY = b"contactlab.shared"
 GROUP = 1 << 14
-"""Rows that are written at once, and read at once where some are needed: a row group's, or a part
-of one."""
-_MOST_GROUPS = 256  # of a table: whoever opens it unpacks what it says of each of their columns
-_BLOCK = 8 << 20  # bytes of the journal that are parsed at once
-_BUFFER = 1 << 20  # bytes of a table that are written at once; a column of few rows has a hundred
-_BATCH = 256
-_HASHED = 1 << 20  # bytes that are hashed at once
-_MOST_REPEATED = 64  # items whose repetition is remembered as hashed
-# Shared fields that depend on the machine, the day, and how the sweep is called.
-_OF_STORE = ("started", "finished", "provenance", "sweep")
-_MOST_TABLE, _MOST_ROW = 1 << 30, 1 << 20
-"""Bytes that a table may hold unpacked: so many, and so many for each row."""
+"""Rows that are written at once, and read at once if some are needed: a row group or a part."""
+_MAX_GROUPS = 256  # row groups of a table; opening it decodes the metadata of all their columns
+_BLOCK_BYTES = 8 << 20  # bytes of the journal that are parsed at once
+_BUFFER_BYTES = (
+    1 << 20
+)  # bytes of a table that are written at once; a column of few rows has 100 bytes
+_BATCH_ROWS = 256
+_HASH_BLOCK = 1 << 20  # bytes that are hashed at once
+_MAX_CACHED_HASHES = 64  # cached hashes of repeated items
+# Shared fields that depend on the machine, the day, and the name of the sweep.
+_STORE_FIELDS = ("started", "finished", "provenance", "sweep")
+_MAX_TABLE_BYTES, _MAX_ROW_BYTES = 1 << 30, 1 << 20
+"""Largest unpacked size of a table [bytes]: a base, plus a size per row."""
 
 
 class Digests(NamedTuple):
-    """What binds the rows of a table, whatever its encoding."""
+    """Digests of the rows of a table, independent of their encoding."""
 
-    records: str  # digest of all
-    # Digest of what was computed, without clocks, costs, times, machines and the files of traces:
-    # the same for two honest repeats, wherever they ran.
+    records: str  # digest of all columns
+    # Digest of the computed results, without clocks, costs, times, machines and trace files. It is
+    # the same for repeated computations on any machine.
     physics: str
 
 
 def write_table(
     journal: Path, target: Path, own: Sequence[Column], shared: Mapping[str, Any]
 ) -> Digests:
-    """Turn a journal, one row a line in any order, into the table; return the digests of its rows.
+    """Convert a journal, one row per line in any order, into the table. Return its digests.
 
-    The table is replaced in one step. It has its own columns, of axes, metrics, settings and
-    effects, beside the fixed ones. The fields that all runs share are in the file's metadata.
-    Raises a StoreError if a row has another column, or a value of another type.
+    The table is replaced in one step. Besides the fixed columns it has its own ones, of axes,
+    metrics, settings and effects. The fields that all runs share are in the file's metadata. Raises
+    a StoreError if a row has another column, or a value of another type.
     """
     schema = table_schema(own)
     with journal.open("rb") as lines:
-        return _written(target, schema, shared, _journal_groups(journal, lines, schema))
+        return _write_groups(target, schema, shared, _journal_groups(journal, lines, schema))
 
 
 def merge_tables(
     sources: Mapping[Address, Path], target: Path, shared: Mapping[str, Any]
 ) -> Digests:
-    """Join the rows of tables, each in plan order, into one; return the digests of its rows.
+    """Join the rows of tables, each in plan order, into one. Return the digests of its rows.
 
-    A few rows of each are in memory at a time. What all runs share is as in the first, but for the
-    fields given. Raises a StoreError, which names the store, if a table has other columns.
+    A few rows of each are in memory at a time. Shared fields are those of the first table,
+    overridden by `shared`. Raises a StoreError, which names the store, if a table has other
+    columns.
     """
     first = next(iter(sources.values()))
     with table_errors(first):
         stored = pq.read_schema(first)
-    schema = _schema_again(stored)
+    schema = _original_schema(stored)
     for place, source in sources.items():
         with table_errors(place / TABLE):
-            if _schema_again(pq.read_schema(source)) != schema:
-                raise StoreError(f"{place}: its table has other columns than {next(iter(sources))}")
-    return _written(target, schema, {**shared_fields(stored), **shared}, _merged_groups(sources))
+            if _original_schema(pq.read_schema(source)) != schema:
+                raise StoreError(
+                    f"the tables of {place} and {next(iter(sources))} have different columns"
+                )
+    return _write_groups(
+        target, schema, {**shared_fields(stored), **shared}, _merged_groups(sources)
+    )
 
 
-def _schema_again(stored: pa.Schema) -> pa.Schema:
-    """Return the schema that a stored table was written by."""
+def _original_schema(stored: pa.Schema) -> pa.Schema:
+    """Return the schema with which a stored table was written."""
     return table_schema([replace(column_of(f), type=as_made(f.type)) for f in stored])
 
 
-def _written(
+def _write_groups(
     target: Path, schema: pa.Schema, shared: Mapping[str, Any], groups: Iterable[pa.Table]
 ) -> Digests:
-    """Write row groups as a table; return the digests of its rows."""
+    """Write row groups as a table. Return the digests of its rows."""
     described = {field.name: texts_of(field.metadata) for field in schema}
-    meta = {_COLUMNS: json.dumps(described).encode(), _SHARED: json.dumps(dict(shared)).encode()}
+    meta = {
+        _COLUMNS_KEY: json.dumps(described).encode(),
+        _SHARED_KEY: json.dumps(dict(shared)).encode(),
+    }
     digest = RowsDigest()
     strings, reals = (
         [field.name for field in schema if field.type == kind]
@@ -115,7 +124,7 @@ def _written(
     )
     with (
         atomic_write(target) as temporary,
-        pa.output_stream(temporary, buffer_size=_BUFFER) as sink,
+        pa.output_stream(temporary, buffer_size=_BUFFER_BYTES) as sink,
         pq.ParquetWriter(
             sink,
             schema.with_metadata(meta),
@@ -126,7 +135,7 @@ def _written(
         ) as writer,
     ):
         for group in groups:
-            # In one piece: where pieces end would decide where pages do.
+            # Write it in one piece, because the ends of pieces would affect the ends of pages.
             table = pa.Table.from_arrays(group.combine_chunks().columns, schema=schema)
             table = table.replace_schema_metadata(meta)
             writer.write_table(table, row_group_size=len(table))
@@ -136,9 +145,9 @@ def _written(
 
 
 def rows_of_group(runs: int) -> int:
-    """Return how many rows each row group of a table of so many has, the last perhaps fewer."""
+    """Return the rows per row group in a table of `runs` rows; the last may have fewer."""
     size = GROUP
-    while runs > _MOST_GROUPS * size:
+    while runs > _MAX_GROUPS * size:
         size *= 2
     return size
 
@@ -151,40 +160,41 @@ def _journal_groups(journal: Path, lines: BinaryIO, schema: pa.Schema) -> Iterat
             yield reader.table(spans)
         except pa.ArrowException as error:
             raise StoreError(
-                f"{journal} has a row that does not fit the table: {error}; add --repair to "
-                "run it again"
+                f"{journal}: a row is incompatible with the table: {error}; add --repair to run "
+                "it again"
             ) from error
 
 
 def _merged_groups(sources: Mapping[Address, Path]) -> Iterator[pa.Table]:
     """Yield the rows of several tables in plan order, a row group at a time."""
-    places = [_indices(path) for path in sources.values()]
+    places = [_plan_indices(path) for path in sources.values()]
     order = np.argsort(np.concatenate(places), kind="stable")
     of_source = np.repeat(np.arange(len(places)), [len(part) for part in places])[order]
-    group, size = rows_of_group(len(order)), max(_BATCH, GROUP // len(places))
+    group, size = rows_of_group(len(order)), max(_BATCH_ROWS, GROUP // len(places))
     with ExitStack() as opened:
         readers = [
-            _Rows(opened.enter_context(pq.ParquetFile(path)), size) for path in sources.values()
+            _RowSource(opened.enter_context(pq.ParquetFile(path)), size)
+            for path in sources.values()
         ]
         for first in range(0, len(of_source), group):
-            taken = of_source[first : first + group]
-            counts = np.bincount(taken, minlength=len(readers)).tolist()
+            source_order = of_source[first : first + group]
+            counts = np.bincount(source_order, minlength=len(readers)).tolist()
             rows = pa.concat_tables(
                 [reader.take(count) for reader, count in zip(readers, counts, strict=True) if count]
             )
-            # Row j of those, source by source, belongs to place p[j] of the group.
-            back = np.empty(len(taken), np.int64)
-            back[np.argsort(taken, kind="stable")] = np.arange(len(taken))
+            # Row j of these, source by source, belongs to index p[j] of the group.
+            back = np.empty(len(source_order), np.int64)
+            back[np.argsort(source_order, kind="stable")] = np.arange(len(source_order))
             yield compute("take", rows, number_array(back))
 
 
-def _indices(table: Path) -> NDArray[np.int64]:
+def _plan_indices(table: Path) -> NDArray[np.int64]:
     with table_errors(table):
         return numpy_array(pq.read_table(table, columns=["index"], use_threads=False)["index"])
 
 
-class _Rows:
-    """Hands out the rows of a table one after the other."""
+class _RowSource:
+    """Provides the rows of a table one after the other."""
 
     def __init__(self, file: pq.ParquetFile, size: int) -> None:
         self._batches = batches_of(file, size)
@@ -204,29 +214,29 @@ class _RowReader:
 
     def __init__(self, lines: BinaryIO, schema: pa.Schema) -> None:
         self._lines, self._schema = lines, schema
-        self._found = dict[str, None]()  # fields that rows by themselves had so far
+        self._found = dict[str, None]()  # own fields of the rows so far
 
     def table(self, spans: NDArray[np.void]) -> pa.Table:
-        """Return rows, with what they share."""
-        own = pa.concat_tables([self._rows(block) for block in _blocks(self._lines, spans)])
+        """Return rows, including their shared fields."""
+        own = pa.concat_tables([self._rows(block) for block in _line_blocks(self._lines, spans)])
         if (spans["shared"] == spans["start"]).all():
             return own
         _, firsts, places = np.unique(spans["shared"], return_index=True, return_inverse=True)
         shared = spans[firsts]
         shared["start"], shared["size"] = shared["shared"], shared["shared_size"]
-        blocks = _blocks(self._lines, shared)
-        said = pa.concat_tables([_parsed(block, self._schema) for block in blocks])
-        pairs = zip(own.columns, said.columns, strict=True)
-        columns = [_filled(*pair, number_array(places)) for pair in pairs]
+        blocks = _line_blocks(self._lines, shared)
+        shared_rows = pa.concat_tables([_parse_rows(block, self._schema) for block in blocks])
+        pairs = zip(own.columns, shared_rows.columns, strict=True)
+        columns = [_fill_nulls(*pair, number_array(places)) for pair in pairs]
         return pa.table(columns, schema=self._schema)
 
     def _rows(self, block: bytes) -> pa.Table:
-        """Return rows by themselves, with nulls in the fields that they lack."""
+        """Return the own fields of rows, with nulls for missing ones."""
         try:
-            # The parser takes time for every field that a row may have.
-            rows = _parsed(block, pa.schema([self._schema.field(name) for name in self._found]))
+            # The parser takes time for every possible field.
+            rows = _parse_rows(block, pa.schema([self._schema.field(name) for name in self._found]))
         except pa.ArrowInvalid:
-            rows = _parsed(block, self._schema)
+            rows = _parse_rows(block, self._schema)
             columns = zip(rows.column_names, rows.columns, strict=True)
             self._found |= {
                 name: None for name, column in columns if column.null_count < len(column)
@@ -237,15 +247,15 @@ class _RowReader:
         return pa.table({**dict(absent), **found}, schema=self._schema)
 
 
-def _filled(own: pa.ChunkedArray, said: pa.ChunkedArray, places: pa.Array) -> pa.ChunkedArray:
-    """Return a column of rows, with what the lines at these places say where it is null."""
-    if said.null_count == len(said):
+def _fill_nulls(own: pa.ChunkedArray, shared: pa.ChunkedArray, places: pa.Array) -> pa.ChunkedArray:
+    """Return a column of rows, with nulls replaced by the shared values at these indices."""
+    if shared.null_count == len(shared):
         return own
-    taken = compute("take", said, places)
+    taken = compute("take", shared, places)
     return taken if own.null_count == len(own) else compute("coalesce", own, taken)
 
 
-def _parsed(lines: bytes, schema: pa.Schema) -> pa.Table:
+def _parse_rows(lines: bytes, schema: pa.Schema) -> pa.Table:
     table = pyarrow.json.read_json(
         pa.BufferReader(lines),
         read_options=pyarrow.json.ReadOptions(use_threads=False, block_size=len(lines)),
@@ -259,12 +269,12 @@ def _parsed(lines: bytes, schema: pa.Schema) -> pa.Table:
 _LINE_SPAN = np.dtype(
     [(name, np.int64) for name in ("index", "start", "size", "shared", "shared_size")]
 )
-# How every row begins, so that it need not be parsed to its end.
+# The start of every row, so that the row need not be parsed completely.
 _LINE_START = re.compile(rb'\{"run_id": ?"\w*", ?"index": ?(\d+),')
 
 
 def _row_groups(lines: BinaryIO) -> Iterator[NDArray[np.void]]:
-    """Yield where the lines of each row group are in a journal, in plan order."""
+    """Yield the locations of the lines of each row group in a journal, in plan order."""
     spans = np.fromiter(_line_spans(lines), _LINE_SPAN)
     spans = spans[np.argsort(spans["index"], kind="stable")]
     size = rows_of_group(len(spans))
@@ -273,7 +283,7 @@ def _row_groups(lines: BinaryIO) -> Iterator[NDArray[np.void]]:
 
 
 def _line_spans(lines: BinaryIO) -> Iterator[tuple[int, int, int, int, int]]:
-    """Yield index, start and size of each row, with those of what it shares, else its own."""
+    """Yield index, start and size of each row, and those of its shared fields, or its own."""
     start, shared = 0, (0, 0)
     for line in lines:
         size, name = row_extent(line)
@@ -286,20 +296,20 @@ def _line_spans(lines: BinaryIO) -> Iterator[tuple[int, int, int, int, int]]:
         start += len(line)
 
 
-def _blocks(lines: BinaryIO, spans: NDArray[np.void]) -> Iterator[bytes]:
+def _line_blocks(lines: BinaryIO, spans: NDArray[np.void]) -> Iterator[bytes]:
     """Yield rows of a journal as blocks of whole lines of some MiB."""
-    block = (np.cumsum(spans["size"]) - spans["size"]) // _BLOCK
+    block = (np.cumsum(spans["size"]) - spans["size"]) // _BLOCK_BYTES
     for part in np.split(spans, np.flatnonzero(np.diff(block)) + 1):
         where = zip(part["start"].tolist(), part["size"].tolist(), strict=True)
         yield b"\n".join([*(os.pread(lines.fileno(), size, start) for start, size in where), b""])
 
 
 def write_compact_table(table: pa.Table, target: Path) -> None:
-    """Write a table without descriptions and column statistics, which only explain."""
-    fields = [field.with_metadata(_essential(field)) for field in table.schema]
-    meta = {_SHARED: (table.schema.metadata or {})[_SHARED]}
+    """Write a table without descriptions and column statistics, which are informative only."""
+    fields = [field.with_metadata(_essential_metadata(field)) for field in table.schema]
+    meta = {_SHARED_KEY: (table.schema.metadata or {})[_SHARED_KEY]}
     essential = pa.Table.from_arrays(table.columns, schema=pa.schema(fields, meta))
-    with pa.output_stream(target, buffer_size=_BUFFER) as sink:
+    with pa.output_stream(target, buffer_size=_BUFFER_BYTES) as sink:
         pq.write_table(
             essential,
             sink,
@@ -310,15 +320,15 @@ def write_compact_table(table: pa.Table, target: Path) -> None:
         )
 
 
-def _essential(field: pa.Field) -> dict[bytes, bytes]:
-    """Return the metadata of a column without its description, which only explains."""
+def _essential_metadata(field: pa.Field) -> dict[bytes, bytes]:
+    """Return the metadata of a column without its description, which is informative only."""
     return {key: text for key, text in (field.metadata or {}).items() if key != b"description"}
 
 
 def check_table_size(path: Path, runs: int) -> None:
-    """Check before anything of a table is unpacked that it has no more rows, nor larger ones.
+    """Check the number of rows and the size of a table before any of it is unpacked.
 
-    One that is missing or damaged is left to those who read it.
+    A missing or damaged table is left to its readers.
     """
     try:
         meta = pq.read_metadata(path)
@@ -327,19 +337,19 @@ def check_table_size(path: Path, runs: int) -> None:
     if meta.num_rows > runs:
         raise StoreError(f"{path} is damaged: it has {meta.num_rows:,} rows for {runs:,} runs")
     size = sum(meta.row_group(group).total_byte_size for group in range(meta.num_row_groups))
-    if size > _MOST_TABLE + runs * _MOST_ROW:
-        raise StoreError(f"{path} is damaged: it claims to hold {size:,} bytes")
+    if size > _MAX_TABLE_BYTES + runs * _MAX_ROW_BYTES:
+        raise StoreError(f"{path} is damaged: its header declares {size:,} bytes")
 
 
 def iterate_rows(path: Path, chosen: NDArray[np.bool_] | None = None) -> Iterator[dict[str, Any]]:
-    """Yield every row of a table, or those chosen (runs,), batch by batch; see `table_errors`."""
+    """Yield every row of a table, or the `chosen` ones (runs,), by batches; see `table_errors`."""
     with table_errors(path), pq.ParquetFile(path) as file:
         sizes = [file.metadata.row_group(group).num_rows for group in range(file.num_row_groups)]
         for group, stop in enumerate(np.cumsum(np.array(sizes, np.int64)).tolist()):
             start = stop - sizes[group]
             if chosen is not None and not chosen[start:stop].any():
                 continue
-            for batch in batches_of(file, _BATCH, groups=[group]):
+            for batch in batches_of(file, _BATCH_ROWS, groups=[group]):
                 if chosen is None:
                     yield from batch.to_pylist()
                 elif (places := np.flatnonzero(chosen[start : start + len(batch)])).size:
@@ -353,9 +363,10 @@ def batches_of(
     names: Sequence[str] | None = None,
     groups: Iterable[int] | None = None,
 ) -> Iterator[pa.RecordBatch]:
-    """Yield the rows of a table, or of some groups or columns, at most so many at a time.
+    """Yield the rows of a table, or of some groups or columns, at most `size` at a time.
 
-    A reader that goes on from one row group to the next keeps texts of all that it has read.
+    Each row group is read separately, because a reader across groups keeps all texts that it has
+    read.
     """
     for group in range(file.num_row_groups) if groups is None else groups:
         if file.metadata.row_group(group).num_rows <= size:
@@ -366,7 +377,7 @@ def batches_of(
 
 @contextmanager
 def table_errors(path: object) -> Generator[None]:
-    """Turn errors of reading a table into a StoreError."""
+    """Convert errors of reading a table into a StoreError."""
     try:
         yield
     except FileNotFoundError as error:
@@ -398,16 +409,16 @@ def count_outcomes(parts: Iterable[pa.RecordBatch]) -> dict[str, Any]:
 
 def shared_fields(schema: pa.Schema) -> dict[str, Any]:
     """Return the fields that all runs of a table share, from the metadata of its schema."""
-    return json.loads((schema.metadata or {})[_SHARED])
+    return json.loads((schema.metadata or {})[_SHARED_KEY])
 
 
 def listed_columns(schema: pa.Schema) -> dict[str, Any]:
-    """Return what the metadata of a table's schema says of columns; nothing of a compact one."""
-    return json.loads((schema.metadata or {}).get(_COLUMNS, b"{}"))
+    """Return the description of columns in the metadata of a table; empty for a compact one."""
+    return json.loads((schema.metadata or {}).get(_COLUMNS_KEY, b"{}"))
 
 
 def compute(function: str, *arrays: object, options: pc.FunctionOptions | None = None) -> Any:  # noqa: ANN401
-    """Return what a function of Arrow gives, called by its name: methods load wrappers of all."""
+    """Return the result of an Arrow function by name; the methods would load all wrappers."""
     return pc.call_function(function, [*arrays], options)
 
 
@@ -421,17 +432,17 @@ def digests_of(path: Path) -> Digests:
 
 
 class RowsDigest:
-    """A digest of rows, whatever their encoding, compression and row groups.
+    """A digest of rows, independent of their encoding, compression and row groups.
 
-    Each column is one or more streams of bytes: which values there are, the lengths of texts and
-    lists, and the values themselves, nulls as zeros. The digest is the SHA-256 of the names, types
-    and units of all columns, the SHA-256 of each of their streams, and the fields that all runs
-    share. A copy that only compresses otherwise has the same digest; any other value, order or
-    column another one.
+    Each column is one or more streams of bytes: the validity of values, the lengths of texts and
+    lists, and the values themselves, with nulls as zeros. The digest is the SHA-256 of the names,
+    types and units of all columns, the SHA-256 of each of their streams, and the fields that all
+    runs share. A copy with another compression has the same digest; another value, order or column
+    changes it.
     """
 
     def __init__(self) -> None:
-        self._streams = defaultdict[tuple[str, str], _Stream](_Stream)
+        self._streams = defaultdict[tuple[str, str], _StreamDigest](_StreamDigest)
 
     def add(self, rows: pa.RecordBatch) -> pa.RecordBatch:
         """Add the rows that follow, and return them."""
@@ -440,7 +451,7 @@ class RowsDigest:
         return rows
 
     def _add(self, name: str, part: str, column: pa.Array) -> None:
-        """Add what follows to the streams of a column, or of a part of it."""
+        """Add the next rows to the streams of a column, or of a part of it."""
         kind, given = column.type, self._streams[name, f"{part}?"]
         if column.null_count in {0, len(column)}:
             given.repeat(b"\0" if column.null_count else b"\1", len(column))
@@ -450,23 +461,25 @@ class RowsDigest:
             for field, inner in zip(kind, column.flatten(), strict=True):
                 self._add(name, f"{part}.{field.name}", inner)
         elif pa.types.is_list(kind):
-            self._streams[name, f"{part}#"].add(_lengths("list_value_length", column))
+            self._streams[name, f"{part}#"].add(_entry_lengths("list_value_length", column))
             self._add(name, f"{part}[]", compute("list_flatten", column))
         elif pa.types.is_string(kind):
-            self._streams[name, f"{part}#"].add(_lengths("binary_length", column))
-            self._streams[name, f"{part}="].add(_joined(compute("drop_null", column)))
+            self._streams[name, f"{part}#"].add(_entry_lengths("binary_length", column))
+            self._streams[name, f"{part}="].add(_join_letters(compute("drop_null", column)))
         else:
             self._streams[name, f"{part}="].add(_filled_numbers(column))
 
     def of(self, schema: pa.Schema) -> Digests:
-        """Return the digests of all rows that were added, given the schema of the stored table."""
+        """Return the digests of all rows that were added, with the schema of the stored table."""
         shared = shared_fields(schema)
         physics = [field for field in schema if field.name not in COLUMNS_OF_MACHINE]
-        own = {name: value for name, value in shared.items() if name not in _OF_STORE}
-        return Digests(self._hex(list(schema), shared), self._hex(physics, own))
+        own = {name: value for name, value in shared.items() if name not in _STORE_FIELDS}
+        return Digests(self._hex_digest(list(schema), shared), self._hex_digest(physics, own))
 
-    def _hex(self, fields: Sequence[pa.Field], shared: Mapping[str, Any]) -> str:
-        described = [[field.name, str(field.type), texts_of(_essential(field))] for field in fields]
+    def _hex_digest(self, fields: Sequence[pa.Field], shared: Mapping[str, Any]) -> str:
+        described = [
+            [field.name, str(field.type), texts_of(_essential_metadata(field))] for field in fields
+        ]
         names = {field.name for field in fields}
         digests = {
             stream: digest.hexdigest()
@@ -477,11 +490,11 @@ class RowsDigest:
         return hashlib.sha256((head + json.dumps(digests, sort_keys=True)).encode()).hexdigest()
 
 
-class _Stream:
-    """The SHA-256 of a stream, whose bytes are hashed once they are not one item over and over.
+class _StreamDigest:
+    """The SHA-256 of a stream, hashed only once its items stop being equal.
 
-    Most columns say the same of all runs, or nothing: of those that repeat the same item as often,
-    the bytes are hashed once for all.
+    Most columns have the same value for all runs, or none: for columns that repeat the same item
+    equally often, the bytes are hashed once.
     """
 
     def __init__(self) -> None:
@@ -491,39 +504,39 @@ class _Stream:
     def add(self, values: NDArray[Any]) -> None:
         """Add the bytes of values (n,)."""
         data, width = values.view(np.uint8), values.itemsize
-        if _repeats(data, width):
+        if _is_repetition(data, width):
             self.repeat(data[:width].tobytes(), len(values))
         elif len(data):
-            self._hashed().update(data)
+            self._hasher().update(data)
 
     def repeat(self, item: bytes, times: int) -> None:
-        """Add an item so many times."""
+        """Add an item `times` times."""
         if self._digest is None and self._item in {b"", item}:
             self._item = item if times else self._item
             self._times += times
         else:
-            self._hashed().update(item * times)
+            self._hasher().update(item * times)
 
     def hexdigest(self) -> str:
         """Return the digest of what was added."""
-        return (self._digest or _repeated(self._item, self._times)).hexdigest()
+        return (self._digest or _repetition_hash(self._item, self._times)).hexdigest()
 
-    def _hashed(self) -> Any:  # noqa: ANN401 - hashlib has no name for it
+    def _hasher(self) -> Any:  # noqa: ANN401 - hashlib has no name for it
         if self._digest is None:
-            self._digest = _repeated(self._item, self._times).copy()
+            self._digest = _repetition_hash(self._item, self._times).copy()
         return self._digest
 
 
-def _repeats(data: NDArray[np.uint8], width: int) -> bool:
-    """Return whether bytes are the first so many of them over and over."""
+def _is_repetition(data: NDArray[np.uint8], width: int) -> bool:
+    """Return whether bytes repeat the first `width` ones."""
     alike = len(data) > width and data[:width].tobytes() == data[-width:].tobytes()
     return alike and np.array_equal(data[width:], data[:-width])
 
 
-@lru_cache(_MOST_REPEATED)
-def _repeated(item: bytes, times: int) -> Any:  # noqa: ANN401 - hashlib has no name for it
-    """Return the SHA-256 of an item that is repeated; it is to be copied before it is updated."""
-    found, at_once = hashlib.sha256(), max(1, _HASHED // max(1, len(item)))
+@lru_cache(_MAX_CACHED_HASHES)
+def _repetition_hash(item: bytes, times: int) -> Any:  # noqa: ANN401 - hashlib has no name for it
+    """Return the SHA-256 of a repeated item; copy it before updating it."""
+    found, at_once = hashlib.sha256(), max(1, _HASH_BLOCK // max(1, len(item)))
     block, (blocks, rest) = item * at_once, divmod(times, at_once)
     for _ in range(blocks):
         found.update(block)
@@ -531,8 +544,8 @@ def _repeated(item: bytes, times: int) -> Any:  # noqa: ANN401 - hashlib has no 
     return found
 
 
-def _joined(texts: pa.Array) -> NDArray[Any]:
-    """Return the letters of texts, as one value a text where all are as long."""
+def _join_letters(texts: pa.Array) -> NDArray[Any]:
+    """Return the letters of texts, with one value per text if all have the same length."""
     _, places, letters = texts.buffers()
     if not len(texts) or letters is None:
         return np.empty(0, np.uint8)
@@ -542,15 +555,15 @@ def _joined(texts: pa.Array) -> NDArray[Any]:
     return joined if rest or not width else joined.view(f"V{width}")
 
 
-def _lengths(function: str, column: pa.Array) -> NDArray[np.int64]:
-    """Return (n,) how long texts or lists are by a function of Arrow, 0 where there is none."""
+def _entry_lengths(function: str, column: pa.Array) -> NDArray[np.int64]:
+    """Return (n,) lengths of texts or lists by a function of Arrow, 0 for nulls."""
     if column.null_count == len(column):
         return np.zeros(len(column), np.int64)
     return _filled_numbers(compute(function, column)).astype(np.int64)
 
 
 def _filled_numbers(column: pa.Array) -> NDArray[Any]:
-    """Return (n,) numbers or booleans, 0 where there is none."""
+    """Return (n,) numbers or booleans, 0 for nulls."""
     if 0 < column.null_count < len(column):
         column = compute("coalesce", column, zero(column.type))
     values = numpy_array(column)

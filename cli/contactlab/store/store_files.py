@@ -1,8 +1,8 @@
-"""Where a store is, and its files, `sweep.json` and `manifest.json` among them: the way to them.
+"""Address and files of a store, such as `sweep.json` and `manifest.json`, and safe access to them.
 
-A store is a local folder, or a prefix in object storage. Its files may come from a stranger. Names
-are relative and lead nowhere else; below the store's folder, which may itself be a link, only
-folders and regular files are used, up to a size that no honest store reaches.
+A store is a local folder, or a prefix in object storage. Its files may come from an untrusted
+source. Names are relative and lead nowhere else; below the store's folder, which may itself be a
+link, only folders and regular files are used, up to a size that no valid store reaches.
 """
 
 import os
@@ -25,7 +25,7 @@ from contactlab.schema.strict_model import is_inner_name
 
 # NAME:SECRET@HOST, and the parameters of signed addresses.
 _CREDENTIALS = re.compile(r"^[^/]*@|\?.*(key|secret|token|sig)", re.IGNORECASE | re.DOTALL)
-_URL = re.compile(r"(?P<scheme>[a-z][a-z0-9+.-]*)://(?P<rest>.*)", re.DOTALL)
+_URL_PARTS = re.compile(r"(?P<scheme>[a-z][a-z0-9+.-]*)://(?P<rest>.*)", re.DOTALL)
 
 
 @dataclass(frozen=True)
@@ -54,17 +54,17 @@ Address = Path | ObjectAddress
 def parse_address(text: str | Address) -> Address:
     """Return the address of a store: `s3://bucket/prefix`, `gs://...`, `az://...`, or a path.
 
-    Raises an OutputError if it is a URL, but not of a store, or it holds credentials.
+    Raises an OutputError if it is a URL but not of a store, or if it contains credentials.
     """
     if not isinstance(text, str):
         return text
-    url = _URL.fullmatch(text)
+    url = _URL_PARTS.fullmatch(text)
     if url is None and (scheme := text.partition(":")[0]) in extensions("store") and ":" in text:
         raise OutputError(f"{text}: write {scheme}://BUCKET/PREFIX")
     if url is None:
         return Path(text)
     if _CREDENTIALS.search(url["rest"]):
-        # The text is not repeated: it would stand in the logs of CI jobs.
+        # The text is not repeated, because it would appear in the logs of CI jobs.
         raise OutputError(
             f"the {url['scheme']}:// address holds credentials; write it without them, and set the "
             "environment variables of the provider (see docs/stores.md)"
@@ -92,7 +92,7 @@ MOST_DOCUMENT = 64 << 20  # bytes of a file that is read at once: identity, mani
 MOST_TRACE = 2 << 30
 MOST_BYTES = 64 << 30  # bytes of any file
 _Document = TypeVar("_Document", bound=BaseModel)
-_FLAGS = os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
+_OPEN_FLAGS = os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
 
 
 def read_stored(folder: Path, name: str, most: int = MOST_DOCUMENT) -> bytes | None:
@@ -100,17 +100,17 @@ def read_stored(folder: Path, name: str, most: int = MOST_DOCUMENT) -> bytes | N
     path = stored_file(folder, name, most)
     if path is None:
         return None
-    with os.fdopen(os.open(path, _FLAGS), "rb") as file:
-        # Once more: another one may have come into its place.
-        _check(path, os.fstat(file.fileno()), most)
+    with os.fdopen(os.open(path, _OPEN_FLAGS), "rb") as file:
+        # Check again: another file may have replaced it.
+        _check_file(path, os.fstat(file.fileno()), most)
         return file.read(most)
 
 
 def stored_file(folder: Path, name: str, most: int = MOST_BYTES) -> Path | None:
-    """Return the path of a store's file of at most so many bytes; None if there is none.
+    """Return the path of a store's file of at most `most` bytes; None if it does not exist.
 
-    Raises a StoreError if the name leads out of the store, the file or a folder on the way is
-    something else, or it is too large.
+    Raises a StoreError if the name leads out of the store, if the file or a folder on the way is
+    something else, or if it is too large.
     """
     return None if stored_size(folder, name, most) is None else folder / name
 
@@ -125,19 +125,19 @@ def stored_size(folder: Path, name: str, most: int = MOST_BYTES) -> int | None:
         for place in folders:
             path = f"{path}/{place}"
             if stat.S_ISLNK(os.lstat(path).st_mode):
-                raise _foreign(path)
+                raise _foreign_file_error(path)
         path = f"{path}/{last}"
         status = os.lstat(path)
     except (FileNotFoundError, NotADirectoryError):
         return None
     except OSError as error:
         raise StoreError(f"cannot read {path}: {error.strerror}") from error
-    _check(path, status, most)
+    _check_file(path, status, most)
     return status.st_size
 
 
 def check_tree(folder: Path) -> None:
-    """Raise a StoreError if a folder of a store is, or holds, anything but folders and files."""
+    """Raise a StoreError if a folder of a store contains anything except folders and files."""
     left = [folder]
     while left:
         path = left.pop()
@@ -151,57 +151,57 @@ def check_tree(folder: Path) -> None:
         except OSError as error:
             raise StoreError(f"cannot read {path}: {error.strerror}") from error
         if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
-            raise _foreign(path)
+            raise _foreign_file_error(path)
 
 
-def _check(path: object, status: os.stat_result, most: int) -> None:
+def _check_file(path: object, status: os.stat_result, most: int) -> None:
     if not stat.S_ISREG(status.st_mode):
-        raise _foreign(path)
+        raise _foreign_file_error(path)
     if status.st_size > most:
         raise StoreError(f"{path} is damaged: {status.st_size:,} bytes are more than {most:,}")
 
 
-def _foreign(path: object) -> StoreError:
+def _foreign_file_error(path: object) -> StoreError:
     return StoreError(
-        f"{path} is a symbolic link or no regular file; a store holds folders and files only"
+        f"{path} is a symbolic link or not a regular file; a store holds folders and files only"
     )
 
 
 def parse_identity(data: bytes, store: Address) -> SweepIdentity:
-    """Return the sweep that a store belongs to; a StoreError says how its file is damaged."""
-    return _parse(data, SweepIdentity, store / IDENTITY)
+    """Return the sweep that a store belongs to. Raises a StoreError if its file is damaged."""
+    return _parse_document(data, SweepIdentity, store / IDENTITY)
 
 
 def parse_manifest(data: bytes, store: Address) -> StoreManifest:
     """Return the manifest of a finished store; see `parse_identity`."""
-    return _parse(data, StoreManifest, store / MANIFEST)
+    return _parse_document(data, StoreManifest, store / MANIFEST)
 
 
 def time_now() -> str:
-    """Return the time (UTC) as it is written in manifests and records."""
+    """Return the time (UTC) in the format of manifests and records."""
     return datetime.now(UTC).isoformat(timespec="milliseconds")
 
 
 def document_json(document: BaseModel) -> str:
-    """Return an identity or a manifest as its file holds it."""
+    """Return the text of an identity or a manifest in its file."""
     return document.model_dump_json(indent=2) + "\n"
 
 
 def other_parts(stored: SweepIdentity, requested: SweepIdentity) -> list[str]:
-    """Return in which parts two sweeps differ, in words, whichever runs of their grids they make.
+    """Return the parts in which two sweeps differ, as text, whatever runs of their grids they make.
 
-    Of what their files ask for these are the keys, and which runs that makes is left unsaid.
+    Differences of their files are given by key; the resulting differences of runs are omitted.
     """
-    ours, theirs = _whole(requested), _whole(stored)
+    ours, theirs = _whole_grid(requested), _whole_grid(stored)
     asked, held = ours.pop("resolved"), theirs.pop("resolved")
     keys = [name for name in {**asked, **held} if asked.get(name) != held.get(name)]
     unsaid = {"source", *(_MADE_BY_KEYS if keys else ())}
     others = [name for name in ours if name not in unsaid and ours[name] != theirs[name]]
-    return [*dict.fromkeys([*keys, *(_PARTS.get(name, name) for name in others)])]
+    return [*dict.fromkeys([*keys, *(_PART_TEXTS.get(name, name) for name in others)])]
 
 
 _MADE_BY_KEYS = {"overrides": "options", "runs_asked": "number of runs", "plan_hash": "runs"}
-_PARTS = {
+_PART_TEXTS = {
     **_MADE_BY_KEYS,
     "scene_hash": "files of the scene",
     "scene_model": "model file",
@@ -212,15 +212,15 @@ _PARTS = {
 
 
 def most_common(identities: Sequence[SweepIdentity]) -> int:
-    """Return the place of the first of the sweep that most are of, whichever runs they make."""
-    whole = [to_json({**_whole(each), "source": ""}) for each in identities]
+    """Return the index of the first of the most frequent sweep, whatever runs they make."""
+    whole = [to_json({**_whole_grid(each), "source": ""}) for each in identities]
     return whole.index(Counter(whole).most_common(1)[0][0])
 
 
 def check_same_sweep(store: Address, stored: SweepIdentity, requested: SweepIdentity) -> None:
-    """Raise an OtherSweepError unless a store is of the requested sweep, by the same definitions.
+    """Raise an OtherSweepError unless a store is of the requested sweep, with the same definitions.
 
-    A StoreError says that it is another part of it.
+    A StoreError says that it is another part of the sweep.
     """
     differing = other_parts(stored, requested)
     if not differing:
@@ -232,37 +232,37 @@ def check_same_sweep(store: Address, stored: SweepIdentity, requested: SweepIden
         return
     held = f"another sweep (other {', '.join(differing)}{_other_plugins(stored, requested)})"
     if differing == ["definitions"]:
-        held = "runs of another contactlab, which prepares, measures or labels them otherwise"
+        held = "runs of another contactlab, which prepares, measures or labels them differently"
     raise OtherSweepError(
         f"{store} holds {held}", "write elsewhere with -o, or replace it with --fresh"
     )
 
 
-# Keys of a sweep that say which of its runs to make; whichever they are, the grid is the same.
-_CHOICES = ("refine", "limit", "until", "search")
+# Keys of a sweep that choose the runs to make; the grid is the same for all of their values.
+_CHOICE_KEYS = ("refine", "limit", "until", "search")
 
 
-def _whole(identity: SweepIdentity) -> dict[str, Any]:
-    """Return the definition of a sweep's whole grid, whichever part of it was chosen to run."""
+def _whole_grid(identity: SweepIdentity) -> dict[str, Any]:
+    """Return the definition of a sweep's whole grid, independent of the chosen part."""
     whole = identity.model_dump(exclude={"whole"})
-    whole["resolved"] = {**identity.resolved, **dict.fromkeys(_CHOICES)}
+    whole["resolved"] = {**identity.resolved, **dict.fromkeys(_CHOICE_KEYS)}
     if grid := identity.whole:
         whole["runs_asked"] = grid.runs
     return whole
 
 
 def shard_of(identity: SweepIdentity) -> str | None:
-    """Return which slice of its grid a sweep runs, such as 3/64; None if it is no shard."""
+    """Return the slice of its grid that a sweep runs, such as 3/64; None if it is not a shard."""
     return identity.whole.shard if identity.whole else None
 
 
 def is_slice(identity: SweepIdentity) -> bool:
-    """Return whether a store has a part of its grid that no result chose: shards, one or some."""
-    return identity.whole is not None and not any(map(identity.resolved.get, _CHOICES))
+    """Return whether a store has a part of its grid that no result chose: one or several shards."""
+    return identity.whole is not None and not any(map(identity.resolved.get, _CHOICE_KEYS))
 
 
 def is_covered(stored: SweepIdentity, requested: SweepIdentity) -> bool:
-    """Return whether a finished store of the same sweep has all runs that are requested."""
+    """Return whether a finished store of the same sweep has all requested runs."""
     if stored.whole is None:
         return True
     merged = is_slice(stored) and shard_of(stored) is None
@@ -271,25 +271,25 @@ def is_covered(stored: SweepIdentity, requested: SweepIdentity) -> bool:
 
 def chooses_alike(stored: SweepIdentity, requested: SweepIdentity) -> bool:
     """Return whether both choose the same part of a grid."""
-    alike = all(stored.resolved.get(key) == requested.resolved.get(key) for key in _CHOICES)
+    alike = all(stored.resolved.get(key) == requested.resolved.get(key) for key in _CHOICE_KEYS)
     return alike and shard_of(stored) == shard_of(requested)
 
 
 def _other_plugins(stored: SweepIdentity, requested: SweepIdentity) -> str:
-    """Return which plug-ins differ, in words; nothing if none do."""
+    """Return text about differing plug-ins; empty if there are none."""
     if stored.plugins == requested.plugins:
         return ""
     old, new = (", ".join(map(str, identity.plugins)) or "none" for identity in (stored, requested))
     return f": it was begun with {old}; loaded now: {new}"
 
 
-class _Versioned(BaseModel):
+class _VersionedDocument(BaseModel):
     store_version: object = None
 
 
-def _parse(data: bytes, kind: type[_Document], path: Address) -> _Document:
+def _parse_document(data: bytes, kind: type[_Document], path: Address) -> _Document:
     try:
-        version = _Versioned.model_validate_json(data).store_version
+        version = _VersionedDocument.model_validate_json(data).store_version
         if version != STORE_VERSION:
             raise StoreError(
                 f"{path} is of store version {version}; this contactlab reads version "

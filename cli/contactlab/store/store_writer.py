@@ -1,4 +1,4 @@
-"""Write a store so that it can be interrupted at any point and resumed by the same command.
+"""Writes a store so that it can be interrupted at any point and resumed by the same command.
 
 Rows go to a journal as runs finish; the table follows at the end, and the manifest comes last.
 """
@@ -56,13 +56,13 @@ from contactlab.store.store_files import (
 from contactlab.store.table_layout import Column
 from contactlab.store.verify_store import verify
 
-_NOTHING: Mapping[str, Any] = MappingProxyType({})
+_NO_FIELDS: Mapping[str, Any] = MappingProxyType({})
 Concluded = Callable[[RunColumns], Mapping[str, Any]]
 """Returns fields of a manifest from the runs of its table."""
 
 
 class CopyableFiles(Protocol):
-    """Files that can be copied into a folder, as those of a scene."""
+    """Files that can be copied into a folder, such as those of a scene."""
 
     def copy_to(self, folder: Path) -> None:
         """Copy every file into the folder."""
@@ -78,7 +78,7 @@ class StoreWriter:
         # Local folder of its journal, table and scene; the store itself if that is local.
         self.path = session.folder
         self.identity = identity
-        # Ids of the runs that it held when it was opened.
+        # Ids of the runs in the store when it was opened.
         self.done = done
         self.started = time_now()
         self._session = session
@@ -90,14 +90,14 @@ class StoreWriter:
         return self.path / SCENES / self.identity.scene_hash
 
     def append(self, rows: Sequence[bytes], shared: bytes = b"") -> None:
-        """Add finished runs, rows as JSON and what all share; their traces must be stored."""
-        self._add(JOURNAL, lines_of(rows, shared))
+        """Add finished runs as JSON rows, and their shared fields; their traces must exist."""
+        self._add_lines(JOURNAL, lines_of(rows, shared))
 
     def note(self, notes: Sequence[bytes]) -> None:
         """Keep results of a later pass, each as JSON, in case of an interruption."""
-        self._add(NOTES, lines_of(notes, b""))
+        self._add_lines(NOTES, lines_of(notes, b""))
 
-    def _add(self, name: str, lines: Sequence[bytes]) -> None:
+    def _add_lines(self, name: str, lines: Sequence[bytes]) -> None:
         with write_errors(self.path / name):
             if name not in self._files:
                 self._files[name] = (self.path / name).open("ab")
@@ -106,7 +106,7 @@ class StoreWriter:
         self._session.add_lines(name, lines)
 
     def notes(self) -> Iterator[dict[str, Any]]:
-        """Yield all notes, also those from before an interruption."""
+        """Yield all notes, including those from before an interruption."""
         return read_lines(self.path / NOTES)
 
     def rows(self) -> Iterator[dict[str, Any]]:
@@ -118,29 +118,27 @@ class StoreWriter:
         own: Sequence[Column],
         shared: Mapping[str, Any],
         provenance: Provenance,
-        amendments: Mapping[str, Mapping[str, Any]] = _NOTHING,
+        amendments: Mapping[str, Mapping[str, Any]] = _NO_FIELDS,
         identity: SweepIdentity | None = None,
         concluded: Concluded = lambda _: {},
     ) -> StoreManifest:
         """Publish the table, then the manifest, which makes the store finished.
 
-        Beside its own columns and the fields that all runs share, the table has amendments from
-        passes after the runs: run id to values by column. An identity replaces the first one, where
-        nobody knew then how many runs there would be. `concluded` returns fields of the manifest
-        that all runs of the table tell together. The manifest that is returned is another
-        writer's, if it has published the same sweep meanwhile.
-
-        After an OutputError the store stays resumable.
+        Besides its own columns and the fields that all runs share, the table has amendments from
+        passes after the runs: run id to values by column. An identity replaces the first one, if
+        the number of runs was not known then. `concluded` returns fields of the manifest that
+        depend on all runs of the table. The returned manifest is another writer's, if that has
+        published the same sweep meanwhile. After an OutputError the store stays resumable.
         """
         self.close()
         amend_journal(self.path, amendments)
         times = self.started, time_now()
-        said = {**shared, **_said(provenance, times)}
+        said = {**shared, **_shared_fields(provenance, times)}
         digests = write_table(self.path / JOURNAL, self.path / TABLE, own, said)
         if identity:
             self.identity = identity
             self._session.begin(identity)
-        return self._publish(digests, provenance, times, concluded)
+        return self._publish_manifest(digests, provenance, times, concluded)
 
     def join(
         self,
@@ -149,13 +147,13 @@ class StoreWriter:
         times: tuple[str, str],
         concluded: Concluded,
     ) -> StoreManifest:
-        """Publish a table of all rows of others, then the manifest; see `finish`."""
+        """Publish a table with all rows of other tables, then the manifest; see `finish`."""
         self.close()
-        said = _said(provenance, times)
+        said = _shared_fields(provenance, times)
         digests = merge_tables(tables, self.path / TABLE, said)
-        return self._publish(digests, provenance, times, concluded)
+        return self._publish_manifest(digests, provenance, times, concluded)
 
-    def _publish(
+    def _publish_manifest(
         self,
         digests: Digests,
         provenance: Provenance,
@@ -184,7 +182,7 @@ class StoreWriter:
         self._session.clear()
 
     def close(self) -> None:
-        """Leave the store as it is, resumable, once all rows are stored."""
+        """Close the store, still resumable, after all rows are stored."""
         try:
             for name, file in self._files.items():
                 with write_errors(self.path / name):
@@ -193,8 +191,8 @@ class StoreWriter:
             self._session.flush()
 
 
-def _said(provenance: Provenance, times: tuple[str, str]) -> dict[str, Any]:
-    """Return what all records of a store say of its making."""
+def _shared_fields(provenance: Provenance, times: tuple[str, str]) -> dict[str, Any]:
+    """Return the fields that all records of a store share about its making."""
     started, finished = times
     return {"provenance": provenance.model_dump(), "started": started, "finished": finished}
 
@@ -209,14 +207,14 @@ def open_writer(
     retry_failed: bool = False,
     repair: bool = False,
     is_planned: IsPlanned = lambda _run_id, _index: True,
-    beside: Mapping[str, CopyableFiles] = _NOTHING,
+    beside: Mapping[str, CopyableFiles] = _NO_FIELDS,
 ) -> Generator[StoreWriter | StoreManifest]:
     """Yield a writer for a new or interrupted store, or the manifest of a finished one.
 
-    An existing store can be removed, and its failed or damaged runs be run again. Other files are
-    given by the name of their folder beside the scene's. Raises an OutputError if the place cannot
-    be written, holds something else, or is in use; a StoreError if it holds a store of another
-    sweep, or a damaged one.
+    An existing store can be removed, and its failed or damaged runs can be run again. `beside`
+    lists other files by the name of their folder next to the scene's. Raises an OutputError if the
+    place cannot be written, holds something else, or is in use; a StoreError if it holds a store of
+    another sweep, or a damaged one.
     """
     backend = backend_at(address, OutputError)
     rows = ResumedRows(backend, identity, is_planned, retry_failed, repair)
@@ -228,19 +226,19 @@ def open_writer(
         if manifest is not None:
             check_same_sweep(address, manifest.sweep, identity)
             session.remove_journal()
-            kept = _rows_to_keep(rows, session, manifest)
-            if kept is None and not is_covered(manifest.sweep, identity):
-                kept = iterate_rows(session.table())
-            if kept is None:
+            rows_to_keep = _rows_to_keep(rows, session, manifest)
+            if rows_to_keep is None and not is_covered(manifest.sweep, identity):
+                rows_to_keep = iterate_rows(session.table())
+            if rows_to_keep is None:
                 yield manifest
                 return
-            _reopen(session, manifest, kept)
-        mended = _prepare(rows, session, {identity.scene_hash: scene, **beside})
-        writer = StoreWriter(session, identity, mended)
+            _reopen_store(session, manifest, rows_to_keep)
+        run_ids = _prepare_store(rows, session, {identity.scene_hash: scene, **beside})
+        writer = StoreWriter(session, identity, run_ids)
         try:
             yield writer
         except BaseException:
-            # Workers that were killed in mid-write could not clean up after themselves.
+            # Workers killed during a write could not clean up after themselves.
             session.remove_temporaries()
             raise
         finally:
@@ -248,7 +246,7 @@ def open_writer(
 
 
 def _find_manifest(rows: ResumedRows) -> StoreManifest | None:
-    """Return a store's manifest, None if it has none; a damaged one is removed to repair it."""
+    """Return a store's manifest, None if it has none; with `repair` a damaged one is removed."""
     backend = rows.backend
     data = backend.read(MANIFEST)
     try:
@@ -262,10 +260,10 @@ def _find_manifest(rows: ResumedRows) -> StoreManifest | None:
         return None
 
 
-def _prepare(
+def _prepare_store(
     rows: ResumedRows, session: WriteSession, folders: Mapping[str, CopyableFiles]
 ) -> frozenset[str]:
-    """Make a new store, or mend an interrupted one; return what it holds."""
+    """Make a new store, or repair an interrupted one. Return the ids of its runs."""
     address, folder = rows.backend.address, session.folder
     stored = rows.backend.read(IDENTITY)
     if stored is None:
@@ -276,33 +274,33 @@ def _prepare(
     has_lines = (folder / JOURNAL).is_file() and (folder / JOURNAL).stat().st_size > 0
     if stored is None and not rows.repair and has_lines:
         raise StoreError(
-            f"{address} has runs but no {IDENTITY}, so nothing says of which sweep; add --repair "
-            "to keep those that this sweep plans, or --fresh to start over"
+            f"{address} has runs but no {IDENTITY}, so their sweep is unknown; add --repair to "
+            "keep those that this sweep plans, or --fresh to start over"
         )
     is_begun = stored is not None and not rows.repair
     for name, files in folders.items():
-        _copy(files, folder / SCENES / name, is_begun=is_begun)
+        _copy_files(files, folder / SCENES / name, is_begun=is_begun)
     if not is_begun or not _chooses_alike(rows, stored):
         session.begin(rows.identity)
     end_torn_line(folder / NOTES)
-    mended = mend_journal(
+    run_ids = mend_journal(
         folder, rows.check, rows.keeps, repair=rows.repair, shown_path=address / JOURNAL
     )
     if rows.repair:
         named = {row.get("trace_file") for row in read_lines(folder / JOURNAL)}
         rows.backend.delete(name for name in rows.backend.trace_names() if name not in named)
     session.replace_journal()
-    return mended
+    return run_ids
 
 
 def _check_begun(rows: ResumedRows, stored: bytes) -> None:
-    """Check the identity of a begun store; to repair it, no more than by what runs were judged."""
+    """Check the identity of a begun store; for a repair, only its definitions."""
     try:
         begun = parse_identity(stored, rows.backend.address)
     except StoreError as error:
         if rows.repair:
             return
-        message = f"{error}; add --repair to keep the sound runs, or --fresh to start over"
+        message = f"{error}; add --repair to keep the valid runs, or --fresh to start over"
         raise StoreError(message) from error
     if rows.repair:
         begun = rows.identity.model_copy(update={"definitions": begun.definitions})
@@ -310,14 +308,14 @@ def _check_begun(rows: ResumedRows, stored: bytes) -> None:
 
 
 def _chooses_alike(rows: ResumedRows, stored: bytes | None) -> bool:
-    """Return whether a begun store chooses its runs as is requested now."""
+    """Return whether a begun store chooses its runs like the current request."""
     begun = parse_identity(stored or b"", rows.backend.address)
     unfinished = begun.whole is None or shard_of(begun) is not None
     return unfinished and chooses_alike(begun, rows.identity)
 
 
-def _copy(files: CopyableFiles, folder: Path, *, is_begun: bool) -> None:
-    """Copy files into a folder, unless they are there already."""
+def _copy_files(files: CopyableFiles, folder: Path, *, is_begun: bool) -> None:
+    """Copy files into a folder, unless it already contains them."""
     if folder.is_dir():
         with TemporaryDirectory() as again:
             files.copy_to(Path(again))
@@ -325,7 +323,7 @@ def _copy(files: CopyableFiles, folder: Path, *, is_begun: bool) -> None:
                 return
         if is_begun:
             raise StoreError(
-                f"{folder} was changed since its runs began; add --repair to copy it anew"
+                f"{folder} was changed since its runs began; add --repair to copy it again"
             )
         shutil.rmtree(folder)
     files.copy_to(folder)
@@ -336,7 +334,7 @@ def _rows_to_keep(
 ) -> Iterable[Row] | None:
     """Return the rows of a finished store with damaged or failed runs; None if it has none."""
     if rows.repair and verify(rows.backend.address):
-        # Of a table that is not as it was written, no row can be told to be sound.
+        # In a changed table, no row is known to be valid.
         table = session.table()
         is_sound = table.is_file() and sha256_of(table) == manifest.files.get(TABLE)
         return iterate_rows(table) if is_sound else ()
@@ -345,11 +343,11 @@ def _rows_to_keep(
     return None
 
 
-def _reopen(session: WriteSession, manifest: StoreManifest, rows: Iterable[Row]) -> None:
-    """Make a finished store an unfinished one with these rows.
+def _reopen_store(session: WriteSession, manifest: StoreManifest, rows: Iterable[Row]) -> None:
+    """Make a finished store unfinished, with these rows.
 
-    They are in the journal before the manifest goes, so that the store is one or the other at any
-    time.
+    They are in the journal before the manifest is removed, so that the store is in one of both
+    states at any time.
     """
     if manifest.traces_left_out:
         raise StoreError(

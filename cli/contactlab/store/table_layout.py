@@ -1,4 +1,4 @@
-"""The columns of `runs.parquet`, and how a record becomes one of its rows and comes back.
+"""The columns of `runs.parquet`, and the conversion of a record into one of its rows and back.
 
 Both follow from the fields of `EvidenceRecord`: their names, types, units and descriptions.
 """
@@ -15,10 +15,10 @@ from pydantic_core import from_json, to_json
 from contactlab.schema.evidence import EvidenceRecord, InColumns, InTable, Timing
 from contactlab.schema.strict_model import Model
 
-_TEXT = pa.string()
+_TEXT_TYPE = pa.string()
 REAL = pa.float64()
-_WHOLE = pa.int64()
-_TRUTH = pa.bool_()
+_WHOLE_TYPE = pa.int64()
+_TRUTH_TYPE = pa.bool_()
 
 
 @dataclass(frozen=True)
@@ -31,13 +31,13 @@ class Column:
     description: str
     better: str = ""  # lower, higher or none for a measured value; empty otherwise
     resolution: float = 0.0  # magnitude below which a measured value counts as 0, in its unit
-    # Whether it is measured in the second pass, which a sweep may leave out.
+    # Whether it is measured in the second pass, which a sweep may omit.
     second_pass: bool = False
 
 
 @dataclass(frozen=True)
 class StoredField:
-    """A field of the record, or of a part of it, and the column that has its values."""
+    """A field of the record, or of a part of it, and the column with its values."""
 
     column: Column
     info: FieldInfo
@@ -48,14 +48,14 @@ class StoredField:
 
     @classmethod
     def of(cls, name: str, info: FieldInfo, prefix: str = "") -> "StoredField":
-        """Return a field with the column that its type and description make."""
+        """Return a field with the column that follows from its type and description."""
         is_struct = InTable.STRUCT in info.metadata
         kind = pa.struct([]) if is_struct else type_of_field(info.annotation)
         facts = cast("dict[str, str]", info.json_schema_extra or {})
         description = info.description or ""
         column = Column(
             prefix + name,
-            _TEXT if kind is None else kind,
+            _TEXT_TYPE if kind is None else kind,
             facts.get("unit", ""),
             f"{description}, as JSON" if kind is None else description,
             facts.get("better", ""),
@@ -65,17 +65,19 @@ class StoredField:
         return cls(column, info, kind is None, is_struct, is_sparse, left_out)
 
     def stored(self, value: Any) -> Any:  # noqa: ANN401 - of the field's own type
-        """Return a value of the field as the table has it."""
+        """Return a value of the field in the form of the table."""
         if value is None or not self.is_json:
             return value
-        return value.model_dump_json(exclude_defaults=True) if self.is_sparse else _encoded(value)
+        return (
+            value.model_dump_json(exclude_defaults=True) if self.is_sparse else _encode_json(value)
+        )
 
     def restored(self, value: Any) -> Any:  # noqa: ANN401 - of the column's type
-        """Return a value of the column as the field has it."""
+        """Return a value of the column in the form of the field."""
         if self.is_json:
             return None if value is None else from_json(value)
         if self.is_struct and value is not None:
-            # It has a field for each entry of any run; those of other runs are null.
+            # The column has a field for each entry of any run; those of other runs are null.
             return {name: entry for name, entry in value.items() if entry is not None}
         return value
 
@@ -89,38 +91,40 @@ def type_of_field(annotation: Any) -> pa.DataType | None:  # noqa: ANN401 - any 
         kinds = [type_of_field(kind) for kind in inner if kind is not NoneType]
         return kinds[0] if len(kinds) == 1 else None
     if origin is Literal:
-        return _TEXT
+        return _TEXT_TYPE
     if origin is tuple:
         kind = type_of_field(inner[0])
         return None if kind is None else pa.list_(kind)
-    return {str: _TEXT, int: _WHOLE, float: REAL, bool: _TRUTH}.get(annotation)
+    return {str: _TEXT_TYPE, int: _WHOLE_TYPE, float: REAL, bool: _TRUTH_TYPE}.get(annotation)
 
 
 def _model_of(annotation: Any) -> type[Model]:  # noqa: ANN401 - a model or null
-    """Return the model that the values of a field are of."""
+    """Return the model class of a field's values."""
     return next(kind for kind in (*get_args(annotation), annotation) if kind is not NoneType)
 
 
-_FIELDS = EvidenceRecord.model_fields
+_RECORD_FIELDS = EvidenceRecord.model_fields
 # Fields that all runs of a store share; the table has them once, in its metadata.
-SHARED_FIELDS = tuple(name for name, info in _FIELDS.items() if InTable.SHARED in info.metadata)
-# Fields of which each entry has a column of its own, by the entry's name; and the labels.
+SHARED_FIELDS = tuple(
+    name for name, info in _RECORD_FIELDS.items() if InTable.SHARED in info.metadata
+)
+# Fields with a separate column for each entry, by the entry's name; and the labels.
 _WITH_OWN_COLUMNS = {
     "labels",
-    *(name for name, info in _FIELDS.items() if InTable.BY_NAME in info.metadata),
+    *(name for name, info in _RECORD_FIELDS.items() if InTable.BY_NAME in info.metadata),
 }
 FIELDS_OF_PARTS = {
     name: {
         inner: StoredField.of(inner, inner_info, mark.prefix)
         for inner, inner_info in _model_of(info.annotation).model_fields.items()
     }
-    for name, info in _FIELDS.items()
+    for name, info in _RECORD_FIELDS.items()
     for mark in info.metadata
     if isinstance(mark, InColumns)
 }
 PLAIN_FIELDS = {
     name: StoredField.of(name, info)
-    for name, info in _FIELDS.items()
+    for name, info in _RECORD_FIELDS.items()
     if name not in {*SHARED_FIELDS, *_WITH_OWN_COLUMNS, *FIELDS_OF_PARTS}
 }
 OF_LABELS = {
@@ -131,16 +135,16 @@ OF_LABELS = {
 }
 """The columns of lists with an entry for each label, with the entry's field."""
 _LABEL_COLUMNS = (
-    Column("labels", pa.list_(_TEXT), "", _FIELDS["labels"].description or ""),
-    Column("label_reason", _TEXT, "", "why the worst label applies"),
-    Column("label_step", _WHOLE, "1", "step at which the worst label was first met"),
-    Column("label_reasons", pa.list_(_TEXT), "", "why each label applies"),
-    Column("label_steps", pa.list_(_WHOLE), "1", "step at which each label was first met"),
-    Column("label_bodies", pa.list_(pa.list_(_TEXT)), "", "the bodies that each label is of"),
+    Column("labels", pa.list_(_TEXT_TYPE), "", _RECORD_FIELDS["labels"].description or ""),
+    Column("label_reason", _TEXT_TYPE, "", "why the worst label applies"),
+    Column("label_step", _WHOLE_TYPE, "1", "step at which the worst label was first met"),
+    Column("label_reasons", pa.list_(_TEXT_TYPE), "", "why each label applies"),
+    Column("label_steps", pa.list_(_WHOLE_TYPE), "1", "step at which each label was first met"),
+    Column("label_bodies", pa.list_(pa.list_(_TEXT_TYPE)), "", "the bodies that each label is of"),
 )
-AXES_COLUMN = Column("axis_names", pa.list_(_TEXT), "", "names of the run's axis columns")
-# The order in which a reader of the table meets the fields; others come last.
-_ORDER = (
+AXES_COLUMN = Column("axis_names", pa.list_(_TEXT_TYPE), "", "names of the run's axis columns")
+# The order of the fields in the table; others come last.
+_FIELD_ORDER = (
     *("run_id", "index", "scene", "scene_hash", "seed", "duration", "drive", "label", "labels"),
     *("status", "status_reason", "steps", "steps_asked", "trajectory_hash", "expected"),
     *("expectation_met", "expectation_reason", "tolerances_met", "knife_edge", "cost"),
@@ -160,9 +164,9 @@ def _columns_of_field(name: str) -> Sequence[Column]:
 
 FIXED_COLUMNS = tuple(
     column
-    for name in dict.fromkeys((*_ORDER, *_FIELDS))
+    for name in dict.fromkeys((*_FIELD_ORDER, *_RECORD_FIELDS))
     for column in _columns_of_field(name)
-    if _FIELDS[name].exclude_if is None
+    if _RECORD_FIELDS[name].exclude_if is None
 )
 PLUGINS_COLUMN = PLAIN_FIELDS["plugins"].column
 """Only in tables of sweeps with plug-ins."""
@@ -177,19 +181,19 @@ COLUMNS_OF_MACHINE = frozenset(
     | {name for name in Timing.model_fields if not name.startswith("work_")}
     | {"started", "finished", "provenance"}
 )
-"""What depends on the machine, the day, and which traces are kept."""
+"""Columns that depend on the machine, the day, and the choice of kept traces."""
 
 
 def table_schema(own: Sequence[Column]) -> pa.Schema:
-    """Return the schema of a table with columns of its own; see `write_table`."""
+    """Return the schema of a table with additional columns; see `write_table`."""
     columns = {column.name: column for column in (*FIXED_COLUMNS, *own)}
-    return pa.schema([_field(column) for column in columns.values()])
+    return pa.schema([_arrow_field(column) for column in columns.values()])
 
 
 def struct_column(name: str, rows: Iterable[Mapping[str, object]]) -> Column:
-    """Return the column of `settings` or `effects` with the fields that hold all of these rows."""
+    """Return the column of `settings` or `effects` with fields for all of these rows."""
     (placeholder,) = (column for column in FIXED_COLUMNS if column.name == name)
-    kinds = {inner: _type_of(value) for row in rows for inner, value in row.items()}
+    kinds = {inner: _value_type(value) for row in rows for inner, value in row.items()}
     fields = [pa.field(inner, kind) for inner, kind in kinds.items()]
     return replace(placeholder, type=pa.struct(fields))
 
@@ -197,58 +201,62 @@ def struct_column(name: str, rows: Iterable[Mapping[str, object]]) -> Column:
 def axis_column(name: str, values: Iterable[object], unit: str, description: str) -> Column:
     """Return the column of an axis, of the type that its canonical values need.
 
-    A ValueError says that some are texts there and others are not.
+    Raises a ValueError if only some of the values are texts.
     """
-    kinds = {*map(_type_of, map(as_written, values))}
-    if _TEXT in kinds and len(kinds) > 1:
+    kinds = {*map(_value_type, map(as_written, values))}
+    if _TEXT_TYPE in kinds and len(kinds) > 1:
         raise ValueError("mixes single numbers with lists or shares; write all in one form")
-    for kind, fitting in ((_TRUTH, {_TRUTH}), (_WHOLE, {_WHOLE}), (REAL, {_WHOLE, REAL})):
+    for kind, fitting in (
+        (_TRUTH_TYPE, {_TRUTH_TYPE}),
+        (_WHOLE_TYPE, {_WHOLE_TYPE}),
+        (REAL, {_WHOLE_TYPE, REAL}),
+    ):
         if kinds <= fitting:
             return Column(name, kind, unit, description)
-    return Column(name, _TEXT, unit, description)
+    return Column(name, _TEXT_TYPE, unit, description)
 
 
 def as_written(value: object) -> bool | int | float | str:
-    """Return an axis value as it is in its column: several numbers as one string, "0.02 1"."""
+    """Return an axis value as in its column; several numbers become one string, "0.02 1"."""
     if isinstance(value, tuple):
-        return " ".join(map(_short, cast("tuple[object, ...]", value)))
+        return " ".join(map(_short_number, cast("tuple[object, ...]", value)))
     assert isinstance(value, (bool, int, float, str))
     return value
 
 
-def _short(number: object) -> str:
+def _short_number(number: object) -> str:
     assert isinstance(number, (int, float))
     return f"{number:g}" if float(f"{number:g}") == number else repr(number)
 
 
 def as_ratios(names: Iterable[str]) -> list[Column]:
-    """Return the named fixed columns, where they have a unit, as columns of ratios."""
+    """Return the named fixed columns that have a unit, as columns of ratios."""
     wanted = set(names)
     return [
         replace(fixed, unit="1") for fixed in FIXED_COLUMNS if fixed.name in wanted and fixed.unit
     ]
 
 
-def _field(column: Column) -> pa.Field:
+def _arrow_field(column: Column) -> pa.Field:
     meta = {"unit": column.unit, "description": column.description, "better": column.better}
     if column.better:
         meta["resolution"] = f"{column.resolution:g}"
     if column.second_pass:
         meta["measured_in"] = "second pass"
-    given = {key: text for key, text in meta.items() if text}
-    return pa.field(column.name, column.type, metadata=given)
+    present = {key: text for key, text in meta.items() if text}
+    return pa.field(column.name, column.type, metadata=present)
 
 
 def column_of(field: pa.Field) -> Column:
-    """Return the column that a field of a stored table is."""
+    """Return the column of a field in a stored table."""
     meta = texts_of(field.metadata)
-    said = (meta.get(key, "") for key in ("unit", "description", "better"))
+    texts = (meta.get(key, "") for key in ("unit", "description", "better"))
     resolution, second = float(meta.get("resolution", 0)), "measured_in" in meta
-    return Column(field.name, field.type, *said, resolution=resolution, second_pass=second)
+    return Column(field.name, field.type, *texts, resolution=resolution, second_pass=second)
 
 
 def as_made(kind: pa.DataType) -> pa.DataType:
-    """Return a stored type as it is before it is stored: Parquet names entries of lists anew."""
+    """Return a stored type as it was before storing: Parquet renames entries of lists."""
     if pa.types.is_list(kind):
         return pa.list_(as_made(kind.value_type))
     if pa.types.is_struct(kind):
@@ -261,26 +269,26 @@ def texts_of(metadata: Mapping[bytes, bytes] | None) -> dict[str, str]:
     return {key.decode(): text.decode() for key, text in (metadata or {}).items()}
 
 
-def _type_of(value: object) -> pa.DataType:
+def _value_type(value: object) -> pa.DataType:
     if isinstance(value, bool):
-        return _TRUTH
+        return _TRUTH_TYPE
     if isinstance(value, int):
-        return _WHOLE
+        return _WHOLE_TYPE
     if isinstance(value, float):
         return REAL
-    return _TEXT if isinstance(value, str) else pa.list_(REAL)
+    return _TEXT_TYPE if isinstance(value, str) else pa.list_(REAL)
 
 
 Row = dict[str, Any]
 
 
 def record_to_row(record: EvidenceRecord) -> Row:
-    """Return a record as a flat row, with axes and metrics by name beside its fields."""
+    """Return a record as a flat row, with axes and metrics by name next to its fields."""
     return to_row(dict(record))
 
 
 def row_entries(fields: Mapping[str, Any]) -> list[bytes]:
-    """Return the columns of some fields of a record that have a value, each as in a JSON object."""
+    """Return the columns of some fields of a record that have a value, each as a JSON entry."""
     entries: list[bytes] = []
     for name, value in to_row(fields).items():
         if value is not None:
@@ -309,7 +317,7 @@ def to_row(fields: Mapping[str, Any]) -> Row:
 
 
 def axes_as_written(axes: Mapping[str, object]) -> dict[str, bool | int | float | str]:
-    """Return the values of axes as they are in their columns."""
+    """Return the values of axes as in their columns."""
     return dict(zip(axes, map(as_written, axes.values()), strict=True))
 
 
@@ -323,24 +331,24 @@ def _columns_of_labels(labels: Sequence[Any]) -> Row:
 
 
 def row_to_record(row: Mapping[str, Any], shared: Mapping[str, Any]) -> EvidenceRecord:
-    """Return the record of a row, given the fields that all runs of its store share."""
+    """Return the record of a row, from the row and the fields that all runs of its store share."""
     data: Row = {name: shared[name] for name in SHARED_FIELDS}
-    data |= _restored(row, PLAIN_FIELDS)
+    data |= _restore_fields(row, PLAIN_FIELDS)
     for part, inner in FIELDS_OF_PARTS.items():
-        found = _restored(row, inner)
+        found = _restore_fields(row, inner)
         if any(value is not None for value in found.values()):
             data[part] = found
-    # Stores of version 0.2 do not say of which bodies a label is.
-    kept = {column: field for column, field in OF_LABELS.items() if column in row}
-    labels = zip(*(row[column] for column in kept), strict=True)
-    data["labels"] = [dict(zip(kept.values(), label, strict=True)) for label in labels]
+    # Stores of version 0.2 do not have the bodies of labels.
+    label_fields = {column: field for column, field in OF_LABELS.items() if column in row}
+    labels = zip(*(row[column] for column in label_fields), strict=True)
+    data["labels"] = [dict(zip(label_fields.values(), label, strict=True)) for label in labels]
     data["axes"] = {name: row[name] for name in row[AXES_COLUMN.name]}
     data["metrics"] = {name: row[name] for name in shared["units"]}
     return EvidenceRecord.model_validate(data)
 
 
-def _restored(row: Mapping[str, Any], fields: Mapping[str, StoredField]) -> Row:
-    """Return the fields of which a row has columns; JSON that is null counts as none."""
+def _restore_fields(row: Mapping[str, Any], fields: Mapping[str, StoredField]) -> Row:
+    """Return the fields for which a row has columns; JSON that is null counts as missing."""
     return {
         name: field.restored(row[field.column.name])
         for name, field in fields.items()
@@ -349,5 +357,5 @@ def _restored(row: Mapping[str, Any], fields: Mapping[str, StoredField]) -> Row:
     }
 
 
-def _encoded(value: object) -> str:
+def _encode_json(value: object) -> str:
     return to_json(value).decode()

@@ -1,6 +1,6 @@
-"""Check a store, and keep a sound one as a baseline: without traces, small enough to commit.
+"""Checks a store, and keeps a valid one as a baseline: without traces, small enough to commit.
 
-Its files are checked against their hashes, its content against what is recomputed from it.
+Its files are checked against their hashes, its content against recomputed values.
 """
 
 import fcntl
@@ -49,36 +49,39 @@ from contactlab.store.table_layout import (
 )
 
 MOST_PROBLEMS = 1000
-_MOST_RECORDS_AT_A_GLANCE = 1 << 17  # about two seconds; a baseline in a repository has fewer
-_READ_BYTES = 256 << 20
-"""Traces up to this size in all are read where only a glance is asked for; of others, the size."""
-_MOST_DAMAGES_NAMED = 3
-# What records name, by hashes of their own; a store without traces has their empty folder.
-_BY_RECORDS = re.compile(r"traces/([0-9a-f]{2}/)?(.*\.mcap)?|controls/[0-9a-f]{64}\.arrow")
+# Checking this many records takes about two seconds; a baseline in a repository has fewer.
+_MAX_QUICK_RECORDS = 1 << 17
+_QUICK_READ_BYTES = 256 << 20
+"""A quick check reads traces up to this total size, and only checks the size of the others."""
+_MAX_NAMED_DAMAGES = 3
+# Files that records name, with hashes; a store without traces has their empty folder.
+_RECORD_FILES = re.compile(r"traces/([0-9a-f]{2}/)?(.*\.mcap)?|controls/[0-9a-f]{64}\.arrow")
 
 
 def verify(
     address: Address, *, thorough: bool = True, chosen: NDArray[np.bool_] | None = None
 ) -> list[str]:
-    """Return the defects of a store, the first thousand of them; none if it is sound.
+    """Return the first thousand defects of a store; empty if it is valid.
 
-    A thorough look recomputes what can be from every record and trace; another one shows that files
-    have their hashes, counts are right, and traces are there. Of records and traces only those
-    chosen (runs,) can be looked at. Memory does not grow with the number
-    of runs but for their ids. Raises a StoreError if it cannot be opened at all.
+    A thorough check recomputes everything possible from every record and trace; a quick one shows
+    that files have their hashes, counts are right, and traces exist. Records and traces may be
+    limited to the `chosen` ones (runs,). Apart from the ids, memory does not grow with the number
+    of runs. Raises a StoreError if the store cannot be opened at all.
     """
-    problems = _problems(Store.unchecked(address), chosen, thorough=thorough)
+    problems = _find_problems(Store.unchecked(address), chosen, thorough=thorough)
     return list(islice(problems, MOST_PROBLEMS))
 
 
-def _problems(store: Store, chosen: NDArray[np.bool_] | None, *, thorough: bool) -> Iterator[str]:
+def _find_problems(
+    store: Store, chosen: NDArray[np.bool_] | None, *, thorough: bool
+) -> Iterator[str]:
     changed = list(_check_files(store))
     yield from changed
     yield from _check_identity(store)
     model = None
     if not any(problem.startswith(SCENES) for problem in changed):
         path = store.scene_folder / store.manifest.sweep.scene_model
-        # A trace does not repeat a model that is compiled.
+        # A trace does not contain a compiled model.
         model = path.read_bytes() if path.is_file() and path.suffix != ".mjb" else None
     try:
         yield from _check_columns(store)
@@ -95,12 +98,12 @@ def _problems(store: Store, chosen: NDArray[np.bool_] | None, *, thorough: bool)
 
 
 def contradictory_records(store: Store) -> list[str]:
-    """Return which records contradict the sweep or themselves, as a table that was edited does.
+    """Return the records that contradict the sweep or themselves, as in an edited table.
 
-    Traces are not read. Of a store of more than a hundred thousand runs, none is looked at.
+    Traces are not read. A store of more than a hundred thousand runs is not checked.
     """
     problems = list[str]()
-    if store.columns.runs > _MOST_RECORDS_AT_A_GLANCE:
+    if store.columns.runs > _MAX_QUICK_RECORDS:
         return problems
     try:
         rows = _suspected_rows(store, store.columns.batches(), traced=False)
@@ -112,7 +115,7 @@ def contradictory_records(store: Store) -> list[str]:
 
 
 def unverified(store: Store) -> list[str]:
-    """Return what of a store its own content cannot show to be true, and why."""
+    """Return the parts of a store that its own content cannot prove, with reasons."""
     manifest = store.manifest
     found: list[str] = []
     if manifest.traces_left_out:
@@ -123,10 +126,10 @@ def unverified(store: Store) -> list[str]:
 
 
 def damaged_traces(store: Store) -> Iterator[str]:
-    """Yield which traces are missing or changed: all by their size, the first also by content."""
+    """Yield missing or changed traces: all are checked by size, the first also by content."""
     if store.manifest.traces_left_out:
         return
-    left = _READ_BYTES
+    left = _QUICK_READ_BYTES
     for trace in store.columns.present(("trace_file", "trace_bytes", "trace_sha256")):
         file, expected, sha256 = trace.values()
         left -= expected or 0
@@ -138,7 +141,7 @@ def damaged_traces(store: Store) -> Iterator[str]:
 
 
 def trace_damage(store: Store, record: EvidenceRecord) -> str | None:
-    """Return what is wrong with the stored trace of a run; None if it is sound, or not kept."""
+    """Return the damage of the stored trace of a run; None if it is valid, or not kept."""
     from contactlab.store.mcap.trace_reader import trace_problems  # noqa: PLC0415 - takes a while
 
     if record.trace is None or store.manifest.traces_left_out:
@@ -150,14 +153,14 @@ def trace_damage(store: Store, record: EvidenceRecord) -> str | None:
 
 
 def trace_warning(store: Store) -> tuple[str, ...]:
-    """Return a line that names damaged traces; none if a glance finds none."""
+    """Return a line that names damaged traces; empty if a quick check finds none."""
     damaged = list(damaged_traces(store))
     if not damaged:
         return ()
-    named = "; ".join(damaged[:_MOST_DAMAGES_NAMED])
+    named = "; ".join(damaged[:_MAX_NAMED_DAMAGES])
     more = (
-        f"; and {len(damaged) - _MOST_DAMAGES_NAMED:,} more"
-        if len(damaged) > _MOST_DAMAGES_NAMED
+        f"; and {len(damaged) - _MAX_NAMED_DAMAGES:,} more"
+        if len(damaged) > _MAX_NAMED_DAMAGES
         else ""
     )
     return (f"{named}{more} (see `contactlab verify {store.address}`)",)
@@ -183,12 +186,12 @@ def _check_files(store: Store) -> Iterator[str]:
 
 
 def _foreign_files(store: Store) -> Iterator[str]:
-    """Yield which files, and empty folders, nothing names."""
+    """Yield files, and empty folders, that no part of the store names."""
     files = store.manifest.files
     bound = {*files, *store.backend.leftovers(), IDENTITY, TABLE, MANIFEST, LOCK}
     for name in store.backend.file_names():
         was_left = name.endswith("/") and any(file.startswith(name) for file in files)
-        if name not in bound and not was_left and not _BY_RECORDS.fullmatch(name):
+        if name not in bound and not was_left and not _RECORD_FILES.fullmatch(name):
             yield f"{name}: {MANIFEST} does not name it"
 
 
@@ -196,10 +199,10 @@ def _check_identity(store: Store) -> Iterator[str]:
     try:
         same = parse_identity(store.file(IDENTITY).read_bytes(), store.address)
     except (OSError, StoreError):
-        # Missing or changed, which its hash shows.
+        # The check of hashes reports a missing or changed file.
         return
     if same != store.manifest.sweep:
-        yield f"{IDENTITY}: names another sweep than {MANIFEST}"
+        yield f"{IDENTITY} and {MANIFEST} name different sweeps"
 
 
 def _check_columns(store: Store) -> Iterator[str]:
@@ -214,16 +217,16 @@ def _check_columns(store: Store) -> Iterator[str]:
     if manifest.runs != manifest.sweep.runs_asked:
         planned = manifest.sweep.runs_asked
         yield f"{MANIFEST}: {manifest.runs} runs, but the sweep has {planned}"
-    if not _ascends(store.columns):
+    if not _is_ordered(store.columns):
         yield f"{TABLE}: its runs are not in the order of their index"
     ids = store.columns.ids()
     ids.sort()
-    twice = ids[1:][ids[1:] == ids[:-1]]
-    for run, count in Counter(twice.tolist()).items():
+    repeated_ids = ids[1:][ids[1:] == ids[:-1]]
+    for run, count in Counter(repeated_ids.tolist()).items():
         yield f"{TABLE}: run {run:016x} occurs {count + 1} times"
 
 
-def _ascends(columns: RunColumns) -> bool:
+def _is_ordered(columns: RunColumns) -> bool:
     last = -1
     for part in columns.batches(["index"]):
         places = numpy_array(part["index"])
@@ -234,13 +237,13 @@ def _ascends(columns: RunColumns) -> bool:
 
 
 def _wrong_columns(columns: RunColumns) -> Iterator[str]:
-    """Yield which columns have other units or descriptions than they are to have."""
+    """Yield columns with units or descriptions that differ from the expected ones."""
     stated = columns.listed
     said = {field.name: texts_of(field.metadata) for field in columns.schema}
-    # A baseline has no list: it only explains.
+    # A baseline has no list of columns, which is informative only.
     for name in said.keys() | stated.keys() if stated else ():
         if stated.get(name) != said.get(name):
-            yield f"{TABLE}: column {name} is described otherwise in the file's list of columns"
+            yield f"{TABLE}: column {name} differs from its description in the list of columns"
     ratios = {column.name for column in as_ratios(columns.schema.names)}
     for fixed in FIXED_COLUMNS:
         found = columns.described.get(fixed.name)
@@ -252,7 +255,7 @@ def _check_sweep(store: Store) -> Iterator[str]:
     sweep, columns = store.manifest.sweep, store.columns
     for name, stated in (("scene_hash", sweep.scene_hash), ("scene", sweep.scene)):
         if others := columns.values(name) - {stated, None}:
-            yield f"{TABLE}: runs of scene {', '.join(sorted(others))} too"
+            yield f"{TABLE}: it also has runs of scene {', '.join(sorted(others))}"
     shared, versions = columns.shared, sweep.metric_versions
     units = {name: columns.described[name].unit for name in versions}
     stated = {"sweep": sweep.name, "metric_versions": versions, "units": units}
@@ -262,20 +265,20 @@ def _check_sweep(store: Store) -> Iterator[str]:
     stated |= store.manifest.model_dump(mode="json", include=own)
     for name in dict.fromkeys((*shared, *stated)):
         if shared.get(name) != stated.get(name):
-            yield f"{MANIFEST}: another {name} than {TABLE}"
+            yield f"{MANIFEST} and {TABLE} differ in {name}"
     if f"{SCENES}/{sweep.scene_hash}/{sweep.scene_model}" not in store.manifest.files:
-        yield f"{MANIFEST}: names no file of the scene's model, {sweep.scene_model}"
-    if sweep.whole is None and columns.plan_hash(_seeds(sweep)) != sweep.plan_hash:
-        yield f"{TABLE}: its runs, in their order, are not those of the plan's hash"
+        yield f"{MANIFEST}: it does not name the scene's model, {sweep.scene_model}"
+    if sweep.whole is None and columns.plan_hash(_seed_count(sweep)) != sweep.plan_hash:
+        yield f"{TABLE}: its runs, in their order, do not match the plan's hash"
 
 
-def _seeds(sweep: SweepIdentity) -> int:
+def _seed_count(sweep: SweepIdentity) -> int:
     seeds = sweep.resolved.get("seeds", 1)
     return seeds if isinstance(seeds, int) else len(seeds)
 
 
 def _check_controls(store: Store) -> Iterator[str]:
-    """Yield which recorded controls are missing or changed."""
+    """Yield missing or changed recorded controls."""
     if "controls" not in store.columns.schema.names:
         return
     for sha256 in sorted(store.columns.values("controls") - {None}):
@@ -288,7 +291,7 @@ def _check_controls(store: Store) -> Iterator[str]:
 def _check_records(
     store: Store, model: bytes | None, chosen: NDArray[np.bool_] | None
 ) -> Iterator[str]:
-    """Yield what is wrong with records and traces, or those chosen, a batch of rows at a time."""
+    """Yield problems of records and traces, or of the chosen ones, by batches of rows."""
     from contactlab.store.mcap.trace_reader import trace_problems  # noqa: PLC0415 - takes a while
 
     problems, digest = list[str](), RowsDigest()
@@ -308,15 +311,15 @@ def _check_records(
             yield f"{name}: belongs to no run"
     digests = digest.of(store.columns.schema)
     if store.manifest.records != digests.records:
-        yield f"{TABLE}: its records are not those of the manifest's digest"
+        yield f"{TABLE}: its records do not match the manifest's digest"
     elif store.manifest.physics not in {None, digests.physics}:
-        yield f"{MANIFEST}: its digest of the physics is not that of {TABLE}"
+        yield f"{MANIFEST}: its digest of the physics does not match {TABLE}"
 
 
 def _traced_records(
     store: Store, problems: list[str], chosen: NDArray[np.bool_] | None, digest: RowsDigest
 ) -> Iterator[EvidenceRecord]:
-    """Yield the records that have a trace, note which are damaged, and add all rows to a digest."""
+    """Yield the records with a trace, collect damaged ones, and add all rows to a digest."""
     batches = map(digest.add, store.columns.batches())
     traced = not store.manifest.traces_left_out
     rows = _suspected_rows(store, chosen_rows(batches, chosen), traced=traced)
@@ -328,23 +331,23 @@ def _traced_records(
 def _sound_records(
     store: Store, rows: Iterable[dict[str, Any]], problems: list[str]
 ) -> Iterator[EvidenceRecord]:
-    """Yield the records that fit their schema, and note what is wrong with any."""
+    """Yield the records that fit their schema, and collect the problems of the others."""
     for row in rows:
         try:
             record = row_to_record(row, store.columns.shared)
         except (LookupError, TypeError, ValueError) as error:
-            problems.append(f"{TABLE}: run {row['run_id']} does not fit its schema: {error}")
+            problems.append(f"{TABLE}: run {row['run_id']} does not match its schema: {error}")
             continue
         wrong = wrong_parts(row, record, store.manifest.sweep)
         where = f"{TABLE}: run {record.run_id}: its"
-        problems += (f"{where} {name} is not what the rest of it gives" for name in wrong)
+        problems += (f"{where} {name} contradicts its other values" for name in wrong)
         yield record
 
 
 def _suspected_rows(
     store: Store, batches: Iterable[pa.RecordBatch], *, traced: bool
 ) -> Iterator[dict[str, Any]]:
-    """Yield the rows that may break a law and, if they are asked for, those with a trace."""
+    """Yield the rows that may violate a rule and, if `traced`, those with a trace."""
     columns = store.columns
     checks = RowChecks(store.manifest.sweep, columns.shared)
     for rows in batches:
@@ -352,7 +355,7 @@ def _suspected_rows(
         if traced and "trace_file" in rows.schema.names:
             wanted = wanted | ~is_null(rows["trace_file"])
         found = rows_of(rows, wanted).to_pylist() if wanted.any() else []
-        # Or they would be in memory beside those that follow, freed or not.
+        # Otherwise they would stay in memory along with the next rows, freed or not.
         del rows
         pa.default_memory_pool().release_unused()
         yield from found
@@ -361,7 +364,7 @@ def _suspected_rows(
 def wrong_parts(
     row: Mapping[str, Any], record: EvidenceRecord, sweep: SweepIdentity
 ) -> Iterator[str]:
-    """Yield which parts of a record contradict the sweep, or the rest of it."""
+    """Yield the parts of a record that contradict the sweep, or the rest of the record."""
     asked, again = sweep.resolved, record_to_row(record)
     yield from (name for name in ("label_reason", "label_step") if row[name] != again[name])
     if record.labels and record.label != record.labels[0].label:
@@ -388,14 +391,14 @@ def write_baseline(source: Address, target: Path, pinned: str | None = None) -> 
     """Copy a store without its traces, replacing an earlier baseline.
 
     Records stay complete: they name their traces with size and hash. The columns' descriptions are
-    left out too. The target is replaced in one step; if a digest is pinned, only a baseline that
-    has it. Raises a StoreError if the store is not sound; an OutputError if the target is no
-    baseline, or another one, or cannot be written.
+    omitted. The target is replaced in one step; with a pinned digest, only a baseline with this
+    digest. Raises a StoreError if the store is not valid; an OutputError if the target is not a
+    baseline, is another one, or cannot be written.
     """
     if problems := verify(source, thorough=False):
         raise StoreError(f"{source} is not sound: {problems[0]} (see `contactlab verify {source}`)")
     try:
-        with _staging(target) as folder:
+        with _staging_folder(target) as folder:
             _check_target(source, target, pinned)
             _copy_without_traces(Store.unchecked(source), folder / "new")
             sync_filesystem(folder)
@@ -409,8 +412,8 @@ def write_baseline(source: Address, target: Path, pinned: str | None = None) -> 
 
 
 @contextmanager
-def _staging(target: Path) -> Generator[Path]:
-    """Yield an empty folder beside a baseline; one that a killed update left is swept up first."""
+def _staging_folder(target: Path) -> Generator[Path]:
+    """Yield an empty folder next to a baseline; one left by a killed update is cleaned up first."""
     folder = target.absolute().with_name(f".{target.absolute().name}.update")
     check_tree(folder)
     folder.mkdir(parents=True, exist_ok=True)
@@ -452,7 +455,7 @@ def _copy_without_traces(store: Store, target: Path) -> None:
 
 def _check_target(source: Address, target: Path, pinned: str | None) -> None:
     if pinned is not None and (found := Store.unchecked(target).digest) != pinned:
-        raise OutputError(f"{target} has the digest {found}, not {pinned}; it is not replaced")
+        raise OutputError(f"{target} has the digest {found}, not {pinned}, so it is not replaced")
     if not target.exists() or (target.is_dir() and not any(target.iterdir())):
         return
     if isinstance(source, Path) and target.samefile(source):
@@ -463,4 +466,4 @@ def _check_target(source: Address, target: Path, pinned: str | None) -> None:
         # A baseline of another version may be replaced; anything else may not.
         replaceable = (target / MANIFEST).is_file() and not (target / TRACES).exists()
     if not replaceable:
-        raise OutputError(f"{target} is no baseline, so it is not replaced; name another folder")
+        raise OutputError(f"{target} is not a baseline, so it is not replaced; name another folder")

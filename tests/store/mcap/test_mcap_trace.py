@@ -198,7 +198,7 @@ def test_a_foreign_file_is_refused(tmp_path: Path) -> None:
     channel = writer.register_channel("/state", "json", schema)
     writer.add_message(channel, 0, b"{}", 0)
     writer.finish()
-    with pytest.raises(StoreError, match="it has another schema of State"):
+    with pytest.raises(StoreError, match="its schema of State differs"):
         read_trace(path)
 
 

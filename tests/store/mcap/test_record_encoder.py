@@ -38,7 +38,7 @@ def test_records_filled_in_parts_are_those_filled_at_once(
     """Also where a part ends within a pair, and of pairs that are given in another order."""
     trace, series = make_trace(runs=2, steps=40, pairs=("a-b", "c-d", "e-f"), momentum=True)
     whole = [TraceEncoder(trace, series).encode(run, *extras, form=form) for run in range(2)]
-    monkeypatch.setattr(record_encoder, "_AT_ONCE", 7 * contacts_record(1).size)
+    monkeypatch.setattr(record_encoder, "_BLOCK_BYTES", 7 * contacts_record(1).size)
     parts = TraceEncoder(trace, series[::-1])
     assert [parts.encode(run, *extras, form=form) for run in range(2)] == whole
 

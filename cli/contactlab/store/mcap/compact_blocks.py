@@ -1,10 +1,10 @@
 """The compact form of a trace: its messages column by column, in blocks.
 
-A block is what one channel says in a stretch of time: its messages grouped by their length, each
-group as a head and the values of its messages. Values of one width lie together, as their second
+A block holds the messages of one channel in a stretch of time, grouped by their length, each group
+as a head and the values of its messages. Values of one width lie together, as their second
 differences from message to message: integers of that width that wrap around, signs folded in
-(zigzag), first the lowest byte of all values, column by column, then the next byte. What follows
-from other values is left out, so nothing is lost: blocks give every message again, byte for byte.
+(zigzag), first the lowest byte of all values, column by column, then the next byte. Values that
+follow from others are omitted. Nothing is lost: blocks reproduce every message byte for byte.
 """
 
 import struct
@@ -50,18 +50,20 @@ from contactlab.store.mcap.trace_messages import (
 )
 
 BLOCKS = "contactlab.blocks"
-"""The message encoding of the channels whose messages are blocks."""
+"""The message encoding of channels with blocks as messages."""
 BLOCK_SIZE = 8 << 20
-"""Bytes of messages in the blocks of one stretch of time, but for what one step adds."""
-_HEAD = struct.Struct("<IId")  # messages of a group, length of each, and the run's timestep [s]
-# No message has so many times the bytes of the values that are stored of it.
-_MOST_BYTES_PER_STORED_BYTE = 4
+"""Bytes of messages in the blocks of one stretch of time, up to the addition of one step."""
+_GROUP_HEAD = struct.Struct(
+    "<IId"
+)  # messages of a group, length of each, and the run's timestep [s]
+# Upper bound of the bytes of a message over the bytes of its stored values.
+_MAX_EXPANSION = 4
 
 
 def compacted(
     records: Sequence[Records], times: Times, timestep: float
 ) -> tuple[list[MessageGroup], Times]:
-    """Return the messages of (N + 1,) times as blocks, and the (B,) times at which these start."""
+    """Return the messages of (N + 1,) times as blocks, and the (B,) start times of these."""
     sizes = np.zeros(len(times), np.int64)
     for record in records:
         sizes += np.bincount(record.rows, minlength=len(times)) * record.layout.size
@@ -75,16 +77,18 @@ def compacted(
             key = int(record.channels[first]), int(blocks[first])
             parts[key].append(record.part(slice(first, last)))
     begins = times[starts]
-    found = [_block(*key, int(begins[key[1]]), part, timestep) for key, part in parts.items()]
+    found = [
+        _encode_block(*key, int(begins[key[1]]), part, timestep) for key, part in parts.items()
+    ]
     return found, begins
 
 
-def _block(
+def _encode_block(
     channel: int, row: int, time: int, parts: Sequence[Records], timestep: float
 ) -> MessageGroup:
-    """Return the message that is a block of these records."""
+    """Return the message that contains these records as a block."""
     sizes = [len(part.rows) * part.layout.packed for part in parts]
-    head = message_head(len(parts) * _HEAD.size + sum(sizes), channel, time)
+    head = message_head(len(parts) * _GROUP_HEAD.size + sum(sizes), channel, time)
 
     def write(data: Bytes, starts: Integers) -> None:
         data, before = data[starts[0] :], head
@@ -92,22 +96,22 @@ def _block(
             count, length = len(part.rows), part.layout.size
             records = SCRATCH.take("block", count * length)
             write_records(part, records, np.arange(count) * length)
-            before += _HEAD.pack(count, length, timestep)
+            before += _GROUP_HEAD.pack(count, length, timestep)
             data[: len(before)] = np.frombuffer(before, np.uint8)
-            # Planes lie far apart: they are gathered where memory is fast.
+            # Planes are spread over memory, so they are gathered in a small buffer.
             packed = SCRATCH.take("packed", size)
             pack_values(records, part.layout, packed)
             data[len(before) :][:size] = packed
             data, before = data[len(before) + size :], b""
 
-    size = len(head) + len(parts) * _HEAD.size + sum(sizes)
+    size = len(head) + len(parts) * _GROUP_HEAD.size + sum(sizes)
     return MessageGroup(np.array([channel]), np.array([row]), size, write)
 
 
 def expanded(data: bytes) -> bytes:
     """Return a trace file in the message form, byte for byte as it would have been written.
 
-    One that has that form is returned as it is. Raises what is in `UNREADABLE`.
+    A file in that form is returned unchanged. Raises the errors in `UNREADABLE`.
     """
     stored = stored_file(data)
     file = in_messages(stored)
@@ -115,7 +119,7 @@ def expanded(data: bytes) -> bytes:
 
 
 def in_messages(file: StoredFile) -> StoredFile:
-    """Return a file in the compact form as one of messages, and any other as it is."""
+    """Return a file in the compact form as one of messages, and any other unchanged."""
     blocks = [channel for channel in file.channels if channel.message_encoding == BLOCKS]
     others = [channel for channel in file.channels if channel not in blocks]
     if not blocks:
@@ -131,7 +135,7 @@ def in_messages(file: StoredFile) -> StoredFile:
     )
     if np.any(times[1:] <= times[:-1]):
         raise ValueError("its states are not in order of time")
-    groups = [_group(*block, times) for block in found]
+    groups = [_message_group(*block, times) for block in found]
     for channel in others:
         [content] = file.messages[channel.id].contents()
         groups.append(single_message(channel.id, len(times) - 1, int(times[-1]), content))
@@ -147,7 +151,9 @@ def in_messages(file: StoredFile) -> StoredFile:
     return replace(file, channels=channels, packed={}, messages=messages)
 
 
-def _group(channel: Channel, layout: MessageLayout, items: Items, times: Times) -> MessageGroup:
+def _message_group(
+    channel: Channel, layout: MessageLayout, items: Items, times: Times
+) -> MessageGroup:
     rows = np.searchsorted(times, items["log_time"])
     if np.any(np.diff(rows) <= 0) or np.any(times[rows] != items["log_time"]):
         raise ValueError(f"messages of {channel.topic} are out of order, or have no state")
@@ -163,16 +169,16 @@ def _read_block(channel: Channel, content: bytes) -> Iterator[tuple[MessageLayou
     """Yield the groups of messages of a block."""
     start = 0
     while start < len(content):
-        count, size, timestep = _HEAD.unpack_from(content, start)
-        start += _HEAD.size
-        if not count or count * size > _MOST_BYTES_PER_STORED_BYTE * (len(content) - start):
+        count, size, timestep = _GROUP_HEAD.unpack_from(content, start)
+        start += _GROUP_HEAD.size
+        if not count or count * size > _MAX_EXPANSION * (len(content) - start):
             raise ValueError(f"a block of {channel.topic} claims more messages than it holds")
-        layout = _layout(channel, size)
+        layout = _message_layout(channel, size)
         items = layout.fill(np.empty(count * size, np.uint8))
         for width, places in layout.values:
             length = width * len(places) * count
             planes = np.frombuffer(content, np.uint8, length, start)
-            overlapping_numbers(items, width)[:, places] = _undone(planes, width, count)
+            overlapping_numbers(items, width)[:, places] = _unpack_values(planes, width, count)
             start += length
         items["channel"] = channel.id
         items["publish_time"] = items["log_time"]
@@ -183,7 +189,7 @@ def _read_block(channel: Channel, content: bytes) -> Iterator[tuple[MessageLayou
         yield layout, items
 
 
-def _layout(channel: Channel, size: int) -> MessageLayout:
+def _message_layout(channel: Channel, size: int) -> MessageLayout:
     """Return the layout of messages of a length, in a channel."""
     if channel.topic != STATE_TOPIC:
         return contacts_record(int(point_counts(np.array(size))))
@@ -192,8 +198,8 @@ def _layout(channel: Channel, size: int) -> MessageLayout:
     return {layout.size: layout for layout in known}[size]
 
 
-def _undone(planes: NDArray[np.uint8], width: int, count: int) -> Unsigned:
-    """Return the (count, k) values of the bytes that `_columns` made of them."""
+def _unpack_values(planes: NDArray[np.uint8], width: int, count: int) -> Unsigned:
+    """Return the (count, k) values that `pack_values` packed into bytes."""
     folded = np.ascontiguousarray(planes.reshape(width, -1).T).view(f"<u{width}")
     values = np.bitwise_xor(folded >> 1, np.negative(folded & 1))
     values = values.reshape(-1, count).T

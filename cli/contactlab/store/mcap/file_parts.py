@@ -1,7 +1,7 @@
 """The parts of a trace file: its start, its chunks with their indexes, and its end.
 
-Messages are interleaved in order of time, split into chunks and indexed by NumPy.
-Source of the file's structure and of the record layouts: https://mcap.dev/spec
+NumPy interleaves messages in order of time, splits them into chunks and indexes them. Source of
+the file's structure and of the record layouts: https://mcap.dev/spec
 """
 
 import struct
@@ -27,11 +27,11 @@ CHUNK_SIZE = 1 << 20
 _COMPRESSION = "zstd"
 
 CHUNK_HEAD = struct.Struct(f"<BQQQQII{len(_COMPRESSION)}sQ")
-# The content's checksum is zstd's own, which takes a tenth of the time and which decoders verify.
+# zstd's own checksum covers the content: it takes a tenth of the time, and decoders verify it.
 _NO_CRC = 0
-_NOT_YET: Mapping[int, bytes] = MappingProxyType({})
+_NO_CHUNKS: Mapping[int, bytes] = MappingProxyType({})
 LIBRARY = "contactlab"
-# What every file has of its own: by the library it would take a tenth of the time of a tiny run.
+# Records of each file; encoding them by the library would take a tenth of the time of a tiny run.
 FRAME = struct.Struct("<BQ")
 DATA_END = struct.Struct("<BQI")
 FOOTER = struct.Struct("<BQQQI")
@@ -39,18 +39,18 @@ _SUMMARY_OFFSET = struct.Struct("<BQBQQ")
 _STATISTICS = struct.Struct("<QHIIIIQQ")
 _CHUNK_INDEX = struct.Struct("<QQQQ")
 _SIZES = struct.Struct("<QQ")
-SIZE, _LENGTH, _OF_CHANNEL = map(struct.Struct, ("<I", "<Q", "<HQ"))
+SIZE, _LENGTH, _CHANNEL_NUMBER = map(struct.Struct, ("<I", "<Q", "<HQ"))
 
 
 @dataclass(frozen=True)
 class FileStart:
-    """The start of a file, up to its metadata, which the runs of one scene share, or with it."""
+    """The start of a file, up to or including its metadata; runs of one scene share the former."""
 
     data: bytes
     crc: int  # CRC-32 of its bytes
     topics: tuple[str, ...]  # topics of the channels 1, 2, ...
-    schemas: int  # how many there are
-    # The records of the summary, by their kind and in its order; of messages there are none yet.
+    schemas: int  # number of schemas
+    # The records of the summary, by their kind and in its order, without those of messages.
     summary: Mapping[Opcode, bytes]
 
 
@@ -58,25 +58,28 @@ def file_start(
     schemas: Sequence[Schema], channels: Sequence[Channel], attached: Attachment
 ) -> FileStart:
     """Return the start of a file without metadata; channels are numbered from 1."""
-    repeated = {Opcode.SCHEMA: _encoded(*schemas), Opcode.CHANNEL: _encoded(*channels)}
-    header = _encoded(Header(profile="", library=LIBRARY))
+    repeated = {
+        Opcode.SCHEMA: _encode_records(*schemas),
+        Opcode.CHANNEL: _encode_records(*channels),
+    }
+    header = _encode_records(Header(profile="", library=LIBRARY))
     before = MCAP0_MAGIC + header + b"".join(repeated.values())
-    data = before + _encoded(attached)
+    data = before + _encode_records(attached)
     described = {name: value for name, value in vars(attached).items() if name != "data"}
     place = len(before), len(data) - len(before)
     index = AttachmentIndex(*place, data_size=len(attached.data), **described)
     topics = tuple(channel.topic for channel in channels)
     later = {Opcode.STATISTICS: b"", Opcode.CHUNK_INDEX: b""}
-    summary = {**repeated, **later, Opcode.ATTACHMENT_INDEX: _encoded(index)}
+    summary = {**repeated, **later, Opcode.ATTACHMENT_INDEX: _encode_records(index)}
     return FileStart(data, zlib.crc32(data), topics, len(schemas), summary)
 
 
 def with_metadata(start: FileStart, name: str, entries: Mapping[str, str]) -> FileStart:
     """Return the start of a file with its metadata."""
-    said = b"".join(map(_text, chain.from_iterable(entries.items())))
-    metadata = _record(Opcode.METADATA, _text(name), _sized(said))
+    content = b"".join(map(_encode_text, chain.from_iterable(entries.items())))
+    metadata = _encode_record(Opcode.METADATA, _encode_text(name), _with_size(content))
     place = _SIZES.pack(len(start.data), len(metadata))
-    index = _record(Opcode.METADATA_INDEX, place, _text(name))
+    index = _encode_record(Opcode.METADATA_INDEX, place, _encode_text(name))
     summary = {**start.summary, Opcode.METADATA_INDEX: index}
     crc = zlib.crc32(metadata, start.crc)
     return replace(start, data=start.data + metadata, crc=crc, summary=summary)
@@ -87,8 +90,8 @@ class _Chunk(NamedTuple):
 
     parts: Sequence[bytes]
     entry: bytes  # its record in the summary
-    first: int  # times of its messages
-    last: int
+    first: int  # time of its first message
+    last: int  # time of its last message
 
 
 @dataclass(frozen=True)
@@ -96,8 +99,8 @@ class MessageStream:
     """The messages of a whole run, interleaved."""
 
     data: NDArray[np.uint8]  # (bytes,) Message records, ordered by state row, then by channel
-    offsets: NDArray[np.int64]  # (rows, channels) where each record starts
-    sizes: NDArray[np.int64]  # (rows, channels) its length; 0 where a channel has no message
+    offsets: NDArray[np.int64]  # (rows, channels) start of each record
+    sizes: NDArray[np.int64]  # (rows, channels) its length; 0 if a channel has no message
     times: Times  # (rows,) log time [ns]
 
     def cuts(self) -> list[int]:
@@ -124,17 +127,17 @@ def interleave(groups: Sequence[MessageGroup], channels: int, times: Times) -> M
 
 
 def encode_file(
-    start: FileStart, stream: MessageStream, packed: Mapping[int, bytes] = _NOT_YET
+    start: FileStart, stream: MessageStream, packed: Mapping[int, bytes] = _NO_CHUNKS
 ) -> bytes:
     """Return a file.
 
-    Its chunks may be packed already, each by its first row: another zstd may pack them otherwise.
+    Chunks in `packed`, by their first row, are kept, because another zstd may compress differently.
     """
     parts, crc, position = [start.data], start.crc, len(start.data)
     chunks: list[_Chunk] = []
     cuts = [*packed, len(stream.times)] if packed else stream.cuts()
     for first, last in pairwise(cuts):
-        chunk = _chunk(stream, slice(first, last), position, packed.get(first))
+        chunk = _encode_chunk(stream, slice(first, last), position, packed.get(first))
         parts += chunk.parts
         chunks.append(chunk)
         position += sum(map(len, chunk.parts))
@@ -145,7 +148,9 @@ def encode_file(
     return b"".join(parts)
 
 
-def _chunk(stream: MessageStream, rows: slice, position: int, packed: bytes | None) -> _Chunk:
+def _encode_chunk(
+    stream: MessageStream, rows: slice, position: int, packed: bytes | None
+) -> _Chunk:
     """Return a chunk at a position in the file."""
     stop = stream.offsets[rows.stop, 0] if rows.stop < len(stream.times) else len(stream.data)
     content = stream.data[stream.offsets[rows.start, 0] : stop].data
@@ -157,12 +162,12 @@ def _chunk(stream: MessageStream, rows: slice, position: int, packed: bytes | No
     where = stream.times[rows], stream.sizes[rows], stream.offsets[rows]
     indexes, starts = message_indexes(*where)
     places = {channel: position + length + start for channel, start in starts.items()}
-    index = _record(
+    index = _encode_record(
         Opcode.CHUNK_INDEX,
         _CHUNK_INDEX.pack(*times, position, length),
-        _by_channel(places),
+        _encode_by_channel(places),
         _LENGTH.pack(len(indexes)),
-        _text(_COMPRESSION),
+        _encode_text(_COMPRESSION),
         _SIZES.pack(len(compressed), len(content)),
     )
     return _Chunk([head, compressed, indexes], index, *times)
@@ -171,14 +176,14 @@ def _chunk(stream: MessageStream, rows: slice, position: int, packed: bytes | No
 def _file_tail(
     start: FileStart, chunks: Sequence[_Chunk], counts: Sequence[int], position: int, crc: int
 ) -> bytes:
-    """Return the end of a file, at a position, given the CRC-32 of all bytes before it.
+    """Return the end of a file, at a position, for the CRC-32 of all bytes before it.
 
-    It is the data section's end, the summary and the footer; there is at least one chunk.
+    It is the end of the data section, the summary and the footer; there is at least one chunk.
     """
     times = chunks[0].first, chunks[-1].last
     numbers = sum(counts), start.schemas, len(counts), 1, 1, len(chunks)
-    by_channel = _by_channel(dict(enumerate(counts, start=1)))
-    statistics = _record(Opcode.STATISTICS, _STATISTICS.pack(*numbers, *times), by_channel)
+    by_channel = _encode_by_channel(dict(enumerate(counts, start=1)))
+    statistics = _encode_record(Opcode.STATISTICS, _STATISTICS.pack(*numbers, *times), by_channel)
     indexes = b"".join(chunk.entry for chunk in chunks)
     groups = {**start.summary, Opcode.STATISTICS: statistics, Opcode.CHUNK_INDEX: indexes}
     summary_start = position + DATA_END.size
@@ -195,23 +200,23 @@ def _file_tail(
     return data_end + end + SIZE.pack(zlib.crc32(end)) + MCAP0_MAGIC
 
 
-def _record(kind: Opcode, *parts: bytes) -> bytes:
+def _encode_record(kind: Opcode, *parts: bytes) -> bytes:
     return FRAME.pack(kind, sum(map(len, parts))) + b"".join(parts)
 
 
-def _sized(data: bytes) -> bytes:
+def _with_size(data: bytes) -> bytes:
     return SIZE.pack(len(data)) + data
 
 
-def _text(text: str) -> bytes:
-    return _sized(text.encode())
+def _encode_text(text: str) -> bytes:
+    return _with_size(text.encode())
 
 
-def _by_channel(numbers: Mapping[int, int]) -> bytes:
-    return _sized(b"".join(starmap(_OF_CHANNEL.pack, numbers.items())))
+def _encode_by_channel(numbers: Mapping[int, int]) -> bytes:
+    return _with_size(b"".join(starmap(_CHANNEL_NUMBER.pack, numbers.items())))
 
 
-def _encoded(*records: McapRecord) -> bytes:
+def _encode_records(*records: McapRecord) -> bytes:
     builder = RecordBuilder()
     for record in records:
         record.write(builder)

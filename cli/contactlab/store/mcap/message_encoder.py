@@ -1,4 +1,4 @@
-"""The arrays of one run as groups of Message records, each of one channel and one length."""
+"""Encodes the arrays of one run as groups of Message records of one channel and one length."""
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
@@ -59,12 +59,12 @@ PAIR_ARRAYS = {
 
 @dataclass(frozen=True)
 class MessageGroup:
-    """Messages whose records have one length."""
+    """Messages with records of one length."""
 
     channels: Rows  # (m,) the id of each one's channel
     rows: Rows  # (m,) its state row; there is at most one message a channel and row
     size: int  # length of a record
-    write: Callable[[Bytes, Integers], None]  # writes records to where they start in a buffer
+    write: Callable[[Bytes, Integers], None]  # writes records at their starts in a buffer
 
 
 def message_group(records: Records) -> MessageGroup:
@@ -97,7 +97,9 @@ def state_records(trace: Trace, times: Times, run: int) -> Iterator[Records]:
 
     def gather(channels: Rows, rows: Rows) -> dict[str, NDArray[Any]]:
         some = span_of(rows)
-        return {path: each[some] for path, each in arrays.items()} | _head(channels, times[some])
+        return {path: each[some] for path, each in arrays.items()} | _head_fields(
+            channels, times[some]
+        )
 
     rows = np.arange(trace.steps + 1)
     layout = state_record(nq, nv, 0 if trace.momentum is None else 3)
@@ -109,7 +111,7 @@ def state_records(trace: Trace, times: Times, run: int) -> Iterator[Records]:
 def contact_records(
     pairs: Mapping[int, tuple[PairTrace, PairSeries]], times: Times, timestep: float, run: int
 ) -> Iterator[Records]:
-    """Yield the steps in which pairs touch, those of all pairs with as many contact points at once.
+    """Yield the steps in which pairs touch, grouped over all pairs by number of contact points.
 
     Pairs, with their net quantities, are given by the ids of their channels, in order.
     """
@@ -125,7 +127,9 @@ def contact_records(
 
     def gather(count: int, channels: Rows, rows: Rows) -> dict[str, NDArray[Any]]:
         where = np.searchsorted(ids, channels), rows
-        values = {path: each[where] for path, each in arrays.items()} | _head(channels, times[rows])
+        values = {path: each[where] for path, each in arrays.items()} | _head_fields(
+            channels, times[rows]
+        )
         net = values["normal_force"], values["tangential_force"], values["distance"]
         firsts = np.flatnonzero(np.diff(channels, prepend=0)).tolist()
         spans = [slice(*ends) for ends in pairwise([*firsts, len(rows)])]
@@ -144,15 +148,15 @@ def contact_records(
             yield Records(ids[places], rows, contacts_record(count), partial(gather, count))
 
 
-def _head(channels: Rows, times: Times) -> dict[str, NDArray[Any]]:
-    """Return what the heads of records hold, of these (m,) channels and log times."""
+def _head_fields(channels: Rows, times: Times) -> dict[str, NDArray[Any]]:
+    """Return the head fields of records with these (m,) channels and log times."""
     return {"channel": channels, "log_time": times, "publish_time": times}
 
 
 def derived(
     normal: Floats, tangential: Floats, distance: Floats, timestep: float
 ) -> dict[str, Floats]:
-    """Return what follows from other values of contacts, by field."""
+    """Return the contact values that follow from others, by field."""
     with np.errstate(over="ignore", invalid="ignore"):
         return {
             "normal_impulse": normal * timestep,

@@ -1,4 +1,4 @@
-"""Message records, indexes of chunks and values of blocks, written by NumPy.
+"""Writes Message records, indexes of chunks and values of blocks by NumPy.
 
 The records of a group are filled column by column, then scattered over the chunks.
 """
@@ -23,7 +23,7 @@ Unsigned = NDArray[np.unsignedinteger]
 
 INDEX_HEAD = struct.Struct("<BQHI")
 _ENTRY_SIZE = 16
-_AT_ONCE = 1 << 19  # bytes of records that are filled together
+_BLOCK_BYTES = 1 << 19  # bytes of records that are filled at once
 
 
 class Records(NamedTuple):
@@ -33,8 +33,8 @@ class Records(NamedTuple):
     rows: Rows  # (m,) its state row
     layout: MessageLayout
     gather: Callable[[Rows, Rows], Mapping[str, NDArray[Any]]]
-    """Returns the numbers that go into those of some (k,) channels and rows: (k, ...) by the path
-    of their field in a record."""
+    """Returns the numbers for records of some (k,) channels and rows: (k, ...) by the path of
+    their field in a record."""
 
     def part(self, some: slice) -> "Records":
         """Return some of them."""
@@ -42,9 +42,9 @@ class Records(NamedTuple):
 
 
 def write_records(records: Records, data: Bytes, starts: Integers) -> None:
-    """Write records to where they start (m,) in a buffer, as many at once as a cache holds."""
+    """Write records at their starts (m,) in a buffer, in blocks that fit into a cache."""
     layout = records.layout
-    stride = max(1, _AT_ONCE // layout.size)
+    stride = max(1, _BLOCK_BYTES // layout.size)
     for first in range(0, len(starts), stride):
         some = slice(first, first + stride)
         channels, rows = records.channels[some], records.rows[some]
@@ -62,7 +62,7 @@ def write_records(records: Records, data: Bytes, starts: Integers) -> None:
 def message_indexes(
     times: NDArray[np.uint64], sizes: Integers, offsets: Integers
 ) -> tuple[bytes, dict[int, int]]:
-    """Return the MessageIndex records of a chunk, and where each channel's starts among them.
+    """Return the MessageIndex records of a chunk, and the start of each channel's among them.
 
     It has messages of these (rows, channels) sizes at offsets from the start of all chunks.
     """
@@ -74,13 +74,13 @@ def message_indexes(
     channels = np.flatnonzero(counts)
     ends = accumulate((counts[channels] * _ENTRY_SIZE).tolist(), initial=0)
     parts = [data[start:end] for start, end in pairwise(ends)]
-    found = [*map(_index, numbers := (channels + 1).tolist(), parts)]
+    found = [*map(_encode_index, numbers := (channels + 1).tolist(), parts)]
     starts = accumulate(map(len, found), initial=0)
     return b"".join(found), dict(zip(numbers, starts, strict=False))
 
 
 def pack_values(records: Bytes, layout: MessageLayout, data: Bytes) -> None:
-    """Write the values of records to a buffer as a block has them, width by width."""
+    """Write the values of records to a buffer in the form of a block, width by width."""
     items = records.view(layout.dtype)
     for width, places in layout.values:
         values = overlapping_numbers(items, width)[:, places]
@@ -96,24 +96,24 @@ def pack_values(records: Bytes, layout: MessageLayout, data: Bytes) -> None:
 
 
 def span_of(rows: Rows) -> Rows | slice:
-    """Return rows as a slice where they are consecutive, which indexes without a copy."""
+    """Return rows as a slice if they are consecutive, which indexes without a copy."""
     consecutive = len(rows) > 0 and rows[-1] - rows[0] == len(rows) - 1
     return slice(int(rows[0]), int(rows[-1]) + 1) if consecutive else rows
 
 
 def overlapping(data: Bytes, size: int) -> NDArray[np.void]:
-    """Return a view whose item i is the `size` bytes that start at byte i."""
+    """Return a view with the `size` bytes that start at byte i as item i."""
     return np.ndarray((max(len(data) - size + 1, 0),), f"V{size}", data, strides=(1,))
 
 
 def overlapping_numbers(items: Items, width: int) -> Unsigned:
-    """Return a view of which item (i, j) is the number from byte j of record i on."""
+    """Return a view with the number that starts at byte j of record i as item (i, j)."""
     size = items.dtype.itemsize
     shape = len(items), size - width + 1
     return np.ndarray(shape, f"<u{width}", items.view(np.uint8), strides=(size, 1))
 
 
-def _index(channel: int, entries: bytes) -> bytes:
-    """Return a MessageIndex record of entries, a time and an offset each."""
+def _encode_index(channel: int, entries: bytes) -> bytes:
+    """Return a MessageIndex record of entries, each a time and an offset."""
     length = len(entries)
     return INDEX_HEAD.pack(Opcode.MESSAGE_INDEX, 6 + length, channel, length) + entries

@@ -1,4 +1,4 @@
-"""Memory and a compressor that encoding reuses."""
+"""Buffers and a compressor that encoding reuses."""
 
 import threading
 
@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 # Matches of at least six bytes, found by a table that fits the L1 cache: files of the same size as
 # at level -3 in 0.7 (one body) to 0.85 (a stack) of the time. The window is a chunk's length.
-_FAST = zstandard.ZstdCompressionParameters(
+_FAST_COMPRESSION = zstandard.ZstdCompressionParameters(
     strategy=zstandard.STRATEGY_FAST,
     window_log=20,
     hash_log=11,
@@ -23,13 +23,13 @@ _FAST = zstandard.ZstdCompressionParameters(
 class Scratch(threading.local):
     """Buffers and a compressor that a thread reuses from run to run.
 
-    The system hands out fresh memory page by page, which takes longer than filling the page;
-    without reuse, encoding a file takes one and a half times as long.
+    The system provides fresh memory page by page, which takes longer than filling the page; without
+    reuse, encoding a file takes one and a half times as long.
     """
 
     def __init__(self) -> None:
         self._buffers: dict[str, NDArray[np.uint8]] = {}
-        self.compressor = zstandard.ZstdCompressor(compression_params=_FAST)
+        self.compressor = zstandard.ZstdCompressor(compression_params=_FAST_COMPRESSION)
 
     def take(self, name: str, size: int) -> NDArray[np.uint8]:
         """Return `size` bytes of arbitrary content, valid until the name is taken again."""

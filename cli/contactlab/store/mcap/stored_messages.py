@@ -1,8 +1,8 @@
-"""Messages of a trace file as they lie there, and whether these are sound.
+"""Reads messages of a trace file as stored, and checks that the file is valid.
 
 Viewers rely on more than readable messages: they seek by the summary, the message indexes and the
-statistics, and expect messages in order of time. So a file must be, byte for byte, what is written
-of its messages.
+statistics, and expect messages in order of time. So a file must equal, byte for byte, the file
+that its messages encode to.
 """
 
 import struct
@@ -52,26 +52,26 @@ UNREADABLE = (
     ArithmeticError,
     MemoryError,
 )
-"""Errors of a file that has its checksums, but is not ours."""
-_MOST_BYTES_OF_A_CHUNK = 64 << 20
-"""Bytes that a chunk may hold: one that is written has 1 MiB, and as much as one step records."""
+"""Errors of a file that has valid checksums, but a different content."""
+_MAX_CHUNK_BYTES = 64 << 20
+"""Largest accepted chunk [bytes]: a written one has 1 MiB and the records of one step."""
 
 
 def find_damage(data: bytes) -> str | None:
-    """Return what is wrong with a file's magic bytes or checksums; None if nothing is.
+    """Return the damage of a file's magic bytes or checksums; None if there is none.
 
     The two checksums cover all bytes, so any flipped byte is found.
     """
     end = len(data) - len(MCAP0_MAGIC)
     tail = end - FOOTER.size
     if tail < len(MCAP0_MAGIC) + DATA_END.size or not data.startswith(MCAP0_MAGIC):
-        return "this is no MCAP file"
+        return "this is not an MCAP file"
     if not data.endswith(MCAP0_MAGIC):
         return "the file is truncated, or its end is damaged"
     *_, start, offsets, _ = FOOTER.unpack_from(data, tail)
     data_end = start - DATA_END.size
     if not 0 <= data_end <= tail - DATA_END.size:
-        return "the footer does not say where the summary is"
+        return "the footer has no valid position of the summary"
     view, length = memoryview(data), FOOTER.size - FRAME.size
     crc = zlib.crc32(view[start : end - SIZE.size])
     if data[tail:end] != FOOTER.pack(Opcode.FOOTER, length, start, offsets, crc):
@@ -88,7 +88,7 @@ class ChannelMessages:
     """The Message records of one channel, scattered over a buffer."""
 
     data: NDArray[np.uint8]  # (bytes,) the content of all chunks
-    offsets: NDArray[np.int64]  # (M,) where each record starts, in time order
+    offsets: NDArray[np.int64]  # (M,) start of each record, in time order
 
     @property
     def heads(self) -> NDArray[np.void]:
@@ -120,7 +120,7 @@ class ChannelMessages:
 
 @dataclass(frozen=True)
 class StoredFile:
-    """A trace file, by its own summary and indexes."""
+    """A trace file, parsed by its own summary and indexes."""
 
     schemas: Sequence[Schema]
     channels: Sequence[Channel]
@@ -131,17 +131,17 @@ class StoredFile:
 
 
 def stored_file(data: bytes) -> StoredFile:
-    """Return what a file holds in which `find_damage` finds nothing; see `UNREADABLE`."""
+    """Return the parsed content of a file without damage; see `find_damage` and `UNREADABLE`."""
     reader = SeekingReader(BytesIO(data))
     summary = reader.get_summary()
     assert summary is not None, "find_damage() finds a missing summary"
     schemas = {schema.data for schema in summary.schemas.values()}
     for message in (STATE, CONTACTS):
         if file_descriptor_set(message) not in schemas:
-            raise ValueError(f"it has another schema of {message.name}")
+            raise ValueError(f"its schema of {message.name} differs")
     [metadata], [model] = reader.iter_metadata(), reader.iter_attachments()
     if sum(chunk.uncompressed_size for chunk in summary.chunk_indexes) > MOST_TRACE:
-        raise ValueError("its chunks claim to hold more than any run records")
+        raise ValueError("its chunks claim to hold more data than any run records")
     offsets: dict[int, list[NDArray[np.int64]]] = {channel: [] for channel in summary.channels}
     packed: dict[int, bytes] = {}
     base = 0
@@ -165,25 +165,25 @@ def stored_file(data: bytes) -> StoredFile:
 
 
 def unpacked(compressed: bytes, size: int) -> bytes:
-    """Return the content of a chunk, whose size both the chunk and the compressed data state."""
-    if size > _MOST_BYTES_OF_A_CHUNK or zstandard.frame_content_size(compressed) != size:
+    """Return the content of a chunk; both the chunk and the compressed data state its size."""
+    if size > _MAX_CHUNK_BYTES or zstandard.frame_content_size(compressed) != size:
         raise ValueError(f"a chunk claims to hold {size:,} bytes")
     return zstandard.decompress(compressed)
 
 
 def find_defect(data: bytes) -> str | None:
-    """Return how a file is not what is written of its messages; None if it is sound."""
+    """Return how a file differs from the encoding of its messages; None if it is valid."""
     if damage := find_damage(data):
         return damage
     try:
         again = written_again(stored_file(data))
     except UNREADABLE as error:
         return f"a record cannot be decoded: {error}"
-    return None if again == data else "its chunks, indexes or summary are not those of its messages"
+    return None if again == data else "its chunks, indexes or summary do not match its messages"
 
 
 def written_again(file: StoredFile) -> bytes:
-    """Return the file that stored messages give, whose chunks are compressed as they were."""
+    """Return the file that stored messages encode to, with chunks compressed as before."""
     stream = message_stream(file)
     rows = np.searchsorted(stream.times, np.array([*file.packed], np.uint64)).tolist()
     packed = dict(zip(rows, file.packed.values(), strict=True))
@@ -191,13 +191,13 @@ def written_again(file: StoredFile) -> bytes:
 
 
 def start_of(file: StoredFile) -> FileStart:
-    """Return how a file begins that has these schemas, channels, model and metadata."""
+    """Return the start of a file with these schemas, channels, model and metadata."""
     start = file_start(file.schemas, file.channels, file.model)
     return with_metadata(start, file.metadata.name, file.metadata.metadata)
 
 
 def message_stream(file: StoredFile) -> MessageStream:
-    """Return stored messages as they are to lie in the chunks, one after the other."""
+    """Return stored messages in the order of the chunks, one after the other."""
     state = file.messages[STATE_CHANNEL]
     times = state.heads["log_time"]
     if np.any(times[1:] <= times[:-1]):
@@ -206,7 +206,7 @@ def message_stream(file: StoredFile) -> MessageStream:
     for channel, message in file.messages.items():
         heads = message.heads
         if np.any((heads["opcode"] != Opcode.MESSAGE) | (heads["channel"] != channel)):
-            raise ValueError("a message index points at something else")
+            raise ValueError("a message index does not point at a message of its channel")
         sizes[np.searchsorted(times, heads["log_time"]), channel - 1] = message.sizes
     ends = np.cumsum(sizes)
     return MessageStream(state.data[: ends[-1]], ends.reshape(sizes.shape) - sizes, sizes, times)

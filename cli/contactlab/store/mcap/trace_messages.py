@@ -1,9 +1,9 @@
 """The messages of a trace: their Protobuf types, schemas and topics, and their layout in memory.
 
-The types are those of the published schema, `schemas/contactlab.proto`, and are read from there.
-Every field has a fixed width once its count is known, so that NumPy can write a whole run at once:
-constant bytes are in a template, values go into the columns of a structured type. A repeated field
-of known count is packed, also when it is empty, so messages of one layout have the same length.
+The types are read from the published schema, `schemas/contactlab.proto`. Every field has a fixed
+width once its count is known, so that NumPy can write a whole run at once: constant bytes are in a
+template, values go into the columns of a structured type. A repeated field of known count is
+packed, even if it is empty, so messages of one layout have the same length.
 
 Sources: https://protobuf.dev/programming-guides/encoding/, google/protobuf/descriptor.proto for
 the numbers in schemas, https://mcap.dev/spec for Message records.
@@ -36,20 +36,20 @@ _TYPE_MESSAGE, _TYPE_ENUM = 11, 14
 
 _FRAME_SIZE = 9
 _MESSAGE_HEAD = struct.Struct("<BQHIQQ")
-_HEADER = (("channel", "<u2", 9), ("log_time", "<u8", 15), ("publish_time", "<u8", 23))
+_HEADER_COLUMNS = (("channel", "<u2", 9), ("log_time", "<u8", 15), ("publish_time", "<u8", 23))
 HEADER_SIZE = 31  # length of a Message record before its content
-# What follows from other fields of a record, from its channel or the timestep.
+# Fields that follow from others of a record, from its channel or the timestep.
 _IMPULSES = ("normal_impulse", "tangential_impulse")
-_DERIVED = ("channel", "publish_time", *_IMPULSES, "penetration")
+_DERIVED_FIELDS = ("channel", "publish_time", *_IMPULSES, "penetration")
 
 
 def contacts_topic(pair: str) -> str:
-    """Return a pair's topic: bytes other than letters, digits and `_.-~` become %XX."""
+    """Return a pair's topic; bytes other than letters, digits and `_.-~` become %XX."""
     return _CONTACTS_TOPIC + quote(pair, safe="")
 
 
 def pair_of_topic(topic: str) -> str | None:
-    """Return the pair whose contacts a topic holds, or None for another topic."""
+    """Return the pair of a contacts topic, or None for another topic."""
     if not topic.startswith(_CONTACTS_TOPIC):
         return None
     return unquote(topic.removeprefix(_CONTACTS_TOPIC))
@@ -89,79 +89,95 @@ class MessageType:
     fields: tuple[MessageField, ...]
 
 
-_BLOCK = re.compile(r"^(message|enum) (\w+) \{\n(.*?)^\}", re.MULTILINE | re.DOTALL)
-_FIELD = re.compile(r"^  (repeated )?(\w+) (\w+) = (\d+);", re.MULTILINE)
-_VALUE = re.compile(r"^  (\w+) = \d+;", re.MULTILINE)
+_PROTO_BLOCK = re.compile(r"^(message|enum) (\w+) \{\n(.*?)^\}", re.MULTILINE | re.DOTALL)
+_PROTO_FIELD = re.compile(r"^  (repeated )?(\w+) (\w+) = (\d+);", re.MULTILINE)
+_PROTO_VALUE = re.compile(r"^  (\w+) = \d+;", re.MULTILINE)
 _PUBLISHED = {
     name: (keyword, body)
-    for keyword, name, body in _BLOCK.findall(
+    for keyword, name, body in _PROTO_BLOCK.findall(
         (SCHEMAS / "contactlab.proto").read_text(encoding="utf-8")
     )
 }
 
 
-def _message(name: str) -> MessageType:
+def _parse_message(name: str) -> MessageType:
     """Return a message of the published schema."""
-    fields = _FIELD.findall(_PUBLISHED[name][1])
+    fields = _PROTO_FIELD.findall(_PUBLISHED[name][1])
     return MessageType(
         name,
         tuple(
-            MessageField(int(number), field, _type(kind), bool(repeated))
+            MessageField(int(number), field, _parse_type(kind), bool(repeated))
             for repeated, kind, field, number in fields
         ),
     )
 
 
-def _type(name: str) -> "Scalar | EnumType | MessageType":
+def _parse_type(name: str) -> "Scalar | EnumType | MessageType":
     if name.upper() in Scalar.__members__:
         return Scalar[name.upper()]
     keyword, body = _PUBLISHED[name]
-    return EnumType(name, tuple(_VALUE.findall(body))) if keyword == "enum" else _message(name)
+    return (
+        EnumType(name, tuple(_PROTO_VALUE.findall(body)))
+        if keyword == "enum"
+        else _parse_message(name)
+    )
 
 
-STATE, CONTACTS, POINT = map(_message, ("State", "Contacts", "ContactPoint"))
+STATE, CONTACTS, POINT = map(_parse_message, ("State", "Contacts", "ContactPoint"))
 LAST_STATE = MessageType("State", tuple(field for field in STATE.fields if field.name != "step"))
 
 
 @cache
 def file_descriptor_set(message: MessageType) -> bytes:
-    """Return a serialized FileDescriptorSet that defines a message and all that it uses."""
-    types = list(dict.fromkeys(_types(message)))
-    file = _delimited(1, f"{PACKAGE}/{message.name}.proto".encode())
-    file += _delimited(2, PACKAGE.encode())
+    """Return a serialized FileDescriptorSet that defines a message and its field types."""
+    types = list(dict.fromkeys(_nested_types(message)))
+    file = _encode_delimited(1, f"{PACKAGE}/{message.name}.proto".encode())
+    file += _encode_delimited(2, PACKAGE.encode())
     for kind in types:
         if isinstance(kind, MessageType):
-            fields = b"".join(_delimited(2, _field_descriptor(field)) for field in kind.fields)
-            file += _delimited(4, _delimited(1, kind.name.encode()) + fields)
+            fields = b"".join(
+                _encode_delimited(2, _field_descriptor(field)) for field in kind.fields
+            )
+            file += _encode_delimited(4, _encode_delimited(1, kind.name.encode()) + fields)
     for kind in types:
         if isinstance(kind, EnumType):
             values = b"".join(
-                _delimited(2, _delimited(1, name.encode()) + _number(2, number))
+                _encode_delimited(
+                    2, _encode_delimited(1, name.encode()) + _encode_number(2, number)
+                )
                 for number, name in enumerate(kind.values)
             )
-            file += _delimited(5, _delimited(1, kind.name.encode()) + values)
-    return _delimited(1, file + _delimited(12, b"proto3"))
+            file += _encode_delimited(5, _encode_delimited(1, kind.name.encode()) + values)
+    return _encode_delimited(1, file + _encode_delimited(12, b"proto3"))
 
 
-def _types(kind: MessageType | EnumType) -> Iterator[MessageType | EnumType]:
+def _nested_types(kind: MessageType | EnumType) -> Iterator[MessageType | EnumType]:
     yield kind
     if isinstance(kind, MessageType):
         for field in kind.fields:
             if isinstance(field.kind, MessageType | EnumType):
-                yield from _types(field.kind)
+                yield from _nested_types(field.kind)
 
 
 def _field_descriptor(field: MessageField) -> bytes:
     label = _REPEATED if field.repeated else _OPTIONAL
-    head = _delimited(1, field.name.encode()) + _number(3, field.number) + _number(4, label)
+    head = (
+        _encode_delimited(1, field.name.encode())
+        + _encode_number(3, field.number)
+        + _encode_number(4, label)
+    )
     if isinstance(field.kind, Scalar):
-        return head + _number(5, field.kind.value[0])
+        return head + _encode_number(5, field.kind.value[0])
     number = _TYPE_MESSAGE if isinstance(field.kind, MessageType) else _TYPE_ENUM
-    return head + _number(5, number) + _delimited(6, f".{PACKAGE}.{field.kind.name}".encode())
+    return (
+        head
+        + _encode_number(5, number)
+        + _encode_delimited(6, f".{PACKAGE}.{field.kind.name}".encode())
+    )
 
 
 class FieldPlace(NamedTuple):
-    """Where an item holds a field: the type of its numbers, the first byte, and their axes."""
+    """Location of a field in an item: the type of its numbers, the first byte, and their axes."""
 
     kind: np.dtype[Any]
     start: int
@@ -170,7 +186,7 @@ class FieldPlace(NamedTuple):
 
     @property
     def starts(self) -> NDArray[np.intp]:
-        """Where each number starts."""
+        """First byte of each number."""
         starts = np.array(self.start)
         for count, stride in zip(self.shape, self.strides, strict=True):
             starts = starts[..., None] + np.arange(count) * stride
@@ -199,12 +215,12 @@ class MessageLayout:
 
     @cached_property
     def fields(self) -> Mapping[str, FieldPlace]:
-        """Where values are, by the path of their field."""
-        return dict(_fields("", FieldPlace(self.dtype, 0)))
+        """Locations of values, by the path of their field."""
+        return dict(_field_places("", FieldPlace(self.dtype, 0)))
 
     @cached_property
     def constant(self) -> NDArray[np.bool_]:
-        """(size,) which bytes are the same in all items: those of the template, not of values."""
+        """(size,) mask of bytes that are the same in all items: template bytes without values."""
         constant = np.ones(self.size, np.bool_)
         for field in self.fields.values():
             for byte in range(field.kind.itemsize):
@@ -213,10 +229,10 @@ class MessageLayout:
 
     @cached_property
     def values(self) -> Sequence[tuple[int, NDArray[np.intp]]]:
-        """Widths of values [bytes], and where those of each start, but for what is derived."""
+        """Widths of values [bytes], each with the start indices; derived values are excluded."""
         starts = dict[int, list[NDArray[np.intp]]]()
         for path, field in self.fields.items():
-            if path not in _DERIVED:
+            if path not in _DERIVED_FIELDS:
                 starts.setdefault(field.kind.itemsize, []).append(field.starts)
         return [(width, np.sort(np.concatenate(places))) for width, places in starts.items()]
 
@@ -231,23 +247,25 @@ class MessageLayout:
         return MessageLayout(head + self.template, moved)
 
     def fill(self, memory: NDArray[np.uint8]) -> NDArray[np.void]:
-        """Return memory as items that hold the template, their columns still to be filled."""
+        """Return memory as items that hold the template, with columns still to be filled."""
         form = f"V{self.size}"
         memory.view(form)[:] = np.frombuffer(self.template, form)
         return memory.view(self.dtype)
 
 
-def _fields(path: str, item: FieldPlace) -> Iterator[tuple[str, FieldPlace]]:
+def _field_places(path: str, item: FieldPlace) -> Iterator[tuple[str, FieldPlace]]:
     """Yield the fields of an item of a structured type, by path."""
     for name, (kind, start, *_) in (item.kind.fields or {}).items():
         inner, shape = kind.subdtype or (kind, ())
         axes = item.shape + shape, item.strides + (inner.itemsize,) * len(shape)
         field = FieldPlace(inner, item.start + start, *axes)
-        yield from _fields(f"{path}{name}.", field) if inner.fields else [(path + name, field)]
+        yield from (
+            _field_places(f"{path}{name}.", field) if inner.fields else [(path + name, field)]
+        )
 
 
 HEAD = MessageLayout(
-    bytes(HEADER_SIZE), (("opcode", "u1", 0), ("length", "<u8", 1), *_HEADER)
+    bytes(HEADER_SIZE), (("opcode", "u1", 0), ("length", "<u8", 1), *_HEADER_COLUMNS)
 ).dtype
 """The start of any Message record, before its content."""
 
@@ -255,11 +273,11 @@ HEAD = MessageLayout(
 def message_record(body: MessageLayout) -> MessageLayout:
     """Return the layout of the Message record around a message; its sequence number is zero."""
     framed = body.after(message_head(body.size))
-    return MessageLayout(framed.template, (*_HEADER, *framed.columns))
+    return MessageLayout(framed.template, (*_HEADER_COLUMNS, *framed.columns))
 
 
 def message_head(size: int, channel: int = 0, time: int = 0) -> bytes:
-    """Return what a Message record starts with that has a content of so many bytes."""
+    """Return the start of a Message record with a content of `size` bytes."""
     length = HEADER_SIZE - _FRAME_SIZE + size
     return _MESSAGE_HEAD.pack(Opcode.MESSAGE, length, channel, 0, time, time)
 
@@ -332,14 +350,14 @@ def varint(value: int) -> bytes:
 
 
 def tag(number: int, wire_type: int) -> bytes:
-    """Return the bytes that announce a field."""
+    """Return the bytes that introduce a field."""
     return varint(number << 3 | wire_type)
 
 
-def _number(field: int, value: int) -> bytes:
+def _encode_number(field: int, value: int) -> bytes:
     return tag(field, _VARINT) + varint(value)
 
 
-def _delimited(number: int, content: bytes) -> bytes:
+def _encode_delimited(number: int, content: bytes) -> bytes:
     """Return a length-delimited field: a string, bytes, a message or packed values."""
     return tag(number, _LENGTH_DELIMITED) + varint(len(content)) + content

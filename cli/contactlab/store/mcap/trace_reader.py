@@ -1,4 +1,4 @@
-"""The arrays of a stored trace, and how it and its record contradict each other."""
+"""The arrays of a stored trace, and contradictions between it and its record."""
 
 import hashlib
 import json
@@ -79,7 +79,7 @@ class StoredPair:
     """The unit of each array of measured values."""
 
     def over(self, steps: int, values: NDArray[_Number], apart: float = 0) -> NDArray[_Number]:
-        """(N,) values (M,) of the steps with contact over all N, `apart` in the others."""
+        """(N,) values (M,) of the steps with contact over all N steps, `apart` in the others."""
         spread = np.full(steps, apart, dtype=values.dtype)
         spread[self.steps] = values
         return spread
@@ -89,7 +89,7 @@ class StoredPair:
 class StoredTrace:
     """One run of N steps; arrays and their time alignment are those of a run of `Trace`.
 
-    Everything but individual contact points is bit for bit as recorded.
+    Everything except individual contact points is bit for bit as recorded.
     """
 
     time: Floats
@@ -124,7 +124,7 @@ class StoredTrace:
     """The unit of each array; for coordinates, of slide and of hinge joints."""
 
     def pair(self, name: str) -> StoredPair:
-        """Return a pair by its name; raise StoreError if no monitored pair has it."""
+        """Return a pair by its name. Raises a StoreError if no monitored pair has it."""
         pairs = {pair.name: pair for pair in self.pairs}
         otherwise = f"; recorded pairs: {', '.join(pairs) or 'none'}"
         StoreError.unless_known(name, pairs, f"no pair '{name}' was recorded", otherwise)
@@ -135,32 +135,32 @@ _PAIR_ARRAYS = {"found": ("found", np.int32), **PAIR_ARRAYS}
 
 
 def read_trace(path: Path, shown_path: object = None) -> StoredTrace:
-    """Return the run that a trace file holds; a StoreError names it by the shown path."""
-    return _read(path, shown_path, _decode)
+    """Return the run in a trace file. A StoreError names the file by the shown path."""
+    return _read_file(path, shown_path, _decode_trace)
 
 
 def read_messages(path: Path, shown_path: object = None) -> bytes:
-    """Return a trace file in the message form; a StoreError names it by the shown path."""
-    return _read(path, shown_path, expanded)
+    """Return a trace file in the message form. A StoreError names it by the shown path."""
+    return _read_file(path, shown_path, expanded)
 
 
-def _read(path: Path, shown_path: object, form: Callable[[bytes], _Content]) -> _Content:
+def _read_file(path: Path, shown_path: object, form: Callable[[bytes], _Content]) -> _Content:
     shown_path = shown_path or path
     try:
         data = path.read_bytes()
     except OSError as error:
         raise StoreError(f"cannot read {shown_path}: {error.strerror}") from error
     if damage := find_damage(data):
-        raise StoreError(f"{shown_path}: {damage}; the run has to be repeated")
+        raise StoreError(f"{shown_path}: {damage}; repeat the run")
     try:
         return form(data)
     except UNREADABLE as error:
         raise StoreError(
-            f"{shown_path} is no trace that this version of contactlab can read: {error}"
+            f"{shown_path} is not a trace that this version of contactlab can read: {error}"
         ) from error
 
 
-def _decode(data: bytes) -> StoredTrace:
+def _decode_trace(data: bytes) -> StoredTrace:
     file = in_messages(stored_file(data))
     messages = {channel.topic: file.messages[channel.id] for channel in file.channels}
     [state] = [channel for channel in file.channels if channel.topic == STATE_TOPIC]
@@ -202,7 +202,7 @@ def _state_arrays(
 
 
 def _stored_pair(name: str, messages: ChannelMessages, times: NDArray[Any]) -> StoredPair:
-    """Return a pair's contacts, given the (N + 1,) log times of the states."""
+    """Return a pair's contacts, from the (N + 1,) log times of the states."""
     counts = point_counts(messages.sizes)
     log_times = np.empty(len(counts), np.uint64)
     arrays: dict[str, NDArray[Any]] = {
@@ -216,7 +216,7 @@ def _stored_pair(name: str, messages: ChannelMessages, times: NDArray[Any]) -> S
         log_times[chosen] = items["log_time"]
         for array, (field, _) in _PAIR_ARRAYS.items():
             arrays[array][chosen] = items[field]
-        points[starts[chosen][:, None] + np.arange(count)] = _slots(items)
+        points[starts[chosen][:, None] + np.arange(count)] = _contact_slots(items)
     steps = np.searchsorted(times, log_times)
     if not np.array_equal(times[steps], log_times):
         raise ValueError(f"a contact of '{name}' has no state of its time")
@@ -229,28 +229,28 @@ def _stored_pair(name: str, messages: ChannelMessages, times: NDArray[Any]) -> S
     )
 
 
-def _slots(items: NDArray[np.void]) -> Floats:
+def _contact_slots(items: NDArray[np.void]) -> Floats:
     """(m, count, 23) contact slots of messages with `count` points each."""
     points = items["points"]
     slots = np.empty((*points.shape, SLOT_WIDTH))
     slots[..., FOUND] = items["found"][:, None]
-    # Bent bytes may be a NaN that signals.
+    # Damaged bytes may be a signaling NaN.
     with np.errstate(invalid="ignore"):
         for name, columns in POINT_FIELDS.items():
             slots[..., columns] = points[name]
     return slots
 
 
-# What a record has only once its trace is written; so that equal runs have equal traces.
-_LATER = ("trace", "cost", "started", "finished", "accuracy", "timing")
+# Fields that a record gets after its trace is written, so that equal runs have equal traces.
+_LATER_FIELDS = ("trace", "cost", "started", "finished", "accuracy", "timing")
 
 
 def trace_problems(
     path: Path, record: EvidenceRecord, model: bytes | None = None, but: Collection[str] = ()
 ) -> Iterator[str]:
-    """Yield how a trace's file and its record contradict each other, but for some fields.
+    """Yield contradictions between a trace file and its record, except in the fields `but`.
 
-    The scene's model file, where given, is compared with the model that the trace holds.
+    The scene's model file, if given, is compared with the model in the trace.
     """
     assert record.trace is not None
     data = path.read_bytes()
@@ -261,9 +261,9 @@ def trace_problems(
         yield defect
         return
     try:
-        trace = _decode(data)
-        yield from _contradictions(trace, record, but)
-        yield from _wrong_counts(trace, record, record.trace)
+        trace = _decode_trace(data)
+        yield from _find_contradictions(trace, record, but)
+        yield from _check_counts(trace, record, record.trace)
     except UNREADABLE as error:
         yield f"this version of contactlab cannot read it: {error}"
         return
@@ -271,30 +271,30 @@ def trace_problems(
         yield "its model is not the scene's"
 
 
-def _contradictions(
+def _find_contradictions(
     trace: StoredTrace, record: EvidenceRecord, but: Collection[str]
 ) -> Iterator[str]:
-    inside = _plain(EvidenceRecord.model_validate_json(trace.record_json))
-    for name, value in _plain(record).items():
-        # Errors have a tolerance too, which is judged after the trace is written.
+    inside = _plain_content(EvidenceRecord.model_validate_json(trace.record_json))
+    for name, value in _plain_content(record).items():
+        # Errors have tolerances, too, which are judged after the trace is written.
         is_later = name == "tolerances_met" and record.accuracy is not None
         if inside[name] != value and name not in but and not is_later:
-            yield f"its record has another {name} than the table"
+            yield f"its record and the table differ in {name}"
     states = np.column_stack((trace.time, trace.qpos, trace.qvel))
-    # The hash is of the activations too, which the trace has not.
+    # The hash includes the activations, which are not in the trace.
     if trace.metadata.get(ACTIVATIONS) == "0" and hash_of_states(states) != record.trajectory_hash:
-        yield "its states do not give the trajectory's hash"
+        yield "its states do not match the trajectory's hash"
 
 
-def _plain(record: EvidenceRecord) -> dict[str, Any]:
-    content = json.loads(record.model_dump_json(exclude=set(_LATER)))
-    # The table has one column of settings for all runs, with nulls for those of other runs.
+def _plain_content(record: EvidenceRecord) -> dict[str, Any]:
+    content = json.loads(record.model_dump_json(exclude=set(_LATER_FIELDS)))
+    # The table has one column of settings for all runs, with nulls for settings of other runs.
     content["settings"] = {name: v for name, v in content["settings"].items() if v is not None}
     return content
 
 
-def _wrong_counts(trace: StoredTrace, record: EvidenceRecord, file: TraceFile) -> Iterator[str]:
+def _check_counts(trace: StoredTrace, record: EvidenceRecord, file: TraceFile) -> Iterator[str]:
     counts = {contacts_topic(pair.name): len(pair.steps) for pair in trace.pairs}
     counts |= {STATE_TOPIC: len(trace.time), EVIDENCE_TOPIC: 1}
     if counts[STATE_TOPIC] != record.steps + 1 or Counter(counts) != Counter(file.messages):
-        yield f"its messages by topic are not those of the table, or of {record.steps} steps"
+        yield f"its messages by topic do not match the table, or {record.steps} steps"

@@ -1,7 +1,7 @@
-"""Encode one run as one MCAP file, and add channels to a file.
+"""Encodes one run as one MCAP file, and adds channels to a file.
 
-Log time is simulated time from zero and nothing of the machine is added, so equal runs give equal
-files.
+Log time is simulated time from zero, and nothing machine-dependent is added, so equal runs give
+equal files.
 """
 
 from collections.abc import Mapping, Sequence
@@ -51,20 +51,20 @@ from contactlab.store.mcap.trace_messages import (
 
 _METADATA_NAME = "contactlab.run"
 _MODEL_NAME = "model.xml"
-# Viewers reject `$ref`, `anyOf` and null in a schema, and the record has them.
+# Viewers reject `$ref`, `anyOf` and null in a schema, which the record's has.
 RECORD_SCHEMA_NAME = f"{PACKAGE}.EvidenceRecord"
 _RECORD_SCHEMA = b'{"type":"object"}'
 _NANOSECONDS = 1e9
-_CACHED_PREFIXES = 4  # scenes whose file prefixes are cached; a job is of one scene
+_CACHED_PREFIXES = 4  # scenes with cached file prefixes; a job is of one scene
 # Readers in languages without unsigned integers take log time as a signed 64-bit number.
 _MOST_LOG_TIME_NS = 2.0**63
 
 
 class TraceEncoder:
-    """Encodes the runs of a trace, each as an MCAP file; what they share is worked out once."""
+    """Encodes the runs of a trace, each as an MCAP file; common parts are computed once."""
 
     def __init__(self, trace: Trace, series: Sequence[PairSeries]) -> None:
-        """Take a trace, and the net quantities of those of its pairs that touch, or of more."""
+        """Take a trace, and the net quantities of at least those of its pairs that touch."""
         self._trace = trace
         self._times, self._in_order = _log_times(trace.time)
         self._pairs = tuple(pair.name for pair in trace.pairs)
@@ -86,10 +86,9 @@ class TraceEncoder:
     ) -> tuple[bytes, Mapping[str, int]]:
         """Return a run as an MCAP file, and the number of its messages by topic.
 
-        In the compact form blocks stand for the messages, which are counted as in the other form.
-
-        With the arrays go the run's record, the one message of `/evidence`; its identity, the
-        metadata `contactlab.run`; and the MJCF as simulated, the attachment `model.xml`. An
+        In the compact form blocks replace the messages, which are counted as in the other form. The
+        file contains the arrays; the run's record, the one message of `/evidence`; its identity,
+        the metadata `contactlab.run`; and the simulated MJCF, the attachment `model.xml`. An
         OutputError says that the run's time does not strictly increase.
         """
         trace, times = self._trace, self._times[run]
@@ -123,10 +122,10 @@ class TraceEncoder:
 
 
 def _log_times(time: Floats) -> tuple[Times, NDArray[np.bool_]]:
-    """Return (n, N + 1) simulated time in whole nanoseconds, and whether that of a run is one."""
+    """Return (n, N + 1) simulated time in whole nanoseconds, and whether each run's is valid."""
     times = np.rint(time * _NANOSECONDS)
     grows = np.all(times[:, 1:] > times[:, :-1], axis=1)
-    # So all of them are in range.
+    # Since times increase, checking both ends covers the range of all.
     grows &= (times[:, 0] >= 0) & (times[:, -1] < _MOST_LOG_TIME_NS)
     with np.errstate(invalid="ignore"):
         return times.astype(np.uint64), grows
@@ -167,9 +166,9 @@ def copy_trace(
     added: Sequence[AddedChannel],
     schemas: Mapping[str, bytes],
 ) -> None:
-    """Write a sound trace file again with further channels; its own messages keep their bytes.
+    """Write a valid trace file again with further channels; its own messages keep their bytes.
 
-    One in the compact form becomes one of messages; schemas by name take the place of its own.
+    A file in the compact form becomes one of messages; `schemas` by name replace its own.
     """
     reader = SeekingReader(BytesIO(expanded(source.read_bytes())))
     summary = reader.get_summary()

@@ -1,1 +1,1 @@
-"""Stores in object storage: S3 and what speaks it, Google Cloud Storage, Azure Blob Storage."""
+"""Stores in object storage: S3 and compatible ones, Google Cloud Storage, Azure Blob Storage."""

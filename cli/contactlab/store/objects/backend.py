@@ -1,8 +1,8 @@
 """A store in object storage.
 
-Journal, notes, table and scene are made in a local temporary folder. What must outlive the process
-is stored as it comes: traces by the workers, rows and notes batch by batch, as objects of unique
-names.
+Journal, notes, table and scene are made in a local temporary folder. Data that must survive the
+process is stored at once: traces by the workers, rows and notes batch by batch, as objects with
+unique names.
 """
 
 import atexit
@@ -37,42 +37,42 @@ from contactlab.store.store_files import (
     parse_manifest,
 )
 
-_BATCHES = {JOURNAL: "journal", NOTES: "notes"}
+_BATCH_FOLDERS = {JOURNAL: "journal", NOTES: "notes"}
 """The folder of batches for each local file of lines."""
-_OWN = {SCENES, TRACES, CONTROLS, LOCK, *_BATCHES.values(), TABLE, IDENTITY, MANIFEST}
+_STORE_NAMES = {SCENES, TRACES, CONTROLS, LOCK, *_BATCH_FOLDERS.values(), TABLE, IDENTITY, MANIFEST}
 _TEMPORARY_PREFIX = "contactlab-"
-_TRANSFERS = 16  # objects that are fetched or stored at once, and traces that are fetched ahead
+_TRANSFERS = 16  # objects that are fetched or stored in parallel, and traces fetched ahead
 _MOST_QUEUED_UPLOADS = 64  # uploads that may be unfinished at once
 
-_fetched: dict[tuple[ObjectAddress, bytes | str], Path] = {}
+_fetched_folders: dict[tuple[ObjectAddress, bytes | str], Path] = {}
 
 
 class ObjectBackend(ObjectClient):
-    """See `contactlab.store.backend.Backend`."""
+    """Backend in object storage; see `contactlab.store.backend.Backend`."""
 
     def read(self, name: str) -> bytes | None:
-        """Return the content of an object; None if there is none."""
+        """Return the content of an object; None if it does not exist."""
         found = self.find(name)
         return None if found is None else found.data
 
     def local_copy(self, manifest: bytes, names: Collection[str]) -> Path:
         """Return a local folder with a manifest and its files, fetched if the manifest is new."""
-        if (self.address, manifest) not in _fetched:
-            folder = self._fetched(names)
+        if (self.address, manifest) not in _fetched_folders:
+            folder = self._fetched_folders(names)
             (folder / MANIFEST).write_bytes(manifest)
-            _fetched[self.address, manifest] = folder
-        return _fetched[self.address, manifest]
+            _fetched_folders[self.address, manifest] = folder
+        return _fetched_folders[self.address, manifest]
 
     def local_folder(self, name: str) -> Path:
-        """Return a local folder with all objects of a folder, fetched once a process."""
-        if (self.address, name) not in _fetched:
+        """Return a local folder with all objects of a folder, fetched once per process."""
+        if (self.address, name) not in _fetched_folders:
             names = [file for file, _ in self.sizes(name)]
             if not names:
                 raise OutputError(f"{self.address / name} is missing; has the sweep been removed?")
-            _fetched[self.address, name] = self._fetched(names) / name
-        return _fetched[self.address, name]
+            _fetched_folders[self.address, name] = self._fetched_folders(names) / name
+        return _fetched_folders[self.address, name]
 
-    def _fetched(self, names: Iterable[str]) -> Path:
+    def _fetched_folders(self, names: Iterable[str]) -> Path:
         """Return a new folder with some objects, which is removed when the process ends."""
         folder = Path(mkdtemp(prefix=_TEMPORARY_PREFIX))
         atexit.register(shutil.rmtree, folder, ignore_errors=True)
@@ -86,11 +86,11 @@ class ObjectBackend(ObjectClient):
         return dict(self.sizes(TRACES))
 
     def trace_size(self, name: str) -> int | None:
-        """Return the size of a trace [bytes], by a listing made once; None if there is none."""
+        """Return the size of a trace [bytes], from a cached listing; None if it does not exist."""
         return self._trace_sizes.get(name)
 
     def holds_trace(self, name: str, size: int, sha256: str) -> bool:
-        """Return whether there is a trace of this size: it was stored whole, with checksums."""
+        """Return whether a trace of this size exists; objects are stored whole, with checksums."""
         del sha256
         return self.trace_size(name) == size
 
@@ -119,11 +119,11 @@ class ObjectBackend(ObjectClient):
 
     def leftovers(self) -> list[str]:
         """Return the names of batches that an interrupted sweep left, sorted."""
-        return sorted(name for batch in _BATCHES.values() for name, _ in self.sizes(batch))
+        return sorted(name for batch in _BATCH_FOLDERS.values() for name, _ in self.sizes(batch))
 
     def foreign_names(self) -> list[str]:
-        """Return the names of what does not belong to a store, sorted."""
-        return sorted(self.top_names() - _OWN)
+        """Return the names of objects that do not belong to a store, sorted."""
+        return sorted(self.top_names() - _STORE_NAMES)
 
     @contextmanager
     def write_session(self) -> Generator["ObjectSession"]:
@@ -139,7 +139,7 @@ def _take_first(coming: deque[tuple[Path, Future[bool]]]) -> Iterator[Path | Non
 
 
 class ObjectSession:
-    """See `WriteSession`; the local folder is a temporary one."""
+    """Session of a store in object storage, with a temporary local folder; see `WriteSession`."""
 
     def __init__(self, objects: ObjectBackend, lease: StoreLease, folder: Path) -> None:
         self.folder = folder
@@ -151,9 +151,9 @@ class ObjectSession:
         self._fetched_bytes = 0
 
     def clear(self) -> None:
-        """Remove all objects but the lock."""
+        """Remove all objects except the lock."""
         # The manifest goes first and the identity last: a half-removed store must not look
-        # finished, nor have runs of no sweep.
+        # finished, nor contain runs without a sweep.
         self._objects.delete([MANIFEST])
         kept = {LOCK, IDENTITY}
         self._objects.delete([name for name, _ in self._objects.sizes() if name not in kept])
@@ -176,14 +176,14 @@ class ObjectSession:
     def replace_journal(self) -> None:
         """Replace the batches by the local journal, if it has lost lines.
 
-        What is dropped must stay so, also where its trace comes to be stored again.
+        Dropped lines must stay dropped, even if their trace is stored again.
         """
         if self._batches and self._journal_bytes() < self._fetched_bytes:
             self._put_journal()
             self._objects.delete(self._batches)
 
     def add_lines(self, name: str, lines: Sequence[bytes]) -> None:
-        """Upload lines in the background, as a batch of their own; waits while many are queued."""
+        """Upload lines in the background, as a separate batch; wait while many are queued."""
         self._lease.check()
         self._await_uploads(_MOST_QUEUED_UPLOADS)
         batch = _new_batch(name)
@@ -195,7 +195,7 @@ class ObjectSession:
         self._pool.shutdown()
 
     def _await_uploads(self, most: int) -> None:
-        """Wait until at most so many uploads are unfinished; after an error, begin no other."""
+        """Wait until at most `most` uploads are unfinished; after an error, start no other."""
         try:
             while self._uploads and (len(self._uploads) > most or self._uploads[0].done()):
                 self._uploads.popleft().result()
@@ -217,7 +217,7 @@ class ObjectSession:
             self._lease.renew()
             self._objects.put(TABLE, self.folder / TABLE)
             if self._objects.create(MANIFEST, data) is None:
-                # Another sweep has published since the renewal, and our table is now beside its
+                # Another sweep has published since the renewal, and our table is now next to its
                 # manifest; the two must match.
                 self._objects.put(MANIFEST, data)
         else:
@@ -235,7 +235,7 @@ class ObjectSession:
 
     def remove_journal(self) -> None:
         """Delete all batches."""
-        for folder in _BATCHES.values():
+        for folder in _BATCH_FOLDERS.values():
             self._objects.delete([name for name, _ in self._objects.sizes(folder)])
 
     def remove_temporaries(self) -> None:
@@ -248,7 +248,7 @@ class ObjectSession:
         self._objects.put(_new_batch(JOURNAL), self.folder / JOURNAL)
 
     def _join_batches(self, target: str) -> list[str]:
-        names = [name for name, _ in self._objects.sizes(_BATCHES[target])]
+        names = [name for name, _ in self._objects.sizes(_BATCH_FOLDERS[target])]
         with (
             (self.folder / target).open("wb") as joined,
             closing(self._objects.local_files(names)) as parts,
@@ -260,12 +260,12 @@ class ObjectSession:
 
 
 def _new_batch(name: str) -> str:
-    """Return an object's name that no other has, for lines of a local file."""
-    return f"{_BATCHES[name]}/{uuid.uuid4().hex}.jsonl"
+    """Return a unique object name for lines of a local file."""
+    return f"{_BATCH_FOLDERS[name]}/{uuid.uuid4().hex}.jsonl"
 
 
 def _safe_name(name: str, address: ObjectAddress) -> str:
-    """Return a file name that a store gives, once it is sure not to lead out of the store."""
+    """Return a file name from a store, after checking that it does not lead out of the store."""
     if not is_inner_name(name):
         raise StoreError(f"{address} is damaged: it names a file '{name}'")
     return name

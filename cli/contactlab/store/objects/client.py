@@ -1,6 +1,6 @@
-"""The few operations that a store needs of object storage, and their errors in plain words.
+"""The operations that a store needs from object storage, with plain error messages.
 
-Only imported where a store is in object storage: obstore is an extra.
+It is imported only for stores in object storage, because obstore is an extra.
 """
 
 import os
@@ -29,15 +29,19 @@ if TYPE_CHECKING:
     from obstore import UpdateVersion
     from obstore.store import ClientConfig
 
-_SILENCE = timedelta(seconds=12)  # a request fails after this long without a byte
+_READ_TIMEOUT = timedelta(seconds=12)  # a request fails after this long without a byte
 _CONNECT_TIMEOUT = timedelta(seconds=5)
 _REQUEST_TIMEOUT = timedelta(minutes=10)
 _RETRIES = 5
-_PART_SIZE = 5 << 20  # larger objects are sent and received in parts of so many bytes
+_PART_SIZE = 5 << 20  # larger objects are sent and received in parts of this size [bytes]
 
-_STORES = {"s3": S3Store, "gs": GCSStore, "az": AzureStore}
-_VARIABLES = {"s3": "AWS", "gs": "GOOGLE", "az": "AZURE"}
-_ENDPOINTS = {"s3": "AWS_ENDPOINT_URL", "gs": "GOOGLE_BASE_URL", "az": "AZURE_STORAGE_ENDPOINT"}
+_STORE_CLASSES = {"s3": S3Store, "gs": GCSStore, "az": AzureStore}
+_VARIABLE_PREFIXES = {"s3": "AWS", "gs": "GOOGLE", "az": "AZURE"}
+_ENDPOINT_VARIABLES = {
+    "s3": "AWS_ENDPOINT_URL",
+    "gs": "GOOGLE_BASE_URL",
+    "az": "AZURE_STORAGE_ENDPOINT",
+}
 _KEY_VARIABLES = {
     "s3": "AWS_ACCESS_KEY_ID, AWS_SECRET_ACCESS_KEY and AWS_REGION",
     "gs": "GOOGLE_SERVICE_ACCOUNT",
@@ -50,19 +54,19 @@ _S3_CREDENTIALS = (
     "AWS_CONTAINER_CREDENTIALS_FULL_URI",
     "AWS_SKIP_SIGNATURE",
 )
-_TRUE = {"1", "true", "yes", "on"}
+_TRUE_WORDS = {"1", "true", "yes", "on"}
 
-# The library has one class for most errors; these are in their text.
-_STATUS = re.compile(r"status code: (\d{3})")
+# The library has one class for most errors; their text distinguishes them.
+_STATUS_CODE = re.compile(r"status code: (\d{3})")
 _METADATA_SERVICE = re.compile(
     r"169\.254\.169\.254|metadata\.google\.internal|Account must be specified"
 )
-_MESSAGE = re.compile(r"<Message>([^<\n]+)</Message>")
+_MESSAGE_TAG = re.compile(r"<Message>([^<\n]+)</Message>")
 _NO_RESPONSE = "HTTP error"
 
 
 class StoredObject(NamedTuple):
-    """An object's content and the version that it is of."""
+    """An object's content and its version."""
 
     data: bytes
     version: "UpdateVersion"
@@ -71,8 +75,8 @@ class StoredObject(NamedTuple):
 class ObjectClient:
     """Objects below an address, by their names relative to it; safe to use from threads.
 
-    All methods raise an error of the given class where the server cannot be reached, refuses
-    access, or has no such bucket.
+    All methods raise an error of the given class if the server cannot be reached, refuses access,
+    or has no such bucket.
     """
 
     def __init__(self, address: ObjectAddress, error: type[ContactlabError]) -> None:
@@ -81,15 +85,15 @@ class ObjectClient:
         self._bucket_exists = False
         _check_environment(address, error)
         with self._plain_errors(address):
-            self.store: ObjectStore = _STORES[address.scheme](
+            self.store: ObjectStore = _STORE_CLASSES[address.scheme](
                 address.bucket,
                 prefix=address.prefix,
                 retry_config={
                     "max_retries": _RETRIES,
-                    "retry_timeout": _SILENCE,
+                    "retry_timeout": _READ_TIMEOUT,
                     "backoff": {"max_backoff": timedelta(seconds=2)},
                 },
-                client_options=_client_options(_VARIABLES[address.scheme]),
+                client_options=_client_options(_VARIABLE_PREFIXES[address.scheme]),
             )
 
     def put(self, name: str, data: bytes | memoryview | Path) -> None:
@@ -100,34 +104,34 @@ class ObjectClient:
     def create(
         self, name: str, data: bytes, over: "UpdateVersion | None" = None
     ) -> "UpdateVersion | None":
-        """Create an object, or replace one that still has a version; return its new version.
+        """Create an object, or replace one that still has a version. Return its new version.
 
-        It is None if there is another object of that name, or version, by now. One with the same
-        bytes counts as ours: the response to an earlier attempt was lost.
+        It is None if another object with that name, or version, exists by now. An object with the
+        same bytes counts as ours: the response to an earlier attempt was lost.
         """
         try:
             with self._plain_errors(self.address / name, missing_ok=over is not None):
                 written = obstore.put(self.store, name, data, mode=over or "create")
-                return _version(written["e_tag"], written["version"])
+                return _update_version(written["e_tag"], written["version"])
         except (AlreadyExistsError, PreconditionError, FileNotFoundError):
             found = self.find(name)
             return found.version if found and found.data == data else None
 
     def find(self, name: str) -> StoredObject | None:
-        """Return an object; None if there is none of that name."""
+        """Return an object; None if no object has that name."""
         try:
             with self._plain_errors(self.address / name, missing_ok=True):
                 result = obstore.get(self.store, name)
                 if (size := result.meta["size"]) > MOST_DOCUMENT:
                     raise ValueError(f"{name} has {size:,} bytes, more than {MOST_DOCUMENT:,}")
-                version = _version(result.meta["e_tag"], result.meta["version"])
+                version = _update_version(result.meta["e_tag"], result.meta["version"])
                 return StoredObject(bytes(result.bytes()), version)
         except FileNotFoundError:
             self._check_bucket()
             return None
 
     def fetch(self, name: str, target: Path) -> bool:
-        """Write an object into a file, part by part; return whether the object exists."""
+        """Write an object into a file, part by part. Return whether the object exists."""
         try:
             with self._plain_errors(self.address / name, missing_ok=True):
                 parts = obstore.get(self.store, name).stream(min_chunk_size=_PART_SIZE)
@@ -154,22 +158,22 @@ class ObjectClient:
         return {name.strip("/") for name in names}
 
     def delete(self, names: Iterable[str]) -> None:
-        """Delete objects; missing ones are no error."""
+        """Delete objects; missing ones are ignored."""
         with suppress(FileNotFoundError), self._plain_errors(self.address, missing_ok=True):
             obstore.delete(self.store, list(names))
 
     def _check_bucket(self) -> None:
-        """Check once that an object is missing and not the whole bucket: only a listing tells."""
+        """Check once that the bucket exists: otherwise all of its objects seem missing."""
         if not self._bucket_exists:
             self.top_names()
             self._bucket_exists = True
 
     @contextmanager
     def _plain_errors(self, address: ObjectAddress, *, missing_ok: bool = False) -> Generator[None]:
-        """Turn the library's errors into one that the user can act on.
+        """Convert the library's errors into one that the user can act on.
 
-        Raises a FileNotFoundError if an object that may be missing, and not the whole bucket, is;
-        an AlreadyExistsError if a condition of a write does not hold; likewise PreconditionError.
+        Raises a FileNotFoundError if an object that may be missing is missing, but not the whole
+        bucket; an AlreadyExistsError or PreconditionError if a condition of a write does not hold.
         """
         try:
             yield
@@ -182,11 +186,10 @@ class ObjectClient:
 
 
 def _error_message(address: ObjectAddress, error: Exception) -> str:
-    """Return the message for an error of the library."""
     text = str(error)
-    match = _STATUS.search(text)
+    match = _STATUS_CODE.search(text)
     status = int(match[1]) if match else None
-    keys, endpoint = _KEY_VARIABLES[address.scheme], _ENDPOINTS[address.scheme]
+    keys, endpoint = _KEY_VARIABLES[address.scheme], _ENDPOINT_VARIABLES[address.scheme]
     if _METADATA_SERVICE.search(text):
         return _no_credentials(address)
     if isinstance(error, PermissionDeniedError | UnauthenticatedError) or status in {401, 403}:
@@ -200,7 +203,7 @@ def _error_message(address: ObjectAddress, error: Exception) -> str:
             f"cannot reach {address}: the server does not respond; check the network and "
             f"{endpoint}, then run the same command again"
         )
-    message = _MESSAGE.search(text)
+    message = _MESSAGE_TAG.search(text)
     return f"cannot use {address}: {message[1] if message else text.partition(chr(10))[0]}"
 
 
@@ -209,13 +212,13 @@ def _no_credentials(address: ObjectAddress) -> str:
 
 
 def _check_environment(address: ObjectAddress, error: type[ContactlabError]) -> None:
-    """Find out early what the library would report late, or in words of its own."""
-    # Without the machine's own credential service, only these variables can give S3 credentials.
+    """Detect problems early that the library would report late, or unclearly."""
+    # Without the machine's credential service, only these variables can provide S3 credentials.
     disabled = _is_set("AWS_EC2_METADATA_DISABLED")
     if address.scheme == "s3" and disabled and not any(map(os.environ.get, _S3_CREDENTIALS)):
         raise error(_no_credentials(address))
-    endpoint = _ENDPOINTS[address.scheme]
-    allow = f"{_VARIABLES[address.scheme]}_ALLOW_HTTP"
+    endpoint = _ENDPOINT_VARIABLES[address.scheme]
+    allow = f"{_VARIABLE_PREFIXES[address.scheme]}_ALLOW_HTTP"
     if os.environ.get(endpoint, "").startswith("http://") and not _is_set(allow):
         raise error(
             f"cannot use {address}: {endpoint} is an http:// address; write https://, or set "
@@ -224,10 +227,10 @@ def _check_environment(address: ObjectAddress, error: type[ContactlabError]) -> 
 
 
 def _client_options(prefix: str) -> "ClientConfig":
-    """Return how requests are made; the environment's part in it has to be handed on."""
+    """Return the options of requests, including those from the environment."""
     options: ClientConfig = {
         "connect_timeout": _CONNECT_TIMEOUT,
-        "read_timeout": _SILENCE,
+        "read_timeout": _READ_TIMEOUT,
         "timeout": _REQUEST_TIMEOUT,
     }
     if _is_set(f"{prefix}_ALLOW_HTTP"):
@@ -238,9 +241,9 @@ def _client_options(prefix: str) -> "ClientConfig":
 
 
 def _is_set(variable: str) -> bool:
-    return os.environ.get(variable, "").lower() in _TRUE
+    return os.environ.get(variable, "").lower() in _TRUE_WORDS
 
 
-def _version(e_tag: str | None, version: str | None) -> "UpdateVersion":
-    # A condition on a server without versions must not name one.
+def _update_version(e_tag: str | None, version: str | None) -> "UpdateVersion":
+    # A condition on a server without versions must not contain one.
     return {"e_tag": e_tag} if version is None else {"e_tag": e_tag, "version": version}

@@ -1,7 +1,7 @@
 """The lock of a store in object storage: an object that its holder keeps renewing.
 
-The store stays correct without it, since rows have names of their own and the manifest is created
-once. It keeps a second sweep from doing the same work.
+The store stays correct without it, because rows have unique names and the manifest is created once.
+The lock keeps a second sweep from doing the same work.
 """
 
 import logging
@@ -25,16 +25,16 @@ if TYPE_CHECKING:
 
     from contactlab.store.objects.client import ObjectClient, StoredObject
 
-LEASE = 30.0  # how long the lock of another machine must be unchanged before it is taken over [s]
-_RENEWALS = 6  # how often a lock is renewed in that time
-_RELEASE_TIMEOUT = 5.0  # how long releasing a lock may take [s]
+LEASE = 30.0  # time after which an unchanged lock of another machine is taken over [s]
+_RENEWALS = 6  # number of renewals of a lock in that time
+_RELEASE_TIMEOUT = 5.0  # longest time for releasing a lock [s]
 _BOOT_ID = Path("/proc/sys/kernel/random/boot_id")
 _PID_NAMESPACE = Path("/proc/self/ns/pid")
 _LOG = logging.getLogger(__name__)
 
 
 class LockHolder(BaseModel):
-    """The process that holds a store's lock, as the lock object names it."""
+    """The process that holds a store's lock, as written in the lock object."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -42,7 +42,8 @@ class LockHolder(BaseModel):
     host: str
     machine: str  # identifies machine, boot and process namespace
     pid: int
-    started: int  # of the process, in ticks since boot; tells it from a later one of the same id
+    # Start time of the process in ticks since boot; distinguishes later processes with the same id.
+    started: int
     beat: int = 0  # grows with each renewal
     released: bool = False
 
@@ -51,11 +52,11 @@ class LockHolder(BaseModel):
         """Return this process."""
         pid, host = os.getpid(), socket.gethostname()
         started = _start_time(pid) or 0
-        return cls(id=uuid.uuid4().hex, host=host, machine=_machine(), pid=pid, started=started)
+        return cls(id=uuid.uuid4().hex, host=host, machine=_machine_id(), pid=pid, started=started)
 
     @classmethod
     def read(cls, data: bytes) -> "LockHolder | None":
-        """Return the holder that a lock names; None if it cannot be read."""
+        """Return the holder in a lock object; None if it cannot be read."""
         try:
             return cls.model_validate_json(data)
         except ValidationError:
@@ -63,12 +64,12 @@ class LockHolder(BaseModel):
 
     @property
     def is_here(self) -> bool:
-        """True of a process, running or ended, that is visible from here."""
-        return self.machine == _machine()
+        """Whether it is a process, running or ended, that is visible from here."""
+        return self.machine == _machine_id()
 
     @property
     def is_gone(self) -> bool:
-        """True if it released the lock, or was a process here that has ended."""
+        """Whether it released the lock, or was a process here that has ended."""
         return self.released or (self.is_here and _start_time(self.pid) != self.started)
 
     def encoded(self) -> bytes:
@@ -76,7 +77,7 @@ class LockHolder(BaseModel):
         return self.model_dump_json().encode()
 
 
-def _machine() -> str:
+def _machine_id() -> str:
     try:
         return f"{_BOOT_ID.read_text(encoding='utf-8').strip()} {_PID_NAMESPACE.readlink()}"
     except OSError:
@@ -84,18 +85,18 @@ def _machine() -> str:
 
 
 def _start_time(pid: int) -> int | None:
-    """Return when a process was started; None if there is none."""
+    """Return the start time of a process; None if it does not exist."""
     try:
         stat = Path(f"/proc/{pid}/stat").read_text(encoding="utf-8", errors="replace")
     except OSError:
         return None
-    # The name of the process, in brackets, may hold anything.
+    # The name of the process, in brackets, may contain any characters.
     fields = stat.rpartition(")")[2].split()
     return None if fields[0] == "Z" else int(fields[19])
 
 
 class StoreLease:
-    """A lock that is held, and renewed by a thread; raises OutputError once it was taken over."""
+    """A held lock, renewed by a thread. Raises an OutputError once it was taken over."""
 
     def __init__(
         self, client: "ObjectClient", holder: LockHolder, version: "UpdateVersion", seconds: float
@@ -107,11 +108,11 @@ class StoreLease:
         self._lost = False
         self._released = threading.Event()
         self._writing = threading.Lock()
-        self._thread = threading.Thread(target=self._keep, daemon=True)
+        self._thread = threading.Thread(target=self._renew_until_released, daemon=True)
         self._thread.start()
 
     def check(self) -> None:
-        """Check that nobody is known to have taken the lock over."""
+        """Check that no other process is known to have taken over the lock."""
         if self._lost:
             raise OutputError(
                 f"another sweep has taken over {self._client.address}; wait for it, or use -o"
@@ -119,15 +120,15 @@ class StoreLease:
 
     def renew(self) -> None:
         """Renew the lock now."""
-        self._write(beat=self._holder.beat + 1)
+        self._write_lock(beat=self._holder.beat + 1)
         self.check()
 
     def release(self) -> None:
-        """Release the lock; where that fails, it is taken over later."""
+        """Release the lock; if that fails, another process takes it over later."""
         self._released.set()
         self._thread.join(_RELEASE_TIMEOUT)
 
-    def _write(self, **changes: object) -> None:
+    def _write_lock(self, **changes: object) -> None:
         with self._writing:
             self.check()
             holder = self._holder.model_copy(update=changes)
@@ -137,28 +138,28 @@ class StoreLease:
             else:
                 self._holder, self._version = holder, version
 
-    def _keep(self) -> None:
+    def _renew_until_released(self) -> None:
         while not self._released.wait(self._seconds / _RENEWALS):
-            # Tried again next time; a server that stays away fails the sweep's own writes.
+            # It is retried next time; if the server stays away, the sweep's own writes fail.
             with suppress(ContactlabError):
                 self.renew()
         with suppress(ContactlabError):
-            self._write(released=True)
+            self._write_lock(released=True)
 
 
 @contextmanager
 def hold_lease(client: "ObjectClient", seconds: float | None = None) -> Generator[StoreLease]:
-    """Hold the lock of a store, once one of another machine was unchanged for so many seconds."""
+    """Hold the lock of a store, after one of another machine was unchanged for some seconds."""
     seconds = LEASE if seconds is None else seconds
     holder = LockHolder.this()
-    lease = StoreLease(client, holder, _take(client, holder, seconds), seconds)
+    lease = StoreLease(client, holder, _take_lock(client, holder, seconds), seconds)
     try:
         yield lease
     finally:
         lease.release()
 
 
-def _take(client: "ObjectClient", holder: LockHolder, seconds: float) -> "UpdateVersion":
+def _take_lock(client: "ObjectClient", holder: LockHolder, seconds: float) -> "UpdateVersion":
     version = None
     while version is None:
         version = client.create(LOCK, holder.encoded())
@@ -171,7 +172,8 @@ def _take(client: "ObjectClient", holder: LockHolder, seconds: float) -> "Update
 def _wait_until_gone(client: "ObjectClient", lock: "StoredObject", seconds: float) -> None:
     """Wait until a lock may be taken over.
 
-    Only how long it is unchanged counts, by this machine's clock: other clocks may be wrong.
+    Only the time without a change counts, by this machine's clock, because other clocks may be
+    wrong.
     """
     holder = LockHolder.read(lock.data)
     if holder is not None and holder.is_gone:
@@ -179,7 +181,7 @@ def _wait_until_gone(client: "ObjectClient", lock: "StoredObject", seconds: floa
     if holder is not None and holder.is_here:
         raise OutputError(f"{client.address} is in use by process {holder.pid}; wait or use -o")
     where = f"on {holder.host}" if holder else "of another version"
-    message = "%s is locked by a sweep %s; waiting %.0f s for a sign of it"
+    message = "%s is locked by a sweep %s; waiting %.0f s for a renewal"
     _LOG.warning(message, client.address, where, seconds)
     end = time.monotonic() + seconds
     while time.monotonic() < end:
